@@ -186,7 +186,7 @@ def size(
     `workers`: spawned processes, default one for each core; 1: none. Overrides as of `simulate`.
     Raises InputError, and WorkerDied where a process dies.
     """
-    from automaton.runs.process_pool import PersistentPool
+    from automaton.studies.process_pool import PersistentPool
     from automaton.studies.sizing.fleet_search import (
         make_question,
         read_target,

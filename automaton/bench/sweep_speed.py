@@ -14,13 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from automaton.bench.measurement import Measurement, Sample, cpu_seconds, wall_seconds
-from automaton.studies.sweeps.coordinator import chunk_of
-from automaton.studies.sweeps.pools import FutureLike, LocalPool
+from automaton.studies.sweeps.pools import FutureLike, LocalPool, run_one
 from automaton.studies.sweeps.result_store import arrow
-from automaton.studies.sweeps.run_keys import run_one
 from automaton.studies.sweeps.study import Study
 from automaton.studies.sweeps.sweep_plan import SweepPlan, make_sweep_plan
-from automaton.studies.sweeps.sweep_session import sweep_into
+from automaton.studies.sweeps.sweep_session import chunk_of, sweep_into
 
 SWEPT_RUNS = 80
 SWEEP_SAMPLES = 3

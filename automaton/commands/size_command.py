@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
         from automaton.studies.reports.html_output import figure_class
 
         figure_class()  # says what is missing before anything is computed
-    from automaton.runs.process_pool import PersistentPool
+    from automaton.studies.process_pool import PersistentPool
     from automaton.studies.sizing.sizing_session import (
         Checked,
         Fleets,

@@ -48,7 +48,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Search, report, and write the settings."""
     from automaton.runs.console_output import console, print_blocks
-    from automaton.runs.process_pool import PersistentPool
+    from automaton.studies.process_pool import PersistentPool
     from automaton.studies.tuning import (
         TuningRound,
         as_json,

@@ -35,9 +35,9 @@ from automaton.papers.reproduction_study import (
     RunCase,
     Runner,
 )
-from automaton.runs.process_pool import OnDone, RunResult, run_all
 from automaton.scenario.document import read_text
 from automaton.strategy import lookup
+from automaton.studies.process_pool import OnDone, RunResult, run_all
 from automaton.world.resolve import Resolved, resolve
 from layouts.random_floor import RandomFloor
 

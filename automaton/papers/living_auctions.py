@@ -27,9 +27,9 @@ from automaton.papers.reproduction_study import (
     scenario_runs,
 )
 from automaton.runs.metrics import metrics_of
-from automaton.runs.process_pool import OnDone, RunResult, run_and_measure
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fault
+from automaton.studies.process_pool import OnDone, RunResult, run_and_measure
 from automaton.world.resolve import Resolved
 
 SATURATED: Final = "orders={generator: stations, count: 100}"  # all known at the start

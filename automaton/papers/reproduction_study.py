@@ -16,10 +16,10 @@ from typing import Any, Final, Literal, Protocol, TypeVar
 
 from automaton.errors import InputError, alternatives, nearest
 from automaton.papers.claims import Claim, JudgedClaim, judge
-from automaton.runs.process_pool import OnDone, RunFunction, RunResult, run_all, run_and_measure
 from automaton.scenario.document import Override, parse_setting
 from automaton.studies.inference.intervals import Interval, student
 from automaton.studies.inference.proportions import exact_share
+from automaton.studies.process_pool import OnDone, RunFunction, RunResult, run_all, run_and_measure
 from automaton.world.resolve import Resolved, resolve
 
 T = TypeVar("T")

@@ -31,9 +31,9 @@ from automaton.papers.reproduction_study import (
     ScenarioCase,
     scenario_runs,
 )
-from automaton.runs.process_pool import run_and_measure
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
+from automaton.studies.process_pool import run_and_measure
 
 CONFIGURATIONS: Final = (1, 2)
 INDEPENDENT: Final = "independent"

@@ -22,15 +22,15 @@ from automaton.runs.console_output import ConsoleBlock
 from automaton.runs.headless import run_marked
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.metrics import metrics_of
-from automaton.runs.process_pool import PersistentPool, RunResult
 from automaton.runs.report_document import Table
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Override
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.strategy import lookup
 from automaton.studies.inference.intervals import Effect, Interval, effect, mean_interval
+from automaton.studies.process_pool import PersistentPool, RunResult
 from automaton.studies.reports.first_page import direction_of
-from automaton.studies.sizing.sizing_session import replication_seeds
+from automaton.studies.sweeps.run_keys import replication_seeds
 from automaton.units import count
 from automaton.world.resolve import Resolved, resolve
 

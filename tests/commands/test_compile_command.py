@@ -12,7 +12,7 @@ from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy import lookup
 
 OWN = """from automaton.strategy.kernels import kernel
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 
 
 @kernel

@@ -27,7 +27,7 @@ import msgspec
 from automaton.engine.jit.fields import field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import Array
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 
 def one_over(x):
     return 1 / x

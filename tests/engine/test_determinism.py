@@ -16,8 +16,8 @@ from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.state import CLOCK_TICK
 from automaton.history.live_run import LiveRun
 from automaton.pytest_plugin import GridSnapshot
-from automaton.runs.process_pool import run_all
 from automaton.runs.simulation import Simulation
+from automaton.studies.process_pool import run_all
 from automaton.world.resolve import resolve
 
 ALLOCATIONS = ("independent", "cooperative", "adaptive", "independent-python")

@@ -25,7 +25,7 @@ from automaton.engine.jit.kernel import Kernel
 from automaton.world.resolve import resolve
 from automaton.runs.simulation import Simulation
 from automaton.bench import warehouse_speed as plans
-from automaton.papers.traffic.traffic_trials import Setting, exact, run_seed
+from automaton.papers.traffic_trials import Setting, exact, run_seed
 for allocation in ("independent", "cooperative", "adaptive"):
     simulation = Simulation(resolve("tabletop-mini", [f"strategy.allocation={allocation}"]))
     simulation.run()
@@ -33,7 +33,7 @@ for routing in ("astar", "traffic-avoidance"):
     simulation = Simulation(resolve("tabletop-mini", [f"strategy.routing={routing}"]))
     simulation.run()
 run_seed(Setting(exact), 1)
-from automaton.papers.auctions.auction_study import REPRODUCTION
+from automaton.papers.auction_study import REPRODUCTION
 from automaton.papers.reproduction_study import reproduce
 reproduce(REPRODUCTION, 1)
 import random

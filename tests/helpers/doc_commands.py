@@ -22,7 +22,7 @@ import pytest
 from docs_pages import ROOT, Block, Page
 
 from automaton.commands import COMMANDS, main
-from automaton.runs import process_pool
+from automaton.studies import process_pool
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.study import shipped_studies
 

@@ -10,8 +10,8 @@ from typing import Any
 import msgspec
 import pytest
 
-from automaton.runs import process_pool
-from automaton.runs.process_pool import Chunk, RunResult
+from automaton.studies import process_pool
+from automaton.studies.process_pool import Chunk, RunResult
 
 
 @contextmanager

@@ -48,7 +48,7 @@ from automaton.studies.sizing.fleet_search import (
     Target,
     make_question,
 )
-from automaton.studies.sizing.sizing_session import replication_seeds
+from automaton.studies.sweeps.run_keys import replication_seeds
 
 Values = Any
 STUDIES = 2000
@@ -73,7 +73,7 @@ def shipped_runs(
     scenario: str, settings: tuple[str, ...], metric: str, number: int, workers: int | None = None
 ) -> Values:
     """(number,) a metric of replications of one seed; kept between calls."""
-    from automaton.runs.process_pool import run_jobs
+    from automaton.studies.process_pool import run_jobs
     from automaton.world.resolve import resolve
 
     name = "-".join([scenario, *settings, metric, str(number)]).replace("=", "")

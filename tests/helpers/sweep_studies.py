@@ -90,9 +90,9 @@ def sweep_command(study: Path, out: Path, *options: str) -> list[str]:
 def hasty_command(study: Path, out: Path, *options: str) -> list[str]:
     """The same, but the row of each run is written as soon as it is done: there are some after less."""
     begin = (
-        "import sys; from automaton.studies.sweeps import coordinator, result_writing as writing; "
+        "import sys; from automaton.studies.sweeps import result_store, sweep_session; "
         "from automaton.commands import main; "
-        "coordinator.CHUNK_S = writing.BATCH_S = 0.0; sys.exit(main(sys.argv[1:]))"
+        "sweep_session.CHUNK_S = result_store.BATCH_S = 0.0; sys.exit(main(sys.argv[1:]))"
     )
     return [sys.executable, "-c", begin, *sweep_command(study, out, *options)[3:]]
 

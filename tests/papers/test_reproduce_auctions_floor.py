@@ -23,8 +23,8 @@ from automaton.papers.living_auctions import (
 )
 from automaton.papers.reproduction_study import Reproduced, find, reproduce
 from automaton.runs.metrics import metrics_of
-from automaton.runs.process_pool import run_jobs
 from automaton.runs.simulation import Simulation
+from automaton.studies.process_pool import run_jobs
 from automaton.world.resolve import resolve
 
 

@@ -28,8 +28,8 @@ from automaton.papers.tabletop_study import (
     T_TOTAL,
     published,
 )
-from automaton.runs.process_pool import run_all
 from automaton.studies.inference.intervals import student
+from automaton.studies.process_pool import run_all
 from automaton.world.resolve import resolve
 
 SIXTH = ("T_total", "T_R", "least_picks", "sixth_idle")

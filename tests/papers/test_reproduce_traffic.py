@@ -152,7 +152,7 @@ def test_the_claims_that_ten_seeds_decide(ten_seeds: Reproduced) -> None:
 
 FRESH = """
 import hashlib
-from automaton.papers.traffic.traffic_trials import tasks_of, warehouse
+from automaton.papers.traffic_trials import tasks_of, warehouse
 print(hashlib.sha256(tasks_of(warehouse(), 3).tobytes()).hexdigest())
 """
 

@@ -45,8 +45,8 @@ from automaton.papers.zoning_runs import (
     run_watched,
 )
 from automaton.papers.zoning_study import ZONING_CLAIMS, beside_reference, further
-from automaton.runs.process_pool import run_jobs
 from automaton.runs.simulation import Simulation
+from automaton.studies.process_pool import run_jobs
 from automaton.world.resolve import resolve
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import pytest
 
-from automaton.runs.process_pool import run_all
+from automaton.studies.process_pool import run_all
 from automaton.world.resolve import resolve
 
 SEEDS = range(1001, 1026)  # not those of the reproduction

@@ -22,10 +22,15 @@ from sweep_studies import environment, plain, row_files, small_study, swept_here
 
 from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError
-from automaton.studies.sweeps import coordinator, sweep_session
-from automaton.studies.sweeps.coordinator import Writer, lock_folder
+from automaton.studies.sweeps import result_store, sweep_session
 from automaton.studies.sweeps.pools import ExternalExecutor
-from automaton.studies.sweeps.result_store import DamagedFileError, Store, read_rows
+from automaton.studies.sweeps.result_store import (
+    DamagedFileError,
+    Store,
+    Writer,
+    lock_folder,
+    read_rows,
+)
 from automaton.studies.sweeps.run_keys import Row, SweepRun
 from automaton.studies.sweeps.sweep_plan import SweepPlan, make_sweep_plan
 
@@ -119,7 +124,7 @@ def test_files_are_merged_and_no_row_is_there_twice(tmp_path: Path) -> None:
 def test_many_small_files_are_merged_on_the_way(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(coordinator, "MANY_FILES", 7)
+    monkeypatch.setattr(result_store, "MANY_FILES", 7)
     _, store = filled(tmp_path)
     assert len(row_files(store.folder)) == 1 + 3
     assert store.rows().num_rows == 200
@@ -129,13 +134,13 @@ def test_rows_are_written_when_they_are_many_or_old(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     plan, store = declared(tmp_path, 200)
-    monkeypatch.setattr(coordinator, "BATCH_S", 1e9)
+    monkeypatch.setattr(result_store, "BATCH_S", 1e9)
     writer = Writer(store)
     for run in plan.manifest.runs():
         writer.hold([made_up(run)])
         writer.tick()
     assert [pq.read_metadata(path).num_rows for path in row_files(store.folder)] == [500]
-    monkeypatch.setattr(coordinator, "BATCH_S", 0.0)
+    monkeypatch.setattr(result_store, "BATCH_S", 0.0)
     writer.tick()
     assert store.rows().num_rows == 800
 
@@ -172,9 +177,9 @@ def test_other_readers_notice_damaged_pages_too(tmp_path: Path) -> None:
 def test_damaged_files_are_set_aside_and_their_runs_done_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(coordinator, "BATCH_ROWS", 8)
-    monkeypatch.setattr(coordinator, "MAX_SWEEP_CHUNK", 2)
-    monkeypatch.setattr(coordinator.Writer, "merge", lambda self, only_small=False: None)
+    monkeypatch.setattr(result_store, "BATCH_ROWS", 8)
+    monkeypatch.setattr(sweep_session, "MAX_SWEEP_CHUNK", 2)
+    monkeypatch.setattr(result_store.Writer, "merge", lambda self, only_small=False: None)
     study, out = small_study(tmp_path), tmp_path / "out"
     expected = plain(swept_here(study, out))
     cut, flipped, _ = row_files(out)
@@ -208,8 +213,8 @@ def damaging(out: Path, times: int) -> Callable[[list[Row]], None]:
 def test_files_that_are_damaged_while_a_sweep_goes_on_are_noticed_at_its_end(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(coordinator, "BATCH_ROWS", 2)
-    monkeypatch.setattr(coordinator, "MAX_SWEEP_CHUNK", 2)
+    monkeypatch.setattr(result_store, "BATCH_ROWS", 2)
+    monkeypatch.setattr(sweep_session, "MAX_SWEEP_CHUNK", 2)
     plan, out = make_sweep_plan(small_study(tmp_path)), tmp_path / "out"
     expected = plain(swept_here(small_study(tmp_path)))
     with ThreadPoolExecutor(1) as executor:
@@ -230,8 +235,8 @@ def test_a_full_disk_is_told_and_loses_nothing(
 ) -> None:
     study, out = small_study(tmp_path), tmp_path / "out"
     expected = plain(swept_here(study))
-    monkeypatch.setattr(coordinator, "BATCH_ROWS", 4)
-    monkeypatch.setattr(coordinator, "MAX_SWEEP_CHUNK", 2)
+    monkeypatch.setattr(result_store, "BATCH_ROWS", 4)
+    monkeypatch.setattr(sweep_session, "MAX_SWEEP_CHUNK", 2)
     full = fill_the_disk(monkeypatch, after=2)
     with pytest.raises(InputError, match="no space left on device; all finished runs are kept"):
         swept_here(study, out)
@@ -252,14 +257,14 @@ def test_the_room_that_is_kept_is_really_taken(
     _, store = declared(tmp_path)
     Writer(store)
     content = (store.folder / "rows" / ".reserve").read_bytes()
-    assert len(content) == coordinator.RESERVE_BYTES in synced
+    assert len(content) == result_store.RESERVE_BYTES in synced
     assert len(zlib.compress(content, 1)) > 0.99 * len(content)
 
 
 def fill_the_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> list[bool]:
     """Have files of rows fail for want of room, unless the reserve has been given back."""
     full = [True]
-    real, written = coordinator.write_atomically, []
+    real, written = result_store.write_atomically, []
 
     def write(path: Path, content: bytes) -> None:
         if path.suffix == ".parquet":
@@ -268,7 +273,7 @@ def fill_the_disk(monkeypatch: pytest.MonkeyPatch, after: int) -> list[bool]:
                 raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
         real(path, content)
 
-    monkeypatch.setattr(coordinator, "write_atomically", write)
+    monkeypatch.setattr(result_store, "write_atomically", write)
     return full
 
 

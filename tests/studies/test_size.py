@@ -19,10 +19,10 @@ from automaton import experiments
 from automaton.commands import main
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
-from automaton.runs.process_pool import PersistentPool
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import metrics_by_station
 from automaton.scenario.durations import Distribution
+from automaton.studies.process_pool import PersistentPool
 from automaton.studies.sizing.fleet_search import (
     Candidate,
     FleetConfig,
@@ -265,7 +265,7 @@ def test_a_fleet_that_is_decided_after_the_search_is_followed_up() -> None:
 
 
 def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -> None:
-    monkeypatch.setattr("automaton.runs.process_pool.POOL_START_DELAY_S", 0.0)
+    monkeypatch.setattr("automaton.studies.process_pool.POOL_START_DELAY_S", 0.0)
     question = make_question(
         Target("makespan", True, 1700.0), (1, 4), budget=200, success_share=0.9, indifference=0.08
     )

@@ -9,7 +9,7 @@ import pytest
 from automaton import experiments
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.runs.process_pool import PersistentPool
+from automaton.studies.process_pool import PersistentPool
 from automaton.studies.sizing.fleet_search import (
     Target,
     make_question,

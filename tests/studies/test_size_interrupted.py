@@ -15,7 +15,7 @@ from sweep_studies import end_all, of_session, started, wait_until
 LONG = ["tabletop-mini", "--target", "makespan<=1372", "--robots", "3", "--indifference", "0.0005"]
 QUESTION = [*LONG, "--budget", "1000000", "--workers", "2"]  # undecided for minutes
 BEGIN = (
-    "import sys; from automaton.runs import process_pool; from automaton.commands import main; "
+    "import sys; from automaton.studies import process_pool; from automaton.commands import main; "
     "process_pool.POOL_START_DELAY_S = 0.0; sys.exit(main(sys.argv[1:]))"
 )
 

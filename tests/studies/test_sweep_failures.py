@@ -171,7 +171,7 @@ def test_ctrl_c_ends_a_sweep_whose_runs_are_done_in_its_own_thread(tmp_path: Pat
     before = signal.signal(signal.SIGINT, signal.default_int_handler)
     try:
         with pytest.raises(KeyboardInterrupt):
-            run_keys.run_one(plan.scenarios[1], two)
+            pools.run_one(plan.scenarios[1], two)
     finally:
         signal.signal(signal.SIGINT, before)
 
@@ -179,10 +179,10 @@ def test_ctrl_c_ends_a_sweep_whose_runs_are_done_in_its_own_thread(tmp_path: Pat
 def test_a_scenario_that_another_thread_lets_go_is_still_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(run_keys, "_SCENARIOS", {})
-    monkeypatch.setattr(run_keys, "Simulation", lambda resolved, **_: run_keys._SCENARIOS.clear())
+    monkeypatch.setattr(pools, "_SCENARIOS", {})
+    monkeypatch.setattr(pools, "Simulation", lambda resolved, **_: pools._SCENARIOS.clear())
     given = make_sweep_plan(troubled(tmp_path, "Raises")).scenarios[0]
-    assert run_keys._scenario("one", pickle.dumps(given)).scenario == given.scenario
+    assert pools._scenario("one", pickle.dumps(given)).scenario == given.scenario
 
 
 def test_an_executor_is_left_without_the_runs_of_a_sweep_that_ended(
@@ -190,10 +190,12 @@ def test_an_executor_is_left_without_the_runs_of_a_sweep_that_ended(
 ) -> None:
     begun, over = [], Event()
 
-    def run_chunk(chunk: run_keys.SweepChunk) -> list[run_keys.Row]:
+    carry_out = pools.run_chunk
+
+    def run_chunk(chunk: pools.SweepChunk) -> list[run_keys.Row]:
         begun.append(chunk)
         assert len(begun) == 1 or over.wait(20)
-        return run_keys.run_chunk(chunk)
+        return carry_out(chunk)
 
     def stop(rows: list[run_keys.Row]) -> None:
         raise InputError("stopped")

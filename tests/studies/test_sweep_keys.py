@@ -13,7 +13,7 @@ from sweep_studies import environment, plain, swept_here
 
 from automaton.errors import InputError
 from automaton.studies.reports.build_report import scenarios_of
-from automaton.studies.sweeps import run_keys
+from automaton.studies.sweeps import pools
 from automaton.studies.sweeps import run_keys as keys
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.run_keys import sources_of
@@ -22,7 +22,7 @@ PLUG_IN = """from pathlib import Path
 
 import msgspec
 
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.engine.state import CMD_PARK
 
 
@@ -172,13 +172,13 @@ def test_a_worker_that_lives_on_says_which_code_it_has(
 ) -> None:
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "lasting_plug_in.py").touch()
-    run_keys._packages.cache_clear()
-    mine = run_keys._version(())
+    pools._packages.cache_clear()
+    mine = pools._version(())
     with monkeypatch.context() as later:  # the disk has other code now
         later.setattr(keys, "DATA_SUFFIXES", ())
         changed = keys.hashed(sources_of(("lasting_plug_in",)))
-        assert run_keys._version(("lasting_plug_in",)) != changed and run_keys._version(()) == mine
-    assert run_keys._version(("lasting_plug_in",)) == keys.hashed(sources_of(("lasting_plug_in",)))
+        assert pools._version(("lasting_plug_in",)) != changed and pools._version(()) == mine
+    assert pools._version(("lasting_plug_in",)) == keys.hashed(sources_of(("lasting_plug_in",)))
 
 
 def test_a_link_that_leads_nowhere_is_no_source(

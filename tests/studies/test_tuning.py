@@ -112,7 +112,7 @@ def test_bad_input_is_refused_before_any_run(
     capsys: pytest.CaptureFixture[str],
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("automaton.runs.process_pool.run_chunk", None)
+    monkeypatch.setattr("automaton.studies.process_pool.run_chunk", None)
     assert main(["tune", crowd, *arguments]) == 2
     printed = capsys.readouterr()
     assert sentence in printed.err and printed.err.count("\n") == 1 and not printed.out

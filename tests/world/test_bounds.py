@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from automaton.runs.process_pool import PersistentPool
+from automaton.studies.process_pool import PersistentPool
 from automaton.world.bounds import Bounds, bounds, least_ticks, most_throughput
 from automaton.world.resolve import Resolved, resolve
 

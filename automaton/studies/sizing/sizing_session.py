@@ -23,7 +23,6 @@ from automaton.floor.cells import STATION
 from automaton.runs.headless import run_marked
 from automaton.runs.metric_catalogue import in_coarse_ticks
 from automaton.runs.metrics import counted, metrics_of
-from automaton.runs.process_pool import PersistentPool
 from automaton.runs.run_diagnosis import JamWatch, note_jam
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Override, keys_of, parse_setting
@@ -42,6 +41,7 @@ from automaton.studies.inference.proportions import (
     batches,
     select_least,
 )
+from automaton.studies.process_pool import PersistentPool
 from automaton.studies.sizing.fleet_search import (
     DEFAULT_MEAN_INDIFFERENCE,
     Candidate,
@@ -53,7 +53,7 @@ from automaton.studies.sizing.fleet_search import (
     Runner,
     Target,
 )
-from automaton.studies.sweeps.run_keys import seed_of
+from automaton.studies.sweeps.run_keys import replication_seeds
 from automaton.units import Unit, count, ticks_and_time, unit
 from automaton.world.bounds import bounds, least_ticks, most_throughput
 from automaton.world.floor_parts import places_of_chargers
@@ -539,11 +539,6 @@ def check_measured(target: Target, run: FleetRun, scenario: Scenario) -> None:
         raise InputError(
             f"--target: this scenario does not measure {target.metric}{hint}; it has {known}"
         )
-
-
-def replication_seeds(seed: int, first: int, number: int) -> list[int]:
-    """The seeds of replications, those of a sweep: they depend on `seed` and the replication."""
-    return [seed_of(f"{seed} {replication}") for replication in range(first, first + number)]
 
 
 def longer(resolved: Resolved, percent: int) -> list[str]:

@@ -1,8 +1,8 @@
-"""Backends that carry out the runs of a sweep: spawned processes, an executor of the caller, a cluster.
+"""The workers of a sweep: pools of processes, an executor of the caller or a cluster, and what each does.
 
 A backend takes chunks and returns futures. When a worker dies, the futures that are under way break;
 the backend is restarted, and each of their runs is tried once more, in a process of its own while no
-other process works.
+other process works. A worker is sent everything, and gives rows back; it reads and writes no files.
 
 On a Dask cluster the scheduler spreads chunks over its workers, on any machines. Few futures are held
 at a time, and each is dropped when it is done: of what a lost worker had finished nothing is computed
@@ -15,20 +15,71 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
+import os
+import pickle
+import signal
 import threading
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from concurrent.futures import BrokenExecutor, Executor, Future
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final, NamedTuple, Protocol
 
+import numpy as np
+
+from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.runs.first_compilation import cores
-from automaton.runs.process_pool import Workers
-from automaton.studies.sweeps.run_keys import Row, SweepChunk, run_chunk
+from automaton.runs.first_compilation import compiled_parts, cores
+from automaton.runs.headless import (
+    Marks,
+    attribute_strategy_errors,
+    is_finished,
+    run_marked,
+    sums_by_stretch,
+)
+from automaton.runs.metric_catalogue import in_coarse_ticks
+from automaton.runs.metrics import metrics_of
+from automaton.runs.progress import asked_orders
+from automaton.runs.run_diagnosis import JamWatch, note_jam
+from automaton.runs.simulation import Simulation
+from automaton.studies.process_pool import Workers
+from automaton.studies.sweeps.run_keys import (
+    WHOLE_RUNS,
+    Row,
+    Sources,
+    SweepRun,
+    Windows,
+    blank,
+    hashed,
+    package_sources,
+    plugin_sources,
+    reason,
+)
+from automaton.studies.sweeps.study import SERIES_COLUMN, SUMS_COLUMN
+from automaton.world.resolve import Resolved
 
-MAX_WORKERS = 1024
+CHUNK_BEGUN_TOPIC: Final = "automaton: chunk begun"  # a topic of the scheduler's
+SCHEDULER_TIMEOUT_S: Final = 10  # for a scheduler to answer
+ADDRESS_FILE_TRIES: Final = 10  # at a file of a scheduler until it is whole,
+ADDRESS_FILE_RETRY_S: Final = 0.1  # and what is between them
+WORKER_POLL_S: Final = 1.0  # between two looks at how many workers there are
+MAX_WORKERS: Final = 1024
+MAX_SCENARIOS_KEPT: Final = 16  # by a worker
+
+
+class SweepChunk(NamedTuple):
+    """Work for one call of a worker: runs of one design point."""
+
+    number: int  # of the chunk
+    version: str  # of the code that the coordinator has
+    plugins: tuple[str, ...]
+    fingerprint: str  # of the scenario
+    scenario: bytes  # the resolved scenario, pickled
+    windows: Windows
+    runs: tuple[SweepRun, ...]
+    patience: float | None = None  # seconds of a decision of a Python strategy
 
 
 class FutureLike(Protocol):
@@ -149,13 +200,6 @@ class ExternalExecutor:
             future.cancel()
 
 
-CHUNK_BEGUN_TOPIC: Final = "automaton: chunk begun"  # a topic of the scheduler's
-SCHEDULER_TIMEOUT_S: Final = 10  # for a scheduler to answer
-ADDRESS_FILE_TRIES: Final = 10  # at a file of a scheduler until it is whole,
-ADDRESS_FILE_RETRY_S: Final = 0.1  # and what is between them
-WORKER_POLL_S: Final = 1.0  # between two looks at how many workers there are
-
-
 class DaskCluster:
     """The workers of a Dask scheduler, by its address or the file that it has written.
 
@@ -258,3 +302,117 @@ def run_and_tell(chunk: SweepChunk, topic: str) -> list[Row]:
 
     get_worker().log_event(topic, chunk.number)
     return run_chunk(chunk)
+
+
+# What a worker does with a chunk: a row for each run.
+
+
+class CodeMismatchError(Exception):
+    """A worker has other code than its coordinator."""
+
+
+def run_chunk(chunk: SweepChunk) -> list[Row]:
+    """The rows of a chunk. Raises CodeMismatchError; a run that fails is a row."""
+    here = _version(chunk.plugins)
+    if here != chunk.version:
+        raise CodeMismatchError(f"{os.uname().nodename} has version {here}, not {chunk.version}")
+    resolved = _scenario(chunk.fingerprint, chunk.scenario, chunk.patience)
+    return [run_one(resolved, run, chunk.windows, chunk.patience) for run in chunk.runs]
+
+
+def _version(plugins: tuple[str, ...]) -> str:
+    """The version of the code that this process has, and not of what the disk may have by now."""
+    found = _packages()
+    for plugin in plugins:
+        found = found | _plugin(plugin)
+    return hashed(found)
+
+
+@cache
+def _packages() -> Sources:
+    return package_sources()
+
+
+@cache
+def _plugin(module: str) -> Sources:
+    return plugin_sources(module)
+
+
+_SCENARIOS: dict[str, Resolved] = {}  # of the last points, by fingerprint
+_LOADED: set[Hashable] = set()  # what runs needed that this process has begun
+
+
+def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -> Resolved:
+    """The scenario of a chunk: the same object again for chunks of the same point.
+
+    Threads do this at the same time, and one may let go of what another one has just put there.
+    """
+    resolved = _SCENARIOS.get(fingerprint)
+    if resolved is None:
+        for oldest in list(_SCENARIOS)[: 1 - MAX_SCENARIOS_KEPT]:
+            _SCENARIOS.pop(oldest, None)
+        resolved = _SCENARIOS[fingerprint] = pickle.loads(pickled)
+        parts = compiled_parts(resolved)
+        if parts not in _LOADED:  # loads what is compiled, so that no run's time counts it
+            _LOADED.add(parts)
+            try:
+                with attribute_strategy_errors(resolved):
+                    Simulation(resolved, patience=patience)
+            except BaseException as error:
+                if is_ctrl_c(error):
+                    raise
+    return resolved
+
+
+def run_one(
+    resolved: Resolved, run: SweepRun, windows: Windows = WHOLE_RUNS, patience: float | None = None
+) -> Row:
+    """Run a scenario with the seed of a run, to its end or its limit."""
+    wall, cpu = time.perf_counter(), time.process_time()
+    row = blank(run)
+    try:
+        with attribute_strategy_errors(resolved):
+            simulation = Simulation(resolved, run.seed, patience=patience)
+            where = f"{resolved.scenario.name}, point {run.point}, seed {run.seed}"
+            watch = JamWatch(partial(note_jam, where))
+            marks = run_marked(simulation, windows.stretch, watch)
+            row |= figures_of(simulation, windows.window, marks)
+    except InputError as error:
+        row["error"] = reason(str(error))
+    except BaseException as error:  # whatever goes wrong is told beside the other runs
+        if is_ctrl_c(error):
+            raise
+        row["error"] = reason(f"{type(error).__name__}: {error}")
+    row["wall_s"] = time.perf_counter() - wall
+    row["cpu_s"] = time.process_time() - cpu
+    return row
+
+
+def is_ctrl_c(error: BaseException) -> bool:
+    """Whether an error is the user's Ctrl-C: workers are deaf to it, and only main threads hear it."""
+    heard = threading.current_thread() is threading.main_thread()
+    deaf = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+    return isinstance(error, KeyboardInterrupt) and heard and not deaf
+
+
+def figures_of(simulation: Simulation, window: int, marks: Marks) -> Row:
+    """What a row tells of a run that is over; `window`: ticks of one, 0 for none."""
+    orders = asked_orders(simulation.world)
+    delivered = orders.done[orders.done != NIL]
+    refinement = simulation.resolved.scenario.refine
+    metrics = in_coarse_ticks(metrics_of(simulation, marks.warm_up), refinement)
+    row: Row = {
+        "finished": is_finished(simulation),
+        "ticks": -(-simulation.tick // refinement),
+        "orders": len(orders.done),
+        "delivered": metrics["delivered"],
+        "digest": simulation.digest,
+        "metrics": metrics,
+    }
+    if window:
+        windows = simulation.tick // window
+        done = np.maximum(delivered, 1)  # ticks count from 1
+        whole = done[done <= windows * window]
+        row[SERIES_COLUMN] = np.bincount((whole - 1) // window, minlength=windows).tolist()
+        row[SUMS_COLUMN] = sums_by_stretch(simulation, marks.stretches)
+    return row

@@ -6,21 +6,41 @@
     DIR/rows/*.parquet  rows, each file named by its content: what was damaged is noticed
     DIR/rows/*.bad      files that were damaged; their runs are done again
 
-Readers need no lock: files appear whole under their names, and never change.
+Readers need no lock: files appear whole under their names, and never change. The one writer that holds
+the lock writes rows when 500 have come together or one is a second old: at most those are lost when the
+machine goes down, and their runs are done again. A file is written beside its place, synced, and
+renamed; small files are merged as they become many, and at the end all into one.
 """
 
 from __future__ import annotations
 
+import contextlib
+import fcntl
 import hashlib
-from collections.abc import Iterable, Iterator, Sequence
+import os
+import re
+import socket
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from io import FileIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
+from automaton.atomic_write import put_in_place, replacing
 from automaton.errors import InputError
 from automaton.scenario.document import Document
-from automaton.studies.sweeps.run_keys import Manifest, read_manifest
+from automaton.studies.sweeps.run_keys import (
+    MANIFEST,
+    Manifest,
+    Row,
+    SweepRun,
+    blank,
+    manifest_json,
+    read_manifest,
+    reason,
+)
 from automaton.studies.sweeps.study import (
     RESULT_COLUMNS,
     SERIES_COLUMN,
@@ -32,6 +52,7 @@ from automaton.studies.sweeps.study import (
     metric_names,
     sum_names,
 )
+from automaton.units import count
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -40,6 +61,17 @@ STUDY_FILE: Final = "study.yaml"
 ROWS_FOLDER: Final = "rows"
 KEY_COLUMNS: Final = ["key", "error"]  # which run a row is of, and why it failed
 ATTEMPTS: Final = 10  # to read files of which some are merged meanwhile
+BATCH_ROWS: Final = 500  # that are written together,
+BATCH_S: Final = 1.0  # and when the oldest of them is so many seconds old
+MANY_FILES: Final = 256  # small ones, that are then merged
+MERGED_GROUP_ROWS: Final = 20_000  # of a merged file are held in memory
+RESERVE: Final = ".reserve"
+RESERVE_BYTES: Final = 4_000_000  # given back when the disk is full, for the rows in hand
+LOCK_FILE: Final = ".lock"
+UNFIT: Final = (ArithmeticError, TypeError, ValueError)  # of a value that its column cannot hold
+PREFIX_PART, PREFIX_MERGED = "part", "rows"
+FILE_NAME: Final = re.compile(r"(?:part|rows)-(\d+)-")
+Copies = Mapping[str, bytes]  # place in a folder of results -> content
 
 
 class DamagedFileError(Exception):
@@ -260,3 +292,263 @@ def read_rows(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
     if table.column_names != chosen:
         raise DamagedFileError(path)
     return table
+
+
+# The writer: rows on their way into the folder.
+
+
+@contextlib.contextmanager
+def lock_folder(folder: Path) -> Iterator[None]:
+    """Hold a folder of results, made if it is not there. Raises InputError if another sweep does."""
+    with _told(folder):
+        (folder / ROWS_FOLDER).mkdir(parents=True, exist_ok=True)
+        file = (folder / LOCK_FILE).open("a+b", buffering=0)
+    with file:
+        with _told(folder):
+            _claim(file, folder)
+        yield
+
+
+def _claim(file: FileIO, folder: Path) -> None:
+    """Lock a folder by this file, which says who did; take away what a killed sweep has left."""
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        file.seek(0)
+        who = file.read().decode(errors="replace").strip() or "another process"
+        raise InputError(f"another sweep writes to it ({who})", str(folder)) from None
+    file.truncate(0)
+    file.write(f"process {os.getpid()} on {socket.gethostname()}".encode())
+    for left in (*(folder / ROWS_FOLDER).glob("*.writing"), *folder.glob("*.writing")):
+        left.unlink()
+
+
+class Writer:
+    """Takes rows and writes them; used by the one who holds the folder's lock."""
+
+    def __init__(self, store: Store) -> None:
+        self.store = store
+        self.folder = store.folder / ROWS_FOLDER
+        self.schema = store.schema
+        self.held: list[Row] = []
+        self.since = 0.0
+        numbers = (FILE_NAME.match(path.name) for path in self.folder.iterdir())
+        self.number = max((int(match[1]) for match in numbers if match), default=0)
+        self.small = len(list(self.folder.glob(f"{PREFIX_PART}-*.parquet")))
+        with _told(self.folder):
+            reserve = self.folder / RESERVE
+            if not reserve.exists():
+                write_atomically(reserve, os.urandom(RESERVE_BYTES))  # zeros may take no room
+
+    def hold(self, rows: list[Row]) -> None:
+        """Take rows; `tick` writes them when it is time, `flush` at once."""
+        if not self.held:
+            self.since = time.monotonic()
+        self.held += rows
+
+    def tick(self) -> None:
+        """Write if it is time."""
+        old = self.held and time.monotonic() - self.since >= BATCH_S
+        if len(self.held) >= BATCH_ROWS or old:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write all rows in hand. Raises InputError, with the rows written if any way is left."""
+        if not self.held:
+            return
+        try:
+            self._write()
+        except OSError as error:
+            raise self._rescued(error) from error
+        if self.small >= MANY_FILES:
+            self.merge(only_small=True)
+
+    def _write(self) -> None:
+        pa = arrow()
+        table = self._table()
+        sink = pa.BufferOutputStream()
+        pa.parquet.write_table(table, sink, compression="zstd", write_page_checksum=True)
+        content = sink.getvalue().to_pybytes()
+        self.number += 1
+        place = self.folder / content_name(content, f"{PREFIX_PART}-{self.number:06d}")
+        write_atomically(place, content)
+        self.small += 1
+        self.held.clear()
+
+    def _table(self) -> Any:
+        """The rows in hand; those that cannot be written have failed."""
+        try:
+            return table_of(self.held, self.store, self.schema)
+        except UNFIT:
+            self.held = [self._fit(row) for row in self.held]
+            return table_of(self.held, self.store, self.schema)
+
+    def _fit(self, row: Row) -> Row:
+        try:
+            table_of([row], self.store, self.schema)
+        except UNFIT as error:
+            run = SweepRun(*(row[name] for name in SweepRun._fields))
+            return blank(run, reason(f"its row cannot be written: {error}"))
+        return row
+
+    def _rescued(self, error: OSError) -> InputError:
+        """What to say when rows cannot be written, after giving back the room that was kept."""
+        self.release()
+        runs = count(len(self.held), "finished run")
+        why = (error.strerror or str(error)).lower()
+        try:
+            self._write()
+            end = "all finished runs are kept; the same command goes on when there is room"
+        except OSError:
+            self.held.clear()
+            end = f"{runs} could not be kept and will be done again; all others are kept"
+        return InputError(f"cannot write results: {why}; {end}", str(self.folder))
+
+    def close(self) -> None:
+        """Write what is in hand, and merge all files into one."""
+        self.flush()
+        self.merge()
+
+    def release(self) -> None:
+        """Give back the room that was kept."""
+        with contextlib.suppress(OSError):  # what has gone wrong already is what is told
+            (self.folder / RESERVE).unlink(missing_ok=True)
+
+    def merge(self, only_small: bool = False) -> None:
+        """Put files together, each run once. Files of other columns or that are damaged stay."""
+        pattern = f"{PREFIX_PART}-*.parquet" if only_small else "*.parquet"
+        paths = sorted(self.folder.glob(pattern))
+        if len(paths) < 2 and not (paths and paths[0].name.startswith(PREFIX_PART)):
+            return
+        self.number += 1
+        part = self.folder / f"{PREFIX_MERGED}-{self.number:06d}.writing"
+        try:
+            merged = self._merge_into(part, paths)
+            if merged:
+                place = self.folder / content_name(
+                    file_digest(part), f"{PREFIX_MERGED}-{self.number:06d}"
+                )
+                put_in_place(part, place, durable=True)
+        except OSError:
+            return  # no room for a second copy: many files are as good
+        finally:
+            with contextlib.suppress(OSError):
+                part.unlink(missing_ok=True)
+        with _told(self.folder):
+            for path in merged:
+                path.unlink()
+        self.small = len(list(self.folder.glob(f"{PREFIX_PART}-*.parquet")))
+
+    def _merge_into(self, part: Path, paths: list[Path]) -> list[Path]:
+        """Write the rows of files to one file; the files that it replaces."""
+        pa = arrow()
+        merged: list[Path] = []
+        group: list[Any] = []
+        seen: set[str] = set()
+        done = _with_figures(paths)
+        with part.open("wb") as file:
+            with pa.parquet.ParquetWriter(
+                file, self.schema, compression="zstd", write_page_checksum=True
+            ) as writer:
+                for path in paths:
+                    try:
+                        table = read_rows(path)
+                    except (DamagedFileError, FileNotFoundError):
+                        continue
+                    if not table.schema.equals(self.schema):
+                        continue
+                    columns = (table.column(name).to_pylist() for name in KEY_COLUMNS)
+                    fresh = []
+                    for index, (key, failed) in enumerate(zip(*columns, strict=True)):
+                        if key not in seen and (failed is None or key not in done):
+                            seen.add(key)
+                            fresh.append(index)
+                    group.append(table.take(pa.array(fresh, pa.int64())))
+                    merged.append(path)
+                    if sum(one.num_rows for one in group) >= MERGED_GROUP_ROWS:
+                        writer.write_table(pa.concat_tables(group), MERGED_GROUP_ROWS)
+                        group.clear()
+                if group:
+                    writer.write_table(pa.concat_tables(group), MERGED_GROUP_ROWS)
+            file.flush()
+            os.fsync(file.fileno())
+        return merged
+
+
+def _with_figures(paths: list[Path]) -> set[str]:
+    """The keys of rows with metrics in files; a run that failed and then did not has such a row."""
+    found: set[str] = set()
+    for path in paths:
+        with contextlib.suppress(DamagedFileError, FileNotFoundError):
+            found |= done_and_failed(read_rows(path, KEY_COLUMNS))[0]
+    return found
+
+
+def set_damaged_aside(store: Store) -> list[Path]:
+    """Rename the files that are not what was written; their new names."""
+    store.keys()
+    aside = []
+    for path in store.damaged:
+        aside.append(path.with_suffix(".bad"))
+        with _told(aside[-1]):
+            os.replace(path, aside[-1])
+    return aside
+
+
+def write_manifest(folder: Path, manifest: Manifest, copies: Copies | None = None) -> Store:
+    """Write what a folder's results follow from. Raises InputError."""
+    with _told(folder):
+        for place, content in (copies or {}).items():
+            if not holds(folder / place, content):
+                (folder / place).parent.mkdir(parents=True, exist_ok=True)
+                write_atomically(folder / place, content)
+        write_atomically(folder / STUDY_FILE, manifest.text.encode())
+        write_atomically(folder / MANIFEST, manifest_json(manifest))
+    return Store(folder)
+
+
+def check_free(folder: Path, copies: Copies) -> None:
+    """Raises InputError if a folder that is not a folder of results yet has other files in their
+    place."""
+    with _told(folder):
+        for place, content in copies.items():
+            if (folder / place).exists() and not holds(folder / place, content):
+                text = f"holds another file {place} than the study: use another folder"
+                raise InputError(text, str(folder))
+
+
+def holds(path: Path, content: bytes) -> bool:
+    """Whether there is a file with this content."""
+    return path.is_file() and path.read_bytes() == content
+
+
+def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
+    """Rows as an Arrow table of the schema's columns."""
+    pa = arrow()
+    known = point_columns(store.study, store.manifest, [row["point"] for row in rows])
+    arrays = []
+    for field in schema:
+        if field.name in known:
+            values = known[field.name]
+        elif field.name in (*RESULT_COLUMNS, SERIES_COLUMN, SUMS_COLUMN):
+            values = [row.get(field.name) for row in rows]
+        else:
+            values = [row["metrics"].get(field.name) for row in rows]
+        arrays.append(pa.array(values, field.type))
+    return pa.table(arrays, schema=schema)
+
+
+def write_atomically(path: Path, content: bytes) -> None:
+    """Write a file that takes its name when it is on the disk. Raises OSError."""
+    with replacing(path, path.with_name(f"{path.name}.writing"), durable=True) as file:
+        file.write(content)
+
+
+@contextlib.contextmanager
+def _told(place: Path) -> Iterator[None]:
+    """Turns what goes wrong with files in here into an InputError."""
+    try:
+        yield
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        raise InputError(f"cannot write results: {why}", str(place)) from error

@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -26,9 +26,8 @@ from automaton.scenario.quantities import TIME
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.scenario.validation import Bounds, Place, convert
 from automaton.strategy import lookup
-from automaton.strategy.lookup import files_of
 from automaton.studies.inference.steady_state import MIN_OBSERVATIONS, MIN_REPLICATIONS, MSER_BATCH
-from automaton.studies.sweeps.result_store import ROWS_FOLDER, STUDY_FILE
+from automaton.studies.sweeps.result_store import ROWS_FOLDER, STUDY_FILE, Copies
 from automaton.studies.sweeps.run_keys import (
     DRAWN_ELSEWHERE,
     MANIFEST,
@@ -52,6 +51,7 @@ from automaton.world.resolve import Resolved, resolve
 DEFAULT_WINDOWS = 200  # of a run, if a study does not say how long they are
 MSER = "mser-5"  # as a warm-up
 WARM_UP_KEYS = ("measure", "warm_up")
+RESERVED_FILE_NAMES: Final = (MANIFEST, STUDY_FILE, ROWS_FOLDER)
 
 
 class SweepPlan(NamedTuple):
@@ -304,10 +304,6 @@ def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
     return study, scenarios
 
 
-Copies = Mapping[str, bytes]  # place in a folder of results -> content
-RESERVED_FILE_NAMES: Final = (MANIFEST, STUDY_FILE, ROWS_FOLDER)
-
-
 def copies_of(study: str | Path | Study, plan: SweepPlan) -> Copies:
     """The files that a plan was made of, apart from the study itself. Raises InputError."""
     document = Document(data={}) if isinstance(study, Study) else study_document(study)
@@ -331,7 +327,7 @@ def files_named(resolved: Resolved, folder: Path) -> Iterator[Path]:
     yield from (folder / layout[form] for form in DRAWN_ELSEWHERE if form in layout)
     yield from (Path(file) for file, _ in resolved.files)
     for _, choice in resolved.choices:
-        yield from files_of(choice.parameters)
+        yield from lookup.files_of(choice.parameters)
 
 
 def placed(file: Path, home: Path) -> dict[str, Path]:

@@ -1,15 +1,21 @@
 """One sweep into a folder: begun, or gone on with if the code and the study are the same.
 
 A study with a bound of replications goes on in rounds: all points have equally many runs after each.
+A coordinator hands out the runs that are missing, few at a time, so that memory stays bounded and little
+is lost when a worker dies; a run that was under way then is tried once more, alone. What a sweep would
+take is forecast from pilot runs.
 """
 
 from __future__ import annotations
 
 import contextlib
+import pickle
+import queue
 import time
-from collections.abc import Callable, Hashable
+from collections import deque
+from collections.abc import Callable, Hashable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import msgspec
 
@@ -18,36 +24,55 @@ from automaton.runs.first_compilation import compiled_parts
 from automaton.runs.headless import WINDOW_TICKS, Marks, attribute_strategy_errors
 from automaton.runs.metrics import counted
 from automaton.runs.simulation import Simulation
-from automaton.studies.sweeps.coordinator import (
-    Coordinator,
-    OnRows,
-    SweepTally,
+from automaton.studies.sweeps.pools import (
+    Backend,
+    CodeMismatchError,
+    FutureLike,
+    SweepChunk,
+    figures_of,
+)
+from automaton.studies.sweeps.result_store import (
+    Copies,
+    Store,
     Writer,
+    arrow,
     check_free,
-    chunk_of,
+    declared_in,
     lock_folder,
     set_damaged_aside,
     write_manifest,
 )
-from automaton.studies.sweeps.pools import Backend
-from automaton.studies.sweeps.result_store import Store, arrow, declared_in
 from automaton.studies.sweeps.run_keys import (
     Manifest,
     Row,
+    SweepRun,
+    blank,
     changed_sources,
     declared_by,
-    figures_of,
     read_manifest,
 )
 from automaton.studies.sweeps.study import Point
-from automaton.studies.sweeps.sweep_plan import Copies, SweepPlan, describe_point
+from automaton.studies.sweeps.sweep_plan import SweepPlan, describe_point
 from automaton.units import count
 
-ADVICE = (
+CHUNK_S: Final = 0.3  # long enough that sending costs nothing, short enough that progress is seen
+MAX_SWEEP_CHUNK: Final = 100  # runs
+RUNS_PER_BLOCK: Final = 50  # replications of a point that are done before the next point's
+CLOCK_POLL_S: Final = 0.2  # between two looks at the clock
+ADVICE: Final = (
     "use another folder, or --recompute: then rows of other code, scenarios or seeds are ignored"
 )
+DIED_MESSAGE: Final = "the worker process died twice, the second time with this run alone"
+UNABLE_MESSAGE: Final = (
+    "the workers cannot start: they have said why; a script that sweeps needs "
+    'its `if __name__ == "__main__":`'
+)
+PILOTS: Final = 8  # points that are tried for a forecast, spread over the design
+BUDGET_S: Final = 10.0  # for all pilot runs
+TEXT_BYTES: Final = 120  # of a row's words
+NUMBER_BYTES: Final = 8
 
-
+OnRows = Callable[[list[Row]], None]
 Decide = Callable[[Store], int | None]  # replications after the next round; None: it is enough
 
 
@@ -93,13 +118,13 @@ def sweep_into(
         begun, done = load_existing(store, reanalysed, retry_failed, on_begun)
         writer = Writer(store)
         try:
-            with Crew(backend, writer, on_rows, patience) as crew:
+            with Coordinator(backend, writer, on_rows, patience) as coordinator:
                 while True:
                     plan = plan._replace(manifest=store.manifest)
-                    crew.run_missing(plan, done)
+                    coordinator.run_missing(plan, done)
                     if lacking(store):  # files were damaged meanwhile
                         _, done = load_existing(store, False, False, on_begun)
-                        crew.run_missing(plan, done)
+                        coordinator.run_missing(plan, done)
                     check_complete(store)
                     replications = decide(store) if decide and plan.study.in_rounds else None
                     if replications is None:
@@ -108,45 +133,7 @@ def sweep_into(
                     _, done = load_existing(store, False, False, on_begun)
         finally:
             writer.release()
-        return SweepResult(store, begun, crew.tally, len(store.failed()))
-
-
-class Crew:
-    """The workers of a sweep: they start when a run is first missing, and end with the sweep."""
-
-    def __init__(
-        self,
-        backend: Callable[[], Backend],
-        writer: Writer,
-        on_rows: OnRows | None,
-        patience: float | None,
-    ) -> None:
-        self.backend, self.writer = backend, writer
-        self.on_rows, self.patience = on_rows, patience
-        self.coordinator: Coordinator | None = None
-
-    def run_missing(self, plan: SweepPlan, done: set[str]) -> None:
-        """Do the runs that are not done, and put all rows into one file."""
-        if len(done) < plan.runs:
-            if self.coordinator is None:
-                warm(plan, self.patience)
-                self.coordinator = Coordinator(
-                    self.backend(), self.writer, self.on_rows, self.patience
-                )
-            self.coordinator.conduct(plan, done)
-        self.writer.close()
-
-    @property
-    def tally(self) -> SweepTally:
-        """What was done so far."""
-        return SweepTally(0, 0, 0, 0) if self.coordinator is None else self.coordinator.tally
-
-    def __enter__(self) -> Crew:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
-        if self.coordinator is not None:
-            self.coordinator.close(now=kind is not None)
+        return SweepResult(store, begun, coordinator.tally, len(store.failed()))
 
 
 def load_existing(
@@ -260,13 +247,229 @@ def points_to_warm(plan: SweepPlan) -> list[int]:
     return list(first.values())
 
 
+# The coordinator: hands out the runs that are missing, and keeps each row once.
+
+
+class SweepTally(NamedTuple):
+    """What a sweep did."""
+
+    done: int  # runs of which rows were written
+    failed: int  # of these failed
+    unfinished: int  # of these reached their limit
+    repeated: int  # runs begun a second time, since a worker died
+
+
+class Coordinator:
+    """Carries out the runs of plans that are not done yet, round after round, by the same workers.
+
+    They start when a run is first missing, and end with the sweep.
+    """
+
+    def __init__(
+        self,
+        start: Callable[[], Backend],
+        writer: Writer,
+        on_rows: OnRows | None = None,
+        patience: float | None = None,
+    ) -> None:
+        self.start, self.writer = start, writer
+        self.on_rows = on_rows  # also called without rows now and then, while none arrive
+        self.patience = patience
+        self.backend: Backend  # from `start`, once `has_started`
+        self.has_started = False
+        self.finished: queue.SimpleQueue[FutureLike] = queue.SimpleQueue()
+        self.under_way: dict[FutureLike, tuple[SweepChunk, bool]] = {}  # chunk, if it runs alone
+        self.retry_in_isolation: deque[SweepRun] = deque()
+        self.waiting: Iterator[list[SweepRun]] = iter(())
+        self.block: deque[SweepRun] = deque()
+        self.has_results = False  # a result has arrived, so workers can start
+        self.refused = False  # the pool takes nothing more: it has broken
+        self.seconds_per_run: dict[int, float] = {}  # point -> seconds of a run
+        self.chunks = self.done = self.failed = self.unfinished = self.repeated = 0
+
+    def __enter__(self) -> Coordinator:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *error: object) -> None:
+        if self.has_started:
+            self.backend.close(now=kind is not None)
+
+    @property
+    def tally(self) -> SweepTally:
+        """What was done so far."""
+        repeated = self.repeated + (self.backend.repeated if self.has_started else 0)
+        return SweepTally(self.done, self.failed, self.unfinished, repeated)
+
+    def run_missing(self, plan: SweepPlan, done: set[str]) -> None:
+        """Do the runs that are not done, and put all rows into one file.
+
+        What is raised on the way leaves all finished rows written.
+        """
+        if len(done) < plan.runs:
+            if not self.has_started:
+                warm(plan, self.patience)
+                self.backend, self.has_started = self.start(), True
+            self._conduct(plan, done)
+        self.writer.close()
+
+    def _conduct(self, plan: SweepPlan, done: set[str]) -> None:
+        self.plan, self.version = plan, plan.manifest.version
+        self.waiting = self._missing(done)
+        try:
+            while self._submit_while_room():
+                self._wait_for_chunk()
+            self.writer.flush()
+        except BaseException:
+            with contextlib.suppress(Exception):  # what has gone wrong already is what is told
+                try:
+                    self._take_finished()
+                finally:  # Ctrl-C may come again
+                    self.writer.flush()
+            raise
+
+    def _missing(self, done: set[str]) -> Iterator[list[SweepRun]]:
+        """The runs to do, in blocks of one point each: all points advance together."""
+        manifest = self.plan.manifest
+        for first in range(0, manifest.replications, RUNS_PER_BLOCK):
+            for point in range(len(manifest.points)):
+                block = range(first, min(first + RUNS_PER_BLOCK, manifest.replications))
+                runs = (manifest.run(self.version, point, replication) for replication in block)
+                missing = [run for run in runs if run.key not in done]
+                if missing:
+                    yield missing
+
+    def _submit_while_room(self) -> bool:
+        """Submit what there is room for; return whether anything is under way."""
+        if self.retry_in_isolation:  # all others pause: alone, a run has all memory to itself
+            if not self.under_way:
+                self._submit((self.retry_in_isolation.popleft(),), alone=True)
+        else:
+            self.refused = False
+            while (
+                not self.refused
+                and len(self.under_way) < self.backend.max_in_flight
+                and self._has_more()
+            ):
+                self._submit(self._next_runs(), alone=False)
+        return bool(self.under_way or self.retry_in_isolation) or self._has_more()
+
+    def _has_more(self) -> bool:
+        if not self.block:
+            self.block.extend(next(self.waiting, ()))
+        return bool(self.block)
+
+    def _next_runs(self) -> tuple[SweepRun, ...]:
+        known = self.seconds_per_run.get(self.block[0].point)
+        if known is None:
+            known = max(self.seconds_per_run.values(), default=CHUNK_S)
+        size = max(1, min(MAX_SWEEP_CHUNK, int(CHUNK_S / max(known, 1e-6))))
+        return tuple(self.block.popleft() for _ in range(min(size, len(self.block))))
+
+    def _submit(self, runs: tuple[SweepRun, ...], alone: bool) -> None:
+        self.chunks += 1
+        chunk = chunk_of(self.plan, self.version, self.chunks, runs, self.patience)
+        try:
+            future = self.backend.submit_alone(chunk) if alone else self.backend.submit(chunk)
+        except Exception as error:
+            if alone or not self.backend.is_worker_lost(error):
+                raise refused(error) from error
+            self._return_runs(runs)
+            return
+        self.under_way[future] = (chunk, alone)
+        future.add_done_callback(self.finished.put)
+
+    def _return_runs(self, runs: tuple[SweepRun, ...]) -> None:
+        """Runs that a pool did not take, since it had broken; what is under way will say so."""
+        self.block.extendleft(reversed(runs))
+        self.refused = True
+        if not self.under_way:
+            self.backend.restart()
+
+    def _wait_for_chunk(self) -> None:
+        """Wait for a chunk, or until it is time to write."""
+        try:
+            future = self.finished.get(timeout=CLOCK_POLL_S)
+        except queue.Empty:
+            self.writer.tick()
+            if self.on_rows is not None:
+                self.on_rows([])
+            return
+        chunk, alone = self.under_way.pop(future)
+        try:
+            rows = future.result()
+        except Exception as error:
+            if not self.backend.is_worker_lost(error):
+                raise refused(error) from error
+            rows = self._handle_dead_worker(chunk, alone)
+        else:
+            self.has_results = True
+        self._keep(rows)
+
+    def _take_finished(self) -> None:
+        """Keep the rows that have arrived meanwhile."""
+        while not self.finished.empty():
+            future = self.finished.get()
+            with contextlib.suppress(Exception):
+                self._keep(future.result())
+
+    def _handle_dead_worker(self, chunk: SweepChunk, alone: bool) -> list[Row]:
+        """Handle a worker that died: a run that was alone has failed, others are retried in isolation."""
+        if alone:
+            if not self.has_results and not self.backend.can_start():
+                raise InputError(UNABLE_MESSAGE)
+            return [blank(run, DIED_MESSAGE) for run in chunk.runs]
+        self.repeated += len(chunk.runs)
+        self.retry_in_isolation.extend(chunk.runs)
+        # The pool breaks as a whole: what else was under way comes back broken, too.
+        if not any(not alone for _, alone in self.under_way.values()):
+            self.backend.restart()
+        return []
+
+    def _keep(self, rows: list[Row]) -> None:
+        """Rows that are done; they are counted before they are written, as Ctrl-C may come then."""
+        self.writer.hold(rows)
+        for row in rows:
+            self.done += 1
+            if row["error"] is not None:
+                self.failed += 1
+            else:
+                self.seconds_per_run[row["point"]] = row["wall_s"]
+                self.unfinished += not row["finished"]
+        if rows and self.on_rows is not None:
+            self.on_rows(rows)
+        self.writer.tick()
+
+
+def chunk_of(
+    plan: SweepPlan,
+    version: str,
+    number: int,
+    runs: tuple[SweepRun, ...],
+    patience: float | None = None,
+) -> SweepChunk:
+    """What a worker is told about runs of one point."""
+    point = runs[0].point
+    return SweepChunk(
+        number=number,
+        version=version,
+        plugins=plan.plugins,
+        fingerprint=plan.manifest.points[point].fingerprint,
+        scenario=pickle.dumps(plan.scenarios[point], pickle.HIGHEST_PROTOCOL),
+        windows=plan.manifest.points[point].windows,
+        runs=runs,
+        patience=patience,
+    )
+
+
+def refused(error: BaseException) -> InputError:
+    """What to say when workers cannot work."""
+    if isinstance(error, CodeMismatchError):
+        return InputError(f"a worker has other code than this process: {error}")
+    what = " ".join(f"{type(error).__name__}: {error}".split())[:300]
+    return InputError(f"the workers cannot go on ({what}); what is done is kept")
+
+
 # What a sweep would take: its runs, the time by pilot runs and a worker's start, room on the disk.
-
-
-PILOTS = 8  # points that are tried, spread over the design
-BUDGET_S = 10.0  # for all pilot runs
-TEXT_BYTES = 120  # of a row's words
-NUMBER_BYTES = 8
 
 
 class Forecast(NamedTuple):

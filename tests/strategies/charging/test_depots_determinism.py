@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from fresh_process import told, told_here
 
-from automaton.runs.process_pool import run_all
 from automaton.runs.simulation import Simulation
+from automaton.studies.process_pool import run_all
 from automaton.world.resolve import resolve
 
 FAILING = "faults={failure_probability: 0.0005, tow_after: 80, repair_time: 200}"

@@ -1,199 +1,40 @@
-"""Legs to learn from: drives between racks and docks, and the zones that A* takes them through.
+"""Training of a zone network with PyTorch (Bhattathiri, Li & Kuhl, section 5.1); needs the extra `learn`.
 
-A network learns which zones a leg touches from the zones in which it starts and ends. A leg touches
-the zone of every cell that its moves leave; ties of A* are settled first in, first out. Legs of a
-training, others to judge it by, and the network that comes of it make a study.
+    one-hot start and end zone -> 256 -> 256 -> 256 -> a sigmoid for each zone      (3 hidden layers)
+
+Adam, weights from Glorot's uniform distribution, biases 0. One thread, and draws from a generator
+of the seed's own: equal on equal machines. After each epoch the network answers all legs that it is
+trained on; weights are kept when everything that is monitored has improved.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import numpy as np
-import numpy.typing as npt
 import torch
 from torch.nn import functional
 
 from automaton.engine.state import NIL
-from automaton.errors import InputError
-from automaton.floor.cells import DOCK, RACK
+from automaton.papers.leg_samples import Legs
 from automaton.papers.training_settings import (
     MEASURES,
     AnswerCounts,
     Settings,
     counts,
     first_bias,
-    measured,
     sample_weights,
 )
-from automaton.scenario.robot_types import RobotType, types_of
-from automaton.world.prepared_floor import Floor, floor_for, frozen
-from automaton.world.resolve import Resolved
-from automaton.world.rules import duration_table
-from automaton.world.starts import first_headings
-from strategies.routing import predicted_paths
-from strategies.routing.astar import FIFO, route_space
-from strategies.routing.predicted_paths import words
-from strategies.routing.routing_parameters import ZoneNetwork, floor_fingerprint, predicted_zones
-
-Cells = npt.NDArray[np.int32]
-
-
-class Legs(NamedTuple):
-    """n legs on a floor of Z zones."""
-
-    start: Cells  # (n,) flat cells
-    end: Cells  # (n,)
-    start_zone: npt.NDArray[np.int64]  # (n,) NIL on an intersection
-    end_zone: npt.NDArray[np.int64]  # (n,)
-    touched: npt.NDArray[np.bool_]  # (n, Z)
-
-    def some(self, mask: npt.NDArray[np.bool_]) -> Legs:
-        """The legs of a mask (n,)."""
-        return Legs(
-            self.start[mask],
-            self.end[mask],
-            self.start_zone[mask],
-            self.end_zone[mask],
-            self.touched[mask],
-        )
-
-
-class Site(NamedTuple):
-    """Where legs are driven: a floor, its robots' ticks, and the cells between which they drive."""
-
-    floor: Floor
-    duration: npt.NDArray[np.int32]  # ticks of each action
-    racks: Cells  # (r,) flat cells from which a rack is served, one for each
-    docks: Cells  # (d,)
-
-
-def site_of(resolved: Resolved) -> Site:
-    """The site of a scenario: racks and docks, or else whatever holds loads and wherever they go.
-
-    On a floor with neither, legs lead from any cell to any other. Raises InputError for a floor
-    without zones: nothing could be learnt there.
-    """
-    kinematics = types_of(resolved.scenario)[0].kinematics
-    all_alike = RobotType(durations=resolved.scenario.durations, kinematics=kinematics)
-    floor = floor_for(resolved.floor_plan, resolved.scenario.world.traffic_zones, (all_alike,))
-    if floor.grid.traffic_zone_count == 0:
-        raise InputError(f"{resolved.scenario.name}: this floor has no zones to learn")
-    kind = floor.grid.kind[floor.slot_cell]
-    outer, inner = kind == DOCK, kind == RACK
-    if not outer.any() or not inner.any():
-        outer, inner = floor.slot_endless == 1, floor.slot_endless == 0
-    racks, docks = _access(floor, inner), _access(floor, outer)
-    if not racks.size or not docks.size:
-        racks = docks = np.flatnonzero(resolved.floor_plan.drivable).astype(np.int32)
-    duration = frozen(duration_table(all_alike))  # as strategies see it: the same compiled search
-    return Site(floor, duration, racks, docks)
-
-
-def _access(floor: Floor, mask: npt.NDArray[np.bool_]) -> Cells:
-    """The first access cell of each slot of a mask that has one."""
-    access = floor.slot_access[mask]
-    served = access[(access != NIL).any(axis=1)]
-    first: Cells = served[np.arange(len(served)), (served != NIL).argmax(axis=1)]
-    return first
-
-
-def legs_of(site: Site, count: int, seed: int) -> Legs:
-    """`count` legs, rack to dock and dock to rack by turns, drawn uniformly by (seed, leg).
-
-    Raises InputError if robots cannot drive one of them.
-    """
-    start, end = np.zeros(count, np.int32), np.zeros(count, np.int32)
-    grid = site.floor.grid
-    used = np.zeros((count, words(grid.traffic_zone_count)), np.int64)
-    workspace = route_space(grid)
-    with np.errstate(over="ignore"):
-        predicted_paths.draw_legs(site.racks, site.docks, np.uint64(seed), start, end)
-        poses = start.astype(np.int64) * grid.headings + first_headings(grid, start)
-        driven = predicted_paths.trace_legs(grid, site.duration, workspace, FIFO, poses, end, used)
-    if driven < count:
-        raise InputError("robots cannot drive from everywhere to everywhere on this floor")
-    zone = grid.traffic_zone[:, 0].astype(np.int64)
-    return Legs(start, end, zone[start], zone[end], members(used, grid.traffic_zone_count))
-
-
-def members(used: npt.NDArray[np.int64], zones: int) -> npt.NDArray[np.bool_]:
-    """(n, zones) bool of sets (n, words) with a bit for each zone."""
-    octets: Any = used.astype("<i8").view(np.uint8)
-    return np.unpackbits(octets, axis=1, count=zones, bitorder="little").astype(np.bool_)
-
-
-def unseen(new: Legs, known: Legs) -> npt.NDArray[np.bool_]:
-    """(n,) mask of the legs between zones that none of the known legs connects in that direction."""
-    zones = np.int64(new.touched.shape[1] + 1)
-
-    def pair(some: Legs) -> npt.NDArray[np.int64]:
-        return (some.start_zone + 1) * zones + some.end_zone + 1
-
-    mask: npt.NDArray[np.bool_] = ~np.isin(pair(new), pair(known))
-    return mask
-
-
-TRAINING, UNUSED, UNSEEN = "training", "unused seed", "unseen pairs"
-
-
-class Data(NamedTuple):
-    """The legs of a study, by what they are for."""
-
-    training: Legs
-    unused: Legs  # as many, drawn with the next seed
-    unseen: Legs  # those of them between zones that no leg of training connects
-
-    def by_name(self) -> Mapping[str, Legs]:
-        return {TRAINING: self.training, UNUSED: self.unused, UNSEEN: self.unseen}
-
-
-def data_of(site: Site, legs: int, seed: int) -> Data:
-    """Legs of `seed` to train with, and of `seed + 1` to judge by. Raises InputError."""
-    training, unused = legs_of(site, legs, seed), legs_of(site, legs, seed + 1)
-    return Data(training, unused, unused.some(unseen(unused, training)))
-
-
-def network_of(layers: Any, site: Site, scenario: str, mode: str, about: Any) -> ZoneNetwork:
-    """A network as it is kept in a file: float16, with what it was trained for and how."""
-    kept = tuple((weights.astype(np.float16), bias.astype(np.float16)) for weights, bias in layers)
-    origin = {
-        "scenario": scenario,
-        "mode": mode,
-        "floor": floor_fingerprint(site.floor.grid, site.duration),
-    }
-    return ZoneNetwork(kept, origin | dict(about))
-
-
-def judged(network: ZoneNetwork, data: Data) -> dict[str, dict[str, float]]:
-    """All measures of a network's own answers on each kind of legs; an empty kind is left out."""
-    return {
-        name: measured(predicted_zones(network, legs.start_zone, legs.end_zone), legs.touched)
-        for name, legs in data.by_name().items()
-        if len(legs.touched)
-    }
-
-
-# Training of a zone network with PyTorch (Bhattathiri, Li & Kuhl, section 5.1).
-#
-# one-hot start and end zone -> 256 -> 256 -> 256 -> a sigmoid for each zone (3 hidden layers)
-#
-# Adam, weights from Glorot's uniform distribution, biases 0. One thread, and draws from a generator
-# of the seed's own: equal on equal machines. After each epoch the network answers all legs that it is
-# trained on; weights are kept when everything that is monitored has improved.
-
 
 HIDDEN_WIDTH: Final = 256  # of a hidden layer
 AT_ONCE: Final = 3000  # legs that are answered in one go
+NO_ANSWERS: Final = AnswerCounts(0, 0, 0, 0)
 
 Keep = tuple[str, ...]  # metrics that must all improve; () = the loss
 Layers = tuple[tuple[Any, Any], ...]  # (weights, bias) float32, as ZoneNetwork's
-
-
-NO_ANSWERS: Final = AnswerCounts(0, 0, 0, 0)
 
 
 @dataclass

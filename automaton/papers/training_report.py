@@ -2,20 +2,18 @@
 
 Tables 1 and 2 start the output bias at log(N1 / N0), Tables 3 and 4 weigh samples; 1 and 3 are
 measured on the legs of the training, 2 and 4 on others. The rows of a table differ only in the metrics
-that must all improve for weights to be kept, so one training makes all rows of two tables.
+that must all improve for weights to be kept, so one training makes all rows of two tables. Below stands
+what any training gave, as text.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
-from automaton.papers.training import Data, Site, network_of
-from automaton.papers.training_settings import MEASURES, Settings, measured
+from automaton.papers.training_settings import MEASURES
 from automaton.runs.console_output import ConsoleBlock, console, print_blocks
 from automaton.runs.report_document import Table
-from strategies.routing.routing_parameters import predicted_zones
 
 Keep = tuple[str, ...]
 Figures = tuple[float, float, float]  # accuracy, precision, recall
@@ -56,9 +54,14 @@ TABLES_BY_WEIGHTING: Final = {
 }  # weighting: tables on old and on new legs
 MORE: Final = ("f1", "mcc")  # measures that the paper names but does not print
 
+SHOWN_MEASURES: Final = (*COLUMNS, *MORE, "subset")
+WHAT: Final = {
+    1: "output bias, legs it was trained on",
+    2: "output bias, legs of an unused seed",
+    3: "sample weights, legs it was trained on",
+    4: "sample weights, legs of an unused seed",
+}
 SHORT_METRICS: Final = {"accuracy": "acc", "precision": "prec", "recall": "rec"}
-
-OnEpoch = Callable[[str, str, int], None]  # loss, weighting, epoch from 1
 
 
 class TrainingRow(NamedTuple):
@@ -87,43 +90,6 @@ def monitored(weighting: str) -> list[Keep]:
     )
 
 
-def train_rows(data: Data, site: Site, settings: Settings, on_epoch: OnEpoch) -> list[TrainingRow]:
-    """Train with the loss of `settings` once for each weighting; the rows of its tables."""
-    rows = []
-    for weighting in TABLES_BY_WEIGHTING:
-        rows += _rows(data, site, settings, weighting, on_epoch)
-    return rows
-
-
-def _rows(
-    data: Data, site: Site, settings: Settings, weighting: str, on_epoch: OnEpoch
-) -> list[TrainingRow]:
-    from automaton.papers.training import train
-
-    def told(epoch: int, loss: float, now: Any) -> None:
-        on_epoch(settings.loss, weighting, epoch)
-
-    keeps = monitored(weighting)
-    trained = train(data.training, replace(settings, weighting=weighting), keeps, told)
-    rows = []
-    for table, legs in zip(
-        TABLES_BY_WEIGHTING[weighting], (data.training, data.unused), strict=True
-    ):
-        for keep, figures in PRINTED_TABLES[table].items():
-            kept = trained.kept[keep]
-            network = network_of(kept.layers, site, "", "", {})
-            answers = predicted_zones(network, legs.start_zone, legs.end_zone)
-            found = measured(answers, legs.touched)
-            ours = {name: found[name] for name in (*COLUMNS, *MORE)}
-            paper = dict(zip(COLUMNS, figures, strict=True))
-            rows.append(
-                TrainingRow(
-                    table, settings.loss, keep, kept.epoch, len(trained.losses), paper, ours
-                )
-            )
-    return rows
-
-
 def as_json(rows: Sequence[TrainingRow]) -> list[dict[str, Any]]:
     """Rows for a file of results, figures with four digits."""
     return [
@@ -138,15 +104,6 @@ def from_json(rows: Sequence[dict[str, Any]]) -> list[TrainingRow]:
 
 
 # What a training gave, as text.
-
-
-SHOWN_MEASURES = ("accuracy", "precision", "recall", "f1", "mcc", "subset")
-WHAT = {
-    1: "output bias, legs it was trained on",
-    2: "output bias, legs of an unused seed",
-    3: "sample weights, legs it was trained on",
-    4: "sample weights, legs of an unused seed",
-}
 
 
 def print_outcome(mode: str, outcome: Mapping[str, Any]) -> None:

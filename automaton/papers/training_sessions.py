@@ -1,8 +1,6 @@
-"""Do deeper networks learn? "The deeper neural networks did not converge" (Bhattathiri, Li & Kuhl, 4).
+"""What `automaton train` does on the floor of one scenario: networks, tables, depths, classifiers.
 
-Networks with more hidden layers than the paper's three are trained as it is. What they come to stands
-beside the least loss of a constant answer, the same for every leg and zone: a network that does not get
-below it has learnt nothing of where its legs lead.
+torch and scikit-learn are imported where they are used: each mode needs one of them.
 """
 
 from __future__ import annotations
@@ -16,14 +14,19 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy import sparse
-from sklearn.ensemble import RandomForestClassifier
-from sklearn.neighbors import KNeighborsClassifier
-from sklearn.svm import SVC, LinearSVC
 
 from automaton.atomic_write import atomic_writer
 from automaton.engine.state import NIL
-from automaton.papers.training import Data, Legs, Site, data_of, judged, network_of, site_of
+from automaton.papers.leg_samples import Data, Legs, Site, data_of, judged, network_of, site_of
+from automaton.papers.training_report import (
+    COLUMNS,
+    MORE,
+    PRINTED_TABLES,
+    TABLES_BY_WEIGHTING,
+    TrainingRow,
+    as_json,
+    monitored,
+)
 from automaton.papers.training_settings import (
     LOSSES,
     AnswerCounts,
@@ -34,13 +37,164 @@ from automaton.papers.training_settings import (
     recall,
 )
 from automaton.world.resolve import resolve
-from strategies.routing.routing_parameters import floor_fingerprint, save_network
+from strategies.routing.routing_parameters import floor_fingerprint, predicted_zones, save_network
 
-HIDDEN_LAYERS: Final = (3, 6, 12)  # layers
-DEPTH_LOSSES: Final = (
-    "hinge",
-    "cross-entropy",
-)  # the printed one, and one with which three layers learn
+RESULTS: Final = "automaton traffic tables 1"  # format of a file of results
+HIDDEN_LAYERS: Final = (3, 6, 12)  # of networks of several depths; the paper has 3
+DEPTH_LOSSES: Final = ("hinge", "cross-entropy")  # the printed one; one with which 3 layers learn
+NEIGHBOURS: Final = (1, 5)  # the paper names none; 5 is scikit-learn's default
+TREES: Final = 20  # of its 100: more take longer and change little
+EVALUATED: Final = 2_000  # legs by which a classifier is judged
+
+ProgressCallback = Callable[[str], None]
+OnEpoch = Callable[[str, str, int], None]  # loss, weighting, epoch from 1
+
+
+@dataclass(frozen=True)
+class TrainingSession:
+    """A floor with its legs, drawn once."""
+
+    name: str  # of the scenario
+    mode: str  # of its zones
+    site: Site
+    data: Data
+    settings: Settings
+
+    @classmethod
+    def of(cls, scenario: str, overrides: Sequence[str], settings: Settings) -> TrainingSession:
+        """Raises InputError for a bad scenario, or a floor without zones."""
+        resolved = resolve(scenario, overrides)
+        site = site_of(resolved)
+        data = data_of(site, settings.legs, settings.seed)
+        return cls(
+            resolved.scenario.name, resolved.scenario.world.traffic_zones, site, data, settings
+        )
+
+    def train_network(
+        self, keep: tuple[str, ...], out: Path, told: ProgressCallback | None = None
+    ) -> dict[str, Any]:
+        """Train, write the network to `out`, and say how well it predicts."""
+        from automaton.papers.training import train  # needs torch
+
+        def tell(epoch: int, loss: float, now: AnswerCounts) -> None:
+            if told is not None:
+                told(
+                    f"epoch {epoch} of at most {self.settings.epochs}: loss {loss:.5f}, "
+                    f"precision {precision(now):.3f}, recall {recall(now):.3f}"
+                )
+
+        trained = train(self.data.training, self.settings, (keep,), tell)
+        kept = trained.kept[keep]
+        about = {
+            "settings": asdict(self.settings),
+            "monitored": list(keep) or ["loss"],
+            "epochs": len(trained.losses),
+            "epoch": kept.epoch,
+            "loss": kept.loss,
+        }
+        network = network_of(kept.layers, self.site, self.name, self.mode, about)
+        save_network(out, network)
+        measures = judged(network, self.data)
+        return {"file": str(out), **network.about, "zones": network.zones, "measures": measures}
+
+    def train_tables(
+        self, out: Path | None, told: ProgressCallback | None = None
+    ) -> dict[str, Any]:
+        """Train for Tables 1 to 4, with each loss; written to `out` if there is one."""
+
+        def tell(loss: str, weighting: str, epoch: int) -> None:
+            if told is not None:
+                told(f"{loss}, {weighting}: epoch {epoch} of at most {self.settings.epochs}")
+
+        rows = []
+        for loss in LOSSES:
+            settings = replace(self.settings, loss=loss)
+            rows += train_rows(self.data, self.site, settings, tell)
+        shared = self._settings_but("loss", "weighting")
+        results = {"format": RESULTS, **self._origin(), "settings": shared, "rows": as_json(rows)}
+        return written(results, out)
+
+    def train_depths(
+        self, out: Path | None, told: ProgressCallback | None = None
+    ) -> dict[str, Any]:
+        """Train networks of several depths; written to `out` if there is one."""
+        rows = [depth._asdict() for depth in train_depths(self.data.training, self.settings, told)]
+        shared = self._settings_but("loss", "weighting", "hidden")
+        results = {**self._origin(), "settings": shared, "rows": rows}
+        return written(results, out)
+
+    def try_classifiers(self, told: ProgressCallback | None = None) -> dict[str, Any]:
+        """Let other classifiers learn the same legs, or as many as they manage."""
+        results = try_classifiers(self.data, self.settings.seed, told)
+        return {
+            **self._origin(),
+            "judged_by": EVALUATED,
+            "classifiers": [result._asdict() for result in results],
+        }
+
+    def _settings_but(self, *varied: str) -> dict[str, Any]:
+        """The settings that all rows share."""
+        return {name: one for name, one in asdict(self.settings).items() if name not in varied}
+
+    def _origin(self) -> dict[str, Any]:
+        grid = self.site.floor.grid
+        return {
+            "scenario": self.name,
+            "mode": self.mode,
+            "zones": int(grid.traffic_zone_count),
+            "floor": floor_fingerprint(grid, self.site.duration),
+        }
+
+
+def written(results: dict[str, Any], out: Path | None) -> dict[str, Any]:
+    """Results, in a file if there is to be one."""
+    if out is not None:
+        with atomic_writer(out) as file:
+            file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
+    return results
+
+
+def train_rows(data: Data, site: Site, settings: Settings, on_epoch: OnEpoch) -> list[TrainingRow]:
+    """Train with the loss of `settings` once for each weighting; the rows of its tables."""
+    rows = []
+    for weighting in TABLES_BY_WEIGHTING:
+        rows += _rows(data, site, settings, weighting, on_epoch)
+    return rows
+
+
+def _rows(
+    data: Data, site: Site, settings: Settings, weighting: str, on_epoch: OnEpoch
+) -> list[TrainingRow]:
+    from automaton.papers.training import train
+
+    def told(epoch: int, loss: float, now: Any) -> None:
+        on_epoch(settings.loss, weighting, epoch)
+
+    keeps = monitored(weighting)
+    trained = train(data.training, replace(settings, weighting=weighting), keeps, told)
+    rows = []
+    for table, legs in zip(
+        TABLES_BY_WEIGHTING[weighting], (data.training, data.unused), strict=True
+    ):
+        for keep, figures in PRINTED_TABLES[table].items():
+            kept = trained.kept[keep]
+            network = network_of(kept.layers, site, "", "", {})
+            answers = predicted_zones(network, legs.start_zone, legs.end_zone)
+            found = measured(answers, legs.touched)
+            ours = {name: found[name] for name in (*COLUMNS, *MORE)}
+            paper = dict(zip(COLUMNS, figures, strict=True))
+            rows.append(
+                TrainingRow(
+                    table, settings.loss, keep, kept.epoch, len(trained.losses), paper, ours
+                )
+            )
+    return rows
+
+
+# Do deeper networks learn? "The deeper neural networks did not converge" (Bhattathiri, Li & Kuhl, 4).
+#
+# What they come to stands beside the least loss of a constant answer, the same for every leg and zone: a
+# network that does not get below it has learnt nothing of where its legs lead.
 
 
 class TrainedDepth(NamedTuple):
@@ -99,22 +253,19 @@ def train_depths(
 # the network. Time grows with legs x zones, so they learn from some of the legs only.
 
 
-NEIGHBOURS: Final = (1, 5)  # the paper names none; 5 is scikit-learn's default
-TREES: Final = 20  # of its 100: more take longer and change little
-EVALUATED: Final = 2_000  # legs
-
-
 class ClassifierResult(NamedTuple):
     """How well a classifier does on the legs it learnt from and on legs of an unused seed."""
 
     classifier: str
     learnt_from: int  # legs
-    training: dict[str, float]  # automaton.papers.training_settings.measured
+    training: dict[str, float]  # all measures
     unused: dict[str, float]
 
 
 def one_hot(legs: Legs) -> Any:
     """(n, 2Z) sparse: a one for the start zone and one for the end zone, none for NIL."""
+    from scipy import sparse
+
     zones = legs.touched.shape[1]
     n = np.arange(len(legs.touched))
     rows = np.concatenate([n[legs.start_zone != NIL], n[legs.end_zone != NIL]])
@@ -155,6 +306,10 @@ class EachZone:
 
 def classifiers(seed: int) -> dict[str, tuple[int, Any]]:
     """name: (legs it learns from at most, classifier)."""
+    from sklearn.ensemble import RandomForestClassifier
+    from sklearn.neighbors import KNeighborsClassifier
+    from sklearn.svm import SVC, LinearSVC
+
     return {
         "linear support vectors": (15_000, EachZone(lambda: LinearSVC(random_state=seed))),
         "support vectors, radial kernel": (1_500, EachZone(lambda: SVC(random_state=seed))),
@@ -196,117 +351,3 @@ def predictions_of(classifier: Any, legs: Legs) -> Answers:
     """(n, Z) bool: what a classifier says about legs."""
     found: Answers = np.asarray(classifier.predict(one_hot(legs))).astype(np.bool_)
     return found
-
-
-# What `automaton train` does, on the floor of one scenario.
-
-
-ProgressCallback = Callable[[str], None]
-RESULTS: Final = "automaton traffic tables 1"  # format of a file of results
-
-
-@dataclass(frozen=True)
-class TrainingSession:
-    """A floor with its legs, drawn once."""
-
-    name: str  # of the scenario
-    mode: str  # of its zones
-    site: Site
-    data: Data
-    settings: Settings
-
-    @classmethod
-    def of(cls, scenario: str, overrides: Sequence[str], settings: Settings) -> TrainingSession:
-        """Raises InputError for a bad scenario, or a floor without zones."""
-        resolved = resolve(scenario, overrides)
-        site = site_of(resolved)
-        data = data_of(site, settings.legs, settings.seed)
-        return cls(
-            resolved.scenario.name, resolved.scenario.world.traffic_zones, site, data, settings
-        )
-
-    def train_network(
-        self, keep: tuple[str, ...], out: Path, told: ProgressCallback | None = None
-    ) -> dict[str, Any]:
-        """Train, write the network to `out`, and say how well it predicts."""
-        from automaton.papers.training import train
-
-        def tell(epoch: int, loss: float, now: AnswerCounts) -> None:
-            if told is not None:
-                told(
-                    f"epoch {epoch} of at most {self.settings.epochs}: loss {loss:.5f}, "
-                    f"precision {precision(now):.3f}, recall {recall(now):.3f}"
-                )
-
-        trained = train(self.data.training, self.settings, (keep,), tell)
-        kept = trained.kept[keep]
-        about = {
-            "settings": asdict(self.settings),
-            "monitored": list(keep) or ["loss"],
-            "epochs": len(trained.losses),
-            "epoch": kept.epoch,
-            "loss": kept.loss,
-        }
-        network = network_of(kept.layers, self.site, self.name, self.mode, about)
-        save_network(out, network)
-        measures = judged(network, self.data)
-        return {"file": str(out), **network.about, "zones": network.zones, "measures": measures}
-
-    def train_tables(
-        self, out: Path | None, told: ProgressCallback | None = None
-    ) -> dict[str, Any]:
-        """Train for Tables 1 to 4, with each loss; written to `out` if there is one."""
-        from automaton.papers.training_report import as_json, train_rows
-
-        def tell(loss: str, weighting: str, epoch: int) -> None:
-            if told is not None:
-                told(f"{loss}, {weighting}: epoch {epoch} of at most {self.settings.epochs}")
-
-        rows = []
-        for loss in LOSSES:
-            settings = replace(self.settings, loss=loss)
-            rows += train_rows(self.data, self.site, settings, tell)
-        shared = self._settings_but("loss", "weighting")
-        results = {"format": RESULTS, **self._origin(), "settings": shared, "rows": as_json(rows)}
-        return written(results, out)
-
-    def train_depths(
-        self, out: Path | None, told: ProgressCallback | None = None
-    ) -> dict[str, Any]:
-        """Train networks of several depths; written to `out` if there is one."""
-
-        rows = [depth._asdict() for depth in train_depths(self.data.training, self.settings, told)]
-        shared = self._settings_but("loss", "weighting", "hidden")
-        results = {**self._origin(), "settings": shared, "rows": rows}
-        return written(results, out)
-
-    def try_classifiers(self, told: ProgressCallback | None = None) -> dict[str, Any]:
-        """Let other classifiers learn the same legs, or as many as they manage."""
-
-        results = try_classifiers(self.data, self.settings.seed, told)
-        return {
-            **self._origin(),
-            "judged_by": EVALUATED,
-            "classifiers": [result._asdict() for result in results],
-        }
-
-    def _settings_but(self, *varied: str) -> dict[str, Any]:
-        """The settings that all rows share."""
-        return {name: one for name, one in asdict(self.settings).items() if name not in varied}
-
-    def _origin(self) -> dict[str, Any]:
-        grid = self.site.floor.grid
-        return {
-            "scenario": self.name,
-            "mode": self.mode,
-            "zones": int(grid.traffic_zone_count),
-            "floor": floor_fingerprint(grid, self.site.duration),
-        }
-
-
-def written(results: dict[str, Any], out: Path | None) -> dict[str, Any]:
-    """Results, in a file if there is to be one."""
-    if out is not None:
-        with atomic_writer(out) as file:
-            file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
-    return results

@@ -24,8 +24,7 @@ from automaton.world.rules import tick_length
 METRICS = [name for name in METRIC_CATALOGUE if name not in OF_OTHER_RUNS]
 STRATEGIES = '''
 import msgspec
-from automaton.engine.jit.fields import field
-from automaton.engine.jit.structs import Struct
+from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import Array
 from automaton.strategy.contract import Strategy
 

@@ -7,11 +7,11 @@ import pytest
 
 from automaton.papers.claim_report import evidence
 from automaton.papers.claims import judge
+from automaton.papers.leg_samples import legs_of, site_of
 from automaton.papers.reproduction_study import MadeTable, Reproduced, find
 from automaton.papers.traffic_study import TRAFFIC_CLAIMS
 from automaton.papers.traffic_trials import DEPTHS_TABLE as DEPTH_TABLE
 from automaton.papers.traffic_trials import TABLES_1_TO_4, network, stored, tasks_of, warehouse
-from automaton.papers.training import legs_of, site_of
 from automaton.papers.training_report import COLUMNS, PRINTED_TABLES, from_json
 from automaton.papers.training_sessions import DEPTH_LOSSES as DEPTHS
 from automaton.papers.training_sessions import HIDDEN_LAYERS, constant_loss

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from automaton.commands import main
-from automaton.papers.training import Data, Legs, site_of, unseen
+from automaton.papers.leg_samples import Data, Legs, site_of, unseen
 from automaton.papers.training_report import PRINTED_TABLES, from_json
 from automaton.papers.training_sessions import DEPTH_LOSSES as DEPTHS
 from automaton.papers.training_sessions import HIDDEN_LAYERS, constant_loss

@@ -10,7 +10,7 @@ from random_networks import random_network
 from automaton.commands import main
 from automaton.engine.state import LAYER_NAMES, NIL
 from automaton.errors import InputError
-from automaton.papers.training import members
+from automaton.papers.leg_samples import members
 from automaton.runs import provenance
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import SHIPPED_FOLDER

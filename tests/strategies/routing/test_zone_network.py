@@ -9,7 +9,7 @@ from random_networks import random_network
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.papers.training import legs_of, members, site_of, unseen
+from automaton.papers.leg_samples import legs_of, members, site_of, unseen
 from automaton.papers.training_settings import measured
 from automaton.world.building import build_world
 from automaton.world.resolve import resolve

@@ -2,6 +2,10 @@
 
 A robot starts at depot 1, 2 or 3 with a full battery, drives its tour (the sequential auction's,
 without regard to charging) and charges at position 2 or at positions 1, 2 and 3.
+
+Figures 5 and 6c show computing time. The printed curves are lost and the text gives no seconds, so none
+stand beside ours; what the text says of the curves is judged. Times are CPU times of this process: they
+differ from machine to machine and from run to run, and nothing else of the reproduction does.
 """
 
 from __future__ import annotations
@@ -20,6 +24,7 @@ from automaton.papers.auction_trials import (
     METHODS,
     NO_BATTERY,
     OPTIMUM,
+    Instance,
     empty,
     fleet_at,
     instance,
@@ -67,6 +72,20 @@ CHARGING_POLICIES: Final[Mapping[str, Mapping[str, Any]]] = {
     "fill-up": {"policy": POLICY_FILL_UP, "end_reach": True},
     "fill to 80": {"policy": POLICY_FILL_UP, "end_reach": True, "target": 80 * CHARGE_PERCENT},
 }
+BATCHES: Final = 200  # driven back to back
+FIGURE_5: Final = "Figure 5"
+FIGURE_6C: Final = "Figure 6c"
+SOLVERS: Final = {
+    "optimum ms": OPTIMUM,
+    "m^n ms": "m^n",
+    "GA ms": "GA",
+    "auction ms": "LB",
+}
+TIMED_CHARGERS: Final = (1, 2, 3)
+RULES: Final = {"as needed us": "r20", "threshold us": "look"}
+QUOTES: Final = 100  # of a quote, which takes microseconds
+TIMED_TRIES: Final = 3  # the shortest counts: other processes only add
+PRINTED_SEEDS: Final = 5  # as many as in print
 
 
 @cache
@@ -89,16 +108,23 @@ class Driven(NamedTuple):
     states: int  # looked at by the plan
 
 
+def lone_robot(stations: tuple[int, ...], start: int, rule: Battery) -> Instance:
+    """One robot with an empty list, and tasks at these stations."""
+    n = len(stations)
+    fleet = fleet_at((start,), n)
+    scratch, items = scratch_of(fleet, n), np.arange(n, dtype=np.int32)
+    task_costs = work_of(stations, seconds(), TOUR_DRAIN)
+    one = Instance(task_costs, rule, fleet, scratch, items, epsilon=0, seed=0)
+    empty(*one.market)
+    return one
+
+
 @cache
 def tour(stations: tuple[int, ...], start: int) -> tuple[int, ...]:
     """The stations in the order in which the sequential auction puts them into one list."""
-    task_costs = work_of(stations, seconds(), TOUR_DRAIN)
-    fleet = fleet_at((start,), len(stations))
-    market = (task_costs, NO_BATTERY["full"], fleet, scratch_of(fleet, len(stations)))
-    empty(*market)
-    items = np.arange(len(stations), dtype=np.int32)
-    sequential.sequential(*market, items, len(stations), BID_MIXED, 0, LOWEST_BID, 0)
-    return tuple(stations[task] for task in listed(fleet, 0))
+    one = lone_robot(stations, start, NO_BATTERY["full"])
+    sequential.sequential(*one.market, one.items, one.tasks, BID_MIXED, 0, LOWEST_BID, 0)
+    return tuple(stations[task] for task in listed(one.fleet, 0))
 
 
 @cache
@@ -174,14 +200,10 @@ def whole_objective(seed: int, n: int, number: int) -> dict[str, float]:
     stations = task_set(seed, n, number)
     found = {}
     for name in ("r0", "r20"):
-        task_costs = work_of(stations, seconds(), TOUR_DRAIN)
-        fleet = fleet_at((start,), n)
-        market = (task_costs, battery(name), fleet, scratch_of(fleet, n))
-        empty(*market)
-        items = np.arange(n, dtype=np.int32)
-        sold = sequential.sequential(*market, items, n, BID_MIXED, 0, LOWEST_BID, 0)
+        one = lone_robot(stations, start, battery(name))
+        sold = sequential.sequential(*one.market, one.items, n, BID_MIXED, 0, LOWEST_BID, 0)
         if sold == n:
-            found[f"SSI {name}"] = float(fleet.cost[0])
+            found[f"SSI {name}"] = float(one.fleet.cost[0])
     inserted = inserted_by_arrival(stations, start)
     for name in ("look", "safe"):
         found[f"GA {name}"] = drive(inserted, start, BATTERY_FULL, battery(name)).cost
@@ -190,16 +212,9 @@ def whole_objective(seed: int, n: int, number: int) -> dict[str, float]:
 
 def inserted_by_arrival(stations: tuple[int, ...], start: int) -> tuple[int, ...]:
     """The only list that the genetic algorithm can make for a single robot."""
-    task_costs = work_of(stations, seconds(), TOUR_DRAIN)
-    fleet = fleet_at((start,), len(stations))
-    market = (task_costs, NO_BATTERY["full"], fleet, scratch_of(fleet, len(stations)))
-    empty(*market)
-    items = np.arange(len(stations), dtype=np.int32)
-    sequential.by_arrival(*market, items, len(stations), BID_MIXED, 0)
-    return tuple(stations[task] for task in listed(fleet, 0))
-
-
-BATCHES: Final = 200
+    one = lone_robot(stations, start, NO_BATTERY["full"])
+    sequential.by_arrival(*one.market, one.items, one.tasks, BID_MIXED, 0)
+    return tuple(stations[task] for task in listed(one.fleet, 0))
 
 
 def rolling(seed: int, size: int, name: str, taper: bool) -> tuple[float, float]:
@@ -235,26 +250,7 @@ def full_charge(level: int, taper: bool) -> float:
     return float(ticks)
 
 
-# Figures 5 and 6c of De Ryck et al.: computing time, measured on this machine.
-#
-# The printed curves are lost and the text gives no seconds, so none stand beside ours. What the text
-# says of the curves is judged. Times are CPU times of this process: they differ from machine to
-# machine and from run to run, and nothing else of the reproduction does.
-
-
-FIGURE_5: Final = "Figure 5"
-FIGURE_6C: Final = "Figure 6c"
-SOLVERS: Final = {
-    "optimum ms": OPTIMUM,
-    "m^n ms": "m^n",
-    "GA ms": "GA",
-    "auction ms": "LB",
-}
-TIMED_CHARGERS: Final = (1, 2, 3)
-RULES: Final = {"as needed us": "r20", "threshold us": "look"}
-QUOTES: Final = 100  # of a quote, which takes microseconds
-TIMED_TRIES: Final = 3  # the shortest counts: other processes only add
-PRINTED_SEEDS: Final = 5  # as many as in print
+# Figures 5 and 6c: computing time.
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:
@@ -274,9 +270,9 @@ def solving_times(case: Case, seed: int) -> list[Mapping[str, float]]:
     for name, method in SOLVERS.items():
         one = instance("full", 2, n, seed)
 
-        def solve(one: object = one, method: str = method) -> None:
-            empty(*one.market)  # type: ignore[attr-defined]
-            METHODS[method](one)  # type: ignore[arg-type]
+        def solve(one: Instance = one, method: str = method) -> None:
+            empty(*one.market)
+            METHODS[method](one)
 
         solve()  # compiled, and in the cache
         figures[name] = 1e3 * cpu_seconds(solve)

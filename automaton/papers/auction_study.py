@@ -1,4 +1,9 @@
-"""What De Ryck et al. conclude, read as figures that runs decide."""
+"""De Ryck et al., sections 4 and 5: sequential auctions with the cost of charging in the bids.
+
+M. De Ryck, D. Pissoort, T. Holvoet, E. Demeester: Decentral task allocation for industrial AGV-systems
+with resource constraints. Its figures hold curves, no numbers: only the worked example stands beside
+printed ones. What it concludes is read as figures that runs decide.
+"""
 
 from __future__ import annotations
 
@@ -40,7 +45,9 @@ from automaton.papers.reproduction_study import (
     fixed,
 )
 
-SEVERAL_ROBOTS: Final = (2, 3, 4)  # robots
+Figures = Mapping[str, float]
+
+SEVERAL_ROBOTS: Final = (2, 3, 4)
 LINEAR: Final[dict[str, Any]] = {
     "at_least": 0.8,
     "at_most": 1.2,
@@ -51,29 +58,211 @@ SCALES: Final = (
     "our solution outputs near-optimal performance with a computation time that scales linearly with "
     "the amount of tasks and amount of robots"
 )
+COMPARED_METHODS: Final = tuple(method for method in METHODS if method not in (OPTIMUM, AGAIN))
+POOLED: Final = tuple(range(2, MOST_TASKS + 1))
+FLOORS: Final = (("full", 6), ("comb", 4))  # and the most robots there
+SHOWN_METHODS: Final = (OPTIMUM, "LB", "LB+search", "GA", "GA each gene")
+TOURS_PER_SEED: Final = 10
+TOUR_CHARGERS: Final = (("2", 1), ("1,2,3", 8))  # and the fewest tasks of a tour
+CHARGING_SHARES: Final = (
+    ("charges r0", "charges r20", "empty look", "end r20", "end look", "end safe"),
+    ("gross worse", "time worse", "time worse, floor kept"),
+)
+ROLLING: Final = ("r0", "r0 reach", "thr0 safe", "thr20 safe", "fill-up", "fill to 80")
 
-AUCTION_REMARKS: Final = (
-    "The figures with the layout and the curves are lost, and the text gives no seconds: the floor has "
-    "every length of the text, and ratios, Figure 5 and Figure 6c stand beside no printed number. Nine "
-    "lanes are needed for those lengths, eight may be there or not (`comb` leaves out four of them).",
-    "Only position 2 may charge in the worked example. Section 3.2.1 puts chargers at the depots: then "
-    "robot 2 charges for a second where it stands, bids 66 and wins.",
-    "Among the places for the charger with equal cost, [2, 5, 4, 9, 14] and [5, 2, 4, 9, 14] tie; the "
-    "printed one is nearer to the charger when it leaves its route.",
-    "The winner of the example ends 120 m from the charger with 10 % left and needs 60 %. If a charger "
-    "must stay in reach (never strand), neither robot can bid.",
-    "Equation 7 prints an intersection where the charging stop is inserted.",
-    "With one robot `only one solution is possible` if every method inserts tasks in the same order; "
-    "the auction picks the order itself.",
-    "For two robots, m^n allotments are fewer than what the genetic algorithm tries; that the optimum is "
-    "slower (Figure 5) needs all (n + m - 1)! / (m - 1)! sequences.",
-    "Robots 5 and 6 share depots 1 and 2 with robots 1 and 2; robot 4 starts at an added depot 17.",
-    "Ratios of 20 seeds differ by about 0.02 from those of others; the standard error is beside each. "
-    "100 seeds are 900 task sets for each number of robots.",
-    "In the last table a robot without a plan is towed to the charger, at driving speed, and charged "
-    "fully, which is a rosy view of a rescue.",
-    "With a tapering curve single stops are exact; where one stop cannot do, several are placed as for a "
-    "linear curve.",
+PRINTED_EXAMPLE: Final[Mapping[Key, Figures]] = {
+    ("as printed", 1): {
+        "c1": 70,
+        "c2": 180,
+        "MiniSum": 110,
+        "bid": 145,
+        "charging": 0,
+        "end %": 10,
+    },
+    ("as printed", 2): {"c1": 70, "c2": 189, "MiniSum": 119, "bid": 154, "charging": 9, "end %": 0},
+    ("charging ignored", 2): {"c2": 100, "end %": -5},
+}
+
+
+def example_figures(case: Case, seed: int) -> list[Figures]:
+    """The bids of section 4; nothing about it is random."""
+    one = bids_for(str(case.labels["setting"]))[int(case.labels["robot"]) - 1]
+    found: dict[str, float] = {} if one.before is None else {"c1": one.before}
+    if one.cost is not None and one.added is not None and one.mixed is not None:
+        found |= {"c2": one.cost, "MiniSum": one.added, "bid": one.mixed}
+        found |= {"charging": one.charging, "end %": 100 * one.end / BATTERY_FULL}
+    return [found]
+
+
+def ratio_table(
+    title: str, cases: Cases, methods: tuple[str, ...], tasks: Sequence[int], epsilon: int = 0
+) -> PublishedTable:
+    """Objectives as multiples of the optimum; a seed has a task set for each number of tasks."""
+
+    def of(case: Case, seed: int) -> list[Figures]:
+        lanes, robots = str(case.labels.get("floor", "full")), int(case.labels["robots"])
+        return [
+            {method: ratio(lanes, robots, n, seed, method, epsilon) for method in methods}
+            for n in tasks
+        ]
+
+    return PublishedTable(
+        title=title,
+        cases=cases,
+        panels=(methods,),
+        run=each_seed(of),
+        repetition="task set",
+        per_seed=len(tasks),
+        digits=3,
+        spread="se",
+    )
+
+
+def epsilon_table(name: str, epsilon: int, tasks: Sequence[int]) -> PublishedTable:
+    """Ratios of the objective that mixes the sum into it."""
+    title = f"Section 5.1 with {name}: objective as a multiple of the optimum"
+    cases = crossed(objective=(name,), robots=(2, 3))
+    return ratio_table(title, cases, ("LB", "BD", "regret", "GA"), tasks, epsilon)
+
+
+def makespans(case: Case, seed: int) -> list[Figures]:
+    """Seconds until all tasks are done."""
+    robots, n = int(case.labels["robots"]), int(case.labels["tasks"])
+    return [
+        {method: solve("full", robots, n, seed, method, 0).objective for method in SHOWN_METHODS}
+    ]
+
+
+def efforts(case: Case, seed: int) -> list[Figures]:
+    """What is computed for two robots: bids, and places in lists that are tried."""
+    n = int(case.labels["tasks"])
+    by = {method: solve("full", 2, n, seed, method, 0) for method in ("LB", "arrival", "GA")}
+    return [
+        {
+            "LB bids": by["LB"].bids,
+            "LB places": by["LB"].positions,
+            "arrival places": by["arrival"].positions,
+            "GA places": by["GA"].positions,
+            "allotments": 2**n,
+            "sequences": sequences(2, n),
+        }
+    ]
+
+
+def efforts_by_robots(case: Case, seed: int) -> list[Figures]:
+    """What is computed for ten tasks: if only the winner bids again after a sale, or everybody does."""
+    robots = int(case.labels["robots"])
+    by = {
+        name: solve("full", robots, MOST_TASKS, seed, method, 0)
+        for name, method in (("LB", "LB"), ("all", AGAIN))
+    }
+    return [
+        {f"{name} bids": one.bids for name, one in by.items()}
+        | {f"{name} places": one.positions for name, one in by.items()}
+    ]
+
+
+def charging(case: Case, seed: int) -> list[Figures]:
+    """Tours of one robot by four rules of charging."""
+    chargers = tuple(int(charger) for charger in str(case.labels["chargers"]).split(","))
+    n = int(case.labels["tasks"])
+    return [charging_costs(seed, n, number, chargers) for number in range(TOURS_PER_SEED)]
+
+
+def objectives(case: Case, seed: int) -> list[Figures]:
+    """Tours of one robot, charging in the bids or by threshold."""
+    n = int(case.labels["tasks"])
+    return [whole_objective(seed, n, number) for number in range(TOURS_PER_SEED)]
+
+
+def horizon(case: Case, seed: int) -> list[Figures]:
+    """Batches back to back, by each policy."""
+    size, taper = int(case.labels["batch"]), case.labels["curve"] == "taper"
+    found: dict[str, float] = {}
+    for name in ROLLING:
+        found[name], found[f"stuck {name}"] = rolling(seed, size, name, taper)
+    return [found]
+
+
+EXAMPLE: Final = PublishedTable(
+    title="Section 4: the worked example (s; no bid where there is no feasible plan)",
+    cases=crossed(setting=EXAMPLE_SETTINGS, robot=(1, 2)),
+    panels=(("c1", "c2", "MiniSum", "bid"), ("charging", "end %")),
+    published=lambda key, metric: PRINTED_EXAMPLE.get(key, {}).get(metric),
+    run=each_seed(example_figures),
+    repetition="example",
+    grouped=1,
+)
+RATIOS: Final = ratio_table(
+    "Section 5.1: makespan as a multiple of the optimum, 2 to 10 tasks pooled",
+    fixed([{"floor": floor, "robots": m} for floor, most in FLOORS for m in range(1, most + 1)]),
+    COMPARED_METHODS,
+    POOLED,
+)
+MAKESPANS: Final = PublishedTable(
+    title="Figure 4: makespan in seconds by the number of tasks",
+    cases=crossed(robots=range(1, 7), tasks=range(1, 11)),
+    panels=(SHOWN_METHODS,),
+    run=each_seed(makespans),
+    repetition="task set",
+    digits=1,
+    grouped=1,
+    spread="se",
+)
+EFFORTS: Final = PublishedTable(
+    title="Figure 5: work for two robots, counted (times: `automaton bench --only auctions`)",
+    cases=crossed(tasks=range(1, 11)),
+    panels=(
+        ("LB bids", "LB places", "arrival places"),
+        ("GA places", "allotments", "sequences"),
+    ),
+    run=each_seed(efforts),
+    repetition="task set",
+)
+EFFORTS_BY_ROBOTS: Final = PublishedTable(
+    title="Work for ten tasks by the number of robots, counted (all: everybody bids again after a sale)",
+    cases=crossed(tasks=("ten",), robots=range(1, 7)),
+    panels=(("LB bids", "LB places", "all bids", "all places"),),
+    run=each_seed(efforts_by_robots),
+    repetition="task set",
+)
+CHARGING_TABLE: Final = PublishedTable(
+    title="Section 5.2: seconds spent on charging by one robot (gross: to the charger, charging, on; "
+    "net: less the leg that this replaces)",
+    cases=fixed(
+        [{"chargers": at, "tasks": n} for at, few in TOUR_CHARGERS for n in range(few, 11)]
+    ),
+    panels=(
+        ("tour", "gross r0", "gross r20", "gross look", "gross safe"),
+        ("net r0", "net r20", "net look", "net safe"),
+        *CHARGING_SHARES,
+    ),
+    run=each_seed(charging),
+    repetition="tour",
+    per_seed=TOURS_PER_SEED,
+    shares=tuple(share for panel in CHARGING_SHARES for share in panel),
+    grouped=1,
+    spread="se",
+)
+OBJECTIVE: Final = PublishedTable(
+    title="Figure 6a: seconds with charging in the bids, or by threshold after the genetic tour",
+    cases=crossed(**{"robots with a battery": ("one",), "tasks": (6, 8, 10)}),
+    panels=(("SSI r0", "SSI r20", "GA look", "GA safe"),),
+    run=each_seed(objectives),
+    repetition="tour",
+    per_seed=TOURS_PER_SEED,
+    spread="se",
+)
+HORIZON: Final = PublishedTable(
+    title="Beyond the paper: batch after batch, one robot, seconds per task (200 batches a run; "
+    "stuck: share of batches without a plan)",
+    cases=crossed(curve=("linear", "taper"), batch=(2, 4, 8)),
+    panels=(ROLLING, ("stuck r0", "stuck r0 reach", "stuck thr20 safe", "stuck fill-up")),
+    run=each_seed(horizon),
+    shares=tuple(f"stuck {name}" for name in CHARGING_POLICIES),
+    digits=1,
+    grouped=1,
+    spread="se",
 )
 
 
@@ -279,222 +468,29 @@ AUCTION_CLAIMS: Final = (
     *about_the_horizon(),
 )
 
-
-# De Ryck et al., sections 4 and 5: sequential auctions with the cost of charging in the bids.
-#
-# M. De Ryck, D. Pissoort, T. Holvoet, E. Demeester: Decentral task allocation for industrial AGV-
-# systems with resource constraints. Its figures hold curves, no numbers: only the worked example
-# stands beside printed ones.
-
-
-Figures = Mapping[str, float]
-COMPARED_METHODS: Final = tuple(method for method in METHODS if method not in (OPTIMUM, AGAIN))
-POOLED: Final = tuple(range(2, MOST_TASKS + 1))
-FLOORS: Final = (("full", 6), ("comb", 4))  # and the most robots there
-SHOWN_METHODS: Final = (OPTIMUM, "LB", "LB+search", "GA", "GA each gene")
-TOURS_PER_SEED: Final = 10  # of a seed
-TOUR_CHARGERS: Final = (("2", 1), ("1,2,3", 8))  # and the fewest tasks of a tour
-CHARGING_SHARES: Final = (
-    ("charges r0", "charges r20", "empty look", "end r20", "end look", "end safe"),
-    ("gross worse", "time worse", "time worse, floor kept"),
+AUCTION_REMARKS: Final = (
+    "The figures with the layout and the curves are lost, and the text gives no seconds: the floor has "
+    "every length of the text, and ratios, Figure 5 and Figure 6c stand beside no printed number. Nine "
+    "lanes are needed for those lengths, eight may be there or not (`comb` leaves out four of them).",
+    "Only position 2 may charge in the worked example. Section 3.2.1 puts chargers at the depots: then "
+    "robot 2 charges for a second where it stands, bids 66 and wins.",
+    "Among the places for the charger with equal cost, [2, 5, 4, 9, 14] and [5, 2, 4, 9, 14] tie; the "
+    "printed one is nearer to the charger when it leaves its route.",
+    "The winner of the example ends 120 m from the charger with 10 % left and needs 60 %. If a charger "
+    "must stay in reach (never strand), neither robot can bid.",
+    "Equation 7 prints an intersection where the charging stop is inserted.",
+    "With one robot `only one solution is possible` if every method inserts tasks in the same order; "
+    "the auction picks the order itself.",
+    "For two robots, m^n allotments are fewer than what the genetic algorithm tries; that the optimum is "
+    "slower (Figure 5) needs all (n + m - 1)! / (m - 1)! sequences.",
+    "Robots 5 and 6 share depots 1 and 2 with robots 1 and 2; robot 4 starts at an added depot 17.",
+    "Ratios of 20 seeds differ by about 0.02 from those of others; the standard error is beside each. "
+    "100 seeds are 900 task sets for each number of robots.",
+    "In the last table a robot without a plan is towed to the charger, at driving speed, and charged "
+    "fully, which is a rosy view of a rescue.",
+    "With a tapering curve single stops are exact; where one stop cannot do, several are placed as for a "
+    "linear curve.",
 )
-ROLLING: Final = ("r0", "r0 reach", "thr0 safe", "thr20 safe", "fill-up", "fill to 80")
-
-PRINTED_EXAMPLE: Final[Mapping[Key, Figures]] = {
-    ("as printed", 1): {
-        "c1": 70,
-        "c2": 180,
-        "MiniSum": 110,
-        "bid": 145,
-        "charging": 0,
-        "end %": 10,
-    },
-    ("as printed", 2): {"c1": 70, "c2": 189, "MiniSum": 119, "bid": 154, "charging": 9, "end %": 0},
-    ("charging ignored", 2): {"c2": 100, "end %": -5},
-}
-
-
-def example_figures(case: Case, seed: int) -> list[Figures]:
-    """The bids of section 4; nothing about it is random."""
-    one = bids_for(str(case.labels["setting"]))[int(case.labels["robot"]) - 1]
-    found: dict[str, float] = {} if one.before is None else {"c1": one.before}
-    if one.cost is not None and one.added is not None and one.mixed is not None:
-        found |= {"c2": one.cost, "MiniSum": one.added, "bid": one.mixed}
-        found |= {"charging": one.charging, "end %": 100 * one.end / BATTERY_FULL}
-    return [found]
-
-
-def ratio_table(
-    title: str, cases: Cases, methods: tuple[str, ...], tasks: Sequence[int], epsilon: int = 0
-) -> PublishedTable:
-    """Objectives as multiples of the optimum; a seed has a task set for each number of tasks."""
-
-    def of(case: Case, seed: int) -> list[Figures]:
-        lanes, robots = str(case.labels.get("floor", "full")), int(case.labels["robots"])
-        return [
-            {method: ratio(lanes, robots, n, seed, method, epsilon) for method in methods}
-            for n in tasks
-        ]
-
-    return PublishedTable(
-        title=title,
-        cases=cases,
-        panels=(methods,),
-        run=each_seed(of),
-        repetition="task set",
-        per_seed=len(tasks),
-        digits=3,
-        spread="se",
-    )
-
-
-def epsilon_table(name: str, epsilon: int, tasks: Sequence[int]) -> PublishedTable:
-    """Ratios of the objective that mixes the sum into it."""
-    title = f"Section 5.1 with {name}: objective as a multiple of the optimum"
-    cases = crossed(objective=(name,), robots=(2, 3))
-    return ratio_table(title, cases, ("LB", "BD", "regret", "GA"), tasks, epsilon)
-
-
-def makespans(case: Case, seed: int) -> list[Figures]:
-    """Seconds until all tasks are done."""
-    robots, n = int(case.labels["robots"]), int(case.labels["tasks"])
-    return [
-        {method: solve("full", robots, n, seed, method, 0).objective for method in SHOWN_METHODS}
-    ]
-
-
-def efforts(case: Case, seed: int) -> list[Figures]:
-    """What is computed for two robots: bids, and places in lists that are tried."""
-    n = int(case.labels["tasks"])
-    by = {method: solve("full", 2, n, seed, method, 0) for method in ("LB", "arrival", "GA")}
-    return [
-        {
-            "LB bids": by["LB"].bids,
-            "LB places": by["LB"].positions,
-            "arrival places": by["arrival"].positions,
-            "GA places": by["GA"].positions,
-            "allotments": 2**n,
-            "sequences": sequences(2, n),
-        }
-    ]
-
-
-def efforts_by_robots(case: Case, seed: int) -> list[Figures]:
-    """What is computed for ten tasks: if only the winner bids again after a sale, or everybody does."""
-    robots = int(case.labels["robots"])
-    by = {
-        name: solve("full", robots, MOST_TASKS, seed, method, 0)
-        for name, method in (("LB", "LB"), ("all", AGAIN))
-    }
-    return [
-        {f"{name} bids": one.bids for name, one in by.items()}
-        | {f"{name} places": one.positions for name, one in by.items()}
-    ]
-
-
-def charging(case: Case, seed: int) -> list[Figures]:
-    """Tours of one robot by four rules of charging."""
-    chargers = tuple(int(charger) for charger in str(case.labels["chargers"]).split(","))
-    n = int(case.labels["tasks"])
-    return [charging_costs(seed, n, number, chargers) for number in range(TOURS_PER_SEED)]
-
-
-def objectives(case: Case, seed: int) -> list[Figures]:
-    """Tours of one robot, charging in the bids or by threshold."""
-    n = int(case.labels["tasks"])
-    return [whole_objective(seed, n, number) for number in range(TOURS_PER_SEED)]
-
-
-def horizon(case: Case, seed: int) -> list[Figures]:
-    """Batches back to back, by each policy."""
-    size, taper = int(case.labels["batch"]), case.labels["curve"] == "taper"
-    found: dict[str, float] = {}
-    for name in ROLLING:
-        found[name], found[f"stuck {name}"] = rolling(seed, size, name, taper)
-    return [found]
-
-
-EXAMPLE: Final = PublishedTable(
-    title="Section 4: the worked example (s; no bid where there is no feasible plan)",
-    cases=crossed(setting=EXAMPLE_SETTINGS, robot=(1, 2)),
-    panels=(("c1", "c2", "MiniSum", "bid"), ("charging", "end %")),
-    published=lambda key, metric: PRINTED_EXAMPLE.get(key, {}).get(metric),
-    run=each_seed(example_figures),
-    repetition="example",
-    grouped=1,
-)
-RATIOS: Final = ratio_table(
-    "Section 5.1: makespan as a multiple of the optimum, 2 to 10 tasks pooled",
-    fixed([{"floor": floor, "robots": m} for floor, most in FLOORS for m in range(1, most + 1)]),
-    COMPARED_METHODS,
-    POOLED,
-)
-MAKESPANS: Final = PublishedTable(
-    title="Figure 4: makespan in seconds by the number of tasks",
-    cases=crossed(robots=range(1, 7), tasks=range(1, 11)),
-    panels=(SHOWN_METHODS,),
-    run=each_seed(makespans),
-    repetition="task set",
-    digits=1,
-    grouped=1,
-    spread="se",
-)
-EFFORTS: Final = PublishedTable(
-    title="Figure 5: work for two robots, counted (times: `automaton bench --only auctions`)",
-    cases=crossed(tasks=range(1, 11)),
-    panels=(
-        ("LB bids", "LB places", "arrival places"),
-        ("GA places", "allotments", "sequences"),
-    ),
-    run=each_seed(efforts),
-    repetition="task set",
-)
-EFFORTS_BY_ROBOTS: Final = PublishedTable(
-    title="Work for ten tasks by the number of robots, counted (all: everybody bids again after a sale)",
-    cases=crossed(tasks=("ten",), robots=range(1, 7)),
-    panels=(("LB bids", "LB places", "all bids", "all places"),),
-    run=each_seed(efforts_by_robots),
-    repetition="task set",
-)
-CHARGING_TABLE: Final = PublishedTable(
-    title="Section 5.2: seconds spent on charging by one robot (gross: to the charger, charging, on; "
-    "net: less the leg that this replaces)",
-    cases=fixed(
-        [{"chargers": at, "tasks": n} for at, few in TOUR_CHARGERS for n in range(few, 11)]
-    ),
-    panels=(
-        ("tour", "gross r0", "gross r20", "gross look", "gross safe"),
-        ("net r0", "net r20", "net look", "net safe"),
-        *CHARGING_SHARES,
-    ),
-    run=each_seed(charging),
-    repetition="tour",
-    per_seed=TOURS_PER_SEED,
-    shares=tuple(share for panel in CHARGING_SHARES for share in panel),
-    grouped=1,
-    spread="se",
-)
-OBJECTIVE: Final = PublishedTable(
-    title="Figure 6a: seconds with charging in the bids, or by threshold after the genetic tour",
-    cases=crossed(**{"robots with a battery": ("one",), "tasks": (6, 8, 10)}),
-    panels=(("SSI r0", "SSI r20", "GA look", "GA safe"),),
-    run=each_seed(objectives),
-    repetition="tour",
-    per_seed=TOURS_PER_SEED,
-    spread="se",
-)
-HORIZON: Final = PublishedTable(
-    title="Beyond the paper: batch after batch, one robot, seconds per task (200 batches a run; "
-    "stuck: share of batches without a plan)",
-    cases=crossed(curve=("linear", "taper"), batch=(2, 4, 8)),
-    panels=(ROLLING, ("stuck r0", "stuck r0 reach", "stuck thr20 safe", "stuck fill-up")),
-    run=each_seed(horizon),
-    shares=tuple(f"stuck {name}" for name in CHARGING_POLICIES),
-    digits=1,
-    grouped=1,
-    spread="se",
-)
-
 
 AUCTION_HEADLINES: Final = (
     Headline("example: bid of robot 1, s", cell=("bid", ("as printed", 1))),

@@ -1,6 +1,9 @@
-"""The floor, batteries and fleets of De Ryck et al., ready for the kernels of auctions.
+"""The trials of De Ryck et al.: their floor and fleets, task sets, assigned routes, the worked example.
 
-Places are the positions 1..17 of the paper's figure less one; one tick is a second, robots drive 1 m/s.
+Places are the positions 1..17 of the paper's figure less one; one tick is a second, robots drive 1 m/s,
+and makespans are in seconds. A task set of a seed (section 5.1) has stations without repetition, the
+first n of a shuffle that is drawn for each n; it is the same for every method, number of robots and
+floor. With epsilon the objective is epsilon x sum + (1 - epsilon) x longest.
 """
 
 from __future__ import annotations
@@ -49,6 +52,37 @@ from strategies.allocation.auction.sequential import (
 CHARGE_PERCENT: Final = BATTERY_FULL // 100
 DEPOT_POSITIONS: Final = (1, 2, 3, 17, 1, 2)  # where robots 1..6 start; five and six share a depot
 STATION_POSITIONS: Final = tuple(range(4, 17))
+STREAM_TASK_SETS: Final = 14  # of random draws; each stream has a number of its own
+MOST_TASKS: Final = 10
+OPTIMUM: Final = "optimum"
+AGAIN: Final = "LB, all bid again"  # the same lists, with more work
+PICTURE_ROBOTS: Final = 3
+PICTURE_TASKS: Final = 10
+PICTURE_SEED: Final = 12  # of the first twenty, the one with the largest difference
+PICTURE_CELL_WIDTH: Final = 7  # characters of a cell
+
+# Section 4: robot 1 is at 3 with 100 %, robot 2 at 1 with 45 %; driving takes 0.5 % a second, charging
+# gives 5 %.
+EXAMPLE_STARTS: Final = (3, 1)
+EXAMPLE_CHARGES: Final = (BATTERY_FULL, 45 * CHARGE_PERCENT)
+EXAMPLE_LISTS: Final = ((7, 8, 13), (5, 4, 9))
+EXAMPLE_NEW_TASK: Final = 14
+EXAMPLE_DRAIN: Final = CHARGE_PERCENT // 2  # a second
+EXAMPLE_RATE: Final = 5 * CHARGE_PERCENT  # a second
+HALF: Final = BID_SCALE // 2  # epsilon
+
+EXAMPLE_SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
+    "as printed": {},
+    "charging ignored": {"policy": POLICY_NO_CHARGING},
+    "reserve 10 %": {"reserve": 10 * CHARGE_PERCENT},
+    "reserve 20 %": {"reserve": 20 * CHARGE_PERCENT},
+    "never strand": {"end_reach": True},
+    "chargers 1, 2, 3": {"chargers": (1, 2, 3)},
+    "joint": {"policy": POLICY_JOINT},
+    "comb floor": {"lanes": "comb"},
+}
+
+Cell = tuple[int, int]
 
 
 @cache
@@ -117,18 +151,7 @@ def listed(fleet: Fleet, robot: int) -> list[int]:
     return found
 
 
-# Section 5.1 of De Ryck et al.: task sets, and what each method makes of them.
-#
-# A task set of a seed: stations without repetition, the first n of a shuffle that is drawn for each
-# n; the same for every method, number of robots and floor. Makespans are in seconds; with epsilon,
-# the objective epsilon x sum + (1 - epsilon) x longest.
-
-
-STREAM_TASK_SETS = 14  # of random draws; each stream has a number of its own
-
-MOST_TASKS: Final = 10
-OPTIMUM: Final = "optimum"
-AGAIN: Final = "LB, all bid again"  # the same lists, with more work
+# Section 5.1: task sets, and what each method makes of them.
 
 
 @cache
@@ -270,15 +293,7 @@ def sequences(robots: int, n: int) -> int:
     return factorial(n + robots - 1) // factorial(robots - 1)
 
 
-# Assigned routes on the floor of De Ryck et al., as text (their Figures 2 and 3).
-
-
-PICTURE_ROBOTS: Final = 3
-PICTURE_TASKS: Final = 10
-PICTURE_SEED: Final = 12  # of the first twenty, the one with the largest difference
-PICTURE_CELL_WIDTH: Final = 7  # characters of a cell
-
-Cell = tuple[int, int]
+# Figures 2 and 3: assigned routes, as text.
 
 
 def pictures() -> list[tuple[str, str]]:
@@ -368,30 +383,7 @@ def way(floor_plan: FloorPlan, start: Cell, target: Cell) -> list[Cell]:
     return [floor_plan.xy(cell) for cell in reversed(path)]
 
 
-# Section 4 of De Ryck et al.: two robots with lists, and a new task at position 14.
-#
-# Robot 1 is at 3 with 100 %, robot 2 at 1 with 45 %; driving takes 0.5 % a second, charging gives 5
-# %.
-
-
-EXAMPLE_STARTS: Final = (3, 1)
-EXAMPLE_CHARGES: Final = (BATTERY_FULL, 45 * CHARGE_PERCENT)
-EXAMPLE_LISTS: Final = ((7, 8, 13), (5, 4, 9))
-EXAMPLE_NEW_TASK: Final = 14
-EXAMPLE_DRAIN: Final = CHARGE_PERCENT // 2  # a second
-EXAMPLE_RATE: Final = 5 * CHARGE_PERCENT  # a second
-HALF: Final = BID_SCALE // 2  # epsilon
-
-EXAMPLE_SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
-    "as printed": {},
-    "charging ignored": {"policy": POLICY_NO_CHARGING},
-    "reserve 10 %": {"reserve": 10 * CHARGE_PERCENT},
-    "reserve 20 %": {"reserve": 20 * CHARGE_PERCENT},
-    "never strand": {"end_reach": True},
-    "chargers 1, 2, 3": {"chargers": (1, 2, 3)},
-    "joint": {"policy": POLICY_JOINT},
-    "comb floor": {"lanes": "comb"},
-}
+# Section 4: two robots with lists, and a new task at position 14.
 
 
 @dataclass(frozen=True)

@@ -25,6 +25,7 @@ from automaton.studies.inference.proportions import exact_share
 
 Verdict = Literal["holds", "not contradicted", "undecided", "does not hold"]
 WORST_FIRST: Final[tuple[Verdict, ...]] = ("does not hold", "undecided", "not contradicted")
+OUR_BOUND: Final = "a bound of ours"  # why a range ends where it does, if nothing of it is printed
 Sample = tuple[str, tuple[Any, ...]]  # metric and key of a case
 Mean = Callable[..., float]  # mean(metric, *labels of the case)
 

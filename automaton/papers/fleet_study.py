@@ -24,7 +24,7 @@ from automaton.exchange.problem_files import (
     read_league_problem,
     read_problem_folder,
 )
-from automaton.papers.claims import Claim, Figure, above, claim, mean_of
+from automaton.papers.claims import OUR_BOUND, Claim, Figure, above, claim, mean_of
 from automaton.papers.reproduction_study import (
     Case,
     Cases,
@@ -205,7 +205,7 @@ def as_printed(name: str, fleets: Sequence[int]) -> Claim:
                 at_most=1.03,
                 digits=3,
                 certain=True,  # EPIBT draws nothing
-                why="a bound of ours",
+                why=OUR_BOUND,
             )
             for robots in fleets
             if robots in PRINTED_TASKS

@@ -17,7 +17,7 @@ import numpy as np
 from automaton.engine.random_numbers import STREAM_BREAKDOWNS, random_between
 from automaton.engine.robot_states import FAILURE_DEPLETED
 from automaton.engine.state import ACTION_CHARGE, ACTION_QUEUE, ORDER_DELIVERED, World
-from automaton.papers.claims import Figure, above, claim, mean_of
+from automaton.papers.claims import OUR_BOUND, Figure, above, claim, mean_of
 from automaton.papers.reproduction_study import (
     Headline,
     PublishedTable,
@@ -70,7 +70,13 @@ AUCTION_KINDS: Final = {  # further parameters of strategy.allocation
     "around the order, radius 4": ", region: order, announcement_radius: 4",
 }
 
-
+# Nothing is gained by more robots than energy can be bought for: 80 % of kr / (kc + kr), with the
+# percent that a tick of charging gives (1) and one of driving takes (0.3).
+LEAST_SHARE: Final = 0.8 * 1 / (0.3 + 1)
+LEAST: Final = "0.8 kr / (kc + kr)"
+SAFE: Final = ("insertion", "insertion, joint", "fill-up", "opportunity")  # never strand
+FIXED_AUCTIONEERS: Final = "two fixed auctioneers"
+NEAR_AUCTIONEERS: Final = "two fixed auctioneers, radius 4"
 LOOK_EVERY: Final = 5  # ticks between two looks at the line before a charger; a move takes 10
 LAST_FAILURE: Final = 2500  # tick until which a robot fails
 TOW_AFTER: Final = 200  # ticks
@@ -239,15 +245,6 @@ LIVING_TABLES: Final = (
         run=scenario_runs(to_the_end),
     ),
 )
-
-# Nothing is gained by more robots than energy can be bought for: 80 % of kr / (kc + kr), with the
-# percent that a tick of charging gives (1) and one of driving takes (0.3).
-LEAST_SHARE: Final = 0.8 * 1 / (0.3 + 1)
-LEAST: Final = "0.8 kr / (kc + kr)"
-OUR_BOUND: Final = "a bound of ours"
-SAFE: Final = ("insertion", "insertion, joint", "fill-up", "opportunity")  # never strand
-FIXED_AUCTIONEERS: Final = "two fixed auctioneers"
-NEAR_AUCTIONEERS: Final = "two fixed auctioneers, radius 4"
 
 
 def empty(wait: str, reserve: int, **bounds: Any) -> Figure:

@@ -65,6 +65,15 @@ TABLE_3: Final = {"T_total": T_TOTAL, "T_R": T_R, "T_Rtotal": T_R_TOTAL}
 SEE_ORDERS: Final = "orders"  # what robots know: as published
 SEE_EVERYTHING: Final = "everything"
 
+E_U: Final = {
+    "E_U_moves": "moves",
+    "E_U_operations": "operations",
+    "E_U_cycles": "cycles",
+}
+
+SAME: Final = 0.02  # shares this close count as the same
+FROM_TWO: Final = "from 2 robots on, for one alone meets nobody; the paper names no first number"
+
 TABLETOP_REMARKS: Final = (
     "Robots know the list of orders and the cells next to them (information: orders), for the paper has "
     "them neither communicate nor see each other from afar. With information: everything they plan "
@@ -161,16 +170,6 @@ def published(key: Key, metric: str) -> float | None:
         if line is None or robots not in TABLETOP_ROBOTS
         else line[TABLETOP_ROBOTS.index(int(robots))]
     )
-
-
-E_U: Final = {
-    "E_U_moves": "moves",
-    "E_U_operations": "operations",
-    "E_U_cycles": "cycles",
-}
-
-SAME: Final = 0.02  # shares this close count as the same
-FROM_TWO: Final = "from 2 robots on, for one alone meets nobody; the paper names no first number"
 
 
 def saved(name: str, configuration: int, robots: int) -> MeanQuantity:

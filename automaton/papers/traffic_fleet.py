@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any, Final
 
-from automaton.papers.claims import Figure, MeanQuantity, above, claim, mean_of
+from automaton.papers.claims import OUR_BOUND, Figure, MeanQuantity, above, claim, mean_of
 from automaton.papers.reproduction_study import Headline, PublishedTable, Reproduction, ScenarioCase
 
 WAREHOUSE_SCENARIO: Final = "warehouse-100"
@@ -35,6 +35,7 @@ ROUTING_POLICIES: Final = {  # what strategy.routing is set to; any other strate
     SHARED_PLANS: "{name: congestion, beta: 1, replan_period: 0}",
     CONGESTION: "{name: congestion, beta: 2, replan_period: 20}",
 }
+FLEET_METRICS: Final = ("task_time", "delay", "completions")
 
 
 def scenario_of(policy: str, robots: int) -> tuple[str, ...]:
@@ -67,9 +68,6 @@ def delayed_fleets(policies: Sequence[str]) -> list[ScenarioCase]:
     ]
 
 
-FLEET_METRICS: Final = ("task_time", "delay", "completions")
-
-
 def delay(policy: str, of: int | str = LARGEST_FLEET) -> MeanQuantity:
     """The mean delay with a policy; `of`: robots, or CHANCE."""
     return mean_of("delay", policy, of)
@@ -80,8 +78,6 @@ def beyond_a_star(policy: str, robots: int, **bounds: Any) -> Figure:
     more = delay(policy, robots) - delay(A_STAR, robots)
     return Figure(f"delay beyond A*, N = {robots}", more, digits=1, **bounds)
 
-
-OUR_BOUND: Final = "a bound of ours"  # nothing of it is printed
 
 TRAFFIC_FLEET_CLAIMS: Final = (
     claim(

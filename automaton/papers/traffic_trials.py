@@ -1,7 +1,10 @@
-"""The trials of Bhattathiri, Li & Kuhl on their warehouse: from a seed to the figures of each trial.
+"""The trials of Bhattathiri, Li & Kuhl on their warehouse, and what their network learns.
 
-A *predictor* says how many of the other robots use each zone, from where they start, pick up and
-drop off; what really happens is decided by their paths.
+From a seed follow the figures of each trial. A *predictor* says how many of the other robots use each
+zone, from where they start, pick up and drop off; what really happens is decided by their paths.
+
+Training takes minutes, so it is no part of a reproduction: the network and the figures of Tables 1 to 4
+are read from files that `automaton train traffic` wrote, and that it writes anew on request.
 """
 
 from __future__ import annotations
@@ -31,6 +34,10 @@ WAREHOUSE_SIDE: Final = 100  # cells
 TRIAL_ROBOTS: Final = 6  # five are active, one is dispatched
 TRIALS: Final = 100  # of a seed
 MOST_THRESHOLD: Final = 6  # A = 1..6
+WAREHOUSE_SCENARIO: Final = "warehouse-100"
+COMMAND: Final = "automaton train traffic --tables --out FILE"
+DEPTHS_COMMAND: Final = "automaton train traffic --depths --epochs 5 --out FILE"
+DEPTH_FIGURES: Final = ("least", "constant", "precision", "recall")
 
 
 class Warehouse(NamedTuple):
@@ -163,15 +170,7 @@ def with_squares(metrics: dict[str, int]) -> dict[str, int]:
     return metrics | {f"{name}_squared": metrics[name] ** 2 for name in ("time", "distance")}
 
 
-# The network of Bhattathiri, Li & Kuhl in their reproduction: what it foresees, and Tables 1 to 4.
-#
-# Training takes minutes, so it is no part of a reproduction: the network and the figures of the
-# tables are read from files that `automaton train traffic` wrote, and that it writes anew on request.
-
-
-WAREHOUSE_SCENARIO: Final = "warehouse-100"
-COMMAND: Final = "automaton train traffic --tables --out FILE"
-DEPTHS_COMMAND: Final = "automaton train traffic --depths --epochs 5 --out FILE"
+# The shipped network, and what was stored of its trainings.
 
 
 def network(where: Warehouse, seed: int, tasks: Array) -> Array:
@@ -248,7 +247,6 @@ def origin_of_depths() -> str:
     )
 
 
-DEPTH_FIGURES: Final = ("least", "constant", "precision", "recall")
 DEPTHS_TABLE: Final = PublishedTable(
     title="Deeper networks: what they learn",
     cases=lambda strategies: [

@@ -1,4 +1,18 @@
-"""Configurations of the factory with zones, the printed figures, and those of another program."""
+"""Runs of the factory of Keith & La: configurations, printed figures, what is read off a run.
+
+Travel is what robots drive between the stations to which they are sent; the first leg of each, from
+where it starts to the station of its first order, does not count (it does not in the publication).
+The time to complete ends with the last work at a station.
+
+A share of time in balance is printed for SA and GA, and "NA" for DDZ, whose robots compare loads of
+their own. Here a bystander looks once a minute at the zones that DDZ has made, and computes the same
+SVp from the same flow of the last 20 minutes: 0 < SVp <= 0.2 is in balance, as in SA and GA. A look
+counts up to the next one. Nothing of a run depends on it.
+
+Figure 5 shows finished parts over time, the printed curves beside ours. The printed ones are read off
+the authors' series every quarter of an hour, the last sample before it. That of DDZ ends at 8.36 h with
+98 parts; the last two are told in Table 5 alone.
+"""
 
 from __future__ import annotations
 
@@ -101,9 +115,8 @@ GENETIC_IN_PRINT: Final = {
     "mean_ft": 54454.17,
     "sigma_ft": 3678.93,
 }
-PRINTED_FIGURES: Final[
-    Mapping[str, Mapping[str, float]]
-] = {  # Table 5; redesigns: from the log of the run
+# Table 5; redesigns: from the log of the run.
+PRINTED_FIGURES: Final[Mapping[str, Mapping[str, float]]] = {
     SA: {"hours": 5.94, "in_balance": 0.3932, "mean_ft": 56220.83, "sigma_ft": 4145.01},
     GA: GENETIC_IN_PRINT,
     GA_PRINTED: GENETIC_IN_PRINT,
@@ -134,6 +147,42 @@ REFERENCE_MEANS: Final[Mapping[str, Reference]] = {
     DDZ_FIXED: Reference(3, (7.78, 0.06), (53931, 241), (22455, 238), (0.0, 0.0)),
 }
 
+LOOK_S: Final = 60.0
+WINDOW_MIN: Final = 20.0
+IN_BALANCE: Final = 0.2
+ADJACENCY_FT: Final = 243.6437908496732  # of SA and GA; loads depend on neither this nor tip_pairs
+CURVE_EVERY: Final = 0.25  # hours between two points of a throughput curve
+CURVE_UNTIL: Final = 12.0
+PUBLISHED_CURVES: Final[Mapping[str, str]] = {  # parts at 0 h, 0.25 h, 0.5 h ...
+    SA: "0 0 0 0 3 6 10 13 15 20 23 26 33 38 43 52 57 62 69 73 80 89 94 97 99 100",
+    GA: "0 0 0 3 5 9 12 16 18 21 27 34 39 42 49 55 58 63 68 74 79 87 92 95 97 100",
+    DDZ: "0 0 0 0 0 0 1 2 3 4 7 7 7 7 9 14 17 24 29 37 39 41 42 42 49 56 65 73 80 85 89 91 94 96 98",
+}
+DRAWN_CURVES: Final = (SA, GA, DDZ, DDZ_FREE)
+BAND: Final = (5, 95)  # percent of our runs
+ALL: Final = 100  # parts
+LINES_EVERY: Final = 2  # points of time
+CURVE: Final = "parts at "  # and the hour: how a point is called
+
+SIGMA: Final = "sigma_ft"
+SMALLER: Final = "P(sigma smaller)"
+BOOTSTRAPS: Final = 2000
+WIDEST: Final = 0.05  # of half an interval that is called decided
+
+PAIRS: Final = (  # is the first one's sigma the smaller?
+    (DDZ_FREE, NO_SHARING),  # neither shares load, nobody stands still
+    (DDZ, SA),  # as published
+    (DDZ_FREE, SA),
+    (DDZ_NEAR, NO_SHARING),
+    (DDZ_NEAR, SA),
+    (DDZ_NEAR, DDZ_FREE),
+    (DDZ_NEAR_STOPS, SA),
+    (DDZ_NEAR_STOPS, DDZ),
+)
+
+Figures = dict[str, float | int]
+Pair = tuple[str, str, tuple[Sequence[float], Sequence[float]]]
+
 
 def cases_named(names: Iterable[str], scenario: str = FACTORY, **labels: str) -> Cases:
     """The configurations with these names, with further labels."""
@@ -150,18 +199,7 @@ def printed(key: Key, metric: str) -> float | None:
     return PRINTED_FIGURES.get(str(key[0]), {}).get(metric)
 
 
-# How balanced the zones of DDZ are, by the measure of SA and GA.
-#
-# The publication prints a share of time in balance for SA and GA, and "NA" for DDZ, whose robots
-# compare loads of their own. Here a bystander looks once a minute at the zones that DDZ has made, and
-# computes the same SVp from the same flow of the last 20 minutes: 0 < SVp <= 0.2 is in balance, as in
-# SA and GA. A look counts up to the next one. Nothing of a run depends on it.
-
-
-LOOK_S: Final = 60.0
-WINDOW_MIN: Final = 20.0
-IN_BALANCE: Final = 0.2
-ADJACENCY_FT: Final = 243.6437908496732  # of SA and GA; loads depend on neither this nor tip_pairs
+# What is read off a run.
 
 
 def run_watched(simulation: Simulation) -> float:
@@ -183,33 +221,6 @@ def run_watched(simulation: Simulation) -> float:
         watched += simulation.tick - now
         balanced += good * (simulation.tick - now)
     return balanced / watched if watched else 0.0
-
-
-# Runs of the factory for `zoning`: what is run for a case, and what is read off it.
-#
-# Travel is what robots drive between the stations to which they are sent; the first leg of each, from
-# where it starts to the station of its first order, does not count (it does not in the publication).
-# The time to complete ends with the last work at a station.
-#
-# Figure 5 shows finished parts over time, the printed curves beside ours. The printed ones are read
-# off the authors' series every quarter of an hour, the last sample before it. That of DDZ ends at
-# 8.36 h with 98 parts; the last two are told in Table 5 alone.
-
-
-CURVE_EVERY: Final = 0.25  # hours between two points of a throughput curve
-CURVE_UNTIL: Final = 12.0
-PUBLISHED_CURVES: Final[Mapping[str, str]] = {  # parts at 0 h, 0.25 h, 0.5 h ...
-    SA: "0 0 0 0 3 6 10 13 15 20 23 26 33 38 43 52 57 62 69 73 80 89 94 97 99 100",
-    GA: "0 0 0 3 5 9 12 16 18 21 27 34 39 42 49 55 58 63 68 74 79 87 92 95 97 100",
-    DDZ: "0 0 0 0 0 0 1 2 3 4 7 7 7 7 9 14 17 24 29 37 39 41 42 42 49 56 65 73 80 85 89 91 94 96 98",
-}
-DRAWN_CURVES: Final = (SA, GA, DDZ, DDZ_FREE)
-BAND: Final = (5, 95)  # percent of our runs
-ALL: Final = 100  # parts
-LINES_EVERY: Final = 2  # points of time
-CURVE: Final = "parts at "  # and the hour: how a point is called
-
-Figures = dict[str, float | int]
 
 
 def hours_of(simulation: Simulation, ticks: float) -> float:
@@ -305,6 +316,9 @@ def travelled(simulation: Simulation) -> Figures:
     return {"sigma_ft": figures["sigma_ft"]}
 
 
+# Figure 5: throughput curves.
+
+
 class ThroughputCurve(NamedTuple):
     """A throughput curve: at each point of time the printed parts, and our runs'."""
 
@@ -378,26 +392,6 @@ def curve_text(one: ThroughputCurve) -> str:
 # sigma (ties count half)? The interval is the bootstrap's, over seeds; claims are judged by the
 # jackknife's, of placements: for each seed, the share of the other's runs that it beats, and the
 # share of the first's that beat it. Both take a seed for both runs that have it.
-
-
-SIGMA: Final = "sigma_ft"
-SMALLER: Final = "P(sigma smaller)"
-BOOTSTRAPS: Final = 2000
-WIDEST: Final = 0.05  # of half an interval that is called decided
-
-PAIRS: Final = (  # is the first one's sigma the smaller?
-    (DDZ_FREE, NO_SHARING),  # neither shares load, nobody stands still
-    (DDZ, SA),  # as published
-    (DDZ_FREE, SA),
-    (DDZ_NEAR, NO_SHARING),
-    (DDZ_NEAR, SA),
-    (DDZ_NEAR, DDZ_FREE),
-    (DDZ_NEAR_STOPS, SA),
-    (DDZ_NEAR_STOPS, DDZ),
-)
-
-
-Pair = tuple[str, str, tuple[Sequence[float], Sequence[float]]]
 
 
 class Evenness(NamedTuple):

@@ -63,6 +63,16 @@ WHY_THEY_DIFFER: Final = (
     "many runs can be compared, and its means are from few runs (+-: 95 % interval of the difference). "
     "SA and GA drive a little less here, for which we know no cause."
 )
+METRIC_WORDS: Final = {
+    "hours": "hours",
+    "mean_ft": "mean feet",
+    "sigma_ft": "feet of sigma",
+    "in_balance": "points of time",
+}
+WHY_AN_HOUR: Final = "`much lower`, read as an hour: in print it is 2.49 and 2.68"
+SIMILAR: Final = "`similar`, read as within half an hour: in print it is 0.19"
+LARGER: Final = "the larger part"
+LESS: Final = 0.687  # by so much is the printed sigma of DDZ below that of SA
 
 
 def beside_reference(made: Reproduced) -> list[dict[str, Any]]:
@@ -130,18 +140,6 @@ def further(made: Reproduced) -> list[Further]:
         ),
     ]
     return [one for one in found if one.data]
-
-
-METRIC_WORDS: Final = {
-    "hours": "hours",
-    "mean_ft": "mean feet",
-    "sigma_ft": "feet of sigma",
-    "in_balance": "points of time",
-}
-WHY_AN_HOUR: Final = "`much lower`, read as an hour: in print it is 2.49 and 2.68"
-SIMILAR: Final = "`similar`, read as within half an hour: in print it is 0.19"
-LARGER: Final = "the larger part"
-LESS: Final = 0.687  # by so much is the printed sigma of DDZ below that of SA
 
 
 def more(name: str, one: str, other: str) -> MeanQuantity:

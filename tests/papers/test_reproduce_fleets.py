@@ -49,7 +49,7 @@ def data(tmp_path: Path) -> Path:
 
 
 def test_the_problems_of_a_folder_are_run(data: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(fleet_study, "TICKS", 100)
+    monkeypatch.setattr(fleet_study, "RUN_TICKS", 100)
     reproduction = from_data(data)
     assert [table.name for table in reproduction.tables] == ["league", "tables"]
     made = reproduce(reproduction, seeds=1, strategies=("pibt",), workers=1)

@@ -18,7 +18,7 @@ def test_the_formula(handling: str, ticks: float) -> None:
 
 
 def test_each_wait_follows_from_the_one_before(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(queue_study, "LINES", 400)
+    monkeypatch.setattr(queue_study, "QUEUE_LINES", 400)
     (figures,) = waits(RunCase({"handling": EXPONENTIAL}), seed=3)
     assert figures["wrong_lines"] == 0
     assert figures["wait"] > 0

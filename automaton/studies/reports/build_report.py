@@ -183,8 +183,6 @@ NOT_DECLARED = (
     "measured. Quantiles are taken within each run, and then over runs: orders of a run depend on each "
     "other."
 )
-
-
 MAX_POINTS_NAMED = 24  # points
 
 

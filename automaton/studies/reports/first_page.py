@@ -280,8 +280,6 @@ def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
 MAX_NAMED: Final = 3  # points in a sentence
 MAX_LEVELS_NAMED: Final = 8  # of a factor
 MAX_SENTENCES: Final = 6  # answers in full sentences; more stand in the table alone
-
-
 _WORSE: Final = {"lowest": "lower", "highest": "higher"}
 
 

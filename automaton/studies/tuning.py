@@ -1,8 +1,14 @@
-"""What is tried: for right of way and allocation every strategy that declares values worth trying.
+"""The strategy and parameters that do best in a scenario, found by successive elimination.
 
-The parameters of a strategy declare them in a method: `tuned_values(scenario, floor_plan)` gives for each
+Tried are, for right of way and allocation, all strategies that declare values worth trying. The
+parameters of a strategy declare them in a method: `tuned_values(scenario, floor_plan)` gives for each
 parameter the values to be tried, {} for the strategy as it is; one without the method is not tried. A
 candidate is a combination; the scenario as it is is the first one.
+
+Each round has seeds of its own, the same for all candidates: they meet the same demand. The best third
+goes on. Runs of a scenario that never ends are shorter in early rounds. What is left in the end is run
+against the scenario as it is with further seeds, so that what chose the winner says nothing of how good
+it is. Effort is counted in runs, never in time; the answer depends on the budget and the seed alone.
 """
 
 from __future__ import annotations
@@ -36,6 +42,10 @@ from automaton.world.resolve import Resolved, resolve
 
 TUNED_LAYERS: Final = ("right_of_way", "allocation")
 Choice = dict[str, Any]  # a strategy as scenarios write it: {name: NAME, ...parameters}
+ELIMINATION_FACTOR: Final = 3  # of so many candidates one goes on to the next round
+FULL_ROUNDS: Final = 2  # the last ones; each before them has runs of half the length,
+MIN_LENGTH: Final = 0.25  # and at least this share of it
+MIN_PAIRS: Final = 5  # of the winner and the scenario as it is
 
 
 class TunedScenario(NamedTuple):
@@ -112,18 +122,7 @@ def in_words(choice: Choice) -> str:
     return ", ".join((str(choice["name"]), *parameters))
 
 
-# Successive elimination: rounds of paired runs, after each of which the best third goes on.
-#
-# Each round has seeds of its own, the same for all candidates: they meet the same demand. Runs of a
-# scenario that never ends are shorter in early rounds. What is left in the end is run against the
-# scenario as it is with further seeds, so that what chose the winner says nothing of how good it is.
-# Effort is counted in runs, never in time; the answer depends on the budget and the seed alone.
-
-
-ELIMINATION_FACTOR: Final = 3  # of so many candidates one goes on to the next round
-FULL_ROUNDS: Final = 2  # the last ones; each before them has runs of half the length,
-MIN_LENGTH: Final = 0.25  # and at least this share of it
-MIN_PAIRS: Final = 5  # of the winner and the scenario as it is
+# The rounds.
 
 
 class TuningRound(NamedTuple):
@@ -295,10 +294,7 @@ def compare(
         tuned.gain = effect(values[0], values[1], paired=True)
 
 
-# Report on tuned settings: a table, one object as JSON, a file of settings.
-
-
-TABLE_HEADS = ("place", "round", "runs", "mean", "right of way; allocation")
+# What was found: a table, one object as JSON, a file of settings.
 
 
 def report_blocks(tuned: Tuned, known: TunedScenarios) -> Iterator[ConsoleBlock]:
@@ -313,7 +309,8 @@ def report_blocks(tuned: Tuned, known: TunedScenarios) -> Iterator[ConsoleBlock]
     for reason in known.left_out:
         yield f"left out: {reason}"
     yield ""
-    yield Table(TABLE_HEADS, list(rows(tuned, known)), left=0, also_left=(4,), folded=True)
+    heads = ("place", "round", "runs", "mean", "right of way; allocation")
+    yield Table(heads, list(rows(tuned, known)), left=0, also_left=(4,), folded=True)
     yield "round: the last one in which it was run; means of different rounds are of different runs"
     yield conclusion(tuned)
     for setting in known.candidates[tuned.standings[0].number].settings:

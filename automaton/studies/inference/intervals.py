@@ -1,12 +1,18 @@
-"""Student's t distribution and the normal one.
+"""Intervals and effects for the metrics of independent runs, and how many runs they take.
 
-Own code and not SciPy, since `size` and `reproduce` need no extra and importing `scipy.special` takes
-0.3 s, this 0.01 s (two cores of an AMD EPYC); a test compares the two.
+    one mean      Student's interval, mean +- t(n - 1) s / sqrt(n)
+    two, paired   mean and interval of the differences of runs with the same seed
+    two, apart    difference of means; Welch's interval, degrees of freedom of Satterthwaite (1946)
+    relative      a / b - 1, by the delta method on log a - log b, which stays correct for skewed ratios
+    several       Holm's tests, and Bonferroni's intervals beside them
 
-    P(|T| > t) = I_x(v / 2, 1 / 2),  x = v / (v + t^2)
+Runs of fleets are skewed: few runs give intervals that hold the truth too seldom, so below 60 runs
+there is a warning that names skew and n. Resampling does not help: corrected bootstraps held the
+mean of 10 runs with skew 0.65 to 0.89 in 93.4 %, Student's in 94.8. What both hold on shipped
+scenarios is measured by tests/helpers/statistics_trials.py coverage.
 
-I is the regularized incomplete beta function, by its continued fraction (Abramowitz & Stegun 1964,
-26.5.8, evaluated as in Lentz 1976).
+Student's t distribution is own code and not SciPy, since `size` and `reproduce` need no extra and
+importing `scipy.special` takes 0.3 s, this 0.01 s (two cores of an AMD EPYC); a test compares the two.
 """
 
 from __future__ import annotations
@@ -20,80 +26,6 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-_NORMAL: Final = NormalDist()
-_TERMS: Final = 500
-_EXACT: Final = 1e-15
-_TINY: Final = 1e-300
-
-
-def normal_quantile(probability: float) -> float:
-    """z with P(Z <= z) = probability, which lies strictly between 0 and 1; else ValueError."""
-    if not 0 < probability < 1:
-        raise ValueError(f"a probability lies between 0 and 1, not {probability}")
-    return _NORMAL.inv_cdf(probability)
-
-
-def tails(t: float, degrees: float) -> float:
-    """P(|T| >= |t|) with so many degrees of freedom (> 0): the two-sided p value of a t statistic."""
-    if degrees <= 0:
-        raise ValueError(f"degrees of freedom are above 0, not {degrees}")
-    return 1.0 if t == 0 else incomplete_beta(degrees / (degrees + t * t), degrees / 2, 0.5)
-
-
-@lru_cache(maxsize=4096)
-def student(degrees: float, level: float = 0.95) -> float:
-    """The factor of a two-sided interval: P(|T| <= factor) = level. Raises ValueError."""
-    if not 0 < level < 1:
-        raise ValueError(f"a level lies between 0 and 1, not {level}")
-    low, high = 0.0, 1.0
-    while tails(high, degrees) > 1 - level:
-        low, high = high, 2 * high
-    while high - low > 1e-12 * high:
-        middle = (low + high) / 2
-        low, high = (middle, high) if tails(middle, degrees) > 1 - level else (low, middle)
-    return (low + high) / 2
-
-
-def incomplete_beta(x: float, a: float, b: float) -> float:
-    """I_x(a, b) for 0 <= x <= 1 and a, b > 0."""
-    if not 0 <= x <= 1 or a <= 0 or b <= 0:
-        raise ValueError(f"no incomplete beta function of x = {x}, a = {a}, b = {b}")
-    if x in (0, 1):
-        return float(x)
-    if x > (a + 1) / (a + b + 2):  # there the fraction of the other side converges fast
-        return 1 - incomplete_beta(1 - x, b, a)
-    log_front = math.lgamma(a + b) - math.lgamma(a) - math.lgamma(b)
-    log_front += a * math.log(x) + b * math.log1p(-x)
-    return math.exp(log_front) * _fraction(x, a, b) / a
-
-
-def _fraction(x: float, a: float, b: float) -> float:
-    c, d = 1.0, 1 / _off_zero(1 - (a + b) * x / (a + 1))
-    value = d
-    for m in range(1, _TERMS):
-        even = m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m))
-        odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1))
-        for term in (even, odd):
-            d = 1 / _off_zero(1 + term * d)
-            c = _off_zero(1 + term / c)
-            value *= c * d
-        if abs(c * d - 1) < _EXACT:
-            break
-    return value
-
-
-def _off_zero(value: float) -> float:
-    return value if abs(value) > _TINY else _TINY
-
-
-# Intervals of a mean of independent runs: Student's, mean +- t(n - 1) s / sqrt(n).
-#
-# Runs of fleets are skewed: few runs give intervals that hold the truth too seldom, so below 60 runs
-# there is a warning that names skew and n. Resampling does not help: corrected bootstraps held the
-# mean of 10 runs with skew 0.65 to 0.89 in 93.4 %, Student's in 94.8. What both hold on shipped
-# scenarios is measured by tests/helpers/statistics_trials.py coverage.
-
-
 Values = npt.NDArray[np.float64]
 
 STUDENT_MIN_RUNS: Final = 60  # runs from which there is no warning
@@ -102,6 +34,13 @@ ROUNDING: Final = 1e-12
 NO_SPREAD_WARNING: Final = (
     "all runs gave the same: without spread nothing is known of how far the mean may be off"
 )
+MAX_LOG_RATIO: Final = math.log(1e6)  # from a ratio to the upper end of its interval
+MIN_GROWTH: Final = 1.1  # of the runs from one round to the next
+MAX_GROWTH: Final = 2.0
+_NORMAL: Final = NormalDist()
+_TERMS: Final = 500  # of a continued fraction
+_EXACT: Final = 1e-15
+_TINY: Final = 1e-300
 
 
 class Interval(NamedTuple):
@@ -169,14 +108,9 @@ def skewness(values: Sequence[float] | Values) -> float:
     x = checked(values)
     if len(x) < 3 or constant(x):
         return 0.0
-    deviations = scaled(x - x.mean())
+    deviations = x - x.mean()
+    deviations /= np.abs(deviations).max()  # so that powers neither vanish nor overflow
     return float((deviations**3).mean() / (deviations**2).mean() ** 1.5)
-
-
-def scaled(x: Values) -> Values:
-    """Values in units of the largest: powers of them neither vanish nor overflow."""
-    largest = float(np.abs(x).max(initial=0))
-    return x / largest if largest > 0 else x
 
 
 def few(*samples: Values) -> str:
@@ -193,56 +127,10 @@ def few(*samples: Values) -> str:
     )
 
 
-# How many runs come next, where a study goes on until its intervals are as narrow as declared.
-#
-# next = the runs that the variances found so far take, but at least 1.1 n and at most 2 n
-#
-# The smallest step keeps the looks at the data few; the largest keeps a first round whose runs differ
-# much by chance from asking for far too many. Whoever stops when the interval is narrow stops more
-# often where the variance happens to be small: a little less often than declared the interval holds
-# the truth. tests/helpers/statistics_trials.py rounds measures it.
-
-
-MIN_GROWTH: Final = 1.1  # of the runs from one round to the next
-MAX_GROWTH: Final = 2.0
-
-
-def next_round(n: int, wanted: int, at_most: int) -> int | None:
-    """Runs of each point after the next round; None if `n` are enough, or are all there may be.
-
-    `wanted`: the runs that the declared precision takes, by their variances.
-    """
-    if wanted <= n or n >= at_most:
-        return None
-    least, most = math.ceil(MIN_GROWTH * n), math.floor(MAX_GROWTH * n)
-    return min(at_most, max(least, min(most, wanted)))
-
-
-# Effects: by how much one set of runs differs from another, with an interval.
-#
-# paired mean and interval of the differences of runs with the same seed unpaired difference of means;
-# Welch's interval with the degrees of freedom of Satterthwaite (1946) relative a / b - 1; by the
-# delta method on log a - log b, which stays correct for skewed ratios
+# Effects: by how much one set of runs differs from another.
 #
 # Pairing helps only where runs correlate: var(a - b) = var a + var b - 2 cov(a, b). So every effect
 # tells the correlation r and the variance ratio var(a - b) / (var a + var b); above 1 pairing loses.
-#
-# Several comparisons at once have Holm's tests, and Bonferroni's intervals beside them. A family is
-# what one declared table compares. Holm (1979): the i-th smallest of m p values is multiplied by m -
-# i + 1, and never becomes less than one before it; the probability of any false finding in the family
-# then stays below the level, whatever depends on what.
-#
-# How many runs a comparison needs until the interval of its difference is as narrow as wanted:
-#
-# paired t(n - 1) sd(a - b) / sqrt(n) <= half unpaired t(v) sqrt((var a + var b) / n) <= half, n runs
-# of each; v: Satterthwaite (1946)
-#
-# By the variances of runs that were made: a plan for the next study, or for the next round of one
-# that declared beforehand that it goes on until then.
-
-
-# from a ratio to the upper end of its interval, as a logarithm
-MAX_LOG_RATIO: Final = math.log(1e6)
 
 
 class Effect(NamedTuple):
@@ -347,6 +235,11 @@ def _p_value(x: Values, y: Values, paired: bool) -> float:
     return tails(difference / error, degrees)
 
 
+# Several comparisons at once. A family is what one declared table compares. Holm (1979): the i-th
+# smallest of m p values is multiplied by m - i + 1, and never becomes less than one before it; the
+# probability of any false finding in the family then stays below the level, whatever depends on what.
+
+
 def holm(p_values: Sequence[float]) -> list[float]:
     """Adjusted p values in the order given, at most 1. Raises ValueError beyond 0..1."""
     if any(not 0 <= p <= 1 for p in p_values):
@@ -363,6 +256,13 @@ def bonferroni(level: float, comparisons: int) -> float:
     if comparisons < 1 or not 0 < level < 1:
         raise ValueError("a family has at least one comparison and a level between 0 and 1")
     return 1 - (1 - level) / comparisons
+
+
+# How many runs an interval takes until it reaches `half` to each side, by the variances of runs that
+# were made: a plan for the next study, or for the next round of one that goes on until then.
+#
+#     paired    t(n - 1) sd(a - b) / sqrt(n) <= half
+#     unpaired  t(v) sqrt((var a + var b) / n) <= half, n runs of each; v: Satterthwaite (1946)
 
 
 def paired_runs(
@@ -406,3 +306,86 @@ def fewest(variance: float, degrees: float, half: float, level: float) -> int:
         middle = (low + high) // 2
         low, high = (low, middle) if enough(middle) else (middle, high)
     return high
+
+
+def next_round(n: int, wanted: int, at_most: int) -> int | None:
+    """Runs of each point after the next round; None if `n` are enough, or are all there may be.
+
+    `wanted`: the runs that the declared precision takes, by their variances. The smallest step keeps
+    the looks at the data few; the largest keeps a first round whose runs differ much by chance from
+    asking for far too many. Whoever stops when the interval is narrow stops more often where the variance
+    happens to be small: a little less often than declared the interval holds the truth
+    (tests/helpers/statistics_trials.py rounds measures it).
+    """
+    if wanted <= n or n >= at_most:
+        return None
+    least, most = math.ceil(MIN_GROWTH * n), math.floor(MAX_GROWTH * n)
+    return min(at_most, max(least, min(most, wanted)))
+
+
+# The normal distribution, and Student's:
+#
+#     P(|T| > t) = I_x(v / 2, 1 / 2),  x = v / (v + t^2)
+#
+# I is the regularized incomplete beta function, by its continued fraction (Abramowitz & Stegun 1964,
+# 26.5.8, evaluated as in Lentz 1976).
+
+
+def normal_quantile(probability: float) -> float:
+    """z with P(Z <= z) = probability, which lies strictly between 0 and 1; else ValueError."""
+    if not 0 < probability < 1:
+        raise ValueError(f"a probability lies between 0 and 1, not {probability}")
+    return _NORMAL.inv_cdf(probability)
+
+
+def tails(t: float, degrees: float) -> float:
+    """P(|T| >= |t|) with so many degrees of freedom (> 0): the two-sided p value of a t statistic."""
+    if degrees <= 0:
+        raise ValueError(f"degrees of freedom are above 0, not {degrees}")
+    return 1.0 if t == 0 else incomplete_beta(degrees / (degrees + t * t), degrees / 2, 0.5)
+
+
+@lru_cache(maxsize=4096)
+def student(degrees: float, level: float = 0.95) -> float:
+    """The factor of a two-sided interval: P(|T| <= factor) = level. Raises ValueError."""
+    if not 0 < level < 1:
+        raise ValueError(f"a level lies between 0 and 1, not {level}")
+    low, high = 0.0, 1.0
+    while tails(high, degrees) > 1 - level:
+        low, high = high, 2 * high
+    while high - low > 1e-12 * high:
+        middle = (low + high) / 2
+        low, high = (middle, high) if tails(middle, degrees) > 1 - level else (low, middle)
+    return (low + high) / 2
+
+
+def incomplete_beta(x: float, a: float, b: float) -> float:
+    """I_x(a, b) for 0 <= x <= 1 and a, b > 0."""
+    if not 0 <= x <= 1 or a <= 0 or b <= 0:
+        raise ValueError(f"no incomplete beta function of x = {x}, a = {a}, b = {b}")
+    if x in (0, 1):
+        return float(x)
+    if x > (a + 1) / (a + b + 2):  # there the fraction of the other side converges fast
+        return 1 - incomplete_beta(1 - x, b, a)
+    log_front = math.lgamma(a + b) - math.lgamma(a) - math.lgamma(b)
+    log_front += a * math.log(x) + b * math.log1p(-x)
+    return math.exp(log_front) * _fraction(x, a, b) / a
+
+
+def _fraction(x: float, a: float, b: float) -> float:
+    c, d = 1.0, 1 / _off_zero(1 - (a + b) * x / (a + 1))
+    value = d
+    for m in range(1, _TERMS):
+        even = m * (b - m) * x / ((a + 2 * m - 1) * (a + 2 * m))
+        odd = -(a + m) * (a + b + m) * x / ((a + 2 * m) * (a + 2 * m + 1))
+        for term in (even, odd):
+            d = 1 / _off_zero(1 + term * d)
+            c = _off_zero(1 + term / c)
+            value *= c * d
+        if abs(c * d - 1) < _EXACT:
+            break
+    return value
+
+
+def _off_zero(value: float) -> float:
+    return value if abs(value) > _TINY else _TINY

@@ -1,4 +1,4 @@
-"""Shares of runs: an exact interval, a sequential test, an interval that stopping does not spoil.
+"""Shares of runs, and sequential tests of shares and means: those of a search that stops when it knows.
 
 Clopper & Pearson (1934), of s of n runs, n fixed beforehand: with I the incomplete beta function and
 e = 1 - level, from the p with I_p(s, n - s + 1) = e / 2 to the p with I_p(s + 1, n - s) = 1 - e / 2.
@@ -40,6 +40,8 @@ Verdict = Literal["meets", "fails", "undecided"]
 
 PRIOR: Final = (0.5, 0.5)  # a and b
 HALVINGS: Final = 60
+RUNS_PER_BATCH: Final = 10  # runs
+FIRST_STAGE_RUNS: Final = 20  # batches before anything is decided: n0
 
 
 class ShareTest(NamedTuple):
@@ -143,7 +145,7 @@ def _log_beta(a: float, b: float) -> float:
 #
 # Both watch a sum of differences until it leaves a triangle (Kim & Nelson 2001, with c = 1):
 #
-# R(r) = max(0, h2 S2 / (2 d) - d r / 2), h2 = 2 eta (n0 - 1), eta = ((2 e)^(-2 / (n0 - 1)) - 1) / 2
+#     R(r) = max(0, h2 S2 / (2 d) - d r / 2),  h2 = 2 eta (n0 - 1),  eta = ((2 e)^(-2 / (n0 - 1)) - 1) / 2
 #
 # after r observations; S2 is the variance of the first n0, d the indifference zone, e the error of
 # one comparison. Observations are means of batches of runs: runs of fleets are skewed, and the
@@ -156,10 +158,6 @@ def _log_beta(a: float, b: float) -> float:
 # Selection (Kim & Nelson 2001): i drops out when its sum exceeds that of some l by R of their
 # differences. The best is kept with probability 1 - error if it is better than the others by d; e is
 # error / (k - 1), which holds also for runs with common seeds.
-
-
-RUNS_PER_BATCH: Final = 10  # runs
-FIRST_STAGE_RUNS: Final = 20  # batches before anything is decided: n0
 
 
 class Region(NamedTuple):

@@ -1,4 +1,4 @@
-"""What a reader must know before the tables of a report."""
+"""A whole report on a folder of results: what it prints in order, what to know first, maps of floors."""
 
 from __future__ import annotations
 
@@ -48,135 +48,6 @@ from automaton.units import count
 from automaton.world.resolve import Resolved
 
 MAX_POINTS_IN_REMARK: Final = 6
-
-
-def remarks(results: Results) -> Iterator[str]:
-    """What a reader must know before the tables."""
-    counts = [results.counts(point) for point in results.points]
-    missing, censored, failed = (
-        sum(getattr(one, name) for one in counts) for name in ("missing", "censored", "failed")
-    )
-    if missing:
-        yield f"{count(missing, 'run')} of {results.study.runs:,} not done yet: metrics may change"
-    if censored:
-        yield (
-            f"{count(censored, 'run')} did not finish within the limit; means leave them out, and so "
-            "favour points that have some"
-        )
-    if failed:
-        reasons = {reason for reason in results.columns["error"] if reason}
-        yield f"{count(failed, 'run')} failed: {'; '.join(sorted(reasons)[:3])}"
-    if results.earlier:
-        yield (
-            f"the analysis or warm-up was changed {count(results.earlier, 'time')} after runs had been "
-            "made: what it finds is a lead, not a test"
-        )
-    cut = results.cut
-    if cut is not None and not cut.ticks and not cut.refused:
-        yield "no warm-up is left out: the start of runs is part of all metrics"
-    for number, why in cut.refused.items() if cut is not None else ():
-        yield f"no metrics of {point_name(results.study, results.points[number])}: {why}"
-    for (number, metric), why in cut.unsteady.items() if cut is not None else ():
-        yield f"no {metric} of {point_name(results.study, results.points[number])}: {why}"
-    lost = [] if cut is None else [m for m in cut.left_out if m not in results.analysis.metrics]
-    if cut is not None and lost:
-        yield not_cut(lost, cut)
-    if results.damaged:
-        yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
-    yield from stopping_remarks(results)
-    yield from same_remarks(results)
-
-
-def started_cold(results: Results, scenarios: Scenarios) -> Iterator[str]:
-    """The remark on runs of a given length that count from their first tick.
-
-    A study of steady states has its own.
-    """
-    cold = [
-        number
-        for number, resolved in scenarios.items()
-        if resolved.scenario.stop.when == "never" and not warm_up_of(resolved.scenario)
-    ]
-    if results.cut is None and cold:
-        which = "" if len(cold) == len(results.points) else f" of {points_named(results, cold)}"
-        yield (
-            f"no warm-up is left out: runs{which} go on for a given time (stop: {{when: never}}), and "
-            "their start is part of all metrics; set measure: {warm_up: N}"
-        )
-
-
-def points_named(results: Results, numbers: Sequence[int]) -> str:
-    """Some points in words."""
-    names = [
-        point_name(results.study, results.points[number])
-        for number in numbers[:MAX_POINTS_IN_REMARK]
-    ]
-    more = len(numbers) - len(names)
-    return "; ".join(names) + (f"; and {more:,} more" if more else "")
-
-
-# Where the robots of a design point lost time and drove: one of its runs, observed again.
-
-
-def floor_maps(
-    resolved: Resolved, seed: int, digest: str, name: str, after: int = 0
-) -> Iterator[HeatMap]:
-    """Robot ticks lost and robots that came by, for each cell, in the ticks `after` one.
-
-    `digest`: of the run in the results; a run that comes to another one says so.
-    """
-    with attribute_strategy_errors(resolved):
-        simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
-        simulation.run(after)
-        before = observed(simulation)
-        simulation.run()
-    grid = simulation.world.grid
-    lost, in_zone, visits = (
-        now - then for now, then in zip(observed(simulation), before, strict=True)
-    )
-    ticks = (
-        f"{simulation.tick:,} ticks" if not after else f"ticks {after + 1:,} to {simulation.tick:,}"
-    )
-    note = f"one run, seed {seed}, {ticks}"
-    if simulation.digest != digest:
-        note += "; this code comes to another end than that of the results"
-    zone = grid.traffic_zone.max(axis=1)
-    slowed = np.where(zone == NIL, 0.0, by_cell(in_zone, zone))
-    yield HeatMap(f"Lost time, {name}", "robot ticks", laid_out(resolved, lost), note)
-    if slowed.any():
-        title = f"Driving slowly, {name}"
-        yield HeatMap(title, "robot ticks by cell of a zone", laid_out(resolved, slowed), note)
-    yield HeatMap(f"Visits, {name}", "robots", laid_out(resolved, visits), note)
-
-
-def observed(simulation: Simulation) -> tuple[Array, Array, Array]:
-    """By cell the robot ticks lost so far, by zone those driven slowly, by cell the robots so far."""
-    grid, observation = simulation.world.grid, simulation.observation
-    return (
-        observation.lost_ticks_by_cell[:, LOST_EVER].astype(np.float64),
-        observation.lost_in_zone.astype(np.float64),
-        visits_of(observation.flow, grid.offset).astype(np.float64),
-    )
-
-
-def by_cell(lost: Array, zone: Array) -> Array:
-    """(C,) what each cell has of its zone's ticks, shared evenly."""
-    cells = np.bincount(zone[zone != NIL], minlength=len(lost))
-    shared: Array = (lost / np.maximum(cells, 1))[np.maximum(zone, 0)]
-    return shared
-
-
-def laid_out(resolved: Resolved, values: Array) -> Array:
-    """(height, width) the values of cells; NaN where robots do not drive."""
-    floor_plan = resolved.floor_plan
-    field = np.where(DRIVABLE[floor_plan.kind.reshape(-1)], values, np.nan)
-    whole: Array = field.reshape(floor_plan.kind.shape)[1:-1, 1:-1]
-    return whole
-
-
-# A whole report on a folder of results.
-
-
 NOT_DECLARED = (
     "Not declared by the study: reported of every floor whose orders arrive over time, or whose "
     "tasks are "
@@ -335,3 +206,130 @@ def add_repeat(document: Document, store: Store) -> None:
             document.add(Folded(title, [Text(text, code=True)]))
         elif name not in shipped():
             document.add(Text(f"And {name} as it was, which lies outside the study's folder."))
+
+
+# What a reader must know before the tables.
+
+
+def remarks(results: Results) -> Iterator[str]:
+    """What a reader must know before the tables."""
+    counts = [results.counts(point) for point in results.points]
+    missing, censored, failed = (
+        sum(getattr(one, name) for one in counts) for name in ("missing", "censored", "failed")
+    )
+    if missing:
+        yield f"{count(missing, 'run')} of {results.study.runs:,} not done yet: metrics may change"
+    if censored:
+        yield (
+            f"{count(censored, 'run')} did not finish within the limit; means leave them out, and so "
+            "favour points that have some"
+        )
+    if failed:
+        reasons = {reason for reason in results.columns["error"] if reason}
+        yield f"{count(failed, 'run')} failed: {'; '.join(sorted(reasons)[:3])}"
+    if results.earlier:
+        yield (
+            f"the analysis or warm-up was changed {count(results.earlier, 'time')} after runs had been "
+            "made: what it finds is a lead, not a test"
+        )
+    cut = results.cut
+    if cut is not None and not cut.ticks and not cut.refused:
+        yield "no warm-up is left out: the start of runs is part of all metrics"
+    for number, why in cut.refused.items() if cut is not None else ():
+        yield f"no metrics of {point_name(results.study, results.points[number])}: {why}"
+    for (number, metric), why in cut.unsteady.items() if cut is not None else ():
+        yield f"no {metric} of {point_name(results.study, results.points[number])}: {why}"
+    lost = [] if cut is None else [m for m in cut.left_out if m not in results.analysis.metrics]
+    if cut is not None and lost:
+        yield not_cut(lost, cut)
+    if results.damaged:
+        yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
+    yield from stopping_remarks(results)
+    yield from same_remarks(results)
+
+
+def started_cold(results: Results, scenarios: Scenarios) -> Iterator[str]:
+    """The remark on runs of a given length that count from their first tick.
+
+    A study of steady states has its own.
+    """
+    cold = [
+        number
+        for number, resolved in scenarios.items()
+        if resolved.scenario.stop.when == "never" and not warm_up_of(resolved.scenario)
+    ]
+    if results.cut is None and cold:
+        which = "" if len(cold) == len(results.points) else f" of {points_named(results, cold)}"
+        yield (
+            f"no warm-up is left out: runs{which} go on for a given time (stop: {{when: never}}), and "
+            "their start is part of all metrics; set measure: {warm_up: N}"
+        )
+
+
+def points_named(results: Results, numbers: Sequence[int]) -> str:
+    """Some points in words."""
+    names = [
+        point_name(results.study, results.points[number])
+        for number in numbers[:MAX_POINTS_IN_REMARK]
+    ]
+    more = len(numbers) - len(names)
+    return "; ".join(names) + (f"; and {more:,} more" if more else "")
+
+
+# Where the robots of a design point lost time and drove: one of its runs, observed again.
+
+
+def floor_maps(
+    resolved: Resolved, seed: int, digest: str, name: str, after: int = 0
+) -> Iterator[HeatMap]:
+    """Robot ticks lost and robots that came by, for each cell, in the ticks `after` one.
+
+    `digest`: of the run in the results; a run that comes to another one says so.
+    """
+    with attribute_strategy_errors(resolved):
+        simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
+        simulation.run(after)
+        before = observed(simulation)
+        simulation.run()
+    grid = simulation.world.grid
+    lost, in_zone, visits = (
+        now - then for now, then in zip(observed(simulation), before, strict=True)
+    )
+    ticks = (
+        f"{simulation.tick:,} ticks" if not after else f"ticks {after + 1:,} to {simulation.tick:,}"
+    )
+    note = f"one run, seed {seed}, {ticks}"
+    if simulation.digest != digest:
+        note += "; this code comes to another end than that of the results"
+    zone = grid.traffic_zone.max(axis=1)
+    slowed = np.where(zone == NIL, 0.0, by_cell(in_zone, zone))
+    yield HeatMap(f"Lost time, {name}", "robot ticks", laid_out(resolved, lost), note)
+    if slowed.any():
+        title = f"Driving slowly, {name}"
+        yield HeatMap(title, "robot ticks by cell of a zone", laid_out(resolved, slowed), note)
+    yield HeatMap(f"Visits, {name}", "robots", laid_out(resolved, visits), note)
+
+
+def observed(simulation: Simulation) -> tuple[Array, Array, Array]:
+    """By cell the robot ticks lost so far, by zone those driven slowly, by cell the robots so far."""
+    grid, observation = simulation.world.grid, simulation.observation
+    return (
+        observation.lost_ticks_by_cell[:, LOST_EVER].astype(np.float64),
+        observation.lost_in_zone.astype(np.float64),
+        visits_of(observation.flow, grid.offset).astype(np.float64),
+    )
+
+
+def by_cell(lost: Array, zone: Array) -> Array:
+    """(C,) what each cell has of its zone's ticks, shared evenly."""
+    cells = np.bincount(zone[zone != NIL], minlength=len(lost))
+    shared: Array = (lost / np.maximum(cells, 1))[np.maximum(zone, 0)]
+    return shared
+
+
+def laid_out(resolved: Resolved, values: Array) -> Array:
+    """(height, width) the values of cells; NaN where robots do not drive."""
+    floor_plan = resolved.floor_plan
+    field = np.where(DRIVABLE[floor_plan.kind.reshape(-1)], values, np.nan)
+    whole: Array = field.reshape(floor_plan.kind.shape)[1:-1, 1:-1]
+    return whole

@@ -1,4 +1,4 @@
-"""The design of a study: what was asked, and how it was made."""
+"""The sections of a report about the design of a study, its comparisons, and what its factors change."""
 
 from __future__ import annotations
 
@@ -43,6 +43,12 @@ from automaton.units import count, percent, ticks_and_time
 
 INTERVALS: Final = f"Student's, with a warning on skew below {STUDENT_MIN_RUNS} runs"
 NO_WARM_UP: Final = "none: whole runs count"
+MAX_REASONS: Final = 6  # why there is no comparison
+Array = npt.NDArray[np.float64]
+ROUND_OFF: Final = 1e-12  # of what is summed up; a sum that is less is 0
+
+
+# The design: all that another one needs to judge a study.
 
 
 def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
@@ -141,10 +147,7 @@ def family(results: Results) -> str:
     return f"{what}, {pairs}; family: {scope}, p by Holm, intervals by Bonferroni{wanted}"
 
 
-# The section of a report about the comparisons that its study declares.
-
-
-MAX_REASONS: Final = 6  # why there is no comparison
+# The declared comparisons.
 
 
 def comparison_section(
@@ -282,19 +285,16 @@ def relative_text(relative: Interval | None) -> str:
 
 # What each factor of a study changes, and which factors depend on each other.
 #
-# main effect of a level its mean over all levels of the other factors, less that of the first level
-# (or of the baseline's) interaction of a pair by how much more a level of one factor changes at a
-# level of the other than at that one's first: a difference of differences share of the squared
-# differences between the means of points, which main effects, pairs of factors and the rest make up
-# exactly
+#     main effect  of a level: its mean over all levels of the other factors, less that of the first
+#                  level (or of the baseline's)
+#     interaction  of a pair: by how much more a level of one factor changes at a level of the other
+#                  than at that one's first: a difference of differences
+#     share        of the squared differences between the means of points, which main effects, pairs of
+#                  factors and the rest make up exactly
 #
 # They need a study that crosses its factors, and runs at each point. Each is a weighted sum of means
 # of points, so its interval is Student's: with common seeds that of the sums of replications, else by
 # the variances of points (Satterthwaite 1946). The intervals of a metric hold together (Bonferroni).
-
-
-Array = npt.NDArray[np.float64]
-ROUND_OFF: Final = 1e-12  # of what is summed up; a sum that is less is 0
 
 
 class MainEffect(NamedTuple):
@@ -492,9 +492,6 @@ def _averages(design: Crossed, means: Array, group: tuple[int, ...]) -> Array:
     member = member.reshape(-1)
     averages: Array = (np.bincount(member, means) / np.bincount(member))[member]
     return averages
-
-
-# The section of a report about what each factor changes, alone and with others.
 
 
 def effects_section(results: Results) -> Iterator[Block]:

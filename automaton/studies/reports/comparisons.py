@@ -1,4 +1,15 @@
-"""How reports name design points, factors and their levels."""
+"""The comparisons that a study declares, with the correction of their family; how points are named there.
+
+    baseline  each other level of the baseline's factors with the baseline, at equal other levels
+    pairs     all pairs of points
+
+The p values of a family are Holm's, the intervals Bonferroni's: all of them hold together. Points with
+the same runs, measured alike, are not compared. Of comparisons between identical points one counts.
+
+Whether the runs of a study are as many as its declared precision takes, and how many come next, is
+decided by the intervals that the report prints: of all comparisons, at the level of their family;
+without comparisons those of all means.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +35,15 @@ from automaton.units import count, percent
 
 if TYPE_CHECKING:
     from automaton.studies.sweeps.result_store import Store
+
+HELPS: Final = 0.95  # variance ratios, and shares of the runs needed, below which pairing helps
+COVERAGE_NOTE: Final = (
+    "intervals decided how many runs were made, and hold the truth a little less often than with n "
+    "fixed beforehand (docs/explanation/statistics.md says how often)"
+)
+
+
+# Names of design points, factors and their levels.
 
 
 def level_text(study: Study, factor: str, level: Any) -> str:
@@ -62,6 +82,12 @@ def varied_factors(study: Study) -> list[str]:
     return varied or ([] if len(study.scenarios) > 1 else list(study.factor_names))
 
 
+def varied_columns(study: Study) -> list[str]:
+    """What varies: the scenario if there are several, then the factors in which points differ."""
+    several = [SCENARIO_FACTOR] if len(study.scenarios) > 1 else []
+    return [*several, *varied_factors(study)]
+
+
 def heads_by_factor(study: Study) -> dict[str, str]:
     """A short name of each factor: its last part, where no other has the same."""
     names = list(study.factor_names)
@@ -73,16 +99,14 @@ def heads_by_factor(study: Study) -> dict[str, str]:
 
 
 def factor_heads(study: Study) -> list[str]:
-    """The heads of tables for what varies: the scenario if there are several, then factors."""
+    """The heads of tables for what varies."""
     heads = heads_by_factor(study)
-    several = ["scenario"] if len(study.scenarios) > 1 else []
-    return several + [heads[name] for name in varied_factors(study)]
+    return [heads.get(name, name) for name in varied_columns(study)]
 
 
 def factor_cells(study: Study, point: Point) -> list[str]:
     """The levels of a point, under `factor_heads`."""
-    several = [point.scenario] if len(study.scenarios) > 1 else []
-    return several + [level_of(study, point, name) for name in varied_factors(study)]
+    return [level_of(study, point, name) for name in varied_columns(study)]
 
 
 def level_of(study: Study, point: Point, factor: str) -> str:
@@ -119,17 +143,7 @@ def levels_apart(study: Study, point: Point, other: Point) -> str:
     return ", ".join(theirs for own, theirs in pairs if own != theirs)
 
 
-# The comparisons that a study declares, with the correction of their family.
-#
-# baseline each other level of the baseline's factors with the baseline, at equal other levels pairs
-# all pairs of points
-#
-# The p values of a family are Holm's, the intervals Bonferroni's: all of them hold together. Points
-# with the same runs, measured alike, are not compared. Of comparisons between identical points one
-# counts.
-
-
-HELPS: Final = 0.95  # variance ratios, and shares of the runs needed, below which pairing helps
+# The comparisons.
 
 
 class RunsNeeded(NamedTuple):
@@ -209,28 +223,32 @@ def _family(
     results: Results, metrics: list[str], pairs: list[tuple[Point, Point]]
 ) -> Iterator[Comparison]:
     analysis = results.analysis
-    asked = [
-        (metric, a, b, results.values(a, metric), results.values(b, metric))
-        for metric in metrics
-        for a, b in differing(results, metric, pairs)
-    ]
-    paired = results.study.paired
     usable = []
-    for metric, a, b, x, y in asked:
-        if paired:
-            both = sorted(set(x) & set(y))
-            x, y = {r: x[r] for r in both}, {r: y[r] for r in both}
-        if min(len(x), len(y)) >= 2:
-            usable.append((metric, a, b, x, y))
+    for metric in metrics:
+        for a, b in differing(results, metric, pairs):
+            x, y = compared_runs(results, a, b, metric)
+            if min(len(x), len(y)) >= 2:
+                usable.append((metric, a, b, x, y))
     if not usable:
         return
     level = bonferroni(1 - analysis.error, len(usable))
     common = results.study.common_random_numbers
-    effects = [_effect(x, y, paired, level, common) for _, _, _, x, y in usable]
+    effects = [_effect(x, y, results.study.paired, level, common) for _, _, _, x, y in usable]
     adjusted = holm([one.p for one in effects])
     for (metric, a, b, x, y), found, p in zip(usable, effects, adjusted, strict=True):
         needed = runs_needed(x, y, analysis.precision, level, common)
         yield Comparison(metric, a, b, found, p, len(usable), (len(x), len(y)), needed)
+
+
+def compared_runs(
+    results: Results, a: Point, b: Point, metric: str
+) -> tuple[dict[int, float], dict[int, float]]:
+    """A metric of two points by replication; of pairs, the replications that both have, in order."""
+    x, y = results.values(a, metric), results.values(b, metric)
+    if not results.study.paired:
+        return x, y
+    both = sorted(set(x) & set(y))
+    return {r: x[r] for r in both}, {r: y[r] for r in both}
 
 
 def runs_needed(
@@ -308,16 +326,7 @@ def precision_remark(compared: list[Comparison], precision: float | None) -> str
     return f"{what}: pairing does not help."
 
 
-# Whether the runs of a study are as many as its declared precision takes, and how many come next.
-#
-# What decides are the intervals that the report prints: of all comparisons, at the level of their
-# family; without comparisons those of all means.
-
-
-COVERAGE_NOTE: Final = (
-    "intervals decided how many runs were made, and hold the truth a little less often than with n "
-    "fixed beforehand (docs/explanation/statistics.md says how often)"
-)
+# The precision, and the runs that it takes.
 
 
 class WantedRuns(NamedTuple):

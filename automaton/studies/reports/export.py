@@ -1,7 +1,10 @@
-"""What a report says as records for other programs: of each point and metric, of each comparison.
+"""A report for other programs: records as CSV, rows as CSV and Parquet, a workbook, one JSON object.
 
-In the units of the runs, as rows have them: ticks and cells. Names of factors as columns have no dots,
-which pandas, DuckDB and spreadsheets take for something else.
+Records are of each point and metric, and of each comparison, in the units of the runs, as rows have them:
+ticks and cells. Names of factors as columns have no dots, which pandas, DuckDB and spreadsheets take for
+something else; columns that are empty throughout are left out. In CSV what is text stands in quotes:
+seeds are, since a spreadsheet keeps 15 digits of a number. A text that begins as formulas do gets an
+apostrophe first.
 """
 
 from __future__ import annotations
@@ -36,6 +39,15 @@ from automaton.studies.sweeps.study import SCENARIO_FACTOR, SERIES_COLUMN, SUMS_
 from automaton.tables.table_files import MAX_SHEET_ROWS, openpyxl, sheet_cell, too_many_in_sheet
 
 Record = dict[str, Any]
+ROWS_BEGIN: Final = b"key,"  # the first column
+SUMMARY_BEGINS: Final = b"point,"
+COMPARISONS_BEGIN: Final = b"metric,"
+PARQUET_BEGINS: Final = b"PAR1"
+SEED_COLUMN: Final = "seed"  # a number of 63 bits
+WORKBOOK_BEGINS: Final = b"PK"
+MAX_CELL_TEXT: Final = 32_000  # characters; a cell of Excel holds few more
+WIDEST_COLUMN: Final = 40  # characters
+Records = Sequence[Mapping[str, Any]]
 
 
 def column_names(names: Sequence[str]) -> list[str]:
@@ -150,18 +162,7 @@ def is_empty(value: Any) -> bool:
     return value is None or (isinstance(value, float) and math.isnan(value))
 
 
-# What a folder holds, as files for other programs: CSV, and rows as one Parquet file.
-#
-# Columns have no dots in their names, and those that are empty throughout are left out. In CSV what
-# is text stands in quotes: seeds are, since a spreadsheet keeps 15 digits of a number. A text that
-# begins as formulas do gets an apostrophe first.
-
-
-ROWS_BEGIN: Final = b"key,"  # the first column
-SUMMARY_BEGINS: Final = b"point,"
-COMPARISONS_BEGIN: Final = b"metric,"
-PARQUET_BEGINS: Final = b"PAR1"
-SEED_COLUMN: Final = "seed"  # a number of 63 bits
+# CSV and Parquet.
 
 
 def check_replaced(path: Path, begins: bytes) -> None:
@@ -248,17 +249,13 @@ def write_parquet(table: Any, path: Path) -> None:
         pyarrow.parquet.write_table(rows_table(table), file, write_page_checksum=True)
 
 
-# A report as a workbook of Excel, by openpyxl (extra `excel`).
+# A workbook of Excel, by openpyxl (extra `excel`):
 #
-# answer the first page, in the units of the reader summary a line for each point and metric, in the
-# units of the runs tables the tables of the report, in the units of the reader comparisons a line for
-# each declared comparison, in the units of the runs rows a line for each run
-
-
-WORKBOOK_BEGINS: Final = b"PK"
-MAX_CELL_TEXT: Final = 32_000  # characters; a cell of Excel holds few more
-WIDEST_COLUMN: Final = 40  # characters
-Records = Sequence[Mapping[str, Any]]
+#     answer       the first page, in the units of the reader
+#     summary      a line for each point and metric, in the units of the runs
+#     tables       the tables of the report, in the units of the reader
+#     comparisons  a line for each declared comparison, in the units of the runs
+#     rows         a line for each run
 
 
 def write_workbook(
@@ -389,7 +386,7 @@ def _plain(cell: str) -> Any:
     return int(digits) if digits.isascii() and digits.isdigit() and "." not in cell else cell
 
 
-# A report as one JSON object, in the units of the runs.
+# One JSON object.
 
 
 def as_json(report: StudyReport) -> dict[str, Any]:

@@ -1,4 +1,16 @@
-"""Which way a metric is better: a best point can only be named where that is known."""
+"""The first page of a report: what was asked, the answer with its certainty, one picture.
+
+The answer is the best point of a study, or the points among which it lies as far as the runs show.
+Points are compared where they differ by choice: by fleet, strategies and the like. What is a condition
+instead, such as the orders or the floor, parts a study into as many questions. Points with runs that
+failed, lack or did not finish are not compared, since means leave such runs out.
+
+    point i is left out if it is worse than the leading one, b, by more than chance allows:
+    mean i - mean b > t(1 - error / (k - 1)) times its standard error, one-sided
+
+Of k points the best is then left with a probability of 1 - error at least, whatever depends on what
+(subset selection: Gupta 1965, with Bonferroni's inequality). One left: it is the best.
+"""
 
 from __future__ import annotations
 
@@ -16,9 +28,11 @@ from automaton.studies.inference.intervals import (
 from automaton.studies.reports.comparison_tables import p_text, relative_text
 from automaton.studies.reports.comparisons import (
     Comparison,
+    compared_runs,
     heads_by_factor,
     level_text,
     levels_named,
+    varied_columns,
     varied_factors,
 )
 from automaton.studies.reports.metric_tables import ROBOTS_FACTOR, interval_of, is_numeric, picture
@@ -28,60 +42,33 @@ from automaton.units import count, number, percent
 
 Direction = Literal["lowest", "highest"]
 
-HIGHER_IS_BETTER: Final = frozenset(
-    (
-        "delivered",
-        "throughput",
-        "throughput_per_robot",
-        "lines_done",
-        "lines_per_visit",
-        "parts_finished",
-        "min_charge",
-        "balanced_share",
-        "ticks_per_second",
-    )
+HIGHER_IS_BETTER: Final = frozenset((
+    "delivered", "throughput", "throughput_per_robot", "lines_done", "lines_per_visit",
+    "parts_finished", "min_charge", "balanced_share", "ticks_per_second",
+))  # fmt: skip
+LOWER_IS_BETTER: Final = frozenset((
+    "makespan", "ticks", "operations", "operations_per_robot", "empty_moves_share",
+    "empty_operations_share", "empty_ticks_share", "ticks_per_operation", "legs_per_order",
+    "blocked_share", "task_time", "delay", "delay_p95", "slowdown_ticks", "retreats", "lead_time",
+    "lead_time_p95", "lead_time_p99", "lead_time_max", "late_share", "tardiness", "tardiness_p95",
+    "tardiness_p99", "oldest_order", "starved_robots", "energy", "repair_energy",
+    "battery_depletions", "breakdowns", "towed", "downtime", "delayed_share", "distance",
+    "part_flow_time", "messages", "illegal_answers", "deadlocks_resolved",
+))  # fmt: skip
+CONDITIONS: Final = (
+    SCENARIO_FACTOR,
+    "layout",
+    "orders",
+    "durations",
+    "faults",
+    "stop",
+    "units",
+    "measure",
 )
-LOWER_IS_BETTER: Final = frozenset(
-    (
-        "makespan",
-        "ticks",
-        "operations",
-        "operations_per_robot",
-        "empty_moves_share",
-        "empty_operations_share",
-        "empty_ticks_share",
-        "ticks_per_operation",
-        "legs_per_order",
-        "blocked_share",
-        "task_time",
-        "delay",
-        "delay_p95",
-        "slowdown_ticks",
-        "retreats",
-        "lead_time",
-        "lead_time_p95",
-        "lead_time_p99",
-        "lead_time_max",
-        "late_share",
-        "tardiness",
-        "tardiness_p95",
-        "tardiness_p99",
-        "oldest_order",
-        "starved_robots",
-        "energy",
-        "repair_energy",
-        "battery_depletions",
-        "breakdowns",
-        "towed",
-        "downtime",
-        "delayed_share",
-        "distance",
-        "part_flow_time",
-        "messages",
-        "illegal_answers",
-        "deadlocks_resolved",
-    )
-)
+MAX_NAMED: Final = 3  # points in a sentence
+MAX_LEVELS_NAMED: Final = 8  # of a factor
+MAX_SENTENCES: Final = 6  # answers in full sentences; more stand in the table alone
+_WORSE: Final = {"lowest": "lower", "highest": "higher"}
 
 
 def direction_of(metric: str) -> Direction | None:
@@ -93,29 +80,7 @@ def direction_of(metric: str) -> Direction | None:
     return None
 
 
-# The best point of a study, or the points among which it lies as far as the runs show.
-#
-# Points are compared where they differ by choice: by fleet, strategies and the like. What is a
-# condition instead, such as the orders or the floor, parts a study into as many questions.
-#
-# point i is left out if it is worse than the leading one, b, by more than chance allows: mean i -
-# mean b > t(1 - error / (k - 1)) times its standard error, one-sided
-#
-# Of k points the best is then left with a probability of 1 - error at least, whatever depends on what
-# (subset selection: Gupta 1965, with Bonferroni's inequality). One left: it is the best. Points with
-# runs that failed, lack or did not finish are not compared, since means leave such runs out.
-
-
-CONDITIONS: Final = (
-    SCENARIO_FACTOR,
-    "layout",
-    "orders",
-    "durations",
-    "faults",
-    "stop",
-    "units",
-    "measure",
-)
+# The best point, or the points among which it lies.
 
 
 class Answer(NamedTuple):
@@ -167,9 +132,7 @@ def groups_by_condition(results: Results) -> dict[str, list[Point]]:
 
 def condition_factors(results: Results) -> list[str]:
     """The factors that are conditions; none if nothing else varies, since these are compared then."""
-    study = results.study
-    several = [SCENARIO_FACTOR] if len(study.scenarios) > 1 else []
-    varied = [*several, *varied_factors(study)]
+    varied = varied_columns(results.study)
     conditions = [name for name in varied if name.partition(".")[0] in CONDITIONS]
     return [] if len(conditions) == len(varied) else conditions
 
@@ -230,18 +193,13 @@ def is_worse(
     results: Results, metric: str, point: Point, other: Point, better: Direction, error: float
 ) -> bool:
     """Whether a point is worse than another one, by a test with this one-sided error."""
-    x, y = results.values(point, metric), results.values(other, metric)
-    paired = results.study.paired
-    if paired:
-        both = sorted(set(x) & set(y))
-        x, y = {r: x[r] for r in both}, {r: y[r] for r in both}
+    x, y = compared_runs(results, point, other, metric)
     if min(len(x), len(y)) < 2:
         return False
-    tested = effect(list(x.values()), list(y.values()), paired, 1 - 2 * error)
+    tested = effect(list(x.values()), list(y.values()), results.study.paired, 1 - 2 * error)
     difference = tested.difference
-    if (
-        difference.warning == NO_SPREAD_WARNING
-    ):  # of such runs only a permutation test says anything
+    # Of such runs only a permutation test says anything.
+    if difference.warning == NO_SPREAD_WARNING:
         is_apart = tested.p / 2 <= error
         return is_apart and (difference.value > 0) == (better == "lowest")
     if difference.low is None or difference.high is None:
@@ -249,7 +207,7 @@ def is_worse(
     return difference.low > 0 if better == "lowest" else difference.high < 0
 
 
-# Whether the best point of a study is at the edge of what was tried: a better one may lie beyond.
+# Whether the best point is at the edge of what was tried: a better one may lie beyond.
 
 
 def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
@@ -274,13 +232,7 @@ def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
         yield f"The {what} is at the edge of what was tried: try {beyond}."
 
 
-# The first page of a report: what was asked, the answer with its certainty, one picture.
-
-
-MAX_NAMED: Final = 3  # points in a sentence
-MAX_LEVELS_NAMED: Final = 8  # of a factor
-MAX_SENTENCES: Final = 6  # answers in full sentences; more stand in the table alone
-_WORSE: Final = {"lowest": "lower", "highest": "higher"}
+# The page.
 
 
 class Opponent(NamedTuple):
@@ -323,9 +275,7 @@ def question(results: Results) -> str:
     """What a study asks, in a sentence."""
     study, metric = results.study, results.analysis.metrics[0]
     conditions = condition_factors(results)
-    choices = [name for name in varied_factors(study) if name not in conditions]
-    if SCENARIO_FACTOR not in conditions and len(study.scenarios) > 1:
-        choices = [SCENARIO_FACTOR, *choices]
+    choices = [name for name in varied_columns(study) if name not in conditions]
     varied = _listing(results, choices)
     what = f"What is the mean {metric}{f' by {varied}' if varied else ''}"
     if (better := direction_of(metric)) and len(study.points) > 1:
@@ -442,8 +392,7 @@ def table_words(results: Results, table: Table) -> Iterator[str]:
 def _name(results: Results, point: Point) -> str:
     """The levels that were chosen; conditions stand beside them."""
     study, conditions = results.study, condition_factors(results)
-    varied = ([SCENARIO_FACTOR] if len(study.scenarios) > 1 else []) + varied_factors(study)
-    chosen = [name for name in varied if name not in conditions]
+    chosen = [name for name in varied_columns(study) if name not in conditions]
     return levels_named(study, point, chosen) or point.scenario
 
 
@@ -532,13 +481,8 @@ def opponent_of(
         return None
     sign = -1 if answer.better == "highest" else 1
     next_best = min(others, key=lambda point: sign * mean_of(results, point, metric))
-    x, y = (results.values(point, metric) for point in (leading, next_best))
-    paired = results.study.paired
-    if paired:
-        both = sorted(set(x) & set(y))
-        x, y = {r: x[r] for r in both}, {r: y[r] for r in both}
+    x, y = compared_runs(results, leading, next_best, metric)
     if min(len(x), len(y)) < 2:
         return None
-    return Opponent(
-        next_best, effect(list(x.values()), list(y.values()), paired, answer.level), None
-    )
+    found = effect(list(x.values()), list(y.values()), results.study.paired, answer.level)
+    return Opponent(next_best, found, None)

@@ -1,4 +1,9 @@
-"""How lines of a picture differ: by colour, by dashes and by marks, so also without colour."""
+"""A report as one HTML file that needs nothing else, and its drawings as PNG and SVG files.
+
+Tables, curves and maps stand inside, the drawings as SVG with scales and legends; lines of a picture
+differ by colour, by dashes and by marks, so also without colour. On paper the page is A4: cells wrap, a
+table that is too wide for that has pages in landscape of its own, and no drawing is cut.
+"""
 
 from __future__ import annotations
 
@@ -32,6 +37,29 @@ from automaton.runs.report_document import (
 from automaton.studies.reports.text_output import coarse
 from automaton.units import number
 
+WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 640, 320, 70, 14, 14, 44
+LEGEND_LINE: Final = 18  # pixels
+MAP_WIDTH, MAP_HEIGHT = 960, 720  # pixels at most: the width of the page, and what a screen shows
+WIDEST_CELL: Final = 40  # pixels
+WIDEST_MAP: Final = 200  # cells; larger floors by the means of blocks
+MIN_NAME_WIDTH: Final = 90  # pixels of WIDTH that a name below the x axis has at least
+SCALE_STEPS: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # of the most, in the scale of a map
+SWATCH: Final = 18  # pixels
+WIDEST_UPRIGHT: Final = 105  # characters of a table on a page that is not turned
+WIDEST_TEXT_CELL: Final = 16  # characters of a cell of text that is not wrapped
+MOST_ROWS_KEPT: Final = 15  # of a table that is not divided between two pages
+PLOT_FORMATS = ("png", "svg")
+DPI = 300  # for print
+SIZE = (6.5, 4.2)  # inches: the width of a column of text on A4, and half a slide
+FONT_SIZES = {  # points; at half a slide they are as large as its text
+    "font.size": 10,
+    "axes.labelsize": 11,
+    "axes.titlesize": 11,
+    "legend.fontsize": 9,
+}
+WIDEST_TITLE = 50
+WIDEST_LEGEND = 60  # characters in a line of the legend
+
 
 class LineStyle(NamedTuple):
     """One of them."""
@@ -60,17 +88,7 @@ def line_style(index: int) -> LineStyle:
     return LINE_STYLES[index % len(LINE_STYLES)]
 
 
-# Curves and maps of a report as SVG, with scales and legends.
-
-
-WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 640, 320, 70, 14, 14, 44
-LEGEND_LINE: Final = 18  # pixels
-MAP_WIDTH, MAP_HEIGHT = 960, 720  # pixels at most: the width of the page, and what a screen shows
-WIDEST_CELL: Final = 40  # pixels
-WIDEST_MAP: Final = 200  # cells; larger floors by the means of blocks
-MIN_NAME_WIDTH: Final = 90  # pixels of WIDTH that a name below the x axis has at least
-SCALE_STEPS: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # of the most, in the scale of a map
-SWATCH: Final = 18  # pixels
+# Curves and maps as SVG.
 
 
 def curves_svg(curves: Curves) -> str:
@@ -213,15 +231,9 @@ def svg_text(x: float, y: float, text: str, anchor: str) -> str:
     return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(text)}</text>'
 
 
-# A report as one HTML file that needs nothing else: tables, curves and maps as SVG inside.
-#
-# On paper it is A4: cells wrap, a table that is too wide for that has pages in landscape of its own,
-# and no drawing is cut.
+# The page.
 
 
-WIDEST_UPRIGHT: Final = 105  # characters of a table on a page that is not turned
-WIDEST_TEXT_CELL: Final = 16  # characters of a cell of text that is not wrapped
-MOST_ROWS_KEPT: Final = 15  # of a table that is not divided between two pages
 STYLE: Final = """
 body { font: 15px/1.5 system-ui, sans-serif; max-width: 62rem; margin: 2rem auto; padding: 0 1rem;
   color: #1b1b1b; background: #fff }
@@ -365,20 +377,7 @@ def _classes(table: Table, column: int, cell: str) -> str:
     return " class=l" if len(cell) > WIDEST_TEXT_CELL else ' class="l n"'
 
 
-# Curves and maps as PNG and SVG, by matplotlib (extra `plots`).
-
-
-PLOT_FORMATS = ("png", "svg")
-DPI = 300  # for print
-SIZE = (6.5, 4.2)  # inches: the width of a column of text on A4, and half a slide
-FONT_SIZES = {  # points; at half a slide they are as large as its text
-    "font.size": 10,
-    "axes.labelsize": 11,
-    "axes.titlesize": 11,
-    "legend.fontsize": 9,
-}
-WIDEST_TITLE = 50
-WIDEST_LEGEND = 60  # characters in a line of the legend
+# Files of curves and maps, by matplotlib (extra `plots`).
 
 
 def figure_class() -> Any:

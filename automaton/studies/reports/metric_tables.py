@@ -1,4 +1,4 @@
-"""Points whose runs are the same, digest by digest, and the factors that make no difference there."""
+"""The tables and curves of a report: metrics by point, points with the same runs, steady throughput."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from automaton.studies.reports.comparisons import (
     level_text,
     levels_beside,
     point_name,
-    varied_factors,
+    varied_columns,
 )
 from automaton.studies.reports.study_results import (
     MIN_SHARED_SEEDS,
@@ -56,98 +56,15 @@ from automaton.world.bounds import bounds, least_ticks
 from automaton.world.resolve import Resolved
 
 MAX_SAME_RUNS_NAMED: Final = 6  # pairs of points
-
-
-def same_heads(results: Results) -> list[str]:
-    """The head of a table's column about the same runs; none if all points differ."""
-    return ["the same runs as"] if results.repeats else []
-
-
-def same_cells(results: Results, point: Point) -> list[str]:
-    """Under `same_heads`: the number of the first point with the same runs."""
-    first = results.first_same[point.number]
-    cell = "-" if first == point.number else f"point {first}"
-    return [cell for _ in same_heads(results)]
-
-
-def same_remarks(results: Results) -> Iterator[str]:
-    """Which factors change no run, and where; if none is so, which points have the same runs."""
-    inert = list(inert_factors(results)) if results.repeats else []
-    yield from inert
-    if results.repeats and not inert:
-        named = [
-            f"point {p.number} and point {results.first_same[p.number]}"
-            for p in results.repeats[:MAX_SAME_RUNS_NAMED]
-        ]
-        more = len(results.repeats) - len(named)
-        rest = f"; and {more:,} more" if more else ""
-        yield f"the same runs, digest by digest: {'; '.join(named)}{rest}"
-
-
-def inert_factors(results: Results) -> Iterator[str]:
-    """Sentences for each factor whose levels give the same runs, everywhere or somewhere."""
-    study = results.study
-    several = [SCENARIO_FACTOR] if len(study.scenarios) > 1 else []
-    for factor in [*several, *study.factor_names]:
-        groups: dict[str, list[Point]] = {}
-        for point in results.points:
-            if factor == SCENARIO_FACTOR or factor in point.levels:
-                groups.setdefault(levels_beside(point, (factor,)), []).append(point)
-        compared = [group for group in groups.values() if len(group) > 1]
-        same = [group for group in compared if _agree(results, group)]
-        apart = [[m for m in results.reported if not _agree(results, g, m)] for g in same]
-        inert = [group for group, metrics in zip(same, apart, strict=True) if not metrics]
-        otherwise = [group for group, metrics in zip(same, apart, strict=True) if metrics]
-        if inert:
-            yield (
-                f"{factor} has no effect{_where(results, inert, compared, factor)}: its levels give "
-                "the same runs, digest by digest, and are not compared"
-            )
-        if otherwise:
-            differ = dict.fromkeys(metric for metrics in apart for metric in metrics)
-            yield (
-                f"{factor} changes no run{_where(results, otherwise, compared, factor)}: its levels "
-                f"give the same runs, digest by digest, measured otherwise ({', '.join(differ)})"
-            )
-
-
-def _agree(results: Results, group: list[Point], metric: str | None = None) -> bool:
-    """Whether all of these points have the same runs, with seeds that all of them share."""
-    known: dict[int, object] = {}
-    for point in group:
-        for seed, run in results.runs(point, metric).items():
-            if known.setdefault(seed, run) != run:
-                return False
-    shared = set(known).intersection(*(results.runs(point) for point in group))
-    return len(shared) >= MIN_SHARED_SEEDS
-
-
-def _where(
-    results: Results, groups: list[list[Point]], compared: list[list[Point]], factor: str
-) -> str:
-    """Where that is, if it is not everywhere."""
-    everywhere = len(groups) == len(compared)
-    return "" if everywhere else f" with {_beside(results, groups, factor)}"
-
-
-def _beside(results: Results, groups: list[list[Point]], factor: str) -> str:
-    """The levels of the other factors in these groups; only what all of them share, if there is."""
-    study = results.study
-    shared = [
-        f"{head} {level_text(study, name, levels[0])}"
-        for name, head in heads_by_factor(study).items()
-        if name != factor
-        and (levels := [group[0].levels.get(name) for group in groups])
-        and all(level == levels[0] for level in levels)
-    ]
-    return ", ".join(shared) or f"{count(len(groups), 'combination')} of the other factors"
-
-
-# The metrics of a report: for each a table of means with one line for each point.
-
-
 Scenarios = Mapping[int, Resolved]  # by number of the point; none where a file is not found
 RUN_HEADS = ("runs", "unfinished", "failed")
+ROBOTS_FACTOR: Final = "fleet.robots"
+# Beside the metrics of the analysis.
+WANTED: Final = ("throughput", "makespan", "delay", "lead_time")
+MAX_CURVES: Final = 8  # signs and colours that there are
+
+
+# A table of means for each metric, with one line for each point.
 
 
 class Summary(NamedTuple):
@@ -289,6 +206,94 @@ def figure(value: float | None) -> str:
     return NumberText(f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}", value)
 
 
+# Points whose runs are the same, digest by digest, and the factors that make no difference there.
+
+
+def same_heads(results: Results) -> list[str]:
+    """The head of a table's column about the same runs; none if all points differ."""
+    return ["the same runs as"] if results.repeats else []
+
+
+def same_cells(results: Results, point: Point) -> list[str]:
+    """Under `same_heads`: the number of the first point with the same runs."""
+    first = results.first_same[point.number]
+    cell = "-" if first == point.number else f"point {first}"
+    return [cell for _ in same_heads(results)]
+
+
+def same_remarks(results: Results) -> Iterator[str]:
+    """Which factors change no run, and where; if none is so, which points have the same runs."""
+    inert = list(inert_factors(results)) if results.repeats else []
+    yield from inert
+    if results.repeats and not inert:
+        named = [
+            f"point {p.number} and point {results.first_same[p.number]}"
+            for p in results.repeats[:MAX_SAME_RUNS_NAMED]
+        ]
+        more = len(results.repeats) - len(named)
+        rest = f"; and {more:,} more" if more else ""
+        yield f"the same runs, digest by digest: {'; '.join(named)}{rest}"
+
+
+def inert_factors(results: Results) -> Iterator[str]:
+    """Sentences for each factor whose levels give the same runs, everywhere or somewhere."""
+    study = results.study
+    several = [SCENARIO_FACTOR] if len(study.scenarios) > 1 else []
+    for factor in [*several, *study.factor_names]:
+        groups: dict[str, list[Point]] = {}
+        for point in results.points:
+            if factor == SCENARIO_FACTOR or factor in point.levels:
+                groups.setdefault(levels_beside(point, (factor,)), []).append(point)
+        compared = [group for group in groups.values() if len(group) > 1]
+        same = [group for group in compared if _agree(results, group)]
+        apart = [[m for m in results.reported if not _agree(results, g, m)] for g in same]
+        inert = [group for group, metrics in zip(same, apart, strict=True) if not metrics]
+        otherwise = [group for group, metrics in zip(same, apart, strict=True) if metrics]
+        if inert:
+            yield (
+                f"{factor} has no effect{_where(results, inert, compared, factor)}: its levels give "
+                "the same runs, digest by digest, and are not compared"
+            )
+        if otherwise:
+            differ = dict.fromkeys(metric for metrics in apart for metric in metrics)
+            yield (
+                f"{factor} changes no run{_where(results, otherwise, compared, factor)}: its levels "
+                f"give the same runs, digest by digest, measured otherwise ({', '.join(differ)})"
+            )
+
+
+def _agree(results: Results, group: list[Point], metric: str | None = None) -> bool:
+    """Whether all of these points have the same runs, with seeds that all of them share."""
+    known: dict[int, object] = {}
+    for point in group:
+        for seed, run in results.runs(point, metric).items():
+            if known.setdefault(seed, run) != run:
+                return False
+    shared = set(known).intersection(*(results.runs(point) for point in group))
+    return len(shared) >= MIN_SHARED_SEEDS
+
+
+def _where(
+    results: Results, groups: list[list[Point]], compared: list[list[Point]], factor: str
+) -> str:
+    """Where that is, if it is not everywhere."""
+    everywhere = len(groups) == len(compared)
+    return "" if everywhere else f" with {_beside(results, groups, factor)}"
+
+
+def _beside(results: Results, groups: list[list[Point]], factor: str) -> str:
+    """The levels of the other factors in these groups; only what all of them share, if there is."""
+    study = results.study
+    shared = [
+        f"{head} {level_text(study, name, levels[0])}"
+        for name, head in heads_by_factor(study).items()
+        if name != factor
+        and (levels := [group[0].levels.get(name) for group in groups])
+        and all(level == levels[0] for level in levels)
+    ]
+    return ", ".join(shared) or f"{count(len(groups), 'combination')} of the other factors"
+
+
 # The throughput of a steady state by the deliveries after the warm-up: intervals from few runs, too.
 
 
@@ -346,15 +351,8 @@ def steady_section(results: Results) -> Iterator[Block]:
         yield Listed(refused)
 
 
-# The curves of a report: a metric over the size of the fleet, or over another factor.
-#
-# One line for each combination of the other factors, with its interval at each point.
-
-
-ROBOTS_FACTOR: Final = "fleet.robots"
-# Beside the metrics of the analysis.
-WANTED: Final = ("throughput", "makespan", "delay", "lead_time")
-MAX_CURVES: Final = 8  # signs and colours that there are
+# A metric over the size of the fleet, or over another factor: one line for each combination of the
+# other factors, with its interval at each point.
 
 
 def curves(results: Results) -> Iterator[Curves]:
@@ -426,11 +424,10 @@ def _level_names(results: Results, factor: str) -> list[str]:
 def _others(results: Results, point: Point, factor: str) -> str:
     """The levels of a point but for this factor's: "allocation independent, routing shortest"."""
     study = results.study
-    several = [SCENARIO_FACTOR] if len(study.scenarios) > 1 else []
     heads = heads_by_factor(study)
     return ", ".join(
         f"{heads.get(name, name)} {level_of(study, point, name)}"
-        for name in [*several, *varied_factors(study)]
+        for name in varied_columns(study)
         if name != factor
     )
 

@@ -1,7 +1,12 @@
-"""Metrics in the units of the reader: minutes instead of ticks, where a tick is a time.
+"""What a folder of results holds, by design point, as reports read it.
 
-Runs count in ticks and cells. A report multiplies what it prints of a metric by one number, which
-changes no comparison. Where the points of a study disagree about what a tick is, it stays a tick.
+A run that failed has no metrics. One that did not finish has some, but they do not say what it would
+have come to: means leave it out, and every table counts it.
+
+Points whose runs are the same compare nothing: a factor has no effect there. With one robot, right of
+way changes nothing: every seed ends with the same digest under each rule. Such points are called the
+same runs, tables say of which point, and no family compares them in a metric in which they agree, too.
+A warm-up changes no run, but what is measured of it.
 """
 
 from __future__ import annotations
@@ -45,6 +50,26 @@ if TYPE_CHECKING:
 
 PLAIN_TICK: Final = Unit(1.0, "tick")
 PER_HOUR: Final = "orders/h"
+LENGTHS: Final = ("makespan", "ticks", "orders")  # of a run, whatever is left out
+# A state, of which no warm-up is part.
+AT_THE_END: Final = ("min_charge", "oldest_order", "starved_robots")
+# Figures that grow with a queue, and the metrics that are steady only where they are.
+TIMES: Final = {
+    "lead_time": (*OF_TIMES, *OF_DUE_TIMES),
+    "task_time": ("task_time",),
+    "delay": ("delay", "delay_p95"),
+}
+Lists = Sequence["npt.NDArray[np.int64] | None"]  # by row
+ORDER_QUANTILES = ("lead_time_p95", "delay_p95", "tardiness_p95")  # of the orders of a run
+MIN_SHARED_SEEDS = 2  # seeds of points that are called the same runs
+Runs = Mapping[int, tuple[str, object]]  # seed -> digest and value
+USUAL_METRICS = ("makespan", "throughput", "utilization", "blocked_share", "delay", "lead_time")
+
+
+# Metrics in the units of the reader: minutes instead of ticks, where a tick is a time.
+#
+# Runs count in ticks and cells. A report multiplies what it prints of a metric by one number, which
+# changes no comparison. Where the points of a study disagree about what a tick is, it stays a tick.
 
 
 class MetricScale(NamedTuple):
@@ -110,19 +135,6 @@ def described(metric: str) -> tuple[str, str]:
 # not tell is left out.
 
 
-LENGTHS: Final = ("makespan", "ticks", "orders")  # of a run, whatever is left out
-# A state, of which no warm-up is part.
-AT_THE_END: Final = ("min_charge", "oldest_order", "starved_robots")
-DELIVERED: Final = "delivered"
-# Figures that grow with a queue, and the metrics that are steady only where they are.
-TIMES: Final = {
-    "lead_time": (*OF_TIMES, *OF_DUE_TIMES),
-    "task_time": ("task_time",),
-    "delay": ("delay", "delay_p95"),
-}
-Lists = Sequence["npt.NDArray[np.int64] | None"]  # by row
-
-
 class Cut(NamedTuple):
     """What is left out at the beginning of every run."""
 
@@ -136,10 +148,12 @@ class Cut(NamedTuple):
 
 def measured_rows(store: Store) -> tuple[pa.Table, Cut | None]:
     """All rows; of a steady state with the metrics of what comes after the cut alone."""
+    import pyarrow
+
     table = store.rows()
     if store.study.design != "steady-state":
         return table, None
-    names = [DELIVERED, *metric_names(store.manifest.counted)]
+    names = ["delivered", *metric_names(store.manifest.counted)]
     points = np.array(table.column("point").to_pylist(), np.int64)
     planned = store.manifest.points
     declared, window = max(point.warm_up for point in planned), planned[0].windows.window
@@ -165,7 +179,7 @@ def measured_rows(store: Store) -> tuple[pa.Table, Cut | None]:
         without = {*cut.refused, *(point for point, metric in cut.unsteady if metric == name)}
         gone = np.isin(points, list(without)).tolist()
         kept = [None if is_gone else value for is_gone, value in zip(gone, values, strict=True)]
-        table = table.set_column(at, field, arrow_array(kept, field.type))
+        table = table.set_column(at, field, pyarrow.array(kept, field.type))
     return table, cut._replace(left_out=tuple(lost))
 
 
@@ -332,28 +346,7 @@ def flat(column: Any) -> tuple[Any, Any, list[bool]]:
     return offsets.astype(np.int64), column.flatten().to_numpy(), known
 
 
-def arrow_array(values: list[Any], type_: Any) -> Any:
-    """An Arrow array."""
-    import pyarrow
-
-    return pyarrow.array(values, type_)
-
-
-# The rows of a study by design point: which runs there are, and the metrics of those that count.
-#
-# A run that failed has no metrics. One that did not finish has some, but they do not say what it
-# would have come to: means leave it out, and every table counts it.
-#
-# Points whose runs are the same compare nothing: a factor has no effect there. With one robot, right
-# of way changes nothing: every seed ends with the same digest under each rule. Such points are called
-# the same runs, tables say of which point, and no family compares them in a metric in which they
-# agree, too. A warm-up changes no run, but what is measured of it.
-
-
-ORDER_QUANTILES = ("lead_time_p95", "delay_p95", "tardiness_p95")  # of the orders of a run
-MIN_SHARED_SEEDS = 2  # seeds of points that are called the same runs
-Runs = Mapping[int, tuple[str, object]]  # seed -> digest and value
-USUAL_METRICS = ("makespan", "throughput", "utilization", "blocked_share", "delay", "lead_time")
+# The rows of a study by design point.
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,13 @@ from automaton.runs.report_document import (
 from automaton.units import number
 
 COLUMN_GAP = "  "
+SIGNS = "\\|*_`<"  # of Markdown
+HTML_SIGNS = "\\<"  # in titles, where names stand as they are
+CURVE_MARKS = "ox+*#%@&"
+INTERVAL_MARK = ":"
+CHART_HEIGHT, CHART_COLUMNS = 14, 60
+SHADES = ".:-=+*%@"  # from a little to the most
+WALL_MARK, EMPTY_MARK = " ", "·"
 
 
 def as_text(document: Document, width: int = 100) -> str:
@@ -81,10 +88,6 @@ def table_lines(table: Table) -> Iterator[str]:
     yield line(table.head)
     yield COLUMN_GAP.join("-" * width for width in widths)
     yield from map(line, table.rows)
-
-
-SIGNS = "\\|*_`<"  # of Markdown
-HTML_SIGNS = "\\<"  # in titles, where names stand as they are
 
 
 def as_markdown(document: Document) -> str:
@@ -142,13 +145,6 @@ def fenced(lines: Iterator[str]) -> Iterator[str]:
     while any(fence in line for line in kept):
         fence += "`"
     yield from (fence, *kept, fence)
-
-
-CURVE_MARKS = "ox+*#%@&"
-INTERVAL_MARK = ":"
-CHART_HEIGHT, CHART_COLUMNS = 14, 60
-SHADES = ".:-=+*%@"  # from a little to the most
-WALL_MARK, EMPTY_MARK = " ", "·"
 
 
 def chart(curves: Curves, width: int = CHART_COLUMNS, height: int = CHART_HEIGHT) -> Iterator[str]:

@@ -1,4 +1,11 @@
-"""What is asked: a target for a metric, fleets and strategies to try, how sure the answer must be."""
+"""The smallest fleet that meets a target: the question, and the search that tests every candidate.
+
+More robots do not always do better (finishing times rise and fall with their number), so there is
+no bisection: candidates are tested from the smallest on, until one passes, and none is inferred from
+another. One that takes too long is put off, and gets what is left of the budget when a larger one has
+passed, or none is left. With K candidates and the error e / K of each, all verdicts are right together
+with probability 1 - e, wherever the search stops.
+"""
 
 from __future__ import annotations
 
@@ -31,12 +38,10 @@ from automaton.studies.inference.proportions import (
 )
 from automaton.units import SECONDS_PER_UNIT, Unit, symbol_of
 
-DEFAULT_SUCCESS_SHARE, DEFAULT_INDIFFERENCE, DEFAULT_ALPHA, DEFAULT_MAX_RUNS = (
-    0.95,
-    0.02,
-    0.05,
-    20_000,
-)
+DEFAULT_SUCCESS_SHARE: Final = 0.95
+DEFAULT_INDIFFERENCE: Final = 0.02
+DEFAULT_ALPHA: Final = 0.05
+DEFAULT_MAX_RUNS: Final = 20_000
 DEFAULT_MEAN_INDIFFERENCE: Final = 0.01  # of the target, where a mean is asked for without a zone
 MAX_FLEET_SIZE: Final = 1_000_000
 
@@ -44,6 +49,9 @@ _TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S.*?)\s*")
 _VALUE: Final = re.compile(r"([-+]?[\d.,_]+(?:[eE][-+]?\d+)?)\s*(\D.*)?")
 _DECIMAL_COMMA: Final = re.compile(r",(?!\d{3}(?!\d))")  # no separator of thousands
 _RANGE: Final = re.compile(r"\s*(\d{1,9})\s*(?:\.\.|-)\s*(\d{1,9})\s*|\s*(\d{1,9})\s*")
+Kind = Literal["answered", "undecided", "not reachable"]
+RUNS_PER_ROUND: Final = ((100, 100), (10, 25), (0, 10))  # from so many runs on, so many in a round
+MAX_POSTPONED: Final = 2  # a candidate is put off when it has had this part of the budget: a half
 
 
 class Target(NamedTuple):
@@ -330,14 +338,7 @@ def strategies_named(text: str) -> tuple[str, ...]:
     return tuple(found)
 
 
-# The search for the smallest fleet: every candidate is tested, none is inferred from another.
-#
-# More robots do not always do better (finishing times rise and fall with their number), so there is
-# no bisection: candidates are tested from the smallest on, until one passes. One that takes too long
-# is put off, and gets what is left of the budget when a larger one has passed, or none is left.
-#
-# With K candidates and the error e / K of each, all verdicts are right together with probability 1 -
-# e, wherever the search stops.
+# The search.
 
 
 class FleetConfig(NamedTuple):
@@ -437,10 +438,9 @@ def judged(runs: Sequence[FleetRun], question: Question) -> tuple[Verdict, int]:
 
 def lost_by_cause(candidate: Candidate) -> dict[str, float]:
     """Mean ticks of a run that robots lose, by cause, without those of nothing; runs censored too."""
-    names = [
-        name for name in _names(candidate) if name.startswith("lost_") or name == "slowdown_ticks"
-    ]
-    means = {name: mean_of(candidate, name) for name in names}
+    names = dict.fromkeys(name for run in candidate.runs for name in run.figures)
+    lost = (name for name in names if name.startswith("lost_") or name == "slowdown_ticks")
+    means = {name: mean_of(candidate, name) for name in lost}
     return {name: value for name, value in means.items() if value > 0}
 
 
@@ -448,16 +448,6 @@ def mean_of(candidate: Candidate, name: str) -> float:
     """The mean of a metric over all runs, those that did not finish included; NaN without any."""
     values = [float(run.figures[name]) for run in candidate.runs if name in run.figures]
     return math.fsum(values) / len(values) if values else math.nan
-
-
-def _names(candidate: Candidate) -> list[str]:
-    return list(dict.fromkeys(name for run in candidate.runs for name in run.figures))
-
-
-Kind = Literal["answered", "undecided", "not reachable"]
-
-RUNS_PER_ROUND: Final = ((100, 100), (10, 25), (0, 10))  # from so many runs on, so many in a round
-MAX_POSTPONED: Final = 2  # a candidate is put off when it has had this part of the budget: a half
 
 
 class SearchAnswer(NamedTuple):
@@ -476,8 +466,7 @@ class FleetSearch:
     strategy: str
     run: Runner
     budget: int
-    # Robots: the bound that excludes them.
-    excluded: Mapping[int, str] = field(default_factory=dict)
+    excluded: Mapping[int, str] = field(default_factory=dict)  # by robots, the bound that does
     spent: int = 0
     candidates: list[Candidate] = field(default_factory=list)
 

@@ -1,6 +1,7 @@
-"""The answer of `automaton size` as text: the question, the answer, and how it was found.
+"""The answer of `automaton size` as text, as curves for PNG and SVG, as one JSON object and as a table.
 
-Candidates are drawn as intervals below each other, and as curves for PNG and SVG.
+The text has the question, the answer, and how it was found; candidates are drawn as intervals below each
+other. Times in JSON are in ticks.
 """
 
 from __future__ import annotations
@@ -54,6 +55,9 @@ VERDICT_NOTE = (
 MAX_CAUSES = 4
 MIN_SHARE_SHOWN = 0.0005  # of the robots' time
 REPORT_WIDTH = 100  # a table of metrics is not text to be folded
+CHART_WIDTH: Final = 61  # of a scale
+MARK_VALUE, MARK_INTERVAL, MARK_TARGET = "o", "-", "|"
+ROW_KEYS = ("robots", "runs", "met", "unfinished", "verdict", "after", "excluded")
 
 
 def print_answer(out: Console, session: SizingSession, name: str, ends: str, price: float) -> None:
@@ -350,9 +354,10 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
         yield (
             f"Estimand: the mean of {question.target.metric}{after} over runs with seeds of their own."
         )
-        zone = f"{shown(question.indifference)} {question.target.in_unit(question.indifference)}".strip()
+        unit = question.target.in_unit(question.indifference)
+        width = f"{shown(question.indifference)} {unit}".strip()
         yield (
-            f"Zone {zone}: with probability {sure} every fleet whose mean is better than the "
+            f"Zone {width}: with probability {sure} every fleet whose mean is better than the "
             "target by that much passes and every one worse by that much fails; between them either "
             "may happen."
         )
@@ -362,10 +367,7 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
             f"Estimand: the share of runs, each with a seed of its own, that reach {question.target.text}"
             f"{after}; wanted {percent(question.success_share)}."
         )
-        low, high = (
-            question.success_share - question.indifference,
-            question.success_share + question.indifference,
-        )
+        low, high = zone(question)
         yield (
             f"Zone {question.indifference:g}: with probability {sure} every fleet that reaches it in "
             f"{percent(high)} of runs or more passes and every one in {percent(low)} or fewer fails; "
@@ -392,10 +394,6 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
         f"Assumed: runs with different seeds are independent; {demand}; durations and orders are as "
         "the scenario says."
     )
-
-
-CHART_WIDTH: Final = 61  # of a scale
-MARK_VALUE, MARK_INTERVAL, MARK_TARGET = "o", "-", "|"
 
 
 def picture(search: FleetSearch, question: Question) -> Iterator[str]:
@@ -504,10 +502,7 @@ def level(name: str, ends: list[float], value: float) -> Line:
     return Line(name, ends, [value] * 2, [value] * 2, [value] * 2)
 
 
-# The answer of `automaton size` as one JSON object, and as a table; times are in ticks.
-
-
-ROW_KEYS = ("robots", "runs", "met", "unfinished", "verdict", "after", "excluded")
+# The answer as a record.
 
 
 @dataclass(frozen=True)

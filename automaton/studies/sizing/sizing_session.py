@@ -1,7 +1,8 @@
 """A whole question answered: a search for each strategy, then what is asked of its answer.
 
 What one robot gains, which strategy is best, and how the answer moves if durations are 10 % off: all
-within what is left of the budget.
+within what is left of the budget. The runs are of fleets of one scenario, over the cores, replication by
+replication: r has the same seed for every fleet and strategy, hash(seed, r), and so the same demand.
 """
 
 from __future__ import annotations
@@ -63,6 +64,13 @@ PERCENTS_OFF: Final = (-10, 10)  # percent
 MOVES_LATE: Final = "world.extra_tick_probability"  # makes moves longer that take too few ticks
 TRIAL_RUNS: Final = 100  # runs of each fleet under other durations
 SELECTION_ROUND_RUNS: Final = 100  # runs of each strategy
+LARGEST_FLEET_RUNS: Final = 60  # runs of the largest fleet, for what it loses time with
+ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered
+STATION_USE = "station_use"  # share of the time of all stations in which a robot is served there
+MEASURED_TICKS = "measured"  # ticks of which the metrics are
+MOVE_KEY = re.compile(r"durations\.move[.=]")
+PLAIN_KEY = re.compile(r"[\w-]+")  # a name that may stand between the points of a key
+CHARGER_USE = "charger_use"  # share of the time of all places at chargers in which a robot charges
 
 
 class MarginalGain(NamedTuple):
@@ -228,9 +236,6 @@ def sensitivity(
         yield moved
 
 
-LARGEST_FLEET_RUNS: Final = 60  # runs of the largest fleet, for what it loses time with
-
-
 @dataclass
 class SizingSession:
     """A question and what is known of it; whole at any moment, also after Ctrl-C."""
@@ -323,17 +328,7 @@ class SizingSession:
         return all(least is None or least >= place.robots for least in unsure)
 
 
-# Runs for a search: fleets of one scenario, over the cores, replication by replication.
-#
-# Replication r has the same seed for every fleet and strategy, hash(seed, r): the same demand.
-
-
-ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered
-STATION_USE = "station_use"  # share of the time of all stations in which a robot is served there
-MEASURED_TICKS = "measured"  # ticks of which the metrics are
-MOVE_KEY = re.compile(r"durations\.move[.=]")
-PLAIN_KEY = re.compile(r"[\w-]+")  # a name that may stand between the points of a key
-CHARGER_USE = "charger_use"  # share of the time of all places at chargers in which a robot charges
+# The runs of fleets.
 
 
 def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:

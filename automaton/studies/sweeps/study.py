@@ -1,4 +1,9 @@
-"""Columns of the results: their names, their types, and what may be a factor."""
+"""Studies as files: which runs are made, how often, and what will be asked of them.
+
+A study varies keys of one or several scenarios: `factors` crosses their levels, `points` lists the
+combinations one by one. The columns of its results, and what may be a factor, follow from it. Nothing
+here needs Numba or Arrow.
+"""
 
 from __future__ import annotations
 
@@ -59,6 +64,17 @@ RUN_METRICS: Final = {
     ),
 }
 FIXED_KEYS: Final = ("name", "summary", "seed")  # of a scenario, no factors
+STUDY_WANTED: Final = (
+    "a study is a file of its own, such as {name: my-fleet, scenario: my-floor.yaml, "
+    "factors: {fleet.robots: [2, 3]}, replications: 60}"
+)
+SHIPPED_STUDIES: Final = SHIPPED_FOLDER / "studies"
+MAX_WINDOW: Final = 1_000_000  # ticks
+MAX_DESIGN_POINTS: Final = 10_000
+MAX_STUDY_RUNS: Final = 10_000_000
+MIN_FIRST_ROUND: Final = 10  # runs: the variance of fewer ends a study too soon
+SCENARIO_FACTOR: Final = "scenario"  # as a column, and as a factor where a study has several
+Levels = dict[str, Any]  # key of a scenario, such as "fleet.robots" -> its value
 
 
 def check_factor(key: str) -> str | None:
@@ -111,24 +127,7 @@ def sum_names(counted: tuple[str, ...] = ()) -> tuple[str, ...]:
     return (*SUMS, *(name for name in counted if name not in SUMS))
 
 
-# Studies as files: which runs are made, how often, and what will be asked of them.
-#
-# A study varies keys of one or several scenarios: `factors` crosses their levels, `points` lists the
-# combinations one by one. Nothing here needs Numba or Arrow.
-
-
-STUDY_WANTED: Final = (
-    "a study is a file of its own, such as {name: my-fleet, scenario: my-floor.yaml, "
-    "factors: {fleet.robots: [2, 3]}, replications: 60}"
-)
-SHIPPED_STUDIES: Final = SHIPPED_FOLDER / "studies"
-MAX_WINDOW: Final = 1_000_000  # ticks
-MAX_DESIGN_POINTS: Final = 10_000
-MAX_STUDY_RUNS: Final = 10_000_000
-MIN_FIRST_ROUND: Final = 10  # runs: the variance of fewer ends a study too soon
-SCENARIO_FACTOR: Final = "scenario"  # as a column, and as a factor where a study has several
-
-Levels = dict[str, Any]  # key of a scenario, such as "fleet.robots" -> its value
+# The study.
 
 
 def plain(value: Any) -> Any:

@@ -18,6 +18,9 @@ from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 
 TICKS, DIGESTS = 200_000, 2_000
+COMPILED = "automaton.bench.idle_strategies:EveryTick"
+IN_PYTHON = "automaton.bench.idle_strategies:EveryTickInPython"
+COMPILED_TICKS, PYTHON_TICKS = 200_000, 20_000
 
 
 def measurements() -> list[Measurement]:
@@ -62,11 +65,6 @@ def seconds_of(simulation: Simulation, ticks: int) -> float:
     """CPU seconds of the next ticks."""
     until = simulation.tick + ticks
     return cpu_seconds(lambda: simulation.run(until))
-
-
-COMPILED = "automaton.bench.idle_strategies:EveryTick"
-IN_PYTHON = "automaton.bench.idle_strategies:EveryTickInPython"
-COMPILED_TICKS, PYTHON_TICKS = 200_000, 20_000
 
 
 def layer_measurements() -> list[Measurement]:

@@ -31,6 +31,8 @@ MS = "ms"
 S = "s"
 TIMES_THE_RUN = "times the run"
 EXPONENT = "exponent"  # of a size in the time that it takes
+NEVER_ENDS = Stop(when="never", max_duration=2_000_000_000)
+IDLE = "automaton.bench.idle_strategies:Idle"
 
 
 class NotMeasuredError(Exception):
@@ -101,10 +103,6 @@ def wall_seconds(work: Callable[[], object]) -> float:
 
 
 # Floors without shelves and scenes without orders: nothing but driving.
-
-
-NEVER_ENDS = Stop(when="never", max_duration=2_000_000_000)
-IDLE = "automaton.bench.idle_strategies:Idle"
 
 
 def open_floor(width: int, height: int) -> FloorPlan:

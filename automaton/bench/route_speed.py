@@ -25,6 +25,7 @@ from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
 from automaton.runs.simulation import Simulation
 
 ROBOTS, SIDE, TICKS = 10_000, 1000, 500
+OBSERVING_TICKS = 100
 
 
 def measurements() -> list[Measurement]:
@@ -91,9 +92,6 @@ def ring(width: int) -> Array:
     directions[width:] = WEST
     directions[-1] = NORTH
     return directions
-
-
-OBSERVING_TICKS = 100
 
 
 def observing_measurements() -> list[Measurement]:

@@ -1,4 +1,9 @@
-"""The bare step: every robot wants to move in a random direction, all occupancy rules apply."""
+"""The bare step: every robot wants to move in a random direction, all occupancy rules apply.
+
+It is measured by size and density of the fleet and by the order in which robots are stored. Robots
+stored in random order jump about in memory and are the harder case; a fleet whose storage follows the
+floor is also measured, as is a floor of mixed capacities.
+"""
 
 from __future__ import annotations
 
@@ -24,6 +29,11 @@ from automaton.engine.state import Array, World
 from automaton.floor.floor_plan import FloorPlan
 from automaton.world.building import build_world
 from automaton.world.starts import random_cells
+
+WALK_SEED = 1
+PRIORITIES = 8
+SAMPLE_ROBOT_TICKS = 5_000_000  # of a sample: 25 to 250 ms
+FEWEST_TICKS = 5
 
 
 @kernel
@@ -53,18 +63,6 @@ def random_walk_in_spans(world: World, first: int, last: int) -> None:
                 slow = np.int64(bits) & 1023 < 102
                 traffic.move_ticks[U(i)] = 2 + (np.int64(bits >> np.uint64(10)) & 1) if slow else 1
         move_all(world.grid, world.rules, robots, traffic, tick)
-
-
-# The bare step, by size and density of the fleet and by the order in which robots are stored.
-#
-# Robots stored in random order jump about in memory and are the harder case; a fleet whose storage
-# follows the floor is also measured, as is a floor of mixed capacities.
-
-
-WALK_SEED = 1
-PRIORITIES = 8
-SAMPLE_ROBOT_TICKS = 5_000_000  # of a sample: 25 to 250 ms
-FEWEST_TICKS = 5
 
 
 class WalkingFleet(NamedTuple):

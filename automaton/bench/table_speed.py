@@ -1,4 +1,9 @@
-"""What the bench asks of distance tables, compiled."""
+"""What distance tables cost: to compute, and to look up; on floors of shelves like large warehouses.
+
+........................      Rows of shelves, ten by one, with aisles one cell wide
+.##########.##########.       between them and around them.
+........................
+"""
 
 from __future__ import annotations
 
@@ -16,6 +21,14 @@ from automaton.engine.table_rows import cost_in, forget, row_to
 from automaton.floor.cells import ALL_EXITS, FLOOR
 from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
 from automaton.world.prepared_floor import cell_flags_of, floor_for
+
+NS_PER_CELL = "ns per drivable cell"
+NS_PER_ROBOT = "ns per robot"
+FLOOR_SIZES = {(161, 63): 40, (500, 140): 10}  # columns, rows: tables of a sample
+SHELF, MARGIN = 10, 5  # cells in a row without a gap; free columns on both sides
+ASKING_ROBOTS = 1000
+ROUNDS = 100
+TABLE_BYTES = 256 * 2**20
 
 
 @kernel
@@ -43,21 +56,6 @@ def rank_options(
                 if tables.number[after] != NIL:
                     total += cost_in(tables, row, after, direction)
     return total
-
-
-# What distance tables cost: to compute, and to look up; on floors of shelves like large warehouses.
-#
-# ........ Rows of shelves, ten by one, with aisles one cell wide between them and around them.
-# .##########.##########. ........
-
-
-NS_PER_CELL = "ns per drivable cell"
-NS_PER_ROBOT = "ns per robot"
-FLOOR_SIZES = {(161, 63): 40, (500, 140): 10}  # columns, rows: tables of a sample
-SHELF, MARGIN = 10, 5  # cells in a row without a gap; free columns on both sides
-ASKING_ROBOTS = 1000
-ROUNDS = 100
-TABLE_BYTES = 256 * 2**20
 
 
 def measurements() -> list[Measurement]:

@@ -1,4 +1,17 @@
-"""Plans made one after the other inside compiled code, so that calls from Python do not count."""
+"""What plans cost on the warehouse of Bhattathiri, Li & Kuhl and on larger ones like it.
+
+A leg leads from the access cell of a rack to a dock, or on to another rack, drawn uniformly. An
+avoidance plan chooses among the candidates for both legs, with what is predicted of five others given,
+and writes the routes. Plans are made one after the other inside compiled code, so that calls from Python
+do not count.
+
+A leg in time leads a robot that is under way to its dock or rack; its old plan is taken out of the
+forecast, the route is searched, and the new plan is put in. The forecast replays the plans of all 100.
+
+A fleet drives with or without the rule of slow zones, all decisions included: A* plans each leg, of
+which there are fewer where zones slow robots down. The network is asked about legs, one after the other,
+as in a run.
+"""
 
 from __future__ import annotations
 
@@ -27,6 +40,12 @@ from strategies.routing.traffic_avoidance import LEAST_TIME, PLAIN, choose_thres
 
 MOST = 6  # the largest A
 FEWEST = 1  # others that close a zone, where A = 1
+PLANS_BY_SIDE = {100: 1000, 300: 200, 1000: 40}  # of a sample, by the side of the floor
+TASKS_SEED = 1
+FLEET_ROBOTS = 100
+TICKS_BEFORE = 30  # before the measurement, so that some are in each other's way
+DRIVEN_TICKS = 1000
+LEGS = 1000
 
 
 @kernel
@@ -85,25 +104,6 @@ def plan_in_time(view: World, workspace: Workspace, state: CongestionState) -> N
             forecast_one(view, workspace, state, i, workspace.steps, length)
 
 
-# What plans cost on the warehouse of Bhattathiri, Li & Kuhl and on larger ones like it.
-#
-# A leg leads from the access cell of a rack to a dock, or on to another rack, drawn uniformly. An
-# avoidance plan chooses among the candidates for both legs, with what is predicted of five others
-# given, and writes the routes.
-#
-# A leg in time leads a robot that is under way to its dock or rack; its old plan is taken out of the
-# forecast, the route is searched, and the new plan is put in. The forecast replays the plans of all
-# 100.
-#
-# A fleet drives with or without the rule of slow zones, all decisions included: A* plans each leg, of
-# which there are fewer where zones slow robots down. The network is asked about legs, one after the
-# other, as in a run.
-
-
-PLANS_BY_SIDE = {100: 1000, 300: 200, 1000: 40}  # of a sample, by the side of the floor
-TASKS_SEED = 1
-
-
 def measurements() -> list[Measurement]:
     """A leg by each of two tie rules and an avoidance plan, on each floor."""
     found = []
@@ -132,10 +132,6 @@ def prepare_avoidance(side: int, plans: int) -> Sample:
     foreseen = exact(where, TASKS_SEED, tasks)
     arguments = (where.grid, where.duration, where.workspace, tasks, foreseen, where.trial.plain)
     return lambda: 1e6 * cpu_seconds(lambda: plan_avoiding(*arguments)) / plans
-
-
-FLEET_ROBOTS = 100
-TICKS_BEFORE = 30  # before the measurement, so that some are in each other's way
 
 
 def congestion_measurements() -> list[Measurement]:
@@ -187,10 +183,6 @@ def prepare_forecast(side: int, robots: int = FLEET_ROBOTS) -> Sample:
 def routing_of(simulation: Simulation) -> tuple[World, Workspace, Memory]:
     """What routing sees, works in and remembers."""
     return simulation.view, simulation.workspace, simulation.states[LAYER_ROUTING]
-
-
-DRIVEN_TICKS = 1000
-LEGS = 1000
 
 
 def zone_measurements() -> list[Measurement]:

@@ -5,24 +5,21 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import re
 import sys
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any
 
 from automaton.errors import InputError
-from automaton.exchange.imported_floor import ImportOptions
 from automaton.scenario.document import Override, parse, read_text
 from automaton.scenario.quantities import is_clock_time
 from automaton.scenario.schema import MAX_REFINEMENT
-from automaton.units import exact_length, exact_time
-from automaton.world.resolve import Resolved
-from automaton.world.scenario_warnings import scenario_warnings
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
+
+    from automaton.world.resolve import Resolved
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
@@ -138,6 +135,8 @@ def add_timeout_argument(parser: argparse.ArgumentParser) -> None:
 
 def print_warnings(resolved: Resolved) -> None:
     """Print a warning for settings that are legal but probably mistakes."""
+    from automaton.world.scenario_warnings import scenario_warnings
+
     for warning in scenario_warnings(resolved):
         note(f"{resolved.scenario.name}: warning: {warning}")
 
@@ -146,6 +145,12 @@ def note(text: str) -> None:
     """Print a sentence on stderr."""
     sys.stdout.flush()  # keeps the order where both streams meet
     print(f"automaton: {text}", file=sys.stderr, flush=True)
+
+
+def show_line(text: str) -> None:
+    """Show a text in place of the line before, on a terminal alone; "": that line goes."""
+    if sys.stderr.isatty():
+        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 
 
 def print_json(data: Any) -> None:
@@ -189,75 +194,6 @@ def tick_or_time(text: str) -> int | str:
 frame_rate = whole("a frame rate", 1, 120)
 
 
-# The arguments of `automaton import` that count for layouts, and what they say with their units.
-
-
-DEFAULTS: Final = ImportOptions()
-PERCENT_TEXT: Final = re.compile(r"(\d{1,4}(?:\.\d{1,6})?)\s*%")
-SPEED_TEXT: Final = re.compile(r"(.+)/\s*(\w+)\s*")
-
-
-def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments that count for layouts alone."""
-    add = parser.add_argument_group("of layouts").add_argument
-    add("--floor", type=Path, metavar="FILE", help="write the picture of the floor to FILE")
-    add(
-        "--cell",
-        type=measured("a length", "0.5m", exact_length),
-        metavar="0.5m",
-        help="the side of a cell; default: the largest that fits",
-    )
-    add(
-        "--tick",
-        type=measured("a time", "0.5s", exact_time),
-        metavar="0.5s",
-        help="default: what the fastest robot takes for a cell",
-    )
-    add(
-        "--speed",
-        type=measured("a speed", "1.5m/s", exact_speed),
-        metavar="1m/s",
-        help="where the file gives none",
-    )
-    add(
-        "--robot",
-        type=measured("a length", "0.6m", exact_length),
-        metavar="0.6m",
-        help="of images: the width of a robot; default: that of a cell",
-    )
-    add(
-        "--unknown",
-        choices=("wall", "free"),
-        default=DEFAULTS.unknown,
-        help="of images: what unknown area is, default wall",
-    )
-    add("--layout", metavar="ID", help="which layout, if the file has several")
-    add("--type", metavar="NAME", help="which type of robots, if the file has several")
-    add(
-        "--accept",
-        type=share,
-        default=DEFAULTS.accept,
-        metavar="5%",
-        help="the largest error of an edge",
-    )
-
-
-def options_of(args: argparse.Namespace) -> ImportOptions:
-    """Return what the arguments say."""
-    return ImportOptions(
-        args.cell,
-        args.tick,
-        args.speed,
-        args.layout,
-        args.type,
-        args.accept,
-        robots=args.robots,
-        ticks=args.ticks,
-        robot=args.robot,
-        unknown=args.unknown,
-    )
-
-
 def measured(
     name: str, example: str, read: Callable[[str], Fraction | None]
 ) -> Callable[[str], Fraction]:
@@ -270,18 +206,3 @@ def measured(
         return value
 
     return amount
-
-
-def exact_speed(text: str) -> Fraction | None:
-    """Metres in a second of a speed such as "4 km/h", exactly; None: it is not one."""
-    match = SPEED_TEXT.fullmatch(text)
-    metres, time = (exact_length(match[1]), exact_time(f"1 {match[2]}")) if match else (None, None)
-    return None if metres is None or time is None else metres / time
-
-
-def share(text: str) -> float:
-    """Return a percentage such as 10% as a share."""
-    match = PERCENT_TEXT.fullmatch(text.strip())
-    if match is None:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a percentage such as 10%")
-    return float(match[1]) / 100

@@ -141,7 +141,7 @@ def _pixel_request(args: argparse.Namespace) -> PixelRequest:
 def _screen_request(args: argparse.Namespace) -> Any:
     how = ("size", "zoom", "follow", "layer", "theme", "color", "ascii")
     when = ("first", "last", "speed", "fps")
-    return viewer("cast.film_request").Request(**_given(args, (*how, *when)))
+    return viewer("cast.film").Request(**_given(args, (*how, *when)))
 
 
 def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict[str, Any]:

@@ -11,16 +11,18 @@ from __future__ import annotations
 
 import argparse
 import os
+import re
+from fractions import Fraction
 from pathlib import Path
+from typing import Final
 
 from rich.text import Text
 
 from automaton.atomic_write import atomic_writer
 from automaton.commands.arguments import (
     add_json_argument,
-    add_layout_arguments,
+    measured,
     note,
-    options_of,
     print_json,
     whole,
 )
@@ -35,9 +37,12 @@ from automaton.exchange.imported_floor import (
 )
 from automaton.exchange.problem_files import read_problem
 from automaton.runs.console_output import console, print_blocks
-from automaton.units import count
+from automaton.units import count, exact_length, exact_time
 
-DEFAULT_TICKS = 1000
+DEFAULT_TICKS: Final = 1000
+DEFAULTS: Final = ImportOptions()
+PERCENT_TEXT: Final = re.compile(r"(\d{1,4}(?:\.\d{1,6})?)\s*%")
+SPEED_TEXT: Final = re.compile(r"(.+)/\s*(\w+)\s*")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -63,6 +68,66 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_layout_arguments(parser)
 
 
+def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments that count for layouts alone."""
+    add = parser.add_argument_group("of layouts").add_argument
+    add("--floor", type=Path, metavar="FILE", help="write the picture of the floor to FILE")
+    add(
+        "--cell",
+        type=measured("a length", "0.5m", exact_length),
+        metavar="0.5m",
+        help="the side of a cell; default: the largest that fits",
+    )
+    add(
+        "--tick",
+        type=measured("a time", "0.5s", exact_time),
+        metavar="0.5s",
+        help="default: what the fastest robot takes for a cell",
+    )
+    add(
+        "--speed",
+        type=measured("a speed", "1.5m/s", exact_speed),
+        metavar="1m/s",
+        help="where the file gives none",
+    )
+    add(
+        "--robot",
+        type=measured("a length", "0.6m", exact_length),
+        metavar="0.6m",
+        help="of images: the width of a robot; default: that of a cell",
+    )
+    add(
+        "--unknown",
+        choices=("wall", "free"),
+        default=DEFAULTS.unknown,
+        help="of images: what unknown area is, default wall",
+    )
+    add("--layout", metavar="ID", help="which layout, if the file has several")
+    add("--type", metavar="NAME", help="which type of robots, if the file has several")
+    add(
+        "--accept",
+        type=share,
+        default=DEFAULTS.accept,
+        metavar="5%",
+        help="the largest error of an edge",
+    )
+
+
+def exact_speed(text: str) -> Fraction | None:
+    """Metres in a second of a speed such as "4 km/h", exactly; None: it is not one."""
+    match = SPEED_TEXT.fullmatch(text)
+    metres, time = (exact_length(match[1]), exact_time(f"1 {match[2]}")) if match else (None, None)
+    return None if metres is None or time is None else metres / time
+
+
+def share(text: str) -> float:
+    """Return a percentage such as 10% as a share."""
+    match = PERCENT_TEXT.fullmatch(text.strip())
+    if match is None:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a percentage such as 10%")
+    return float(match[1]) / 100
+
+
 def run(args: argparse.Namespace) -> int:
     """Read the file, write the scenario and what belongs to it."""
     if args.out.suffix not in (".yaml", ".yml"):
@@ -73,6 +138,22 @@ def run(args: argparse.Namespace) -> int:
         return import_floor(args, kind, options)
     check_options(kind, options, args.file)
     return import_problem(args, kind)
+
+
+def options_of(args: argparse.Namespace) -> ImportOptions:
+    """Return what the arguments say."""
+    return ImportOptions(
+        args.cell,
+        args.tick,
+        args.speed,
+        args.layout,
+        args.type,
+        args.accept,
+        robots=args.robots,
+        ticks=args.ticks,
+        robot=args.robot,
+        unknown=args.unknown,
+    )
 
 
 def import_floor(args: argparse.Namespace, kind: str, options: ImportOptions) -> int:

@@ -1,4 +1,7 @@
-"""The tables that a run leaves in a folder, and the events that it prints."""
+"""Run a scenario once, without a screen, and print its metrics.
+
+Exit code 0: finished; 1: it did not finish; 2: bad input, a failing strategy included.
+"""
 
 from __future__ import annotations
 
@@ -21,6 +24,7 @@ from automaton.commands.arguments import (
     print_json,
     print_warnings,
     settings_of,
+    show_line,
     whole,
 )
 from automaton.errors import InputError
@@ -32,102 +36,11 @@ if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
     from automaton.tables.table_run import TableRun
 
-
 FORMS = {
     "csv": "as CSV files",
     "parquet": "as Parquet files, for pandas, polars or DuckDB",
     "xlsx": "as one workbook (extra excel)",
 }
-
-
-def add_table_arguments(parser: argparse.ArgumentParser) -> None:
-    """Which tables a run leaves, and in which form: `csv`, `parquet`, `xlsx`, `states`, `events`."""
-    forms = parser.add_mutually_exclusive_group()
-    for form, what in FORMS.items():
-        text = f"write tables of orders, lines, trips, robots and stations {what} into a new folder"
-        forms.add_argument(f"--{form}", type=Path, metavar="DIR", help=text)
-    parser.add_argument(
-        "--states",
-        metavar="PERIOD",
-        help="a table of what robots are like every so many ticks, or every 10s, and one of cells",
-    )
-    parser.add_argument(
-        "--events",
-        action="store_true",
-        help="a table of events, and one of cells; without a folder, print the events",
-    )
-
-
-@contextlib.contextmanager
-def written_tables(
-    args: argparse.Namespace, resolved: Resolved
-) -> Iterator[TableRun | EventLines | None]:
-    """What makes the tables that the arguments ask for, or keeps events, or None."""
-    folders = {form: getattr(args, form) for form in FORMS}
-    form = next((form for form, folder in folders.items() if folder is not None), None)
-    if form is None:
-        if args.states is not None:
-            raise InputError("--states is a table; say where with --csv, --parquet or --xlsx DIR")
-        yield EventLines() if args.events else None
-        return
-    from automaton.tables.table_run import TableOptions, table_run
-
-    options = TableOptions(args.states, args.events, folder=folders[form], form=form)
-    with table_run(resolved, options, args.until) as tables:
-        yield tables
-
-
-class EventLines:
-    """Keeps the events of a run, of a long one the last ones, and writes a line for each."""
-
-    def __init__(self) -> None:
-        from automaton.history.event_history import EventHistory
-        from automaton.runs.headless import Sampling
-
-        self._history = EventHistory()
-        self._rows: list[dict[str, Any]] = []
-        self._has_trips = False
-        self.sampling = Sampling(0, lambda simulation: None, self._history)
-
-    def finish(self, simulation: Simulation) -> None:
-        """Read the events of a run that is over."""
-        from automaton.tables.columns import rows_as_objects
-        from automaton.tables.rows import event_form, event_rows
-
-        rows = event_rows(simulation, self._history.events)
-        self._rows = rows_as_objects(event_form(simulation.resolved), rows)
-        self._has_trips = simulation.resolved.scenario.orders.lines is not None
-
-    def as_json(self) -> dict[str, Any]:
-        """What they add to the JSON of a run."""
-        return {"events": [_named(row, self._has_trips) for row in self._rows]}
-
-    def lines(self) -> list[str]:
-        """One line for each event."""
-        dropped = self._history.log.dropped
-        first = [f"{count(dropped, 'event')} before these are not kept"] if dropped else []
-        return first + [_line(row, self._has_trips) for row in self._rows]
-
-
-def _named(row: dict[str, Any], has_trips: bool) -> dict[str, Any]:
-    """An event with `trip` instead of `order` where robots take trips."""
-    return {"trip" if has_trips and key == "order" else key: row[key] for key in row}
-
-
-def _line(row: dict[str, Any], has_trips: bool) -> str:
-    parts = [f"tick {row['tick']:>7,}  {row['event']:<16}"]
-    names = {"robot": "robot", "order": "trip" if has_trips else "order"}
-    parts += [f"{name} {row[key]}" for key, name in names.items() if row[key] is not None]
-    if row["value"] is not None:
-        parts.append(f"{row['value']:g}")
-    if row["x"] is not None:
-        parts.append(f"at ({row['x']}, {row['y']})")
-    return "  ".join(parts).rstrip()
-
-
-# Run a scenario once, without a screen, and print its metrics.
-#
-# Exit code 0: finished; 1: it did not finish; 2: bad input, a failing strategy included.
 
 
 PROGRESS_DELAY_S = 1.0  # before a run on a terminal begins to say how far it is
@@ -272,12 +185,10 @@ def progress(resolved: Resolved) -> Iterator[Any]:
                 now = time.monotonic()
                 if simulation.tick != tick:
                     tick, since = simulation.tick, now
-                print(
-                    f"\r\x1b[K{words(simulation, now - since)}", end="", file=sys.stderr, flush=True
-                )
+                show_line(words(simulation, now - since))
                 told = True
         if told:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+            show_line("")
 
     def words(simulation: Simulation, seconds: float) -> str:
         if seconds >= PROGRESS_INTERVAL_S:
@@ -337,3 +248,91 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         **({"stations": list(outcome.stations)} if outcome.stations else {}),
         **({"metrics_in_units": told} if told else {}),
     }
+
+
+# The tables that a run leaves in a folder, and the events that it prints.
+
+
+def add_table_arguments(parser: argparse.ArgumentParser) -> None:
+    """Which tables a run leaves, and in which form: `csv`, `parquet`, `xlsx`, `states`, `events`."""
+    forms = parser.add_mutually_exclusive_group()
+    for form, what in FORMS.items():
+        text = f"write tables of orders, lines, trips, robots and stations {what} into a new folder"
+        forms.add_argument(f"--{form}", type=Path, metavar="DIR", help=text)
+    parser.add_argument(
+        "--states",
+        metavar="PERIOD",
+        help="a table of what robots are like every so many ticks, or every 10s, and one of cells",
+    )
+    parser.add_argument(
+        "--events",
+        action="store_true",
+        help="a table of events, and one of cells; without a folder, print the events",
+    )
+
+
+@contextlib.contextmanager
+def written_tables(
+    args: argparse.Namespace, resolved: Resolved
+) -> Iterator[TableRun | EventLines | None]:
+    """What makes the tables that the arguments ask for, or keeps events, or None."""
+    folders = {form: getattr(args, form) for form in FORMS}
+    form = next((form for form, folder in folders.items() if folder is not None), None)
+    if form is None:
+        if args.states is not None:
+            raise InputError("--states is a table; say where with --csv, --parquet or --xlsx DIR")
+        yield EventLines() if args.events else None
+        return
+    from automaton.tables.table_run import TableOptions, table_run
+
+    options = TableOptions(args.states, args.events, folder=folders[form], form=form)
+    with table_run(resolved, options, args.until) as tables:
+        yield tables
+
+
+class EventLines:
+    """Keeps the events of a run, of a long one the last ones, and writes a line for each."""
+
+    def __init__(self) -> None:
+        from automaton.history.event_history import EventHistory
+        from automaton.runs.headless import Sampling
+
+        self._history = EventHistory()
+        self._rows: list[dict[str, Any]] = []
+        self._has_trips = False
+        self.sampling = Sampling(0, lambda simulation: None, self._history)
+
+    def finish(self, simulation: Simulation) -> None:
+        """Read the events of a run that is over."""
+        from automaton.tables.columns import rows_as_objects
+        from automaton.tables.rows import event_form, event_rows
+
+        rows = event_rows(simulation, self._history.events)
+        self._rows = rows_as_objects(event_form(simulation.resolved), rows)
+        self._has_trips = simulation.resolved.scenario.orders.lines is not None
+
+    def as_json(self) -> dict[str, Any]:
+        """What they add to the JSON of a run."""
+        return {"events": [_named(row, self._has_trips) for row in self._rows]}
+
+    def lines(self) -> list[str]:
+        """One line for each event."""
+        dropped = self._history.log.dropped
+        first = [f"{count(dropped, 'event')} before these are not kept"] if dropped else []
+        return first + [_line(row, self._has_trips) for row in self._rows]
+
+
+def _named(row: dict[str, Any], has_trips: bool) -> dict[str, Any]:
+    """An event with `trip` instead of `order` where robots take trips."""
+    return {"trip" if has_trips and key == "order" else key: row[key] for key in row}
+
+
+def _line(row: dict[str, Any], has_trips: bool) -> str:
+    parts = [f"tick {row['tick']:>7,}  {row['event']:<16}"]
+    names = {"robot": "robot", "order": "trip" if has_trips else "order"}
+    parts += [f"{name} {row[key]}" for key, name in names.items() if row[key] is not None]
+    if row["value"] is not None:
+        parts.append(f"{row['value']:g}")
+    if row["x"] is not None:
+        parts.append(f"at ({row['x']}, {row['y']})")
+    return "  ".join(parts).rstrip()

@@ -91,15 +91,15 @@ def viewer(args: argparse.Namespace) -> list[str]:
 
 def open_door(args: argparse.Namespace) -> tuple[socket.socket, Any]:
     """The socket that listens, and who may come in."""
-    access, address = part("access"), part("address")
+    server, address = part("server"), part("address")
     token = None
     if not args.no_token:
-        token = access.new_token() if args.token is None else access.checked_token(args.token)
+        token = server.new_token() if args.token is None else server.checked_token(args.token)
     address.checked_exposure(args.host, args.public_url, token)
     listener = address.listen(args.host, args.port)
     here = address.authority(args.host, listener.getsockname()[1])
     public_url = address.origin(args.public_url or f"http://{here}")
-    door = access.Access(
+    door = server.Access(
         public_url=public_url,
         hosts=frozenset({here.lower(), public_url.partition("://")[2]}),
         token=token,

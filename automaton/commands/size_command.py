@@ -7,7 +7,6 @@ Exit code 0: answered; 1: not reached, undecided, or a worker died; 2: bad input
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,6 +19,7 @@ from automaton.commands.arguments import (
     print_json,
     print_warnings,
     settings_of,
+    show_line,
     whole,
 )
 from automaton.errors import WorkerDiedError
@@ -119,8 +119,7 @@ def run(args: argparse.Namespace) -> int:
         except (KeyboardInterrupt, WorkerDiedError) as error:
             cut = error
         finally:
-            if sys.stderr.isatty():
-                print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+            show_line("")
         show(args, session, fleets)
         if args.plots is not None:
             draw(args.plots, session)
@@ -186,6 +185,4 @@ def draw(folder: Path, session: SizingSession) -> None:
 
 def tell_progress(place: FleetConfig, runs: int, asked: Question) -> None:
     """Say on a terminal how far the search is."""
-    if sys.stderr.isatty():
-        text = f"{place.robots} robots, {runs:,} runs of at most {asked.budget:,}"
-        print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+    show_line(f"{place.robots} robots, {runs:,} runs of at most {asked.budget:,}")

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import os
-import sys
 from pathlib import Path
 
 from automaton.atomic_write import atomic_writer, cannot_write_error
@@ -18,6 +17,7 @@ from automaton.commands.arguments import (
     add_workers_argument,
     note,
     print_json,
+    show_line,
     whole,
 )
 
@@ -61,9 +61,7 @@ def run(args: argparse.Namespace) -> int:
     )
 
     def show_round(now: TuningRound, spent: int) -> None:
-        if sys.stderr.isatty():
-            text = f"{now.candidates} candidates, {spent:,} runs of at most {args.budget:,}"
-            print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
+        show_line(f"{now.candidates} candidates, {spent:,} runs of at most {args.budget:,}")
 
     if args.out is not None:
         check_writable(args.out)
@@ -73,8 +71,7 @@ def run(args: argparse.Namespace) -> int:
         with PersistentPool(args.workers, measure) as pool:
             tuned = tune(known, metric, args.budget, pool, show_round)
     finally:
-        if sys.stderr.isatty():
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+        show_line("")
     if args.json:
         print_json(as_json(tuned, known))
     else:

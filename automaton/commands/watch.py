@@ -92,12 +92,12 @@ def run(args: argparse.Namespace) -> int:
         return _reloading(args)
     resolved = resolve(args.scenario, args.settings, args.seed)
     other = _other(args) if args.against else None
-    recordings, sources = viewer("playback.recording_files"), viewer("playback.run_source")
+    sources = viewer("playback.run_source")
     path, paths = None, []
     if args.record is not None:
-        path = recordings.checked_target(args.record)
+        path = sources.checked_target(args.record)
     elif not args.no_record:
-        path = recordings.new_recording(resolved.scenario.name, os.environ)
+        path = sources.new_recording(resolved.scenario.name, os.environ)
         paths = [path]
     try:
         opening = sources.live(resolved, path)
@@ -109,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
         )
     finally:
         for reserved in paths:
-            recordings.give_up_unused(reserved)
+            sources.give_up_unused(reserved)
 
 
 def _reloading(args: argparse.Namespace) -> int:

@@ -24,7 +24,8 @@ from automaton.world.rules import tick_length
 METRICS = [name for name in METRIC_CATALOGUE if name not in OF_OTHER_RUNS]
 STRATEGIES = '''
 import msgspec
-from automaton.engine.jit.structs import Struct, field
+from automaton.engine.jit.structs import field
+from automaton.engine.jit.structs import Struct
 from automaton.engine.state import Array
 from automaton.strategy.contract import Strategy
 

@@ -19,7 +19,9 @@ class BenchPart(NamedTuple):
 BENCH_PARTS: Final[dict[str, BenchPart]] = {
     "step": BenchPart("automaton.bench.step_speed", True, "the bare step: occupancy rules alone"),
     "tabletop": BenchPart(
-        "automaton.bench.tabletop_speed", True, "whole runs of the table-top warehouse"
+        "automaton.bench.run_speed:tabletop_measurements",
+        True,
+        "whole runs of the table-top warehouse",
     ),
     "routes": BenchPart(
         "automaton.bench.route_speed", True, "the loop, driving routes without decisions"
@@ -36,10 +38,12 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
         "a tick of 400 and 10,000 robots under each right of way; some minutes",
     ),
     "pods": BenchPart(
-        "automaton.bench.pod_speed", False, "a tick of 30 robots that carry pods to six stations"
+        "automaton.bench.run_speed:pod_measurements",
+        False,
+        "a tick of 30 robots that carry pods to six stations",
     ),
     "recording": BenchPart(
-        "automaton.bench.recording_speed",
+        "automaton.bench.run_speed:recording_measurements",
         False,
         "a run with pods recorded, and its recording verified, in times of the run",
     ),

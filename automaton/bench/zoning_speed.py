@@ -17,15 +17,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.bench.measurement import (
-    EXPONENT,
-    MS,
-    Measurement,
-    S,
-    Sample,
-    cpu_seconds,
-    slope,
-)
+from automaton.bench.measurement import EXPONENT, MS, Measurement, S, Sample, cpu_seconds, slope
 from automaton.engine.facilities import Design, Roads, empty_design
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation

@@ -52,10 +52,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
         "print the JSON Schema of scenarios or studies",
     ),
     "list": ("automaton.commands.list_", "list scenarios, studies, floors and strategies"),
-    "compile": (
-        "automaton.commands.compile_command",
-        "compile before a batch what its runs need",
-    ),
+    "compile": ("automaton.commands.compile_command", "compile before a batch what its runs need"),
     "bench": ("automaton.commands.bench_command", "measure the speed of this machine"),
 }
 

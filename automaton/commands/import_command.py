@@ -19,13 +19,7 @@ from typing import Final
 from rich.text import Text
 
 from automaton.atomic_write import atomic_writer
-from automaton.commands.arguments import (
-    add_json_argument,
-    measured,
-    note,
-    print_json,
-    whole,
-)
+from automaton.commands.arguments import add_json_argument, measured, note, print_json, whole
 from automaton.errors import InputError
 from automaton.exchange.floor_readers import READERS, check_options, read_floor
 from automaton.exchange.imported_floor import (

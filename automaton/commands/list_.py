@@ -53,12 +53,7 @@ def inventory() -> dict[str, list[dict[str, Any]]]:
         for layer in LAYER_NAMES
         for name in lookup.names(layer)
     ]
-    return {
-        "scenarios": scenarios,
-        "studies": studies,
-        "floors": floors,
-        "strategies": strategies,
-    }
+    return {"scenarios": scenarios, "studies": studies, "floors": floors, "strategies": strategies}
 
 
 def as_text(found: dict[str, list[dict[str, Any]]]) -> str:

@@ -44,10 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="the first seed, default 1: others give other runs, and the claims follow",
     )
     parser.add_argument(
-        "--strategies",
-        default="",
-        metavar="A,B",
-        help="run these instead of the published ones",
+        "--strategies", default="", metavar="A,B", help="run these instead of the published ones"
     )
     parser.add_argument(
         "--tables",
@@ -130,10 +127,7 @@ def progress() -> Iterator[Listeners]:
 
     with progress_bar("runs", BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()) as bar:
         task = bar.add_task("runs", total=None)
-        yield (
-            lambda total: bar.update(task, total=total),
-            lambda runs: bar.advance(task, runs),
-        )
+        yield (lambda total: bar.update(task, total=total), lambda runs: bar.advance(task, runs))
 
 
 def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]:

@@ -75,12 +75,7 @@ CHARGING_POLICIES: Final[Mapping[str, Mapping[str, Any]]] = {
 BATCHES: Final = 200  # driven back to back
 FIGURE_5: Final = "Figure 5"
 FIGURE_6C: Final = "Figure 6c"
-SOLVERS: Final = {
-    "optimum ms": OPTIMUM,
-    "m^n ms": "m^n",
-    "GA ms": "GA",
-    "auction ms": "LB",
-}
+SOLVERS: Final = {"optimum ms": OPTIMUM, "m^n ms": "m^n", "GA ms": "GA", "auction ms": "LB"}
 TIMED_CHARGERS: Final = (1, 2, 3)
 RULES: Final = {"as needed us": "r20", "threshold us": "look"}
 QUOTES: Final = 100  # of a quote, which takes microseconds

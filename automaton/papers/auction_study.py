@@ -212,10 +212,7 @@ MAKESPANS: Final = PublishedTable(
 EFFORTS: Final = PublishedTable(
     title="Figure 5: work for two robots, counted (times: `automaton bench --only auctions`)",
     cases=crossed(tasks=range(1, 11)),
-    panels=(
-        ("LB bids", "LB places", "arrival places"),
-        ("GA places", "allotments", "sequences"),
-    ),
+    panels=(("LB bids", "LB places", "arrival places"), ("GA places", "allotments", "sequences")),
     run=each_seed(efforts),
     repetition="task set",
 )

@@ -98,9 +98,7 @@ def effort_of_all(reproduced: Reproduced) -> str:
 
 
 def headline_lines(
-    reproduced: Reproduced,
-    judged: Sequence[JudgedClaim],
-    others: dict[str, list[JudgedClaim]],
+    reproduced: Reproduced, judged: Sequence[JudgedClaim], others: dict[str, list[JudgedClaim]]
 ) -> Iterator[Line]:
     """A line for each mean error and each headline that was run."""
     other = next(iter(others), "")

@@ -426,8 +426,7 @@ class Reproduced:
     def repeated(self, premise: str = "") -> dict[tuple[str, Key], str]:
         """(metric, key of a case) -> what its values are of: runs, tours, trainings."""
         return self._by_case(
-            premise,
-            lambda one: ((sample, one.table.repetition) for sample, _ in one.samples()),
+            premise, lambda one: ((sample, one.table.repetition) for sample, _ in one.samples())
         )
 
     def published(self, premise: str = "") -> dict[tuple[str, Key], float]:

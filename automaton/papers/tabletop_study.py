@@ -65,11 +65,7 @@ TABLE_3: Final = {"T_total": T_TOTAL, "T_R": T_R, "T_Rtotal": T_R_TOTAL}
 SEE_ORDERS: Final = "orders"  # what robots know: as published
 SEE_EVERYTHING: Final = "everything"
 
-E_U: Final = {
-    "E_U_moves": "moves",
-    "E_U_operations": "operations",
-    "E_U_cycles": "cycles",
-}
+E_U: Final = {"E_U_moves": "moves", "E_U_operations": "operations", "E_U_cycles": "cycles"}
 
 SAME: Final = 0.02  # shares this close count as the same
 FROM_TWO: Final = "from 2 robots on, for one alone meets nobody; the paper names no first number"

@@ -69,10 +69,7 @@ OnEpoch = Callable[
 
 
 def train(
-    legs: Legs,
-    settings: Settings,
-    keeps: Sequence[Keep] = ((),),
-    on_epoch: OnEpoch | None = None,
+    legs: Legs, settings: Settings, keeps: Sequence[Keep] = ((),), on_epoch: OnEpoch | None = None
 ) -> Trained:
     """Train once; each of `keeps` keeps weights of its own.
 

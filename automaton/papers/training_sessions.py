@@ -270,10 +270,7 @@ def one_hot(legs: Legs) -> Any:
     n = np.arange(len(legs.touched))
     rows = np.concatenate([n[legs.start_zone != NIL], n[legs.end_zone != NIL]])
     columns = np.concatenate(
-        [
-            legs.start_zone[legs.start_zone != NIL],
-            legs.end_zone[legs.end_zone != NIL] + zones,
-        ]
+        [legs.start_zone[legs.start_zone != NIL], legs.end_zone[legs.end_zone != NIL] + zones]
     )
     ones = np.ones(len(rows), np.float32)
     return sparse.csr_matrix((ones, (rows, columns)), shape=(len(n), 2 * zones))

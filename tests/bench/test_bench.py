@@ -16,12 +16,10 @@ from automaton.bench import (
     BENCH_PARTS,
     crowd_speed,
     loop_speed,
-    pod_speed,
-    recording_speed,
     route_speed,
+    run_speed,
     steering_speed,
     table_speed,
-    tabletop_speed,
     warehouse_speed,
 )
 from automaton.bench.measurement import (
@@ -229,15 +227,15 @@ def test_every_sampler_returns_a_figure() -> None:
 
 
 def test_recordings_are_timed() -> None:
-    assert recording_speed.prepare_recorded("goods-mini", 60)() > 0
-    assert recording_speed.prepare_verified("goods-mini", 60)() > 0
+    assert run_speed.prepare_recorded("goods-mini", 60)() > 0
+    assert run_speed.prepare_verified("goods-mini", 60)() > 0
 
 
 def test_pods_are_timed() -> None:
-    assert pod_speed.prepare_pods("pibt", 3, 5)() > 0
+    assert run_speed.prepare_pods("pibt", 3, 5)() > 0
     assert table_speed.prepare_tables((17, 5), 2, True, 3)() > 0
     assert table_speed.prepare_options(20)() > 0
-    assert tabletop_speed.prepare([1])() > 0
+    assert run_speed.prepare_tabletop([1])() > 0
     assert warehouse_speed.prepare_legs(30, LARGER_G, 10)() > 0
     assert warehouse_speed.prepare_avoidance(30, 10)() > 0
     assert warehouse_speed.prepare_legs_in_time(30, 8)() > 0

@@ -159,11 +159,7 @@ def scenarios_of(store: Store) -> tuple[Scenarios, str]:
 
 
 def add_floors(
-    document: Document,
-    results: Results,
-    scenarios: Scenarios,
-    floors: Sequence[int],
-    lacking: str,
+    document: Document, results: Results, scenarios: Scenarios, floors: Sequence[int], lacking: str
 ) -> None:
     """Maps of the floor; `lacking`: why scenarios are not there. Raises InputError."""
     if not floors:

@@ -37,7 +37,7 @@ from automaton.studies.reports.comparisons import (
     varied_factors,
 )
 from automaton.studies.reports.metric_tables import RUN_HEADS, Scenarios, figure
-from automaton.studies.reports.study_results import Cut, Results
+from automaton.studies.reports.study_results import Cut, MetricScale, Results
 from automaton.studies.sweeps.study import SCENARIO_FACTOR
 from automaton.units import count, percent, ticks_and_time
 
@@ -237,13 +237,12 @@ def comparison_table(results: Results, metric: str, compared: list[Comparison]) 
     rows = []
     for one in compared:
         found = one.effect
-        difference = scale.of(found.difference)
         both = [results.counts(point) for point in (one.a, one.b)]
         rows.append(
             [
                 *factor_cells(study, one.a),
                 levels_apart(study, one.a, one.b),
-                *map(signed, (difference.value, difference.low, difference.high)),
+                *difference_cells(found.difference, scale),
                 relative_text(found.relative),
                 p_text(one.adjusted),
                 "-" if found.correlation is None else f"{found.correlation:+.2f}",
@@ -265,9 +264,15 @@ def needed_cells(one: Comparison, planned: bool) -> list[str]:
     return ["-" if runs is None else f"{runs:,}" for runs in needed]
 
 
-def signed(value: float | None) -> str:
-    """A difference as a cell: four digits and its sign."""
-    return "-" if value is None else NumberText(f"{value:+,.4g}", value)
+def difference_cells(difference: Interval | None, scale: MetricScale) -> list[str]:
+    """A difference and the ends of its interval: four digits and a sign; "-" where there is none."""
+    if difference is None:
+        return ["-"] * 3
+    shown = scale.of(difference)
+    return [
+        "-" if end is None else NumberText(f"{end:+,.4g}", end)
+        for end in (shown.value, shown.low, shown.high)
+    ]
 
 
 def p_text(p: float) -> str:
@@ -539,10 +544,7 @@ def main_table(results: Results, effects: FactorEffects) -> Table:
     heads, scale = heads_by_factor(results.study), results.scale(effects.metric)
     rows = []
     for one in effects.main:
-        cells = ["-"] * 3
-        if one.difference is not None:
-            shown = scale.of(one.difference)
-            cells = [signed(end) for end in (shown.value, shown.low, shown.high)]
+        cells = difference_cells(one.difference, scale)
         mean = figure(one.mean * scale.factor)
         name = heads.get(one.factor, one.factor)
         rows.append([name, one.level, mean, one.against or "-", *cells])
@@ -557,10 +559,7 @@ def interaction_table(results: Results, effects: FactorEffects) -> Table:
     for one in effects.interactions:
         first, second = (heads.get(name, name) for name in one.factors)
         (a, b), (c, d) = one.levels, one.against
-        cells = ["-"] * 3
-        if one.difference is not None:
-            shown = scale.of(one.difference)
-            cells = [signed(end) for end in (shown.value, shown.low, shown.high)]
+        cells = difference_cells(one.difference, scale)
         rows.append([f"{first} {a} instead of {c}", f"{second} {b} instead of {d}", *cells])
     head = ("largest interaction of", "and", f"beyond both alone, {scale.unit}")
     return Table((*head, "low", "high"), rows, left=2)

@@ -29,6 +29,7 @@ from automaton.runs.report_document import (
     Table,
     Text,
 )
+from automaton.studies.inference.intervals import Interval
 from automaton.studies.reports.build_report import StudyReport
 from automaton.studies.reports.comparison_tables import factor_effects
 from automaton.studies.reports.comparisons import Comparison, point_name
@@ -72,9 +73,7 @@ def summary_records(results: Results, scenarios: Scenarios) -> Iterator[Record]:
                 **level_columns(results, point),
                 "metric": metric,
                 "unit": unit,
-                "mean": one.interval.value if one.interval else None,
-                "low": one.interval.low if one.interval else None,
-                "high": one.interval.high if one.interval else None,
+                **interval_columns("mean", one.interval),
                 "sd": one.sd,
                 "skew": one.skew if one.interval else None,
                 "bound": one.bound,
@@ -99,6 +98,13 @@ def level_columns(results: Results, point: Point) -> Record:
     return {SCENARIO_FACTOR: point.scenario, **levels}
 
 
+def interval_columns(name: str, interval: Interval | None) -> Record:
+    """A figure under its name, and the ends of its interval."""
+    if interval is None:
+        return {name: None, "low": None, "high": None}
+    return {name: interval.value, "low": interval.low, "high": interval.high}
+
+
 def comparison_records(results: Results, compared: Sequence[Comparison]) -> Iterator[Record]:
     """One for each declared comparison."""
     for one in compared:
@@ -111,9 +117,7 @@ def comparison_records(results: Results, compared: Sequence[Comparison]) -> Iter
             "against": one.b.number,
             "point_name": point_name(results.study, one.a),
             "against_name": point_name(results.study, one.b),
-            "difference": found.difference.value,
-            "low": found.difference.low,
-            "high": found.difference.high,
+            **interval_columns("difference", found.difference),
             "relative": found.relative.value if found.relative else None,
             "relative_low": found.relative.low if found.relative else None,
             "relative_high": found.relative.high if found.relative else None,
@@ -439,9 +443,7 @@ def effect_records(results: Results) -> Iterator[dict[str, Any]]:
                     "level": one.level,
                     "mean": one.mean,
                     "against": one.against or None,
-                    "difference": one.difference.value if one.difference else None,
-                    "low": one.difference.low if one.difference else None,
-                    "high": one.difference.high if one.difference else None,
+                    **interval_columns("difference", one.difference),
                 }
                 for one in effects.main
             ],
@@ -450,9 +452,7 @@ def effect_records(results: Results) -> Iterator[dict[str, Any]]:
                     "factors": list(one.factors),
                     "levels": list(one.levels),
                     "against": list(one.against),
-                    "difference": one.difference.value if one.difference else None,
-                    "low": one.difference.low if one.difference else None,
-                    "high": one.difference.high if one.difference else None,
+                    **interval_columns("difference", one.difference),
                 }
                 for one in effects.interactions
             ],

@@ -2,8 +2,8 @@
 
 A sweep pays for a run of the table-top warehouse with setting up included; the floor and its distance
 fields are shared by all runs on it, so the warm-up has built them. Robots that carry pods to stations
-with queues are measured for each robot and tick, while lines become trips. A recording is told in times
-of the run: made as a file, and verified from it.
+with queues are measured for each robot and tick, while lines become trips. A recording is measured in
+times of the run: made as a file, and verified from it.
 """
 
 from __future__ import annotations

@@ -265,7 +265,7 @@ def needed_cells(one: Comparison, planned: bool) -> list[str]:
 
 
 def difference_cells(difference: Interval | None, scale: MetricScale) -> list[str]:
-    """A difference and the ends of its interval: four digits and a sign; "-" where there is none."""
+    """A difference and the ends of its interval: four digits and a sign; "-" without one."""
     if difference is None:
         return ["-"] * 3
     shown = scale.of(difference)

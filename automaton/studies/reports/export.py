@@ -99,7 +99,7 @@ def level_columns(results: Results, point: Point) -> Record:
 
 
 def interval_columns(name: str, interval: Interval | None) -> Record:
-    """A figure under its name, and the ends of its interval."""
+    """A value under its name, and the ends of its interval."""
     if interval is None:
         return {name: None, "low": None, "high": None}
     return {name: interval.value, "low": interval.low, "high": interval.high}

@@ -484,5 +484,5 @@ def opponent_of(
     x, y = compared_runs(results, leading, next_best, metric)
     if min(len(x), len(y)) < 2:
         return None
-    found = effect(list(x.values()), list(y.values()), results.study.paired, answer.level)
-    return Opponent(next_best, found, None)
+    tested = effect(list(x.values()), list(y.values()), results.study.paired, answer.level)
+    return Opponent(next_best, tested, None)

@@ -1,4 +1,8 @@
-"""The table of built-in strategies: name, implementation, parameters. Imports no Numba."""
+"""The table of built-in strategies: name, implementation, parameters.
+
+Neither it nor the modules `*_parameters` import Numba: whoever reads, checks or lists scenarios starts
+without it. So parameters do not lie beside what they are of.
+"""
 
 from __future__ import annotations
 

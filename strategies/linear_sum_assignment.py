@@ -3,23 +3,20 @@
 Shortest augmenting paths with potentials (Jonker & Volgenant 1987), O(rows^2 x columns).
 """
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import NIL
-
-Array = NDArray[Any]
+from automaton.engine.state import NIL, Array
+from automaton.strategy.kernels import kernel
 
 INF_COST: Final = 1 << 60  # a cost that stands for "not at all"
 NO_EDGE: Final = 1 << 50  # what a pair that may not be costs on a path
 
 
 class Assignment(Struct, role=SCRATCH):
-    """Scratch of the one-shot assignment, for up to q rows and columns."""
+    """Scratch for up to q rows and columns."""
 
     cost: Array = field("(q, q) int64")
     row_price: Array = field("(q,) int64")
@@ -31,7 +28,7 @@ class Assignment(Struct, role=SCRATCH):
 
 
 def assignment_for(most: int) -> Assignment:
-    """Scratch for so many robots and so many tasks."""
+    """Scratch for so many rows and columns."""
     return Assignment.sized({"q": most})
 
 

@@ -15,7 +15,7 @@ from automaton.bench.measurement import EXPONENT, MS, US, Measurement, Sample, c
 from automaton.engine.robot_states import BATTERY_FULL
 from automaton.papers.auction_trials import AGAIN, METHODS, Instance, Method, empty
 from strategies.allocation.auction import bundles, metaheuristics, quotes
-from strategies.allocation.auction.bundles import bundles_for, generations, population_for
+from strategies.allocation.auction.bundles import bundles_for
 from strategies.allocation.auction.market import (
     POLICY_FILL_UP,
     POLICY_HIERARCHICAL,
@@ -27,6 +27,7 @@ from strategies.allocation.auction.market import (
     scratch_for,
     visits,
 )
+from strategies.allocation.auction.metaheuristics import generations, population_for
 
 PLANE_SIDE: Final = 100  # ticks
 PLANE_CHARGERS: Final = 4

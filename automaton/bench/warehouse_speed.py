@@ -36,7 +36,12 @@ from strategies.routing.forecasts import (
 )
 from strategies.routing.predicted_paths import kernel_network, predict_legs
 from strategies.routing.routing_parameters import network_for, shipped
-from strategies.routing.traffic_avoidance import LEAST_TIME, PLAIN, choose_threshold, close_zones
+from strategies.routing.traffic_avoidance import (
+    LEAST_TIME,
+    PLAIN_ASTAR,
+    choose_threshold,
+    close_zones,
+)
 
 MOST = 6  # the largest A
 FEWEST = 1  # others that close a zone, where A = 1
@@ -88,7 +93,7 @@ def plan_avoiding(
         pose = np.int64(start)
         for target in (pick, drop):
             pose = search(
-                grid, 0, duration, workspace, LARGER_G, seed, pose, target, threshold != PLAIN
+                grid, 0, duration, workspace, LARGER_G, seed, pose, target, threshold != PLAIN_ASTAR
             )
             if pose != NIL:
                 write_steps(grid, workspace, pose, steps)

@@ -44,8 +44,8 @@ from strategies.allocation.auction.market import (
     POLICY_HIERARCHICAL,
     POLICY_THRESHOLD,
     POLICY_THRESHOLD_REACHABLE,
-    Battery,
-    Scratch,
+    AuctionScratch,
+    BatteryRules,
     TaskCosts,
     scratch_for,
 )
@@ -84,7 +84,7 @@ PRINTED_SEEDS: Final = 5  # as many as in print
 
 
 @cache
-def battery(name: str, chargers: tuple[int, ...] = (2,), taper: bool = False) -> Battery:
+def battery(name: str, chargers: tuple[int, ...] = (2,), taper: bool = False) -> BatteryRules:
     """The rules of a policy."""
     curve = TAPER if taper else TOUR_RATE
     return rules(seconds(), TOUR_DRAIN, curve, chargers, **CHARGING_POLICIES[name])
@@ -129,12 +129,12 @@ def driven_work(stations: tuple[int, ...]) -> TaskCosts:
 
 
 @cache
-def single_scratch(tasks: int, chargers: int) -> Scratch:
+def single_scratch(tasks: int, chargers: int) -> AuctionScratch:
     """Scratch for the list of one robot."""
     return scratch_for(1, tasks, tasks, chargers)
 
 
-def drive(stations: tuple[int, ...], start: int, charge: int, rule: Battery) -> Driven:
+def drive(stations: tuple[int, ...], start: int, charge: int, rule: BatteryRules) -> Driven:
     """Drive these stations in this order."""
     task_costs = driven_work(stations)
     scratch = single_scratch(len(stations), len(rule.charger))

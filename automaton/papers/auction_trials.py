@@ -20,26 +20,27 @@ import numpy as np
 
 from automaton.engine.random_numbers import random_between
 from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import Array
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.floor_section import generator_type
 from strategies.allocation.auction import bundles, metaheuristics, sequential
-from strategies.allocation.auction.bundles import bundles_for, generations, population_for
+from strategies.allocation.auction.bundles import bundles_for
 from strategies.allocation.auction.market import (
     BID_SCALE,
     INF_COST,
     POLICY_HIERARCHICAL,
     POLICY_JOINT,
     POLICY_NO_CHARGING,
-    Array,
-    Battery,
-    Fleet,
-    Scratch,
+    AuctionScratch,
+    BatteryRules,
+    FleetLists,
     TaskCosts,
     battery_of,
     fleet_of,
     scratch_for,
     visits,
 )
+from strategies.allocation.auction.metaheuristics import generations, population_for
 from strategies.allocation.auction.quotes import clear_counts, settle_all
 from strategies.allocation.auction.sequential import (
     BID_MIXED,
@@ -108,44 +109,46 @@ def rules(
     chargers: Sequence[int] = (2,),
     policy: int = POLICY_NO_CHARGING,
     **settings: Any,
-) -> Battery:
+) -> BatteryRules:
     """A battery; rate: units per second of charging, or the pieces of a curve."""
     curve = ((0, rate),) if isinstance(rate, int) else tuple(rate)
     places = [place(charger) for charger in chargers]
     return battery_of(between.astype(np.int64) * drain, places, curve, policy=policy, **settings)
 
 
-NO_BATTERY: Final[Mapping[str, Battery]] = {
+NO_BATTERY: Final[Mapping[str, BatteryRules]] = {
     lanes: rules(seconds(lanes), 0, 1, ()) for lanes in ("full", "comb")
 }
 
 
 def fleet_at(
     positions: Sequence[int], tasks: int, charge: int | Sequence[int] = BATTERY_FULL
-) -> Fleet:
+) -> FleetLists:
     """Robots at these positions with empty lists."""
     return fleet_of([place(position) for position in positions], tasks, charge)
 
 
-def scratch_of(fleet: Fleet, tasks: int, chargers: int = 1) -> Scratch:
+def scratch_of(fleet: FleetLists, tasks: int, chargers: int = 1) -> AuctionScratch:
     """Scratch for auctions of so many tasks among this fleet."""
     robots, longest = fleet.order.shape
     return scratch_for(robots, tasks, longest, chargers)
 
 
-def give(fleet: Fleet, robot: int, tasks: Sequence[int]) -> None:
+def give(fleet: FleetLists, robot: int, tasks: Sequence[int]) -> None:
     """Make these tasks, by number, the robot's list."""
     fleet.order[robot, : len(tasks)] = tasks
     fleet.length[robot] = len(tasks)
 
 
-def empty(task_costs: TaskCosts, battery: Battery, fleet: Fleet, scratch: Scratch) -> None:
+def empty(
+    task_costs: TaskCosts, battery: BatteryRules, fleet: FleetLists, scratch: AuctionScratch
+) -> None:
     """Take all tasks off all lists."""
     fleet.length[:] = 0
     settle_all(task_costs, battery, fleet, scratch)
 
 
-def listed(fleet: Fleet, robot: int) -> list[int]:
+def listed(fleet: FleetLists, robot: int) -> list[int]:
     """The tasks of a robot by number."""
     found: list[int] = fleet.order[robot, : fleet.length[robot]].tolist()
     return found
@@ -171,15 +174,15 @@ class Instance:
     """A task set and robots with empty lists."""
 
     task_costs: TaskCosts
-    battery: Battery
-    fleet: Fleet
-    scratch: Scratch
+    battery: BatteryRules
+    fleet: FleetLists
+    scratch: AuctionScratch
     items: Array
     epsilon: int
     seed: int
 
     @property
-    def market(self) -> tuple[TaskCosts, Battery, Fleet, Scratch]:
+    def market(self) -> tuple[TaskCosts, BatteryRules, FleetLists, AuctionScratch]:
         return self.task_costs, self.battery, self.fleet, self.scratch
 
     @property
@@ -275,7 +278,7 @@ def solve(lanes: str, robots: int, n: int, seed: int, method: str, epsilon: int)
     METHODS[method](one)
     stations = task_set(seed, n)
     return Solved(
-        sequential.objective(one.fleet, epsilon) / 1000,
+        metaheuristics.objective(one.fleet, epsilon) / 1000,
         int(one.scratch.count.bids[0]),
         int(one.scratch.count.positions[0]),
         tuple(tuple(stations[task] for task in listed(one.fleet, r)) for r in range(robots)),
@@ -436,7 +439,7 @@ def bids_for(setting: str) -> list[Bid]:
     return found
 
 
-def stops_of(scratch: Scratch) -> list[tuple[int, int]]:
+def stops_of(scratch: AuctionScratch) -> list[tuple[int, int]]:
     """(position in the list, number of the charger) of the plan's stops."""
     plan = scratch.plan
     return [(int(plan.position[k]), int(plan.charger[k])) for k in range(plan.stops[0])]

@@ -34,8 +34,8 @@ from automaton.papers.reproduction_study import (
 from automaton.runs.headless import run_to_end
 from automaton.runs.simulation import Simulation
 from automaton.units import SECONDS_PER_UNIT, unit
+from strategies.zoning.loads_and_transfers import find_loads
 from strategies.zoning.monitored import space_of
-from strategies.zoning.zone_load import find_loads
 from strategies.zoning.zone_queues import record_flow, rules_of_zones, ticks
 
 SA: Final = "SA"

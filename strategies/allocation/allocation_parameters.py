@@ -1,4 +1,4 @@
-"""The parameters of allocations that do not know all kinds of orders. Imports no Numba."""
+"""The parameters of allocations, and why they refuse scenarios."""
 
 from __future__ import annotations
 
@@ -13,6 +13,20 @@ from automaton.scenario.orders import has_tours, kinds_of_sources, priorities_of
 from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
 from automaton.scenario.schema import Scenario
 from automaton.scenario.unavailable_metrics import carries_pods
+
+DEFAULT_LIST_LENGTH = 8  # orders in a robot's list, unless the fleet is too large for so many
+MAX_LISTED_ORDERS = 1000  # orders in all lists together: bounds the memory of a market
+MAX_BUNDLING_ROBOTS = 16  # robots whose bundles are all tried
+Storage = Annotated[
+    Literal["fixed", "nearest", "class", "random"],
+    Meta(
+        description="where a pod is stored after its trip: where it stood at the start, in the nearest "
+        "free cell, in the nearest one of its class (pods.classes), or in any"
+    ),
+]
+Ticks = Annotated[int, quantity(TIME, ge=1, le=1_000_000)]
+Tick = Annotated[int, quantity(MOMENT, ge=1, le=2_000_000_000)]
+Fraction = Annotated[float, Meta(ge=0, le=1)]
 
 
 def refusal_of_pods(scenario: Scenario, floor_plan: FloorPlan) -> str | None:
@@ -46,15 +60,6 @@ def refusal_of_priorities(scenario: Scenario) -> str | None:
     if len(priorities_of(scenario.orders)) == 1:
         return None
     return "it knows no priorities, and orders have some; greedy and first-come do those"
-
-
-Storage = Annotated[
-    Literal["fixed", "nearest", "class", "random"],
-    Meta(
-        description="where a pod is stored after its trip: where it stood at the start, in the nearest "
-        "free cell, in the nearest one of its class (pods.classes), or in any"
-    ),
-]
 
 
 def tuned_storage(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
@@ -97,9 +102,6 @@ class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=Tru
         return tuned_storage(scenario, floor_plan)
 
 
-# The parameters of methods that pass loads along alleys. Imports no Numba.
-
-
 class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
     """No parameters; but loads are looked for on shelves alone."""
 
@@ -126,9 +128,6 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         return {}
 
 
-# The parameters of shortest job first. Imports no Numba.
-
-
 class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """The weights of a score: age * (how long it waited) - job * (how long it takes)."""
 
@@ -146,12 +145,6 @@ class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=T
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
         """What is worth trying of each parameter."""
         return tuned_storage(scenario, floor_plan)
-
-
-# The parameters of greedy allocation. Imports no Numba.
-
-
-Ticks = Annotated[int, quantity(TIME, ge=1, le=1_000_000)]
 
 
 class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -190,23 +183,12 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
         return {"rest": (0.0, 1.0), **tuned_storage(scenario, floor_plan)}
 
 
-# The parameters of auctions. Imports no Numba.
-
-
-Tick = Annotated[int, quantity(MOMENT, ge=1, le=2_000_000_000)]
-Fraction = Annotated[float, Meta(ge=0, le=1)]
-
-
 class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """An epsilon that goes evenly from one value to another."""
 
     first: Annotated[Fraction, Meta(description="at the start")] = msgspec.field(name="from")
     last: Annotated[Fraction, Meta(description="from tick `until` on")] = msgspec.field(name="to")
     until: Annotated[Tick, Meta(description="tick from which it stays")]
-
-
-DEFAULT_LIST_LENGTH = 8  # orders in a robot's list, unless the fleet is too large for so many
-MAX_LISTED_ORDERS = 1000  # orders in all lists together: bounds the memory of a market
 
 
 class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -219,9 +201,8 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
         Meta(
             description="sequential: one by one, the winner bids again; arrival: each order to the "
             "lowest bid, in arrival order; parallel: all at once; combinatorial: bundles, small "
-            "cases; "
-            "genetic, exact: the benchmarks of the paper, exact without batteries and with the "
-            "ten oldest orders; assignment: one order for each robot."
+            "cases; genetic, exact: the benchmarks of the paper, exact without batteries and with "
+            "the ten oldest orders; assignment: one order for each robot."
         ),
     ] = "sequential"
     bid_rule: Annotated[
@@ -257,8 +238,7 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
         Meta(
             description="central: one for all robots; fixed: `auctioneers` robots, each sells the "
             "orders nearest to it; time, token: one robot at a time, passed on after "
-            "`auctioneer_term` ticks, "
-            "or after each auction."
+            "`auctioneer_term` ticks, or after each auction."
         ),
     ] = "central"
     auctioneers: Annotated[int, Meta(ge=1, le=1000, description="fixed: how many")] = 2
@@ -317,9 +297,8 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
         robots = scenario.fleet.robots
         if scenario.information != "everything":
             return (
-                "an auction needs information: everything; its own announcement_radius and "
-                "region limit which robots "
-                "may bid"
+                "an auction needs information: everything; its own announcement_radius and region "
+                "limit which robots may bid"
             )
         if robots > MAX_LISTED_ORDERS or (
             robots * self.max_orders_per_robot > MAX_LISTED_ORDERS
@@ -342,6 +321,3 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
                 f"{MAX_BUNDLING_ROBOTS} robots, and fleet.robots is {robots}"
             )
         return None
-
-
-MAX_BUNDLING_ROBOTS = 16  # robots whose bundles are all tried

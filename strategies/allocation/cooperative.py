@@ -1,9 +1,9 @@
-"""Cooperative planning (Grzejszczak & Nocon, Algorithm 2): a bucket brigade across the tables.
+"""Bucket brigades across the tables (Grzejszczak & Nocon): cooperative and adaptive planning.
 
-An *alley* is a column of the floor from which loads are picked up to its left. A robot reserves an
-alley and moves the loads of its left table one table to the right, where the robot of the next alley
-finds them; only what finds no empty shelf goes to its destination. Alley reservations are kept here,
-in the strategy's state; everything else is read off the order list.
+An *alley* is a column of the floor from which loads are picked up to its left. In cooperative planning
+(Algorithm 2) a robot reserves an alley and moves the loads of its left table one table to the right,
+where the robot of the next alley finds them; only what finds no empty shelf goes to its destination.
+Alley reservations are kept here, in the strategy's state; everything else is read off the order list.
 """
 
 import numpy as np
@@ -42,6 +42,9 @@ from automaton.strategy.kernels import (
     takes_load,
 )
 
+MOVES_PER_PASS = 4  # along the alley, from one load to the next
+PRIOR_TICKS = 200  # driven ticks that a robot starts with
+
 
 class AlleyState(Struct):
     """Who works in which alley, and what is there to do."""
@@ -55,8 +58,50 @@ class AlleyState(Struct):
 
 
 def alley_state(view):
-    """That of a run's beginning."""
+    """The state at the beginning of a run."""
     return AlleyState.sized({"n": len(view.robots.cell), "w": view.grid.width})
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    out, state = decisions.allocation, AlleyState.of(memory)
+    for k in range(batch.count[0]):
+        if workspace.stop[0]:
+            return
+        i = np.int64(batch.robot[k])
+        reason = batch.reason[k]
+        if places_load(reason):
+            pass_right(view, out, state, k, i)
+        elif reason != REASON_PERIODIC:
+            take_in_alley(view, out, state, workspace, k, i, reason == REASON_ORDER_RETURNED)
+
+
+class Cooperative(Strategy):
+    """Bucket brigade: robots reserve alleys and pass loads to the next table on the right."""
+
+    layer = "allocation"
+    compiled = decide
+
+    def reset(self, view):
+        return alley_state(view)
+
+
+@kernel(inline=True)
+def take_in_alley(view, out, state, workspace, k, i, released):
+    """Decision k: the first open order of the robot's alley, of a better one, or home."""
+    width = view.grid.width
+    count_tables(view, out, i, state)
+    column = np.int64(state.alley[i])
+    if column == 0 or state.open_orders[column] == 0:
+        state.alley[i] = 0
+        column = choose_alley(view, state, i)
+        if column == NIL:
+            out.command[k] = CMD_PARK
+            return
+        state.alley[i] = column
+    order = first_order(view, out, workspace, i, column, released)
+    state.picked_from[i] = view.slots.cell[view.orders.current_slot[order]] % width
+    take_order(view, out, k, i, order)
 
 
 @kernel(inline=True)
@@ -127,39 +172,13 @@ def first_order(view, out, workspace, i, column, around):
             first = order
         if not around:
             return order
-        if (
-            find_path(
-                view,
-                workspace,
-                robot_type,
-                here,
-                heading,
-                access_cell,
-                AROUND_ROBOTS,
-                workspace.steps,
-            )
-            != NIL
-        ):
+        steps = workspace.steps
+        length = find_path(
+            view, workspace, robot_type, here, heading, access_cell, AROUND_ROBOTS, steps
+        )
+        if length != NIL:
             return order
     return first
-
-
-@kernel(inline=True)
-def take_in_alley(view, out, state, workspace, k, i, released):
-    """Decision k: the first open order of the robot's alley, of a better one, or home."""
-    width = view.grid.width
-    count_tables(view, out, i, state)
-    column = np.int64(state.alley[i])
-    if column == 0 or state.open_orders[column] == 0:
-        state.alley[i] = 0
-        column = choose_alley(view, state, i)
-        if column == NIL:
-            out.command[k] = CMD_PARK
-            return
-        state.alley[i] = column
-    order = first_order(view, out, workspace, i, column, released)
-    state.picked_from[i] = view.slots.cell[view.orders.current_slot[order]] % width
-    take_order(view, out, k, i, order)
 
 
 @kernel(inline=True)
@@ -192,72 +211,50 @@ def pass_right(view, out, state, k, i):
     out.try_drop[k] = 1
 
 
-@kernel
-def decide(view, batch, decisions, memory, workspace):
-    out, state = decisions.allocation, AlleyState.of(memory)
-    for k in range(batch.count[0]):
-        if workspace.stop[0]:
-            return
-        i = np.int64(batch.robot[k])
-        reason = batch.reason[k]
-        if places_load(reason):
-            pass_right(view, out, state, k, i)
-        elif reason != REASON_PERIODIC:
-            take_in_alley(view, out, state, workspace, k, i, reason == REASON_ORDER_RETURNED)
-
-
-class Cooperative(Strategy):
-    """Bucket brigade: robots reserve alleys and pass loads to the next table on the right."""
-
-    layer = "allocation"
-    compiled = decide
-
-    def reset(self, view):
-        return alley_state(view)
-
-
 # Adaptive planning: carry or pass on, decided again for each load by what the robot itself observed.
 #
 # Grzejszczak & Nocon ask, as future work, for robots that switch between the two strategies by their
 # own observations. Here a robot works in an alley as in the cooperative strategy; one that can
-# reserve none stays home instead of adding to the traffic. With each load it picks up it chooses:
+# reserve none stays home instead of adding to the traffic. With each load it picks up it takes what
+# costs it fewer ticks:
 #
-# carry (independent) 2 * way to the load's target * (1 + lost / driven) pass (cooperative) tables
-# before the target * (pick + try + drop + a few moves)
+#     carry (independent)  2 * way to the load's target * (1 + lost / driven)
+#     pass (cooperative)   tables before the target * (pick + try + drop + a few moves)
 #
-# and takes the cheaper one, in ticks. Carrying means to drive there and back; passing means that the
-# load is handled once more at every table before its target, by whichever robot. `lost / driven` is
-# the robot's own share of ticks lost to others (waits, refused moves, retreats) over ticks driven
-# (moves, turns) since the start, with 200 driven ticks of benefit of the doubt: who is often blocked
-# passes loads on, who drives freely carries them. The robots need no communication beyond the order
-# list.
+# Carrying means to drive there and back; passing means that the load is handled once more at every
+# table before its target, by whichever robot. `lost / driven` is the robot's own share of ticks lost
+# to others (waits, refused moves, retreats) over ticks driven (moves, turns) since the start, with
+# 200 driven ticks of benefit of the doubt. The robots need no communication beyond the order list.
 #
 # Why it helps: passing costs the same everywhere, carrying grows with the way. Far from the target
 # the brigade handles a load too often (this is why it needs 9,400 ticks for one robot and ten
 # tables), near the target carrying turns too often. The rule takes the better end of both.
 
 
-MOVES_PER_PASS = 4  # along the alley, from one load to the next
-PRIOR_TICKS = 200  # driven ticks that a robot starts with
-
-
 @kernel
-def tables_between(view, x, target):
-    """Columns of shelves to the right of x and to the left of the target's column."""
-    width = view.grid.width
-    count, last = 0, NIL
-    for slot in range(view.slots.cell.shape[0]):
-        column = view.slots.cell[slot] % width
-        if x < column < target and column != last and view.slots.unbounded[slot] == 0:
-            count += 1
-            last = column
-    return count
+def decide_adaptive(view, batch, decisions, memory, workspace):
+    out, state = decisions.allocation, AlleyState.of(memory)
+    for k in range(batch.count[0]):
+        if workspace.stop[0]:
+            return
+        i = np.int64(batch.robot[k])
+        reason = batch.reason[k]
+        if places_load(reason) and is_carrying_cheaper(view, workspace, i):
+            deliver(view, out, k, i)
+        elif places_load(reason):
+            pass_right(view, out, state, k, i)
+        elif reason != REASON_PERIODIC:
+            take_in_alley(view, out, state, workspace, k, i, reason == REASON_ORDER_RETURNED)
 
 
-@kernel
-def ticks_of(view, i, action):
-    """Ticks that robot i spent in an action so far, with and without load."""
-    return view.tally.ticks[i, action, 0] + view.tally.ticks[i, action, 1]
+class Adaptive(Strategy):
+    """Each robot passes a load on or carries it, whichever costs less by its own experience."""
+
+    layer = "allocation"
+    compiled = decide_adaptive
+
+    def reset(self, view):
+        return alley_state(view)
 
 
 @kernel
@@ -287,26 +284,19 @@ def is_carrying_cheaper(view, workspace, i):
 
 
 @kernel
-def decide_adaptive(view, batch, decisions, memory, workspace):
-    out, state = decisions.allocation, AlleyState.of(memory)
-    for k in range(batch.count[0]):
-        if workspace.stop[0]:
-            return
-        i = np.int64(batch.robot[k])
-        reason = batch.reason[k]
-        if places_load(reason) and is_carrying_cheaper(view, workspace, i):
-            deliver(view, out, k, i)
-        elif places_load(reason):
-            pass_right(view, out, state, k, i)
-        elif reason != REASON_PERIODIC:
-            take_in_alley(view, out, state, workspace, k, i, reason == REASON_ORDER_RETURNED)
+def tables_between(view, x, target):
+    """Columns of shelves to the right of x and to the left of the target's column."""
+    width = view.grid.width
+    count, last = 0, NIL
+    for slot in range(view.slots.cell.shape[0]):
+        column = view.slots.cell[slot] % width
+        if x < column < target and column != last and view.slots.unbounded[slot] == 0:
+            count += 1
+            last = column
+    return count
 
 
-class Adaptive(Strategy):
-    """Each robot passes a load on or carries it, whichever costs less by its own experience."""
-
-    layer = "allocation"
-    compiled = decide_adaptive
-
-    def reset(self, view):
-        return alley_state(view)
+@kernel
+def ticks_of(view, i, action):
+    """Ticks that robot i spent in an action so far, with and without load."""
+    return view.tally.ticks[i, action, 0] + view.tally.ticks[i, action, 1]

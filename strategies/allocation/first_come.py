@@ -1,10 +1,10 @@
-"""Orders by when they are due: a binary heap for each type of robots.
+"""First come, first served: a free robot takes the order that has waited longest, or is due first.
 
-Of orders of the highest priority the one that is due first comes first, those without a due time last;
-ties: the one released first, then the lowest number. An order is entered when it is released, again
-when it has come back, and again when it is to come earlier than it was. One that is taken stays in the
-heaps of other types until it is the first there, so each order is looked at a few times for each type,
-and moved by log2 of those that wait.
+Orders are taken in the sequence in which they are released; ties: the lowest number. The robot
+carries it to its own target. A cursor goes over the orders once in a run: those before it were all
+taken. One that was given back is found by its robot, which remembers what it took last. With `by:
+due` a queue holds what was released, and what was given back comes into it again. (Where robots see
+only what is near, both are forgotten and every robot looks at all orders.)
 """
 
 import numpy as np
@@ -43,101 +43,6 @@ class DueQueue(Struct):
     looked: Array = field("(1,) int64", "orders entered and taken out: what the queue has cost")
 
 
-@kernel
-def comes_before(view, a, b):
-    """Whether order a comes before order b."""
-    orders = view.orders
-    if orders.priority[a] != orders.priority[b]:
-        return orders.priority[a] > orders.priority[b]
-    if orders.due[a] != orders.due[b]:
-        return orders.due[a] < orders.due[b]
-    if orders.release_tick[a] != orders.release_tick[b]:
-        return orders.release_tick[a] < orders.release_tick[b]
-    return a < b
-
-
-@kernel
-def put(queue, robot_type, at, order):
-    """Put an order into a place of a heap."""
-    queue.order[robot_type, at] = order
-    queue.place[robot_type, order] = at + 1
-
-
-@kernel
-def enter_order(view, queue, order):
-    """Enter an order into all heaps; in one in which it is, it may come forward."""
-    for robot_type in range(queue.size.shape[0]):
-        at = np.int64(queue.place[robot_type, order]) - 1
-        if at == NIL:
-            at = queue.size[robot_type]
-            queue.size[robot_type] = at + 1
-        queue.looked[0] += 1
-        while at > 0:
-            above = np.int64(queue.order[robot_type, (at - 1) >> 1])
-            if comes_before(view, above, order):
-                break
-            put(queue, robot_type, at, above)
-            at = (at - 1) >> 1
-        put(queue, robot_type, at, order)
-
-
-@kernel
-def drop_first(view, queue, robot_type):
-    """Take the first order out of a heap."""
-    heap, last = queue.order[robot_type], queue.size[robot_type] - 1
-    queue.size[robot_type] = last
-    queue.looked[0] += 1
-    order, at = np.int64(heap[last]), 0
-    queue.place[robot_type, heap[0]] = 0
-    if last == 0:
-        return
-    while 2 * at + 1 < last:
-        below = 2 * at + 1
-        if below + 1 < last and comes_before(
-            view, np.int64(heap[below + 1]), np.int64(heap[below])
-        ):
-            below += 1
-        if comes_before(view, order, np.int64(heap[below])):
-            break
-        put(queue, robot_type, at, np.int64(heap[below]))
-        at = below
-    put(queue, robot_type, at, order)
-
-
-@kernel
-def enter_released(view, queue):
-    """Enter the orders that were released since the last time."""
-    for k in range(queue.released[0], view.clock[CLOCK_NEXT_RELEASE]):
-        order = np.int64(view.orders.release_sequence[k])
-        if order != NIL:  # another zone's, out of sight
-            enter_order(view, queue, order)
-    queue.released[0] = view.clock[CLOCK_NEXT_RELEASE]
-
-
-@kernel
-def first_due(view, out, queue, i):
-    """The open order for robot i that comes before all others, or NIL.
-
-    It is taken out of the heap, with those before it that were taken or are not for the robot's type.
-    """
-    robot_type = np.int64(view.robots.type[i])
-    while queue.size[robot_type] > 0:
-        order = np.int64(queue.order[robot_type, 0])
-        drop_first(view, queue, robot_type)
-        if is_open(view, out, i, order) and can_do(view, i, order):
-            return order
-    return np.int64(NIL)
-
-
-# First come, first served: a free robot takes the order that has waited longest, or is due first.
-#
-# Orders are taken in the sequence in which they are released; ties: the lowest number. The robot
-# carries it to its own target. A cursor goes over the orders once in a run: those before it were all
-# taken. One that was given back is found by its robot, which remembers what it took last. With `by:
-# due` a queue (`due_queue`) holds what was released, and what was given back comes into it again.
-# (Where robots see only what is near, both are forgotten and every robot looks at all orders.)
-
-
 class FirstComeState(Struct):
     """How far the orders have been looked at, and who took which."""
 
@@ -148,103 +53,8 @@ class FirstComeState(Struct):
     )
     looked: Array = field("(1,) int64", "orders looked at so far: what the search has cost")
     storage: int = field("int64", "where pods are stored: its place among POLICIES")
-    by_due: int = field("int64", "1: orders are taken by when they are due, and come from")
+    by_due: int = field("int64", "1: orders are taken from the queue, by when they are due")
     queue: DueQueue
-
-
-@kernel
-def has_returned_order(view, out, state):
-    """Whether an order below the cursors is open again."""
-    for j in range(state.took.shape[0]):
-        order = state.took[j] - 1
-        if order >= 0 and is_open(view, out, j, order):
-            return True
-    return False
-
-
-@kernel
-def robot_that_returned_order(view, out, state, i, rank):
-    """The robot whose order below the cursor is open again for robot i, that of the lowest one; NIL.
-
-    Of orders of one priority: `rank` is its place among those that there are.
-    """
-    robot = NIL
-    if state.cursor[view.robots.type[i], rank] == 0:
-        return robot  # what robots took is forgotten, with the cursor
-    lowest = view.orders.state.shape[0]
-    for j in range(state.took.shape[0]):
-        order = state.took[j] - 1
-        if (
-            order < 0
-            or order >= lowest
-            or view.orders.priority[order] != view.rules.priorities[rank]
-        ):
-            continue
-        if is_open(view, out, i, order) and can_do(view, i, order):
-            lowest = order
-            robot = j
-    return robot
-
-
-@kernel
-def next_order(view, out, state, i, rank):
-    """The first open order of a priority for robot i from the cursor on, NIL if there is none.
-
-    The cursor stops there.
-    """
-    robot_type = view.robots.type[i]
-    for k in range(state.cursor[robot_type, rank], view.clock[CLOCK_NEXT_RELEASE]):
-        order = np.int64(view.orders.release_sequence[k])
-        state.looked[0] += 1
-        state.cursor[robot_type, rank] = k + 1
-        if order == NIL or view.orders.priority[order] != view.rules.priorities[rank]:
-            continue  # another zone's, out of sight
-        if is_open(view, out, i, order) and can_do(view, i, order):
-            return order
-    return NIL
-
-
-@kernel
-def order_for(view, out, state, i, again):
-    """The oldest open order of the highest priority for robot i; `again`: also one that came back."""
-    for rank in range(view.rules.priorities.shape[0]):
-        giver = robot_that_returned_order(view, out, state, i, rank) if again else NIL
-        if giver != NIL:
-            order = np.int64(state.took[giver]) - 1
-            state.took[giver] = state.took[i]  # that one may be open again, too
-            return order
-        order = next_order(view, out, state, i, rank)
-        if order != NIL:
-            return order
-    return np.int64(NIL)
-
-
-@kernel
-def first_trip(view, out, state, i):
-    """The trip for robot i that comes first, of those of the highest priority; NIL: none.
-
-    A trip may have to wait for a place at its station, so that no cursor passes it.
-    """
-    orders = view.orders
-    best, first, least = np.int64(NIL), np.int64(0), highest_priority(view, out, i)
-    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
-        if orders.priority[order] < least or not is_open(view, out, i, order):
-            continue
-        when = np.int64(orders.due[order] if state.by_due else orders.release_tick[order])
-        if (best == NIL or when < first) and can_do(view, i, order):
-            best, first = np.int64(order), when
-    return best
-
-
-@kernel
-def fill_queue(view, out, state):
-    """Enter into the queue what was released, and what robots gave back."""
-    enter_released(view, state.queue)
-    for j in range(state.took.shape[0]):
-        order = np.int64(state.took[j]) - 1
-        if order >= 0 and is_open(view, out, j, order):
-            enter_order(view, state.queue, order)
-            state.took[j] = 0
 
 
 @kernel
@@ -297,3 +107,191 @@ class FirstCome(Strategy):
         return FirstComeState.sized(
             sizes, by_due=int(by_due), storage=storage, queue=DueQueue.sized(places)
         )
+
+
+@kernel
+def has_returned_order(view, out, state):
+    """Whether an order below the cursors is open again."""
+    for j in range(state.took.shape[0]):
+        order = state.took[j] - 1
+        if order >= 0 and is_open(view, out, j, order):
+            return True
+    return False
+
+
+@kernel
+def order_for(view, out, state, i, again):
+    """The oldest open order of the highest priority for robot i; `again`: also one that came back."""
+    for rank in range(view.rules.priorities.shape[0]):
+        giver = robot_that_returned_order(view, out, state, i, rank) if again else NIL
+        if giver != NIL:
+            order = np.int64(state.took[giver]) - 1
+            state.took[giver] = state.took[i]  # that one may be open again, too
+            return order
+        order = next_order(view, out, state, i, rank)
+        if order != NIL:
+            return order
+    return np.int64(NIL)
+
+
+@kernel
+def robot_that_returned_order(view, out, state, i, rank):
+    """The robot whose order below the cursor is open again for robot i, that of the lowest one; NIL.
+
+    Of orders of one priority: `rank` is its place among those that there are.
+    """
+    robot = NIL
+    if state.cursor[view.robots.type[i], rank] == 0:
+        return robot  # what robots took is forgotten, with the cursor
+    lowest = view.orders.state.shape[0]
+    for j in range(state.took.shape[0]):
+        order = state.took[j] - 1
+        if order < 0 or order >= lowest:
+            continue
+        if view.orders.priority[order] != view.rules.priorities[rank]:
+            continue
+        if is_open(view, out, i, order) and can_do(view, i, order):
+            lowest = order
+            robot = j
+    return robot
+
+
+@kernel
+def next_order(view, out, state, i, rank):
+    """The first open order of a priority for robot i from the cursor on, NIL if there is none.
+
+    The cursor stops there.
+    """
+    robot_type = view.robots.type[i]
+    for k in range(state.cursor[robot_type, rank], view.clock[CLOCK_NEXT_RELEASE]):
+        order = np.int64(view.orders.release_sequence[k])
+        state.looked[0] += 1
+        state.cursor[robot_type, rank] = k + 1
+        if order == NIL or view.orders.priority[order] != view.rules.priorities[rank]:
+            continue  # another zone's, out of sight
+        if is_open(view, out, i, order) and can_do(view, i, order):
+            return order
+    return NIL
+
+
+@kernel
+def first_trip(view, out, state, i):
+    """The trip for robot i that comes first, of those of the highest priority; NIL: none.
+
+    A trip may have to wait for a place at its station, so that no cursor passes it.
+    """
+    orders = view.orders
+    best, first, least = np.int64(NIL), np.int64(0), highest_priority(view, out, i)
+    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
+        if orders.priority[order] < least or not is_open(view, out, i, order):
+            continue
+        when = np.int64(orders.due[order] if state.by_due else orders.release_tick[order])
+        if (best == NIL or when < first) and can_do(view, i, order):
+            best, first = np.int64(order), when
+    return best
+
+
+# Orders by when they are due: a binary heap for each type of robots.
+#
+# Of orders of the highest priority the one that is due first comes first, those without a due time
+# last; ties: the one released first, then the lowest number. An order is entered when it is released,
+# again when it has come back, and again when it is to come earlier than it was. One that is taken
+# stays in the heaps of other types until it is the first there, so each order is looked at a few
+# times for each type, and moved by log2 of those that wait.
+
+
+@kernel
+def first_due(view, out, queue, i):
+    """The open order for robot i that comes before all others, or NIL.
+
+    It is taken out of the heap, with those before it that were taken or are not for the robot's type.
+    """
+    robot_type = np.int64(view.robots.type[i])
+    while queue.size[robot_type] > 0:
+        order = np.int64(queue.order[robot_type, 0])
+        drop_first(view, queue, robot_type)
+        if is_open(view, out, i, order) and can_do(view, i, order):
+            return order
+    return np.int64(NIL)
+
+
+@kernel
+def fill_queue(view, out, state):
+    """Enter into the queue what was released, and what robots gave back."""
+    enter_released(view, state.queue)
+    for j in range(state.took.shape[0]):
+        order = np.int64(state.took[j]) - 1
+        if order >= 0 and is_open(view, out, j, order):
+            enter_order(view, state.queue, order)
+            state.took[j] = 0
+
+
+@kernel
+def enter_released(view, queue):
+    """Enter the orders that were released since the last time."""
+    for k in range(queue.released[0], view.clock[CLOCK_NEXT_RELEASE]):
+        order = np.int64(view.orders.release_sequence[k])
+        if order != NIL:  # another zone's, out of sight
+            enter_order(view, queue, order)
+    queue.released[0] = view.clock[CLOCK_NEXT_RELEASE]
+
+
+@kernel
+def enter_order(view, queue, order):
+    """Enter an order into all heaps; in one in which it is, it may come forward."""
+    for robot_type in range(queue.size.shape[0]):
+        at = np.int64(queue.place[robot_type, order]) - 1
+        if at == NIL:
+            at = queue.size[robot_type]
+            queue.size[robot_type] = at + 1
+        queue.looked[0] += 1
+        while at > 0:
+            above = np.int64(queue.order[robot_type, (at - 1) >> 1])
+            if comes_before(view, above, order):
+                break
+            put(queue, robot_type, at, above)
+            at = (at - 1) >> 1
+        put(queue, robot_type, at, order)
+
+
+@kernel
+def drop_first(view, queue, robot_type):
+    """Take the first order out of a heap."""
+    heap, last = queue.order[robot_type], queue.size[robot_type] - 1
+    queue.size[robot_type] = last
+    queue.looked[0] += 1
+    order, at = np.int64(heap[last]), 0
+    queue.place[robot_type, heap[0]] = 0
+    if last == 0:
+        return
+    while 2 * at + 1 < last:
+        below = 2 * at + 1
+        if below + 1 < last and comes_before(
+            view, np.int64(heap[below + 1]), np.int64(heap[below])
+        ):
+            below += 1
+        if comes_before(view, order, np.int64(heap[below])):
+            break
+        put(queue, robot_type, at, np.int64(heap[below]))
+        at = below
+    put(queue, robot_type, at, order)
+
+
+@kernel
+def put(queue, robot_type, at, order):
+    """Put an order into a place of a heap."""
+    queue.order[robot_type, at] = order
+    queue.place[robot_type, order] = at + 1
+
+
+@kernel
+def comes_before(view, a, b):
+    """Whether order a comes before order b."""
+    orders = view.orders
+    if orders.priority[a] != orders.priority[b]:
+        return orders.priority[a] > orders.priority[b]
+    if orders.due[a] != orders.due[b]:
+        return orders.due[a] < orders.due[b]
+    if orders.release_tick[a] != orders.release_tick[b]:
+        return orders.release_tick[a] < orders.release_tick[b]
+    return a < b

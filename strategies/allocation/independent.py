@@ -6,6 +6,8 @@ with the cells of the other robots removed, or as if they were free if nothing i
 
 Each question costs a look at all orders from the first that is not done to the last that is known, and
 a search that ends at the nearest open one. `first-come` looks at each order once.
+
+The same strategy stands here twice: compiled, and in plain Python as a tutorial.
 """
 
 import numpy as np
@@ -40,46 +42,6 @@ from strategies.allocation.allocation_parameters import IndependentParameters
 
 
 @kernel
-def nearest_order(view, out, workspace, i, around):
-    """The open order of least path cost, of those of the highest priority, for robot i; NIL: none."""
-    least = highest_priority(view, out, i)
-    search = begin_search(workspace)
-    found = False
-    here, robot_type = position(view, i), view.robots.type[i]
-    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
-        if (
-            view.orders.priority[order] >= least
-            and is_open(view, out, i, order)
-            and can_do(view, i, order)
-        ):
-            mark_goal(
-                workspace,
-                search,
-                begin_cell(view, robot_type, order, here),
-                order,
-            )
-            found = True
-    if not found:
-        return NIL
-    heading = np.int64(view.robots.heading[i])
-    return nearest_mark(view, workspace, search, robot_type, here, heading, around)
-
-
-@kernel
-def take_nearest(view, out, workspace, k, i, released):
-    """Decision k: the nearest open order, or home if there is none."""
-    order = NIL
-    if released:
-        order = nearest_order(view, out, workspace, i, True)
-    if order == NIL:
-        order = nearest_order(view, out, workspace, i, False)
-    if order == NIL:
-        out.command[k] = CMD_PARK
-    else:
-        take_order(view, out, k, i, order)
-
-
-@kernel
 def decide(view, batch, decisions, memory, workspace):
     out, state = decisions.allocation, PlacingState.of(memory)
     for k in range(batch.count[0]):
@@ -102,6 +64,39 @@ class Independent(Strategy):
 
     def reset(self, view):
         return PlacingState(storage=POLICIES.index(self.parameters.storage))
+
+
+@kernel
+def take_nearest(view, out, workspace, k, i, released):
+    """Decision k: the nearest open order, or home if there is none."""
+    order = NIL
+    if released:
+        order = nearest_order(view, out, workspace, i, True)
+    if order == NIL:
+        order = nearest_order(view, out, workspace, i, False)
+    if order == NIL:
+        out.command[k] = CMD_PARK
+    else:
+        take_order(view, out, k, i, order)
+
+
+@kernel
+def nearest_order(view, out, workspace, i, around):
+    """The open order of least path cost, of those of the highest priority, for robot i; NIL: none."""
+    least = highest_priority(view, out, i)
+    search = begin_search(workspace)
+    found = False
+    here, robot_type = position(view, i), view.robots.type[i]
+    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
+        if view.orders.priority[order] < least or not is_open(view, out, i, order):
+            continue
+        if can_do(view, i, order):
+            mark_goal(workspace, search, begin_cell(view, robot_type, order, here), order)
+            found = True
+    if not found:
+        return NIL
+    heading = np.int64(view.robots.heading[i])
+    return nearest_mark(view, workspace, search, robot_type, here, heading, around)
 
 
 # The tutorial: how to write a strategy in plain Python.

@@ -53,97 +53,6 @@ class ShortestJobState(Struct):
 
 
 @kernel
-def is_mine(view, order, identity):
-    """Whether an order is in a queue that this robot serves; without zones all are."""
-    service_zones = view.service_zones
-    if service_zones.queue.shape[0] == 0:
-        return True
-    queue = service_zones.queue[order]
-    return queue >= 0 and service_zones.server[queue] == identity
-
-
-@kernel
-def next_stop(view, order):
-    """The slot where an order is dropped next: where zoning says, or its target."""
-    if view.service_zones.queue.shape[0] and view.service_zones.next_slot[order] != NIL:
-        return np.int64(view.service_zones.next_slot[order])
-    return np.int64(view.orders.target[order])
-
-
-@kernel
-def job_ticks(view, workspace, robot_type, order, slot, begin, heading):
-    """Ticks from where an order begins over its stops to a slot; UNREACHABLE or more: no way.
-
-    Each leg from its first heading; without a load the last stop is the end.
-    """
-    orders, stops = view.orders, view.stops
-    if has_load(orders, order):
-        robot_type += view.rules.loaded_types
-    ticks, here = np.int64(0), begin
-    first = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
-    for stop in range(first, end_of_stops(view, order)):
-        to = np.int64(stops.cell[stop])
-        way = distance(view, workspace, robot_type, here, heading, to)
-        ticks = min(ticks + way + stops.ticks[stop], 2 * UNREACHABLE)
-        here = to
-    if has_load(orders, order):
-        if slot == NIL:  # a pod goes back to where it stands, as far as is known
-            slot = np.int64(orders.current_slot[order])
-        drop = dropoff_cell(view, robot_type, slot, here)
-        ticks += distance(view, workspace, robot_type, here, heading, drop)
-    return ticks
-
-
-@kernel
-def score(view, workspace, state, i, order, least):
-    """The score of an order for robot i, in thousandths of ticks; WORST if it cannot do it.
-
-    WORST too if the way to where it begins leaves no more than `least`.
-    """
-    slot, robot_type = next_stop(view, order), view.robots.type[i]
-    if not can_bring(view, robot_type, order, slot):
-        return WORST
-    here, heading = position(view, i), np.int64(view.robots.heading[i])
-    begin = begin_cell(view, robot_type, order, here)
-    age = state.age * (view.clock[CLOCK_TICK] - view.orders.release_tick[order])
-    job = distance(view, workspace, robot_type, here, heading, begin)
-    if age - state.job * job <= least:
-        return WORST
-    job += job_ticks(view, workspace, robot_type, order, slot, begin, heading)
-    if job >= UNREACHABLE:
-        return WORST
-    return age - state.job * job
-
-
-@kernel
-def best_order(view, out, state, workspace, i):
-    """The open order of highest score, of those of the highest priority, for robot i; NIL: none."""
-    found, highest, first = NIL, WORST, LEAST_PRIORITY
-    identity = view.robots.identity[i]
-    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
-        priority = np.int64(view.orders.priority[order])
-        if priority < first or not is_open(view, out, i, order):
-            continue
-        if is_mine(view, order, identity):
-            least = WORST if priority > first else highest
-            worth = score(view, workspace, state, i, order, least)
-            if worth > least:
-                found, highest, first = order, worth, priority
-    return found
-
-
-@kernel
-def bring(view, out, workspace, k, i, policy):
-    """Decision k: carry the load of robot i to its next stop, or to its target if that is full."""
-    order = np.int64(view.robots.load[i])
-    stop = next_stop(view, order)
-    if stop != NIL and stop != view.orders.target[order] and takes_load(view, out, stop):
-        set_down(view, out, k, i, stop)
-    else:
-        place_load(view, out, workspace, k, i, policy)
-
-
-@kernel
 def decide(view, batch, decisions, memory, workspace):
     out, state = decisions.allocation, ShortestJobState.of(memory)
     for k in range(batch.count[0]):
@@ -175,3 +84,94 @@ class ShortestJob(Strategy):
             parks=int(parameters.idle == "park"),
             storage=POLICIES.index(parameters.storage),
         )
+
+
+@kernel
+def best_order(view, out, state, workspace, i):
+    """The open order of highest score, of those of the highest priority, for robot i; NIL: none."""
+    found, highest, first = NIL, WORST, LEAST_PRIORITY
+    identity = view.robots.identity[i]
+    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
+        priority = np.int64(view.orders.priority[order])
+        if priority < first or not is_open(view, out, i, order):
+            continue
+        if is_mine(view, order, identity):
+            least = WORST if priority > first else highest
+            worth = score(view, workspace, state, i, order, least)
+            if worth > least:
+                found, highest, first = order, worth, priority
+    return found
+
+
+@kernel
+def is_mine(view, order, identity):
+    """Whether an order is in a queue that this robot serves; without zones all are."""
+    service_zones = view.service_zones
+    if service_zones.queue.shape[0] == 0:
+        return True
+    queue = service_zones.queue[order]
+    return queue >= 0 and service_zones.server[queue] == identity
+
+
+@kernel
+def score(view, workspace, state, i, order, least):
+    """The score of an order for robot i, in thousandths of ticks; WORST if it cannot do it.
+
+    WORST too if the way to where it begins leaves no more than `least`.
+    """
+    slot, robot_type = next_stop(view, order), view.robots.type[i]
+    if not can_bring(view, robot_type, order, slot):
+        return WORST
+    here, heading = position(view, i), np.int64(view.robots.heading[i])
+    begin = begin_cell(view, robot_type, order, here)
+    age = state.age * (view.clock[CLOCK_TICK] - view.orders.release_tick[order])
+    job = distance(view, workspace, robot_type, here, heading, begin)
+    if age - state.job * job <= least:
+        return WORST
+    job += job_ticks(view, workspace, robot_type, order, slot, begin, heading)
+    if job >= UNREACHABLE:
+        return WORST
+    return age - state.job * job
+
+
+@kernel
+def job_ticks(view, workspace, robot_type, order, slot, begin, heading):
+    """Ticks from where an order begins over its stops to a slot; UNREACHABLE or more: no way.
+
+    Each leg from its first heading; without a load the last stop is the end.
+    """
+    orders, stops = view.orders, view.stops
+    if has_load(orders, order):
+        robot_type += view.rules.loaded_types
+    ticks, here = np.int64(0), begin
+    first = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
+    for stop in range(first, end_of_stops(view, order)):
+        to = np.int64(stops.cell[stop])
+        way = distance(view, workspace, robot_type, here, heading, to)
+        ticks = min(ticks + way + stops.ticks[stop], 2 * UNREACHABLE)
+        here = to
+    if has_load(orders, order):
+        if slot == NIL:  # a pod goes back to where it stands, as far as is known
+            slot = np.int64(orders.current_slot[order])
+        drop = dropoff_cell(view, robot_type, slot, here)
+        ticks += distance(view, workspace, robot_type, here, heading, drop)
+    return ticks
+
+
+@kernel
+def next_stop(view, order):
+    """The slot where an order is dropped next: where zoning says, or its target."""
+    if view.service_zones.queue.shape[0] and view.service_zones.next_slot[order] != NIL:
+        return np.int64(view.service_zones.next_slot[order])
+    return np.int64(view.orders.target[order])
+
+
+@kernel
+def bring(view, out, workspace, k, i, policy):
+    """Decision k: carry the load of robot i to its next stop, or to its target if that is full."""
+    order = np.int64(view.robots.load[i])
+    stop = next_stop(view, order)
+    if stop != NIL and stop != view.orders.target[order] and takes_load(view, out, stop):
+        set_down(view, out, k, i, stop)
+    else:
+        place_load(view, out, workspace, k, i, policy)

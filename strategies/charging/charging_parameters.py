@@ -1,4 +1,4 @@
-"""The parameters of the charging strategies. Imports no Numba."""
+"""The parameters of the charging strategies."""
 
 from __future__ import annotations
 
@@ -68,9 +68,8 @@ class Threshold(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
     mode: Annotated[
         Literal["threshold-only", "keep-charger-reachable"],
         Meta(
-            description="threshold-only: charge before a task that would end below the "
-            "threshold; keep-charger-reachable: also "
-            "before one from whose end no charger could be reached"
+            description="threshold-only: charge before a task that would end below the threshold; "
+            "keep-charger-reachable: also before one from whose end no charger could be reached"
         ),
     ] = "keep-charger-reachable"
 

@@ -1,7 +1,9 @@
-"""Which robots go to a charger now: those whose list, as it is quoted, has a stop before its first task.
+"""Charging by quotes: the rule that prices a robot's list in an auction also sends it to charge.
 
-The list of a robot is the order that it has taken but not begun, then its plan. If the whole list
-cannot be done, its end is left out until the rest can.
+A robot is looked at when it is free, has taken an order, or is left without one. Its list - the
+order that it has taken but not begun, then its plan - is quoted by the strategy's policy; if the
+quote has a stop before the first task, the robot goes there now and gives the order back. If the whole
+list cannot be done, its end is left out until the rest can. With any allocation.
 """
 
 from __future__ import annotations
@@ -44,185 +46,8 @@ from strategies.allocation.auction.market import (
 from strategies.allocation.auction.quotes import quote, select_robot_type
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 
-IDLE_ENERGY_MARGIN = (
-    BATTERY_FULL // 20
-)  # what an idle robot keeps beyond the way to a charger, where waiting costs
-
-
-@kernel
-def choose_charging(view, batch, out, market, workspace, idle_below):
-    """Decide for a batch; idle robots below `idle_below` go to a free charger and may be called away."""
-    robots = view.robots
-    count_queues(view, market)
-    for k in range(batch.count[0]):
-        i = np.int64(batch.robot[k])
-        if robots.load[i] != NIL or robots.goal_type[i] == GOAL_CHARGE or robots.retreat_moves[i]:
-            continue
-        tasks = enter_list(view, workspace, market, i)
-        if batch.reason[k] == REASON_PERIODIC and (tasks or robots.busy[i]):
-            continue
-        if tasks == 0 and robots.charge[i] == BATTERY_FULL:
-            continue
-        home = market.costs.begin[0]
-        if tasks == 0:
-            robot_type = market.costs.robot_type[0]
-            market.cell[robot_type, home] = robots.home[i]
-            market.cell[robot_type, home + 1] = robots.home[i]
-        measure_distances(view, workspace, market, robots.type[i], 1, max(tasks, 1))
-        enter_waits(view, market)
-        compare_queues(market.battery.wait)
-        if tasks:
-            charge_for_list(view, out, market, k, tasks)
-        elif batch.reason[k] != REASON_IDLE or idle_below > 0:
-            charge_when_idle(view, out, market, k, np.int64(home), idle_below)
-        if out.goal_cell[k] >= 0:
-            count_decision(view, out, market, k, i)
-
-
-@kernel
-def count_decision(view, out, market, k, i):
-    """Robot i, which decision k sends to a charger, comes before those of later decisions."""
-    charger = view.chargers.charger_at[out.goal_cell[k]]
-    market.sent[charger] += 1
-    curve, target = view.rules.curve[view.robots.type[i]], np.int64(out.charge_target[k])
-    ticks = charging_ticks(curve, np.int64(view.robots.charge[i]), target)
-    count_before(market, charger, ticks)
-
-
-@kernel
-def best_charger(market, charge):
-    """The charger at which the robot can begin soonest, of those that it gets to; NIL: none."""
-    best, least = np.int64(NIL), np.int64(INF_COST)
-    ticks, energy = (
-        market.costs.ticks[market.costs.robot_type[0]],
-        market.costs.energy[market.costs.robot_type[0]],
-    )
-    for c in range(market.battery.charger.shape[0]):
-        place = market.battery.charger[c]
-        soonest = np.int64(ticks[0, place]) + market.battery.wait[c]
-        if energy[0, place] <= charge and soonest < least:
-            best, least = np.int64(c), soonest
-    return best
-
-
-@kernel
-def compare_queues(wait):
-    """Leave of the waits what they are longer than the shortest.
-
-    A robot that must charge looks for the shorter line; it does not put charging off because there is
-    a line everywhere (that made orders wait a tenth longer).
-    """
-    if wait.shape[0] == 0:
-        return
-    shortest = np.int64(wait[0])
-    for c in range(wait.shape[0]):
-        shortest = min(shortest, np.int64(wait[c]))
-    for c in range(wait.shape[0]):
-        wait[c] -= shortest
-
-
-@kernel
-def enter_list(view, workspace, market, i):
-    """Make the market one of robot i and its list; returns how many tasks that has."""
-    robots, orders = view.robots, view.orders
-    market.robot[0] = i
-    select_robot_type(market.costs, market.battery, robots.type[i])
-    market.cell[robots.type[i], 0] = first_cell(robots, i)
-    market.fleet.charge[0] = robots.charge[i]
-    tasks = np.int64(0)
-    if robots.order[i] != NIL:
-        enter_task(view, workspace, market, robots.type[i], tasks, np.int64(robots.order[i]))
-        tasks += 1
-    for p in range(robots.order_queue_length[i]):
-        order = np.int64(robots.order_queue[i, p])
-        waits = orders.state[order] == ORDER_WAITING and orders.reserved_by[order] == NIL
-        if waits and tasks < market.order.shape[0]:
-            enter_task(view, workspace, market, robots.type[i], tasks, order)
-            tasks += 1
-    for task in range(tasks):
-        market.fleet.order[0, task] = task
-    return tasks
-
-
-@kernel
-def charge_for_list(view, out, market, k, tasks):
-    """Decision k: to a charger if the quote of the list begins with a stop."""
-    charge = np.int64(market.fleet.charge[0])
-    order = market.fleet.order[0]
-    plan = market.scratch.plan
-    length = np.int64(tasks)
-    cost = quote(market.costs, market.battery, market.scratch, 0, 0, charge, order, length)
-    while cost >= INF_COST and length > 1:
-        length -= 1
-        cost = quote(market.costs, market.battery, market.scratch, 0, 0, charge, order, length)
-    if cost >= INF_COST:
-        nearest = best_charger(market, charge)
-        if nearest != NIL and charge < BATTERY_FULL:
-            send(view, out, k, nearest, BATTERY_FULL, 0)
-    elif plan.stops[0] > 0 and plan.position[0] == 0 and plan.duration[0] > 0:
-        send(view, out, k, np.int64(plan.charger[0]), np.int64(plan.level[0]), 0)
-
-
-@kernel
-def charge_when_idle(view, out, market, k, home, idle_below):
-    """Decision k: a robot without orders charges where no robot is, or before it cannot any more.
-
-    It is about to drive home, or is there: from there it must still get to a charger.
-    """
-    battery, robot_type = market.battery, market.costs.robot_type[0]
-    ticks, energy, reach = (
-        market.costs.ticks[robot_type],
-        market.costs.energy[robot_type],
-        battery.reach[robot_type],
-    )
-    charge = np.int64(market.fleet.charge[0])
-    nearest = best_charger(market, charge)
-    if nearest == NIL or battery.policy == POLICY_NO_CHARGING:
-        return
-    stands_free = view.rules.drain[robot_type, ACTION_WAIT, 0] == 0
-    low = battery.reserve[robot_type] + (0 if stands_free else IDLE_ENERGY_MARGIN)
-    later = charge - energy[0, home] - reach[home]
-    now = charge - reach[0]
-    filled = BATTERY_FULL - energy[battery.charger[nearest], home] - reach[home]
-    at_home = energy[0, home] == 0
-    stands_there = ticks[0, battery.charger[nearest]] == 0  # it is no use to any other robot
-    worth_it = not at_home or filled >= low  # else it would be back as empty as it is
-    if charge < BATTERY_FULL and (stands_there or (min(later, now) < low and worth_it)):
-        send(view, out, k, nearest, BATTERY_FULL, 1)
-    elif charge < idle_below:
-        free = free_charger(view, market)
-        if free != NIL:
-            send(view, out, k, free, BATTERY_FULL, 1)
-
-
-@kernel
-def free_charger(view, market):
-    """The nearest charger with a place to which no robot was sent, NIL if there is none."""
-    chargers, robot_type = view.chargers, market.costs.robot_type[0]
-    best, least = np.int64(NIL), np.int64(INF_COST)
-    for c in range(chargers.cell.shape[0]):
-        place = market.battery.charger[c]
-        ticks = np.int64(market.costs.ticks[robot_type, 0, place])
-        enough = market.costs.energy[robot_type, 0, place] <= view.robots.charge[market.robot[0]]
-        if market.sent[c] < chargers.places[c] and enough and ticks < least:
-            best, least = np.int64(c), ticks
-    return best
-
-
-@kernel
-def send(view, out, k, charger, level, yields):
-    """Decision k: charge there up to a level."""
-    out.goal_cell[k] = view.chargers.cell[charger]
-    out.charge_target[k] = level
-    out.charging_interruptible[k] = yields
-
-
-# Charging by quotes: the rule that prices a robot's list in an auction also sends it to charge.
-#
-# A robot is looked at when it is free, has taken an order, or is left without one. Its list - the
-# order that it has taken but not begun, then its plan - is quoted by the strategy's policy; if the
-# quote has a stop before the first task, the robot goes there now and gives the order back. With any
-# allocation.
+# What an idle robot keeps beyond the way to a charger, where waiting costs:
+IDLE_ENERGY_MARGIN = BATTERY_FULL // 20
 
 
 class ChargingState(Struct):
@@ -274,14 +99,10 @@ class InsertCharging(Quoted):
     Parameters: ClassVar[Any] = Insertion
 
     def policy(self) -> dict[str, int]:
-        return {
-            "policy": POLICY_HIERARCHICAL
-            if self.parameters.mode == "hierarchical"
-            else POLICY_JOINT,
-            "end_reach": int(self.parameters.never_strand),
-            "threshold": 0,
-            "target": BATTERY_FULL,
-        }
+        hierarchical = self.parameters.mode == "hierarchical"
+        policy = POLICY_HIERARCHICAL if hierarchical else POLICY_JOINT
+        end_reach = int(self.parameters.never_strand)
+        return {"policy": policy, "end_reach": end_reach, "threshold": 0, "target": BATTERY_FULL}
 
 
 class FillUpCharging(Quoted):
@@ -300,14 +121,10 @@ class ThresholdCharging(Quoted):
     Parameters: ClassVar[Any] = Threshold
 
     def policy(self) -> dict[str, int]:
-        return {
-            "policy": POLICY_THRESHOLD
-            if self.parameters.mode == "threshold-only"
-            else POLICY_THRESHOLD_REACHABLE,
-            "end_reach": 0,
-            "threshold": round(self.parameters.threshold * BATTERY_PERCENT),
-            "target": BATTERY_FULL,
-        }
+        alone = self.parameters.mode == "threshold-only"
+        policy = POLICY_THRESHOLD if alone else POLICY_THRESHOLD_REACHABLE
+        threshold = round(self.parameters.threshold * BATTERY_PERCENT)
+        return {"policy": policy, "end_reach": 0, "threshold": threshold, "target": BATTERY_FULL}
 
 
 class OpportunityCharging(InsertCharging):
@@ -324,9 +141,168 @@ class OpportunityCharging(InsertCharging):
         self.idle_below = round(self.parameters.start_below * BATTERY_PERCENT)
 
     def policy(self) -> dict[str, int]:
-        return {
-            "policy": POLICY_HIERARCHICAL,
-            "end_reach": 1,
-            "threshold": 0,
-            "target": BATTERY_FULL,
-        }
+        policy = POLICY_HIERARCHICAL
+        return {"policy": policy, "end_reach": 1, "threshold": 0, "target": BATTERY_FULL}
+
+
+@kernel
+def choose_charging(view, batch, out, market, workspace, idle_below):
+    """Decide for a batch; idle robots below `idle_below` go to a free charger and may be called away."""
+    robots = view.robots
+    count_queues(view, market)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if robots.load[i] != NIL or robots.goal_type[i] == GOAL_CHARGE or robots.retreat_moves[i]:
+            continue
+        tasks = enter_list(view, workspace, market, i)
+        if batch.reason[k] == REASON_PERIODIC and (tasks or robots.busy[i]):
+            continue
+        if tasks == 0 and robots.charge[i] == BATTERY_FULL:
+            continue
+        home = market.costs.begin[0]
+        if tasks == 0:
+            robot_type = market.costs.robot_type[0]
+            market.cell[robot_type, home] = robots.home[i]
+            market.cell[robot_type, home + 1] = robots.home[i]
+        measure_distances(view, workspace, market, robots.type[i], 1, max(tasks, 1))
+        enter_waits(view, market)
+        compare_queues(market.battery.wait)
+        if tasks:
+            charge_for_list(view, out, market, k, tasks)
+        elif batch.reason[k] != REASON_IDLE or idle_below > 0:
+            charge_when_idle(view, out, market, k, np.int64(home), idle_below)
+        if out.goal_cell[k] >= 0:
+            count_decision(view, out, market, k, i)
+
+
+@kernel
+def enter_list(view, workspace, market, i):
+    """Make the market one of robot i and its list; returns how many tasks that has."""
+    robots, orders = view.robots, view.orders
+    market.robot[0] = i
+    select_robot_type(market.costs, market.battery, robots.type[i])
+    market.cell[robots.type[i], 0] = first_cell(robots, i)
+    market.fleet.charge[0] = robots.charge[i]
+    tasks = np.int64(0)
+    if robots.order[i] != NIL:
+        enter_task(view, workspace, market, robots.type[i], tasks, np.int64(robots.order[i]))
+        tasks += 1
+    for p in range(robots.order_queue_length[i]):
+        order = np.int64(robots.order_queue[i, p])
+        waits = orders.state[order] == ORDER_WAITING and orders.reserved_by[order] == NIL
+        if waits and tasks < market.order.shape[0]:
+            enter_task(view, workspace, market, robots.type[i], tasks, order)
+            tasks += 1
+    for task in range(tasks):
+        market.fleet.order[0, task] = task
+    return tasks
+
+
+@kernel
+def charge_for_list(view, out, market, k, tasks):
+    """Decision k: to a charger if the quote of the list begins with a stop."""
+    charge = np.int64(market.fleet.charge[0])
+    order = market.fleet.order[0]
+    plan = market.scratch.plan
+    length = np.int64(tasks)
+    cost = quote(market.costs, market.battery, market.scratch, 0, 0, charge, order, length)
+    while cost >= INF_COST and length > 1:
+        length -= 1
+        cost = quote(market.costs, market.battery, market.scratch, 0, 0, charge, order, length)
+    if cost >= INF_COST:
+        nearest = best_charger(market, charge)
+        if nearest != NIL and charge < BATTERY_FULL:
+            send(view, out, k, nearest, BATTERY_FULL, 0)
+    elif plan.stops[0] > 0 and plan.position[0] == 0 and plan.duration[0] > 0:
+        send(view, out, k, np.int64(plan.charger[0]), np.int64(plan.level[0]), 0)
+
+
+@kernel
+def charge_when_idle(view, out, market, k, home, idle_below):
+    """Decision k: a robot without orders charges where no robot is, or before it cannot any more.
+
+    It is about to drive home, or is there: from there it must still get to a charger.
+    """
+    battery, robot_type = market.battery, market.costs.robot_type[0]
+    ticks, energy = market.costs.ticks[robot_type], market.costs.energy[robot_type]
+    reach = battery.reach[robot_type]
+    charge = np.int64(market.fleet.charge[0])
+    nearest = best_charger(market, charge)
+    if nearest == NIL or battery.policy == POLICY_NO_CHARGING:
+        return
+    stands_free = view.rules.drain[robot_type, ACTION_WAIT, 0] == 0
+    low = battery.reserve[robot_type] + (0 if stands_free else IDLE_ENERGY_MARGIN)
+    later = charge - energy[0, home] - reach[home]
+    now = charge - reach[0]
+    filled = BATTERY_FULL - energy[battery.charger[nearest], home] - reach[home]
+    at_home = energy[0, home] == 0
+    stands_there = ticks[0, battery.charger[nearest]] == 0  # it is no use to any other robot
+    worth_it = not at_home or filled >= low  # else it would be back as empty as it is
+    if charge < BATTERY_FULL and (stands_there or (min(later, now) < low and worth_it)):
+        send(view, out, k, nearest, BATTERY_FULL, 1)
+    elif charge < idle_below:
+        free = free_charger(view, market)
+        if free != NIL:
+            send(view, out, k, free, BATTERY_FULL, 1)
+
+
+@kernel
+def best_charger(market, charge):
+    """The charger at which the robot can begin soonest, of those that it gets to; NIL: none."""
+    best, least = np.int64(NIL), np.int64(INF_COST)
+    robot_type = market.costs.robot_type[0]
+    ticks, energy = market.costs.ticks[robot_type], market.costs.energy[robot_type]
+    for c in range(market.battery.charger.shape[0]):
+        place = market.battery.charger[c]
+        soonest = np.int64(ticks[0, place]) + market.battery.wait[c]
+        if energy[0, place] <= charge and soonest < least:
+            best, least = np.int64(c), soonest
+    return best
+
+
+@kernel
+def free_charger(view, market):
+    """The nearest charger with a place to which no robot was sent, NIL if there is none."""
+    chargers, robot_type = view.chargers, market.costs.robot_type[0]
+    best, least = np.int64(NIL), np.int64(INF_COST)
+    for c in range(chargers.cell.shape[0]):
+        place = market.battery.charger[c]
+        ticks = np.int64(market.costs.ticks[robot_type, 0, place])
+        enough = market.costs.energy[robot_type, 0, place] <= view.robots.charge[market.robot[0]]
+        if market.sent[c] < chargers.places[c] and enough and ticks < least:
+            best, least = np.int64(c), ticks
+    return best
+
+
+@kernel
+def compare_queues(wait):
+    """Leave of the waits what they are longer than the shortest.
+
+    A robot that must charge looks for the shorter line; it does not put charging off because there is
+    a line everywhere (that made orders wait a tenth longer).
+    """
+    if wait.shape[0] == 0:
+        return
+    shortest = np.int64(wait[0])
+    for c in range(wait.shape[0]):
+        shortest = min(shortest, np.int64(wait[c]))
+    for c in range(wait.shape[0]):
+        wait[c] -= shortest
+
+
+@kernel
+def send(view, out, k, charger, level, yields):
+    """Decision k: charge there up to a level."""
+    out.goal_cell[k] = view.chargers.cell[charger]
+    out.charge_target[k] = level
+    out.charging_interruptible[k] = yields
+
+
+@kernel
+def count_decision(view, out, market, k, i):
+    """Robot i, which decision k sends to a charger, comes before those of later decisions."""
+    charger = view.chargers.charger_at[out.goal_cell[k]]
+    market.sent[charger] += 1
+    curve, target = view.rules.curve[view.robots.type[i]], np.int64(out.charge_target[k])
+    ticks = charging_ticks(curve, np.int64(view.robots.charge[i]), target)
+    count_before(market, charger, ticks)

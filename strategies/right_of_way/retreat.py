@@ -1,13 +1,10 @@
-"""Wait, retry, retreat (Grzejszczak & Nocon's WITHDRAWL_MOVE): how two robots get out of a
-deadlock.
+"""Wait, retry, retreat (Grzejszczak & Nocon's WITHDRAWL_MOVE): how two robots get out of a deadlock.
 
 The world runs the waits and retries that `wait_ranges` sets. After a failed retry the robot
-retreats if the other one wants its cell (head-on), or when it failed `limit` times; else it keeps
+retreats if the other one wants its cell (head-on), or when it failed `max_retries` times; else it keeps
 its plan, or makes it again (`after_wait: replan`, the printed "go to 1"). A retreat is a random number
 of moves away from the target; the plan is made again after it. With `idle_give_way` a robot that has
 nothing to do makes room for one that wants its cell.
-
-Robots are looked up by cell: in `traffic.holder`, or in lists of those in each cell without limit.
 """
 
 import numpy as np
@@ -44,6 +41,7 @@ from automaton.strategy.kernels import (
 
 LINK_FREE = 1
 LINK_PRESSED = 2
+NEVER_ASKED = 256  # failed retries are counted up to 255
 
 
 class RetreatState(Struct):
@@ -65,319 +63,6 @@ class RetreatState(Struct):
     crowd_call: Array = field("(c,) int64", "call that has listed a cell's places", role=SCRATCH)
     crowd_first: Array = field("(c,) int32", "the first place in a cell", role=SCRATCH)
     crowd_next: Array = field("(p,) int32", "the place after each; 0: none", role=SCRATCH)
-
-
-@kernel
-def capacity_of(view, cell):
-    """How many robots a cell is for; 0: any number."""
-    return (np.int64(view.grid.cell_flags[cell]) >> 5) & 3
-
-
-@kernel(inline=True)
-def list_crowds(view, state):
-    """List the robots that stand in each cell without limit, or enter it, by identity."""
-    robots = view.robots
-    if state.crowd_call.shape[0] == 0:
-        return
-    n = robots.cell.shape[0]
-    for back in range(n):
-        i = np.int64(robots.at_index[n - 1 - back])
-        for place, cell in ((1 + i, robots.cell[i]), (1 + n + i, robots.claim[i])):
-            if cell != NIL and capacity_of(view, cell) == 0:
-                state.crowd_next[place - 1] = first_place(state, cell)
-                state.crowd_call[cell] = state.calls[0]
-                state.crowd_first[cell] = place
-
-
-@kernel
-def first_place(state, cell):
-    """The first place in a cell without limit, as far as this call has listed them."""
-    return np.int64(state.crowd_first[cell] if state.crowd_call[cell] == state.calls[0] else 0)
-
-
-@kernel
-def next_place(view, state, cell, place):
-    """The place in a cell after this one, where a robot may be; 0 is before the first, after the last."""
-    capacity = capacity_of(view, cell)
-    if capacity:
-        return place + 1 if place < capacity else 0
-    if state.crowd_call.shape[0] == 0:
-        return 0
-    return first_place(state, cell) if place == 0 else np.int64(state.crowd_next[place - 1])
-
-
-@kernel
-def robot_at(view, cell, place):
-    """The robot at a place of a cell, or NIL."""
-    robots = view.robots
-    if capacity_of(view, cell) == 0:
-        return (place - 1) % robots.cell.shape[0]
-    identity = np.int64(view.traffic.holder[cell, place - 1])
-    return np.int64(NIL) if identity == NIL else np.int64(robots.at_index[identity])
-
-
-@kernel
-def of_lower_identity(robots, best, j):
-    """Robot j if there is none yet, or if its identity is lower."""
-    return j if best == NIL or robots.identity[j] < robots.identity[best] else best
-
-
-@kernel(inline=True)
-def holder_of_cell(view, state, cell, direction):
-    """The robot that holds what one travelling in `direction` needs of a cell; NIL if there is none.
-
-    In a cell without limit the one of lowest identity: the order of storage must not matter.
-    """
-    lane = lane_of(np.int64(view.grid.cell_flags[cell]), direction)
-    if lane != NIL:
-        identity = np.int64(view.traffic.holder[cell, lane])
-        return np.int64(NIL) if identity == NIL else np.int64(view.robots.at_index[identity])
-    place = next_place(view, state, cell, 0)
-    return robot_at(view, cell, place) if place else np.int64(NIL)
-
-
-@kernel(inline=True)
-def is_head_on(view, state, i):
-    """Whether the robot ahead plans to move into robot i's cell next, and is not retreating."""
-    robots, grid = view.robots, view.grid
-    if robots.route_index[i] >= robots.route_length[i]:
-        return False
-    way = np.int64(robots.route[i, robots.route_index[i]])
-    j = holder_of_cell(view, state, robots.cell[i] + grid.offset[way], way)
-    if j == NIL or robots.retreat_moves[j] or robots.route_index[j] >= robots.route_length[j]:
-        return False
-    direction = np.int64(robots.route[j, robots.route_index[j]])
-    if not is_facing(view, j, direction):
-        return False  # it turns first
-    return robots.cell[j] + grid.offset[direction] == robots.cell[i]
-
-
-@kernel
-def can_turn(view, i, flags):
-    """Whether robot i can turn where it is: in a cell of capacity 2 that takes both lanes."""
-    if flags & MAY_TURN == 0:
-        return False
-    if (flags >> 5) & 3 != 2:
-        return True
-    return has_room(view.traffic.occupancy, view.robots.cell[i], view.robots.travel[i] ^ 2)
-
-
-@kernel(inline=True)
-def retreat_direction(view, workspace, i):
-    """Return the direction of a retreat's next move, NIL if every way is closed.
-
-    A straight move that raises the path cost to the target, else the one of largest cost.
-    """
-    robots, grid = view.robots, view.grid
-    cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
-    target = np.int64(robots.home[i] if robots.goal_cell[i] == NIL else robots.goal_cell[i])
-    robot_type = np.int64(robots.type[i])
-    here = distance(view, workspace, robot_type, cell, heading, target)
-    best, best_cost, best_raises = NIL, NIL, False
-    for direction in range(4):
-        straight = is_facing(view, i, direction)
-        flags = np.int64(grid.type_cell_flags[robot_type, cell])
-        if (flags >> direction) & 1 == 0 or not (straight or can_turn(view, i, flags)):
-            continue
-        to = cell + grid.offset[direction]
-        if not has_room(view.traffic.occupancy, to, direction) or gate_before(view, i, to) != NIL:
-            continue
-        if np.int64(grid.type_cell_flags[robot_type, to]) & NO_WAY_THROUGH and to != target:
-            continue  # storage: with a pod it cannot get in, without one others cannot get out
-        cost = distance(
-            view, workspace, robot_type, to, heading_towards(grid, robot_type, direction), target
-        )
-        if cost >= UNREACHABLE:
-            continue  # there is no way back
-        raises = straight and cost > here
-        if (raises and not best_raises) or (raises == best_raises and cost > best_cost):
-            best, best_cost, best_raises = direction, cost, raises
-    return best
-
-
-@kernel
-def is_idle(view, i):
-    """Whether robot i stands on the floor with nothing to do, parked there or not."""
-    robots = view.robots
-    free = robots.goal_type[i] == GOAL_NONE and robots.load[i] == NIL
-    return robots.cell[i] != NIL and free
-
-
-@kernel(inline=True)
-def is_entering_cell_of(view, j, i):
-    """Return whether the route of robot j, which is on the floor, leads into the cell of robot i next."""
-    robots = view.robots
-    if robots.route_index[j] >= robots.route_length[j]:
-        return False
-    direction = np.int64(robots.route[j, robots.route_index[j]])
-    return robots.cell[j] + view.grid.offset[direction] == robots.cell[i]
-
-
-@kernel
-def robot_entering_cell_of(view, state, i):
-    """The robot of lowest identity whose route leads into the cell of robot i next, or NIL."""
-    robots = view.robots
-    best = np.int64(NIL)
-    for direction in range(4):
-        cell = robots.cell[i] - view.grid.offset[direction]
-        place = next_place(view, state, cell, 0)
-        while place:
-            j = robot_at(view, cell, place)
-            if j != NIL and robots.cell[j] == cell and is_entering_cell_of(view, j, i):
-                best = of_lower_identity(robots, best, j)
-            place = next_place(view, state, cell, place)
-    return best
-
-
-@kernel(inline=True)
-def is_boxed_in(view, i):
-    """Return whether robot i, which is idle or retreats, has no room on any way out of its cell."""
-    robots, grid = view.robots, view.grid
-    if not is_idle(view, i) and not robots.retreat_moves[i]:
-        return False
-    cell = np.int64(robots.cell[i])
-    for direction in range(4):
-        if (np.int64(grid.type_cell_flags[robots.type[i], cell]) >> direction) & 1:
-            if has_room(view.traffic.occupancy, cell + grid.offset[direction], direction):
-                return False
-    return True
-
-
-@kernel(inline=True)
-def boxed_in_neighbour(view, state, i):
-    """Return a robot next to robot i that has to leave its cell and cannot, NIL if none is seen.
-
-    Found by what is seen alone: along a queue of robots that are boxed in, up to one that retreats
-    or whose cell is wanted. The one of lowest identity.
-    """
-    robots = view.robots
-    best = np.int64(NIL)
-    for direction in range(4):
-        cell = robots.cell[i] - view.grid.offset[direction]
-        place = next_place(view, state, cell, 0)
-        while place:
-            j = robot_at(view, cell, place)
-            if j != NIL and can_leave_towards(view, j, cell, direction):
-                if of_lower_identity(robots, best, j) == j and is_pressed_by_queue(
-                    view, state, i, j
-                ):
-                    best = j
-            place = next_place(view, state, cell, place)
-    return best
-
-
-@kernel
-def can_leave_towards(view, j, cell, direction):
-    """Whether robot j stands in a cell, and may leave it in this direction."""
-    way = np.int64(view.grid.type_cell_flags[view.robots.type[j], cell]) >> direction
-    return view.robots.cell[j] == cell and way & 1 != 0
-
-
-@kernel
-def next_in_queue(view, state, behind, at):
-    """Return the robot of lowest identity next to another one, but for the one behind; or NIL."""
-    robots = view.robots
-    best = np.int64(NIL)
-    for direction in range(4):
-        cell = robots.cell[at] - view.grid.offset[direction]
-        place = next_place(view, state, cell, 0)
-        while place:
-            j = robot_at(view, cell, place)
-            if j != NIL and j != behind and can_leave_towards(view, j, cell, direction):
-                best = of_lower_identity(robots, best, j)
-            place = next_place(view, state, cell, place)
-    return best
-
-
-@kernel(inline=True)
-def is_pressed_by_queue(view, state, i, first):
-    """Return whether the queue that begins at robot `first`, next to robot i, ends at one that is
-    pressed.
-
-    Queues merge: the result is kept for every link of the queue, and no link is walked twice.
-    """
-    behind, at = np.int64(i), np.int64(first)
-    found = LINK_FREE
-    queues, call = state.queues, state.calls[0]
-    walked = 0
-    while at != NIL and walked < view.robots.cell.shape[0]:
-        link = link_of(view, behind, at)
-        if link != NIL and queues[link] >> 2 == call and queues[link] & 3:
-            found = queues[link] & 3
-            break  # a queue that returns to a link of its own is a ring: no robot in it is pressed
-        if not is_boxed_in(view, at):
-            break
-        if view.robots.retreat_moves[at] or robot_entering_cell_of(view, state, at) != NIL:
-            found = LINK_PRESSED
-            break
-        if link != NIL:
-            queues[link] = call << 2 | LINK_FREE
-        behind, at = at, next_in_queue(view, state, behind, at)
-        walked += 1
-    if found == LINK_PRESSED:
-        behind, at = np.int64(i), np.int64(first)
-        for _ in range(walked):
-            link = link_of(view, behind, at)
-            if link != NIL:
-                queues[link] = call << 2 | LINK_PRESSED
-            behind, at = at, next_in_queue(view, state, behind, at)
-    return found == LINK_PRESSED
-
-
-@kernel
-def link_of(view, behind, at):
-    """The entry in `queues` of two robots, one behind another; NIL for one in a cell without limit."""
-    cell = np.int64(view.robots.cell[behind])
-    lane = lane_of(np.int64(view.grid.cell_flags[cell]), np.int64(view.robots.travel[behind]))
-    if lane == NIL:
-        return np.int64(NIL)
-    direction = np.int64(0)
-    while cell + view.grid.offset[direction] != view.robots.cell[at]:
-        direction += 1
-    return 8 * np.int64(at) + 2 * direction + lane
-
-
-@kernel(inline=True)
-def robot_to_yield_to(view, state, i):
-    """Return the robot to which idle robot i yields, NIL if there is none.
-
-    The one of lowest identity whose route leads into the cell of robot i next, or else one beside it
-    that has to leave its own cell and has no room.
-    """
-    j = robot_entering_cell_of(view, state, i)
-    return j if j != NIL else boxed_in_neighbour(view, state, i)
-
-
-@kernel(inline=True)
-def is_on_route(view, j, cell):
-    """Whether the rest of the route of robot j leads through a cell."""
-    here = np.int64(view.robots.cell[j])
-    for s in range(view.robots.route_index[j], view.robots.route_length[j]):
-        here += view.grid.offset[np.int64(view.robots.route[j, s])]
-        if here == cell:
-            return True
-    return False
-
-
-@kernel(inline=True)
-def yield_direction(view, i, j):
-    """Return the direction in which idle robot i yields to robot j: off its route if possible; or NIL."""
-    grid, cell = view.grid, np.int64(view.robots.cell[i])
-    best = NIL
-    for direction in range(4):
-        flags = np.int64(grid.type_cell_flags[view.robots.type[i], cell])
-        straight = is_facing(view, i, direction)
-        if (flags >> direction) & 1 == 0 or not (straight or can_turn(view, i, flags)):
-            continue
-        to = cell + grid.offset[direction]
-        if not has_room(view.traffic.occupancy, to, direction):  # in an aisle it may pass robot j
-            continue
-        if gate_before(view, i, to) != NIL:
-            continue
-        if not is_on_route(view, j, to):
-            return direction
-        best = direction
-    return best
 
 
 @kernel
@@ -453,9 +138,6 @@ class Retreat(Strategy):
 # Wait and retry, nothing else: the simplest right of way, which any head-on meeting defeats.
 
 
-NEVER_ASKED = 256  # failed retries are counted up to 255
-
-
 @kernel
 def decide_to_wait(view, batch, decisions, memory, workspace):
     """Every decision stays KEEP."""
@@ -470,3 +152,325 @@ class Wait(Strategy):
     def wait_ranges(self):
         p = self.parameters
         return (*p.wait_empty, *p.wait_loaded, NEVER_ASKED)
+
+
+# Retreats.
+
+
+@kernel(inline=True)
+def is_head_on(view, state, i):
+    """Whether the robot ahead plans to move into robot i's cell next, and is not retreating."""
+    robots, grid = view.robots, view.grid
+    if robots.route_index[i] >= robots.route_length[i]:
+        return False
+    way = np.int64(robots.route[i, robots.route_index[i]])
+    j = holder_of_cell(view, state, robots.cell[i] + grid.offset[way], way)
+    if j == NIL or robots.retreat_moves[j] or robots.route_index[j] >= robots.route_length[j]:
+        return False
+    direction = np.int64(robots.route[j, robots.route_index[j]])
+    if not is_facing(view, j, direction):
+        return False  # it turns first
+    return robots.cell[j] + grid.offset[direction] == robots.cell[i]
+
+
+@kernel(inline=True)
+def retreat_direction(view, workspace, i):
+    """Return the direction of a retreat's next move, NIL if every way is closed.
+
+    A straight move that raises the path cost to the target, else the one of largest cost.
+    """
+    robots, grid = view.robots, view.grid
+    cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
+    target = np.int64(robots.home[i] if robots.goal_cell[i] == NIL else robots.goal_cell[i])
+    robot_type = np.int64(robots.type[i])
+    here = distance(view, workspace, robot_type, cell, heading, target)
+    best, best_cost, best_raises = NIL, NIL, False
+    for direction in range(4):
+        straight = is_facing(view, i, direction)
+        flags = np.int64(grid.type_cell_flags[robot_type, cell])
+        if (flags >> direction) & 1 == 0 or not (straight or can_turn(view, i, flags)):
+            continue
+        to = cell + grid.offset[direction]
+        if not has_room(view.traffic.occupancy, to, direction) or gate_before(view, i, to) != NIL:
+            continue
+        if np.int64(grid.type_cell_flags[robot_type, to]) & NO_WAY_THROUGH and to != target:
+            continue  # storage: with a pod it cannot get in, without one others cannot get out
+        cost = distance(
+            view, workspace, robot_type, to, heading_towards(grid, robot_type, direction), target
+        )
+        if cost >= UNREACHABLE:
+            continue  # there is no way back
+        raises = straight and cost > here
+        if (raises and not best_raises) or (raises == best_raises and cost > best_cost):
+            best, best_cost, best_raises = direction, cost, raises
+    return best
+
+
+@kernel
+def can_turn(view, i, flags):
+    """Whether robot i can turn where it is: in a cell of capacity 2 that takes both lanes."""
+    if flags & MAY_TURN == 0:
+        return False
+    if (flags >> 5) & 3 != 2:
+        return True
+    return has_room(view.traffic.occupancy, view.robots.cell[i], view.robots.travel[i] ^ 2)
+
+
+# Robots that have nothing to do give way.
+
+
+@kernel(inline=True)
+def robot_to_yield_to(view, state, i):
+    """Return the robot to which idle robot i yields, NIL if there is none.
+
+    The one of lowest identity whose route leads into the cell of robot i next, or else one beside it
+    that has to leave its own cell and has no room.
+    """
+    j = robot_entering_cell_of(view, state, i)
+    return j if j != NIL else boxed_in_neighbour(view, state, i)
+
+
+@kernel
+def is_idle(view, i):
+    """Whether robot i stands on the floor with nothing to do, parked there or not."""
+    robots = view.robots
+    free = robots.goal_type[i] == GOAL_NONE and robots.load[i] == NIL
+    return robots.cell[i] != NIL and free
+
+
+@kernel
+def robot_entering_cell_of(view, state, i):
+    """The robot of lowest identity whose route leads into the cell of robot i next, or NIL."""
+    robots = view.robots
+    best = np.int64(NIL)
+    for direction in range(4):
+        cell = robots.cell[i] - view.grid.offset[direction]
+        place = next_place(view, state, cell, 0)
+        while place:
+            j = robot_at(view, cell, place)
+            if j != NIL and robots.cell[j] == cell and is_entering_cell_of(view, j, i):
+                best = of_lower_identity(robots, best, j)
+            place = next_place(view, state, cell, place)
+    return best
+
+
+@kernel(inline=True)
+def is_entering_cell_of(view, j, i):
+    """Return whether the route of robot j, which is on the floor, leads into the cell of robot i next."""
+    robots = view.robots
+    if robots.route_index[j] >= robots.route_length[j]:
+        return False
+    direction = np.int64(robots.route[j, robots.route_index[j]])
+    return robots.cell[j] + view.grid.offset[direction] == robots.cell[i]
+
+
+@kernel(inline=True)
+def boxed_in_neighbour(view, state, i):
+    """Return a robot next to robot i that has to leave its cell and cannot, NIL if none is seen.
+
+    Found by what is seen alone: along a queue of robots that are boxed in, up to one that retreats
+    or whose cell is wanted. The one of lowest identity.
+    """
+    robots = view.robots
+    best = np.int64(NIL)
+    for direction in range(4):
+        cell = robots.cell[i] - view.grid.offset[direction]
+        place = next_place(view, state, cell, 0)
+        while place:
+            j = robot_at(view, cell, place)
+            if j != NIL and can_leave_towards(view, j, cell, direction):
+                if of_lower_identity(robots, best, j) == j and is_pressed_by_queue(
+                    view, state, i, j
+                ):
+                    best = j
+            place = next_place(view, state, cell, place)
+    return best
+
+
+@kernel(inline=True)
+def is_pressed_by_queue(view, state, i, first):
+    """Return whether the queue that begins at robot `first`, next to robot i, ends at one that is
+    pressed.
+
+    Queues merge: the result is kept for every link of the queue, and no link is walked twice.
+    """
+    behind, at = np.int64(i), np.int64(first)
+    found = LINK_FREE
+    queues, call = state.queues, state.calls[0]
+    walked = 0
+    while at != NIL and walked < view.robots.cell.shape[0]:
+        link = link_of(view, behind, at)
+        if link != NIL and queues[link] >> 2 == call and queues[link] & 3:
+            found = queues[link] & 3
+            break  # a queue that returns to a link of its own is a ring: no robot in it is pressed
+        if not is_boxed_in(view, at):
+            break
+        if view.robots.retreat_moves[at] or robot_entering_cell_of(view, state, at) != NIL:
+            found = LINK_PRESSED
+            break
+        if link != NIL:
+            queues[link] = call << 2 | LINK_FREE
+        behind, at = at, next_in_queue(view, state, behind, at)
+        walked += 1
+    if found == LINK_PRESSED:
+        behind, at = np.int64(i), np.int64(first)
+        for _ in range(walked):
+            link = link_of(view, behind, at)
+            if link != NIL:
+                queues[link] = call << 2 | LINK_PRESSED
+            behind, at = at, next_in_queue(view, state, behind, at)
+    return found == LINK_PRESSED
+
+
+@kernel(inline=True)
+def is_boxed_in(view, i):
+    """Return whether robot i, which is idle or retreats, has no room on any way out of its cell."""
+    robots, grid = view.robots, view.grid
+    if not is_idle(view, i) and not robots.retreat_moves[i]:
+        return False
+    cell = np.int64(robots.cell[i])
+    for direction in range(4):
+        if (np.int64(grid.type_cell_flags[robots.type[i], cell]) >> direction) & 1:
+            if has_room(view.traffic.occupancy, cell + grid.offset[direction], direction):
+                return False
+    return True
+
+
+@kernel
+def can_leave_towards(view, j, cell, direction):
+    """Whether robot j stands in a cell, and may leave it in this direction."""
+    way = np.int64(view.grid.type_cell_flags[view.robots.type[j], cell]) >> direction
+    return view.robots.cell[j] == cell and way & 1 != 0
+
+
+@kernel
+def next_in_queue(view, state, behind, at):
+    """Return the robot of lowest identity next to another one, but for the one behind; or NIL."""
+    robots = view.robots
+    best = np.int64(NIL)
+    for direction in range(4):
+        cell = robots.cell[at] - view.grid.offset[direction]
+        place = next_place(view, state, cell, 0)
+        while place:
+            j = robot_at(view, cell, place)
+            if j != NIL and j != behind and can_leave_towards(view, j, cell, direction):
+                best = of_lower_identity(robots, best, j)
+            place = next_place(view, state, cell, place)
+    return best
+
+
+@kernel
+def link_of(view, behind, at):
+    """The entry in `queues` of two robots, one behind another; NIL for one in a cell without limit."""
+    cell = np.int64(view.robots.cell[behind])
+    lane = lane_of(np.int64(view.grid.cell_flags[cell]), np.int64(view.robots.travel[behind]))
+    if lane == NIL:
+        return np.int64(NIL)
+    direction = np.int64(0)
+    while cell + view.grid.offset[direction] != view.robots.cell[at]:
+        direction += 1
+    return 8 * np.int64(at) + 2 * direction + lane
+
+
+@kernel(inline=True)
+def yield_direction(view, i, j):
+    """Return the direction in which idle robot i yields to robot j: off its route if possible; or NIL."""
+    grid, cell = view.grid, np.int64(view.robots.cell[i])
+    best = NIL
+    for direction in range(4):
+        flags = np.int64(grid.type_cell_flags[view.robots.type[i], cell])
+        straight = is_facing(view, i, direction)
+        if (flags >> direction) & 1 == 0 or not (straight or can_turn(view, i, flags)):
+            continue
+        to = cell + grid.offset[direction]
+        if not has_room(view.traffic.occupancy, to, direction):  # in an aisle it may pass robot j
+            continue
+        if gate_before(view, i, to) != NIL:
+            continue
+        if not is_on_route(view, j, to):
+            return direction
+        best = direction
+    return best
+
+
+@kernel(inline=True)
+def is_on_route(view, j, cell):
+    """Whether the rest of the route of robot j leads through a cell."""
+    here = np.int64(view.robots.cell[j])
+    for s in range(view.robots.route_index[j], view.robots.route_length[j]):
+        here += view.grid.offset[np.int64(view.robots.route[j, s])]
+        if here == cell:
+            return True
+    return False
+
+
+# Robots are looked up by cell: in `traffic.holder`, or in lists of those in each cell without limit.
+
+
+@kernel(inline=True)
+def holder_of_cell(view, state, cell, direction):
+    """The robot that holds what one travelling in `direction` needs of a cell; NIL if there is none.
+
+    In a cell without limit the one of lowest identity: the order of storage must not matter.
+    """
+    lane = lane_of(np.int64(view.grid.cell_flags[cell]), direction)
+    if lane != NIL:
+        identity = np.int64(view.traffic.holder[cell, lane])
+        return np.int64(NIL) if identity == NIL else np.int64(view.robots.at_index[identity])
+    place = next_place(view, state, cell, 0)
+    return robot_at(view, cell, place) if place else np.int64(NIL)
+
+
+@kernel
+def of_lower_identity(robots, best, j):
+    """Robot j if there is none yet, or if its identity is lower."""
+    return j if best == NIL or robots.identity[j] < robots.identity[best] else best
+
+
+@kernel
+def robot_at(view, cell, place):
+    """The robot at a place of a cell, or NIL."""
+    robots = view.robots
+    if capacity_of(view, cell) == 0:
+        return (place - 1) % robots.cell.shape[0]
+    identity = np.int64(view.traffic.holder[cell, place - 1])
+    return np.int64(NIL) if identity == NIL else np.int64(robots.at_index[identity])
+
+
+@kernel
+def next_place(view, state, cell, place):
+    """The place in a cell after this one, where a robot may be; 0 is before the first, after the last."""
+    capacity = capacity_of(view, cell)
+    if capacity:
+        return place + 1 if place < capacity else 0
+    if state.crowd_call.shape[0] == 0:
+        return 0
+    return first_place(state, cell) if place == 0 else np.int64(state.crowd_next[place - 1])
+
+
+@kernel
+def first_place(state, cell):
+    """The first place in a cell without limit, as far as this call has listed them."""
+    return np.int64(state.crowd_first[cell] if state.crowd_call[cell] == state.calls[0] else 0)
+
+
+@kernel(inline=True)
+def list_crowds(view, state):
+    """List the robots that stand in each cell without limit, or enter it, by identity."""
+    robots = view.robots
+    if state.crowd_call.shape[0] == 0:
+        return
+    n = robots.cell.shape[0]
+    for back in range(n):
+        i = np.int64(robots.at_index[n - 1 - back])
+        for place, cell in ((1 + i, robots.cell[i]), (1 + n + i, robots.claim[i])):
+            if cell != NIL and capacity_of(view, cell) == 0:
+                state.crowd_next[place - 1] = first_place(state, cell)
+                state.crowd_call[cell] = state.calls[0]
+                state.crowd_first[cell] = place
+
+
+@kernel
+def capacity_of(view, cell):
+    """How many robots a cell is for; 0: any number."""
+    return (np.int64(view.grid.cell_flags[cell]) >> 5) & 3

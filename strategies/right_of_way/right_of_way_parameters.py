@@ -1,4 +1,4 @@
-"""The parameters of right of way. Imports no Numba."""
+"""The parameters of right of way."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario
 from automaton.scenario.unavailable_metrics import carries_pods
 
 MAX_GUIDED_SPEEDS = 7  # tables have a queue for 16 costs: two for each speed, and turns
-
+MOST_TICKS: Final = 256  # each cell needs a word for each: 1 KiB at most
 Moves = Annotated[int, Meta(ge=1, le=10_000)]
 Wait = Annotated[int, quantity(TIME, ge=1, le=10_000)]
 BOTH_INCLUDED = Meta(description="[from, to], both included")
@@ -135,23 +135,6 @@ class PibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, 
     """Whether robots that make way are guided."""
 
 
-# How many ticks plans have. Imports no Numba.
-
-
-MOST_TICKS: Final = 256  # each cell needs a word for each: 1 KiB at most
-
-
-def horizon_of(depth: int, longest: int, wait: int = 1) -> int:
-    """The ticks in which a plan is over that begins after the longest action.
-
-    `wait`: ticks until robots are asked again, which is when they see what such an action has left.
-    """
-    return depth * longest + longest - wait
-
-
-# The parameters of EPIBT. Imports no Numba.
-
-
 class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How far robots plan, which of them come first, and how much effort a tick may take."""
 
@@ -165,15 +148,13 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
         ),
     ] = "nearest"
     repair_tries: Annotated[
-        int,
-        Meta(ge=0, le=100, description="tries in a tick, for each robot, to improve the plans"),
+        int, Meta(ge=0, le=100, description="tries in a tick, for each robot, to improve the plans")
     ] = 0
     repair_pushes: Annotated[
         int, Meta(ge=1, le=1_000_000, description="pushes after which such a try is given up")
     ] = 100
     visits: Annotated[
-        int,
-        Meta(ge=1, le=100, description="how often a robot may be pushed in a tick"),
+        int, Meta(ge=1, le=100, description="how often a robot may be pushed in a tick")
     ] = 10
     max_pushes: Annotated[
         int, Meta(ge=1, le=1_000_000, description="pushes after which a robot keeps its plan")
@@ -203,6 +184,14 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
         """What is worth trying of each parameter."""
         return {**super().tuned_values(scenario, floor_plan), "repair_tries": (0, 1)}
+
+
+def horizon_of(depth: int, longest: int, wait: int = 1) -> int:
+    """The ticks in which a plan is over that begins after the longest action.
+
+    `wait`: ticks until robots are asked again, which is when they see what such an action has left.
+    """
+    return depth * longest + longest - wait
 
 
 def capacity_objection(floor_plan: FloorPlan) -> str | None:

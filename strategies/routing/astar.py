@@ -1,24 +1,23 @@
-"""The open list of A*: which of the poses of least f = g + h is expanded next.
+"""A* over poses with the Manhattan estimate; of several shortest paths a tie rule picks one.
 
-A *level* is the poses of one f. Those that are found while their level is expanded wait in a lane,
-a plain array; those of later levels wait in a binary heap. With a consistent estimate no pose is
-ever found below the level, so the order is that of one heap over everything:
+Where robots slow each other down it matters which. Robots are ignored at first, and gone around after
+a retreat. The estimate is consistent: a move changes h by its ticks where no speed limit holds, a turn
+by nothing.
 
-    fifo       the pose that was found first        lane = queue, after what the heap has
-    larger_g   the pose farthest from the start     lane = stack, before what the heap has; first found
-    random     any, by a draw                       no lane
+    f = g + h        h = least ticks of a move x (|x - x*| + |y - y*|)
+
+Neighbours are found in the order north, south, east, west, then turns; a pose belongs to whoever first
+found the least g. Zones may be closed: a robot may not enter a cell in a direction whose zone is
+marked.
 """
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.structs import SCRATCH, STOP, Struct, field
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Grid
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array, Grid
 from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     STARTED,
@@ -42,7 +41,7 @@ RANDOM = 2
 LARGER_G_HEAP = 3
 TIES = ("fifo", "larger_g", "random")  # names of the rules, by their numbers
 
-# Entries of RouteSpace.state.
+# Entries of RouteSpace.state:
 OPEN_STAMP = 0  # counts down: marks what earlier searches left as worse than anything
 OPEN_LEVEL = 1  # the f that is expanded
 OPEN_HEAP = 2  # items in the heap
@@ -53,6 +52,221 @@ OPEN_EXPANDED = 6  # poses expanded in all searches
 OPEN_COST = 7  # of the path found last
 
 POSE_MASK = (1 << 32) - 1  # an item of the lane: row << 32 | pose; of the heap: number << 32 | pose
+STREAM_ROUTE_TIES = 10  # of random draws; each stream has a number of its own
+
+NORTH_SOUTH_EAST_WEST = 0x2013  # directions, four bits each, the first one lowest
+
+
+class RouteSpace(Struct, role=SCRATCH):
+    """What A*, replays and avoidance work in, for P poses and Z zones; it never decides anything."""
+
+    label: Array = field("(P,) int64", "stamp << 32 | cost of the best way found to a pose")
+    came: Array = field("(P,) uint8", "how it came there: a direction, a turn, or the start")
+    # Each of the four ways into a pose may find it again.
+    key: Array = field("(4P + 1,) int64", "heap: f << 32 | tie")
+    item: Array = field("(4P + 1,) int64", "heap: number << 32 | pose")
+    lane: Array = field("(4P + 1,) int64", "row << 32 | pose of the level that is expanded")
+    state: Array = field("(8,) int64", "OPEN_STAMP to OPEN_COST")
+    stop: Array = field("(1,) int64", "not 0 = searches find nothing any more", role=STOP)
+    closed: Array = field("(Z,) uint8", "1 = no robot may enter")
+    count: Array = field("(Z,) int32", "others that are predicted in each zone")
+
+
+def route_space(grid: Grid) -> RouteSpace:
+    """Scratch for searches on a floor; pages that no search uses cost nothing."""
+    return RouteSpace.sized({"P": grid.kind.size * grid.headings, "Z": grid.traffic_zone_count})
+
+
+class AStarState(Struct):
+    """Parameters, and scratch; it remembers nothing."""
+
+    tie_rule: int = field("int64", "an index of TIES")
+    routes: RouteSpace
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    seed, state = view.rules.seed, AStarState.of(memory)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        steps = decisions.routing.steps[k]
+        length = around_robots(view, workspace, i, batch.reason[k], steps)
+        if length == NIL:
+            start, goal_cell = start_pose(view, i), np.int64(view.robots.goal_cell[i])
+            robot_type, routes, ties = view.robots.type[i], state.routes, state.tie_rule
+            duration = view.rules.duration[robot_type]
+            length = astar(
+                view.grid, robot_type, duration, routes, ties, seed, start, goal_cell, False, steps
+            )
+            length = around_closed(view, workspace, i, steps, length)
+        if length != NIL:
+            decisions.routing.route_length[k] = length
+
+
+class AStar(Strategy):
+    """A shortest path of A*; which one of several is settled by a tie rule."""
+
+    layer = "routing"
+    compiled = decide
+
+    def reset(self, view):
+        tie_rule = TIES.index(self.parameters.tie_break)
+        return AStarState(tie_rule=tie_rule, routes=route_space(view.grid))
+
+
+@kernel
+def around_robots(view, workspace, i, reason, steps):
+    """The length of a way around other robots after a retreat, around closed cells after a long wait.
+
+    NIL if neither, or if no way leads there.
+    """
+    around = around_what(reason)
+    if around == 0:
+        return NIL
+    heading, goal_cell = np.int64(view.robots.heading[i]), np.int64(view.robots.goal_cell[i])
+    robot_type = view.robots.type[i]
+    return find_path(
+        view, workspace, robot_type, position(view, i), heading, goal_cell, around, steps
+    )
+
+
+@kernel
+def start_pose(view, i):
+    """Where and how robot i stands when its route begins."""
+    return position(view, i) * view.grid.headings + np.int64(view.robots.heading[i])
+
+
+@kernel
+def astar(grid, robot_type, duration, workspace, ties, seed, start, target, avoid_zones, steps):
+    """Write the directions of a least path, or as much of it as fits; its length, or NIL.
+
+    The arguments are those of `search`.
+    """
+    pose = search(grid, robot_type, duration, workspace, ties, seed, start, target, avoid_zones)
+    if pose == NIL:
+        return pose
+    return write_steps(grid, workspace, pose, steps)
+
+
+@kernel
+def search(grid, robot_type, duration, workspace, ties, seed, start, target, avoid_zones):
+    """The pose in which a least path from a pose reaches a cell; NIL if there is none.
+
+    `duration`: (A,) ticks of each action of the robot's type. `ties`: FIFO, LARGER_G or RANDOM;
+    random ties are drawn by (seed, start, target), so a path is a pure function of those.
+    `avoid_zones`: zones z with workspace.closed[z] may not be entered. The path is left in
+    workspace.came, backwards, and its ticks in workspace.state[OPEN_COST].
+    """
+    width, shift, headings = grid.width, grid.headings >> 1, headings_of(grid, robot_type)
+    mask = headings - 1
+    move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN])
+    if mask and turn == 0 and ties == LARGER_G:
+        ties = LARGER_G_HEAP
+    label, state = workspace.label, workspace.state
+    type_cell_flags = grid.type_cell_flags[robot_type]
+    goal_x, goal_y = target % width, target // width
+    fresh = begin(workspace)
+    salt = random_bits(seed, STREAM_ROUTE_TIES, start, target)
+    row = (start >> shift) // width
+    h = move * (abs((start >> shift) - row * width - goal_x) + abs(row - goal_y))
+    label[start] = fresh
+    workspace.came[start] = STARTED
+    put(workspace, ties, salt, start, row, h, h)
+    while workspace.stop[0] == 0:
+        item = take(workspace, ties, width, shift)
+        if item == NIL:
+            break
+        pose, row = item & POSE_MASK, item >> 32
+        cell = pose >> shift
+        column = cell - row * width
+        g = state[OPEN_LEVEL] - move * (abs(column - goal_x) + abs(row - goal_y))
+        if label[pose] != fresh | g:
+            continue  # a better way to this pose was found meanwhile
+        state[OPEN_EXPANDED] += 1
+        if cell == target:
+            state[OPEN_COST] = g
+            return pose
+        flags, heading, before = np.int64(type_cell_flags[cell]), pose & mask, state[OPEN_TAIL]
+        ways = ways_on(flags, cell == start >> shift)
+        for k in range(0, 16, 4):
+            way = (NORTH_SOUTH_EAST_WEST >> k) & 3
+            if (ways >> way) & 1 == 0 or way & mask != heading:
+                continue
+            after = cell + grid.offset[way]
+            if avoid_zones and is_closed(grid, workspace, after, way):
+                continue
+            moved = g + limited_ticks(grid, move, cell, way)
+            to, cost = (after << shift) | heading, fresh | moved
+            if cost < label[to]:
+                label[to] = cost
+                workspace.came[to] = way
+                y = row + ((way == 1) - (way == 3))
+                x = column + ((way == 0) - (way == 2))
+                h = move * (abs(x - goal_x) + abs(y - goal_y))
+                put(workspace, ties, salt, to, y, moved + h, h)
+        if mask and flags & MAY_TURN:
+            find_turns(
+                workspace, ties, salt, mask, pose, row, fresh, g + turn, state[OPEN_LEVEL] + turn
+            )
+        if ties == LARGER_G and state[OPEN_TAIL] - before == 2:
+            swap_last(workspace.lane, state[OPEN_TAIL])  # the one found first is expanded first
+    return np.int64(NIL)
+
+
+@kernel
+def is_closed(grid, workspace, cell, way):
+    """Whether the zone of a robot that enters a cell in a direction is closed."""
+    traffic_zone = np.int64(grid.traffic_zone[cell, way >> 1])
+    return traffic_zone != NIL and workspace.closed[traffic_zone] != 0
+
+
+@kernel
+def find_turns(workspace, ties, salt, mask, pose, row, fresh, g, f):
+    """Find the poses after a turn by 90 degrees, clockwise first."""
+    for k in range(2):
+        to = (pose & ~mask) | ((pose + 1 - 2 * k) & mask)
+        if fresh | g < workspace.label[to]:
+            workspace.label[to] = fresh | g
+            workspace.came[to] = how_turned(pose, to)
+            put(workspace, ties, salt, to, row, f, f - g)
+
+
+@kernel
+def swap_last(lane, tail):
+    last = lane[tail - 1]
+    lane[tail - 1] = lane[tail - 2]
+    lane[tail - 2] = last
+
+
+@kernel
+def write_steps(grid, workspace, pose, steps):
+    """Directions from the start of the search to a pose; returns how many were written."""
+    length = 0
+    at = pose
+    while workspace.came[at] != STARTED:
+        how = np.int64(workspace.came[at])
+        length += how < 4
+        at = parent_of(grid, at, how)
+    at, k = pose, length
+    while workspace.came[at] != STARTED:
+        how = np.int64(workspace.came[at])
+        if how < 4:
+            k -= 1
+            if k < steps.shape[0]:
+                steps[k] = how
+        at = parent_of(grid, at, how)
+    return np.int64(min(length, steps.shape[0]))
+
+
+# The open list: which of the poses of least f is expanded next.
+#
+# A *level* is the poses of one f. Those that are found while their level is expanded wait in a lane,
+# a plain array; those of later levels wait in a binary heap. With a consistent estimate no pose is
+# ever found below the level, so the order is that of one heap over everything:
+#
+#     fifo       the pose that was found first       lane = queue, after what the heap has
+#     larger_g   the pose farthest from the start    lane = stack, before what the heap has; first found
+#     random     any, by a draw                      no lane
 
 
 @kernel
@@ -151,241 +365,3 @@ def sift_down(workspace, size):
         below = 2 * at + 1
     keys[at] = key
     items[at] = item
-
-
-# A* over poses with the Manhattan estimate, its ties settled by a rule that the caller names.
-#
-# f = g + h h = least ticks of a move x (|x - x*| + |y - y*|)
-#
-# It is consistent: a move changes h by its ticks where no speed limit holds, a turn by nothing.
-# Neighbours are found in the order north, south, east, west, then turns; a pose belongs to whoever
-# first found the least g. Zones may be closed: a robot may not enter a cell in a direction whose zone
-# is marked.
-
-
-STREAM_ROUTE_TIES = 10  # of random draws; each stream has a number of its own
-
-NORTH_SOUTH_EAST_WEST = 0x2013  # directions, four bits each, the first one lowest
-
-
-@kernel
-def astar(grid, robot_type, duration, workspace, ties, seed, start, target, avoid_zones, steps):
-    """Write the directions of a least path, or as much of it as fits; its length, or NIL.
-
-    The arguments are those of `search`.
-    """
-    pose = search(grid, robot_type, duration, workspace, ties, seed, start, target, avoid_zones)
-    if pose == NIL:
-        return pose
-    return write_steps(grid, workspace, pose, steps)
-
-
-@kernel
-def search(grid, robot_type, duration, workspace, ties, seed, start, target, avoid_zones):
-    """The pose in which a least path from a pose reaches a cell; NIL if there is none.
-
-    `duration`: (A,) ticks of each action of the robot's type. `ties`: FIFO, LARGER_G or RANDOM;
-    random ties are drawn by (seed, start, target), so a path is a pure function of those.
-    `avoid_zones`: zones z with workspace.closed[z] may not be entered. The path is left in
-    workspace.came, backwards, and its ticks in workspace.state[OPEN_COST].
-    """
-    width, shift, headings = grid.width, grid.headings >> 1, headings_of(grid, robot_type)
-    mask = headings - 1
-    move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN])
-    if mask and turn == 0 and ties == LARGER_G:
-        ties = LARGER_G_HEAP
-    label, state, type_cell_flags = (
-        workspace.label,
-        workspace.state,
-        grid.type_cell_flags[robot_type],
-    )
-    goal_x, goal_y = target % width, target // width
-    fresh = begin(workspace)
-    salt = random_bits(seed, STREAM_ROUTE_TIES, start, target)
-    row = (start >> shift) // width
-    h = move * (abs((start >> shift) - row * width - goal_x) + abs(row - goal_y))
-    label[start] = fresh
-    workspace.came[start] = STARTED
-    put(workspace, ties, salt, start, row, h, h)
-    while workspace.stop[0] == 0:
-        item = take(workspace, ties, width, shift)
-        if item == NIL:
-            break
-        pose, row = item & POSE_MASK, item >> 32
-        cell = pose >> shift
-        column = cell - row * width
-        g = state[OPEN_LEVEL] - move * (abs(column - goal_x) + abs(row - goal_y))
-        if label[pose] != fresh | g:
-            continue  # a better way to this pose was found meanwhile
-        state[OPEN_EXPANDED] += 1
-        if cell == target:
-            state[OPEN_COST] = g
-            return pose
-        flags, heading, before = np.int64(type_cell_flags[cell]), pose & mask, state[OPEN_TAIL]
-        ways = ways_on(flags, cell == start >> shift)
-        for k in range(0, 16, 4):
-            way = (NORTH_SOUTH_EAST_WEST >> k) & 3
-            if (ways >> way) & 1 == 0 or way & mask != heading:
-                continue
-            after = cell + grid.offset[way]
-            if avoid_zones and is_closed(grid, workspace, after, way):
-                continue
-            moved = g + limited_ticks(grid, move, cell, way)
-            to, cost = (after << shift) | heading, fresh | moved
-            if cost < label[to]:
-                label[to] = cost
-                workspace.came[to] = way
-                y = row + ((way == 1) - (way == 3))
-                x = column + ((way == 0) - (way == 2))
-                h = move * (abs(x - goal_x) + abs(y - goal_y))
-                put(workspace, ties, salt, to, y, moved + h, h)
-        if mask and flags & MAY_TURN:
-            find_turns(
-                workspace, ties, salt, mask, pose, row, fresh, g + turn, state[OPEN_LEVEL] + turn
-            )
-        if ties == LARGER_G and state[OPEN_TAIL] - before == 2:
-            swap_last(workspace.lane, state[OPEN_TAIL])  # the one found first is expanded first
-    return np.int64(NIL)
-
-
-@kernel
-def is_closed(grid, workspace, cell, way):
-    """Whether the zone of a robot that enters a cell in a direction is closed."""
-    traffic_zone = np.int64(grid.traffic_zone[cell, way >> 1])
-    return traffic_zone != NIL and workspace.closed[traffic_zone] != 0
-
-
-@kernel
-def find_turns(workspace, ties, salt, mask, pose, row, fresh, g, f):
-    """Find the poses after a turn by 90 degrees, clockwise first."""
-    for k in range(2):
-        to = (pose & ~mask) | ((pose + 1 - 2 * k) & mask)
-        if fresh | g < workspace.label[to]:
-            workspace.label[to] = fresh | g
-            workspace.came[to] = how_turned(pose, to)
-            put(workspace, ties, salt, to, row, f, f - g)
-
-
-@kernel
-def swap_last(lane, tail):
-    last = lane[tail - 1]
-    lane[tail - 1] = lane[tail - 2]
-    lane[tail - 2] = last
-
-
-@kernel
-def write_steps(grid, workspace, pose, steps):
-    """Directions from the start of the search to a pose; returns how many were written."""
-    length = 0
-    at = pose
-    while workspace.came[at] != STARTED:
-        how = np.int64(workspace.came[at])
-        length += how < 4
-        at = parent_of(grid, at, how)
-    at, k = pose, length
-    while workspace.came[at] != STARTED:
-        how = np.int64(workspace.came[at])
-        if how < 4:
-            k -= 1
-            if k < steps.shape[0]:
-                steps[k] = how
-        at = parent_of(grid, at, how)
-    return np.int64(min(length, steps.shape[0]))
-
-
-# Scratch of the route searches (strategies.routing), sized for a floor and kinematics.
-
-
-Array = NDArray[Any]
-
-
-class RouteSpace(Struct, role=SCRATCH):
-    """What A*, replays and avoidance work in, for P poses and Z zones; it never decides anything."""
-
-    label: Array = field("(P,) int64", "stamp << 32 | cost of the best way found to a pose")
-    came: Array = field("(P,) uint8", "how it came there: a direction, a turn, or the start")
-    # Each of the four ways into a pose may find it again.
-    key: Array = field("(4P + 1,) int64", "heap: f << 32 | tie")
-    item: Array = field("(4P + 1,) int64", "heap: number << 32 | pose")
-    lane: Array = field("(4P + 1,) int64", "row << 32 | pose of the level that is expanded")
-    state: Array = field("(8,) int64", "strategies.routing.astar")
-    stop: Array = field("(1,) int64", "not 0 = searches find nothing any more", role=STOP)
-    closed: Array = field("(Z,) uint8", "1 = no robot may enter")
-    count: Array = field("(Z,) int32", "others that are predicted in each zone")
-
-
-def route_space(grid: Grid) -> RouteSpace:
-    """Scratch for searches on a floor; pages that no search uses cost nothing."""
-    return RouteSpace.sized({"P": grid.kind.size * grid.headings, "Z": grid.traffic_zone_count})
-
-
-# A* with the Manhattan estimate: ignores robots at first, plans around them after a retreat.
-#
-# Of several shortest paths the tie rule picks one; where robots slow each other down it matters
-# which.
-
-
-class AStarState(Struct):
-    """Parameters, and scratch; it remembers nothing."""
-
-    tie_rule: int = field("int64", "an index of TIES")
-    routes: RouteSpace
-
-
-@kernel
-def around_robots(view, workspace, i, reason, steps):
-    """The length of a way around the other robots if a retreat is over, around closed cells after a
-    long wait; NIL if neither, or if no way leads there."""
-    around = around_what(reason)
-    if around == 0:
-        return NIL
-    heading, goal_cell = np.int64(view.robots.heading[i]), np.int64(view.robots.goal_cell[i])
-    robot_type = view.robots.type[i]
-    return find_path(
-        view, workspace, robot_type, position(view, i), heading, goal_cell, around, steps
-    )
-
-
-@kernel
-def start_pose(view, i):
-    """Where and how robot i stands when its route begins."""
-    return position(view, i) * view.grid.headings + np.int64(view.robots.heading[i])
-
-
-@kernel
-def decide(view, batch, decisions, memory, workspace):
-    seed, state = view.rules.seed, AStarState.of(memory)
-    for k in range(batch.count[0]):
-        i = np.int64(batch.robot[k])
-        steps = decisions.routing.steps[k]
-        length = around_robots(view, workspace, i, batch.reason[k], steps)
-        if length == NIL:
-            start, goal_cell = start_pose(view, i), np.int64(view.robots.goal_cell[i])
-            robot_type = view.robots.type[i]
-            duration = view.rules.duration[robot_type]
-            length = astar(
-                view.grid,
-                robot_type,
-                duration,
-                state.routes,
-                state.tie_rule,
-                seed,
-                start,
-                goal_cell,
-                False,
-                steps,
-            )
-            length = around_closed(view, workspace, i, steps, length)
-        if length != NIL:
-            decisions.routing.route_length[k] = length
-
-
-class AStar(Strategy):
-    """A shortest path of A*; which one of several is settled by a tie rule."""
-
-    layer = "routing"
-    compiled = decide
-
-    def reset(self, view):
-        tie_rule = TIES.index(self.parameters.tie_break)
-        return AStarState(tie_rule=tie_rule, routes=route_space(view.grid))

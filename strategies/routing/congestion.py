@@ -1,10 +1,12 @@
-"""Search in time: the route of least cost through zones that others will be in.
+"""Routes around the congestion to come: shared plans, searched in time.
 
-A move from a cell whose zone others are in at tick T costs 1 + beta * others of its durations, and
-takes 1 + others of them where zones slow robots down; a turn costs and takes its ticks.
-Label-setting A*: each pose is expanded once, with the label of least cost, which carries its tick of
-arrival. (With beta > 1 a way that is dearer but earlier may lose to one that is cheaper but later.)
-The estimate is the Manhattan distance; ties go to the pose nearer to the target, then to the lowest.
+All plans are replayed ahead with the slow zones of the world, so it is known how many robots will be
+in which zone at which tick. Robots that need a route get the cheapest one through that, one after
+another in the order of their identities, each seeing the routes of those before it. For comparison,
+robots may predict less: where the others would be if no robot delayed them on the A* paths of their
+tasks (`tasks`), or which share of their time each of them spends in a zone so (`task-averages`). A
+detour around robots that stood in the way is driven to its end: made again, it would lead back to
+where they stand.
 """
 
 import numpy as np
@@ -43,7 +45,7 @@ from strategies.routing.forecasts import (
 from strategies.routing.routing_parameters import SharedPlans
 from strategies.routing.shortest import around_closed, around_what
 
-UNIT = 1000  # cost of a tick; beta is given in the same unit
+COST_OF_TICK = 1000  # cost of a tick; beta is given in the same unit
 MAX_COST = (1 << 31) - 1  # what costs more cannot be reached
 EXPANDED = NIL  # tick of a pose that was expanded
 
@@ -52,9 +54,87 @@ BOTH = 32
 
 
 @kernel
+def decide(view, batch, decisions, memory, workspace):
+    if batch.count[0] == 0:
+        return
+    state = CongestionState.of(memory)
+    look_ahead(view, workspace, state)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        steps = decisions.routing.steps[k]
+        detour = 1 + np.int64(view.robots.goal_cell[i])
+        if batch.reason[k] == REASON_PERIODIC and state.detour[i] == detour:
+            continue
+        leave_out(view, state, i)
+        length = NIL
+        around = around_what(batch.reason[k])
+        if around:
+            length = time_dependent_path(view, workspace, state, i, around, steps)
+        state.detour[i] = 0 if length == NIL else detour
+        if length == NIL:
+            length = time_dependent_path(view, workspace, state, i, 0, steps)
+            length = around_closed(view, workspace, i, steps, length)
+        if length != NIL:
+            decisions.routing.route_length[k] = length
+        put_back(view, workspace, state, i, steps, length)
+    forget_all(state)
+
+
+class Congestion(Strategy):
+    """Least cost through the predicted traffic: 1 + beta for each other robot in the zone of a move."""
+
+    layer = "routing"
+    Parameters = SharedPlans
+    compiled = decide
+
+    def __init__(self, parameters=None):
+        super().__init__(parameters)
+        self.period = self.parameters.replan_period
+
+    def reset(self, view):
+        return congestion_state(view, self.parameters)
+
+
+@kernel
+def look_ahead(view, workspace, state):
+    """Foresee all robots, by their plans or by their tasks alone."""
+    if state.tasks_alone:
+        add_task_forecasts(view, workspace, state)
+    else:
+        forecast_all(view, workspace, state)
+
+
+@kernel
+def leave_out(view, state, i):
+    """Foresee all robots but this one."""
+    if state.tasks_alone:
+        remove_task_forecast(view, state, i)
+    else:
+        forget(state, i)
+
+
+@kernel
+def put_back(view, workspace, state, i, steps, length):
+    """Foresee this robot, too, with its new route."""
+    if state.tasks_alone:
+        add_task_forecast(view, workspace, state, i)
+    elif length != NIL:
+        forecast_one(view, workspace, state, i, steps, length)
+
+
+# Search in time: the route of least cost through zones that others will be in.
+#
+# A move from a cell whose zone others are in at tick T costs 1 + beta * others of its durations, and
+# takes 1 + others of them where zones slow robots down; a turn costs and takes its ticks.
+# Label-setting A*: each pose is expanded once, with the label of least cost, which carries its tick
+# of arrival. (With beta > 1 a way that is dearer but earlier may lose to one that is cheaper but
+# later.) The estimate is the Manhattan distance; ties go to the pose nearer to the target, then to
+# the lowest.
+
+
+@kernel
 def time_dependent_path(view, workspace, state, i, around, steps):
-    """Write the route of least cost of robot i to its goal cell, or as much as fits; its length, or
-    NIL.
+    """Write the route of least cost of robot i to its goal cell, or as much as fits; its length or NIL.
 
     `around`: cells without room now, the goal cell excepted, are removed from the floor.
     """
@@ -63,7 +143,7 @@ def time_dependent_path(view, workspace, state, i, around, steps):
     begin_plan(view, state, i)
     headings, apart = grid.headings, headings_of(grid, robot_type)
     bits = bits_for(workspace.cost.shape[0])
-    move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN]) * UNIT
+    move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN]) * COST_OF_TICK
     search = begin_search(workspace)
     start, free = state.place[i] * headings + state.heading[i], state.free[i]
     size = label(view, state, move, workspace, search, bits, 0, start, 0, free, target, STARTED)
@@ -86,7 +166,7 @@ def time_dependent_path(view, workspace, state, i, around, steps):
                 continue
             others = occupancy(state, zone_of(grid, cell, way), now)  # in thousandths
             own = limited_ticks(grid, move, cell, way)
-            dearer = cost + own * (UNIT + state.beta * others // 1000)
+            dearer = cost + own * (COST_OF_TICK + state.beta * others // 1000)
             later = now + ticks_of_move(view, own, others // 1000)
             to = after * headings + heading
             size = label(
@@ -126,7 +206,7 @@ def label(view, state, move, workspace, search, bits, size, pose, cost, tick, ta
             return size
     width, cell = view.grid.width, pose // view.grid.headings
     left = abs(cell // width - target // width) + abs(cell % width - target % width)
-    total = cost + left * move * UNIT
+    total = cost + left * move * COST_OF_TICK
     if total > MAX_COST:
         return size
     workspace.stamp[pose] = search
@@ -136,84 +216,3 @@ def label(view, state, move, workspace, search, bits, size, pose, cost, tick, ta
     nearer = min(left, (1 << (BOTH - bits)) - 1)
     push(workspace.heap, size, (total << BOTH) | (nearer << bits) | pose)
     return size + 1
-
-
-# Routes around the congestion to come (shared plans, searched in time).
-#
-# All plans are replayed ahead with the slow zones of the world, so it is known how many robots will
-# be in which zone at which tick. Robots that need a route get the cheapest one through that, one
-# after another in the order of their identities, each seeing the routes of those before it. For
-# comparison, robots may predict less: where the others would be if no robot delayed them on the A*
-# paths of their tasks (`tasks`), or which share of their time each of them spends in a zone so
-# (`task-averages`). A detour around robots that stood in the way is driven to its end: made again, it
-# would lead back to where they stand.
-
-
-@kernel
-def look_ahead(view, workspace, state):
-    """Foresee all robots, by their plans or by their tasks alone."""
-    if state.tasks_alone:
-        add_task_forecasts(view, workspace, state)
-    else:
-        forecast_all(view, workspace, state)
-
-
-@kernel
-def leave_out(view, state, i):
-    """Foresee all robots but this one."""
-    if state.tasks_alone:
-        remove_task_forecast(view, state, i)
-    else:
-        forget(state, i)
-
-
-@kernel
-def put_back(view, workspace, state, i, steps, length):
-    """Foresee this robot, too, with its new route."""
-    if state.tasks_alone:
-        add_task_forecast(view, workspace, state, i)
-    elif length != NIL:
-        forecast_one(view, workspace, state, i, steps, length)
-
-
-@kernel
-def decide(view, batch, decisions, memory, workspace):
-    if batch.count[0] == 0:
-        return
-    state = CongestionState.of(memory)
-    look_ahead(view, workspace, state)
-    for k in range(batch.count[0]):
-        i = np.int64(batch.robot[k])
-        steps = decisions.routing.steps[k]
-        detour = 1 + np.int64(view.robots.goal_cell[i])
-        if batch.reason[k] == REASON_PERIODIC and state.detour[i] == detour:
-            continue
-        leave_out(view, state, i)
-        length = NIL
-        around = around_what(batch.reason[k])
-        if around:
-            length = time_dependent_path(view, workspace, state, i, around, steps)
-        state.detour[i] = 0 if length == NIL else detour
-        if length == NIL:
-            length = time_dependent_path(view, workspace, state, i, 0, steps)
-            length = around_closed(view, workspace, i, steps, length)
-        if length != NIL:
-            decisions.routing.route_length[k] = length
-        put_back(view, workspace, state, i, steps, length)
-    forget_all(state)
-
-
-class Congestion(Strategy):
-    """Least cost through the predicted traffic: a move costs 1 + beta for each other robot in its
-    zone."""
-
-    layer = "routing"
-    Parameters = SharedPlans
-    compiled = decide
-
-    def __init__(self, parameters=None):
-        super().__init__(parameters)
-        self.period = self.parameters.replan_period
-
-    def reset(self, view):
-        return congestion_state(view, self.parameters)

@@ -1,16 +1,13 @@
 """Who will be where: predicted robots in each zone, tick by tick, from now to a horizon.
 
-Counts of the zones are four ticks to a word. What a robot adds to them are its visits to zones. A
-count goes up to 65,535; one that would go beyond stays there until all are forgotten.
+Plans (their routes, then the rest of their tasks) are replayed ahead of time by the world's rule of
+slow zones, without anything else; or, for comparison, only the tasks of robots are known.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import DERIVED, SCRATCH, Struct, field
 from automaton.engine.state import (
     ACTION_DROP,
@@ -30,6 +27,7 @@ from automaton.strategy.kernels import (
     first_cell,
     heading_towards,
     headings_of,
+    kernel,
     limited_ticks,
     next_stop_cell,
     pickup_cell,
@@ -37,16 +35,15 @@ from automaton.strategy.kernels import (
     without_load,
 )
 from strategies.routing.astar import LARGER_G, RouteSpace, astar, route_space
+from strategies.routing.routing_parameters import SharedPlans
 
-if TYPE_CHECKING:
-    from strategies.routing.routing_parameters import SharedPlans
-
-
+PICK_STEP = 4  # steps besides the four directions
+DROP_STEP = 5
 LANES = 4  # counts in a word
 LANE = 16  # bits of a count
 MASK = (1 << LANE) - 1
 EVERY_LANE = 0x0001000100010001
-WHOLE = 1_000_000  # a robot that is in a zone all the time, where shares are predicted
+FULL_SHARE = 1_000_000  # a robot that is in a zone all the time, where shares are predicted
 
 
 class CongestionState(Struct):
@@ -82,7 +79,7 @@ class CongestionState(Struct):
     # Of all robots; these are zero between two calls:
     counts: Array = field("(Z, words) int64", "robots in a zone, tick by tick", role=DERIVED)
     overflowed: Array = field("(1,) int64", "1: a count has overflowed", role=DERIVED)
-    zone_share: Array = field("(Z,) int64", "shares of a zone, in 1 / WHOLE", role=DERIVED)
+    zone_share: Array = field("(Z,) int64", "shares of a zone, in 1 / FULL_SHARE", role=DERIVED)
     crowd: Array = field("(Z,) int64", "robots in a zone at the tick of a replay", role=DERIVED)
     calendar: Array = field("(h,) int64", "1 + a robot whose step begins in a tick", role=DERIVED)
     link: Array = field("(n,) int64", "1 + the robot after it in the same tick", role=SCRATCH)
@@ -92,7 +89,7 @@ class CongestionState(Struct):
 
 
 def congestion_state(view: World, parameters: SharedPlans) -> CongestionState:
-    """That of a run's beginning."""
+    """The state at the beginning of a run."""
     zones = view.grid.traffic_zone_count
     return empty_state(len(view.robots.cell), zones, parameters, route_space(view.grid))
 
@@ -112,6 +109,10 @@ def empty_state(
     )
 
 
+# Counts of the zones: four ticks to a word. What a robot adds to them are its visits to zones. A count
+# goes up to 65,535; one that would go beyond stays there until all are forgotten.
+
+
 @kernel
 def present(state, zone, tick):
     """Robots predicted in a zone at a tick; none where there is no zone, and beyond the horizon."""
@@ -124,7 +125,7 @@ def present(state, zone, tick):
 def occupancy(state, zone, tick):
     """Thousandths of robots that are expected in a zone at a tick."""
     if zone != NIL and state.shares:
-        return state.zone_share[zone] // (WHOLE // 1000)
+        return state.zone_share[zone] // (FULL_SHARE // 1000)
     return 1000 * present(state, zone, tick)
 
 
@@ -204,10 +205,6 @@ def forget_all(state):
 # the plan ends.
 
 
-PICKS = 4  # steps besides the four directions
-DROPS = 5
-
-
 @kernel
 def zone_of(grid, cell, direction):
     """The zone of a robot in a cell that came or leaves in a direction."""
@@ -253,9 +250,9 @@ def append_rest(view, workspace, state, i, heading):
     """Add what follows when robot i is at its goal cell with a heading: the rest of its task."""
     robots = view.robots
     if robots.goal_type[i] == GOAL_DROP:
-        append(state, i, DROPS)
+        append(state, i, DROP_STEP)
     elif robots.goal_type[i] == GOAL_PICK and robots.order[i] != NIL:
-        append(state, i, PICKS)
+        append(state, i, PICK_STEP)
         order, pick = np.int64(robots.order[i]), np.int64(robots.goal_cell[i])
         carries_pods = view.trips.pod.shape[0] > 0
         if carries_pods:
@@ -267,27 +264,18 @@ def append_rest(view, workspace, state, i, heading):
             robot_type = with_load(view, np.int64(robots.type[i]))
             append_path(view, workspace, state, i, robot_type, pose, end)
             if not carries_pods:
-                append(state, i, DROPS)
+                append(state, i, DROP_STEP)
 
 
 @kernel
 def append_path(view, workspace, state, i, robot_type, pose, target):
     """Add the path of plain A* of a type from a pose to a cell to the plan of robot i."""
-    rules = view.rules
+    seed, duration, steps = view.rules.seed, view.rules.duration[robot_type], workspace.steps
     length = astar(
-        view.grid,
-        robot_type,
-        rules.duration[robot_type],
-        state.routes,
-        LARGER_G,
-        rules.seed,
-        pose,
-        target,
-        False,
-        workspace.steps,
+        view.grid, robot_type, duration, state.routes, LARGER_G, seed, pose, target, False, steps
     )
     for s in range(length):
-        append(state, i, np.int64(workspace.steps[s]))
+        append(state, i, np.int64(steps[s]))
 
 
 @kernel
@@ -320,25 +308,17 @@ def plan_all(view, workspace, state):
     robots = view.robots
     for i in range(robots.cell.shape[0]):
         if has_task(robots, i):
-            plan_on(
-                view,
-                workspace,
-                state,
-                i,
-                robots.route[i],
-                robots.route_index[i],
-                robots.route_length[i],
-            )
+            first, end = robots.route_index[i], robots.route_length[i]
+            plan_on(view, workspace, state, i, robots.route[i], first, end)
         else:
             begin_plan(view, state, i)
 
 
-# Plans replayed ahead of time: the world's rule of slow zones, without anything else.
+# Plans replayed: each robot takes its steps as soon as it is free.
 #
-# Each robot takes its steps as soon as it is free. A move takes as many times longer as its zone has
-# robots when it begins; no robot waits for a cell. Who leaves a parking bay is counted from the next
-# tick on. A robot whose plan has ended is counted for one more tick, then its next task is unknown;
-# one that has nothing to do stays.
+# A move takes as many times longer as its zone has robots when it begins; no robot waits for a cell.
+# Who leaves a parking bay is counted from the next tick on. A robot whose plan has ended is counted
+# for one more tick, then its next task is unknown; one that has nothing to do stays.
 
 
 @kernel
@@ -421,7 +401,7 @@ def depart(view, state, i, tick):
 
 @kernel
 def next_step(state, i):
-    """What robot i does next: a direction, PICKS or DROPS."""
+    """What robot i does next: a direction, PICK_STEP or DROP_STEP."""
     return np.int64(state.steps[i, state.step[i]])
 
 
@@ -429,7 +409,7 @@ def next_step(state, i):
 def zone_left(view, state, i):
     """The zone of the move that comes next, NIL if it is not a move."""
     step = next_step(state, i)
-    return zone_of(view.grid, state.place[i], step) if step < PICKS else NIL
+    return zone_of(view.grid, state.place[i], step) if step < PICK_STEP else NIL
 
 
 @kernel
@@ -437,8 +417,8 @@ def ticks_of_step(view, state, i, others):
     """The ticks that the next step of robot i takes, beside `others` in its zone."""
     duration = view.rules.duration[state.robot_type[i]]
     step = next_step(state, i)
-    if step >= PICKS:
-        return np.int64(duration[ACTION_DROP if step == DROPS else ACTION_PICK])
+    if step >= PICK_STEP:
+        return np.int64(duration[ACTION_DROP if step == DROP_STEP else ACTION_PICK])
     if heading_towards(view.grid, state.robot_type[i], step) != state.heading[i]:
         return np.int64(duration[ACTION_TURN])
     own = limited_ticks(view.grid, np.int64(duration[ACTION_MOVE]), state.place[i], step)
@@ -451,15 +431,15 @@ def begin_step(view, state, i):
     headings = headings_of(view.grid, state.robot_type[i])
     step, before = next_step(state, i), state.heading[i]
     heading = step & (headings - 1)
-    if step < PICKS and heading != before:
+    if step < PICK_STEP and heading != before:
         left = headings == 4 and (heading - before) & 3 == 3
         state.heading[i] = (before + (3 if left else 1)) & (headings - 1)
         return
     state.step[i] += 1
-    if step < PICKS:
+    if step < PICK_STEP:
         state.place[i] += view.grid.offset[step]
         state.travel[i] = step
-    elif step == PICKS:
+    elif step == PICK_STEP:
         state.robot_type[i] = with_load(view, state.robot_type[i])
     else:
         state.robot_type[i] = without_load(view, state.robot_type[i])
@@ -549,10 +529,10 @@ def plan_task(view, workspace, state, i):
     if state.step_count[i] > 0:
         step = np.int64(state.steps[i, state.step_count[i] - 1])
         heading = heading_towards(view.grid, robot_type, step)
-    append(state, i, PICKS)
+    append(state, i, PICK_STEP)
     loaded = with_load(view, robot_type)
     append_path(view, workspace, state, i, loaded, access_cell * headings + heading, end)
-    append(state, i, DROPS)
+    append(state, i, DROP_STEP)
 
 
 @kernel
@@ -600,5 +580,5 @@ def share_zones(view, state, i, sign):
         zone = zone_of(view.grid, state.place[i], state.travel[i])
         began = ticks_of_step(view, state, i, 0)
         if zone != NIL:
-            state.zone_share[zone] += sign * (began * WHOLE // ticks)
+            state.zone_share[zone] += sign * (began * FULL_SHARE // ticks)
         begin_step(view, state, i)

@@ -10,10 +10,9 @@ Two readings of a slow zone with others in it:
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import ACTION_MOVE, NIL, Array
-from automaton.strategy.kernels import random_between
+from automaton.strategy.kernels import kernel, random_between
 from strategies.routing.astar import OPEN_COST, search, write_steps
 from strategies.routing.predicted_paths import (
     add_zones,
@@ -23,7 +22,7 @@ from strategies.routing.predicted_paths import (
     delay_of,
     words,
 )
-from strategies.routing.traffic_avoidance import PLAIN, choose_threshold, close_zones
+from strategies.routing.traffic_avoidance import PLAIN_ASTAR, choose_threshold, close_zones
 
 STREAM_TRIALS = 12  # of random draws; each stream has a number of its own
 
@@ -87,13 +86,68 @@ def count_foreseen(grid, duration, workspace, trial, ties, seed, tasks, keep, ad
 
 
 @kernel
-def use_zones(grid, duration, workspace, trial, ties, seed, task):
-    """trial.used = the zones of both legs of a task by plain A*."""
-    trial.used[:] = 0
-    pose = np.int64(task[START])
-    for k in (PICK, DROP):
-        pose = search(grid, 0, duration, workspace, ties, seed, pose, np.int64(task[k]), False)
-        add_zones(grid, workspace, pose, trial.used)
+def run_trials(
+    grid, duration, workspace, trial, ties, seed, tasks, foreseen, most, least_count, rule, dynamic,
+    out,
+):  # fmt: skip
+    """out: (trials, TRIAL_COLUMNS) int64; robot 0 chooses by what is foreseen, and drives what is true.
+
+    tasks: (trials, r, 3) of `draw_tasks`; foreseen: (trials, Z), others in each zone; most,
+    least_count, rule: of `choose_threshold`; dynamic: 1 for that reading.
+    """
+    for number in range(tasks.shape[0]):
+        trial.actual[:] = 0
+        for r in range(tasks.shape[1]):
+            for k in range(3):
+                trial.task[r, k] = tasks[number, r, k]
+            if r > 0:
+                use_zones(grid, duration, workspace, trial, ties, seed, tasks[number, r])
+                count_zones(trial.used, trial.actual)
+        for zone in range(workspace.count.shape[0]):
+            workspace.count[zone] = foreseen[number, zone]
+        row = out[number]
+        run_trial(
+            grid, duration, workspace, trial, ties, seed, most, least_count, rule, dynamic, row
+        )
+
+
+@kernel
+def run_trial(grid, duration, workspace, trial, ties, seed, most, least_count, rule, dynamic, row):
+    """row: (TRIAL_COLUMNS,) of the trial with trial.task, trial.actual and workspace.count."""
+    start, pick, drop = trial.task[0, START], trial.task[0, PICK], trial.task[0, DROP]
+    threshold = choose_threshold(
+        grid, 0, duration, workspace, ties, seed, start, pick, drop, most, least_count, rule
+    )
+    close_zones(grid, workspace, threshold + least_count - 1, start, pick, drop)
+    for column in (0, TRIAL_CHOSEN):
+        avoid_zones = column == TRIAL_CHOSEN and threshold != PLAIN_ASTAR
+        part = row[column : column + TRIAL_CHOSEN]
+        if dynamic:
+            drive_dynamic(grid, duration, workspace, trial, ties, seed, avoid_zones, part)
+        else:
+            drive_static(grid, duration, workspace, trial, ties, seed, avoid_zones, part)
+        if column == 0:
+            for k in range(trial.length[0]):
+                trial.plain[k] = trial.route[0, k]
+    row[TRIAL_ALTERNATIVE] = differs(trial, row[TRIAL_DISTANCE])
+
+
+@kernel
+def drive_static(grid, duration, workspace, trial, ties, seed, avoid_zones, row):
+    """row[TRIAL_TIME, TRIAL_DISTANCE, TRIAL_ENCOUNTERS] of robot 0 by the static reading."""
+    row[TRIAL_TIME] = plan_routes(grid, duration, workspace, trial, ties, seed, 0, avoid_zones)
+    row[TRIAL_DISTANCE] = trial.length[0]
+    row[TRIAL_ENCOUNTERS] = count_common(trial.used, trial.actual)
+
+
+@kernel
+def drive_dynamic(grid, duration, workspace, trial, ties, seed, avoid_zones, row):
+    """row[TRIAL_TIME, TRIAL_DISTANCE, TRIAL_ENCOUNTERS] of robot 0 by the dynamic reading."""
+    for r in range(1, trial.task.shape[0]):
+        plan_routes(grid, duration, workspace, trial, ties, seed, r, False)
+    plan_routes(grid, duration, workspace, trial, ties, seed, 0, avoid_zones)
+    meet(grid, duration, trial, row)
+    row[TRIAL_DISTANCE] = trial.length[0]
 
 
 @kernel
@@ -118,8 +172,18 @@ def plan_routes(grid, duration, workspace, trial, ties, seed, r, avoid_zones):
 
 
 @kernel
+def use_zones(grid, duration, workspace, trial, ties, seed, task):
+    """trial.used = the zones of both legs of a task by plain A*."""
+    trial.used[:] = 0
+    pose = np.int64(task[START])
+    for k in (PICK, DROP):
+        pose = search(grid, 0, duration, workspace, ties, seed, pose, np.int64(task[k]), False)
+        add_zones(grid, workspace, pose, trial.used)
+
+
+@kernel
 def meet(grid, duration, trial, row):
-    """Drive all routes from tick 0 until robot 0 arrives; row[TIME], row[TRIAL_ENCOUNTERS] are its own.
+    """Drive all routes from tick 0 until robot 0 arrives; its time and encounters go into `row`.
 
     The robots in a zone are counted at the start of a tick, by the cells that they stand in or are
     leaving; one that has arrived leaves the floor. Robots meet when both come to be in a zone.
@@ -163,91 +227,6 @@ def go_on(grid, duration, trial):
         if trial.busy[r] == 0:
             trial.cell[r] += grid.offset[trial.route[r, trial.at[r]]]
             trial.at[r] += 1
-
-
-@kernel
-def drive_static(grid, duration, workspace, trial, ties, seed, avoid_zones, row):
-    """row[TIME, TRIAL_DISTANCE, TRIAL_ENCOUNTERS] of robot 0 by the static reading."""
-    row[TRIAL_TIME] = plan_routes(grid, duration, workspace, trial, ties, seed, 0, avoid_zones)
-    row[TRIAL_DISTANCE] = trial.length[0]
-    row[TRIAL_ENCOUNTERS] = count_common(trial.used, trial.actual)
-
-
-@kernel
-def drive_dynamic(grid, duration, workspace, trial, ties, seed, avoid_zones, row):
-    """row[TIME, TRIAL_DISTANCE, TRIAL_ENCOUNTERS] of robot 0 by the dynamic reading."""
-    for r in range(1, trial.task.shape[0]):
-        plan_routes(grid, duration, workspace, trial, ties, seed, r, False)
-    plan_routes(grid, duration, workspace, trial, ties, seed, 0, avoid_zones)
-    meet(grid, duration, trial, row)
-    row[TRIAL_DISTANCE] = trial.length[0]
-
-
-@kernel
-def run_trials(
-    grid,
-    duration,
-    workspace,
-    trial,
-    ties,
-    seed,
-    tasks,
-    foreseen,
-    most,
-    least_count,
-    rule,
-    dynamic,
-    out,
-):
-    """out: (trials, TRIAL_COLUMNS) int64; robot 0 chooses by what is foreseen, and drives what is true.
-
-    tasks: (trials, r, 3) of `draw_tasks`; foreseen: (trials, Z), others in each zone; most,
-    least_count, rule: of `choose_threshold`; dynamic: 1 for that reading.
-    """
-    for number in range(tasks.shape[0]):
-        trial.actual[:] = 0
-        for r in range(tasks.shape[1]):
-            for k in range(3):
-                trial.task[r, k] = tasks[number, r, k]
-            if r > 0:
-                use_zones(grid, duration, workspace, trial, ties, seed, tasks[number, r])
-                count_zones(trial.used, trial.actual)
-        for zone in range(workspace.count.shape[0]):
-            workspace.count[zone] = foreseen[number, zone]
-        run_trial(
-            grid,
-            duration,
-            workspace,
-            trial,
-            ties,
-            seed,
-            most,
-            least_count,
-            rule,
-            dynamic,
-            out[number],
-        )
-
-
-@kernel
-def run_trial(grid, duration, workspace, trial, ties, seed, most, least_count, rule, dynamic, row):
-    """row: (TRIAL_COLUMNS,) of the trial with trial.task, trial.actual and workspace.count."""
-    start, pick, drop = trial.task[0, START], trial.task[0, PICK], trial.task[0, DROP]
-    threshold = choose_threshold(
-        grid, 0, duration, workspace, ties, seed, start, pick, drop, most, least_count, rule
-    )
-    close_zones(grid, workspace, threshold + least_count - 1, start, pick, drop)
-    for column in (0, TRIAL_CHOSEN):
-        avoid_zones = column == TRIAL_CHOSEN and threshold != PLAIN
-        part = row[column : column + TRIAL_CHOSEN]
-        if dynamic:
-            drive_dynamic(grid, duration, workspace, trial, ties, seed, avoid_zones, part)
-        else:
-            drive_static(grid, duration, workspace, trial, ties, seed, avoid_zones, part)
-        if column == 0:
-            for k in range(trial.length[0]):
-                trial.plain[k] = trial.route[0, k]
-    row[TRIAL_ALTERNATIVE] = differs(trial, row[TRIAL_DISTANCE])
 
 
 @kernel

@@ -1,7 +1,7 @@
-"""What a path does to the zones of the floor: which ones it uses, and what others in them cost.
+"""Which zones robots are going to use: on their paths of A*, blurred by noise, or by a trained network.
 
-A move belongs to the zone of the cell that it leaves, so the last cell of a path does not count. All
-of this follows the path that the last search left in workspace.came.
+A set of zones has a bit for each, in int64 words. A move belongs to the zone of the cell that it
+leaves, so the last cell of a path does not count.
 """
 
 from functools import lru_cache
@@ -9,7 +9,6 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
 from automaton.engine.state import ACTION_MOVE, GOAL_PICK, NIL, Array
 from automaton.strategy.kernels import (
@@ -17,6 +16,7 @@ from automaton.strategy.kernels import (
     dropoff_cell,
     first_cell,
     heading_towards,
+    kernel,
     limited_ticks,
     next_stop_cell,
     parent_of,
@@ -28,19 +28,48 @@ from automaton.strategy.kernels import (
 from strategies.routing.astar import astar, search
 from strategies.routing.routing_parameters import whole_layers
 
-WORD = 64  # zones in a word of a set
+WORD_BITS = 64  # zones in a word of a set
+STREAM_PREDICTIONS = 11  # of random draws; each stream has a number of its own
+STREAM_LEGS = 13
+CERTAIN = 1 << 32  # probabilities are whole numbers of 2^-32
+USED_SHARE: Final = 27.5 / 522  # of the zones, by a task in warehouse-100 (A*, random ties)
 
 
 def words(zones: int) -> int:
     """int64 words of a set of zones, a bit for each."""
-    return -(-zones // WORD)
+    return -(-zones // WORD_BITS)
 
 
 @kernel
-def zone_left(grid, pose, how):
-    """The zone of the move in direction `how` that ended in a pose; NIL on an intersection."""
-    cell = (pose >> (grid.headings >> 1)) - grid.offset[how]
-    return np.int64(grid.traffic_zone[cell, how >> 1])
+def has_zone(used, zone):
+    """1 if a zone is in a set, else 0."""
+    return (used[zone >> 6] >> (zone & (WORD_BITS - 1))) & 1
+
+
+@kernel
+def count_zones(used, count):
+    """count[z] += 1 for each zone of a set."""
+    for word in range(used.shape[0]):
+        bits = used[word]
+        for k in range(WORD_BITS):
+            if bits == 0:
+                break
+            if (bits >> k) & 1:
+                count[word * WORD_BITS + k] += 1
+                bits &= bits - 1
+
+
+@kernel
+def count_common(used, count):
+    """The sum of count[z] over the zones of a set."""
+    common = 0
+    for zone in range(count.shape[0]):
+        if has_zone(used, zone):
+            common += np.int64(count[zone])
+    return common
+
+
+# Of the path that the last search left in workspace.came: its zones, and what others in them cost.
 
 
 @kernel
@@ -52,7 +81,7 @@ def add_zones(grid, workspace, pose, used):
         if how < 4:
             zone = zone_left(grid, at, how)
             if zone != NIL:
-                used[zone >> 6] |= np.int64(1) << (zone & (WORD - 1))
+                used[zone >> 6] |= np.int64(1) << (zone & (WORD_BITS - 1))
         at = parent_of(grid, at, how)
 
 
@@ -77,49 +106,26 @@ def delay_of(grid, duration, workspace, pose, count):
 
 
 @kernel
-def has_zone(used, zone):
-    """1 if a zone is in a set, else 0."""
-    return (used[zone >> 6] >> (zone & (WORD - 1))) & 1
-
-
-@kernel
-def count_zones(used, count):
-    """count[z] += 1 for each zone of a set."""
-    for word in range(used.shape[0]):
-        bits = used[word]
-        for k in range(WORD):
-            if bits == 0:
-                break
-            if (bits >> k) & 1:
-                count[word * WORD + k] += 1
-                bits &= bits - 1
-
-
-@kernel
-def count_common(used, count):
-    """The sum of count[z] over the zones of a set."""
-    common = 0
-    for zone in range(count.shape[0]):
-        if has_zone(used, zone):
-            common += np.int64(count[zone])
-    return common
+def zone_left(grid, pose, how):
+    """The zone of the move in direction `how` that ended in a pose; NIL on an intersection."""
+    cell = (pose >> (grid.headings >> 1)) - grid.offset[how]
+    return np.int64(grid.traffic_zone[cell, how >> 1])
 
 
 # Where robots are going to drive: the rest of their routes and of their tasks, as A* would drive it.
 
 
 @kernel
-def count_predicted(view, workspace, ties, besides, steps, visible_world, field):
+def count_predicted(view, workspace, ties, besides, steps, marked, field):
     """field: (C,) int32, how many robots on a way are going to drive through each cell.
 
     `besides`: the identity of a robot that does not count. A robot's way is the rest of its route,
     or the path to its goal cell, and the path from there to where it drops what it picks up.
-    `workspace`,
-    `steps` (L,) uint8 and `seen` (C,) int32 are scratch.
+    `workspace`, `steps` (L,) uint8 and `marked` (C,) int32 are scratch.
     """
     robots, headings = view.robots, view.grid.headings
     field[:] = 0
-    visible_world[:] = 0
+    marked[:] = 0
     for i in range(robots.cell.shape[0]):
         goal_cell = np.int64(robots.goal_cell[i])
         if goal_cell == NIL or robots.identity[i] == besides:
@@ -130,11 +136,11 @@ def count_predicted(view, workspace, ties, besides, steps, visible_world, field)
             length = end - route_index
             for s in range(length):
                 steps[s] = robots.route[i, route_index + s]
-            follow(view.grid, cell, steps, length, i + 1, visible_world, field)
+            follow(view.grid, cell, steps, length, i + 1, marked, field)
         else:
             pose, robot_type = cell * headings + heading, np.int64(robots.type[i])
             length = follow_path(
-                view, workspace, ties, i, robot_type, pose, goal_cell, steps, visible_world, field
+                view, workspace, ties, i, robot_type, pose, goal_cell, steps, marked, field
             )
         if length > 0:
             heading = heading_towards(view.grid, robots.type[i], np.int64(steps[length - 1]))
@@ -142,9 +148,7 @@ def count_predicted(view, workspace, ties, besides, steps, visible_world, field)
         if beyond != NIL:
             pose = goal_cell * headings + heading
             robot_type = with_load(view, np.int64(robots.type[i]))
-            follow_path(
-                view, workspace, ties, i, robot_type, pose, beyond, steps, visible_world, field
-            )
+            follow_path(view, workspace, ties, i, robot_type, pose, beyond, steps, marked, field)
 
 
 @kernel
@@ -160,7 +164,7 @@ def next_goal_cell(view, i):
 
 
 @kernel
-def follow_path(view, workspace, ties, i, robot_type, pose, target, steps, visible_world, field):
+def follow_path(view, workspace, ties, i, robot_type, pose, target, steps, marked, field):
     """Count the cells of robot i's path of A* from a pose to a cell, as one of a type; its length.
 
     NIL: none.
@@ -171,16 +175,16 @@ def follow_path(view, workspace, ties, i, robot_type, pose, target, steps, visib
         view.grid, robot_type, duration, workspace, ties, rules.seed, pose, target, False, steps
     )
     if length != NIL:
-        follow(view.grid, pose // view.grid.headings, steps, length, i + 1, visible_world, field)
+        follow(view.grid, pose // view.grid.headings, steps, length, i + 1, marked, field)
     return length
 
 
 @kernel
-def follow(grid, cell, steps, length, mark, visible_world, field):
+def follow(grid, cell, steps, length, mark, marked, field):
     """Count a cell, and those of so many steps from it, unless this robot's mark is on them."""
     for s in range(length + 1):
-        if visible_world[cell] != mark:
-            visible_world[cell] = mark
+        if marked[cell] != mark:
+            marked[cell] = mark
             field[cell] += 1
         if s < length:
             cell += grid.offset[steps[s]]
@@ -192,18 +196,12 @@ def follow(grid, cell, steps, length, mark, visible_world, field):
 # with probability recall, another one is added with the probability of `false_alarms`.
 
 
-STREAM_PREDICTIONS = 11  # of random draws; each stream has a number of its own
-
-CERTAIN = 1 << 32  # probabilities are whole numbers of 2^-32
-USED_SHARE: Final = 27.5 / 522  # of the zones, by a task in warehouse-100 (A*, random ties)
-
-
 @kernel
 def blur(used, traffic_zone_count, keep, add, seed, task, robot):
     """Replace a set of zones by its prediction; keep, add: probabilities in units of 1/CERTAIN."""
     base = random_bits(seed, STREAM_PREDICTIONS, task, robot)
     for zone in range(traffic_zone_count):
-        bit = np.int64(1) << (zone & (WORD - 1))
+        bit = np.int64(1) << (zone & (WORD_BITS - 1))
         chance = np.int64(splitmix64(base + np.uint64(zone)) >> np.uint64(32))
         if used[zone >> 6] & bit:
             if chance >= keep:
@@ -223,40 +221,9 @@ def false_alarms(precision: float, recall: float, used: float) -> float:
     return min(1.0, recall * used * (1 - precision) / (precision * (1 - used)))
 
 
-# Single legs and the zones of their paths: what networks learn from.
-
-
-STREAM_LEGS = 13  # of random draws; each stream has a number of its own
-
-
-@kernel
-def draw_legs(racks, docks, seed, start, end):
-    """Legs from a rack to a dock and back by turns, drawn by (seed, leg); start, end: (n,) cells."""
-    for k in range(start.shape[0]):
-        rack = racks[random_between(0, racks.shape[0] - 1, seed, STREAM_LEGS, 0, k)]
-        dock = docks[random_between(0, docks.shape[0] - 1, seed, STREAM_LEGS, 1, k)]
-        start[k] = dock if k & 1 else rack
-        end[k] = rack if k & 1 else dock
-
-
-@kernel
-def trace_legs(grid, duration, workspace, ties, start, end, used):
-    """used[k] = the zones of the A* path from pose start[k] to cell end[k]; used: (n, words).
-
-    Returns how many legs were traced: it stops at one that cannot be driven.
-    """
-    for k in range(start.shape[0]):
-        used[k] = 0
-        pose = search(grid, 0, duration, workspace, ties, np.uint64(0), start[k], end[k], False)
-        if pose == NIL:
-            return np.int64(k)
-        add_zones(grid, workspace, pose, used[k])
-    return np.int64(start.shape[0])
-
-
 # A trained network that predicts the zones of a leg, in whole numbers: equal on every machine.
 #
-# start zone, end zone -> three hidden layers of rectifiers -> a logit for each zone
+#     start zone, end zone -> three hidden layers of rectifiers -> a logit for each zone
 #
 # All numbers are fixed-point, value * 2^bits. A sum of integers does not depend on its order, so a
 # compiler may reorder it as it likes.
@@ -335,7 +302,7 @@ def add_predicted(network, start, end, used):
     run_layer(network.last, bits, bits, network.third.sums)
     for zone in range(network.zones):
         if network.last.sums[zone] > 0:
-            used[zone >> 6] |= np.int64(1) << (zone & (WORD - 1))
+            used[zone >> 6] |= np.int64(1) << (zone & (WORD_BITS - 1))
 
 
 @kernel
@@ -362,3 +329,31 @@ def predict_legs(network, start, end, used):
     for k in range(start.shape[0]):
         used[k] = 0
         add_predicted(network, start[k], end[k], used[k])
+
+
+# Single legs and the zones of their paths: what networks learn from.
+
+
+@kernel
+def draw_legs(racks, docks, seed, start, end):
+    """Legs from a rack to a dock and back by turns, drawn by (seed, leg); start, end: (n,) cells."""
+    for k in range(start.shape[0]):
+        rack = racks[random_between(0, racks.shape[0] - 1, seed, STREAM_LEGS, 0, k)]
+        dock = docks[random_between(0, docks.shape[0] - 1, seed, STREAM_LEGS, 1, k)]
+        start[k] = dock if k & 1 else rack
+        end[k] = rack if k & 1 else dock
+
+
+@kernel
+def trace_legs(grid, duration, workspace, ties, start, end, used):
+    """used[k] = the zones of the A* path from pose start[k] to cell end[k]; used: (n, words).
+
+    Returns how many legs were traced: it stops at one that cannot be driven.
+    """
+    for k in range(start.shape[0]):
+        used[k] = 0
+        pose = search(grid, 0, duration, workspace, ties, np.uint64(0), start[k], end[k], False)
+        if pose == NIL:
+            return np.int64(k)
+        add_zones(grid, workspace, pose, used[k])
+    return np.int64(start.shape[0])

@@ -1,4 +1,4 @@
-"""The parameters of A*. Imports no Numba."""
+"""The parameters of routing, and networks that predict zones: their files, and their answers in NumPy."""
 
 from __future__ import annotations
 
@@ -27,6 +27,12 @@ from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
 from automaton.scenario.unavailable_metrics import carries_pods
 
+NO_TASKS_OF_PODS = (
+    "forecast {} knows the whole way of a load, and none of a pod to stations and back; use forecast "
+    "plans"
+)
+MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 0.9 GB
+
 
 class TieBreaking(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Which of several paths of equal cost A* returns."""
@@ -39,16 +45,6 @@ class TieBreaking(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
             "farthest from the start (larger_g), or a random one, by seed and leg (random)."
         ),
     ] = "larger_g"
-
-
-# The parameters of congestion-aware routes. Imports no Numba.
-
-
-NO_TASKS_OF_PODS = (
-    "forecast {} knows the whole way of a load, and none of a pod to stations and back; use forecast "
-    "plans"
-)
-MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 0.9 GB
 
 
 class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -92,187 +88,6 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
             f"{robots:,} plans of {self.horizon:,} ticks do not fit into memory: robots x horizon may "
             f"be {MOST_PLANNED:,}, so with this fleet horizon at most {MOST_PLANNED // robots}"
         )
-
-
-# Networks that predict which zones a leg touches: their files, and their answers in NumPy.
-#
-# start zone, end zone (one-hot) -> hidden layers of rectifiers -> a logit for each zone
-#
-# A file is a plain .npz: float16 arrays, and a text that says what it was trained for. Inference is
-# in whole numbers (value * 2^bits), so that NumPy and the compiled form agree in every bit.
-
-
-Weights = npt.NDArray[np.float16]
-Whole = npt.NDArray[np.int64]
-
-NETWORK_LAYERS: Final = 4  # three hidden ones and the output
-MOST_BITS, FEWEST_BITS = 16, 8  # after the binary point
-ZIP_ERRORS: Final = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
-EXACT = 2**53  # float64 adds whole numbers below this without rounding, in any order
-NETWORK_FORMAT = "automaton zone network 1"
-
-
-@dataclass(frozen=True, eq=False)
-class ZoneNetwork:
-    """A trained network: weights (inputs, outputs) and biases of its layers, and its origin.
-
-    The first layer has 2 x zones inputs: the start zone, then the end zone.
-    """
-
-    layers: tuple[tuple[Weights, Weights], ...]
-    about: Mapping[str, Any]  # floor (fingerprint), scenario, mode, and how it was trained
-
-    @property
-    def zones(self) -> int:
-        return int(self.layers[-1][1].size)
-
-
-def floor_fingerprint(grid: Grid, duration: Array) -> str:
-    """32 hex digits of all that A* paths and their zones follow from: ways, turns, zones.
-
-    `duration`: (A,) ticks of each action of a robot of the first type. Where types turn differently,
-    the headings of all count: their paths are not those of the first type alone.
-    """
-    costs = [int(duration[action]) for action in (ACTION_MOVE, ACTION_TURN)]
-    headings = int(grid.type_headings[0])
-    text = f"{grid.width} {headings} {costs if headings > 1 else []}"
-    kinds = np.unique(grid.type_headings).tolist()
-    if len(kinds) > 1:
-        text += f" {kinds}"
-    digest = hashlib.blake2b(text.encode(), digest_size=16)
-    digest.update((grid.cell_flags & np.uint8(31)).tobytes())
-    digest.update(np.ascontiguousarray(grid.traffic_zone, np.int32).tobytes())
-    digest.update(grid.min_move_ticks.tobytes())
-    return digest.hexdigest()
-
-
-def save_network(path: Path, network: ZoneNetwork) -> None:
-    """Write a network; the file takes its name only when it is whole. Raises InputError."""
-    arrays: dict[str, Any] = {
-        "about": np.array(json.dumps({"format": NETWORK_FORMAT, **network.about}))
-    }
-    for k, (weights, bias) in enumerate(network.layers):
-        arrays[f"weights{k}"], arrays[f"bias{k}"] = weights, bias
-    with atomic_writer(path) as file:
-        np.savez_compressed(file, **arrays)
-
-
-def load_network(path: Path) -> ZoneNetwork:
-    """Read a network. Raises InputError for a file that is none."""
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            about = json.loads(str(file["about"]))
-            layers = tuple((file[f"weights{k}"], file[f"bias{k}"]) for k in range(NETWORK_LAYERS))
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
-    except (KeyError, ValueError, EOFError, TypeError, MemoryError, *ZIP_ERRORS) as error:
-        raise InputError(f"{path} is not a file of a zone network") from error
-    network = ZoneNetwork(layers, about)
-    if not isinstance(about, dict) or about.get("format") != NETWORK_FORMAT or not _fits(network):
-        raise InputError(f"{path} is not a file of a zone network")
-    return network
-
-
-def _fits(network: ZoneNetwork) -> bool:
-    """Whether the layers fit one another."""
-    width = 2 * network.zones
-    for weights, bias in network.layers:
-        if weights.dtype != np.float16 or bias.dtype != np.float16 or bias.ndim != 1:
-            return False
-        if weights.shape != (width, bias.size) or not np.isfinite(weights).all():
-            return False
-        if not np.isfinite(bias).all():
-            return False
-        width = bias.size
-    return True
-
-
-def check_floor(network: ZoneNetwork, grid: Grid, duration: Array, file: Path) -> None:
-    """Raises InputError when a network was trained for other ways or zones."""
-    if network.about.get("floor") == floor_fingerprint(grid, duration):
-        return
-    about = network.about
-    raise InputError(
-        f"{file.name} was trained for the floor of {about.get('scenario')} with "
-        f"{network.zones:,} zones ({about.get('mode')}), which is not this floor with "
-        f"{grid.traffic_zone_count:,}; train one for it by `automaton train traffic --scenario NAME "
-        "--out FILE` and name it as {network: FILE}"
-    )
-
-
-def network_for(grid: Grid, duration: Array, file: Path) -> ZoneNetwork:
-    """The network of a file, which was trained for this floor. Raises InputError."""
-    try:
-        network = _loaded(file, file.stat().st_mtime_ns)
-    except OSError as error:
-        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
-    check_floor(network, grid, duration, file)
-    return network
-
-
-@lru_cache(maxsize=4)
-def _loaded(file: Path, changed: int) -> ZoneNetwork:
-    return load_network(file)
-
-
-@lru_cache(maxsize=4)
-def whole_layers(network: ZoneNetwork) -> tuple[int, list[tuple[Whole, Whole]]]:
-    """(bits, layers as whole numbers value * 2^bits): as many bits as keep every sum exact.
-
-    Raises InputError for weights so large that fewer than 8 bits are left.
-    """
-    for bits in range(MOST_BITS, FEWEST_BITS - 1, -1):
-        layers = [(_whole(weights, bits), _whole(bias, bits)) for weights, bias in network.layers]
-        widest = max(int(np.abs(part).max()) for layer in layers for part in layer)
-        if widest < 2**31 and largest_sum(layers, bits) < EXACT:
-            return bits, layers
-    raise InputError("the weights of the network are too large: it was not trained well")
-
-
-def _whole(values: Weights, bits: int) -> Whole:
-    return np.rint(values.astype(np.float64) * 2.0**bits).astype(np.int64)
-
-
-def largest_sum(layers: list[tuple[Whole, Whole]], bits: int) -> int:
-    """A bound on the absolute value of every partial sum, whatever the input."""
-    weights, bias = layers[0]
-    bound = 2 * int(np.abs(weights).max()) + int(np.abs(bias).max())
-    highest = bound
-    for k, (weights, bias) in enumerate(layers[1:]):
-        largest = bound if k == 0 else bound >> bits
-        heaviest = int(np.abs(weights).sum(axis=0).max())
-        bound = largest * heaviest + (int(np.abs(bias).max()) << bits)
-        highest = max(highest, bound)
-    return highest
-
-
-def predicted_zones(network: ZoneNetwork, start: Whole, end: Whole) -> npt.NDArray[np.bool_]:
-    """(n, zones) bool: the zones that n legs are predicted to touch; `start`, `end` zones or NIL.
-
-    Equal to the compiled form in every bit: all numbers are whole and below 2^53, which float64
-    adds exactly whatever the order.
-    """
-    bits, layers = whole_layers(network)
-    weights, bias = (part.astype(np.float64) for part in layers[0])
-    weights = np.vstack([weights, np.zeros((1, weights.shape[1]))])  # the row of no zone
-    none = len(weights) - 1
-    sums = weights[np.where(start == NIL, none, start)] + bias
-    sums += weights[np.where(end == NIL, none, end + network.zones)]
-    for k, (whole_weights, whole_bias) in enumerate(layers[1:]):
-        active = np.maximum(sums, 0.0)
-        if k > 0:
-            active = np.floor(active / 2.0**bits)
-        sums = active @ whole_weights.astype(np.float64) + whole_bias * 2.0**bits
-    answer: npt.NDArray[np.bool_] = sums > 0
-    return answer
-
-
-def shipped(scenario: str) -> Path:
-    """The network that is installed for the floor of a shipped scenario, if there is one."""
-    return Path(str(resources.files("strategies.routing") / "networks" / f"{scenario}.npz"))
-
-
-# The parameters of traffic avoidance. Imports no Numba.
 
 
 Share = Annotated[float, Meta(gt=0, le=1)]
@@ -345,12 +160,10 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     @property
     def network(self) -> Path:
         """The file of the network that is installed, or of one's own."""
-
         return shipped("warehouse-100") if self.predictor == "network" else self.files[0]
 
     def check_files(self, driving: Callable[[], tuple[Grid, Array]]) -> None:
         """Raises InputError for a network that cannot be read, or is one of another floor."""
-
         if self.predictor not in ("exact", "noisy"):
             whole_layers(network_for(*driving(), self.network))
 
@@ -360,3 +173,181 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
             found = os.path.abspath(folder / file)
             return msgspec.structs.replace(self, predictor=NetworkFile(network=found))
         return self
+
+
+# Networks that predict which zones a leg touches.
+#
+#     start zone, end zone (one-hot) -> hidden layers of rectifiers -> a logit for each zone
+#
+# A file is a plain .npz: float16 arrays, and a text that says what it was trained for. Inference is
+# in whole numbers (value * 2^bits), so that NumPy and the compiled form agree in every bit.
+
+
+Weights = npt.NDArray[np.float16]
+Whole = npt.NDArray[np.int64]
+
+NETWORK_LAYERS: Final = 4  # three hidden ones and the output
+MOST_BITS, FEWEST_BITS = 16, 8  # after the binary point
+ZIP_ERRORS: Final = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
+EXACT_BELOW = 2**53  # float64 adds whole numbers below this without rounding, in any order
+NETWORK_FORMAT = "automaton zone network 1"
+
+
+@dataclass(frozen=True, eq=False)
+class ZoneNetwork:
+    """A trained network: weights (inputs, outputs) and biases of its layers, and its origin.
+
+    The first layer has 2 x zones inputs: the start zone, then the end zone.
+    """
+
+    layers: tuple[tuple[Weights, Weights], ...]
+    about: Mapping[str, Any]  # floor (fingerprint), scenario, mode, and how it was trained
+
+    @property
+    def zones(self) -> int:
+        return int(self.layers[-1][1].size)
+
+
+def shipped(scenario: str) -> Path:
+    """The network that is installed for the floor of a shipped scenario, if there is one."""
+    return Path(str(resources.files("strategies.routing") / "networks" / f"{scenario}.npz"))
+
+
+def network_for(grid: Grid, duration: Array, file: Path) -> ZoneNetwork:
+    """The network of a file, which was trained for this floor. Raises InputError."""
+    try:
+        network = _loaded(file, file.stat().st_mtime_ns)
+    except OSError as error:
+        raise InputError(f"cannot read {file}: {error.strerror or error}") from error
+    check_floor(network, grid, duration, file)
+    return network
+
+
+@lru_cache(maxsize=4)
+def _loaded(file: Path, changed: int) -> ZoneNetwork:
+    return load_network(file)
+
+
+def load_network(path: Path) -> ZoneNetwork:
+    """Read a network. Raises InputError for a file that is none."""
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            about = json.loads(str(file["about"]))
+            layers = tuple((file[f"weights{k}"], file[f"bias{k}"]) for k in range(NETWORK_LAYERS))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from error
+    except (KeyError, ValueError, EOFError, TypeError, MemoryError, *ZIP_ERRORS) as error:
+        raise InputError(f"{path} is not a file of a zone network") from error
+    network = ZoneNetwork(layers, about)
+    if not isinstance(about, dict) or about.get("format") != NETWORK_FORMAT or not _fits(network):
+        raise InputError(f"{path} is not a file of a zone network")
+    return network
+
+
+def _fits(network: ZoneNetwork) -> bool:
+    """Whether the layers fit one another."""
+    width = 2 * network.zones
+    for weights, bias in network.layers:
+        if weights.dtype != np.float16 or bias.dtype != np.float16 or bias.ndim != 1:
+            return False
+        if weights.shape != (width, bias.size) or not np.isfinite(weights).all():
+            return False
+        if not np.isfinite(bias).all():
+            return False
+        width = bias.size
+    return True
+
+
+def check_floor(network: ZoneNetwork, grid: Grid, duration: Array, file: Path) -> None:
+    """Raises InputError when a network was trained for other ways or zones."""
+    if network.about.get("floor") == floor_fingerprint(grid, duration):
+        return
+    about = network.about
+    raise InputError(
+        f"{file.name} was trained for the floor of {about.get('scenario')} with "
+        f"{network.zones:,} zones ({about.get('mode')}), which is not this floor with "
+        f"{grid.traffic_zone_count:,}; train one for it by `automaton train traffic --scenario NAME "
+        "--out FILE` and name it as {network: FILE}"
+    )
+
+
+def floor_fingerprint(grid: Grid, duration: Array) -> str:
+    """32 hex digits of all that A* paths and their zones follow from: ways, turns, zones.
+
+    `duration`: (A,) ticks of each action of a robot of the first type. Where types turn differently,
+    the headings of all count: their paths are not those of the first type alone.
+    """
+    costs = [int(duration[action]) for action in (ACTION_MOVE, ACTION_TURN)]
+    headings = int(grid.type_headings[0])
+    text = f"{grid.width} {headings} {costs if headings > 1 else []}"
+    kinds = np.unique(grid.type_headings).tolist()
+    if len(kinds) > 1:
+        text += f" {kinds}"
+    digest = hashlib.blake2b(text.encode(), digest_size=16)
+    digest.update((grid.cell_flags & np.uint8(31)).tobytes())
+    digest.update(np.ascontiguousarray(grid.traffic_zone, np.int32).tobytes())
+    digest.update(grid.min_move_ticks.tobytes())
+    return digest.hexdigest()
+
+
+def save_network(path: Path, network: ZoneNetwork) -> None:
+    """Write a network; the file takes its name only when it is whole. Raises InputError."""
+    arrays: dict[str, Any] = {
+        "about": np.array(json.dumps({"format": NETWORK_FORMAT, **network.about}))
+    }
+    for k, (weights, bias) in enumerate(network.layers):
+        arrays[f"weights{k}"], arrays[f"bias{k}"] = weights, bias
+    with atomic_writer(path) as file:
+        np.savez_compressed(file, **arrays)
+
+
+def predicted_zones(network: ZoneNetwork, start: Whole, end: Whole) -> npt.NDArray[np.bool_]:
+    """(n, zones) bool: the zones that n legs are predicted to touch; `start`, `end` zones or NIL.
+
+    Equal to the compiled form in every bit: all numbers are whole and below 2^53, which float64
+    adds exactly whatever the order.
+    """
+    bits, layers = whole_layers(network)
+    weights, bias = (part.astype(np.float64) for part in layers[0])
+    weights = np.vstack([weights, np.zeros((1, weights.shape[1]))])  # the row of no zone
+    none = len(weights) - 1
+    sums = weights[np.where(start == NIL, none, start)] + bias
+    sums += weights[np.where(end == NIL, none, end + network.zones)]
+    for k, (whole_weights, whole_bias) in enumerate(layers[1:]):
+        active = np.maximum(sums, 0.0)
+        if k > 0:
+            active = np.floor(active / 2.0**bits)
+        sums = active @ whole_weights.astype(np.float64) + whole_bias * 2.0**bits
+    answer: npt.NDArray[np.bool_] = sums > 0
+    return answer
+
+
+@lru_cache(maxsize=4)
+def whole_layers(network: ZoneNetwork) -> tuple[int, list[tuple[Whole, Whole]]]:
+    """(bits, layers as whole numbers value * 2^bits): as many bits as keep every sum exact.
+
+    Raises InputError for weights so large that fewer than 8 bits are left.
+    """
+    for bits in range(MOST_BITS, FEWEST_BITS - 1, -1):
+        layers = [(_whole(weights, bits), _whole(bias, bits)) for weights, bias in network.layers]
+        widest = max(int(np.abs(part).max()) for layer in layers for part in layer)
+        if widest < 2**31 and largest_sum(layers, bits) < EXACT_BELOW:
+            return bits, layers
+    raise InputError("the weights of the network are too large: it was not trained well")
+
+
+def _whole(values: Weights, bits: int) -> Whole:
+    return np.rint(values.astype(np.float64) * 2.0**bits).astype(np.int64)
+
+
+def largest_sum(layers: list[tuple[Whole, Whole]], bits: int) -> int:
+    """A bound on the absolute value of every partial sum, whatever the input."""
+    weights, bias = layers[0]
+    bound = 2 * int(np.abs(weights).max()) + int(np.abs(bias).max())
+    highest = bound
+    for k, (weights, bias) in enumerate(layers[1:]):
+        largest = bound if k == 0 else bound >> bits
+        heaviest = int(np.abs(weights).sum(axis=0).max())
+        bound = largest * heaviest + (int(np.abs(bias).max()) << bits)
+        highest = max(highest, bound)
+    return highest

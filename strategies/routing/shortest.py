@@ -1,4 +1,8 @@
-"""Routes around closed cells: where the detour takes less than waiting until they are open."""
+"""Shortest paths with turn costs: they ignore robots at first, and go around them after a retreat.
+
+Cells that are closed now are avoided where the detour takes less than waiting until they are open, or
+where a robot has long waited before one.
+"""
 
 import numpy as np
 
@@ -26,67 +30,6 @@ from automaton.strategy.kernels import (
 
 
 @kernel
-def around_what(reason):
-    """What a route that is asked for this reason goes around, 0: nothing."""
-    if reason == REASON_AROUND_ROBOTS:
-        return AROUND_ROBOTS
-    return AROUND_CLOSED if reason == REASON_AROUND_CLOSED else 0
-
-
-@kernel
-def ticks_of_route(view, i, steps, length, waits):
-    """The ticks that a route takes robot i alone; with the waits for cells that reopen, if asked for."""
-    grid, duration = view.grid, view.rules.duration[view.robots.type[i]]
-    cell, heading = position(view, i), np.int64(view.robots.heading[i])
-    headings = headings_of(grid, view.robots.type[i])
-    ticks, now = np.int64(0), view.clock[CLOCK_TICK]
-    for k in range(length):
-        direction = np.int64(steps[k])
-        toward = direction & (headings - 1)
-        if toward != heading:
-            difference = (toward - heading) & (headings - 1)
-            ticks += duration[ACTION_TURN] * (1 if difference == 3 else difference)
-            heading = toward
-        cell += grid.offset[direction]
-        if waits:
-            ticks = max(ticks, closed_until(view, cell, True) - now)
-        ticks += duration[ACTION_MOVE]
-    return ticks
-
-
-@kernel
-def around_closed(view, workspace, i, steps, length):
-    """The length of a route, which is replaced if one around closed cells takes robot i less."""
-    if length == NIL or not has_gates(view):
-        return length
-    waiting = ticks_of_route(view, i, steps, length, True)
-    if waiting == ticks_of_route(view, i, steps, length, False):
-        return length
-    goal_cell, heading = np.int64(view.robots.goal_cell[i]), np.int64(view.robots.heading[i])
-    other = workspace.steps
-    detour = find_path(
-        view,
-        workspace,
-        view.robots.type[i],
-        position(view, i),
-        heading,
-        goal_cell,
-        AROUND_KNOWN,
-        other,
-    )
-    if detour == NIL or ticks_of_route(view, i, other, detour, True) >= waiting:
-        return length
-    for k in range(detour):
-        steps[k] = other[k]
-    return detour
-
-
-# Shortest path with turn costs: ignores robots at first, plans around them after a retreat.
-#
-# It does not avoid closed cells until a robot has long waited before one.
-
-
-@kernel
 def decide(view, batch, decisions, memory, workspace):
     robots = view.robots
     for k in range(batch.count[0]):
@@ -110,3 +53,51 @@ class Shortest(Strategy):
 
     layer = "routing"
     compiled = decide
+
+
+@kernel
+def around_what(reason):
+    """What a route that is asked for this reason goes around, 0: nothing."""
+    if reason == REASON_AROUND_ROBOTS:
+        return AROUND_ROBOTS
+    return AROUND_CLOSED if reason == REASON_AROUND_CLOSED else 0
+
+
+@kernel
+def around_closed(view, workspace, i, steps, length):
+    """The length of a route, which is replaced if one around closed cells takes robot i less."""
+    if length == NIL or not has_gates(view):
+        return length
+    waiting = ticks_of_route(view, i, steps, length, True)
+    if waiting == ticks_of_route(view, i, steps, length, False):
+        return length
+    goal_cell, heading = np.int64(view.robots.goal_cell[i]), np.int64(view.robots.heading[i])
+    other = workspace.steps
+    robot_type, cell = view.robots.type[i], position(view, i)
+    detour = find_path(view, workspace, robot_type, cell, heading, goal_cell, AROUND_KNOWN, other)
+    if detour == NIL or ticks_of_route(view, i, other, detour, True) >= waiting:
+        return length
+    for k in range(detour):
+        steps[k] = other[k]
+    return detour
+
+
+@kernel
+def ticks_of_route(view, i, steps, length, waits):
+    """The ticks that a route takes robot i alone; with the waits for cells that reopen, if asked for."""
+    grid, duration = view.grid, view.rules.duration[view.robots.type[i]]
+    cell, heading = position(view, i), np.int64(view.robots.heading[i])
+    headings = headings_of(grid, view.robots.type[i])
+    ticks, now = np.int64(0), view.clock[CLOCK_TICK]
+    for k in range(length):
+        direction = np.int64(steps[k])
+        toward = direction & (headings - 1)
+        if toward != heading:
+            difference = (toward - heading) & (headings - 1)
+            ticks += duration[ACTION_TURN] * (1 if difference == 3 else difference)
+            heading = toward
+        cell += grid.offset[direction]
+        if waits:
+            ticks = max(ticks, closed_until(view, cell, True) - now)
+        ticks += duration[ACTION_MOVE]
+    return ticks

@@ -1,9 +1,15 @@
-"""Traffic avoidance (Bhattathiri, Li & Kuhl): A* around the zones in which many others are
-predicted.
+"""Traffic avoidance (Bhattathiri, Li & Kuhl): A* around zones in which many others are predicted.
 
-For A = 1, 2, ... the zones with A or more others are closed (or with more than A), save those that
-touch the robot's own start, pick-up or drop-off; each A that still leaves a way gives a candidate, and
-so does plain A*.
+A robot that gets a task predicts which zones the others use. All it knows of them is where their
+tasks began, pick up and drop: it predicts the zones on the A* paths of the whole task, as if no
+robot delayed them, or a noisy version of those (that of the trials of Table 5), or what a network says
+that has learnt such paths. It plans both legs of its own task at once, with the zones of A or more
+others closed for A = 1, 2, ... (or of more than A: `closed_from`), and keeps the plan that takes the
+least time so.
+
+In a fleet of many nearly every zone has A or more others predicted for each A up to max_threshold; then
+no way is left open, and plain A* is all there is. How often another plan was taken is counted:
+`alternative_routes`.
 """
 
 from typing import ClassVar
@@ -42,109 +48,11 @@ from strategies.routing.predicted_paths import (
 )
 from strategies.routing.routing_parameters import network_for
 
-PLAIN = 0  # in place of A: nothing is closed
+PLAIN_ASTAR = 0  # in place of A: nothing is closed
 
 # Which candidate is taken: of least predicted time, ties to plain A*, then to least A.
 LEAST_TIME = 0
 MOST_CAUTIOUS = 1  # the one of least A
-
-
-@kernel
-def choose_threshold(
-    grid, robot_type, duration, workspace, ties, seed, start, pick, drop, most, least_count, rule
-):
-    """The A = 1..most of the candidate that is taken, or PLAIN.
-
-    `least_count`: of A = 1, the fewest others for which a zone is closed: 1, or 2 for "more than A".
-
-    Reads the others in each zone from workspace.count; `start` is a pose, `pick` and `drop` are
-    cells,
-    `pick` may be NIL. Leaves workspace.closed for any A: close_zones sets it again.
-    """
-    chosen = PLAIN
-    offset = least_count - 1
-    least = foreseen_time(
-        grid, robot_type, duration, workspace, ties, seed, start, pick, drop, PLAIN
-    )
-    for threshold in range(1, most + 1):
-        if close_zones(grid, workspace, threshold + offset, start, pick, drop) == 0:
-            break  # a larger A closes nothing either
-        ticks = foreseen_time(
-            grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold
-        )
-        if rule == MOST_CAUTIOUS and ticks < UNREACHABLE:
-            return np.int64(threshold)
-        if ticks < least:
-            least = ticks
-            chosen = threshold
-    return np.int64(chosen)
-
-
-@kernel
-def foreseen_time(grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold):
-    """Ticks of both legs with the others of workspace.count in their zones, or UNREACHABLE."""
-    ticks = 0
-    pose = np.int64(start)
-    for leg in range(2):
-        target = drop if leg else pick
-        if target == NIL:
-            continue
-        pose = search(
-            grid, robot_type, duration, workspace, ties, seed, pose, target, threshold != PLAIN
-        )
-        if pose == NIL:
-            return UNREACHABLE
-        ticks += workspace.state[OPEN_COST] + delay_of(
-            grid, duration, workspace, pose, workspace.count
-        )
-    return ticks
-
-
-@kernel
-def close_zones(grid, workspace, threshold, start, pick, drop):
-    """Close the zones with that many others, save the robot's own; how many there are before that."""
-    busy = 0
-    for zone in range(workspace.closed.shape[0]):
-        workspace.closed[zone] = workspace.count[zone] >= threshold
-        busy += workspace.closed[zone]
-    open_zones(grid, workspace, start >> (grid.headings >> 1))
-    open_zones(grid, workspace, drop)
-    if pick != NIL:
-        open_zones(grid, workspace, pick)
-    return busy
-
-
-@kernel
-def open_zones(grid, workspace, cell):
-    """Open the zones that touch a cell: those that it is in, and those of the cells beside it.
-
-    So whoever stands on an intersection may leave it, be that a zone of its own or none.
-    """
-    open_cell(grid, workspace, cell)
-    for way in range(4):
-        open_cell(grid, workspace, cell + grid.offset[way])
-
-
-@kernel
-def open_cell(grid, workspace, cell):
-    for column in range(2):
-        if grid.traffic_zone[cell, column] != NIL:
-            workspace.closed[grid.traffic_zone[cell, column]] = 0
-
-
-# Traffic avoidance (Bhattathiri, Li & Kuhl): A* around zones in which many others are predicted.
-#
-# A robot that gets a task predicts which zones the others use. All it knows of them is where their
-# tasks began, pick up and drop: it predicts the zones on the A* paths of the whole task, as if no
-# robot delayed them, or a noisy version of those, or what a network says that has learnt such paths.
-# It plans both legs of its own task at once, with the zones of A or more others closed for A = 1, 2,
-# ... (or of more than A: `closed_from`), and keeps the plan that takes the least time so.
-#
-# The noisy version is that of the trials of Table 5 (prediction_noise). In a fleet of many nearly
-# every zone has A or more others predicted for each A up to max_threshold; then no way is left open,
-# and plain A* is all there is. How often another plan was taken is counted: `alternative_routes`.
-
-
 STAND = 0  # columns of AvoidanceState.leg_end
 NEXT = 1
 
@@ -170,6 +78,51 @@ class AvoidanceState(Struct):
 
 
 @kernel
+def decide(view, batch, decisions, memory, workspace):
+    state = AvoidanceState.of(memory)
+    for k in range(batch.count[0]):  # first: tasks that begin now, all from where they begin
+        i = np.int64(batch.robot[k])
+        if not is_on_second_leg(view, state, i):
+            foresee_task(view, state, i)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        steps = decisions.routing.steps[k]
+        length = around_robots(view, workspace, i, batch.reason[k], steps)
+        if length == NIL:
+            length = plan(view, state, i, steps)
+        if length != NIL:
+            decisions.routing.route_length[k] = length
+
+
+class TrafficAvoidance(Strategy):
+    """A* around the zones in which many others are predicted."""
+
+    layer = "routing"
+    compiled = decide
+    counters: ClassVar = {"alternative_routes": "alternatives"}
+
+    def reset(self, view):
+        p = self.parameters
+        keep, add = 1.0, 0.0
+        if p.predictor == "noisy":
+            keep = p.recall
+            add = false_alarms(p.precision, p.recall, p.prevalence or USED_SHARE)
+        network = no_network()
+        if p.predictor not in ("exact", "noisy"):
+            network = kernel_network(network_for(view.grid, view.rules.duration[0], p.network))
+        return AvoidanceState.sized(
+            {"n": len(view.robots.cell), "words": words(view.grid.traffic_zone_count)},
+            tie_rule=TIES.index(p.tie_break),
+            max_threshold=p.max_threshold,
+            least_count=p.least_count,
+            keep_chance=round(keep * CERTAIN),
+            add_chance=round(add * CERTAIN),
+            network=network,
+            routes=route_space(view.grid),
+        )
+
+
+@kernel
 def foresee_task(view, state, i):
     """Replay robot i's task from where it is now, and remember the zones that it uses."""
     if state.network.zones:
@@ -180,21 +133,15 @@ def foresee_task(view, state, i):
     leg_end[i, STAND] = view.robots.goal_cell[i]
     leg_end[i, NEXT] = next_goal_cell(view, i)
     pose, robot_type = start_pose(view, i), view.robots.type[i]
+    duration, routes, ties = view.rules.duration[robot_type], state.routes, state.tie_rule
     for leg in (STAND, NEXT):
         if leg_end[i, leg] != NIL and pose != NIL:
+            target = leg_end[i, leg]
             pose = search(
-                view.grid,
-                robot_type,
-                view.rules.duration[robot_type],
-                state.routes,
-                state.tie_rule,
-                view.rules.seed,
-                pose,
-                leg_end[i, leg],
-                False,
+                view.grid, robot_type, duration, routes, ties, view.rules.seed, pose, target, False
             )
             if pose != NIL:
-                add_zones(view.grid, state.routes, pose, used)
+                add_zones(view.grid, routes, pose, used)
     keep, add = state.keep_chance, state.add_chance
     if keep < CERTAIN or add > 0:
         traffic_zone_count, tick = view.grid.traffic_zone_count, view.clock[CLOCK_TICK]
@@ -265,25 +212,17 @@ def choose(view, state, i, start):
     goal_cell, then = np.int64(view.robots.goal_cell[i]), next_goal_cell(view, i)
     pick, drop = (goal_cell, then) if then != NIL else (then, goal_cell)
     count_others(view, state, i)
-    robot_type = view.robots.type[i]
+    robot_type, ties, seed = view.robots.type[i], state.tie_rule, view.rules.seed
+    duration = view.rules.duration[robot_type]
+    most, least_count = state.max_threshold, state.least_count
     threshold = choose_threshold(
-        view.grid,
-        robot_type,
-        view.rules.duration[robot_type],
-        routes,
-        state.tie_rule,
-        view.rules.seed,
-        start,
-        pick,
-        drop,
-        state.max_threshold,
-        state.least_count,
+        view.grid, robot_type, duration, routes, ties, seed, start, pick, drop, most, least_count,
         LEAST_TIME,
-    )
-    if threshold == PLAIN:
+    )  # fmt: skip
+    if threshold == PLAIN_ASTAR:
         routes.closed[:] = 0
     else:
-        close_zones(view.grid, routes, threshold + state.least_count - 1, start, pick, drop)
+        close_zones(view.grid, routes, threshold + least_count - 1, start, pick, drop)
         state.alternatives[i] += 1
     closed = state.closed[i]
     closed[:] = 0
@@ -311,61 +250,99 @@ def plan(view, state, i, steps):
         state.planned_from[i] = NIL
     else:
         choose(view, state, i, start)
-    robot_type = view.robots.type[i]
-    return astar(
-        view.grid,
-        robot_type,
-        view.rules.duration[robot_type],
-        routes,
-        state.tie_rule,
-        view.rules.seed,
-        start,
-        np.int64(view.robots.goal_cell[i]),
-        True,
-        steps,
-    )
+    robot_type, ties, seed = view.robots.type[i], state.tie_rule, view.rules.seed
+    duration, goal_cell = view.rules.duration[robot_type], np.int64(view.robots.goal_cell[i])
+    return astar(view.grid, robot_type, duration, routes, ties, seed, start, goal_cell, True, steps)
+
+
+# Which zones are closed: those with A or more others, save those that touch the robot's own start,
+# pick-up or drop-off; each A that still leaves a way gives a candidate, and so does plain A*.
 
 
 @kernel
-def decide(view, batch, decisions, memory, workspace):
-    state = AvoidanceState.of(memory)
-    for k in range(batch.count[0]):  # first: tasks that begin now, all from where they begin
-        i = np.int64(batch.robot[k])
-        if not is_on_second_leg(view, state, i):
-            foresee_task(view, state, i)
-    for k in range(batch.count[0]):
-        i = np.int64(batch.robot[k])
-        steps = decisions.routing.steps[k]
-        length = around_robots(view, workspace, i, batch.reason[k], steps)
-        if length == NIL:
-            length = plan(view, state, i, steps)
-        if length != NIL:
-            decisions.routing.route_length[k] = length
+def choose_threshold(
+    grid, robot_type, duration, workspace, ties, seed, start, pick, drop, most, least_count, rule
+):
+    """The A = 1..most of the candidate that is taken, or PLAIN_ASTAR.
 
-
-class TrafficAvoidance(Strategy):
-    """A* around the zones in which many others are predicted."""
-
-    layer = "routing"
-    compiled = decide
-    counters: ClassVar = {"alternative_routes": "alternatives"}
-
-    def reset(self, view):
-        p = self.parameters
-        keep, add = 1.0, 0.0
-        if p.predictor == "noisy":
-            keep = p.recall
-            add = false_alarms(p.precision, p.recall, p.prevalence or USED_SHARE)
-        network = no_network()
-        if p.predictor not in ("exact", "noisy"):
-            network = kernel_network(network_for(view.grid, view.rules.duration[0], p.network))
-        return AvoidanceState.sized(
-            {"n": len(view.robots.cell), "words": words(view.grid.traffic_zone_count)},
-            tie_rule=TIES.index(p.tie_break),
-            max_threshold=p.max_threshold,
-            least_count=p.least_count,
-            keep_chance=round(keep * CERTAIN),
-            add_chance=round(add * CERTAIN),
-            network=network,
-            routes=route_space(view.grid),
+    `least_count`: of A = 1, the fewest others for which a zone is closed: 1, or 2 for "more than A".
+    Reads the others in each zone from workspace.count; `start` is a pose, `pick` and `drop` are
+    cells, `pick` may be NIL. Leaves workspace.closed for any A: close_zones sets it again.
+    """
+    chosen = PLAIN_ASTAR
+    offset = least_count - 1
+    least = foreseen_time(
+        grid, robot_type, duration, workspace, ties, seed, start, pick, drop, PLAIN_ASTAR
+    )
+    for threshold in range(1, most + 1):
+        if close_zones(grid, workspace, threshold + offset, start, pick, drop) == 0:
+            break  # a larger A closes nothing either
+        ticks = foreseen_time(
+            grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold
         )
+        if rule == MOST_CAUTIOUS and ticks < UNREACHABLE:
+            return np.int64(threshold)
+        if ticks < least:
+            least = ticks
+            chosen = threshold
+    return np.int64(chosen)
+
+
+@kernel
+def foreseen_time(grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold):
+    """Ticks of both legs with the others of workspace.count in their zones, or UNREACHABLE."""
+    ticks = 0
+    pose = np.int64(start)
+    for leg in range(2):
+        target = drop if leg else pick
+        if target == NIL:
+            continue
+        pose = search(
+            grid,
+            robot_type,
+            duration,
+            workspace,
+            ties,
+            seed,
+            pose,
+            target,
+            threshold != PLAIN_ASTAR,
+        )
+        if pose == NIL:
+            return UNREACHABLE
+        ticks += workspace.state[OPEN_COST] + delay_of(
+            grid, duration, workspace, pose, workspace.count
+        )
+    return ticks
+
+
+@kernel
+def close_zones(grid, workspace, threshold, start, pick, drop):
+    """Close the zones with that many others, save the robot's own; how many there are before that."""
+    busy = 0
+    for zone in range(workspace.closed.shape[0]):
+        workspace.closed[zone] = workspace.count[zone] >= threshold
+        busy += workspace.closed[zone]
+    open_zones(grid, workspace, start >> (grid.headings >> 1))
+    open_zones(grid, workspace, drop)
+    if pick != NIL:
+        open_zones(grid, workspace, pick)
+    return busy
+
+
+@kernel
+def open_zones(grid, workspace, cell):
+    """Open the zones that touch a cell: those that it is in, and those of the cells beside it.
+
+    So whoever stands on an intersection may leave it, be that a zone of its own or none.
+    """
+    open_cell(grid, workspace, cell)
+    for way in range(4):
+        open_cell(grid, workspace, cell + grid.offset[way])
+
+
+@kernel
+def open_cell(grid, workspace, cell):
+    for column in range(2):
+        if grid.traffic_zone[cell, column] != NIL:
+            workspace.closed[grid.traffic_zone[cell, column]] = 0

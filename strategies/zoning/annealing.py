@@ -7,26 +7,25 @@ moves pass: it is a random walk with a memory.
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
+from automaton.strategy.kernels import kernel
 from strategies.zoning.designs import first_design, give, random_design
-from strategies.zoning.transfer_stations import (
+from strategies.zoning.loads_and_transfers import (
+    UNDEFINED,
     connect_cut_off,
     connected,
+    find_loads,
     find_tips,
     find_transfers,
 )
-from strategies.zoning.zone_load import UNDEFINED, find_loads
 from strategies.zoning.zone_workspace import (
     DRAWS_ANNEALING,
     below,
     block_others,
     chance,
     copy_design,
-    exponential,
     may_take,
     spread,
-    temperature,
     whole_cells,
 )
 
@@ -34,6 +33,8 @@ MAX_REPAIRS = 3  # designs made until one has no isolated zone
 MIN_ZONE_STATIONS = 2  # stations that a zone keeps
 MAX_TRIES_PER_MOVE = 6  # tries, in multiples of the moves
 FIRST_TRIES = 20  # repairs, until the first zones of a run are found
+LN2 = 0.6931471805599453
+EXP_UNDERFLOW = -700.0  # exp of less is 0
 
 
 @kernel
@@ -231,3 +232,50 @@ def random_tip(workspace, a, b, seed, tick):
             workspace.listed[count] = s
             count += 1
     return np.int64(workspace.listed[below(workspace, count, seed, tick)])
+
+
+# Eq. 6, and exp and ln of basic arithmetic only, so that every machine gets the same bits.
+
+
+@kernel
+def temperature(hot, cold, steps, done):
+    """Eq. 6: hot (cold / hot) ^ (done / steps)."""
+    ratio = logarithm(cold / hot) * done / steps
+    if ratio > 0.0:
+        return hot / exponential(-ratio)
+    return hot * exponential(ratio)
+
+
+@kernel
+def exponential(x):
+    """e to the power of x, for x <= 0; relative error below 1e-14."""
+    if x < EXP_UNDERFLOW:
+        return 0.0
+    halvings = int(-x / LN2 + 0.5)
+    rest = x + halvings * LN2
+    term = 1.0
+    total = 1.0
+    for k in range(1, 15):
+        term = term * rest / k
+        total += term
+    for _ in range(halvings):
+        total *= 0.5
+    return total
+
+
+@kernel
+def logarithm(x):
+    """The natural logarithm of x > 0."""
+    doublings = 0
+    while x < 0.75:
+        x *= 2.0
+        doublings -= 1
+    while x > 1.5:
+        x *= 0.5
+        doublings += 1
+    ratio = (x - 1.0) / (x + 1.0)
+    square = ratio * ratio
+    total = 0.0
+    for k in range(20, -1, -1):
+        total = total * square + 1.0 / (2 * k + 1)
+    return 2.0 * ratio * total + doublings * LN2

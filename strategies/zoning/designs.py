@@ -1,17 +1,16 @@
-"""Giving a station from one zone to another: what is left is joined again by shortest paths.
+"""Designs made: first designs, random ones, and a station given from one zone to another.
 
 These kernels change a design in place and return 1, or 0 when it cannot be done; the design is then
-spoiled, so callers work on a copy.
+spoiled, so callers work on a copy. What is left of a zone is joined again by shortest paths.
 """
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
-from automaton.strategy.kernels import copy_segment
-from strategies.linear_sum_assignment import INF_COST
-from strategies.zoning.transfer_stations import passes
+from automaton.strategy.kernels import copy_segment, kernel
+from strategies.zoning.loads_and_transfers import passes
 from strategies.zoning.zone_workspace import (
+    UNREACHED,
     add_segment,
     below,
     block_others,
@@ -22,6 +21,12 @@ from strategies.zoning.zone_workspace import (
     spread,
     whole_cells,
 )
+
+WEIGHT = 0.5  # Wd and Wf at the start
+DRIFT = 0.015  # what Wd gains and Wf loses by each visit
+PREFERRED = 1000.0  # what priority adds to the relation of a station to a zone
+RESTARTS = 100  # random designs that may fail
+TRIES = 60  # random joins for each station
 
 
 @kernel
@@ -72,7 +77,7 @@ def join(roads, design, workspace, zone, closed):
         block_others(design, workspace, zone, zone)
         if closed != NIL:
             workspace.blocked[closed] = 1
-        best = np.int64(INF_COST)
+        best = np.int64(UNREACHED)
         first, last = np.int64(NIL), np.int64(NIL)
         for a in range(design.zone.shape[0]):
             if design.zone[a] != zone:
@@ -86,7 +91,7 @@ def join(roads, design, workspace, zone, closed):
                         first, last = np.int64(a), np.int64(b)
         if first == NIL:
             return 0
-        spread(roads, workspace, roads.point[first], roads.point[last], INF_COST)
+        spread(roads, workspace, roads.point[first], roads.point[last], UNREACHED)
         add_segment(roads, design, workspace, zone, first, last)
         merge(design, workspace, zone, first, last)
         pieces -= 1
@@ -128,7 +133,7 @@ def connect(roads, design, workspace, s, through, limit):
         return 0
     block_others(design, workspace, zone, zone)
     spread(roads, workspace, roads.point[through], roads.point[s], whole_cells(limit))
-    if workspace.distance[roads.point[s]] == INF_COST:
+    if workspace.distance[roads.point[s]] == UNREACHED:
         return 0
     design.zone[s] = zone
     add_segment(roads, design, workspace, zone, through, s)
@@ -141,13 +146,6 @@ def connect(roads, design, workspace, s, through, limit):
 # stations that are least related to all others are the seeds; then the zones take turns to connect
 # the free station with the best relation to one of theirs, while Wd grows and Wf shrinks. The
 # authors' code takes the largest indices instead of the best relation; this is the true maximum.
-
-
-WEIGHT = 0.5  # Wd and Wf at the start
-DRIFT = 0.015  # what Wd gains and Wf loses by each visit
-PREFERRED = 1000.0  # what priority adds to the relation of a station to a zone
-RESTARTS = 100  # random designs that may fail
-TRIES = 60  # random joins for each station
 
 
 @kernel
@@ -245,10 +243,10 @@ def connect_best(roads, flow, design, workspace, zone, by_distance, by_flow):
     for i in range(design.zone.shape[0]):
         if design.zone[i] != zone:
             continue
-        spread(roads, workspace, roads.point[i], NIL, INF_COST)
+        spread(roads, workspace, roads.point[i], NIL, UNREACHED)
         for j in range(design.zone.shape[0]):
             far = workspace.distance[roads.point[j]]
-            if design.zone[j] != NIL or far == INF_COST or workspace.serves[zone, j] == 0:
+            if design.zone[j] != NIL or far == UNREACHED or workspace.serves[zone, j] == 0:
                 continue
             value = relation(workspace, flow[i, j], far, by_distance, by_flow)
             value += PREFERRED * preference(workspace, zone, j)
@@ -257,7 +255,7 @@ def connect_best(roads, flow, design, workspace, zone, by_distance, by_flow):
                 inside, free = np.int64(i), np.int64(j)
     if free == NIL:
         return 0
-    return connect(roads, design, workspace, free, inside, INF_COST)
+    return connect(roads, design, workspace, free, inside, UNREACHED)
 
 
 @kernel

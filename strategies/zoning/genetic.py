@@ -1,32 +1,40 @@
-"""Populations of zone designs for the genetic algorithm."""
+"""Zone repair by a genetic algorithm: designs are bred from whole zones.
+
+A child takes random zones of good designs that have nothing in common; stations left over join the
+zone of a random adjacent one; zones are matched to robots that serve them, one to one, and a child
+without a matching is dropped; then tips mutate. Fitness is 1 / SVp, here the smaller SVp, of the
+flow with all that drives past a tip; a balance of 0 or undefined counts as 1.
+"""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import NDArray
 
 from automaton.engine.facilities import Roads
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import NIL
+from automaton.engine.state import NIL, Array
+from automaton.strategy.kernels import kernel
+from strategies.linear_sum_assignment import INF_COST, linear_sum_assignment
 from strategies.zoning.designs import connect, give, random_design
-from strategies.zoning.transfer_stations import connected, find_tips, find_transfers
-from strategies.zoning.zone_load import find_loads
+from strategies.zoning.loads_and_transfers import connected, find_loads, find_tips, find_transfers
 from strategies.zoning.zone_workspace import (
     DRAWS_GENETIC,
-    are_alike,
     below,
     chance,
     clear_design,
     copy_design,
-    match,
     may_take,
+    preference,
     size,
 )
 
-Array = NDArray[Any]
+MAX_FAILURES = 60  # zones that do not fit, until a child is restarted
+MAX_MUTATION_TRIES = 500  # tries to mutate a child
+MAX_CHILD_TRIES = 100  # times that a child may be restarted
+MAX_JOIN_TRIES = 20  # tries for each station that is left over
+MIN_ZONE_STATIONS = 2  # stations that a zone keeps
+# Cost of a station in a zone whose robot has no priority there, and another one has.
+MISPLACED = 1 << 30
 
 
 class Individuals(Struct, role=SCRATCH):
@@ -43,7 +51,7 @@ class Individuals(Struct, role=SCRATCH):
     tips: Array = field("(N,) int64", "how many tips it has; of equal designs the more the better")
 
 
-class Population(Struct, role=SCRATCH):
+class ZonePopulation(Struct, role=SCRATCH):
     """The last row of `now` is the best design so far."""
 
     now: Individuals  # N + 1 rows
@@ -52,122 +60,14 @@ class Population(Struct, role=SCRATCH):
     pool: Array = field("(N + 1,) int32", "rows that zones are taken from")
 
 
-def individuals_of(rows: int, points: int, stations: int) -> Individuals:
-    """Room for some designs."""
-    return Individuals.sized({"N": rows, "P": points, "S": stations})
-
-
-def population_for(roads: Roads, individuals: int = 60) -> Population:
+def population_for(roads: Roads, individuals: int = 60) -> ZonePopulation:
     """Room for a population on these roads."""
     points, stations = len(roads.cell), len(roads.point)
-    return Population.sized(
+    return ZonePopulation.sized(
         {"N": individuals},
         now=individuals_of(individuals + 1, points, stations),
         next=individuals_of(individuals, points, stations),
     )
-
-
-@kernel
-def keep(design, individuals, row):
-    """Write a design to a row."""
-    for s in range(design.zone.shape[0]):
-        individuals.zone[row, s] = design.zone[s]
-    for p in range(design.held.shape[0]):
-        individuals.held[row, p] = design.held[p]
-    individuals.segments[row] = design.segments[0]
-    for m in range(design.segments[0]):
-        individuals.owner[row, m] = design.owner[m]
-        individuals.ends[row, m, 0] = design.ends[m, 0]
-        individuals.ends[row, m, 1] = design.ends[m, 1]
-        individuals.points[row, m] = design.points[m]
-        for k in range(design.points[m]):
-            individuals.path[row, m, k] = design.path[m, k]
-
-
-@kernel
-def take(individuals, row, design):
-    """Make a design of a row."""
-    design.transfer[:] = 0
-    for s in range(design.zone.shape[0]):
-        design.zone[s] = individuals.zone[row, s]
-    for p in range(design.held.shape[0]):
-        design.held[p] = individuals.held[row, p]
-    design.segments[0] = 0
-    for m in range(individuals.segments[row]):
-        take_segment(individuals, row, m, design, individuals.owner[row, m])
-
-
-@kernel
-def take_segment(individuals, row, m, design, owner):
-    """Append a segment of a row to a design."""
-    at = design.segments[0]
-    design.owner[at] = owner
-    design.ends[at, 0] = individuals.ends[row, m, 0]
-    design.ends[at, 1] = individuals.ends[row, m, 1]
-    design.points[at] = individuals.points[row, m]
-    for k in range(individuals.points[row, m]):
-        design.path[at, k] = individuals.path[row, m, k]
-    design.segments[0] = at + 1
-
-
-@kernel
-def fits(individuals, row, zone, design):
-    """1 if a zone of a row has no station and no point that the design has already."""
-    for s in range(design.zone.shape[0]):
-        if individuals.zone[row, s] == zone and design.zone[s] >= 0:
-            return 0
-    for p in range(design.held.shape[0]):
-        if individuals.held[row, p] == zone and design.held[p] >= 0:
-            return 0
-    return 1
-
-
-@kernel
-def take_zone(individuals, row, zone, design, owner):
-    """Add a zone of a row to a design as its zone `owner`."""
-    for s in range(design.zone.shape[0]):
-        if individuals.zone[row, s] == zone:
-            design.zone[s] = owner
-    for p in range(design.held.shape[0]):
-        if individuals.held[row, p] == zone:
-            design.held[p] = owner
-    for m in range(individuals.segments[row]):
-        if individuals.owner[row, m] == zone:
-            take_segment(individuals, row, m, design, owner)
-
-
-@kernel
-def move_row(source, row, individuals, to):
-    """Copy a row with its value."""
-    individuals.segments[to] = source.segments[row]
-    individuals.value[to] = source.value[row]
-    individuals.tips[to] = source.tips[row]
-    for s in range(source.zone.shape[1]):
-        individuals.zone[to, s] = source.zone[row, s]
-    for p in range(source.held.shape[1]):
-        individuals.held[to, p] = source.held[row, p]
-    for m in range(source.segments[row]):
-        individuals.owner[to, m] = source.owner[row, m]
-        individuals.ends[to, m, 0] = source.ends[row, m, 0]
-        individuals.ends[to, m, 1] = source.ends[row, m, 1]
-        individuals.points[to, m] = source.points[row, m]
-        for k in range(source.points[row, m]):
-            individuals.path[to, m, k] = source.path[row, m, k]
-
-
-# Zone repair by a genetic algorithm: designs are bred from whole zones.
-#
-# A child takes random zones of good designs that have nothing in common; stations left over join the
-# zone of a random adjacent one; zones are matched to robots that serve them, one to one, and a child
-# without a matching is dropped; then tips mutate. Fitness is 1 / SVp, here the smaller SVp, of the
-# flow with all that drives past a tip; a balance of 0 or undefined counts as 1.
-
-
-MAX_FAILURES = 60  # zones that do not fit, until a child is restarted
-MAX_MUTATION_TRIES = 500  # tries to mutate a child
-MAX_CHILD_TRIES = 100  # times that a child may be restarted
-MAX_JOIN_TRIES = 20  # tries for each station that is left over
-MIN_ZONE_STATIONS = 2  # stations that a zone keeps
 
 
 @kernel
@@ -360,3 +260,165 @@ def mutate(roads, rules, workspace, seed, tick):
         return 0
     copy_design(design, workspace.now)
     return give(roads, workspace.now, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)
+
+
+# Zones numbered after robots that serve them.
+
+
+@kernel
+def are_alike(workspace):
+    """Whether it does not matter which robot gets which zone."""
+    for z in range(workspace.serves.shape[0]):
+        if workspace.move_time_factor[z] != workspace.move_time_factor[0]:
+            return False
+        for s in range(workspace.serves.shape[1]):
+            if workspace.serves[z, s] == 0 or workspace.first[z, s] == 1:
+                return False
+    return True
+
+
+@kernel
+def match(design, workspace):
+    """Number the zones after robots that serve them, one to one; returns 0 if there is no such way.
+
+    Of all matchings one with the fewest stations away from who has priority there; of these one that
+    gives the larger zones to the faster robots (linear sum assignment).
+    """
+    zones = workspace.serves.shape[0]
+    cost = workspace.matching.cost
+    for z in range(zones):
+        for robot in range(zones):
+            cost[z, robot] = cost_of(design, workspace, z, robot)
+    linear_sum_assignment(cost, zones, zones, workspace.matching)
+    workspace.frontier[:] = NIL
+    for robot in range(zones):
+        z = np.int64(workspace.matching.row_of[robot])
+        if z == NIL:
+            return 0
+        workspace.frontier[z] = robot
+    rename(design, workspace.frontier)
+    return 1
+
+
+@kernel
+def cost_of(design, workspace, zone, robot):
+    """What it costs to give a zone to a robot; INF_COST: it does not serve all of it."""
+    cost = np.int64(0)
+    for s in range(design.zone.shape[0]):
+        if design.zone[s] != zone:
+            continue
+        if workspace.serves[robot, s] == 0:
+            return np.int64(INF_COST)
+        cost += np.int64(1000 * workspace.move_time_factor[robot])
+        if preference(workspace, robot, s) < 0:
+            cost += MISPLACED
+    return cost
+
+
+@kernel
+def rename(design, name):
+    """Zone z becomes zone name[z]; the design has no transfer stations yet."""
+    for s in range(design.zone.shape[0]):
+        if design.zone[s] != NIL:
+            design.zone[s] = name[design.zone[s]]
+    for m in range(design.segments[0]):
+        design.owner[m] = name[design.owner[m]]
+    for p in range(design.held.shape[0]):
+        if design.held[p] >= 0:
+            design.held[p] = name[design.held[p]]
+
+
+# Rows of populations.
+
+
+@kernel
+def keep(design, individuals, row):
+    """Write a design to a row."""
+    for s in range(design.zone.shape[0]):
+        individuals.zone[row, s] = design.zone[s]
+    for p in range(design.held.shape[0]):
+        individuals.held[row, p] = design.held[p]
+    individuals.segments[row] = design.segments[0]
+    for m in range(design.segments[0]):
+        individuals.owner[row, m] = design.owner[m]
+        individuals.ends[row, m, 0] = design.ends[m, 0]
+        individuals.ends[row, m, 1] = design.ends[m, 1]
+        individuals.points[row, m] = design.points[m]
+        for k in range(design.points[m]):
+            individuals.path[row, m, k] = design.path[m, k]
+
+
+@kernel
+def take(individuals, row, design):
+    """Make a design of a row."""
+    design.transfer[:] = 0
+    for s in range(design.zone.shape[0]):
+        design.zone[s] = individuals.zone[row, s]
+    for p in range(design.held.shape[0]):
+        design.held[p] = individuals.held[row, p]
+    design.segments[0] = 0
+    for m in range(individuals.segments[row]):
+        take_segment(individuals, row, m, design, individuals.owner[row, m])
+
+
+@kernel
+def take_segment(individuals, row, m, design, owner):
+    """Append a segment of a row to a design."""
+    at = design.segments[0]
+    design.owner[at] = owner
+    design.ends[at, 0] = individuals.ends[row, m, 0]
+    design.ends[at, 1] = individuals.ends[row, m, 1]
+    design.points[at] = individuals.points[row, m]
+    for k in range(individuals.points[row, m]):
+        design.path[at, k] = individuals.path[row, m, k]
+    design.segments[0] = at + 1
+
+
+@kernel
+def fits(individuals, row, zone, design):
+    """1 if a zone of a row has no station and no point that the design has already."""
+    for s in range(design.zone.shape[0]):
+        if individuals.zone[row, s] == zone and design.zone[s] >= 0:
+            return 0
+    for p in range(design.held.shape[0]):
+        if individuals.held[row, p] == zone and design.held[p] >= 0:
+            return 0
+    return 1
+
+
+@kernel
+def take_zone(individuals, row, zone, design, owner):
+    """Add a zone of a row to a design as its zone `owner`."""
+    for s in range(design.zone.shape[0]):
+        if individuals.zone[row, s] == zone:
+            design.zone[s] = owner
+    for p in range(design.held.shape[0]):
+        if individuals.held[row, p] == zone:
+            design.held[p] = owner
+    for m in range(individuals.segments[row]):
+        if individuals.owner[row, m] == zone:
+            take_segment(individuals, row, m, design, owner)
+
+
+@kernel
+def move_row(source, row, individuals, to):
+    """Copy a row with its value."""
+    individuals.segments[to] = source.segments[row]
+    individuals.value[to] = source.value[row]
+    individuals.tips[to] = source.tips[row]
+    for s in range(source.zone.shape[1]):
+        individuals.zone[to, s] = source.zone[row, s]
+    for p in range(source.held.shape[1]):
+        individuals.held[to, p] = source.held[row, p]
+    for m in range(source.segments[row]):
+        individuals.owner[to, m] = source.owner[row, m]
+        individuals.ends[to, m, 0] = source.ends[row, m, 0]
+        individuals.ends[to, m, 1] = source.ends[row, m, 1]
+        individuals.points[to, m] = source.points[row, m]
+        for k in range(source.points[row, m]):
+            individuals.path[to, m, k] = source.path[row, m, k]
+
+
+def individuals_of(rows: int, points: int, stations: int) -> Individuals:
+    """Room for some designs."""
+    return Individuals.sized({"N": rows, "P": points, "S": stations})

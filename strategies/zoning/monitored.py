@@ -1,4 +1,11 @@
-"""The zones with which a run begins, where the scenario gives none."""
+"""Zones of one central computer: watched, shared when out of balance, and perhaps redesigned.
+
+Keith & La's modes: the balance SVp of the zones on the flow of the last minutes is looked at every
+minute, every third minute when it has been good for a while. Out of balance, robots share orders
+from time to time; out of balance for long, new zones are made from the flow of that moment, by
+simulated annealing or a genetic algorithm, and take effect when a computer would be done with them.
+All that waits is queued again then.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +28,15 @@ from automaton.engine.state import (
 )
 from automaton.errors import InputError
 from automaton.strategy.contract import Strategy
-from automaton.units import SECONDS_PER_UNIT, count
-from strategies.linear_sum_assignment import INF_COST
+from automaton.units import count
 from strategies.zoning.annealing import MAX_REPAIRS, first_zones, repair
-from strategies.zoning.genetic import Population, evolve, population_for
-from strategies.zoning.transfer_stations import ROUTING_CENTRAL, find_transfers
-from strategies.zoning.zone_load import balance, find_loads
+from strategies.zoning.genetic import ZonePopulation, evolve, population_for
+from strategies.zoning.loads_and_transfers import (
+    ROUTING_CENTRAL,
+    balance,
+    find_loads,
+    find_transfers,
+)
 from strategies.zoning.zone_queues import (
     add_charging,
     order_weights,
@@ -38,61 +48,19 @@ from strategies.zoning.zone_queues import (
     share,
     take_over,
     ticks,
+    ticks_of_minutes,
 )
 from strategies.zoning.zone_workspace import ZoneRules, ZoneSpace, copy_design, space_for
 from strategies.zoning.zoning_parameters import Annealing, Genetic, Monitoring
 
-# How first zones are annealed where the scenario has no parameters for it.
-PUBLISHED: Final = Annealing()
-INITIAL_TEMPERATURE: Final = PUBLISHED.hot
-FINAL_TEMPERATURE: Final = PUBLISHED.cold
-STEPS: Final = PUBLISHED.steps
-
-
-def no_first_zones(view: World) -> InputError:
-    """What is said when none are found."""
-    return InputError(
-        f"zoning found no zones for {count(len(view.service_zones.server), 'robot')} on this floor; "
-        "strategy.zoning.design gives them, and fewer robots or more groups are easier"
-    )
-
-
-def space_of(view: World) -> ZoneSpace:
-    """Scratch for the zones of a run."""
-    zones = view.service_zones
-    return space_for(zones.roads, len(zones.server)).replaced(
-        serves=zones.accessible, first=zones.has_priority
-    )
-
-
-def try_first_zones(view: World, rules: ZoneRules) -> int:
-    """How many tries fail before those zones are found that a compiled strategy is going to find.
-
-    It could not say that there are none, and need not fail again. Raises InputError.
-    """
-    roads, zones = view.service_zones.roads, len(view.service_zones.server)
-    workspace = space_of(view)
-    set_zone_move_time_factors(view, workspace)
-    everywhere = np.ones(zones, np.uint8)
-    found = first_zones(
-        roads, rules, INITIAL_TEMPERATURE, FINAL_TEMPERATURE, STEPS, 0, design_for(roads, zones),
-        workspace, everywhere, view.rules.seed, 0,
-    )  # fmt: skip
-    if not found:
-        raise no_first_zones(view)
-    return int(found) - 1
-
-
-# Zones of one central computer: watched, shared when out of balance, and perhaps redesigned.
-#
-# Keith & La's modes: the balance SVp of the zones on the flow of the last minutes is looked at every
-# minute, every third minute when it has been good for a while. Out of balance, robots share orders
-# from time to time; out of balance for long, new zones are made from the flow of that moment, and
-# take effect when a computer would be done with them. All that waits is queued again then.
-
-
 FIRST_LOOK: Final = 30.0  # seconds after the start
 AFTER_REPAIR: Final = 60.0  # and after a redesign
+EVER: Final = 1 << 40  # ticks: more than any run has
+# How first zones are annealed where the scenario has no parameters for it.
+PUBLISHED_ANNEALING: Final = Annealing()
+INITIAL_TEMPERATURE: Final = PUBLISHED_ANNEALING.hot
+FINAL_TEMPERATURE: Final = PUBLISHED_ANNEALING.cold
+ANNEALING_STEPS: Final = PUBLISHED_ANNEALING.steps
 
 
 class MonitoredState(Struct):
@@ -168,9 +136,8 @@ class MonitoredZones(Strategy):
         due = state.bad_since[0] and not redesigned
         if self.parameters.sharing and due and now >= state.next_share[0]:
             if self._shares(state):
-                state.shared_orders[view.robots.at_index[0]] += share(
-                    view, workspace, out, state.age, state.job
-                )
+                shared = share(view, workspace, out, state.age, state.job)
+                state.shared_orders[view.robots.at_index[0]] += shared
             state.next_share[0] = now + ticks(view, self.parameters.share_every)
         out.again[: int(batch.count[0])] = max(1, min(self._due(view, state)) - now)
 
@@ -186,7 +153,7 @@ class MonitoredZones(Strategy):
                 raise no_first_zones(view)
         elif not out.design.transfer.any():
             roads, zones = view.service_zones.roads, state.zones
-            record_flow(view, INF_COST, 1 << 40, state.recent_flow)  # of all orders, known or not
+            record_flow(view, 2 * EVER, EVER, state.recent_flow)  # of all orders, known or not
             find_loads(roads, state.rules, state.recent_flow, 0, out.design, zones)
             find_transfers(roads, state.rules, out.design, zones, zones.reach)
         out.redesigned[0] = 1
@@ -198,25 +165,16 @@ class MonitoredZones(Strategy):
     def _anneal_first(self, view: World, design: Any, state: MonitoredState) -> bool:
         """The first zones, where the scenario gives none; False if none are found."""
         given = self._annealing()
-        return bool(
-            first_zones(
-                view.service_zones.roads,
-                state.rules,
-                float(given.hot),
-                float(given.cold),
-                given.steps,
-                0,
-                design,
-                state.zones,
-                state.zones.reach,
-                np.uint64(view.rules.seed),
-                int(view.clock[CLOCK_TICK]),
-            )
-        )
+        has_zones = first_zones(
+            view.service_zones.roads, state.rules, float(given.hot), float(given.cold), given.steps,
+            0, design, state.zones, state.zones.reach, np.uint64(view.rules.seed),
+            int(view.clock[CLOCK_TICK]),
+        )  # fmt: skip
+        return bool(has_zones)
 
     def _annealing(self) -> Annealing:
         """How the first zones are annealed; here as published."""
-        return PUBLISHED
+        return PUBLISHED_ANNEALING
 
     def _check_balance(self, view: World, out: Any, state: MonitoredState) -> None:
         """How balanced the zones are now, and what follows from it."""
@@ -226,7 +184,7 @@ class MonitoredZones(Strategy):
             state.ticks_watched[robot] += passed
             state.ticks_in_balance[robot] += passed * (state.was_good[0] == 1)
         flow, zones = state.recent_flow, state.zones
-        window = ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window)
+        window = ticks_of_minutes(view, self.parameters.window)
         good = NIL
         if record_flow(view, window, now, flow):
             find_loads(view.service_zones.roads, state.rules, flow, 0, out.design, zones)
@@ -240,9 +198,8 @@ class MonitoredZones(Strategy):
         if good == 1:
             state.bad_since[0] = 0
             state.good_since[0] = state.good_since[0] or now
-            if now - state.good_since[0] >= ticks(
-                view, SECONDS_PER_UNIT["min"] * self.parameters.calm
-            ):
+            calm = ticks_of_minutes(view, self.parameters.calm)
+            if now - state.good_since[0] >= calm:
                 state.next_look[0] = now + ticks(view, self.parameters.seldom)
         elif good == 0:
             state.good_since[0] = 0
@@ -260,9 +217,6 @@ class MonitoredZones(Strategy):
         """Called in every tick but the first, before orders are queued; here nothing, zones stay."""
 
 
-# Zones that are redesigned: by simulated annealing, or by a genetic algorithm.
-
-
 class StaticZones(MonitoredZones):
     """Zones that never change; out of balance, robots share orders."""
 
@@ -275,23 +229,18 @@ class RedesignedZones(MonitoredZones, ABC):
     def _check_redesign(self, view: World, state: MonitoredState) -> None:
         """Out of balance for longer than patience: new zones are made of the flow of this moment."""
         now = int(view.clock[CLOCK_TICK])
-        if (
-            not state.bad_since[0]
-            or state.new_zones_at[0]
-            or now < self._patience_ends(view, state)
-        ):
+        if not state.bad_since[0] or state.new_zones_at[0]:
             return
-        window = ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.window)
+        if now < self._patience_ends(view, state):
+            return
+        window = ticks_of_minutes(view, self.parameters.window)
         record_flow(view, window, now, state.recent_flow)
         state.flow[:] = state.recent_flow.astype(np.int64)
         state.new_zones_at[0] = now + max(1, ticks(view, self.parameters.compute))
 
     def _patience_ends(self, view: World, state: MonitoredState) -> int:
-        return (
-            int(state.bad_since[0])
-            + ticks(view, SECONDS_PER_UNIT["min"] * self.parameters.patience)
-            + 1
-        )
+        patience = ticks_of_minutes(view, self.parameters.patience)
+        return int(state.bad_since[0]) + patience + 1
 
     def _due(self, view: World, state: MonitoredState) -> list[int]:
         """As for zones that stay, and when new ones are begun or take effect."""
@@ -337,22 +286,12 @@ class AnnealedZones(RedesignedZones):
 
     def _design(self, view: World, design: Any, state: Any) -> bool:
         given = self._annealing()
-        return bool(
-            repair(
-                view.service_zones.roads,
-                state.rules,
-                state.recent_flow,
-                float(given.hot),
-                float(given.cold),
-                given.steps,
-                MAX_REPAIRS,
-                design,
-                state.zones,
-                state.zones.reach,
-                np.uint64(view.rules.seed),
-                int(view.clock[CLOCK_TICK]),
-            )
-        )
+        has_zones = repair(
+            view.service_zones.roads, state.rules, state.recent_flow, float(given.hot),
+            float(given.cold), given.steps, MAX_REPAIRS, design, state.zones, state.zones.reach,
+            np.uint64(view.rules.seed), int(view.clock[CLOCK_TICK]),
+        )  # fmt: skip
+        return bool(has_zones)
 
 
 class GeneticState(MonitoredState):
@@ -363,7 +302,7 @@ class GeneticState(MonitoredState):
         "by identity: columns and rows of the grid, from where robots look for their zones",
         role=CONSTANT,
     )
-    population: Population
+    population: ZonePopulation
 
 
 class GeneticZones(RedesignedZones):
@@ -381,19 +320,10 @@ class GeneticZones(RedesignedZones):
     def _design(self, view: World, design: Any, state: Any) -> bool:
         parameters = self.parameters
         found = evolve(
-            view.service_zones.roads,
-            state.rules,
-            state.recent_flow,
-            parameters.generations,
-            parameters.selected,
-            float(parameters.mutation),
-            state.population,
-            design,
-            state.zones,
-            state.zones.reach,
-            np.uint64(view.rules.seed),
-            int(view.clock[CLOCK_TICK]),
-        )
+            view.service_zones.roads, state.rules, state.recent_flow, parameters.generations,
+            parameters.selected, float(parameters.mutation), state.population, design, state.zones,
+            state.zones.reach, np.uint64(view.rules.seed), int(view.clock[CLOCK_TICK]),
+        )  # fmt: skip
         if found and parameters.matched:
             self._assign_zones(view, design, state.poses)
         return bool(found)
@@ -420,16 +350,13 @@ class GeneticZones(RedesignedZones):
         cells = view.service_zones.roads.cell[view.service_zones.roads.point]
         across, down = cells % view.grid.width, cells // view.grid.width
         zones, kinds = len(view.service_zones.server), view.robots.type[view.robots.at_index]
+        accessible, has_priority = view.service_zones.accessible, view.service_zones.has_priority
         kinds = kinds % view.rules.loaded_types if view.rules.loaded_types else kinds
         name = np.full(zones, NIL, np.int32)
         for robot in range(zones):
             x, y = poses[robot]
-            alike = (view.service_zones.accessible == view.service_zones.accessible[robot]).all(
-                axis=1
-            )
-            alike &= (
-                view.service_zones.has_priority == view.service_zones.has_priority[robot]
-            ).all(axis=1)
+            alike = (accessible == accessible[robot]).all(axis=1)
+            alike &= (has_priority == has_priority[robot]).all(axis=1)
             alike &= kinds == kinds[robot]
             free = [zone for zone in range(zones) if name[zone] == NIL and alike[zone]]
             middle = [design.zone == zone for zone in free]
@@ -445,3 +372,41 @@ class GeneticZones(RedesignedZones):
         for a in range(zones):
             for b in range(zones):
                 design.transfer[name[a], name[b]] = transfer[a, b]
+
+
+# The zones with which a run begins, where the scenario gives none.
+
+
+def space_of(view: World) -> ZoneSpace:
+    """Scratch for the zones of a run."""
+    zones = view.service_zones
+    return space_for(zones.roads, len(zones.server)).replaced(
+        serves=zones.accessible, first=zones.has_priority
+    )
+
+
+def try_first_zones(view: World, rules: ZoneRules) -> int:
+    """How many tries fail before those zones are found that a compiled strategy is going to find.
+
+    It could not say that there are none, and need not fail again. Raises InputError.
+    """
+    roads, zones = view.service_zones.roads, len(view.service_zones.server)
+    workspace = space_of(view)
+    set_zone_move_time_factors(view, workspace)
+    everywhere = np.ones(zones, np.uint8)
+    design = design_for(roads, zones)
+    found = first_zones(
+        roads, rules, INITIAL_TEMPERATURE, FINAL_TEMPERATURE, ANNEALING_STEPS, 0, design,
+        workspace, everywhere, view.rules.seed, 0,
+    )  # fmt: skip
+    if not found:
+        raise no_first_zones(view)
+    return int(found) - 1
+
+
+def no_first_zones(view: World) -> InputError:
+    """What is said when none are found."""
+    return InputError(
+        f"zoning found no zones for {count(len(view.service_zones.server), 'robot')} on this floor; "
+        "strategy.zoning.design gives them, and fewer robots or more groups are easier"
+    )

@@ -1,54 +1,55 @@
-"""The cells along the segments of a zone design."""
+"""Service zones as people see them: their cells, a picture, the work in them, and lines on stations.
+
+zone 1 (d): 3* 6 7 9* 10 15*; robot 0, 4.2 minutes of work          * a transfer station
+station 9, zone 1, to zone 3: part 12, 45 ticks left; queue 14, 17; 8 done
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from automaton.engine.facilities import Design, Roads
-from automaton.engine.state import CLOCK_TICK, NIL, World
+from automaton.engine.facilities import Design, Roads, ServiceZones
+from automaton.engine.state import (
+    ACTION_DROP,
+    ACTION_MOVE,
+    ACTION_PICK,
+    CLOCK_TICK,
+    NIL,
+    ORDER_CARRIED,
+    ORDER_WAITING,
+    Array,
+    World,
+)
 from automaton.floor.floor_plan import FloorPlan
-from automaton.units import count
-from strategies.zoning.zone_load import unevenness, work_of_each
+from automaton.units import SECONDS_PER_UNIT, count
 
 if TYPE_CHECKING:
     from rich.text import Text
 
 
-Cells = NDArray[Any]
-
-
-def ways_of(roads: Roads, design: Design, stride: int) -> tuple[Cells, Cells]:
-    """(k,) each: flat cells on the straight ways between the points of segments, and their zones.
-
-    A cell comes as often as segments lead through it; it is in one zone, as points are.
-    """
-    used = int(design.segments[0])
-    path, follows = design.path[:used], np.arange(1, design.path.shape[1])
-    ways = follows < design.points[:used, None]
-    here, there = roads.cell[path[:, :-1][ways]], roads.cell[path[:, 1:][ways]]
-    zone = np.broadcast_to(design.owner[:used, None], ways.shape)[ways]
-    step = np.where(here // stride == there // stride, 1, stride) * np.sign(there - here)
-    count = np.abs((there - here) // np.where(step == 0, 1, step)) + 1
-    nth = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
-    return np.repeat(here, count) + nth * np.repeat(step, count), np.repeat(zone, count)
-
-
-def stations_of(roads: Roads, design: Design) -> tuple[Cells, Cells, Cells]:
-    """(S,) each: the cell of a station, its zone or NIL, and whether it is a transfer station."""
-    shared: Cells = np.any(design.transfer, axis=(0, 1))
-    return roads.cell[roads.point], design.zone, shared
-
-
-# A zone design drawn over its floor.
-
-
 # The first six as in the viewer, where a to c are signs.
 ZONE_LETTERS: Final = "defghijklmnopqrstuvwxyzabc"
-KEY: Final = "small letters: ways of zones; capitals: their stations; *: transfer stations"
+PICTURE_KEY: Final = "small letters: ways of zones; capitals: their stations; *: transfer stations"
+MAX_NAMED_PARTS: Final = 8  # parts of a line
+# Told apart with all three kinds of colour blindness (Okabe & Ito); the letters say the same.
+ZONE_COLOURS: Final = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00")
+
+
+def partition_picture(world: World, floor_plan: FloorPlan) -> str:
+    """The zones over their floor and a line on each, a line on each station; "" without either."""
+    lines: list[str] = []
+    if len(world.service_zones.roads.cell):
+        zones = world.service_zones
+        drawn = design_picture(floor_plan, zones.roads, zones.design).splitlines()
+        lines += [*drawn[: floor_plan.height], "", *zones_told(world, drawn[floor_plan.height :])]
+    if len(world.stations.part_arrivals):
+        lines += [""] if lines else []
+        lines += [station_line(world, station) for station in range(len(world.stations.slot))]
+    return "\n".join(lines)
 
 
 def design_picture(floor_plan: FloorPlan, roads: Roads, design: Design) -> str:
@@ -66,15 +67,10 @@ def design_picture(floor_plan: FloorPlan, roads: Roads, design: Design) -> str:
     shared = design.transfer.max(axis=(0, 1)).tolist()
     for s, zone in enumerate(design.zone.tolist()):
         x, y = floor_plan.xy(roads.cell[roads.point[s]])
-        rows[y][x] = (
-            "*"
-            if shared[s]
-            else ZONE_LETTERS[zone % len(ZONE_LETTERS)].upper()
-            if zone >= 0
-            else "?"
-        )
+        sign = ZONE_LETTERS[zone % len(ZONE_LETTERS)].upper() if zone >= 0 else "?"
+        rows[y][x] = "*" if shared[s] else sign
     lines = ["".join(row) for row in rows]
-    lines += [KEY, *(_listed(design, zone) for zone in range(len(design.transfer)))]
+    lines += [PICTURE_KEY, *(_listed(design, zone) for zone in range(len(design.transfer)))]
     return "\n".join(lines) + "\n"
 
 
@@ -91,31 +87,6 @@ def _listed(design: Design, zone: int) -> str:
 
     own = [marked(s) for s in range(len(design.zone)) if design.zone[s] == zone]
     return f"zone {zone + 1} ({ZONE_LETTERS[zone % len(ZONE_LETTERS)]}): {' '.join(own)}"
-
-
-# The zones that robots serve and the work at stations, as text below the picture of a world.
-#
-# zone 1 (d): 3* 6 7 9* 10 15*; robot 0, 4.2 minutes of work * a transfer station station 9, zone 1,
-# to zone 3: part 12, 45 ticks left; queue 14, 17; 8 done
-
-
-MAX_NAMED_PARTS: Final = 8  # parts of a line
-# Told apart with all three kinds of colour blindness (Okabe & Ito); the letters say the same.
-COLOURS: Final = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00")
-
-
-def partition_picture(world: World, floor_plan: FloorPlan) -> str:
-    """The zones over their floor and a line on each, a line on each station; "" without either."""
-    lines: list[str] = []
-    if len(world.service_zones.roads.cell):
-        drawn = design_picture(
-            floor_plan, world.service_zones.roads, world.service_zones.design
-        ).splitlines()
-        lines += [*drawn[: floor_plan.height], "", *zones_told(world, drawn[floor_plan.height :])]
-    if len(world.stations.part_arrivals):
-        lines += [""] if lines else []
-        lines += [station_line(world, station) for station in range(len(world.stations.slot))]
-    return "\n".join(lines)
 
 
 def zones_told(world: World, lines: list[str]) -> list[str]:
@@ -147,11 +118,8 @@ def station_line(world: World, station: int) -> str:
         said = [f"part {stations.part[works[0]]}, {left} left"]
     if works[1:]:
         named = [str(stations.part[work]) for work in works[1 : 1 + MAX_NAMED_PARTS]]
-        more = (
-            f" and {len(works) - 1 - MAX_NAMED_PARTS} more"
-            if len(works) - 1 > MAX_NAMED_PARTS
-            else ""
-        )
+        left_out = len(works) - 1 - MAX_NAMED_PARTS
+        more = f" and {left_out} more" if left_out > 0 else ""
         said.append(f"queue {', '.join(named)}{more}")
     done = (stations.station == station) & (stations.completion_tick != NIL)
     return f"{name}: {'; '.join([*said, f'{np.count_nonzero(done)} done'])}"
@@ -171,16 +139,111 @@ def coloured(picture: str) -> list[Text]:
     """The lines of such a picture; the letters of zones, and the lines on them, in their colours."""
     from rich.text import Text
 
-    letters = {letter: COLOURS[at % len(COLOURS)] for at, letter in enumerate(ZONE_LETTERS)}
+    letters = {
+        letter: ZONE_COLOURS[at % len(ZONE_COLOURS)] for at, letter in enumerate(ZONE_LETTERS)
+    }
     letters |= {letter.upper(): f"bold {colour}" for letter, colour in letters.items()}
     lines = []
     for written in picture.split("\n"):
         text = Text(written)
         if written.startswith("zone "):
             text.stylize(letters[written.partition("(")[2][0]])
-        elif not written.startswith(("station ", "SVp ", KEY)):
+        elif not written.startswith(("station ", "SVp ", PICTURE_KEY)):
             for at, sign in enumerate(written):
                 if sign in letters or sign == "*":
                     text.stylize(letters.get(sign, "bold reverse"), at, at + 1)
         lines.append(text)
     return lines
+
+
+# Where zones are.
+
+
+def ways_of(roads: Roads, design: Design, stride: int) -> tuple[Array, Array]:
+    """(k,) each: flat cells on the straight ways between the points of segments, and their zones.
+
+    A cell comes as often as segments lead through it; it is in one zone, as points are.
+    """
+    used = int(design.segments[0])
+    path, follows = design.path[:used], np.arange(1, design.path.shape[1])
+    ways = follows < design.points[:used, None]
+    here, there = roads.cell[path[:, :-1][ways]], roads.cell[path[:, 1:][ways]]
+    zone = np.broadcast_to(design.owner[:used, None], ways.shape)[ways]
+    step = np.where(here // stride == there // stride, 1, stride) * np.sign(there - here)
+    count = np.abs((there - here) // np.where(step == 0, 1, step)) + 1
+    nth = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+    return np.repeat(here, count) + nth * np.repeat(step, count), np.repeat(zone, count)
+
+
+def stations_of(roads: Roads, design: Design) -> tuple[Array, Array, Array]:
+    """(S,) each: the cell of a station, its zone or NIL, and whether it is a transfer station."""
+    shared: Array = np.any(design.transfer, axis=(0, 1))
+    return roads.cell[roads.point], design.zone, shared
+
+
+# The work of zones at a moment: minutes of driving and handling for what lies in their queues.
+
+
+def work_of_each(world: World) -> Array:
+    """(Z,) minutes of work of each zone, at the speed of the robot that serves it.
+
+    A tick is a second where the scenario does not say.
+    """
+    tick_s = world.rules.tick_us / 1e6 if world.rules.tick_us else 1.0
+    kinds = world.robots.type[world.robots.at_index[world.service_zones.server]].astype(np.int64)
+    if loaded := world.rules.loaded_types:
+        kinds = loaded + kinds % loaded  # work is to carry loads
+    return np.array(
+        [
+            minutes_of_zones(
+                world.service_zones, world.orders, [z], tick_s, world.rules.duration[kind]
+            )
+            for z, kind in enumerate(kinds.tolist())
+        ]
+    )
+
+
+def minutes_of_zones(
+    service_zones: ServiceZones, orders: Any, zones: Sequence[int], tick_s: float, duration: Array
+) -> float:
+    """Minutes (eq. 1-4) for orders that wait in the queues of zones, are fetched and carried.
+
+    tick_s: seconds in a tick; duration: ticks by action.
+    """
+    mine = np.flatnonzero(np.isin(service_zones.queue, zones) & (service_zones.next_slot != NIL))
+    mine = mine[mine < len(orders.state)]
+    waits, carried = orders.state[mine] == ORDER_WAITING, orders.state[mine] == ORDER_CARRIED
+    at = np.where(
+        waits, orders.current_slot[mine], np.where(carried, service_zones.picked_from[mine], NIL)
+    )
+    here = service_zones.station_of[at]
+    there = service_zones.station_of[service_zones.next_slot[mine]]
+    legs = (at != NIL) & (here != NIL) & (there != NIL) & (here != there)
+    flow = np.zeros(service_zones.roads.between.shape)
+    np.add.at(flow, (here[legs], there[legs]), 1.0)
+    work_ticks = float(duration[ACTION_PICK] + duration[ACTION_DROP])
+    handling = tick_s * work_ticks / SECONDS_PER_UNIT["min"]
+    speed = SECONDS_PER_UNIT["min"] / (tick_s * float(duration[ACTION_MOVE]))
+    return work_minutes(flow, service_zones.roads.between, speed, handling)
+
+
+def work_minutes(flow: Array, between: Array, speed: float, handling: float) -> float:
+    """Minutes of work of a flow between any stations, as the kernel `load_of` finds them without a base.
+
+    In NumPy: who looks at a run does not wait until a kernel is compiled. speed: cells per minute;
+    handling: minutes to load and to unload.
+    """
+    total = float(flow.sum())
+    if total == 0.0:
+        return 0.0
+    empty = np.outer(flow.sum(axis=0), flow.sum(axis=1)) / total
+    return float(((flow + empty) * between).sum()) / speed + total * handling
+
+
+def unevenness(work: Array) -> float | None:
+    """SVp, from 0 (all zones have as much to do) to 1 (one has it all); None without any work."""
+    total = float(work.sum())
+    if total == 0.0 or len(work) < 2:
+        return None
+    apart = float(np.abs(work[:, None] - work[None, :]).sum()) / 2
+    return apart / ((len(work) - 1) * total)

@@ -1,25 +1,29 @@
-"""Scratch of the kernels of zoning, and the numbers by which designs are made and judged."""
+"""Zone designs as kernels hold them: the numbers they are judged by, scratch, and shortest ways.
+
+Feasible path of a zone: over points that no other zone holds. Union path of two zones: over points
+that no third zone holds. A zone holds the points of its segments and of its stations (the authors'
+code forgets the station of a zone that has only one).
+"""
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from automaton.engine.facilities import Design, Roads, empty_design
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
-from automaton.engine.state import NIL
-from automaton.strategy.kernels import copy_segment, random_between, random_bits
-from strategies.linear_sum_assignment import (
-    INF_COST,
-    Assignment,
-    assignment_for,
-    linear_sum_assignment,
-)
+from automaton.engine.state import NIL, Array
+from automaton.strategy.kernels import copy_segment, kernel, random_between, random_bits
+from strategies.linear_sum_assignment import Assignment, assignment_for
 
-Array = NDArray[Any]
+UNREACHED = 1 << 60  # cells to a point that a search did not come to, and no limit
+
+STREAM_ZONES = 0  # of random draws; each stream has a number of its own
+
+# Where the counter of each method begins.
+DRAWS_ANNEALING = 1 << 40
+DRAWS_GENETIC = 2 << 40
+DRAWS_NEGOTIATION = 3 << 40
 
 
 class ZoneRules(Struct):
@@ -41,6 +45,45 @@ class ZoneRules(Struct):
     all_pairs: int = field(
         "int64", "1: a tip that is given is joined to any tip in reach, 0: to the last one alone"
     )
+
+
+def zone_rules(
+    speed: float,
+    adjacent: float,
+    base: float = 1.0,
+    handling: float = 0.084,
+    limit: float | None = None,
+    blocks: bool = True,
+    shared: bool = False,
+    all_pairs: bool = False,
+) -> ZoneRules:
+    """The defaults are those of SA and GA (DDZ: base 0, a limit, not blocks, shared).
+
+    speed: cells per minute; adjacent, limit: cells; handling: minutes.
+    """
+    return ZoneRules(
+        base=base,
+        speed=speed,
+        handling=handling,
+        adjacent=adjacent,
+        limit=UNREACHED if limit is None else limit,
+        blocks=blocks,
+        shared=shared,
+        all_pairs=all_pairs,
+    )
+
+
+def typical_distance(between: ArrayLike) -> float:
+    """Cells below which stations are adjacent; the authors' 243.64 ft on their floor.
+
+    For n of them: the n - 2 nearest of each, summed up, over n (n - 1).
+    """
+    table = np.asarray(between, np.int64)
+    count = len(table)
+    if count < 3:
+        return float(table.max(initial=0) + 1)
+    others = np.sort(table[~np.eye(count, dtype=bool)].reshape(count, count - 1), axis=1)
+    return float(others[:, : count - 2].sum() / (count * (count - 1)))
 
 
 class ZoneSpace(Struct, role=SCRATCH):
@@ -92,45 +135,9 @@ class ZoneSpace(Struct, role=SCRATCH):
     best: Design
 
 
-def zone_rules(
-    speed: float,
-    adjacent: float,
-    base: float = 1.0,
-    handling: float = 0.084,
-    limit: float | None = None,
-    blocks: bool = True,
-    shared: bool = False,
-    all_pairs: bool = False,
-) -> ZoneRules:
-    """The defaults are those of SA and GA (DDZ: base 0, a limit, not blocks, shared).
-
-    speed: cells per minute; adjacent, limit: cells; handling: minutes.
-    """
-    return ZoneRules(
-        base=base,
-        speed=speed,
-        handling=handling,
-        adjacent=adjacent,
-        limit=INF_COST if limit is None else limit,
-        blocks=blocks,
-        shared=shared,
-        all_pairs=all_pairs,
-    )
-
-
-def typical_distance(between: ArrayLike) -> float:
-    """Cells below which stations are adjacent: for n of them, the n - 2 nearest of each, summed up,
-    over n (n - 1); the authors' 243.64 ft on their floor."""
-    table = np.asarray(between, np.int64)
-    count = len(table)
-    if count < 3:
-        return float(table.max(initial=0) + 1)
-    others = np.sort(table[~np.eye(count, dtype=bool)].reshape(count, count - 1), axis=1)
-    return float(others[:, : count - 2].sum() / (count * (count - 1)))
-
-
-def zone_space(points: int, stations: int, zones: int) -> ZoneSpace:
-    """Scratch of these sizes."""
+def space_for(roads: Roads, zones: int) -> ZoneSpace:
+    """Scratch for so many zones on these roads."""
+    points, stations = len(roads.cell), len(roads.point)
     return ZoneSpace.sized(
         {"P": points, "S": stations, "Z": zones, "Z * Z": zones**2, "S * S": stations**2},
         matching=assignment_for(zones),
@@ -138,18 +145,6 @@ def zone_space(points: int, stations: int, zones: int) -> ZoneSpace:
         now=empty_design(points, stations, zones),
         best=empty_design(points, stations, zones),
     )
-
-
-def space_for(roads: Roads, zones: int) -> ZoneSpace:
-    """Scratch for these roads."""
-    return zone_space(len(roads.cell), len(roads.point), zones)
-
-
-# Shortest ways that a zone may use, and what a design holds.
-#
-# Feasible path of a zone: over points that no other zone holds. Union path of two zones: over points
-# that no third zone holds. A zone holds the points of its segments and of its stations (the authors'
-# code forgets the station of a zone that has only one).
 
 
 @kernel
@@ -165,9 +160,9 @@ def spread(roads, workspace, start, target, bound):
     """Distances from a point over points that are not closed, up to `bound` cells (Dijkstra).
 
     Ends when `target` is settled (NIL: never). Writes workspace.back, and workspace.distance,
-    INF_COST where it did not come to. Ties: the lowest point.
+    UNREACHED where it did not come to. Ties: the lowest point.
     """
-    workspace.distance[:] = INF_COST
+    workspace.distance[:] = UNREACHED
     workspace.done[:] = 0
     workspace.distance[start] = 0
     workspace.back[start] = NIL
@@ -193,7 +188,7 @@ def spread(roads, workspace, start, target, bound):
             far = workspace.distance[here] + roads.step[here, d]
             if far > bound or far >= workspace.distance[there]:
                 continue
-            if workspace.distance[there] == INF_COST:
+            if workspace.distance[there] == UNREACHED:
                 workspace.open[count] = there
                 count += 1
             workspace.distance[there] = far
@@ -203,7 +198,10 @@ def spread(roads, workspace, start, target, bound):
 @kernel
 def whole_cells(limit):
     """A limit in cells as an integer: nothing longer than it passes."""
-    return np.int64(INF_COST) if limit >= 1e15 else np.int64(limit)
+    return np.int64(UNREACHED) if limit >= 1e15 else np.int64(limit)
+
+
+# What a design holds.
 
 
 @kernel
@@ -278,68 +276,7 @@ def size(design, zone):
     return count
 
 
-# exp and ln of basic arithmetic only, so that every machine gets the same bits.
-
-
-LN2 = 0.6931471805599453
-EXP_UNDERFLOW = -700.0  # exp of less is 0
-
-
-@kernel
-def exponential(x):
-    """e to the power of x, for x <= 0; relative error below 1e-14."""
-    if x < EXP_UNDERFLOW:
-        return 0.0
-    halvings = int(-x / LN2 + 0.5)
-    rest = x + halvings * LN2
-    term = 1.0
-    total = 1.0
-    for k in range(1, 15):
-        term = term * rest / k
-        total += term
-    for _ in range(halvings):
-        total *= 0.5
-    return total
-
-
-@kernel
-def logarithm(x):
-    """The natural logarithm of x > 0."""
-    doublings = 0
-    while x < 0.75:
-        x *= 2.0
-        doublings -= 1
-    while x > 1.5:
-        x *= 0.5
-        doublings += 1
-    ratio = (x - 1.0) / (x + 1.0)
-    square = ratio * ratio
-    total = 0.0
-    for k in range(20, -1, -1):
-        total = total * square + 1.0 / (2 * k + 1)
-    return 2.0 * ratio * total + doublings * LN2
-
-
-@kernel
-def temperature(hot, cold, steps, done):
-    """Eq. 6: hot (cold / hot) ^ (done / steps)."""
-    ratio = logarithm(cold / hot) * done / steps
-    if ratio > 0.0:
-        return hot / exponential(-ratio)
-    return hot * exponential(ratio)
-
-
 # Random draws of the methods of zoning, addressed by (seed, tick, method and how many came before).
-
-
-STREAM_ZONES = 0  # of random draws; each stream has a number of its own
-
-# Where the counter of each method begins.
-DRAWS_ANNEALING = 1 << 40
-DRAWS_GENETIC = 2 << 40
-DRAWS_NEGOTIATION = 3 << 40
-
-_11 = np.uint64(11)
 
 
 @kernel
@@ -353,19 +290,15 @@ def below(workspace, count, seed, tick):
 def chance(workspace, seed, tick):
     """A uniform number from 0 to below 1."""
     workspace.drawn[0] += 1
-    bits = random_bits(seed, STREAM_ZONES, tick, workspace.drawn[0]) >> _11
+    bits = random_bits(seed, STREAM_ZONES, tick, workspace.drawn[0]) >> np.uint64(11)
     return np.float64(np.int64(bits)) / 9007199254740992.0
 
 
-# What the robots of zones can do: stations that they serve, priority there, and how fast they are.
+# What the robots of zones can do.
 #
-# A zone has the number of its robot. `accessible` and `has_priority` (Z, S) are given for a run: 1 =
-# the robot gets to the station, and 1 = its type has priority there. Where all robots are alike, all
-# robots serve everything and none has priority.
-
-
-# Cost of a station in a zone whose robot has no priority there, and another one has.
-MISPLACED = 1 << 30
+# A zone has the number of its robot. `serves` and `first` (Z, S) are given for a run: 1 = the robot
+# gets to the station, and 1 = its type has priority there. Where all robots are alike, all robots
+# serve everything and none has priority.
 
 
 @kernel
@@ -385,66 +318,3 @@ def preference(workspace, zone, s):
         if workspace.first[other, s] == 1:
             return -1
     return 0
-
-
-@kernel
-def are_alike(workspace):
-    """Whether it does not matter which robot gets which zone."""
-    for z in range(workspace.serves.shape[0]):
-        if workspace.move_time_factor[z] != workspace.move_time_factor[0]:
-            return False
-        for s in range(workspace.serves.shape[1]):
-            if workspace.serves[z, s] == 0 or workspace.first[z, s] == 1:
-                return False
-    return True
-
-
-@kernel
-def match(design, workspace):
-    """Number the zones after robots that serve them, one to one; returns 0 if there is no such way.
-
-    Of all matchings one with the fewest stations away from who has priority there; of these one that
-    gives the larger zones to the faster robots (linear sum assignment).
-    """
-    zones = workspace.serves.shape[0]
-    cost = workspace.matching.cost
-    for z in range(zones):
-        for robot in range(zones):
-            cost[z, robot] = cost_of(design, workspace, z, robot)
-    linear_sum_assignment(cost, zones, zones, workspace.matching)
-    workspace.frontier[:] = NIL
-    for robot in range(zones):
-        z = np.int64(workspace.matching.row_of[robot])
-        if z == NIL:
-            return 0
-        workspace.frontier[z] = robot
-    rename(design, workspace.frontier)
-    return 1
-
-
-@kernel
-def cost_of(design, workspace, zone, robot):
-    """What it costs to give a zone to a robot; INF_COST: it does not serve all of it."""
-    cost = np.int64(0)
-    for s in range(design.zone.shape[0]):
-        if design.zone[s] != zone:
-            continue
-        if workspace.serves[robot, s] == 0:
-            return np.int64(INF_COST)
-        cost += np.int64(1000 * workspace.move_time_factor[robot])
-        if preference(workspace, robot, s) < 0:
-            cost += MISPLACED
-    return cost
-
-
-@kernel
-def rename(design, name):
-    """Zone z becomes zone name[z]; the design has no transfer stations yet."""
-    for s in range(design.zone.shape[0]):
-        if design.zone[s] != NIL:
-            design.zone[s] = name[design.zone[s]]
-    for m in range(design.segments[0]):
-        design.owner[m] = name[design.owner[m]]
-    for p in range(design.held.shape[0]):
-        if design.held[p] >= 0:
-            design.held[p] = name[design.held[p]]

@@ -31,8 +31,6 @@ SHIPPED = Path(__file__).parent.parent.parent / "layouts" / "zones"
 Seconds = Annotated[float, quantity(SECONDS, ge=0, le=1_000_000)]
 Minutes = Annotated[float, quantity(MINUTES, ge=0, le=100_000)]
 Length = Annotated[float, quantity(LENGTH, gt=0, le=1_000_000)]
-
-
 TipPairs = Annotated[
     Literal["last", "all"],
     Meta(
@@ -158,18 +156,14 @@ class Repairing(Monitoring, forbid_unknown_fields=True, frozen=True, kw_only=Tru
     patience: Annotated[Minutes, Meta(description="minutes out of balance before new zones")] = 15.0
     compute: Annotated[Seconds, Meta(description="seconds until a new design takes effect")] = 200.0
     share_while_computing: Annotated[
-        bool,
-        Meta(description="robots share orders meanwhile, too; the paper leaves it open"),
+        bool, Meta(description="robots share orders meanwhile, too; the paper leaves it open")
     ] = True
 
 
 class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Simulated annealing of zones (Ho & Liao, as Keith & La modified it)."""
 
-    steps: Annotated[
-        int,
-        Meta(ge=1, le=100_000, description="M, and most moves"),
-    ] = 500
+    steps: Annotated[int, Meta(ge=1, le=100_000, description="M, and most moves")] = 500
     hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: first temperature")] = 4.5
     cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: last temperature")] = 0.35
     tip_pairs: TipPairs = "last"
@@ -204,10 +198,7 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
     tolerance: Annotated[
         Minutes, Meta(description="L_TOL: minutes that a load may be from the mean")
     ] = 18.0
-    patience: Annotated[
-        Minutes,
-        Meta(description="T_LT: minutes since the last balance"),
-    ] = 15.0
+    patience: Annotated[Minutes, Meta(description="T_LT: minutes since the last balance")] = 15.0
     hysteresis: Annotated[Minutes, Meta(description="minutes in or out of tolerance")] = 6.5
     look: Annotated[Seconds, Meta(description="seconds between two looks at the own load")] = 30.0
     average_every: Annotated[Seconds, Meta(description="T_AC: seconds between two averages")] = (
@@ -219,15 +210,7 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
     hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: first temperature")] = 4.5
     cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: last temperature")] = 0.3
     tip_pairs: TipPairs = "last"
-    scale: Annotated[
-        float,
-        quantity(
-            MINUTES,
-            gt=0,
-            le=1000,
-            description="k, minutes",
-        ),
-    ] = 10.0
+    scale: Annotated[float, quantity(MINUTES, gt=0, le=1000, description="k, minutes")] = 10.0
     pause: Annotated[Seconds, Meta(description="seconds that robots stand still in a redesign")] = (
         0.0
     )

@@ -9,15 +9,15 @@ import numpy as np
 from reference_charging import Situation
 
 from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import Array
 from automaton.papers.auction_trials import seconds
 from layouts.depots import NEEDED, OPTIONAL, metres
 from strategies.allocation.auction import quotes
 from strategies.allocation.auction.market import (
     POLICY_HIERARCHICAL,
-    Array,
-    Battery,
-    Fleet,
-    Scratch,
+    AuctionScratch,
+    BatteryRules,
+    FleetLists,
     TaskCosts,
     battery_of,
     fleet_of,
@@ -55,7 +55,7 @@ def random_situation(rng: random.Random, curve: Any = None, chargers: int = 3) -
 
 def market_of(
     case: Situation, policy: int = POLICY_HIERARCHICAL, **rules: Any
-) -> tuple[TaskCosts, Battery, Fleet, Scratch]:
+) -> tuple[TaskCosts, BatteryRules, FleetLists, AuctionScratch]:
     """The same for the kernels, all tasks on the list of robot 0, settled."""
     ticks = np.array(case.between)
     energy = ticks * case.drain
@@ -72,7 +72,7 @@ def market_of(
     return task_costs, battery, fleet, scratch
 
 
-def stops_of(scratch: Scratch) -> tuple[tuple[int, int], ...]:
+def stops_of(scratch: AuctionScratch) -> tuple[tuple[int, int], ...]:
     """The stops of the plan: (position, number of the charger)."""
     plan = scratch.plan
     return tuple((int(plan.position[k]), int(plan.charger[k])) for k in range(plan.stops[0]))
@@ -80,7 +80,7 @@ def stops_of(scratch: Scratch) -> tuple[tuple[int, int], ...]:
 
 def random_auction(
     rng: random.Random, robots: int, tasks: int, policy: int = 0, **rules: Any
-) -> tuple[TaskCosts, Battery, Fleet, Scratch, Array]:
+) -> tuple[TaskCosts, BatteryRules, FleetLists, AuctionScratch, Array]:
     """Robots at random places with lists, and tasks to be sold: the market and the items.
 
     Some tasks are pairs (pick up here, deliver there), some robots hear only of some.
@@ -111,6 +111,6 @@ def random_auction(
     return task_costs, battery, fleet, scratch, np.arange(tasks, dtype=np.int32)
 
 
-def lists_of(fleet: Fleet) -> list[list[int]]:
+def lists_of(fleet: FleetLists) -> list[list[int]]:
     """The tasks of each robot."""
     return [row[:length].tolist() for row, length in zip(fleet.order, fleet.length, strict=True)]

@@ -17,7 +17,7 @@ from reference_load_sharing import share
 from zoning_scenes import FEET_PER_MINUTE, factory
 
 from automaton.engine.facilities import Design
-from strategies.zoning.transfer_stations import route
+from strategies.zoning.loads_and_transfers import route
 from strategies.zoning.zone_workspace import space_for
 
 MINUTES = (6, 4, 3, 5, 6, 3, 4, 3, 4, 5, 1, 1, 1, 1, 6, 1, 5, 5)  # processing at WS1 to WS18

@@ -11,8 +11,8 @@ from automaton.engine.facilities import Design
 from strategies.zoning import annealing, genetic, negotiation
 from strategies.zoning.design_files import design_arrays
 from strategies.zoning.genetic import population_for
+from strategies.zoning.loads_and_transfers import connected, find_transfers
 from strategies.zoning.negotiation import NegotiatedParts, lead, parts_for
-from strategies.zoning.transfer_stations import connected, find_transfers
 from strategies.zoning.zoning_parameters import Annealing, Decentralized, Genetic
 
 # What methods take of their parameters, as published.

@@ -16,7 +16,7 @@ from automaton.floor.traffic_zones import TrafficZones, traffic_zones_of
 from automaton.scenario.robot_types import RobotType
 from automaton.units import count
 from automaton.world.rules import duration_table, tick_length
-from strategies.zoning.zone_load import minutes_of_zones
+from strategies.zoning.service_zone_lines import minutes_of_zones
 from tui.layers.service_zones import transfer_pairs
 from tui.playback.panel_view import View
 from tui.widgets.styled_lines import (

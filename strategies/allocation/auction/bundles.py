@@ -1,30 +1,32 @@
-"""Scratch of the methods that look at whole allotments: bundles of tasks, and populations."""
+"""Combinatorial auctions: every robot bids for every bundle of tasks, and the best split wins.
+
+Bids for bundles come from insertion in the order of items (the best of all m^n allotments then) or
+from Held & Karp's shortest paths (the optimum over all sequences then, without charging). Splitting
+takes O(m 3^n).
+"""
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import NDArray
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import NIL
+from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
+from automaton.strategy.kernels import kernel
 from strategies.allocation.auction.market import BID_SCALE, INF_COST, cheapest_insertion, insert
 from strategies.allocation.auction.quotes import clear_counts, quote_list, settle
 
-Array = NDArray[Any]
-
 MAX_BUNDLE_TASKS: Final = 12  # 2^12 bundles for each robot, 3^12 ways to split them between two
 MAX_BUNDLE_ROBOTS: Final = 16
-MAX_GENERATIONS: Final = 1000
+INFEASIBLE = (1 << 31) - 1  # ticks of a path that there is not
 
 
 class Bundles(Struct, role=SCRATCH):
     """Every subset S of n tasks, as a number with bit k for item k, and every one of R robots."""
 
-    cost: Array = field("(R, 2^n) int64", "ticks of the bundle; INF: not feasible")
+    cost: Array = field("(R, 2^n) int64", "ticks of the bundle; INF_COST: not feasible")
     best: Array = field("(R, 2^n) int64", "the best that robots 0..r make of S, by the objective")
     part: Array = field("(R, 2^n) int32", "what robot r takes of S then")
     ends: Array = field(
@@ -37,17 +39,6 @@ class Bundles(Struct, role=SCRATCH):
     most: Array = field("(R + 1,) int64", "scratch")
 
 
-class Population(Struct, role=SCRATCH):
-    """N individuals: which of R robots does each of n items; and the lists to begin with."""
-
-    genes: Array = field("(N, n) int32")
-    children: Array = field("(N, n) int32")
-    fitness: Array = field("(N,) int64", "the objective; smaller is better")
-    rank: Array = field("(N,) int32", "individuals from the best to the worst")
-    order: Array = field("(R, L) int32", "the robots' lists before the auction")
-    length: Array = field("(R,) int32")
-
-
 def bundles_for(robots: int, tasks: int) -> Bundles:
     """Raises InputError for sizes that cannot be done."""
     if tasks > MAX_BUNDLE_TASKS or robots > MAX_BUNDLE_ROBOTS:
@@ -58,21 +49,24 @@ def bundles_for(robots: int, tasks: int) -> Bundles:
     return Bundles.sized({"R": robots, "n": tasks, "2^n": 1 << tasks})
 
 
-def population_for(robots: int, tasks: int, longest: int) -> Population:
-    """Ten individuals for each robot."""
-    return Population.sized({"N": 10 * robots, "n": tasks, "R": robots, "L": longest})
-
-
-def generations(robots: int, tasks: int) -> int:
-    """Ten times the number of allotments, at most 1,000 (De Ryck et al.)."""
-    allotments: int = robots**tasks
-    return min(MAX_GENERATIONS, 10 * allotments)
-
-
-# Combinatorial auctions: every robot bids for every bundle, and the bundles are split at the best.
-#
-# Bids for bundles come from insertion in the order of items (the best of all m^n allotments then) or
-# from Held & Karp's shortest paths (the optimum over all sequences then). Splitting takes O(m 3^n).
+@kernel
+def combinatorial(costs, battery, fleet, scratch, bundles, items, count, epsilon):
+    """Bids by insertion for all bundles, split at the best, and awarded; the objective, or INF_COST."""
+    clear_counts(scratch)
+    robots = fleet.place.shape[0]
+    bid_by_insertion(costs, battery, fleet, scratch, bundles, items, count)
+    value = determine_winners(bundles, robots, count, epsilon)
+    if value >= INF_COST:
+        return value
+    for r in range(robots):
+        length = build_list(costs, fleet, scratch, items, count, r, np.int64(bundles.chosen[r]))
+        for i in range(length):
+            fleet.order[r, i] = scratch.order[i]
+        fleet.length[r] = length
+        settle(costs, battery, fleet, scratch, r)
+    record_sales(bundles, scratch, robots, count)
+    scratch.count.messages[0] = robots * count + scratch.count.bids[0] + robots
+    return value
 
 
 @kernel
@@ -199,26 +193,6 @@ def tried_bundle(bundles, r, robots):
 
 
 @kernel
-def combinatorial(costs, battery, fleet, scratch, bundles, items, count, epsilon):
-    """Bids by insertion for all bundles, split at the best, and awarded; the objective, or INF_COST."""
-    clear_counts(scratch)
-    robots = fleet.place.shape[0]
-    bid_by_insertion(costs, battery, fleet, scratch, bundles, items, count)
-    value = determine_winners(bundles, robots, count, epsilon)
-    if value >= INF_COST:
-        return value
-    for r in range(robots):
-        length = build_list(costs, fleet, scratch, items, count, r, np.int64(bundles.chosen[r]))
-        for i in range(length):
-            fleet.order[r, i] = scratch.order[i]
-        fleet.length[r] = length
-        settle(costs, battery, fleet, scratch, r)
-    record_sales(bundles, scratch, robots, count)
-    scratch.count.messages[0] = robots * count + scratch.count.bids[0] + robots
-    return value
-
-
-@kernel
 def record_sales(bundles, scratch, robots, count):
     """scratch.sold by the bundles that are chosen."""
     for k in range(count):
@@ -232,37 +206,23 @@ def record_sales(bundles, scratch, robots, count):
 # A path starts where the robot is and ends at any of its tasks; robots begin with empty lists.
 
 
-INFEASIBLE = (1 << 31) - 1
-
-
 @kernel
-def shortest_paths(costs, bundles, place, items, count):
-    """bundles.ends[S, k] = ticks of the shortest path from `place` through S that ends with item k."""
-    for k in range(count):
-        task = np.int64(items[k])
-        for subset in range(1 << count):
-            bundles.ends[subset, k] = INFEASIBLE
-        bundles.ends[1 << k, k] = (
-            costs.ticks[costs.robot_type[0], place, costs.begin[task]]
-            + costs.inside[costs.robot_type[0], task]
-        )
-    for subset in range(1, 1 << count):
-        for k in range(count):
-            ticks = np.int64(bundles.ends[subset, k])
-            if ticks == INFEASIBLE:
-                continue
-            here = np.int64(costs.end[items[k]])
-            for j in range(count):
-                if (subset >> j) & 1 == 1:
-                    continue
-                task = np.int64(items[j])
-                then = (
-                    ticks
-                    + costs.ticks[costs.robot_type[0], here, costs.begin[task]]
-                    + costs.inside[costs.robot_type[0], task]
-                )
-                if then < bundles.ends[subset | (1 << j), j]:
-                    bundles.ends[subset | (1 << j), j] = then
+def exact(costs, battery, fleet, scratch, bundles, items, count, epsilon):
+    """Give every robot the list of the optimum, from empty lists; returns the objective, or INF_COST."""
+    robots = fleet.place.shape[0]
+    clear_counts(scratch)
+    bid_by_shortest_paths(costs, fleet, bundles, items, count)
+    value = determine_winners(bundles, robots, count, epsilon)
+    if value >= INF_COST:
+        return value
+    for r in range(robots):
+        costs.robot_type[0] = fleet.robot_type[r]
+        shortest_paths(costs, bundles, np.int64(fleet.place[r]), items, count)
+        chosen = np.int64(bundles.chosen[r])
+        fleet.length[r] = write_path(costs, bundles, items, count, chosen, fleet.order[r])
+        settle(costs, battery, fleet, scratch, r)
+    record_sales(bundles, scratch, robots, count)
+    return value
 
 
 @kernel
@@ -283,6 +243,30 @@ def bid_by_shortest_paths(costs, fleet, bundles, items, count):
                         size = fleet.capacity[r] + 1
             too_many = size > fleet.capacity[r]
             bundles.cost[r, subset] = INF_COST if too_many else fleet.ready[r] + least
+
+
+@kernel
+def shortest_paths(costs, bundles, place, items, count):
+    """bundles.ends[S, k] = ticks of the shortest path from `place` through S that ends with item k."""
+    ticks_to, inside = costs.ticks[costs.robot_type[0]], costs.inside[costs.robot_type[0]]
+    for k in range(count):
+        task = np.int64(items[k])
+        for subset in range(1 << count):
+            bundles.ends[subset, k] = INFEASIBLE
+        bundles.ends[1 << k, k] = ticks_to[place, costs.begin[task]] + inside[task]
+    for subset in range(1, 1 << count):
+        for k in range(count):
+            ticks = np.int64(bundles.ends[subset, k])
+            if ticks == INFEASIBLE:
+                continue
+            here = np.int64(costs.end[items[k]])
+            for j in range(count):
+                if (subset >> j) & 1 == 1:
+                    continue
+                task = np.int64(items[j])
+                then = ticks + ticks_to[here, costs.begin[task]] + inside[task]
+                if then < bundles.ends[subset | (1 << j), j]:
+                    bundles.ends[subset | (1 << j), j] = then
 
 
 @kernel
@@ -309,22 +293,3 @@ def write_path(costs, bundles, items, count, subset, order):
         order[at] = after
         left ^= np.int64(1) << item
     return length
-
-
-@kernel
-def exact(costs, battery, fleet, scratch, bundles, items, count, epsilon):
-    """Give every robot the list of the optimum, from empty lists; returns the objective, or INF_COST."""
-    robots = fleet.place.shape[0]
-    clear_counts(scratch)
-    bid_by_shortest_paths(costs, fleet, bundles, items, count)
-    value = determine_winners(bundles, robots, count, epsilon)
-    if value >= INF_COST:
-        return value
-    for r in range(robots):
-        costs.robot_type[0] = fleet.robot_type[r]
-        shortest_paths(costs, bundles, np.int64(fleet.place[r]), items, count)
-        chosen = np.int64(bundles.chosen[r])
-        fleet.length[r] = write_path(costs, bundles, items, count, chosen, fleet.order[r])
-        settle(costs, battery, fleet, scratch, r)
-    record_sales(bundles, scratch, robots, count)
-    return value

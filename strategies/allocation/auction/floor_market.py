@@ -11,9 +11,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import DERIVED, SCRATCH, Struct, field
 from automaton.engine.robot_states import BATTERY_FULL, STATUS_UP
 from automaton.engine.state import (
@@ -24,6 +22,7 @@ from automaton.engine.state import (
     GOAL_CHARGE,
     GOAL_PICK,
     NIL,
+    Array,
 )
 from automaton.strategy.kernels import (
     charging_ticks,
@@ -32,23 +31,22 @@ from automaton.strategy.kernels import (
     end_of_stops,
     first_cell,
     headings_of,
+    kernel,
     pickup_cell,
     with_load,
     without_load,
 )
 from strategies.allocation.auction.market import (
     INF_COST,
-    Battery,
-    Fleet,
-    Scratch,
+    AuctionScratch,
+    BatteryRules,
+    FleetLists,
     TaskCosts,
     battery_of,
     deliveries,
     fleet_of,
     scratch_for,
 )
-
-Array = NDArray[Any]
 
 CAPPED = 1 << 29  # ticks to what cannot be reached: two of them still fit an int32
 CAPPED_ENERGY = 1 << 50  # units of charge for it
@@ -58,9 +56,9 @@ class FloorMarket(Struct, role=SCRATCH):
     """A market over a world: R robots, T tasks, C chargers, K types; P = R + C + 2 T places."""
 
     costs: TaskCosts
-    battery: Battery
-    fleet: Fleet
-    scratch: Scratch
+    battery: BatteryRules
+    fleet: FleetLists
+    scratch: AuctionScratch
     robot: Array = field("(R,) int32", "storage index of each robot")
     cell: Array = field(
         "(K, P) int32", "places are served from other cells by other types of robots", role=DERIVED
@@ -106,87 +104,7 @@ def make_floor_market(
     )
 
 
-@kernel
-def longest_way(view, workspace, robot_type, start, end):
-    """Ticks of robots of a type from one cell to another in the worst heading at the start."""
-    most = 0
-    for heading in range(view.grid.headings):
-        most = max(most, distance(view, workspace, robot_type, start, heading, end))
-    return min(most, CAPPED)
-
-
-@kernel
-def way_from(view, workspace, i, end):
-    """Ticks from where robot i is, as it stands there."""
-    robots = view.robots
-    start, heading = first_cell(robots, i), np.int64(robots.heading[i])
-    return min(distance(view, workspace, robots.type[i], start, heading, end), CAPPED)
-
-
-@kernel
-def destination(view, order):
-    """The slot to which an order is brought; a pod goes back to where it stands, or stood first."""
-    target = np.int64(view.orders.target[order])
-    if view.trips.pod.shape[0] == 0:
-        return target
-    slot = np.int64(view.orders.current_slot[order])
-    return np.int64(view.pods.home[view.trips.pod[order]]) if slot == NIL else slot
-
-
-@kernel
-def way_with_load(view, workspace, robot_type, order, start, end):
-    """Ticks of robots of a type, with the load of an order, over the stops that are left to a cell."""
-    ticks, here = np.int64(0), start
-    if view.trips.pod.shape[0]:
-        first = np.int64(view.orders.first_stop[order]) + np.int64(view.orders.stops_done[order])
-        for stop in range(first, end_of_stops(view, order)):
-            to = np.int64(view.stops.cell[stop])
-            ticks += longest_way(view, workspace, robot_type, here, to) + view.stops.ticks[stop]
-            here = to
-    return min(ticks + longest_way(view, workspace, robot_type, here, end), CAPPED)
-
-
-@kernel
-def rate_of_driving(view, robot_type, loaded):
-    """Units that a tick on the way takes robots of a type at most."""
-    rate = np.int64(view.rules.drain[robot_type, ACTION_MOVE, loaded])
-    if headings_of(view.grid, robot_type) > 1:
-        rate = max(rate, np.int64(view.rules.drain[robot_type, ACTION_TURN, loaded]))
-    return rate
-
-
-@kernel
-def enter_task(view, workspace, market, robot_type, task, order):
-    """Task number `task` of the site is to carry this order to its target, by robots of a type."""
-    costs, duration, drain = (
-        market.costs,
-        view.rules.duration[robot_type],
-        view.rules.drain[robot_type],
-    )
-    slot, target = np.int64(view.orders.current_slot[order]), destination(view, order)
-    drops = slot != target or view.trips.pod.shape[0] > 0  # a visit ends where it is picked up
-    if view.service_zones.queue.shape[0] and dropoff_cell(view, robot_type, target, NIL) == NIL:
-        target = np.int64(view.service_zones.next_slot[order])  # the robot hands it over there
-    begin = pickup_cell(view, robot_type, slot, NIL)  # it is not known yet from where a robot comes
-    end = begin
-    if slot != target and target != NIL:
-        end = dropoff_cell(view, robot_type, target, begin)
-    market.order[task] = order
-    market.cell[robot_type, costs.begin[task]] = begin
-    market.cell[robot_type, costs.end[task]] = end
-    if begin == NIL or end == NIL:
-        costs.inside[robot_type, task] = CAPPED
-        costs.use[robot_type, task] = CAPPED_ENERGY
-        return
-    carrying = with_load(view, robot_type)
-    drive = way_with_load(view, workspace, carrying, order, begin, end) if drops else 0
-    loaded = rate_of_driving(view, robot_type, 1)
-    picking, dropping = np.int64(duration[ACTION_PICK]), np.int64(duration[ACTION_DROP])
-    costs.inside[robot_type, task] = min(drive + picking + (dropping if drops else 0), CAPPED)
-    energy = drive * loaded + max(picking, 1) * drain[ACTION_PICK, 0]
-    if drops:
-        energy += max(dropping, 1) * drain[ACTION_DROP, 1]
-    costs.use[robot_type, task] = min(energy, CAPPED_ENERGY)
+# Robots and tasks.
 
 
 @kernel
@@ -242,43 +160,56 @@ def enter_robot(view, workspace, market, r, i):
 
 
 @kernel
-def ticks_to_level(view, j):
-    """Ticks at a charger until robot j has the charge that it was sent there for."""
-    robots = view.robots
-    return charging_ticks(
-        view.rules.curve[robots.type[j]],
-        np.int64(robots.charge[j]),
-        np.int64(robots.charge_target[j]),
-    )
+def enter_task(view, workspace, market, robot_type, task, order):
+    """Task number `task` of the site is to carry this order to its target, by robots of a type."""
+    costs = market.costs
+    duration, drain = view.rules.duration[robot_type], view.rules.drain[robot_type]
+    slot, target = np.int64(view.orders.current_slot[order]), destination(view, order)
+    drops = slot != target or view.trips.pod.shape[0] > 0  # a visit ends where it is picked up
+    if view.service_zones.queue.shape[0] and dropoff_cell(view, robot_type, target, NIL) == NIL:
+        target = np.int64(view.service_zones.next_slot[order])  # the robot hands it over there
+    begin = pickup_cell(view, robot_type, slot, NIL)  # it is not known yet from where a robot comes
+    end = begin
+    if slot != target and target != NIL:
+        end = dropoff_cell(view, robot_type, target, begin)
+    market.order[task] = order
+    market.cell[robot_type, costs.begin[task]] = begin
+    market.cell[robot_type, costs.end[task]] = end
+    if begin == NIL or end == NIL:
+        costs.inside[robot_type, task] = CAPPED
+        costs.use[robot_type, task] = CAPPED_ENERGY
+        return
+    carrying = with_load(view, robot_type)
+    drive = way_with_load(view, workspace, carrying, order, begin, end) if drops else 0
+    loaded = rate_of_driving(view, robot_type, 1)
+    picking, dropping = np.int64(duration[ACTION_PICK]), np.int64(duration[ACTION_DROP])
+    costs.inside[robot_type, task] = min(drive + picking + (dropping if drops else 0), CAPPED)
+    energy = drive * loaded + max(picking, 1) * drain[ACTION_PICK, 0]
+    if drops:
+        energy += max(dropping, 1) * drain[ACTION_DROP, 1]
+    costs.use[robot_type, task] = min(energy, CAPPED_ENERGY)
 
 
 @kernel
-def charging_queue_ticks(view, i):
-    """How long robot i waits for those that charge at its charger, or queue before it."""
-    robots = view.robots
-    charger = view.chargers.charger_at[robots.goal_cell[i]]
-    ticks, before = np.int64(0), 0
-    for j in range(robots.cell.shape[0]):
-        if (
-            j == i
-            or robots.goal_type[j] != GOAL_CHARGE
-            or robots.goal_cell[j] != robots.goal_cell[i]
-        ):
-            continue
-        there = robots.cell[j] == robots.goal_cell[j]
-        earlier = robots.ticket[j] != 0 and (
-            robots.ticket[i] == 0 or robots.ticket[j] < robots.ticket[i]
-        )
-        if robots.charging_interruptible[j] == 0 and (there or earlier):
-            ticks += ticks_to_level(view, j)
-            before += 1
-    return shared_wait(ticks, before, np.int64(view.chargers.places[charger]))
+def destination(view, order):
+    """The slot to which an order is brought; a pod goes back to where it stands, or stood first."""
+    target = np.int64(view.orders.target[order])
+    if view.trips.pod.shape[0] == 0:
+        return target
+    slot = np.int64(view.orders.current_slot[order])
+    return np.int64(view.pods.home[view.trips.pod[order]]) if slot == NIL else slot
 
 
 @kernel
-def shared_wait(ticks, robots, places):
-    """How long a robot waits for so many others that need these ticks in all, sharing places."""
-    return np.int64(0) if robots < places else ticks // places
+def rate_of_driving(view, robot_type, loaded):
+    """Units that a tick on the way takes robots of a type at most."""
+    rate = np.int64(view.rules.drain[robot_type, ACTION_MOVE, loaded])
+    if headings_of(view.grid, robot_type) > 1:
+        rate = max(rate, np.int64(view.rules.drain[robot_type, ACTION_TURN, loaded]))
+    return rate
+
+
+# Ways.
 
 
 @kernel
@@ -316,6 +247,39 @@ def measure_distances(view, workspace, market, robot_type, robots, tasks):
 
 
 @kernel
+def way_from(view, workspace, i, end):
+    """Ticks from where robot i is, as it stands there."""
+    robots = view.robots
+    start, heading = first_cell(robots, i), np.int64(robots.heading[i])
+    return min(distance(view, workspace, robots.type[i], start, heading, end), CAPPED)
+
+
+@kernel
+def way_with_load(view, workspace, robot_type, order, start, end):
+    """Ticks of robots of a type, with the load of an order, over the stops that are left to a cell."""
+    ticks, here = np.int64(0), start
+    if view.trips.pod.shape[0]:
+        first = np.int64(view.orders.first_stop[order]) + np.int64(view.orders.stops_done[order])
+        for stop in range(first, end_of_stops(view, order)):
+            to = np.int64(view.stops.cell[stop])
+            ticks += longest_way(view, workspace, robot_type, here, to) + view.stops.ticks[stop]
+            here = to
+    return min(ticks + longest_way(view, workspace, robot_type, here, end), CAPPED)
+
+
+@kernel
+def longest_way(view, workspace, robot_type, start, end):
+    """Ticks of robots of a type from one cell to another in the worst heading at the start."""
+    most = 0
+    for heading in range(view.grid.headings):
+        most = max(most, distance(view, workspace, robot_type, start, heading, end))
+    return min(most, CAPPED)
+
+
+# Queues at chargers.
+
+
+@kernel
 def count_queues(view, market):
     """Count who was sent to each charger before, and the ticks that they need there."""
     robots = view.robots
@@ -345,3 +309,41 @@ def enter_waits(view, market):
     for c in range(market.battery.wait.shape[0]):
         places = np.int64(view.chargers.places[c])
         market.battery.wait[c] = shared_wait(market.ticks[c], market.before[c], places)
+
+
+@kernel
+def shared_wait(ticks, robots, places):
+    """How long a robot waits for so many others that need these ticks in all, sharing places."""
+    return np.int64(0) if robots < places else ticks // places
+
+
+@kernel
+def charging_queue_ticks(view, i):
+    """How long robot i waits for those that charge at its charger, or queue before it."""
+    robots = view.robots
+    charger = view.chargers.charger_at[robots.goal_cell[i]]
+    ticks, before = np.int64(0), 0
+    for j in range(robots.cell.shape[0]):
+        if j == i or robots.goal_type[j] != GOAL_CHARGE:
+            continue
+        if robots.goal_cell[j] != robots.goal_cell[i]:
+            continue
+        there = robots.cell[j] == robots.goal_cell[j]
+        earlier = robots.ticket[j] != 0 and (
+            robots.ticket[i] == 0 or robots.ticket[j] < robots.ticket[i]
+        )
+        if robots.charging_interruptible[j] == 0 and (there or earlier):
+            ticks += ticks_to_level(view, j)
+            before += 1
+    return shared_wait(ticks, before, np.int64(view.chargers.places[charger]))
+
+
+@kernel
+def ticks_to_level(view, j):
+    """Ticks at a charger until robot j has the charge that it was sent there for."""
+    robots = view.robots
+    return charging_ticks(
+        view.rules.curve[robots.type[j]],
+        np.int64(robots.charge[j]),
+        np.int64(robots.charge_target[j]),
+    )

@@ -9,17 +9,15 @@ Times are whole ticks. Energy is counted in units: BATTERY_FULL units are 100 %.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
 from automaton.engine.robot_states import BATTERY_FULL
-from automaton.engine.state import NIL
-
-Array = NDArray[Any]
+from automaton.engine.state import NIL, Array
+from automaton.strategy.kernels import kernel
 
 INF_COST: Final = 1 << 60  # a cost or bid that stands for "not at all"
 BID_SCALE: Final = 1000  # epsilon is counted in thousandths; so are bids: 1000 of them are a tick
@@ -29,10 +27,8 @@ POLICY_NO_CHARGING: Final = 0  # batteries never run empty
 POLICY_HIERARCHICAL: Final = 1  # insert the task where it is cheapest, then plan the charging
 POLICY_JOINT: Final = 2  # insert the task where it is cheapest with its charging
 POLICY_FILL_UP: Final = 3  # as hierarchical, but charge up to the target
-# threshold: charge fully before a task that would end below the threshold
-POLICY_THRESHOLD: Final = 4
-# as POLICY_THRESHOLD, and before a task from whose end no charger could be reached
-POLICY_THRESHOLD_REACHABLE: Final = 5
+POLICY_THRESHOLD: Final = 4  # charge fully before a task that would end below the threshold
+POLICY_THRESHOLD_REACHABLE: Final = 5  # and before one from whose end no charger could be reached
 
 
 class TaskCosts(Struct, role=SCRATCH):
@@ -47,7 +43,7 @@ class TaskCosts(Struct, role=SCRATCH):
     use: Array = field("(K, T) int64", "units from begin to end")
 
 
-class Battery(Struct, role=SCRATCH):
+class BatteryRules(Struct, role=SCRATCH):
     """The rules of energy, the same for all robots; C chargers."""
 
     robot_type: Array = field("(1,) int64", "the robot type whose rows count")
@@ -56,7 +52,7 @@ class Battery(Struct, role=SCRATCH):
     nearest: Array = field(
         "(K, P) int32", "the charger that takes least energy to reach; NIL: none"
     )
-    reach: Array = field("(K, P) int64", "units to it; INF: none")
+    reach: Array = field("(K, P) int64", "units to it; INF_COST: none")
     curve: Array = field(
         "(K, pieces, 2) int32",
         "of each piece the level from which it holds, and units per tick",
@@ -67,11 +63,11 @@ class Battery(Struct, role=SCRATCH):
         "int64", "1: at the end of a list a charger can still be reached (never strand)"
     )
     policy: int = field("int64")
-    threshold: int = field("int64", "units, of LOOK and SAFE")
-    target: int = field("int64", "units, of FILL_UP")
+    threshold: int = field("int64", "units, of POLICY_THRESHOLD and POLICY_THRESHOLD_REACHABLE")
+    target: int = field("int64", "units, of POLICY_FILL_UP")
 
 
-class Fleet(Struct, role=SCRATCH):
+class FleetLists(Struct, role=SCRATCH):
     """R robots and their lists of at most L tasks."""
 
     robot_type: Array = field("(R,) uint8", "the robot's type")
@@ -86,7 +82,7 @@ class Fleet(Struct, role=SCRATCH):
     travel: Array = field("(R,) int64", "ticks of the list without charging")
     energy: Array = field("(R,) int64", "units of the list without charging")
     cost: Array = field(
-        "(R,) int64", "ticks until the list is done, charging included; INF: it cannot be"
+        "(R,) int64", "ticks until the list is done, charging included; INF_COST: it cannot be"
     )
 
 
@@ -110,10 +106,10 @@ class ChargingPlan(Struct, role=SCRATCH):
 
 
 class PathSearch(Struct, role=SCRATCH):
-    """A search for the stops of a list (strategies.allocation.auction.charging)."""
+    """A search for the stops of a list (strategies.allocation.auction.quotes)."""
 
     ready: Array = field("(1,) int64", "ticks until the robot sets out: set by the quote")
-    nodes: Array = field("(1,) int64", "stops to go on from: Scratch.node[:nodes]")
+    nodes: Array = field("(1,) int64", "stops to go on from: scratch.node[:nodes]")
     last: Array = field("(1,) int64", "the last stop of the best path so far, or NIL")
     best: Array = field("(1,) int64", "its weight")
     ticks_to_stop: Array = field("(1,) int64", "ticks from the task before to that stop")
@@ -122,7 +118,7 @@ class PathSearch(Struct, role=SCRATCH):
     rest_energy: Array = field("(1,) int64", "and of the way to a charger at its end")
 
 
-class Counts(Struct, role=SCRATCH):
+class AuctionCounts(Struct, role=SCRATCH):
     """What an auction has taken."""
 
     bids: Array = field("(1,) int64", "bids computed")
@@ -134,7 +130,7 @@ class Counts(Struct, role=SCRATCH):
     )
 
 
-class Scratch(Struct, role=SCRATCH):
+class AuctionScratch(Struct, role=SCRATCH):
     """What bids are computed in; contents never decide anything between calls, except `sold`."""
 
     order: Array = field("(L + 1,) int32", "a list that is tried")
@@ -160,7 +156,7 @@ class Scratch(Struct, role=SCRATCH):
     lowest_bidder: Array = field("(T,) int32", "the robot with the lowest")
     needs_update: Array = field("(T,) uint8", "1 = the five above are to be found again")
     sold: Array = field("(T,) int32", "who won the item, or NIL")
-    count: Counts
+    count: AuctionCounts
     plan: ChargingPlan
 
 
@@ -207,7 +203,7 @@ def battery_of(
     policy: int = POLICY_NO_CHARGING,
     threshold: int = 0,
     target: int = BATTERY_FULL,
-) -> Battery:
+) -> BatteryRules:
     """energy: (P, P) units, or (K, P, P); chargers: their places; curve: (from units, units per tick).
 
     `curve`: (pieces, 2), or (K, pieces, 2); `reserve`: one number, or (K,).
@@ -217,7 +213,7 @@ def battery_of(
     at, pieces = np.asarray(chargers, np.int32), np.asarray(curve, np.int32)
     to = between[:, :, at]
     none, shape = at.size == 0, between.shape[:2]
-    return Battery.sized(
+    return BatteryRules.sized(
         charger=at,
         nearest=np.full(shape, -1, np.int32) if none else to.argmin(2).astype(np.int32),
         reach=np.full(shape, INF_COST, np.int64) if none else to.min(2),
@@ -232,12 +228,12 @@ def battery_of(
 
 def fleet_of(
     places: ArrayLike, tasks: int, charge: ArrayLike = BATTERY_FULL, longest: int | None = None
-) -> Fleet:
+) -> FleetLists:
     """Robots at these places with empty lists, at most `longest` tasks in each."""
     at = np.asarray(places, np.int32).copy()
     robots = len(at)
     most = tasks if longest is None else longest
-    return Fleet.sized(
+    return FleetLists.sized(
         {"L": most},
         place=at,
         charge=np.full(robots, charge, np.int32),
@@ -246,19 +242,17 @@ def fleet_of(
     )
 
 
-def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Scratch:
+def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> AuctionScratch:
     """Room for auctions of so many tasks among so many robots with lists of at most `longest`."""
     stops = (longest + 1) * max(chargers, 1) + longest + 2
     sizes = {"R": robots, "T": tasks, "L": longest, "C": chargers, "S": stops}
-    return Scratch.sized(
-        sizes, path=PathSearch.sized(), count=Counts.sized(), plan=ChargingPlan.sized(sizes)
+    return AuctionScratch.sized(
+        sizes, path=PathSearch.sized(), count=AuctionCounts.sized(), plan=ChargingPlan.sized(sizes)
     )
 
 
-# Cheapest insertion into an open path: where a task adds the fewest ticks to a list.
-#
-# A task is inserted as a whole: one that is picked up and delivered takes its inner way along, and
-# the pair stays together, because a robot carries one load.
+# Cheapest insertion into an open path: where a task adds the fewest ticks to a list. A task is inserted
+# as a whole: its inner way comes along, because a robot carries one load.
 
 
 @kernel

@@ -1,13 +1,17 @@
-"""Improvement of lists after an auction: relocate a task, swap two, reverse a stretch (2-opt).
+"""Lists made better than an auction leaves them: local search, and the genetic algorithm.
 
-A move is taken as soon as it makes the objective smaller, or leaves it equal and makes the sum of
-all costs smaller; the search ends when no move does.
+The objective is epsilon x the sum of the robots' costs + (1 - epsilon) x the largest of them.
 """
+
+from __future__ import annotations
+
+from typing import Final
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
-from automaton.strategy.kernels import random_between
+from automaton.engine.jit.structs import SCRATCH, Struct, field
+from automaton.engine.state import Array
+from automaton.strategy.kernels import kernel, random_between
 from strategies.allocation.auction.market import (
     BID_SCALE,
     INF_COST,
@@ -16,7 +20,28 @@ from strategies.allocation.auction.market import (
     remove,
 )
 from strategies.allocation.auction.quotes import clear_counts, quote_list, settle
-from strategies.allocation.auction.sequential import objective
+
+STREAM_GENES = 15  # of random draws; each stream has a number of its own
+CHILD_ADDRESSES = 8  # addresses of a child besides those of its genes
+# addresses of an auction: one for each generation, of which there are fewer
+AUCTION_ADDRESSES = 1 << 20
+MAX_GENERATIONS: Final = 1000
+
+
+@kernel
+def objective(fleet, epsilon):
+    """epsilon x the sum of the costs + (1 - epsilon) x the largest, in thousandths; or INF_COST."""
+    total, most = np.int64(0), np.int64(0)
+    for r in range(fleet.cost.shape[0]):
+        if fleet.cost[r] >= INF_COST:
+            return np.int64(INF_COST)
+        total += fleet.cost[r]
+        most = max(most, fleet.cost[r])
+    return epsilon * total + (1000 - epsilon) * most
+
+
+# Local search: relocate a task, swap two, reverse a stretch (2-opt). A move is taken as soon as it
+# makes the objective smaller, or leaves it equal and makes the sum of all costs smaller.
 
 
 @kernel
@@ -184,11 +209,26 @@ def replace(fleet, r, i, task, position):
 # number of the auction with the generation, and the child.
 
 
-STREAM_GENES = 15  # of random draws; each stream has a number of its own
+class AllotmentPopulation(Struct, role=SCRATCH):
+    """N individuals: which of R robots does each of n items; and the lists to begin with."""
 
-CHILD_ADDRESSES = 8  # addresses of a child besides those of its genes
-# addresses of an auction: one for each generation, of which there are fewer
-AUCTION_ADDRESSES = 1 << 20
+    genes: Array = field("(N, n) int32")
+    children: Array = field("(N, n) int32")
+    fitness: Array = field("(N,) int64", "the objective; smaller is better")
+    rank: Array = field("(N,) int32", "individuals from the best to the worst")
+    order: Array = field("(R, L) int32", "the robots' lists before the auction")
+    length: Array = field("(R,) int32")
+
+
+def population_for(robots: int, tasks: int, longest: int) -> AllotmentPopulation:
+    """Ten individuals for each robot."""
+    return AllotmentPopulation.sized({"N": 10 * robots, "n": tasks, "R": robots, "L": longest})
+
+
+def generations(robots: int, tasks: int) -> int:
+    """Ten times the number of allotments, at most 1,000 (De Ryck et al.)."""
+    allotments: int = robots**tasks
+    return min(MAX_GENERATIONS, 10 * allotments)
 
 
 @kernel

@@ -1,29 +1,14 @@
-"""One charging stop, found by trying every position and charger: for tapering curves and fill-up.
+"""What a list costs with its charging, and where the robot charges: the quote that a bid rests on.
 
-With a taper the time to charge depends on the level at which it begins, so each candidate's time is
-read off the curve. Fill-up charges to the target and credits what is left at the end:
-
-    score = ticks - (level at the end - reserve) / rate of the curve's first piece
-
-Ties: fewer ticks from the task before to the charger, then the later position.
+A list is feasible without a stop if the level never falls below the reserve. Otherwise its policy
+says where the robot charges; ways are shortest ways, so a detour never saves time or energy.
 """
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import NIL
-from automaton.strategy.kernels import CURVE_RATE, charging_ticks, level_after
-from strategies.allocation.auction.charging import (
-    add_detours,
-    clear,
-    energy_to_charger,
-    fits,
-    plan_charging,
-    plan_threshold,
-    stop_at,
-    waiting_at,
-)
+from automaton.strategy.kernels import CURVE_RATE, charging_ticks, kernel, level_after
 from strategies.allocation.auction.market import (
     INF_COST,
     POLICY_FILL_UP,
@@ -37,123 +22,6 @@ from strategies.allocation.auction.market import (
     measure,
     place_before,
 )
-
-
-@kernel
-def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill):
-    """Leave the best plan with at most one stop in scratch.plan; several stops where one cannot do.
-
-    fill: 1 = fill up to battery.target. Returns the ticks of the list, or INF_COST.
-    """
-    clear(scratch, charge, length)
-    if length == 0 or fits(
-        battery, charge, scratch.done_energy[length], np.int64(costs.end[order[length - 1]])
-    ):
-        return scratch.plan.cost[0]
-    position, charger = find_stop(costs, battery, scratch, place, charge, order, length, fill)
-    if position == NIL:
-        return plan_charging(costs, battery, scratch, place, charge, order, length)
-    scratch.count.plans[0] += 1
-    plan = scratch.plan
-    plan.stops[0] = 1
-    plan.position[0] = position
-    plan.charger[0] = charger
-    at = np.int64(battery.charger[charger])
-    before = place_before(costs, place, order, position)
-    after = np.int64(costs.begin[order[position]])
-    arrival = charge - scratch.done_energy[position] - costs.energy[costs.robot_type[0], before, at]
-    rest = (
-        costs.energy[costs.robot_type[0], at, after]
-        + scratch.done_energy[length]
-        - scratch.begun_energy[position]
-    )
-    tail = energy_to_charger(battery, costs.end[order[length - 1]])
-    plan.cost[0] += (
-        costs.ticks[costs.robot_type[0], before, at] + costs.ticks[costs.robot_type[0], at, after]
-    )
-    plan.cost[0] -= costs.ticks[costs.robot_type[0], before, after]
-    wait = waiting_at(
-        battery,
-        scratch,
-        charger,
-        scratch.done_ticks[position] + costs.ticks[costs.robot_type[0], before, at],
-    )
-    goal = goal_of(battery, arrival, rest + tail, fill)
-    level = stop_at(battery, plan, 0, arrival, goal, wait)
-    plan.end_charge[0] = level - rest
-    plan.lowest_charge[0] = min(arrival, level - rest)
-    add_detours(costs, battery, scratch, place, order)
-    return plan.cost[0]
-
-
-@kernel
-def goal_of(battery, arrival, rest, fill):
-    """The level to charge to: what the rest needs, and when filling up at least the target."""
-    goal = max(np.int64(arrival), rest + battery.reserve[battery.robot_type[0]])
-    return max(goal, np.int64(battery.target)) if fill == 1 else goal
-
-
-@kernel
-def find_stop(costs, battery, scratch, place, charge, order, length, fill):
-    """(position, charger) of the best single stop, or (NIL, NIL)."""
-    tail = energy_to_charger(battery, costs.end[order[length - 1]])
-    reserve = np.int64(battery.reserve[battery.robot_type[0]])
-    curve = battery.curve[battery.robot_type[0]]
-    rate = np.int64(curve[0, CURVE_RATE])
-    best, nearest = np.int64(INF_COST), np.int64(INF_COST)
-    position, charger = np.int64(NIL), np.int64(NIL)
-    if tail >= INF_COST:
-        return position, charger
-    for i in range(length):
-        before = place_before(costs, place, order, i)
-        after = np.int64(costs.begin[order[i]])
-        scratch.count.states[0] += battery.charger.shape[0]
-        for c in range(battery.charger.shape[0]):
-            at = np.int64(battery.charger[c])
-            into = np.int64(costs.ticks[costs.robot_type[0], before, at])
-            arrival = (
-                charge - scratch.done_energy[i] - costs.energy[costs.robot_type[0], before, at]
-            )
-            rest = (
-                costs.energy[costs.robot_type[0], at, after]
-                + scratch.done_energy[length]
-                - scratch.begun_energy[i]
-            )
-            if arrival < reserve or rest + tail + reserve > BATTERY_FULL:
-                continue
-            goal = goal_of(battery, arrival, rest + tail, fill)
-            duration = charging_ticks(curve, arrival, goal)
-            ticks = scratch.done_ticks[length] + into + costs.ticks[costs.robot_type[0], at, after]
-            ticks += duration - costs.ticks[costs.robot_type[0], before, after]
-            ticks += waiting_at(battery, scratch, np.int64(c), scratch.done_ticks[i] + into)
-            score = rate * ticks
-            if fill == 1:
-                score -= level_after(curve, arrival, duration, BATTERY_FULL) - rest - reserve
-            later = into == nearest and i > position
-            if score < best or (score == best and (into < nearest or later)):
-                best, nearest, position, charger = score, into, np.int64(i), np.int64(c)
-    return position, charger
-
-
-# What a list costs with its charging: the quote that a bid rests on.
-
-
-@kernel
-def clear_counts(scratch):
-    """Count what is done from now on."""
-    count = scratch.count
-    count.bids[0] = 0
-    count.positions[0] = 0
-    count.plans[0] = 0
-    count.messages[0] = 0
-    count.states[0] = 0
-
-
-@kernel
-def select_robot_type(costs, battery, robot_type):
-    """Select the type of robots whose ticks and energy count from now on."""
-    costs.robot_type[0] = robot_type
-    battery.robot_type[0] = robot_type
 
 
 @kernel
@@ -179,6 +47,13 @@ def quote(costs, battery, scratch, place, ready, charge, order, length):
     else:
         cost = plan_charging(costs, battery, scratch, place, charge, order, length)
     return np.int64(INF_COST) if cost >= INF_COST else ready + cost
+
+
+@kernel
+def select_robot_type(costs, battery, robot_type):
+    """Select the type of robots whose ticks and energy count from now on."""
+    costs.robot_type[0] = robot_type
+    battery.robot_type[0] = robot_type
 
 
 @kernel
@@ -248,3 +123,469 @@ def joint_insertion(costs, battery, fleet, scratch, r, task, first):
         if cost < INF_COST and cost <= least:
             best, least = np.int64(position), cost
     return best, least
+
+
+@kernel
+def clear_counts(scratch):
+    """Count what is done from now on."""
+    count = scratch.count
+    count.bids[0] = 0
+    count.positions[0] = 0
+    count.plans[0] = 0
+    count.messages[0] = 0
+    count.states[0] = 0
+
+
+@kernel
+def fits(battery, charge, energy, last):
+    """Whether a list that takes `energy` and ends at place `last` needs no charging."""
+    tail = energy_to_charger(battery, last)
+    return tail < INF_COST and charge - energy - tail >= battery.reserve[battery.robot_type[0]]
+
+
+@kernel
+def energy_to_charger(battery, place):
+    """Units that must be left at the end of a list for the way to a charger; INF_COST: none is there."""
+    if battery.end_reach == 0:
+        return np.int64(0)
+    return np.int64(battery.reach[battery.robot_type[0], place])
+
+
+@kernel
+def waiting_at(battery, scratch, c, ticks):
+    """Ticks that a robot waits at charger c when it comes there `ticks` after setting out.
+
+    Charging before that, which makes it come later, is not counted: the wait is never too short.
+    """
+    return max(np.int64(0), np.int64(battery.wait[c]) - scratch.path.ready[0] - ticks)
+
+
+@kernel
+def clear(scratch, charge, length):
+    """A plan without stops, of the list that was measured last."""
+    plan = scratch.plan
+    plan.stops[0] = 0
+    plan.charging[0] = 0
+    plan.charger_wait[0] = 0
+    plan.gross[0] = 0
+    plan.net[0] = 0
+    plan.cost[0] = scratch.done_ticks[length]
+    plan.end_charge[0] = charge - scratch.done_energy[length]
+    plan.lowest_charge[0] = plan.end_charge[0]
+
+
+@kernel
+def stop_at(battery, plan, k, level, goal, wait):
+    """Charge from `level` to `goal` at stop k of the plan, after a wait; returns the level then."""
+    duration = charging_ticks(battery.curve[battery.robot_type[0]], level, goal)
+    plan.waited[k] = wait
+    plan.arrival[k] = level
+    plan.duration[k] = duration
+    plan.level[k] = level_after(battery.curve[battery.robot_type[0]], level, duration, BATTERY_FULL)
+    plan.lowest_charge[0] = min(plan.lowest_charge[0], level)
+    plan.charging[0] += duration
+    plan.charger_wait[0] += wait
+    plan.cost[0] += duration + wait
+    return plan.level[k]
+
+
+@kernel
+def add_detours(costs, battery, scratch, place, order):
+    """Gross: to the charger, charging, and on; net: less the leg that this replaces."""
+    plan = scratch.plan
+    for k in range(plan.stops[0]):
+        i = plan.position[k]
+        at = np.int64(battery.charger[plan.charger[k]])
+        before = place_before(costs, place, order, i)
+        after = np.int64(costs.begin[order[i]])
+        if k > 0 and plan.position[k - 1] == i:
+            before = np.int64(battery.charger[plan.charger[k - 1]])
+        else:
+            plan.net[0] -= costs.ticks[costs.robot_type[0], before, after]
+        gross = plan.duration[k] + plan.waited[k] + costs.ticks[costs.robot_type[0], before, at]
+        if k + 1 == plan.stops[0] or plan.position[k + 1] != i:
+            gross += costs.ticks[costs.robot_type[0], at, after]
+        plan.gross[0] += gross
+        plan.net[0] += gross
+
+
+# Optimal insertion of charging: the shortest path over states (position i, charger c).
+#
+# In state (i, c) the robot drives to charger c between tasks i - 1 and i of its list. The first
+# stretch must fit into what the robot has, each later one into a full battery. With a linear curve
+# the charging time depends on the energy of the whole way alone, so the path that minimises rate x
+# ticks + energy is exact with any number of stops. Each stop then charges as much as the stretch to
+# the next one needs, in whole ticks.
+#
+# Ties: fewer ticks from the task before to the charger, then the later position.
+
+
+@kernel
+def plan_charging(costs, battery, scratch, place, charge, order, length):
+    """Leave the cheapest plan for the measured list in scratch.plan; returns its ticks or INF_COST."""
+    clear(scratch, charge, length)
+    if length == 0 or fits(
+        battery, charge, scratch.done_energy[length], np.int64(costs.end[order[length - 1]])
+    ):
+        return scratch.plan.cost[0]
+    scratch.count.plans[0] += 1
+    last = np.int64(NIL)
+    if energy_to_charger(battery, costs.end[order[length - 1]]) < INF_COST:
+        last = find_stops(costs, battery, scratch, place, charge, order, length)
+    if last == NIL:
+        scratch.plan.cost[0] = INF_COST
+        return INF_COST
+    note_stops(battery, scratch, last)
+    return charge_just_enough(costs, battery, scratch, place, charge, order, length)
+
+
+@kernel
+def find_stops(costs, battery, scratch, place, charge, order, length):
+    """The last stop, i * C + c, of the best way through chargers; NIL if there is none."""
+    chargers = battery.charger.shape[0]
+    path = scratch.path
+    path.nodes[0] = 0
+    path.last[0] = NIL
+    path.best[0] = INF_COST
+    path.ticks_to_stop[0] = INF_COST
+    path.rest_ticks[0] = scratch.done_ticks[length]
+    path.rest_energy[0] = scratch.done_energy[length]
+    path.rest_energy[0] += energy_to_charger(battery, costs.end[order[length - 1]])
+    for i in range(length):
+        in_reach = scratch.done_energy[i] <= charge - battery.reserve[battery.robot_type[0]]
+        if not in_reach and path.nodes[0] == 0:
+            break
+        scratch.count.states[0] += chargers
+        reach_chargers(costs, battery, scratch, place, charge, order, i)
+        nodes = path.nodes[0]
+        relax_to_end(costs, battery, scratch, place, order, i)
+        goes_on = chargers > 1 and path.nodes[0] > nodes
+        if goes_on and relax_charger_to_charger(costs, battery, scratch, i):
+            path.nodes[0] = nodes
+            relax_to_end(costs, battery, scratch, place, order, i)
+    return path.last[0]
+
+
+@kernel
+def reach_chargers(costs, battery, scratch, place, charge, order, i):
+    """weight[i], parent[i]: the best ways to the chargers before task i, from the start or a stop."""
+    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
+    before = place_before(costs, place, order, i)
+    for c in range(battery.charger.shape[0]):
+        at = np.int64(battery.charger[c])
+        into_energy = costs.energy[costs.robot_type[0], before, at] + scratch.done_energy[i]
+        best = np.int64(INF_COST)
+        if into_energy <= charge - battery.reserve[battery.robot_type[0]]:
+            into_ticks = costs.ticks[costs.robot_type[0], before, at] + scratch.done_ticks[i]
+            into_ticks += waiting_at(battery, scratch, c, into_ticks)
+            best = rate * into_ticks + into_energy
+        scratch.weight[i, c] = best
+        scratch.parent[i, c] = NIL
+        if scratch.path.nodes[0] > 0:
+            relax_from_stops(costs, battery, scratch, before, order, i, c)
+
+
+@kernel
+def relax_from_stops(costs, battery, scratch, before, order, i, c):
+    """Improve weight[i, c], parent[i, c] by ways from the stops that are noted."""
+    chargers = battery.charger.shape[0]
+    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
+    at = np.int64(battery.charger[c])
+    ticks_to, energy_to = costs.ticks[costs.robot_type[0]], costs.energy[costs.robot_type[0]]
+    into_ticks = ticks_to[before, at] + scratch.done_ticks[i]
+    into_ticks += waiting_at(battery, scratch, c, into_ticks)
+    into_energy = energy_to[before, at] + scratch.done_energy[i]
+    best, parent = scratch.weight[i, c], np.int64(NIL)
+    for node in range(scratch.path.nodes[0]):
+        k, b = scratch.node[node] // chargers, scratch.node[node] % chargers
+        if scratch.weight[k, b] >= best:
+            continue
+        stop = np.int64(battery.charger[b])
+        after = np.int64(costs.begin[order[k]])
+        energy = energy_to[stop, after] + into_energy - scratch.begun_energy[k]
+        if energy > BATTERY_FULL - battery.reserve[battery.robot_type[0]]:
+            continue
+        ticks = ticks_to[stop, after] + into_ticks - scratch.begun_ticks[k]
+        weight = scratch.weight[k, b] + rate * ticks + energy
+        if weight <= best:
+            best, parent = weight, np.int64(k * chargers + b)
+    scratch.weight[i, c] = best
+    scratch.parent[i, c] = parent
+
+
+@kernel
+def relax_to_end(costs, battery, scratch, place, order, i):
+    """Drive on to the end from each charger before task i, or note it as one to go on from."""
+    chargers = battery.charger.shape[0]
+    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
+    path = scratch.path
+    before = place_before(costs, place, order, i)
+    after = np.int64(costs.begin[order[i]])
+    rest_ticks = path.rest_ticks[0] - scratch.begun_ticks[i]
+    rest_energy = path.rest_energy[0] - scratch.begun_energy[i]
+    for c in range(chargers):
+        so_far = scratch.weight[i, c]
+        at = np.int64(battery.charger[c])
+        energy = costs.energy[costs.robot_type[0], at, after] + rest_energy
+        total = so_far + rate * (costs.ticks[costs.robot_type[0], at, after] + rest_ticks) + energy
+        if so_far >= INF_COST or total > path.best[0]:
+            continue  # what goes on from here is no better than the best that is known
+        if energy > BATTERY_FULL - battery.reserve[battery.robot_type[0]]:
+            scratch.node[path.nodes[0]] = i * chargers + c
+            path.nodes[0] += 1
+            continue
+        # The end is in reach: another stop would only make the way longer.
+        detour = np.int64(costs.ticks[costs.robot_type[0], before, at])
+        later = detour == path.ticks_to_stop[0] and path.position[0] != i
+        if total < path.best[0] or detour < path.ticks_to_stop[0] or later:
+            path.best[0], path.ticks_to_stop[0] = total, detour
+            path.last[0] = i * chargers + c
+            path.position[0] = i
+
+
+@kernel
+def relax_charger_to_charger(costs, battery, scratch, i):
+    """Ways from one charger straight to another, where the way between tasks is long; found any?"""
+    chargers = battery.charger.shape[0]
+    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
+    most = BATTERY_FULL - battery.reserve[battery.robot_type[0]]
+    found = False
+    changed = True
+    while changed:
+        changed = False
+        for b in range(chargers):
+            if scratch.weight[i, b] >= INF_COST:
+                continue
+            for c in range(chargers):
+                here, there = battery.charger[b], battery.charger[c]
+                between = np.int64(costs.energy[costs.robot_type[0], here, there])
+                ticks = np.int64(costs.ticks[costs.robot_type[0], here, there])
+                ticks += waiting_at(battery, scratch, c, scratch.done_ticks[i] + ticks)
+                weight = scratch.weight[i, b] + rate * ticks + between
+                if c != b and between <= most and weight < scratch.weight[i, c]:
+                    scratch.weight[i, c] = weight
+                    scratch.parent[i, c] = i * chargers + b
+                    changed = True
+                    found = True
+    return found
+
+
+@kernel
+def note_stops(battery, scratch, last):
+    """Write the way to the last stop into the plan, in the order of driving."""
+    chargers = battery.charger.shape[0]
+    stops = 0
+    node = np.int64(last)
+    while node != NIL:
+        stops += 1
+        node = np.int64(scratch.parent[node // chargers, node % chargers])
+    scratch.plan.stops[0] = stops
+    node = np.int64(last)
+    while node != NIL:
+        stops -= 1
+        scratch.plan.position[stops] = node // chargers
+        scratch.plan.charger[stops] = node % chargers
+        node = np.int64(scratch.parent[node // chargers, node % chargers])
+
+
+@kernel
+def charge_just_enough(costs, battery, scratch, place, charge, order, length):
+    """At each stop of the plan, charge what the next stretch needs; returns the ticks of the list."""
+    plan = scratch.plan
+    tail = energy_to_charger(battery, costs.end[order[length - 1]])
+    ticks, energy = stretch(costs, battery, scratch, place, order, length, 0)
+    level = np.int64(charge)
+    plan.cost[0] = ticks
+    plan.lowest_charge[0] = BATTERY_FULL
+    for k in range(plan.stops[0]):
+        level -= energy
+        ticks, energy = stretch(costs, battery, scratch, place, order, length, k + 1)
+        spare = tail if k + 1 == plan.stops[0] else np.int64(0)
+        goal = max(level, energy + spare + battery.reserve[battery.robot_type[0]])
+        wait = waiting_at(battery, scratch, np.int64(plan.charger[k]), plan.cost[0])
+        level = stop_at(battery, plan, k, level, goal, wait)
+        plan.cost[0] += ticks
+    plan.end_charge[0] = level - energy
+    plan.lowest_charge[0] = min(plan.lowest_charge[0], plan.end_charge[0])
+    add_detours(costs, battery, scratch, place, order)
+    return plan.cost[0]
+
+
+@kernel
+def stretch(costs, battery, scratch, place, order, length, k):
+    """(ticks, units) from stop k - 1 of the plan (the start for 0) to stop k, or to the end."""
+    plan = scratch.plan
+    ticks_to, energy_to = costs.ticks[costs.robot_type[0]], costs.energy[costs.robot_type[0]]
+    to = plan.position[k] if k < plan.stops[0] else length
+    ticks, energy = scratch.done_ticks[to], scratch.done_energy[to]
+    here = np.int64(place) if to == 0 else np.int64(costs.end[order[to - 1]])
+    if k > 0:
+        begun = plan.position[k - 1]
+        here_before = np.int64(battery.charger[plan.charger[k - 1]])
+        if begun == to:
+            ticks, energy, here = np.int64(0), np.int64(0), here_before
+        else:
+            after = np.int64(costs.begin[order[begun]])
+            ticks += ticks_to[here_before, after] - scratch.begun_ticks[begun]
+            energy += energy_to[here_before, after] - scratch.begun_energy[begun]
+    if k < plan.stops[0]:
+        at = np.int64(battery.charger[plan.charger[k]])
+        ticks += ticks_to[here, at]
+        energy += energy_to[here, at]
+    return ticks, energy
+
+
+# One charging stop, found by trying every position and charger: for tapering curves and fill-up.
+#
+# With a taper the time to charge depends on the level at which it begins, so each candidate's time is
+# read off the curve. Fill-up charges to the target and credits what is left at the end:
+#
+#     score = ticks - (level at the end - reserve) / rate of the curve's first piece
+#
+# Ties as above.
+
+
+@kernel
+def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill):
+    """Leave the best plan with at most one stop in scratch.plan; several stops where one cannot do.
+
+    fill: 1 = fill up to battery.target. Returns the ticks of the list, or INF_COST.
+    """
+    clear(scratch, charge, length)
+    if length == 0 or fits(
+        battery, charge, scratch.done_energy[length], np.int64(costs.end[order[length - 1]])
+    ):
+        return scratch.plan.cost[0]
+    position, charger = find_stop(costs, battery, scratch, place, charge, order, length, fill)
+    if position == NIL:
+        return plan_charging(costs, battery, scratch, place, charge, order, length)
+    scratch.count.plans[0] += 1
+    plan = scratch.plan
+    ticks, energy = costs.ticks[costs.robot_type[0]], costs.energy[costs.robot_type[0]]
+    plan.stops[0] = 1
+    plan.position[0] = position
+    plan.charger[0] = charger
+    at = np.int64(battery.charger[charger])
+    before = place_before(costs, place, order, position)
+    after = np.int64(costs.begin[order[position]])
+    arrival = charge - scratch.done_energy[position] - energy[before, at]
+    rest = energy[at, after] + scratch.done_energy[length] - scratch.begun_energy[position]
+    tail = energy_to_charger(battery, costs.end[order[length - 1]])
+    plan.cost[0] += ticks[before, at] + ticks[at, after]
+    plan.cost[0] -= ticks[before, after]
+    then = scratch.done_ticks[position] + ticks[before, at]
+    wait = waiting_at(battery, scratch, charger, then)
+    goal = goal_of(battery, arrival, rest + tail, fill)
+    level = stop_at(battery, plan, 0, arrival, goal, wait)
+    plan.end_charge[0] = level - rest
+    plan.lowest_charge[0] = min(arrival, level - rest)
+    add_detours(costs, battery, scratch, place, order)
+    return plan.cost[0]
+
+
+@kernel
+def goal_of(battery, arrival, rest, fill):
+    """The level to charge to: what the rest needs, and when filling up at least the target."""
+    goal = max(np.int64(arrival), rest + battery.reserve[battery.robot_type[0]])
+    return max(goal, np.int64(battery.target)) if fill == 1 else goal
+
+
+@kernel
+def find_stop(costs, battery, scratch, place, charge, order, length, fill):
+    """(position, charger) of the best single stop, or (NIL, NIL)."""
+    tail = energy_to_charger(battery, costs.end[order[length - 1]])
+    reserve = np.int64(battery.reserve[battery.robot_type[0]])
+    curve = battery.curve[battery.robot_type[0]]
+    rate = np.int64(curve[0, CURVE_RATE])
+    best, nearest = np.int64(INF_COST), np.int64(INF_COST)
+    position, charger = np.int64(NIL), np.int64(NIL)
+    if tail >= INF_COST:
+        return position, charger
+    ticks_to, energy_to = costs.ticks[costs.robot_type[0]], costs.energy[costs.robot_type[0]]
+    for i in range(length):
+        before = place_before(costs, place, order, i)
+        after = np.int64(costs.begin[order[i]])
+        scratch.count.states[0] += battery.charger.shape[0]
+        for c in range(battery.charger.shape[0]):
+            at = np.int64(battery.charger[c])
+            into = np.int64(ticks_to[before, at])
+            arrival = charge - scratch.done_energy[i] - energy_to[before, at]
+            rest = energy_to[at, after] + scratch.done_energy[length] - scratch.begun_energy[i]
+            if arrival < reserve or rest + tail + reserve > BATTERY_FULL:
+                continue
+            goal = goal_of(battery, arrival, rest + tail, fill)
+            duration = charging_ticks(curve, arrival, goal)
+            ticks = scratch.done_ticks[length] + into + ticks_to[at, after]
+            ticks += duration - ticks_to[before, after]
+            ticks += waiting_at(battery, scratch, np.int64(c), scratch.done_ticks[i] + into)
+            score = rate * ticks
+            if fill == 1:
+                score -= level_after(curve, arrival, duration, BATTERY_FULL) - rest - reserve
+            later = into == nearest and i > position
+            if score < best or (score == best and (into < nearest or later)):
+                best, nearest, position, charger = score, into, np.int64(i), np.int64(c)
+    return position, charger
+
+
+# Threshold charging: go to the nearest charger when the level is low, and charge fully.
+#
+#     POLICY_THRESHOLD            before a task at whose end the level would be below the threshold
+#     POLICY_THRESHOLD_REACHABLE  also before a task from whose end no charger could be reached
+#
+# The rule looks no farther ahead, so with POLICY_THRESHOLD a robot can come to less than nothing on
+# its way to a charger; the plan then says so in its lowest level.
+
+
+@kernel
+def plan_threshold(costs, battery, scratch, place, charge, order, length):
+    """Leave the stops of the rule in scratch.plan; returns the ticks of the measured list.
+
+    INF_COST where the rule asks for a charger and none is there. A level below 0 is for the caller to
+    judge (scratch.plan.lowest_charge[0]).
+    """
+    clear(scratch, charge, length)
+    plan = scratch.plan
+    plan.lowest_charge[0] = charge
+    level = np.int64(charge)
+    ticks, energy = costs.ticks[costs.robot_type[0]], costs.energy[costs.robot_type[0]]
+    use = costs.use[costs.robot_type[0]]
+    scratch.count.states[0] += length
+    for i in range(length):
+        task = np.int64(order[i])
+        here, begin = place_before(costs, place, order, i), costs.begin[task]
+        then = level - energy[here, begin] - use[task]
+        if is_low(battery, then, np.int64(costs.end[task])):
+            charger = np.int64(battery.nearest[battery.robot_type[0], here])
+            if charger == NIL:
+                plan.cost[0] = INF_COST
+                return INF_COST
+            k = plan.stops[0]
+            at = np.int64(battery.charger[charger])
+            plan.stops[0] = k + 1
+            plan.position[k] = i
+            plan.charger[k] = charger
+            done = plan.cost[0] - scratch.done_ticks[length] + scratch.done_ticks[i]
+            wait = waiting_at(battery, scratch, charger, done + ticks[here, at])
+            arrival = level - energy[here, at]
+            level = stop_at(battery, plan, k, arrival, np.int64(BATTERY_FULL), wait)
+            plan.cost[0] += ticks[here, at] + ticks[at, begin]
+            plan.cost[0] -= ticks[here, begin]
+            here = at
+        level -= energy[here, begin] + use[task]
+        plan.lowest_charge[0] = min(plan.lowest_charge[0], level)
+    plan.end_charge[0] = level
+    if plan.stops[0] > 0:
+        scratch.count.plans[0] += 1
+    add_detours(costs, battery, scratch, place, order)
+    return plan.cost[0]
+
+
+@kernel
+def is_low(battery, level, place):
+    """Whether a robot that would be at this place with this level charges first."""
+    if level < battery.threshold:
+        return True
+    return (
+        battery.policy == POLICY_THRESHOLD_REACHABLE
+        and level < battery.reach[battery.robot_type[0], place]
+    )

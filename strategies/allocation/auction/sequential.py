@@ -1,18 +1,15 @@
-"""Bids of one robot for one task, in thousandths of a tick; c1, c2: its costs without and with it.
+"""Auctions of single items: sequential (SSI), by order of arrival, parallel, and one-shot assignment.
 
-MiniSum      c2 - c1                  the ticks that the fleet drives in all
-MiniMax      c2                       until the last robot is done
-mixed        epsilon x MiniSum + (1 - epsilon) x MiniMax
-MiniAve      the sum of arrival times with the task less that without (Lagoudakis et al. 2005), or,
-             as De Ryck et al. word it, the mean arrival time with it
-
-A robot that has no feasible plan bids nothing (INF_COST), before anything is mixed.
+Items are tasks: items[:count] by arrival. Robots keep the lists that they have, which are settled
+before (settle_all). Who won an item is in scratch.sold, by number of the item; NIL: no robot can do
+it. Messages are counted as the architecture would send them: an announcement for each robot that
+hears of an item, each bid once, and an award for each item sold.
 """
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
+from automaton.strategy.kernels import kernel
 from strategies.allocation.auction.market import BID_SCALE, INF_COST, copy_inserted, insert
 from strategies.allocation.auction.quotes import clear_counts, insertion_quote, quote_list, settle
 from strategies.linear_sum_assignment import linear_sum_assignment
@@ -21,66 +18,90 @@ BID_MIXED = 0  # rules of bidding
 BID_AVERAGE_ADDED = 1
 BID_AVERAGE = 2
 
-
-@kernel
-def bid(costs, battery, fleet, scratch, r, task, rule, epsilon):
-    """The bid of robot r; INF_COST where it cannot or may not do the task."""
-    if fleet.may_bid[r, task] == 0:
-        return np.int64(INF_COST)
-    scratch.count.bids[0] += 1
-    position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
-    if cost >= INF_COST or fleet.cost[r] >= INF_COST:
-        return np.int64(INF_COST)
-    if rule == BID_MIXED:
-        return BID_SCALE * cost - epsilon * fleet.cost[r]
-    length = np.int64(fleet.length[r])
-    without = np.int64(0)
-    if rule == BID_AVERAGE_ADDED:
-        without = sum_of_arrivals(costs, battery, fleet, scratch, r, fleet.order[r], length)
-    copy_inserted(fleet.order[r], length, task, position, scratch.order)
-    with_it = sum_of_arrivals(costs, battery, fleet, scratch, r, scratch.order, length + 1)
-    if rule == BID_AVERAGE_ADDED:
-        return BID_SCALE * (with_it - without)
-    return BID_SCALE * with_it // (length + 1)
+# rules of who is sold next, from all bids:
+WINNER_LOWEST_BID = 0  # LB: the item of the lowest bid of all
+WINNER_DIFFERENCE = 1  # BD: whose highest and lowest finite bid lie farthest apart
+WINNER_FEWEST_BIDDERS = 2  # FB: with the fewest finite bids
+WINNER_REGRET = 3  # regret-2: whose second lowest and lowest bid lie farthest apart
 
 
 @kernel
-def sum_of_arrivals(costs, battery, fleet, scratch, r, order, length):
-    """Ticks until each task of a feasible list is done, added up."""
-    quote_list(costs, battery, fleet, scratch, r, order, length)
-    plan = scratch.plan
-    now, total = np.int64(fleet.ready[r]), np.int64(0)
-    here = np.int64(fleet.place[r])
-    k = 0
-    for i in range(length):
-        task = np.int64(order[i])
-        while k < plan.stops[0] and plan.position[k] == i:
-            at = np.int64(battery.charger[plan.charger[k]])
-            now += costs.ticks[costs.robot_type[0], here, at] + plan.duration[k] + plan.waited[k]
-            here = at
-            k += 1
-        now += (
-            costs.ticks[costs.robot_type[0], here, costs.begin[task]]
-            + costs.inside[costs.robot_type[0], task]
-        )
-        total += now
-        here = np.int64(costs.end[task])
-    return total
+def sequential(costs, battery, fleet, scratch, items, count, rule, epsilon, winner, everybody):
+    """Sell item by item by the rule `winner`; returns how many were sold.
+
+    After a sale only the winner's list has changed, so only it bids again. With everybody = 1 all
+    robots do, with the same result.
+    """
+    robots = fleet.place.shape[0]
+    begin(fleet, scratch, items, count)
+    for r in range(robots):
+        bid_for_all(costs, battery, fleet, scratch, items, count, r, rule, epsilon)
+    open_items = np.int64(count)
+    while open_items > 0:
+        if winner == WINNER_LOWEST_BID:
+            item, robot = lowest(scratch, robots)
+        else:
+            item, robot = most_urgent(scratch, robots, open_items, winner)
+        if item == NIL:
+            break
+        award(costs, battery, fleet, scratch, robot, np.int64(items[item]))
+        open_items = award_item(scratch, open_items, item, robot)
+        for r in range(robots):
+            if r == robot or everybody == 1:
+                bid_for_all(costs, battery, fleet, scratch, items, open_items, r, rule, epsilon)
+            elif scratch.best[r] == item:
+                note_best(scratch, r, open_items)
+    sold = np.int64(count) - open_items
+    scratch.count.messages[0] += scratch.count.bids[0] + sold
+    return sold
 
 
 @kernel
-def award(costs, battery, fleet, scratch, r, task):
-    """Insert the task into robot r's list as its bid predicted; returns the position, NIL: not at all."""
-    position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
-    if cost >= INF_COST:
-        return np.int64(NIL)
-    insert(fleet.order[r], fleet.length[r], task, position)
-    fleet.length[r] += 1
-    settle(costs, battery, fleet, scratch, r)
-    return position
+def by_arrival(costs, battery, fleet, scratch, items, count, rule, epsilon):
+    """Each item on its own, as it comes, to the lowest bid (Algorithm 2 of De Ryck et al.)."""
+    begin(fleet, scratch, items, count)
+    sold = np.int64(0)
+    for k in range(count):
+        task = np.int64(items[k])
+        robot, least = np.int64(NIL), np.int64(INF_COST)
+        for r in range(fleet.place.shape[0]):
+            offer = bid(costs, battery, fleet, scratch, r, task, rule, epsilon)
+            if offer < least:
+                robot, least = np.int64(r), offer
+        if robot != NIL:
+            award(costs, battery, fleet, scratch, robot, task)
+            scratch.sold[k] = robot
+            sold += 1
+    scratch.count.messages[0] += scratch.count.bids[0] + sold
+    return sold
 
 
-# One-shot assignment: at most one task for each robot, least sum of bids.
+@kernel
+def parallel(costs, battery, fleet, scratch, items, count, rule, epsilon):
+    """All items at once, by the lists as they are: each to its lowest bid, then inserted in turn.
+
+    A robot whose list has no room left for what it won refuses it.
+    """
+    begin(fleet, scratch, items, count)
+    for k in range(count):
+        task = np.int64(items[k])
+        least = np.int64(INF_COST)
+        for r in range(fleet.place.shape[0]):
+            offer = bid(costs, battery, fleet, scratch, r, task, rule, epsilon)
+            if offer < least:
+                scratch.sold[k] = r
+                least = offer
+    sold = np.int64(0)
+    for k in range(count):
+        r = np.int64(scratch.sold[k])
+        if r == NIL:
+            continue
+        if award(costs, battery, fleet, scratch, r, np.int64(items[k])) == NIL:
+            scratch.sold[k] = NIL
+        else:
+            sold += 1
+    scratch.count.messages[0] += scratch.count.bids[0] + sold
+    return sold
 
 
 @kernel
@@ -115,20 +136,112 @@ def assign_once(costs, battery, fleet, scratch, workspace, items, count, rule, e
     return given
 
 
-# Which item is sold next, and to whom, from all bids: a row for each robot, INF_COST for no bid.
-#
-# WINNER_LOWEST_BID LB: the lowest bid of all WINNER_DIFFERENCE BD: the item whose highest and lowest
-# finite bid lie farthest apart WINNER_FEWEST_BIDDERS FB: the item with the fewest finite bids
-# WINNER_REGRET regret-2: the item whose second lowest and lowest bid lie farthest apart
-#
-# Ties: the lower bid, then the earlier item, then the robot of lower number. An item that only one of
-# several robots can do differs without bound.
+@kernel
+def begin(fleet, scratch, items, count):
+    """Announce all items; nothing is counted yet and nothing sold."""
+    clear_counts(scratch)
+    for k in range(count):
+        scratch.left[k] = k
+        scratch.sold[k] = NIL
+        scratch.needs_update[k] = 1
+        for r in range(fleet.place.shape[0]):
+            scratch.count.messages[0] += fleet.may_bid[r, items[k]]
 
 
-WINNER_LOWEST_BID = 0
-WINNER_DIFFERENCE = 1
-WINNER_FEWEST_BIDDERS = 2
-WINNER_REGRET = 3
+@kernel
+def bid_for_all(costs, battery, fleet, scratch, items, open_items, r, rule, epsilon):
+    """Robot r bids for every open item."""
+    for i in range(open_items):
+        k = scratch.left[i]
+        task = np.int64(items[k])
+        offer = bid(costs, battery, fleet, scratch, r, task, rule, epsilon)
+        note_bid(scratch, r, np.int64(k), offer)
+    note_best(scratch, r, open_items)
+
+
+@kernel
+def award(costs, battery, fleet, scratch, r, task):
+    """Insert the task into robot r's list as its bid predicted; returns the position, NIL: not at all."""
+    position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
+    if cost >= INF_COST:
+        return np.int64(NIL)
+    insert(fleet.order[r], fleet.length[r], task, position)
+    fleet.length[r] += 1
+    settle(costs, battery, fleet, scratch, r)
+    return position
+
+
+@kernel
+def award_item(scratch, open_items, item, robot):
+    """Take the item off the open ones; returns how many are left."""
+    scratch.sold[item] = robot
+    at = 0
+    while scratch.left[at] != item:
+        at += 1
+    for i in range(at, open_items - 1):
+        scratch.left[i] = scratch.left[i + 1]
+    return open_items - 1
+
+
+# Bids of one robot for one task, in thousandths of a tick; c1, c2: its costs without and with it.
+#
+#     MiniSum    c2 - c1: the ticks that the fleet drives in all
+#     MiniMax    c2: until the last robot is done
+#     mixed      epsilon x MiniSum + (1 - epsilon) x MiniMax
+#     MiniAve    the sum of arrival times with the task less that without (Lagoudakis et al. 2005),
+#                or, as De Ryck et al. word it, the mean arrival time with it
+#
+# A robot that has no feasible plan bids nothing (INF_COST), before anything is mixed.
+
+
+@kernel
+def bid(costs, battery, fleet, scratch, r, task, rule, epsilon):
+    """The bid of robot r; INF_COST where it cannot or may not do the task."""
+    if fleet.may_bid[r, task] == 0:
+        return np.int64(INF_COST)
+    scratch.count.bids[0] += 1
+    position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
+    if cost >= INF_COST or fleet.cost[r] >= INF_COST:
+        return np.int64(INF_COST)
+    if rule == BID_MIXED:
+        return BID_SCALE * cost - epsilon * fleet.cost[r]
+    length = np.int64(fleet.length[r])
+    without = np.int64(0)
+    if rule == BID_AVERAGE_ADDED:
+        without = sum_of_arrivals(costs, battery, fleet, scratch, r, fleet.order[r], length)
+    copy_inserted(fleet.order[r], length, task, position, scratch.order)
+    with_it = sum_of_arrivals(costs, battery, fleet, scratch, r, scratch.order, length + 1)
+    if rule == BID_AVERAGE_ADDED:
+        return BID_SCALE * (with_it - without)
+    return BID_SCALE * with_it // (length + 1)
+
+
+@kernel
+def sum_of_arrivals(costs, battery, fleet, scratch, r, order, length):
+    """Ticks until each task of a feasible list is done, added up."""
+    quote_list(costs, battery, fleet, scratch, r, order, length)
+    plan = scratch.plan
+    ticks, inside = costs.ticks[costs.robot_type[0]], costs.inside[costs.robot_type[0]]
+    now, total = np.int64(fleet.ready[r]), np.int64(0)
+    here = np.int64(fleet.place[r])
+    k = 0
+    for i in range(length):
+        task = np.int64(order[i])
+        while k < plan.stops[0] and plan.position[k] == i:
+            at = np.int64(battery.charger[plan.charger[k]])
+            now += ticks[here, at] + plan.duration[k] + plan.waited[k]
+            here = at
+            k += 1
+        now += ticks[here, costs.begin[task]] + inside[task]
+        total += now
+        here = np.int64(costs.end[task])
+    return total
+
+
+# Which item is sold next, and to whom: of all bids, a row for each robot, INF_COST for no bid.
+#
+# Ties: the lower bid, then the earlier item, then the robot of lower number. An item that only one
+# of several robots can do differs without bound.
 
 
 @kernel
@@ -217,138 +330,3 @@ def most_urgent(scratch, robots, open_items, winner):
             item, most = k, value
     robot = np.int64(NIL) if item == NIL else np.int64(scratch.lowest_bidder[item])
     return item, robot
-
-
-# Auctions of single items: sequential (SSI), by order of arrival, and parallel.
-#
-# Items are tasks: items[:count] by arrival. Robots keep the lists that they have; settle_all first.
-# Who won an item is in scratch.sold, by number of the item; NIL: no robot can do it.
-#
-# Messages are counted as the architecture would send them: an announcement for each robot that hears
-# of an item, each bid once, and an award for each item sold.
-
-
-@kernel
-def begin(fleet, scratch, items, count):
-    """Announce all items; nothing is counted yet and nothing sold."""
-    clear_counts(scratch)
-    for k in range(count):
-        scratch.left[k] = k
-        scratch.sold[k] = NIL
-        scratch.needs_update[k] = 1
-        for r in range(fleet.place.shape[0]):
-            scratch.count.messages[0] += fleet.may_bid[r, items[k]]
-
-
-@kernel
-def bid_for_all(costs, battery, fleet, scratch, items, open_items, r, rule, epsilon):
-    """Robot r bids for every open item."""
-    for i in range(open_items):
-        k = scratch.left[i]
-        task = np.int64(items[k])
-        offer = bid(costs, battery, fleet, scratch, r, task, rule, epsilon)
-        note_bid(scratch, r, np.int64(k), offer)
-    note_best(scratch, r, open_items)
-
-
-@kernel
-def award_item(scratch, open_items, item, robot):
-    """Take the item off the open ones; returns how many are left."""
-    scratch.sold[item] = robot
-    at = 0
-    while scratch.left[at] != item:
-        at += 1
-    for i in range(at, open_items - 1):
-        scratch.left[i] = scratch.left[i + 1]
-    return open_items - 1
-
-
-@kernel
-def sequential(costs, battery, fleet, scratch, items, count, rule, epsilon, winner, everybody):
-    """Sell item by item by the rule `winner`; returns how many were sold.
-
-    After a sale only the winner's list has changed, so only it bids again. With everybody = 1 all
-    robots do, with the same result.
-    """
-    robots = fleet.place.shape[0]
-    begin(fleet, scratch, items, count)
-    for r in range(robots):
-        bid_for_all(costs, battery, fleet, scratch, items, count, r, rule, epsilon)
-    open_items = np.int64(count)
-    while open_items > 0:
-        if winner == WINNER_LOWEST_BID:
-            item, robot = lowest(scratch, robots)
-        else:
-            item, robot = most_urgent(scratch, robots, open_items, winner)
-        if item == NIL:
-            break
-        award(costs, battery, fleet, scratch, robot, np.int64(items[item]))
-        open_items = award_item(scratch, open_items, item, robot)
-        for r in range(robots):
-            if r == robot or everybody == 1:
-                bid_for_all(costs, battery, fleet, scratch, items, open_items, r, rule, epsilon)
-            elif scratch.best[r] == item:
-                note_best(scratch, r, open_items)
-    sold = np.int64(count) - open_items
-    scratch.count.messages[0] += scratch.count.bids[0] + sold
-    return sold
-
-
-@kernel
-def by_arrival(costs, battery, fleet, scratch, items, count, rule, epsilon):
-    """Each item on its own, as it comes, to the lowest bid (Algorithm 2 of De Ryck et al.)."""
-    begin(fleet, scratch, items, count)
-    sold = np.int64(0)
-    for k in range(count):
-        task = np.int64(items[k])
-        robot, least = np.int64(NIL), np.int64(INF_COST)
-        for r in range(fleet.place.shape[0]):
-            offer = bid(costs, battery, fleet, scratch, r, task, rule, epsilon)
-            if offer < least:
-                robot, least = np.int64(r), offer
-        if robot != NIL:
-            award(costs, battery, fleet, scratch, robot, task)
-            scratch.sold[k] = robot
-            sold += 1
-    scratch.count.messages[0] += scratch.count.bids[0] + sold
-    return sold
-
-
-@kernel
-def parallel(costs, battery, fleet, scratch, items, count, rule, epsilon):
-    """All items at once, by the lists as they are: each to its lowest bid, then inserted in turn.
-
-    A robot whose list has no room left for what it won refuses it.
-    """
-    begin(fleet, scratch, items, count)
-    for k in range(count):
-        task = np.int64(items[k])
-        least = np.int64(INF_COST)
-        for r in range(fleet.place.shape[0]):
-            offer = bid(costs, battery, fleet, scratch, r, task, rule, epsilon)
-            if offer < least:
-                scratch.sold[k] = r
-                least = offer
-    sold = np.int64(0)
-    for k in range(count):
-        r = np.int64(scratch.sold[k])
-        if r == NIL:
-            continue
-        if award(costs, battery, fleet, scratch, r, np.int64(items[k])) == NIL:
-            scratch.sold[k] = NIL
-        else:
-            sold += 1
-    scratch.count.messages[0] += scratch.count.bids[0] + sold
-    return sold
-
-
-@kernel
-def objective(fleet, epsilon):
-    """epsilon x the sum of the costs + (1 - epsilon) x the largest, in thousandths; or INF_COST."""
-    total, most = np.int64(0), np.int64(0)
-    for r in range(fleet.cost.shape[0]):
-        if fleet.cost[r] >= INF_COST:
-            return np.int64(INF_COST)
-        total += fleet.cost[r]
-        most = max(most, fleet.cost[r])
-    return epsilon * total + (1000 - epsilon) * most

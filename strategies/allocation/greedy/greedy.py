@@ -9,35 +9,42 @@ a cheaper pair parts them. A load that was picked up goes to its own target, a p
 import numpy as np
 
 from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import (
-    ACTION_MOVE,
-    ACTION_TURN,
-    CMD_PARK,
-    NIL,
-    REASON_PERIODIC,
-    Array,
-)
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CMD_PARK, NIL, REASON_PERIODIC, Array
 from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
-    POLICIES,
-    is_due,
-    kernel,
-    place_load,
-    places_load,
-    take_order,
-)
+from automaton.strategy.kernels import POLICIES, is_due, kernel, place_load, places_load, take_order
 from strategies.allocation.allocation_parameters import GreedyParameters
-from strategies.allocation.greedy.candidates import (
-    Marks,
+from strategies.allocation.greedy.nearest import (
     OpenOrders,
+    OrderMarks,
+    PairSearch,
     Seekers,
     clear_candidates,
     collect_seekers,
+    enter_poses,
+    find_order,
+    find_robot,
     mark_orders,
     update_open_orders,
     weigh_rest,
 )
-from strategies.allocation.greedy.nearest import PairHeap, Pairs, Search, match
+
+TAG_BITS = 32
+TAG_MASK = (1 << TAG_BITS) - 1
+
+
+class PairHeap(Struct, role=SCRATCH):
+    """A binary heap of pairs (key, tag): the least key first, of equal keys the least tag."""
+
+    key: Array = field("(h,) int64")
+    tag: Array = field("(h,) int64")
+    size: Array = field("(1,) int64")
+
+
+class Pairs(Struct, role=SCRATCH):
+    """The pairs that have come out, and what searches have found."""
+
+    place: Array = field("(robots,) int32", "by storage index: of the robot's order, or NIL")
+    candidate: Array = field("(h,) int32", "by robot or place: what its search has found")
 
 
 class GreedyState(Struct):
@@ -51,9 +58,9 @@ class GreedyState(Struct):
         "(1,) uint8", "1 = `active` keeps robots from open orders now", role=SCRATCH
     )
     open_orders: OpenOrders
-    marks: Marks
+    marks: OrderMarks
     seekers: Seekers
-    search: Search
+    search: PairSearch
     heap: PairHeap
     pairs: Pairs
 
@@ -147,9 +154,9 @@ class Greedy(Strategy):
             storage=POLICIES.index(parameters.storage),
             keeps_off=np.zeros(1, np.uint8),
             open_orders=OpenOrders.sized(sizes),
-            marks=Marks.sized(sizes),
+            marks=OrderMarks.sized(sizes),
             seekers=Seekers.sized(sizes),
-            search=Search.sized(sizes),
+            search=PairSearch.sized(sizes),
             heap=PairHeap.sized(sizes),
             pairs=Pairs.sized(sizes),
         )
@@ -161,3 +168,144 @@ def most_open_orders(view):
         return int(view.rules.in_system)
     orders = len(view.orders.state)
     return min(orders, len(view.robots.cell)) if view.rules.assigned else orders
+
+
+# Matching: whoever is fewer searches, each robot its cheapest order or each order its cheapest robot.
+#
+# A pair costs 1000 x ticks to where the order begins, and what the parameter `rest` adds for its
+# stops; ties: the pair that is one already, then the lower identity, then the earlier order. The
+# results wait in a heap. If the candidate of the least one is gone when its turn comes, it searches
+# again among those that are left: its next result cannot be cheaper, so the pairs come out in the
+# sequence of their costs, as if all robots x orders had been sorted.
+
+
+@kernel
+def match(view, stop, state, allowed):
+    """Enter pairs; `allowed`: how many robots without an order may get one, NIL: all."""
+    marks, seekers, pairs = state.marks, state.seekers, state.pairs
+    for k in range(seekers.count[0]):
+        pairs.place[seekers.robot[k]] = NIL
+    state.heap.size[0] = 0
+    if seekers.count[0] == 0 or marks.count[1] == 0:
+        return
+    if seekers.count[0] <= marks.count[1]:
+        match_robots(view, stop, state, allowed)
+    else:
+        match_orders(view, stop, state, allowed)
+
+
+@kernel
+def match_robots(view, stop, state, allowed):
+    """Each robot searches its order."""
+    marks, seekers, pairs, heap = state.marks, state.seekers, state.pairs, state.heap
+    for k in range(seekers.count[0]):
+        if allowed != 0 or seekers.place[seekers.robot[k]] != NIL:
+            search_order(view, stop, state, np.int64(seekers.robot[k]))
+    while heap.size[0] > 0 and stop[0] == 0:
+        i = np.int64(view.robots.at_index[heap.tag[0] >> TAG_BITS])
+        place = np.int64(pairs.candidate[i])
+        drop_least(heap)
+        had_none = seekers.place[i] == NIL
+        if had_none and allowed == 0:
+            continue
+        if marks.taken[place]:
+            search_order(view, stop, state, i)
+            continue
+        marks.taken[place] = 1
+        pairs.place[i] = place
+        if had_none and allowed > 0:
+            allowed -= 1
+
+
+@kernel
+def search_order(view, stop, state, i):
+    """Robot i searches, and waits with what it found."""
+    search = state.search
+    find_order(view, stop, search, state.open_orders, state.marks, state.seekers, i)
+    if search.found[1] != NIL:
+        state.pairs.candidate[i] = search.found[1]
+        tag = (np.int64(view.robots.identity[i]) << TAG_BITS) | search.found[1]
+        push_pair(state.heap, search.found[0], tag)
+
+
+@kernel
+def match_orders(view, stop, state, allowed):
+    """Each order searches its robot."""
+    marks, seekers, pairs, heap = state.marks, state.seekers, state.pairs, state.heap
+    enter_poses(seekers)
+    if allowed == 0:
+        leave_out_idle(seekers)
+    for place in range(state.open_orders.count[0]):
+        if marks.taken[place] == 0:
+            search_robot(view, stop, state, place)
+    while heap.size[0] > 0 and stop[0] == 0:
+        i = np.int64(view.robots.at_index[heap.tag[0] >> TAG_BITS])
+        place = heap.tag[0] & TAG_MASK
+        drop_least(heap)
+        if seekers.seeks[i] == 0:
+            search_robot(view, stop, state, place)
+            continue
+        seekers.seeks[i] = 0
+        pairs.place[i] = place
+        if seekers.place[i] == NIL and allowed > 0:
+            allowed -= 1
+            if allowed == 0:
+                leave_out_idle(seekers)
+
+
+@kernel
+def leave_out_idle(seekers):
+    """Robots that have no order get none."""
+    for k in range(seekers.count[0]):
+        if seekers.place[seekers.robot[k]] == NIL:
+            seekers.seeks[seekers.robot[k]] = 0
+
+
+@kernel
+def search_robot(view, stop, state, place):
+    """The order at a place searches, and waits with what it found."""
+    search = state.search
+    find_robot(view, stop, search, state.open_orders, state.seekers, place)
+    if search.found[1] != NIL:
+        tag = (np.int64(view.robots.identity[search.found[1]]) << TAG_BITS) | place
+        push_pair(state.heap, search.found[0], tag)
+
+
+@kernel
+def is_less(heap, a, b):
+    """Whether the pair at a comes before the one at b."""
+    return heap.key[a] < heap.key[b] or (heap.key[a] == heap.key[b] and heap.tag[a] < heap.tag[b])
+
+
+@kernel
+def swap(heap, a, b):
+    heap.key[a], heap.key[b] = heap.key[b], heap.key[a]
+    heap.tag[a], heap.tag[b] = heap.tag[b], heap.tag[a]
+
+
+@kernel
+def push_pair(heap, key, tag):
+    at = heap.size[0]
+    heap.size[0] = at + 1
+    heap.key[at] = key
+    heap.tag[at] = tag
+    while at > 0 and is_less(heap, at, (at - 1) >> 1):
+        swap(heap, at, (at - 1) >> 1)
+        at = (at - 1) >> 1
+
+
+@kernel
+def drop_least(heap):
+    """Take the least pair out."""
+    last = heap.size[0] - 1
+    heap.size[0] = last
+    swap(heap, 0, last)
+    at = 0
+    while 2 * at + 1 < last:
+        below = 2 * at + 1
+        if below + 1 < last and is_less(heap, below + 1, below):
+            below += 1
+        if not is_less(heap, below, at):
+            return
+        swap(heap, at, below)
+        at = below

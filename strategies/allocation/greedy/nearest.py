@@ -1,14 +1,33 @@
-"""A binary heap of pairs (key, tag): the least key first, of equal keys the least tag."""
+"""The cheapest order for a robot, and the cheapest robot for an order, of those that may be matched.
+
+Orders that wait are marked in the cells where they begin, robots that seek at their poses. An order is
+called by its place in the list of open orders, which is in the sequence of the releases.
+"""
 
 import numpy as np
 
 from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array
+from automaton.engine.state import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    CLOCK_NEXT_RELEASE,
+    GOAL_CHARGE,
+    NIL,
+    ORDER_DELIVERED,
+    ORDER_WAITING,
+    REASON_PERIODIC,
+    Array,
+)
 from automaton.strategy.kernels import (
+    UNREACHABLE,
     can_do,
     cell_beside,
+    distance,
+    end_of_stops,
+    first_cell,
     has_load,
+    has_place,
     headings_of,
     kernel,
     limited_ticks,
@@ -16,81 +35,252 @@ from automaton.strategy.kernels import (
     pickup_cell,
     types_of_robots,
 )
-from strategies.allocation.greedy.candidates import (
-    TICK,
-    enter_poses,
-    is_offered_to_another,
-    rest_of,
-)
+
+TICK_COST = 1000  # the cost of a tick on the way to an order
+PRIORITY = 1 << 34  # what a priority of 1 more is worth: more than any way
+MOST_PRIORITY = 100
+NO_CANDIDATE = 1 << 60  # the cost of no candidate
+COST_BITS = 32
+COST_MASK = (1 << COST_BITS) - 1
+U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 
 
-class PairHeap(Struct, role=SCRATCH):
-    """The pairs; the first one is the least."""
+class OpenOrders(Struct):
+    """Orders that are known and not done."""
 
-    key: Array = field("(h,) int64")
-    tag: Array = field("(h,) int64")
-    size: Array = field("(1,) int64")
+    order: Array = field("(p,) int32", "in the sequence of their releases")
+    count: Array = field("(1,) int64", "how many they are")
+    cursor: Array = field("(1,) int64", "entries of orders.release_sequence that were looked at")
+    rest: Array = field(
+        "(w,) int64",
+        "by order: the cost of what follows on its first stop, and of its priority; (0,): none",
+    )
+
+
+class OrderMarks(Struct, role=SCRATCH):
+    """The orders that robots may get now, in the cells where they begin."""
+
+    taken: Array = field(
+        "(p,) uint8", "1 = the order at this place is not, or no longer, to be had"
+    )
+    head: Array = field("(C,) int32", "the first mark of a cell; NIL between calls", default=NIL)
+    following: Array = field("(k,) int32", "the next mark of the cell, or NIL")
+    place: Array = field("(k,) int32", "of the order")
+    cell: Array = field("(k,) int32")
+    count: Array = field("(2,) int64", "marks; orders")
+    least_rest: Array = field("(1,) int64", "the least of what follows on a first stop")
+
+
+class Seekers(Struct, role=SCRATCH):
+    """The robots that may get an order now; by storage index but for `robot`."""
+
+    robot: Array = field("(robots,) int32", "storage indices")
+    count: Array = field("(1,) int64")
+    entry: Array = field("(robots,) int32", "its place in the batch")
+    seeks: Array = field("(robots,) uint8", "1 = it is one of them; zero between calls")
+    pose: Array = field(
+        "(robots,) int32", "where it is free to drive on: cell * headings + heading"
+    )
+    delay: Array = field("(robots,) int64", "ticks until then")
+    place: Array = field("(robots,) int32", "of the order that it has and may lose, or NIL")
+    head: Array = field("(P,) int32", "the first robot at a pose; NIL between calls", default=NIL)
+    following: Array = field("(robots,) int32", "the next robot at its pose, or NIL")
 
 
 @kernel
-def is_less(heap, a, b):
-    """Whether the pair at a comes before the one at b."""
-    return heap.key[a] < heap.key[b] or (heap.key[a] == heap.key[b] and heap.tag[a] < heap.tag[b])
+def update_open_orders(view, open_orders):
+    """Leave out what is done, and add what was released; returns the first place of that."""
+    count = 0
+    for place in range(open_orders.count[0]):
+        order = open_orders.order[place]
+        if view.orders.state[order] != ORDER_DELIVERED:
+            open_orders.order[count] = order
+            count += 1
+    first = count
+    for k in range(open_orders.cursor[0], view.clock[CLOCK_NEXT_RELEASE]):
+        order = np.int64(view.orders.release_sequence[k])
+        if order != NIL and view.orders.state[order] != ORDER_DELIVERED:
+            open_orders.order[count] = order
+            count += 1
+    open_orders.cursor[0] = view.clock[CLOCK_NEXT_RELEASE]
+    open_orders.count[0] = count
+    return first
 
 
 @kernel
-def swap(heap, a, b):
-    heap.key[a], heap.key[b] = heap.key[b], heap.key[a]
-    heap.tag[a], heap.tag[b] = heap.tag[b], heap.tag[a]
+def weigh_rest(view, workspace, open_orders, first, weight):
+    """Enter what the orders from place `first` on cost beside the way to their first stop.
+
+    What follows on it, in thousandths: from stop to stop as the first type of robots drives it, with
+    the heading that is best each time; of a pod from where it stands, and back there. And more for each
+    priority that is higher than theirs. Trips of pods change with their lines, so all are looked at.
+    """
+    orders = view.orders
+    carries_pods = view.trips.pod.shape[0] > 0
+    for place in range(0 if carries_pods else first, open_orders.count[0]):
+        order = np.int64(open_orders.order[place])
+        ticks, stop = np.int64(0), np.int64(orders.first_stop[order])
+        pod_cell = NIL
+        if weight and carries_pods and orders.current_slot[order] != NIL:
+            pod_cell = np.int64(view.slots.cell[orders.current_slot[order]])
+            ticks = visit_ticks(view, workspace, order, pod_cell, stop)
+        for following in range(stop + 1, end_of_stops(view, order) if weight else stop):
+            here = np.int64(view.stops.cell[following - 1])
+            ticks += visit_ticks(view, workspace, order, here, following)
+            stop = np.int64(following)
+        if pod_cell != NIL:
+            ticks += leg_ticks(view, workspace, order, np.int64(view.stops.cell[stop]), pod_cell)
+        priority = np.int64(view.orders.priority[order])
+        open_orders.rest[order] = weight * ticks + (MOST_PRIORITY - priority) * PRIORITY
 
 
 @kernel
-def push_pair(heap, key, tag):
-    at = heap.size[0]
-    heap.size[0] = at + 1
-    heap.key[at] = key
-    heap.tag[at] = tag
-    while at > 0 and is_less(heap, at, (at - 1) >> 1):
-        swap(heap, at, (at - 1) >> 1)
-        at = (at - 1) >> 1
+def leg_ticks(view, workspace, order, here, to):
+    """Ticks of a leg of an order with the heading that is best, 0 if there is no way."""
+    robot_type = view.rules.loaded_types if has_load(view.orders, order) else 0
+    leg = np.int64(UNREACHABLE)
+    for heading in range(view.grid.headings):
+        leg = min(leg, distance(view, workspace, robot_type, here, heading, to))
+    return leg if leg < UNREACHABLE else np.int64(0)
 
 
 @kernel
-def drop_least(heap):
-    """Take the least pair out."""
-    last = heap.size[0] - 1
-    heap.size[0] = last
-    swap(heap, 0, last)
-    at = 0
-    while 2 * at + 1 < last:
-        below = 2 * at + 1
-        if below + 1 < last and is_less(heap, below + 1, below):
-            below += 1
-        if not is_less(heap, below, at):
-            return
-        swap(heap, at, below)
-        at = below
+def visit_ticks(view, workspace, order, here, stop):
+    """Ticks from a cell to a stop, and of the visit there."""
+    leg = leg_ticks(view, workspace, order, here, np.int64(view.stops.cell[stop]))
+    return max(leg + np.int64(view.stops.ticks[stop]), 1)
 
 
-# Searches on the empty floor that end with the first candidate: an order, or a robot for one.
+@kernel
+def rest_of(open_orders, order):
+    """The cost of what follows on the first stop of an order."""
+    return np.int64(open_orders.rest[order]) if open_orders.rest.shape[0] else np.int64(0)
+
+
+@kernel
+def collect_seekers(view, batch, seekers, again):
+    """List the robots of a batch that may get an order; `again`: and those that have not begun theirs."""
+    robots, headings = view.robots, view.grid.headings
+    seekers.count[0] = 0
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if not may_seek(view, i, batch.reason[k], again):
+            continue
+        seekers.robot[seekers.count[0]] = i
+        seekers.count[0] += 1
+        seekers.entry[i] = k
+        seekers.seeks[i] = 1
+        seekers.pose[i] = first_cell(robots, i) * headings + robots.heading[i]
+        seekers.delay[i] = robots.busy[i]
+        seekers.place[i] = NIL
+
+
+@kernel
+def may_seek(view, i, reason, again):
+    """Whether robot i, asked for a reason, may get an order."""
+    robots, order = view.robots, view.robots.order[i]
+    if robots.load[i] != NIL:
+        return False
+    if order != NIL:
+        return (
+            again and view.orders.state[order] == ORDER_WAITING and not has_load(view.orders, order)
+        )
+    if robots.goal_type[i] == GOAL_CHARGE and robots.charging_interruptible[i] == 0:
+        return False
+    return again or reason != REASON_PERIODIC
+
+
+@kernel
+def mark_orders(view, out, open_orders, marks, seekers):
+    """Mark the orders that wait and are free, or are those of robots that seek."""
+    marks.count[:] = 0
+    marks.least_rest[0] = 1 << 50
+    for back in range(open_orders.count[0]):
+        place = open_orders.count[0] - 1 - back  # the marks of a cell begin with the earliest
+        order = np.int64(open_orders.order[place])
+        marks.taken[place] = 1
+        if view.orders.state[order] != ORDER_WAITING or out.order_taken[order]:
+            continue
+        holder = np.int64(view.orders.reserved_by[order])
+        if view.trips.pod.shape[0] > 0 and not has_place(view, order):
+            continue
+        if holder != NIL:
+            i = np.int64(view.robots.at_index[holder])
+            if seekers.seeks[i] == 0:
+                continue
+            if view.robots.order[i] == order:
+                seekers.place[i] = place
+        marks.taken[place] = 0
+        marks.count[1] += 1
+        marks.least_rest[0] = min(marks.least_rest[0], rest_of(open_orders, order))
+        if not has_load(view.orders, order):
+            mark(marks, next_stop_cell(view, order), place)
+        else:
+            mark_load(view, marks, order, place)
+
+
+@kernel
+def mark_load(view, marks, order, place):
+    """Mark an order in the cells from which robots of any type pick up its load."""
+    slot = np.int64(view.orders.current_slot[order])
+    if view.rules.nearest_access:
+        for direction in range(4):
+            cell = cell_beside(view, slot, direction)
+            if cell != NIL:
+                mark(marks, cell, place)
+        return
+    for robot_type in range(types_of_robots(view)):
+        cell = pickup_cell(view, robot_type, slot, NIL)
+        known = cell == NIL
+        for other in range(robot_type):
+            known = known or pickup_cell(view, other, slot, NIL) == cell
+        if not known:
+            mark(marks, cell, place)
+
+
+@kernel
+def mark(marks, cell, place):
+    k = marks.count[0]
+    marks.count[0] = k + 1
+    marks.place[k] = place
+    marks.cell[k] = cell
+    marks.following[k] = marks.head[cell]
+    marks.head[cell] = k
+
+
+@kernel
+def enter_poses(seekers):
+    """Enter the robots that seek at their poses, of each pose the least identity first."""
+    for k in range(seekers.count[0]):
+        i = np.int64(seekers.robot[seekers.count[0] - 1 - k])  # the batch is sorted by identity
+        seekers.following[i] = seekers.head[seekers.pose[i]]
+        seekers.head[seekers.pose[i]] = i
+
+
+@kernel
+def clear_candidates(marks, seekers):
+    """Leave nothing behind for the next call."""
+    for k in range(marks.count[0]):
+        marks.head[marks.cell[k]] = NIL
+    for k in range(seekers.count[0]):
+        i = seekers.robot[k]
+        seekers.head[seekers.pose[i]] = NIL
+        seekers.seeks[i] = 0
+
+
+# Searches on the empty floor that end with the first candidate.
 #
-# forwards from the pose of a robot, until a cell with a mark is reached backwards against the
-# direction of travel, from where an order begins, until a robot is met
+#     forwards    from the pose of a robot, until a cell with a mark is reached
+#     backwards   against the direction of travel, from where an order begins, until a robot is met
 #
 # Poses wait in buckets, one for each tick of cost, used in turn. So a search costs what lies nearer
 # than its result, however large the floor is, and needs no table of distances for the thousands of
-# cells in which orders begin. Costs are in thousandths of ticks and hold twice: an even number for a
+# cells in which orders begin. Results are in thousandths of ticks, and doubled: an even number for a
 # pair that is one already, the odd one above it for another, so that of equal ones the robot keeps
 # what it has.
 
 
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
-NOTHING = 1 << 60  # the cost of no candidate
-COST_BITS = 32
-COST_MASK = (1 << COST_BITS) - 1
-
-
-class Search(Struct, role=SCRATCH):
+class PairSearch(Struct, role=SCRATCH):
     """Buckets, and what has been reached."""
 
     reached: Array = field("(P,) int64", "by pose: number of the search << 32 | cost")
@@ -108,10 +298,184 @@ class Search(Struct, role=SCRATCH):
 
 
 @kernel
+def find_order(view, stop, search, open_orders, marks, seekers, i):
+    """search.found: the cheapest order for robot i that is to be had, of equal ones the earliest."""
+    begin(search)
+    reach(search, np.int64(seekers.pose[i]), 0)
+    robot_type, headings = np.int64(view.robots.type[i]), view.grid.headings
+    shift = headings >> 1  # 1, 2 or 4 headings
+    delay = TICK_COST * seekers.delay[i]
+    cost = next_cost(search, 0)
+    while cost != NIL and stop[0] == 0:
+        if 2 * (TICK_COST * cost + delay + marks.least_rest[0]) > search.found[0]:
+            break
+        pose = next_pose(search, cost)
+        if pose == NIL:
+            cost = next_cost(search, cost)
+            continue
+        search.poses[0] += 1
+        cell = pose >> shift
+        if marks.head[U(cell)] != NIL:
+            look_at_marks(
+                view, search, open_orders, marks, seekers, i, cell, TICK_COST * cost + delay
+            )
+        go_on(view, search, robot_type, cell, pose & (headings - 1), cost)
+    search.bucket[:] = NIL
+
+
+@kernel
+def look_at_marks(view, search, open_orders, marks, seekers, i, cell, cost):
+    """Robot i gets to a cell for so much: is an order that begins there the best so far?"""
+    had = np.int64(seekers.place[i])
+    weighed = open_orders.rest.shape[0] > 0
+    k = marks.head[cell]
+    while k != NIL and marks.taken[marks.place[k]]:
+        k = marks.following[k]
+    marks.head[cell] = k  # those before it are taken, and looked at no more
+    while k != NIL:
+        place = np.int64(marks.place[k])
+        order = np.int64(open_orders.order[place])
+        if marks.taken[place] == 0 and begins_here(view, i, order, cell):
+            offer(search, 2 * (cost + rest_of(open_orders, order)) + (place != had), place)
+            if not weighed and had == NIL:
+                return  # the others of the cell cost the same, and came later
+        k = marks.following[k]
+
+
+@kernel
+def begins_here(view, i, order, cell):
+    """Whether robot i does an order, and begins it in this cell."""
+    if not can_do(view, i, order) or is_offered_to_another(view, i, order):
+        return False
+    if not has_load(view.orders, order) or view.rules.nearest_access:
+        return True
+    slot = np.int64(view.orders.current_slot[order])
+    return pickup_cell(view, np.int64(view.robots.type[i]), slot, NIL) == cell
+
+
+@kernel
+def is_offered_to_another(view, i, order):
+    """Whether the trip of a pod is reserved for a robot beneath it that is not robot i."""
+    holder = view.orders.reserved_by[order]
+    return view.trips.pod.shape[0] > 0 and holder != NIL and holder != view.robots.identity[i]
+
+
+@kernel
+def offer(search, cost, candidate):
+    """Keep a candidate if it is cheaper than the one found, or comes before it at the same cost."""
+    if cost < search.found[0] or (cost == search.found[0] and candidate < search.found[1]):
+        search.found[0] = cost
+        search.found[1] = candidate
+
+
+@kernel
+def go_on(view, search, robot_type, cell, heading, cost):
+    """Reach the poses that follow on a pose."""
+    grid, duration = view.grid, view.rules.duration
+    flags = np.int64(grid.type_cell_flags[U(robot_type), U(cell)])
+    headings, own = grid.headings, headings_of(grid, robot_type)
+    for direction in range(heading, 4, own):
+        if (flags >> direction) & 1:
+            after = cell + grid.offset[U(direction)]
+            usual = duration[U(robot_type), U(ACTION_MOVE)]
+            moved = cost + limited_ticks(grid, usual, cell, direction)
+            reach(search, after * headings + heading, moved)
+    if own > 1 and flags & MAY_TURN:
+        turned = cost + duration[robot_type, ACTION_TURN]
+        reach(search, cell * headings + ((heading + 1) & (own - 1)), turned)
+        reach(search, cell * headings + ((heading - 1) & (own - 1)), turned)
+
+
+@kernel
+def find_robot(view, stop, search, open_orders, seekers, place):
+    """search.found: the cheapest robot for the order at a place, of equal ones the least identity."""
+    order = np.int64(open_orders.order[place])
+    search.found[0], search.found[1] = NO_CANDIDATE, NIL
+    for robot_type in range(types_of_robots(view)):
+        cost, robot = search.found[0], search.found[1]
+        begin(search)
+        search.found[0], search.found[1] = cost, robot
+        reach_begin(view, search, robot_type, order)
+        search_back(view, stop, search, open_orders, seekers, robot_type, order, place)
+        search.bucket[:] = NIL
+
+
+@kernel
+def reach_begin(view, search, robot_type, order):
+    """Reach the cells where robots of a type begin an order, with any of their headings."""
+    headings, own = view.grid.headings, headings_of(view.grid, robot_type)
+    for direction in range(4):
+        if not has_load(view.orders, order):
+            cell = next_stop_cell(view, order)
+        elif view.rules.nearest_access:
+            cell = cell_beside(view, np.int64(view.orders.current_slot[order]), direction)
+        else:
+            slot = np.int64(view.orders.current_slot[order])
+            cell = pickup_cell(view, robot_type, slot, NIL)
+        if cell != NIL:
+            for heading in range(own):
+                reach(search, cell * headings + heading, 0)
+
+
+@kernel
+def search_back(view, stop, search, open_orders, seekers, robot_type, order, place):
+    """Go back from what is reached until no robot can be cheaper than the one found."""
+    headings, rest = view.grid.headings, rest_of(open_orders, order)
+    shift = headings >> 1
+    cost = next_cost(search, 0)
+    while cost != NIL and stop[0] == 0:
+        if 2 * (TICK_COST * cost + rest) > search.found[0]:
+            return
+        pose = next_pose(search, cost)
+        if pose == NIL:
+            cost = next_cost(search, cost)
+            continue
+        search.poses[0] += 1
+        i = np.int64(seekers.head[pose])
+        while i != NIL:
+            fits = seekers.seeks[i] and view.robots.type[i] == robot_type
+            if fits and can_do(view, i, order) and not is_offered_to_another(view, i, order):
+                ticks = TICK_COST * (cost + seekers.delay[i]) + rest
+                offer_robot(view, search, 2 * ticks + (place != seekers.place[i]), i)
+            i = np.int64(seekers.following[i])
+        go_back(view, search, robot_type, pose >> shift, pose & (headings - 1), cost)
+
+
+@kernel
+def offer_robot(view, search, cost, i):
+    """Keep robot i if it is cheaper than the one found, or comes before it at the same cost."""
+    identity, best = view.robots.identity, search.found[1]
+    equal = cost == search.found[0] and best != NIL
+    if cost < search.found[0] or (equal and identity[i] < identity[best]):
+        search.found[0] = cost
+        search.found[1] = i
+
+
+@kernel
+def go_back(view, search, robot_type, cell, heading, cost):
+    """Reach the poses from which a robot comes to a pose."""
+    grid, duration, headings = view.grid, view.rules.duration, view.grid.headings
+    flags, own = grid.type_cell_flags[robot_type], headings_of(grid, robot_type)
+    for direction in range(heading, 4, own):
+        before = cell - grid.offset[direction]
+        if 0 <= before < flags.shape[0] and (np.int64(flags[before]) >> direction) & 1:
+            usual = duration[robot_type, ACTION_MOVE]
+            moved = cost + limited_ticks(grid, usual, before, direction)
+            reach(search, before * headings + heading, moved)
+    if own > 1 and np.int64(flags[cell]) & MAY_TURN:
+        turned = cost + duration[robot_type, ACTION_TURN]
+        reach(search, cell * headings + ((heading + 1) & (own - 1)), turned)
+        reach(search, cell * headings + ((heading - 1) & (own - 1)), turned)
+
+
+# The buckets.
+
+
+@kernel
 def begin(search):
     search.number[0] += 1
     search.entries[0] = 0
-    search.found[0] = NOTHING
+    search.found[0] = NO_CANDIDATE
     search.found[1] = NIL
 
 
@@ -152,279 +516,3 @@ def next_pose(search, cost):
         if search.reached[U(pose)] & COST_MASK == cost:
             return pose
     return np.int64(NIL)
-
-
-@kernel
-def find_order(view, stop, search, open_orders, marks, seekers, i):
-    """search.found: the cheapest order for robot i that is to be had, of equal ones the earliest."""
-    begin(search)
-    reach(search, np.int64(seekers.pose[i]), 0)
-    robot_type, headings = np.int64(view.robots.type[i]), view.grid.headings
-    shift = headings >> 1  # 1, 2 or 4 headings
-    delay = TICK * seekers.delay[i]
-    cost = next_cost(search, 0)
-    while cost != NIL and stop[0] == 0:
-        if 2 * (TICK * cost + delay + marks.least_rest[0]) > search.found[0]:
-            break
-        pose = next_pose(search, cost)
-        if pose == NIL:
-            cost = next_cost(search, cost)
-            continue
-        search.poses[0] += 1
-        cell = pose >> shift
-        if marks.head[U(cell)] != NIL:
-            look_at_marks(view, search, open_orders, marks, seekers, i, cell, TICK * cost + delay)
-        go_on(view, search, robot_type, cell, pose & (headings - 1), cost)
-    search.bucket[:] = NIL
-
-
-@kernel
-def look_at_marks(view, search, open_orders, marks, seekers, i, cell, cost):
-    """Robot i gets to a cell for so much: is an order that begins there the best so far?"""
-    had = np.int64(seekers.place[i])
-    weighed = open_orders.rest.shape[0] > 0
-    k = marks.head[cell]
-    while k != NIL and marks.taken[marks.place[k]]:
-        k = marks.following[k]
-    marks.head[cell] = k  # those before it are taken, and looked at no more
-    while k != NIL:
-        place = np.int64(marks.place[k])
-        order = np.int64(open_orders.order[place])
-        if marks.taken[place] == 0 and begins_here(view, i, order, cell):
-            offer(search, 2 * (cost + rest_of(open_orders, order)) + (place != had), place)
-            if not weighed and had == NIL:
-                return  # the others of the cell cost the same, and came later
-        k = marks.following[k]
-
-
-@kernel
-def begins_here(view, i, order, cell):
-    """Whether robot i does an order, and begins it in this cell."""
-    if not can_do(view, i, order) or is_offered_to_another(view, i, order):
-        return False
-    if not has_load(view.orders, order) or view.rules.nearest_access:
-        return True
-    slot = np.int64(view.orders.current_slot[order])
-    return pickup_cell(view, np.int64(view.robots.type[i]), slot, NIL) == cell
-
-
-@kernel
-def offer(search, cost, candidate):
-    """Keep a candidate if it is cheaper than the one found, or comes before it at the same cost."""
-    if cost < search.found[0] or (cost == search.found[0] and candidate < search.found[1]):
-        search.found[0] = cost
-        search.found[1] = candidate
-
-
-@kernel
-def go_on(view, search, robot_type, cell, heading, cost):
-    """Reach the poses that follow on a pose."""
-    grid, duration = view.grid, view.rules.duration
-    flags = np.int64(grid.type_cell_flags[U(robot_type), U(cell)])
-    headings, own = grid.headings, headings_of(grid, robot_type)
-    for direction in range(heading, 4, own):
-        if (flags >> direction) & 1:
-            after = cell + grid.offset[U(direction)]
-            usual = duration[U(robot_type), U(ACTION_MOVE)]
-            moved = cost + limited_ticks(grid, usual, cell, direction)
-            reach(search, after * headings + heading, moved)
-    if own > 1 and flags & MAY_TURN:
-        turned = cost + duration[robot_type, ACTION_TURN]
-        reach(search, cell * headings + ((heading + 1) & (own - 1)), turned)
-        reach(search, cell * headings + ((heading - 1) & (own - 1)), turned)
-
-
-@kernel
-def find_robot(view, stop, search, open_orders, seekers, place):
-    """search.found: the cheapest robot for the order at a place, of equal ones the least identity."""
-    order = np.int64(open_orders.order[place])
-    search.found[0], search.found[1] = NOTHING, NIL
-    for robot_type in range(types_of_robots(view)):
-        cost, robot = search.found[0], search.found[1]
-        begin(search)
-        search.found[0], search.found[1] = cost, robot
-        reach_begin(view, search, robot_type, order)
-        search_back(view, stop, search, open_orders, seekers, robot_type, order, place)
-        search.bucket[:] = NIL
-
-
-@kernel
-def reach_begin(view, search, robot_type, order):
-    """Reach the cells where robots of a type begin an order, with any of their headings."""
-    headings, own = view.grid.headings, headings_of(view.grid, robot_type)
-    for direction in range(4):
-        if not has_load(view.orders, order):
-            cell = next_stop_cell(view, order)
-        elif view.rules.nearest_access:
-            cell = cell_beside(view, np.int64(view.orders.current_slot[order]), direction)
-        else:
-            slot = np.int64(view.orders.current_slot[order])
-            cell = pickup_cell(view, robot_type, slot, NIL)
-        if cell != NIL:
-            for heading in range(own):
-                reach(search, cell * headings + heading, 0)
-
-
-@kernel
-def search_back(view, stop, search, open_orders, seekers, robot_type, order, place):
-    """Go back from what is reached until no robot can be cheaper than the one found."""
-    headings, rest = view.grid.headings, rest_of(open_orders, order)
-    shift = headings >> 1
-    cost = next_cost(search, 0)
-    while cost != NIL and stop[0] == 0:
-        if 2 * (TICK * cost + rest) > search.found[0]:
-            return
-        pose = next_pose(search, cost)
-        if pose == NIL:
-            cost = next_cost(search, cost)
-            continue
-        search.poses[0] += 1
-        i = np.int64(seekers.head[pose])
-        while i != NIL:
-            fits = seekers.seeks[i] and view.robots.type[i] == robot_type
-            if fits and can_do(view, i, order) and not is_offered_to_another(view, i, order):
-                ticks = TICK * (cost + seekers.delay[i]) + rest
-                offer_robot(view, search, 2 * ticks + (place != seekers.place[i]), i)
-            i = np.int64(seekers.following[i])
-        go_back(view, search, robot_type, pose >> shift, pose & (headings - 1), cost)
-
-
-@kernel
-def offer_robot(view, search, cost, i):
-    """Keep robot i if it is cheaper than the one found, or comes before it at the same cost."""
-    identity, best = view.robots.identity, search.found[1]
-    equal = cost == search.found[0] and best != NIL
-    if cost < search.found[0] or (equal and identity[i] < identity[best]):
-        search.found[0] = cost
-        search.found[1] = i
-
-
-@kernel
-def go_back(view, search, robot_type, cell, heading, cost):
-    """Reach the poses from which a robot comes to a pose."""
-    grid, duration, headings = view.grid, view.rules.duration, view.grid.headings
-    flags, own = grid.type_cell_flags[robot_type], headings_of(grid, robot_type)
-    for direction in range(heading, 4, own):
-        before = cell - grid.offset[direction]
-        if 0 <= before < flags.shape[0] and (np.int64(flags[before]) >> direction) & 1:
-            usual = duration[robot_type, ACTION_MOVE]
-            moved = cost + limited_ticks(grid, usual, before, direction)
-            reach(search, before * headings + heading, moved)
-    if own > 1 and np.int64(flags[cell]) & MAY_TURN:
-        turned = cost + duration[robot_type, ACTION_TURN]
-        reach(search, cell * headings + ((heading + 1) & (own - 1)), turned)
-        reach(search, cell * headings + ((heading - 1) & (own - 1)), turned)
-
-
-# Cheapest pair first: the cheapest pair of a robot and an order is made, then that of the others.
-#
-# cost 1000 x ticks to where the order begins, and what the parameter `rest` adds for its stops; ties:
-# the pair that is one already, then the lower identity, then the earlier order
-#
-# Whoever is fewer searches: each robot its cheapest order, or each order its cheapest robot. The
-# results wait in a heap. If the candidate of the least one is gone when its turn comes, it searches
-# again among those that are left: its next result cannot be cheaper, so the pairs come out in the
-# sequence of their costs, as if all robots x orders had been sorted.
-
-
-TAG_BITS = 32
-TAG_MASK = (1 << TAG_BITS) - 1
-
-
-class Pairs(Struct, role=SCRATCH):
-    """What has come out."""
-
-    place: Array = field("(robots,) int32", "by storage index: of the robot's order, or NIL")
-    candidate: Array = field("(h,) int32", "by robot or place: what its search has found")
-
-
-@kernel
-def match(view, stop, state, allowed):
-    """Enter pairs; `allowed`: how many robots without an order may get one, NIL: all."""
-    marks, seekers, pairs = state.marks, state.seekers, state.pairs
-    for k in range(seekers.count[0]):
-        pairs.place[seekers.robot[k]] = NIL
-    state.heap.size[0] = 0
-    if seekers.count[0] == 0 or marks.count[1] == 0:
-        return
-    if seekers.count[0] <= marks.count[1]:
-        match_robots(view, stop, state, allowed)
-    else:
-        match_orders(view, stop, state, allowed)
-
-
-@kernel
-def match_robots(view, stop, state, allowed):
-    """Each robot searches its order."""
-    marks, seekers, pairs, heap = state.marks, state.seekers, state.pairs, state.heap
-    for k in range(seekers.count[0]):
-        if allowed != 0 or seekers.place[seekers.robot[k]] != NIL:
-            search_order(view, stop, state, np.int64(seekers.robot[k]))
-    while heap.size[0] > 0 and stop[0] == 0:
-        i = np.int64(view.robots.at_index[heap.tag[0] >> TAG_BITS])
-        place = np.int64(pairs.candidate[i])
-        drop_least(heap)
-        had_none = seekers.place[i] == NIL
-        if had_none and allowed == 0:
-            continue
-        if marks.taken[place]:
-            search_order(view, stop, state, i)
-            continue
-        marks.taken[place] = 1
-        pairs.place[i] = place
-        if had_none and allowed > 0:
-            allowed -= 1
-
-
-@kernel
-def search_order(view, stop, state, i):
-    """Robot i searches, and waits with what it found."""
-    search = state.search
-    find_order(view, stop, search, state.open_orders, state.marks, state.seekers, i)
-    if search.found[1] != NIL:
-        state.pairs.candidate[i] = search.found[1]
-        tag = (np.int64(view.robots.identity[i]) << TAG_BITS) | search.found[1]
-        push_pair(state.heap, search.found[0], tag)
-
-
-@kernel
-def match_orders(view, stop, state, allowed):
-    """Each order searches its robot."""
-    marks, seekers, pairs, heap = state.marks, state.seekers, state.pairs, state.heap
-    enter_poses(seekers)
-    if allowed == 0:
-        leave_out_idle(seekers)
-    for place in range(state.open_orders.count[0]):
-        if marks.taken[place] == 0:
-            search_robot(view, stop, state, place)
-    while heap.size[0] > 0 and stop[0] == 0:
-        i = np.int64(view.robots.at_index[heap.tag[0] >> TAG_BITS])
-        place = heap.tag[0] & TAG_MASK
-        drop_least(heap)
-        if seekers.seeks[i] == 0:
-            search_robot(view, stop, state, place)
-            continue
-        seekers.seeks[i] = 0
-        pairs.place[i] = place
-        if seekers.place[i] == NIL and allowed > 0:
-            allowed -= 1
-            if allowed == 0:
-                leave_out_idle(seekers)
-
-
-@kernel
-def leave_out_idle(seekers):
-    """Robots that have no order get none."""
-    for k in range(seekers.count[0]):
-        if seekers.place[seekers.robot[k]] == NIL:
-            seekers.seeks[seekers.robot[k]] = 0
-
-
-@kernel
-def search_robot(view, stop, state, place):
-    """The order at a place searches, and waits with what it found."""
-    search = state.search
-    find_robot(view, stop, search, state.open_orders, state.seekers, place)
-    if search.found[1] != NIL:
-        tag = (np.int64(view.robots.identity[search.found[1]]) << TAG_BITS) | place
-        push_pair(state.heap, search.found[0], tag)

@@ -1,4 +1,4 @@
-"""Which operations are open to a robot, what each costs it, and whose turn comes first.
+"""Which operations are open to a robot, what each costs it, whose turn comes first, and chains of pushes.
 
     cost = 1024 (way from the pose at its end - way from where it is) + rank
     cost = 1024 (t - T - way from where it is) + rank   where it reaches the goal in t + 1 ticks
@@ -23,19 +23,19 @@ from automaton.strategy.kernels import (
     weighted_table_of,
     with_load,
 )
-from strategies.right_of_way.deadlocks import (
-    comes_to_charge,
-    lacks_charge,
-    may_not_go_home,
-    steps_aside,
-    way_to_make_room,
-)
 from strategies.right_of_way.epibt.epibt_state import (
     FORWARD,
     NO_AIM,
     cell_after,
     cell_held,
     enter_path,
+)
+from strategies.right_of_way.steering import (
+    comes_to_charge,
+    lacks_charge,
+    may_not_go_home,
+    steps_aside,
+    way_to_make_room,
 )
 
 COST_SHIFT = 10
@@ -45,7 +45,8 @@ CANDIDATE_MASK = 255
 DIGIT_BITS = 11  # of keys that are sorted
 LAST_KEY = (1 << 2 * DIGIT_BITS) - 1
 FIRST_IDLE_KEY = LAST_KEY // 2  # of robots on their way home, who come after all with work
-_1 = np.uint64(1)
+MEETS_NONE = -2  # an operation meets no robot
+MEETS_SEVERAL = -3  # it meets more than one
 
 
 @kernel
@@ -222,7 +223,9 @@ def enter_keys(view, workspace, state, i, goal, row, way, waits):
     is_near = goal != NIL and way <= state.reach
     barred = np.int64(state.deadlocks.aside[i]) - 1 if is_to_leave else np.int64(NIL)
     for number in range(state.candidate.shape[0]):
-        if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & _1 == 0:
+        if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & np.uint64(
+            1
+        ) == 0:
             continue
         operation = np.int64(state.candidate[number])
         if waits and state.action[operation] == FORWARD:
@@ -332,105 +335,18 @@ def sort_by_digit(state, count, unsorted, out, shift):
         counts[digit] += 1
 
 
-# Chains: a robot takes the best operation that pushes at most one other robot, which then does the
-# same.
+# Chains: a robot takes the best operation that pushes at most one other robot, which does the same.
 #
-# build(r): take r's path out; for each operation, best first: it meets no path enter it, the chain is
-# accepted it meets two robots try the next one it meets one, u try the next one if u may not be
-# pushed; else take u out, enter r's, build(u); if that fails, undo, try the next one no operation is
-# left: the old plan again, it has failed
+#     build(r): take r's path out; for each operation, best first:
+#         it meets no path      enter it, the chain is accepted
+#         it meets two robots   try the next one
+#         it meets one, u       try the next one if u may not be pushed;
+#                               else take u out, enter r's, build(u); if that fails, undo, try the next
+#     no operation is left: the old plan again, it has failed
 #
 # u may not be pushed if it is fixed, if its plan was settled in this round, if it was visited too
 # often, or if its turn comes before that of the root. Two paths meet where they are in one cell after
 # as many ticks, or exchange two cells in one. A chain can have all robots, so its stack is explicit.
-
-
-FREE = -2  # an operation meets no robot
-SEVERAL = -3  # it meets more than one
-
-
-@kernel
-def robot_met(state, i, operation):
-    """Return the one robot whose path an operation of robot i meets, FREE or SEVERAL."""
-    occupied = state.occupied
-    met = np.int64(FREE)
-    before = np.int64(state.pose[i]) >> 2
-    for tick in range(state.ticks):
-        cell = cell_after(state, i, operation, tick)
-        holder = np.int64(occupied[cell, tick])
-        if holder != NIL and holder != met:
-            if met != FREE:
-                return np.int64(SEVERAL)
-            met = holder
-        if state.holds_two:
-            holder = np.int64(occupied[cell_held(state, i, operation, tick), tick])
-            if holder != NIL and holder != met:
-                if met != FREE:
-                    return np.int64(SEVERAL)
-                met = holder
-        if cell != before:
-            other = np.int64(occupied[before, tick])
-            if other != NIL and other != met and is_coming_from(state, other, cell, tick):
-                if met != FREE:
-                    return np.int64(SEVERAL)
-                met = other
-        before = cell
-    return met
-
-
-@kernel
-def is_coming_from(state, robot, cell, tick):
-    """Return whether a robot is in a cell before what it does in a tick from now."""
-    if tick == 0:
-        return np.int64(state.pose[robot]) >> 2 == cell
-    return state.occupied[cell, tick - 1] == robot
-
-
-@kernel
-def may_push(state, root, u, repairs):
-    """Return whether the chain of `root` may push robot u."""
-    stamp = state.stamp[0]
-    if state.is_fixed[u] or state.settled[u] == stamp:
-        return False
-    if state.visit_stamp[u] == stamp and state.visits[u] >= state.visits_allowed:
-        return False
-    return repairs or state.sequence_key[u] > state.sequence_key[root]
-
-
-@kernel
-def try_operations(state, root, top, repairs):
-    """Try the next operations of the last robot of the chain; it has one, or NIL is returned.
-
-    Returns FREE if it meets no robot, else the robot that it pushes.
-    """
-    i = np.int64(state.chain_robot[top])
-    tried = np.int64(state.chain_tried[top])
-    while tried < state.key_count[i]:
-        key = nth_key(state, i, tried)
-        tried += 1
-        operation = np.int64(state.candidate[key & CANDIDATE_MASK])
-        met = robot_met(state, i, operation)
-        if met == SEVERAL or (met != FREE and not may_push(state, root, met, repairs)):
-            continue
-        state.plan[i] = operation
-        state.chain_cost[top] = key >> CANDIDATE_BITS
-        state.chain_tried[top] = tried
-        return met
-    return np.int64(NIL)
-
-
-@kernel
-def append_to_chain(state, top, i):
-    """Robot i, whose path has been taken out, comes next in the chain."""
-    stamp = state.stamp[0]
-    state.chain_robot[top] = i
-    state.chain_tried[top] = 0
-    state.chain_plan[top] = state.plan[i]
-    if state.visit_stamp[i] != stamp:
-        state.visit_stamp[i] = stamp
-        state.visits[i] = 0
-    state.visits[i] += 1
-    state.settled[i] = stamp
 
 
 @kernel
@@ -456,7 +372,7 @@ def build(state, root, repairs):
                 return False
             top -= 1
             continue
-        if met == FREE:
+        if met == MEETS_NONE:
             if repairs and not is_better(state, top):
                 undo(state, top)
                 return False
@@ -472,6 +388,90 @@ def build(state, root, repairs):
         enter_path(state, i, i)
         top += 1
         append_to_chain(state, top, met)
+
+
+@kernel
+def try_operations(state, root, top, repairs):
+    """Try the next operations of the last robot of the chain; it has one, or NIL is returned.
+
+    Returns MEETS_NONE if it meets no robot, else the robot that it pushes.
+    """
+    i = np.int64(state.chain_robot[top])
+    tried = np.int64(state.chain_tried[top])
+    while tried < state.key_count[i]:
+        key = nth_key(state, i, tried)
+        tried += 1
+        operation = np.int64(state.candidate[key & CANDIDATE_MASK])
+        met = robot_met(state, i, operation)
+        if met == MEETS_SEVERAL or (met != MEETS_NONE and not may_push(state, root, met, repairs)):
+            continue
+        state.plan[i] = operation
+        state.chain_cost[top] = key >> CANDIDATE_BITS
+        state.chain_tried[top] = tried
+        return met
+    return np.int64(NIL)
+
+
+@kernel
+def robot_met(state, i, operation):
+    """Return the one robot whose path an operation of robot i meets, MEETS_NONE or MEETS_SEVERAL."""
+    occupied = state.occupied
+    met = np.int64(MEETS_NONE)
+    before = np.int64(state.pose[i]) >> 2
+    for tick in range(state.ticks):
+        cell = cell_after(state, i, operation, tick)
+        holder = np.int64(occupied[cell, tick])
+        if holder != NIL and holder != met:
+            if met != MEETS_NONE:
+                return np.int64(MEETS_SEVERAL)
+            met = holder
+        if state.holds_two:
+            holder = np.int64(occupied[cell_held(state, i, operation, tick), tick])
+            if holder != NIL and holder != met:
+                if met != MEETS_NONE:
+                    return np.int64(MEETS_SEVERAL)
+                met = holder
+        if cell != before:
+            other = np.int64(occupied[before, tick])
+            if other != NIL and other != met and is_coming_from(state, other, cell, tick):
+                if met != MEETS_NONE:
+                    return np.int64(MEETS_SEVERAL)
+                met = other
+        before = cell
+    return met
+
+
+@kernel
+def is_coming_from(state, robot, cell, tick):
+    """Return whether a robot is in a cell before what it does in a tick from now."""
+    if tick == 0:
+        return np.int64(state.pose[robot]) >> 2 == cell
+    return state.occupied[cell, tick - 1] == robot
+
+
+@kernel
+def may_push(state, root, u, repairs):
+    """Return whether the chain of `root` may push robot u."""
+    stamp = state.stamp[0]
+    if state.is_fixed[u] or state.settled[u] == stamp:
+        return False
+    if state.visit_stamp[u] == stamp and state.visits[u] >= state.visits_allowed:
+        return False
+    return repairs or state.sequence_key[u] > state.sequence_key[root]
+
+
+@kernel
+def append_to_chain(state, top, i):
+    """Robot i, whose path has been taken out, comes next in the chain."""
+    stamp = state.stamp[0]
+    state.chain_robot[top] = i
+    state.chain_tried[top] = 0
+    state.chain_plan[top] = state.plan[i]
+    if state.visit_stamp[i] != stamp:
+        state.visit_stamp[i] = stamp
+        state.visits[i] = 0
+    state.visits[i] += 1
+    state.settled[i] = stamp
 
 
 @kernel

@@ -1,8 +1,12 @@
-"""Plans from tick to tick: what robots go on with, and who stays where it is.
+"""Enhanced priority inheritance with backtracking, EPIBT (Yukhnevich & Andreychuk, AAAI-26).
 
-A robot that is where its plan led it goes on with the rest of it; all others plan to wait. So do robots
-whose plans lead into the cells of these, and so on. All other plans are free of conflicts as they were,
-but where a move takes longer than planned, in a slow zone: then who comes later waits.
+In each tick every robot has a plan of D actions, free of conflicts with all others, of which the
+first one is done. Robots go on with the rest of their plans; then they choose again, by turns:
+those nearest to their goals first, or those that have gone longest without finishing one; those on
+their way home last. A robot may push another one out of its way, which has to choose another plan
+at once (`build`). What is gained by further pushes, whose turn it may be, is tried after
+that for some robots (repair, large neighbourhood search). Effort is counted in pushes and tries,
+never in time, so a run can be repeated.
 """
 
 from typing import ClassVar
@@ -29,21 +33,10 @@ from automaton.strategy.kernels import (
     kernel,
     random_between,
 )
-from strategies.right_of_way.deadlocks import (
-    COUNTERS,
-    break_deadlocks,
-    count_callers,
-    has_stood_long,
-    is_at_goal,
-    is_given_up,
-    is_time_to_look,
-    note_progress,
-    round_of_stall,
-)
 from strategies.right_of_way.epibt.candidates import (
     CANDIDATE_MASK,
-    FREE,
     LAST_KEY,
+    MEETS_NONE,
     ask_idle_robot_ahead,
     build,
     end_of,
@@ -69,6 +62,69 @@ from strategies.right_of_way.epibt.epibt_state import (
     look_where_it_is,
 )
 from strategies.right_of_way.right_of_way_parameters import EpibtParameters
+from strategies.right_of_way.steering import (
+    COUNTERS,
+    break_deadlocks,
+    count_callers,
+    has_stood_long,
+    is_at_goal,
+    is_given_up,
+    is_time_to_look,
+    note_progress,
+    round_of_stall,
+)
+
+STREAM_PLAN_REPAIRS = STREAM_STRATEGY + 40
+POWER_BITS = 10
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    state = EpibtState.of(memory)
+    count_callers(view, state.service_areas)
+    count = steer_robots(view, batch, state)
+    inherit_plans(view, state)
+    for k in range(batch.count[0]):
+        i = np.int64(batch.robot[k])
+        if waits_in_bay(view, i):
+            enter_floor(view, state, i)
+    stall = np.int64(0)
+    if state.takes_time:
+        note_progress(view, state.deadlocks)
+        stall = round_of_stall(view, state.deadlocks)
+    rank_all_candidates(view, workspace, state, count, stall)
+    sort_by_key(state, count)
+    if state.oldest_first or stall:  # robots of one age could not push each other
+        settle_ties(state, count)
+    choose_plans(state, count)
+    if state.repair_tries:
+        repair_plans(view, state, count)
+    give_commands(view, batch, decisions, state)
+    if is_time_to_look(view, state.deadlocks):
+        look_for_deadlocks(view, state, count)
+    clear_paths(view, state)
+
+
+class Epibt(Strategy):
+    """Robots plan a few actions ahead and push each other by turns (EPIBT), with repairs if asked for."""
+
+    layer = "right_of_way"
+    Parameters = EpibtParameters
+    compiled = decide
+    counters: ClassVar = COUNTERS
+    steers = True
+    period = 1
+
+    def reset(self, view):
+        """The operations on this floor; no robot has planned anything."""
+        return epibt_state(view, self.parameters)
+
+
+# Plans from tick to tick: what robots go on with, and who stays where it is.
+#
+# A robot that is where its plan led it goes on with the rest of it; all others plan to wait. So do
+# robots whose plans lead into the cells of these, and so on. All other plans are free of conflicts as
+# they were, but where a move takes longer than planned, in a slow zone: then who comes later waits.
 
 
 @kernel
@@ -142,7 +198,8 @@ def inherit_plans(view, state):
         if may_be_kept and state.action[state.plan[i]] == FORWARD:
             if is_kept(view, state, i):
                 state.plan[i] = FULL_WAIT
-        if state.plan[i] != FULL_WAIT and robot_met(state, i, np.int64(state.plan[i])) == FREE:
+        plan = np.int64(state.plan[i])
+        if plan != FULL_WAIT and robot_met(state, i, plan) == MEETS_NONE:
             enter_path(state, i, i)
         else:
             state.plan[i] = FULL_WAIT
@@ -202,28 +259,7 @@ def waits_in_bay(view, i):
     return view.robots.cell[i] == NIL and goal_type != GOAL_NONE and goal_type != GOAL_PARK
 
 
-@kernel
-def clear_paths(view, state):
-    """Leave `occupied` as empty as it was."""
-    robots = view.robots
-    for i in range(robots.cell.shape[0]):
-        if state.pose[i] != NIL:
-            enter_path(state, i, NIL)
-
-
-# Enhanced priority inheritance with backtracking, EPIBT (Yukhnevich & Andreychuk, AAAI-26).
-#
-# In each tick every robot has a plan of D actions, free of conflicts with all others, of which the
-# first one is done. Robots go on with the rest of their plans; then they choose again, by turns:
-# those nearest to their goals first, or those that have gone longest without finishing one; those on
-# their way home last. A robot may push another one out of its way, which has to choose another plan
-# at once (module `chains`). What is gained by further pushes, whose turn it may be, is tried after
-# that for some robots (repair, large neighbourhood search). Effort is counted in pushes and tries,
-# never in time, so a run can be repeated.
-
-
-STREAM_REPAIRS = STREAM_STRATEGY + 40
-POWER_BITS = 10
+# New plans.
 
 
 @kernel
@@ -281,11 +317,14 @@ def repair_plans(view, state, count):
         state.power[i] = power * power if state.sequence_key[i] != LAST_KEY else 0
     seed, tick = view.rules.seed, view.clock[CLOCK_COARSE_TICK]
     for number in range(count * state.repair_tries):
-        place = random_between(0, count - 1, seed, STREAM_REPAIRS, tick, number)
+        place = random_between(0, count - 1, seed, STREAM_PLAN_REPAIRS, tick, number)
         i = np.int64(state.steered[place])
         if state.sequence_key[i] != LAST_KEY:
             state.stamp[0] += 1
             build(state, i, True)
+
+
+# Commands, and wait cycles.
 
 
 @kernel
@@ -365,42 +404,9 @@ def enter_blocker(view, state, i):
 
 
 @kernel
-def decide(view, batch, decisions, memory, workspace):
-    state = EpibtState.of(memory)
-    count_callers(view, state.service_areas)
-    count = steer_robots(view, batch, state)
-    inherit_plans(view, state)
-    for k in range(batch.count[0]):
-        i = np.int64(batch.robot[k])
-        if waits_in_bay(view, i):
-            enter_floor(view, state, i)
-    stall = np.int64(0)
-    if state.takes_time:
-        note_progress(view, state.deadlocks)
-        stall = round_of_stall(view, state.deadlocks)
-    rank_all_candidates(view, workspace, state, count, stall)
-    sort_by_key(state, count)
-    if state.oldest_first or stall:  # robots of one age could not push each other
-        settle_ties(state, count)
-    choose_plans(state, count)
-    if state.repair_tries:
-        repair_plans(view, state, count)
-    give_commands(view, batch, decisions, state)
-    if is_time_to_look(view, state.deadlocks):
-        look_for_deadlocks(view, state, count)
-    clear_paths(view, state)
-
-
-class Epibt(Strategy):
-    """Robots plan a few actions ahead and push each other by turns (EPIBT), with repairs if asked for."""
-
-    layer = "right_of_way"
-    Parameters = EpibtParameters
-    compiled = decide
-    counters: ClassVar = COUNTERS
-    steers = True
-    period = 1
-
-    def reset(self, view):
-        """The operations on this floor; no robot has planned anything."""
-        return epibt_state(view, self.parameters)
+def clear_paths(view, state):
+    """Leave `occupied` as empty as it was."""
+    robots = view.robots
+    for i in range(robots.cell.shape[0]):
+        if state.pose[i] != NIL:
+            enter_path(state, i, NIL)

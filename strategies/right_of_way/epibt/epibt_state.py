@@ -32,24 +32,26 @@ from automaton.engine.state import (
     Array,
 )
 from automaton.strategy.kernels import kernel
-from automaton.strategy.weighted_tables import DistanceTables, no_tables
-from strategies.right_of_way.deadlocks import (
+from automaton.strategy.weighted_tables import DistanceTables
+from strategies.right_of_way.right_of_way_parameters import horizon_of
+from strategies.right_of_way.steering import (
     AGAINST_STREET,
     Deadlocks,
     ServiceAreas,
     at_once_ticks,
-    lattice_tables,
+    guiding_tables,
     service_areas_of,
 )
-from strategies.right_of_way.right_of_way_parameters import horizon_of
 
 FORWARD: Final = 0
 RIGHT: Final = 1
 LEFT: Final = 2
 WAIT: Final = 3
-LETTERS: Final = "FRLW"
+ACTION_LETTERS: Final = "FRLW"
 FULL_WAIT: Final = 0  # its class
-
+NO_AIM = 4  # of an operation that never moves
+# Lattice costs of a tick along a street, against the ticks until a goal is reached:
+LATTICE_SCALE = 2
 # Of two operations with equal costs the one of larger weight is tried first: a sum over its actions, each
 # times the number of ticks that are left.
 WEIGHTS: Final = (10, -2, -2, -3)
@@ -69,7 +71,12 @@ class Operations(NamedTuple):
     @property
     def texts(self) -> list[str]:
         """The sequences in letters."""
-        return ["".join(LETTERS[action] for action in actions) for actions in self.actions]
+        return ["".join(ACTION_LETTERS[action] for action in actions) for actions in self.actions]
+
+
+def turned_by(heading: int, action: int) -> int:
+    """Return the heading after a turn to the right or to the left."""
+    return (heading + (1 if action == RIGHT else 3)) & 3
 
 
 def trace(actions: Actions) -> Trace:
@@ -80,7 +87,7 @@ def trace(actions: Actions) -> Trace:
         if action == FORWARD:
             x, y = x + VECTORS[heading][0], y + VECTORS[heading][1]
         elif action != WAIT:
-            heading = heading + (1 if action == RIGHT else 3) & 3
+            heading = turned_by(heading, action)
         cells.append((x, y))
     return tuple(cells), heading
 
@@ -98,7 +105,7 @@ def ends_in_turn(actions: Actions) -> bool:
         if action == FORWARD:
             moved = heading
         elif action != WAIT:
-            heading = heading + (1 if action == RIGHT else 3) & 3
+            heading = turned_by(heading, action)
     return heading != moved
 
 
@@ -124,108 +131,12 @@ def operations_of(depth: int) -> Operations:
     )
 
 
-# The cells of operations tick by tick, where moves and turns take ticks of their own.
-#
-# A robot that begins a move holds the cell that it leaves and the one that it enters, by the rule of
-# following: under `none` to the end of the move; under `handover` in its last tick the new one alone;
-# under `convoy` the new one alone from the first tick on, as another robot may follow at once. What
-# is begun goes on before a plan: so a plan begins `delay` ticks from now, with the pose to which that
-# leads. A wait lasts until robots are asked again, mostly one tick, and a plan that is done waits on.
-
-
-def paths_of(offsets, operations, paces, ticks, late):
-    """Return twice (4 B, O, T): the cell after each tick, and the one that is still held.
-
-    Both as offsets, by pace and first heading. `paces`: (move, turn, wait) in ticks; `offsets`: of a
-    move, by heading; `late`: 1 where the cell that is left is held in the last tick, too.
-    """
-    shape = 4 * len(paces), len(operations.actions), ticks
-    offset, left = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
-    for b, pace in enumerate(paces):
-        for first in range(4):
-            for number, actions in enumerate(operations.actions):
-                here, held = path_of(offsets, actions, first, pace, late)
-                rest = [here[-1]] * (ticks - len(here))
-                offset[4 * b + first, number] = here + rest
-                left[4 * b + first, number] = held + rest
-    return offset, left
-
-
-def path_of(offsets, actions, heading, pace, late):
-    """Return the cells of one operation, and those still held, as lists of offsets by tick."""
-    here, held, cell = [], [], 0
-    move, turn, wait = pace
-    for action in actions:
-        before = cell
-        if action == FORWARD:
-            cell += int(offsets[heading])
-        elif action != WAIT:
-            heading = heading + (1 if action == RIGHT else 3) & 3
-        span = move if action == FORWARD else wait if action == WAIT else turn
-        here += [cell] * span
-        held += [before] * (span - 1 + late) + [cell] * (1 - late)
-    return here, held
-
-
-@kernel
-def look_where_it_is(view, state, i):
-    """Enter pose, delay and origin of robot i, which stands, or moves or turns already."""
-    robots = view.robots
-    cell = np.int64(robots.cell[i])
-    state.pose[i] = NIL
-    state.delay[i] = 0
-    state.origin[i] = cell
-    if cell == NIL:
-        return
-    if robots.claim[i] != NIL or robots.action[i] == ACTION_TURN:
-        state.delay[i] = min(np.int64(robots.busy[i]), state.ticks)
-    if robots.claim[i] != NIL:
-        cell = np.int64(robots.claim[i])
-    heading = np.int64(robots.heading[i])
-    state.row[i] = 4 * np.int64(state.pace[robots.type[i]]) + heading
-    state.pose[i] = cell * 4 + heading
-
-
-@kernel
-def cell_after(state, i, operation, tick):
-    """Return the cell of robot i after a tick, if it does an operation next."""
-    pose, done = np.int64(state.pose[i]), tick - np.int64(state.delay[i])
-    if done < 0:
-        return pose >> 2
-    return (pose >> 2) + np.int64(state.offset[state.row[i], operation, done])
-
-
-@kernel
-def cell_held(state, i, operation, tick):
-    """Return the cell that robot i leaves and still holds after a tick, or the one in which it is."""
-    pose, done = np.int64(state.pose[i]), tick - np.int64(state.delay[i])
-    if done < 0:
-        return np.int64(state.origin[i]) if done + 1 < state.holds_late else pose >> 2
-    return (pose >> 2) + np.int64(state.left[state.row[i], operation, done])
-
-
-@kernel
-def enter_path(state, i, robot):
-    """Write `robot` (or NIL) wherever the plan of robot i leads."""
-    plan = np.int64(state.plan[i])
-    for tick in range(state.ticks):
-        state.occupied[cell_after(state, i, plan, tick), tick] = robot
-        if state.holds_two:
-            state.occupied[cell_held(state, i, plan, tick), tick] = robot
-
-
 # What EPIBT knows of its operations on a floor, what robots have planned, and scratch.
 #
 # n robots of K types, C cells with the border, P = 4 C poses (cell * 4 + heading). Of the operations
 # of depth D: O classes, J candidates, W words of 64 bits with one bit for each candidate. An end is a
 # cell and a heading in which candidates end. B paces (ticks of a move and of a turn), Q = 4 B. T:
 # ticks, in which each operation is over, whatever goes on before; S: T, rounded up to a power of two.
-
-
-NO_AIM = 4  # of an operation that never moves
-LATTICE_SCALE = (
-    2  # lattice costs of a tick along a street, against the ticks until a goal is reached
-)
 
 
 class EpibtState(Struct):
@@ -353,7 +264,7 @@ def epibt_state(view, parameters):
             {"n": len(view.robots.cell), "s": 1}, patience=parameters.deadlock_patience
         ),
         service_areas=service_areas_of(view),
-        tables=lattice_tables(view, LATTICE_SCALE) if guided else no_tables(),
+        tables=guiding_tables(view, guided, LATTICE_SCALE),
         following=list(operations.following),
         action=[actions[0] for actions in operations.actions],
         aim=[first_aim(actions) for actions in operations.actions],
@@ -375,7 +286,7 @@ def first_aim(actions):
         if action == FORWARD:
             return heading
         if action != WAIT:
-            heading = heading + (1 if action == RIGHT else 3) & 3
+            heading = turned_by(heading, action)
     return NO_AIM
 
 
@@ -433,5 +344,95 @@ def cells_open(grid, flags, start, heading, actions):
             cell[is_open] += int(grid.offset[heading])
             is_in = storage[cell]
         elif action != WAIT:
-            heading = heading + (1 if action == RIGHT else 3) & 3
+            heading = turned_by(heading, action)
     return is_open
+
+
+# The cells of operations tick by tick, where moves and turns take ticks of their own.
+#
+# A robot that begins a move holds the cell that it leaves and the one that it enters, by the rule of
+# following: under `none` to the end of the move; under `handover` in its last tick the new one alone;
+# under `convoy` the new one alone from the first tick on, as another robot may follow at once. What
+# is begun goes on before a plan: so a plan begins `delay` ticks from now, with the pose to which that
+# leads. A wait lasts until robots are asked again, mostly one tick, and a plan that is done waits on.
+
+
+def paths_of(offsets, operations, paces, ticks, late):
+    """Return twice (4 B, O, T): the cell after each tick, and the one that is still held.
+
+    Both as offsets, by pace and first heading. `paces`: (move, turn, wait) in ticks; `offsets`: of a
+    move, by heading; `late`: 1 where the cell that is left is held in the last tick, too.
+    """
+    shape = 4 * len(paces), len(operations.actions), ticks
+    offset, left = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
+    for b, pace in enumerate(paces):
+        for first in range(4):
+            for number, actions in enumerate(operations.actions):
+                here, held = path_of(offsets, actions, first, pace, late)
+                rest = [here[-1]] * (ticks - len(here))
+                offset[4 * b + first, number] = here + rest
+                left[4 * b + first, number] = held + rest
+    return offset, left
+
+
+def path_of(offsets, actions, heading, pace, late):
+    """Return the cells of one operation, and those still held, as lists of offsets by tick."""
+    here, held, cell = [], [], 0
+    move, turn, wait = pace
+    for action in actions:
+        before = cell
+        if action == FORWARD:
+            cell += int(offsets[heading])
+        elif action != WAIT:
+            heading = turned_by(heading, action)
+        span = move if action == FORWARD else wait if action == WAIT else turn
+        here += [cell] * span
+        held += [before] * (span - 1 + late) + [cell] * (1 - late)
+    return here, held
+
+
+@kernel
+def look_where_it_is(view, state, i):
+    """Enter pose, delay and origin of robot i, which stands, or moves or turns already."""
+    robots = view.robots
+    cell = np.int64(robots.cell[i])
+    state.pose[i] = NIL
+    state.delay[i] = 0
+    state.origin[i] = cell
+    if cell == NIL:
+        return
+    if robots.claim[i] != NIL or robots.action[i] == ACTION_TURN:
+        state.delay[i] = min(np.int64(robots.busy[i]), state.ticks)
+    if robots.claim[i] != NIL:
+        cell = np.int64(robots.claim[i])
+    heading = np.int64(robots.heading[i])
+    state.row[i] = 4 * np.int64(state.pace[robots.type[i]]) + heading
+    state.pose[i] = cell * 4 + heading
+
+
+@kernel
+def cell_after(state, i, operation, tick):
+    """Return the cell of robot i after a tick, if it does an operation next."""
+    pose, done = np.int64(state.pose[i]), tick - np.int64(state.delay[i])
+    if done < 0:
+        return pose >> 2
+    return (pose >> 2) + np.int64(state.offset[state.row[i], operation, done])
+
+
+@kernel
+def cell_held(state, i, operation, tick):
+    """Return the cell that robot i leaves and still holds after a tick, or the one in which it is."""
+    pose, done = np.int64(state.pose[i]), tick - np.int64(state.delay[i])
+    if done < 0:
+        return np.int64(state.origin[i]) if done + 1 < state.holds_late else pose >> 2
+    return (pose >> 2) + np.int64(state.left[state.row[i], operation, done])
+
+
+@kernel
+def enter_path(state, i, robot):
+    """Write `robot` (or NIL) wherever the plan of robot i leads."""
+    plan = np.int64(state.plan[i])
+    for tick in range(state.ticks):
+        state.occupied[cell_after(state, i, plan, tick), tick] = robot
+        if state.holds_two:
+            state.occupied[cell_held(state, i, plan, tick), tick] = robot

@@ -1,13 +1,4 @@
-"""When a robot goes round one that does not make way, instead of standing behind it.
-
-Distances to a goal know no robots. Where the next cell of a robot's best way is held by one that works,
-is down or charges, both staying and going on cost the ticks until that one is gone, and a step to the
-side is better if it costs less. A step after which the best way leads back here only postpones the wait:
-it costs as much, unless the wait is long (LONG), and any other way out is worth a try.
-
-What a robot went round is not in the distances, so the cell that it came from costs the rest of the wait
-until it is nearer to its goal than where it stood, or the wait is over: it does not turn back and forth.
-"""
+"""Where a robot would go: its options in the order in which it prefers them, detours among them."""
 
 import numpy as np
 
@@ -42,25 +33,387 @@ from automaton.strategy.kernels import (
     weighted_table_of,
     with_load,
 )
-from strategies.right_of_way.deadlocks import (
+from strategies.right_of_way.pibt.pibt_state import (
+    LONG_WAIT,
+    MODE_LEAVING,
+    MODE_UNDECIDED,
+    NO_OPTION,
+    OPTION_BITS,
+    STAY_OPTION,
+    U,
+    has_to_leave,
+    holder_of,
+    is_for_two,
+    resource_in,
+)
+from strategies.right_of_way.steering import (
     AGAINST_STREET,
     is_needed,
     may_not_go_home,
     steps_aside,
     way_to_make_room,
 )
-from strategies.right_of_way.pibt.pibt_state import (
-    LEAVING,
-    LONG,
-    NO_OPTION,
-    OPTION_BITS,
-    STAY,
-    UNDECIDED,
-    U,
-    has_to_leave,
-    holder_of,
-    resource_in,
-)
+
+KEY_SHIFT = 8  # ticks stand above the bits that settle ties
+TURN_BIT = 128
+STAY_BITS = 192
+NO_KEY = (1 << 62) - 1  # of an option that a robot does not have
+
+
+@kernel
+def rank_all_options(view, state, workspace):
+    """Enter the options of all robots that choose."""
+    mark_fixed(view, state, 1)
+    price_all_steps(view, state, workspace)
+    for i in range(view.robots.cell.shape[0]):
+        if state.mode[U(i)] == MODE_UNDECIDED and view.robots.cell[U(i)] != NIL:
+            rank_options(view, state, workspace, i)
+    mark_fixed(view, state, 0)
+
+
+@kernel
+def mark_fixed(view, state, value):
+    """Enter a value at the cells of all robots that do not choose."""
+    robots = view.robots
+    for i in range(robots.cell.shape[0]):
+        if state.mode[U(i)] <= MODE_LEAVING and robots.cell[U(i)] != NIL:
+            state.holds_fixed[U(robots.cell[U(i)])] = value
+            if robots.claim[U(i)] != NIL:
+                state.holds_fixed[U(robots.claim[U(i)])] = value
+
+
+@kernel
+def price_all_steps(view, state, workspace):
+    """Enter what follows on the steps of robots that choose.
+
+    Most tables lie far from each other in memory, so what was read there is kept for as long as a
+    robot stands where it is: half of 10,000 robots do (`automaton bench --only steering`). Where
+    tables are replaced, all are asked for, so that it shows in each tick whether there is room.
+    """
+    robots = view.robots
+    n, count = robots.cell.shape[0], 0
+    tables = tables_in_use(state, workspace)
+    keeps_all = has_room_for(tables, n)
+    for i in range(n):
+        cell, goal = robots.cell[U(i)], robots.goal_cell[U(i)]
+        chooses = (state.mode[U(i)] == MODE_UNDECIDED) & (cell != NIL)
+        known = (state.priced_cell[U(i)] == cell) & (state.priced_goal[U(i)] == goal)
+        has_goal = robots.goal_type[U(i)] != GOAL_NONE
+        state.unpriced[U(count)] = i
+        count += np.int64(chooses) & (1 - np.int64(known & keeps_all & has_goal))
+    for k in range(count):
+        find_table(view, state, workspace, np.int64(state.unpriced[U(k)]))
+    find_step_costs(view, tables, state.unpriced, count, state.table, state.costs)
+    for k in range(count):
+        i = np.int64(state.unpriced[U(k)])
+        if robots.goal_type[U(i)] == GOAL_NONE:
+            price_idle_steps(view, state, i)
+        elif state.guided:
+            add_street_costs(view, state, i)
+    if state.dead_ends or state.service_areas.callers.shape[0]:
+        price_ways_out(view, state)
+
+
+@kernel
+def find_table(view, state, workspace, i):
+    """Enter the table to the goal of robot i."""
+    robots = view.robots
+    state.priced_cell[U(i)] = robots.cell[U(i)]
+    state.priced_goal[U(i)] = robots.goal_cell[U(i)]
+    table = np.int64(NIL)
+    if robots.goal_type[U(i)] != GOAL_NONE:
+        goal = np.int64(robots.goal_cell[U(i)])
+        robot_type = with_load(view, np.int64(robots.type[U(i)]))  # not through storage
+        if state.guided:
+            table = weighted_table_of(view, state.tables, robot_type, goal)
+        else:
+            table = table_of(view, workspace, robot_type, goal)
+    state.table[U(i)] = table
+
+
+@kernel
+def tables_in_use(state, workspace):
+    return state.tables if state.guided else workspace.tables
+
+
+@kernel
+def add_street_costs(view, state, i):
+    """Add what the steps of robot i cost beyond their ticks where they are against streets."""
+    cell = np.int64(view.robots.cell[U(i)])
+    for direction in range(4):
+        if state.costs[U(i), U(direction)] < UNREACHABLE:
+            state.costs[U(i), U(direction)] += street_cost(view, state, i, cell, direction)
+
+
+@kernel
+def street_cost(view, state, i, cell, direction):
+    """What a move of robot i out of a cell costs beyond its ticks; 0 along streets."""
+    if not state.guided or not state.against[U(cell), U(direction)]:
+        return np.int64(0)
+    usual = view.rules.duration[U(view.robots.type[U(i)])][U(ACTION_MOVE)]
+    return (AGAINST_STREET - 1) * limited_ticks(view.grid, usual, cell, direction)
+
+
+@kernel
+def price_ways_out(view, state):
+    """Robots on their way home that have to come out again forget about home for this tick."""
+    robots = view.robots
+    for i in range(robots.cell.shape[0]):
+        if robots.goal_type[U(i)] != GOAL_PARK or robots.cell[U(i)] == NIL:
+            continue
+        if has_to_leave(view, state, i) or has_to_make_room(view, state, i):
+            price_idle_steps(view, state, i)
+            state.priced_cell[U(i)] = NIL
+
+
+@kernel
+def has_to_make_room(view, state, i):
+    """Return whether robot i, on its way home, is in a place that is needed, or would park in one."""
+    areas, cell = state.service_areas, np.int64(view.robots.cell[U(i)])
+    return may_not_go_home(view, areas, i) or way_to_make_room(view, areas, i, cell) != NIL
+
+
+@kernel
+def price_idle_steps(view, state, i):
+    """Enter what follows on steps without a goal.
+
+    All are alike, but the way out of where it is in the way, and those into what others need.
+    """
+    cell, robot_type = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.type[U(i)])
+    flags = np.int64(view.grid.type_cell_flags[U(robot_type), U(cell)])
+    way_out = way_to_make_room(view, state.service_areas, i, cell)
+    if way_out == NIL and has_to_leave(view, state, i):
+        way_out = np.int64(state.way_out[U(cell)])
+    for direction in range(4):
+        cost = 1 if (flags >> direction) & 1 else UNREACHABLE
+        if direction == way_out and cost == 1:
+            cost = -cost_of_step(view, i, direction)
+        elif cost == 1 and is_needed(state.service_areas, cell + view.grid.offset[U(direction)]):
+            cost = LONG_WAIT
+        state.costs[U(i), U(direction)] = cost
+
+
+@kernel
+def rank_options(view, state, workspace, i):
+    """Enter the options of robot i, best first; the one that it has turned to is the first of all.
+
+    Staying costs as many ticks more than the best way on as it is not asked in. Each key ends with its
+    option, and five of them are sorted without a branch: which is best is as good as random to the
+    processor.
+    """
+    robots = view.robots
+    state.asks[U(i)] = 0
+    draws = splitmix64(
+        np.uint64(view.rules.seed)
+        ^ (
+            np.uint64(view.clock[CLOCK_COARSE_TICK]) << np.uint64(32)
+            | np.uint64(robots.identity[U(i)])
+        )
+    )
+    east, a = key_of(view, state, i, 0, draws)
+    south, b = key_of(view, state, i, 1, draws)
+    west, c = key_of(view, state, i, 2, draws)
+    north, d = key_of(view, state, i, 3, draws)
+    has_goal = robots.goal_type[U(i)] != GOAL_NONE
+    here = min(min(a, b), min(c, d)) if has_goal else np.int64(0)
+    if is_beside_fixed(view, state, i) or is_on_detour(view, state, i):
+        if has_goal and here < UNREACHABLE:
+            enter_waits(view, state, i, here)
+            here = compare_detours(view, state, workspace, i, here, (a, b, c, d))
+        else:
+            enter_waits(view, state, i, UNREACHABLE)
+        waits = state.waits
+        east, south = with_wait(east, waits[0]), with_wait(south, waits[1])
+        west, north = with_wait(west, waits[2]), with_wait(north, waits[3])
+    stay = ((((here + view.rules.stride) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY_OPTION
+    if state.deadlocks.aside[U(i)] and steps_aside(view, state.deadlocks, i):
+        barred, stay = np.int64(state.deadlocks.aside[U(i)]) - 1, np.int64(NO_KEY)
+        east, south = without(east, 0, barred), without(south, 1, barred)
+        west, north = without(west, 2, barred), without(north, 3, barred)
+    state.options[U(i)] = sorted_options(east, south, west, north, stay)
+    state.option_next[U(i)] = 0
+
+
+@kernel
+def key_of(view, state, i, direction, draws):
+    """The key of a step of robot i, NO_KEY if it is not open to it; and its cost."""
+    robots, grid = view.robots, view.grid
+    cell, robot_type = np.int64(robots.cell[U(i)]), np.int64(robots.type[U(i)])
+    may_turn = np.int64(grid.type_cell_flags[U(robot_type), U(cell)]) & MAY_TURN != 0
+    turns = turns_to(view, i, direction)
+    after = np.int64(state.costs[U(i), U(direction)])
+    is_open = (after < UNREACHABLE) & ((turns == 0) | may_turn)
+    to = cell + grid.offset[U(direction)] * np.int64(is_open)
+    cost = after + cost_of_step(view, i, direction)
+    is_limited = resource_in(view, to, direction) != NIL
+    tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
+    tie = tie if is_limited else direction  # where there is room for all, as routes do
+    key = (cost << KEY_SHIFT) | tie | (TURN_BIT * np.int64(turns != 0))
+    is_begun = state.begun[U(i)] == direction + 1
+    key = ((NIL if is_begun else key) << OPTION_BITS) | direction
+    return key if is_open else NO_KEY, cost if is_open else np.int64(UNREACHABLE)
+
+
+@kernel
+def cost_of_step(view, i, direction):
+    """Ticks of a step of robot i in a direction, and of the turns before it."""
+    robots = view.robots
+    duration = view.rules.duration[U(robots.type[U(i)])]
+    turns = turns_to(view, i, direction)
+    cell = np.int64(robots.cell[U(i)])
+    move = limited_ticks(view.grid, duration[U(ACTION_MOVE)], cell, direction)
+    return turns * np.int64(duration[U(ACTION_TURN)]) + move
+
+
+@kernel
+def turns_to(view, i, direction):
+    """Turns of 90 degrees that robot i makes before it moves in a direction."""
+    robots = view.robots
+    mask = headings_of(view.grid, robots.type[U(i)]) - 1
+    difference = (direction - np.int64(robots.heading[U(i)])) & mask
+    return 1 if difference == 3 else difference
+
+
+@kernel
+def with_wait(key, wait):
+    """The key of a step, with ticks of waiting before it, unless a robot has turned to it."""
+    if key < 0 or key == NO_KEY:
+        return key
+    return key + (wait << (KEY_SHIFT + OPTION_BITS))
+
+
+@kernel
+def without(key, direction, barred):
+    """The key of a step, NO_KEY if it is in the direction that is barred."""
+    return NO_KEY if direction == barred else key
+
+
+@kernel
+def sorted_options(a, b, c, d, e):
+    """The options of five keys, the least one in the lowest bits; NO_OPTION after the last one."""
+    a, b = min(a, b), max(a, b)
+    d, e = min(d, e), max(d, e)
+    c, e = min(c, e), max(c, e)
+    c, d = min(c, d), max(c, d)
+    b, e = min(b, e), max(b, e)
+    a, d = min(a, d), max(a, d)
+    a, c = min(a, c), max(a, c)
+    b, d = min(b, d), max(b, d)
+    b, c = min(b, c), max(b, c)
+    options = np.int64(NO_OPTION) << (5 * OPTION_BITS)
+    options |= (a & NO_OPTION) | ((b & NO_OPTION) << OPTION_BITS)
+    options |= ((c & NO_OPTION) << (2 * OPTION_BITS)) | ((d & NO_OPTION) << (3 * OPTION_BITS))
+    return options | ((e & NO_OPTION) << (4 * OPTION_BITS))
+
+
+@kernel
+def option_of(state, i, place):
+    """The option of robot i at a place, from 0 on; NO_OPTION: it has no more."""
+    return (np.int64(state.options[U(i)]) >> (OPTION_BITS * place)) & NO_OPTION
+
+
+@kernel
+def waits_in_vain_to_turn(view, state, i):
+    """Whether robot i cannot turn in a cell for two because another robot will not leave it.
+
+    Two that both want to turn there would wait for each other for ever: they drive on and turn later.
+    """
+    cell, travel = np.int64(view.robots.cell[i]), np.int64(view.robots.travel[i])
+    if not is_for_two(view, cell):
+        return False
+    u = holder_of(view, cell, travel ^ 2)
+    if u == NIL or u == i:
+        return False
+    if state.mode[u] <= MODE_LEAVING:
+        return remaining_ticks(view, state, u) >= LONG_WAIT
+    first = option_of(state, u, 0)
+    return first >= STAY_OPTION or turns_to(view, u, first) > 0
+
+
+@kernel
+def is_beside_fixed(view, state, i):
+    """Whether a robot that does not choose is in a cell next to robot i, or such a cell is closed."""
+    cell, offset, fixed = np.int64(view.robots.cell[U(i)]), view.grid.offset, state.holds_fixed
+    east, south = fixed[U(cell + offset[0])], fixed[U(cell + offset[1])]
+    if has_gates(view):
+        for direction in range(4):
+            if closed_until(view, cell + offset[U(direction)], True):
+                return True
+    return east | south | fixed[U(cell + offset[2])] | fixed[U(cell + offset[3])] != 0
+
+
+@kernel
+def ticks_until_free(view, state, i, cell, direction):
+    """Ticks until a robot that does not choose makes way to robot i in a cell, 0 without one."""
+    if has_gates(view) and closed_until(view, cell, True):
+        return closed_until(view, cell, True) - view.clock[CLOCK_TICK]
+    if state.holds_fixed[U(cell)] == 0:
+        return np.int64(0)
+    u = holder_of(view, cell, direction)
+    if u == NIL or u == i or state.mode[U(u)] > MODE_LEAVING:
+        return np.int64(0)
+    return remaining_ticks(view, state, u)
+
+
+@kernel
+def remaining_ticks(view, state, u):
+    """Ticks until robot u, which does not take part in this tick's decisions, leaves its cell."""
+    robots = view.robots
+    if robots.status[u] > STATUS_EXHAUSTED:
+        until = np.int64(robots.status_until[u]) - view.clock[CLOCK_TICK]
+        return until if 0 < until < LONG_WAIT else LONG_WAIT
+    if robots.busy[u] or state.mode[u] == MODE_LEAVING:
+        return np.int64(robots.busy[u])
+    duration = view.rules.duration[robots.type[u]]
+    if robots.goal_type[u] == GOAL_PICK:
+        return np.int64(duration[ACTION_PICK])
+    if robots.goal_type[u] == GOAL_DROP:
+        return np.int64(duration[ACTION_DROP])
+    return np.int64(LONG_WAIT if robots.goal_type[u] == GOAL_CHARGE else view.rules.stride)
+
+
+# Detours: when a robot goes round one that does not make way, instead of standing behind it.
+#
+# Distances to a goal know no robots. Where the next cell of a robot's best way is held by one that
+# works, is down or charges, both staying and going on cost the ticks until that one is gone, and a
+# step to the side is better if it costs less. A step after which the best way leads back here only
+# postpones the wait: it costs as much, unless the wait is long, and any other way out is worth a try.
+#
+# What a robot went round is not in the distances, so the cell that it came from costs the rest of the
+# wait until it is nearer to its goal than where it stood, or the wait is over: it does not turn back
+# and forth.
+
+
+@kernel
+def enter_waits(view, state, i, here):
+    """Enter what the steps of robot i cost beyond their ticks; `here`: those of the best one."""
+    follow_detour(view, state, i, here)
+    cell = np.int64(view.robots.cell[U(i)])
+    for direction in range(4):
+        to = cell + view.grid.offset[U(direction)]
+        state.waits[direction] = max(
+            ticks_until_free(view, state, i, to, direction), wait_for_return(view, state, i, to)
+        )
+
+
+@kernel
+def compare_detours(view, state, workspace, i, here, costs):
+    """Rank steps beside the best way, of `here` ticks, by what they save of its wait; the least cost."""
+    wait = np.int64(UNREACHABLE)
+    for direction in range(4):
+        if costs[direction] == here:
+            wait = min(wait, state.waits[direction])
+    best = here + wait
+    for direction in range(4):
+        cost = costs[direction] + state.waits[direction]
+        if costs[direction] > here and cost < here + wait:
+            if is_long(wait) or leads_on(view, state, workspace, i, direction):
+                best = min(best, cost)
+            else:
+                state.waits[direction] += wait
+    if best < here + wait:
+        begin_detour(view, state, i, here, wait)
+    return best
 
 
 @kernel
@@ -101,20 +454,6 @@ def wait_for_return(view, state, i, to):
 
 
 @kernel
-def tables_in_use(state, workspace):
-    return state.tables if state.guided else workspace.tables
-
-
-@kernel
-def street_cost(view, state, i, cell, direction):
-    """What a move of robot i out of a cell costs beyond its ticks; 0 along streets."""
-    if not state.guided or not state.against[U(cell), U(direction)]:
-        return np.int64(0)
-    usual = view.rules.duration[U(view.robots.type[U(i)])][U(ACTION_MOVE)]
-    return (AGAINST_STREET - 1) * limited_ticks(view.grid, usual, cell, direction)
-
-
-@kernel
 def leads_on(view, state, workspace, i, direction):
     """Whether a best way of robot i, after a step in a direction, goes on without coming back."""
     grid, robot_type = view.grid, np.int64(view.robots.type[U(i)])
@@ -146,343 +485,4 @@ def leads_on(view, state, workspace, i, direction):
 
 @kernel
 def is_long(wait):
-    return wait >= LONG // 2
-
-
-# Where a robot would go: its options in the order in which it prefers them.
-
-
-KEY_SHIFT = 8  # ticks stand above the bits that settle ties
-TURN_BIT = 128
-STAY_BITS = 192
-NO_KEY = (1 << 62) - 1  # of an option that a robot does not have
-
-
-@kernel
-def turns_to(view, i, direction):
-    """Turns of 90 degrees that robot i makes before it moves in a direction."""
-    robots = view.robots
-    mask = headings_of(view.grid, robots.type[U(i)]) - 1
-    difference = (direction - np.int64(robots.heading[U(i)])) & mask
-    return 1 if difference == 3 else difference
-
-
-@kernel
-def remaining_ticks(view, state, u):
-    """Ticks until robot u, which does not take part in this tick's decisions, leaves its cell."""
-    robots = view.robots
-    if robots.status[u] > STATUS_EXHAUSTED:
-        until = np.int64(robots.status_until[u]) - view.clock[CLOCK_TICK]
-        return until if 0 < until < LONG else LONG
-    if robots.busy[u] or state.mode[u] == LEAVING:
-        return np.int64(robots.busy[u])
-    duration = view.rules.duration[robots.type[u]]
-    if robots.goal_type[u] == GOAL_PICK:
-        return np.int64(duration[ACTION_PICK])
-    if robots.goal_type[u] == GOAL_DROP:
-        return np.int64(duration[ACTION_DROP])
-    return np.int64(LONG if robots.goal_type[u] == GOAL_CHARGE else view.rules.stride)
-
-
-@kernel
-def waits_in_vain_to_turn(view, state, i):
-    """Whether robot i cannot turn in a cell for two because another robot will not leave it.
-
-    Two that both want to turn there would wait for each other for ever: they drive on and turn later.
-    """
-    cell, travel = np.int64(view.robots.cell[i]), np.int64(view.robots.travel[i])
-    if (np.int64(view.grid.cell_flags[cell]) >> 5) & 3 != 2:
-        return False
-    u = holder_of(view, cell, travel ^ 2)
-    if u == NIL or u == i:
-        return False
-    if state.mode[u] <= LEAVING:
-        return remaining_ticks(view, state, u) >= LONG
-    first = option_of(state, u, 0)
-    return first >= STAY or turns_to(view, u, first) > 0
-
-
-@kernel
-def rank_all_options(view, state, workspace):
-    """Enter the options of all robots that choose."""
-    mark_fixed(view, state, 1)
-    price_all_steps(view, state, workspace)
-    for i in range(view.robots.cell.shape[0]):
-        if state.mode[U(i)] == UNDECIDED and view.robots.cell[U(i)] != NIL:
-            rank_options(view, state, workspace, i)
-    mark_fixed(view, state, 0)
-
-
-@kernel
-def mark_fixed(view, state, value):
-    """Enter a value at the cells of all robots that do not choose."""
-    robots = view.robots
-    for i in range(robots.cell.shape[0]):
-        if state.mode[U(i)] <= LEAVING and robots.cell[U(i)] != NIL:
-            state.holds_fixed[U(robots.cell[U(i)])] = value
-            if robots.claim[U(i)] != NIL:
-                state.holds_fixed[U(robots.claim[U(i)])] = value
-
-
-@kernel
-def price_all_steps(view, state, workspace):
-    """Enter what follows on the steps of robots that choose.
-
-    Most tables lie far from each other in memory, so what was read there is kept for as long as a
-    robot stands where it is: half of 10,000 robots do (`automaton bench --only steering`). Where
-    tables are replaced, all are asked for, so that it shows in each tick whether there is room.
-    """
-    robots = view.robots
-    n, count = robots.cell.shape[0], 0
-    tables = tables_in_use(state, workspace)
-    keeps_all = has_room_for(tables, n)
-    for i in range(n):
-        cell, goal = robots.cell[U(i)], robots.goal_cell[U(i)]
-        chooses = (state.mode[U(i)] == UNDECIDED) & (cell != NIL)
-        known = (state.priced_cell[U(i)] == cell) & (state.priced_goal[U(i)] == goal)
-        has_goal = robots.goal_type[U(i)] != GOAL_NONE
-        state.unpriced[U(count)] = i
-        count += np.int64(chooses) & (1 - np.int64(known & keeps_all & has_goal))
-    for k in range(count):
-        find_table(view, state, workspace, np.int64(state.unpriced[U(k)]))
-    find_step_costs(view, tables, state.unpriced, count, state.table, state.costs)
-    for k in range(count):
-        i = np.int64(state.unpriced[U(k)])
-        if robots.goal_type[U(i)] == GOAL_NONE:
-            price_idle_steps(view, state, i)
-        elif state.guided:
-            add_street_costs(view, state, i)
-    if state.dead_ends or state.service_areas.callers.shape[0]:
-        price_ways_out(view, state)
-
-
-@kernel
-def add_street_costs(view, state, i):
-    """Add what the steps of robot i cost beyond their ticks where they are against streets."""
-    cell = np.int64(view.robots.cell[U(i)])
-    for direction in range(4):
-        if state.costs[U(i), U(direction)] < UNREACHABLE:
-            state.costs[U(i), U(direction)] += street_cost(view, state, i, cell, direction)
-
-
-@kernel
-def price_ways_out(view, state):
-    """Robots on their way home that have to come out again forget about home for this tick."""
-    robots = view.robots
-    for i in range(robots.cell.shape[0]):
-        if robots.goal_type[U(i)] != GOAL_PARK or robots.cell[U(i)] == NIL:
-            continue
-        if has_to_leave(view, state, i) or has_to_make_room(view, state, i):
-            price_idle_steps(view, state, i)
-            state.priced_cell[U(i)] = NIL
-
-
-@kernel
-def find_table(view, state, workspace, i):
-    """Enter the table to the goal of robot i."""
-    robots = view.robots
-    state.priced_cell[U(i)] = robots.cell[U(i)]
-    state.priced_goal[U(i)] = robots.goal_cell[U(i)]
-    table = np.int64(NIL)
-    if robots.goal_type[U(i)] != GOAL_NONE:
-        goal = np.int64(robots.goal_cell[U(i)])
-        robot_type = with_load(view, np.int64(robots.type[U(i)]))  # not through storage
-        if state.guided:
-            table = weighted_table_of(view, state.tables, robot_type, goal)
-        else:
-            table = table_of(view, workspace, robot_type, goal)
-    state.table[U(i)] = table
-
-
-@kernel
-def has_to_make_room(view, state, i):
-    """Return whether robot i, on its way home, is in a place that is needed, or would park in one."""
-    areas, cell = state.service_areas, np.int64(view.robots.cell[U(i)])
-    return may_not_go_home(view, areas, i) or way_to_make_room(view, areas, i, cell) != NIL
-
-
-@kernel
-def price_idle_steps(view, state, i):
-    """Enter what follows on steps without a goal.
-
-    All are alike, but the way out of where it is in the way, and those into what others need.
-    """
-    cell, robot_type = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.type[U(i)])
-    flags = np.int64(view.grid.type_cell_flags[U(robot_type), U(cell)])
-    way_out = way_to_make_room(view, state.service_areas, i, cell)
-    if way_out == NIL and has_to_leave(view, state, i):
-        way_out = np.int64(state.way_out[U(cell)])
-    for direction in range(4):
-        cost = 1 if (flags >> direction) & 1 else UNREACHABLE
-        if direction == way_out and cost == 1:
-            cost = -cost_of_step(view, i, direction)
-        elif cost == 1 and is_needed(state.service_areas, cell + view.grid.offset[U(direction)]):
-            cost = LONG
-        state.costs[U(i), U(direction)] = cost
-
-
-@kernel
-def cost_of_step(view, i, direction):
-    """Ticks of a step of robot i in a direction, and of the turns before it."""
-    robots = view.robots
-    duration = view.rules.duration[U(robots.type[U(i)])]
-    turns = turns_to(view, i, direction)
-    cell = np.int64(robots.cell[U(i)])
-    move = limited_ticks(view.grid, duration[U(ACTION_MOVE)], cell, direction)
-    return turns * np.int64(duration[U(ACTION_TURN)]) + move
-
-
-@kernel
-def rank_options(view, state, workspace, i):
-    """Enter the options of robot i, best first; the one that it has turned to is the first of all.
-
-    Staying costs as many ticks more than the best way on as it is not asked in. Each key ends with its
-    option, and five of them are sorted without a branch: which is best is as good as random to the
-    processor.
-    """
-    robots = view.robots
-    state.asks[U(i)] = 0
-    draws = splitmix64(
-        np.uint64(view.rules.seed)
-        ^ (
-            np.uint64(view.clock[CLOCK_COARSE_TICK]) << np.uint64(32)
-            | np.uint64(robots.identity[U(i)])
-        )
-    )
-    east, a = key_of(view, state, i, 0, draws)
-    south, b = key_of(view, state, i, 1, draws)
-    west, c = key_of(view, state, i, 2, draws)
-    north, d = key_of(view, state, i, 3, draws)
-    has_goal = robots.goal_type[U(i)] != GOAL_NONE
-    here = min(min(a, b), min(c, d)) if has_goal else np.int64(0)
-    if is_beside_fixed(view, state, i) or is_on_detour(view, state, i):
-        if has_goal and here < UNREACHABLE:
-            enter_waits(view, state, i, here)
-            here = compare_detours(view, state, workspace, i, here, (a, b, c, d))
-        else:
-            enter_waits(view, state, i, UNREACHABLE)
-        waits = state.waits
-        east, south = with_wait(east, waits[0]), with_wait(south, waits[1])
-        west, north = with_wait(west, waits[2]), with_wait(north, waits[3])
-    stay = ((((here + view.rules.stride) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY
-    if state.deadlocks.aside[U(i)] and steps_aside(view, state.deadlocks, i):
-        barred, stay = np.int64(state.deadlocks.aside[U(i)]) - 1, np.int64(NO_KEY)
-        east, south = without(east, 0, barred), without(south, 1, barred)
-        west, north = without(west, 2, barred), without(north, 3, barred)
-    state.options[U(i)] = sorted_options(east, south, west, north, stay)
-    state.option_next[U(i)] = 0
-
-
-@kernel
-def enter_waits(view, state, i, here):
-    """Enter what the steps of robot i cost beyond their ticks; `here`: those of the best one."""
-    follow_detour(view, state, i, here)
-    cell = np.int64(view.robots.cell[U(i)])
-    for direction in range(4):
-        to = cell + view.grid.offset[U(direction)]
-        state.waits[direction] = max(
-            ticks_until_free(view, state, i, to, direction), wait_for_return(view, state, i, to)
-        )
-
-
-@kernel
-def compare_detours(view, state, workspace, i, here, costs):
-    """Rank steps beside the best way, of `here` ticks, by what they save of its wait; the least cost."""
-    wait = np.int64(UNREACHABLE)
-    for direction in range(4):
-        if costs[direction] == here:
-            wait = min(wait, state.waits[direction])
-    best = here + wait
-    for direction in range(4):
-        cost = costs[direction] + state.waits[direction]
-        if costs[direction] > here and cost < here + wait:
-            if is_long(wait) or leads_on(view, state, workspace, i, direction):
-                best = min(best, cost)
-            else:
-                state.waits[direction] += wait
-    if best < here + wait:
-        begin_detour(view, state, i, here, wait)
-    return best
-
-
-@kernel
-def key_of(view, state, i, direction, draws):
-    """The key of a step of robot i, NO_KEY if it is not open to it; and its cost."""
-    robots, grid = view.robots, view.grid
-    cell, robot_type = np.int64(robots.cell[U(i)]), np.int64(robots.type[U(i)])
-    may_turn = np.int64(grid.type_cell_flags[U(robot_type), U(cell)]) & MAY_TURN != 0
-    turns = turns_to(view, i, direction)
-    after = np.int64(state.costs[U(i), U(direction)])
-    is_open = (after < UNREACHABLE) & ((turns == 0) | may_turn)
-    to = cell + grid.offset[U(direction)] * np.int64(is_open)
-    cost = after + cost_of_step(view, i, direction)
-    is_limited = resource_in(view, to, direction) != NIL
-    tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
-    tie = tie if is_limited else direction  # where there is room for all, as routes do
-    key = (cost << KEY_SHIFT) | tie | (TURN_BIT * np.int64(turns != 0))
-    is_begun = state.begun[U(i)] == direction + 1
-    key = ((NIL if is_begun else key) << OPTION_BITS) | direction
-    return key if is_open else NO_KEY, cost if is_open else np.int64(UNREACHABLE)
-
-
-@kernel
-def is_beside_fixed(view, state, i):
-    """Whether a robot that does not choose is in a cell next to robot i, or such a cell is closed."""
-    cell, offset, fixed = np.int64(view.robots.cell[U(i)]), view.grid.offset, state.holds_fixed
-    east, south = fixed[U(cell + offset[0])], fixed[U(cell + offset[1])]
-    if has_gates(view):
-        for direction in range(4):
-            if closed_until(view, cell + offset[U(direction)], True):
-                return True
-    return east | south | fixed[U(cell + offset[2])] | fixed[U(cell + offset[3])] != 0
-
-
-@kernel
-def ticks_until_free(view, state, i, cell, direction):
-    """Ticks until a robot that does not choose makes way to robot i in a cell, 0 without one."""
-    if has_gates(view) and closed_until(view, cell, True):
-        return closed_until(view, cell, True) - view.clock[CLOCK_TICK]
-    if state.holds_fixed[U(cell)] == 0:
-        return np.int64(0)
-    u = holder_of(view, cell, direction)
-    if u == NIL or u == i or state.mode[U(u)] > LEAVING:
-        return np.int64(0)
-    return remaining_ticks(view, state, u)
-
-
-@kernel
-def with_wait(key, wait):
-    """The key of a step, with ticks of waiting before it, unless a robot has turned to it."""
-    if key < 0 or key == NO_KEY:
-        return key
-    return key + (wait << (KEY_SHIFT + OPTION_BITS))
-
-
-@kernel
-def without(key, direction, barred):
-    """The key of a step, NO_KEY if it is in the direction that is barred."""
-    return NO_KEY if direction == barred else key
-
-
-@kernel
-def sorted_options(a, b, c, d, e):
-    """The options of five keys, the least one in the lowest bits; NO_OPTION after the last one."""
-    a, b = min(a, b), max(a, b)
-    d, e = min(d, e), max(d, e)
-    c, e = min(c, e), max(c, e)
-    c, d = min(c, d), max(c, d)
-    b, e = min(b, e), max(b, e)
-    a, d = min(a, d), max(a, d)
-    a, c = min(a, c), max(a, c)
-    b, d = min(b, d), max(b, d)
-    b, c = min(b, c), max(b, c)
-    options = np.int64(NO_OPTION) << (5 * OPTION_BITS)
-    options |= (a & NO_OPTION) | ((b & NO_OPTION) << OPTION_BITS)
-    options |= ((c & NO_OPTION) << (2 * OPTION_BITS)) | ((d & NO_OPTION) << (3 * OPTION_BITS))
-    return options | ((e & NO_OPTION) << (4 * OPTION_BITS))
-
-
-@kernel
-def option_of(state, i, place):
-    """The option of robot i at a place, from 0 on; NO_OPTION: it has no more."""
-    return (np.int64(state.options[U(i)]) >> (OPTION_BITS * place)) & NO_OPTION
+    return wait >= LONG_WAIT // 2

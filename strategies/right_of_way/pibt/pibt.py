@@ -18,7 +18,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import (
     ACTION_GATE,
@@ -35,7 +34,6 @@ from automaton.engine.state import (
     KEEP,
     NIL,
 )
-from automaton.floor.reachability import dead_ends_of_types
 from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     direction_between,
@@ -49,34 +47,17 @@ from automaton.strategy.kernels import (
     opens_soon,
     splitmix64,
 )
-from automaton.strategy.weighted_tables import no_tables
-from strategies.right_of_way.deadlocks import (
-    COUNTERS,
-    Deadlocks,
-    break_deadlocks,
-    comes_to_charge,
-    count_callers,
-    has_stood_long,
-    is_at_goal,
-    is_given_up,
-    is_time_to_look,
-    lattice_tables,
-    moves_against_streets,
-    note_progress,
-    round_of_stall,
-    service_areas_of,
-    way_to_make_room,
-)
 from strategies.right_of_way.pibt.options import option_of, rank_all_options
 from strategies.right_of_way.pibt.pibt_state import (
-    DECIDED,
-    FIXED,
-    LEAVING,
-    STAY,
-    UNDECIDED,
+    MODE_DECIDED,
+    MODE_FIXED,
+    MODE_LEAVING,
+    MODE_UNDECIDED,
+    STAY_OPTION,
     PibtState,
     U,
     count_in_dead_ends,
+    dead_ends_that_hold,
     empty_dead_ends,
     has_to_leave,
     holder_of,
@@ -97,6 +78,93 @@ from strategies.right_of_way.pibt.pushes import (
     push,
 )
 from strategies.right_of_way.right_of_way_parameters import PibtParameters
+from strategies.right_of_way.steering import (
+    COUNTERS,
+    Deadlocks,
+    break_deadlocks,
+    comes_to_charge,
+    count_callers,
+    guiding_tables,
+    has_stood_long,
+    is_at_goal,
+    is_given_up,
+    is_time_to_look,
+    moves_against_streets,
+    note_progress,
+    round_of_stall,
+    service_areas_of,
+    way_to_make_room,
+)
+
+MAX_PRIORITY = 32_767
+PREFETCH_DISTANCE = 8  # robots in the queue
+STEPS_ASIDE = 0  # ranks of robots
+LEAVES = 1
+WORKS = 2
+HAS_NOTHING = 3
+RANKS = 4
+
+
+@kernel
+def decide(view, batch, decisions, memory, workspace):
+    state = PibtState.of(memory)
+    look_at_robots(view, batch, state)
+    if view.rules.radius == NIL:
+        update_queue(view, state)
+        count = state.queue.shape[0]
+    else:
+        count = list_robots_in_sight(view, batch, decisions, state)
+    decide_all(view, state, workspace, count)
+    give_commands(view, batch, decisions, state)
+    if view.rules.radius == NIL and is_time_to_look(view, state.deadlocks):
+        look_for_deadlocks(view, state)
+
+
+class Pibt(Strategy):
+    """Robots make way by inherited priority (PIBT), turns and moves of any length."""
+
+    layer = "right_of_way"
+    Parameters = PibtParameters
+    compiled = decide
+    counters: ClassVar = COUNTERS
+    holders = True
+    steers = True
+    period = 1
+
+    def reset(self, view):
+        """All robots have an equal claim at the start: the queue begins in an order by hash.
+
+        With limited sight it stays unused: each robot goes by what others make known.
+        """
+        n, cells = len(view.robots.cell), len(view.grid.cell_flags)
+        ends = dead_ends_that_hold(view.grid, n)
+        queue = np.zeros(n, np.int32)
+        if view.rules.radius == NIL:
+            seed = np.uint64(view.rules.seed)
+            with np.errstate(over="ignore"):
+                draws = [int(splitmix64(seed ^ np.uint64(robot))) for robot in range(n)]
+            queue[:] = np.argsort(np.array(draws, np.uint64), kind="stable")
+        waits = holds_back(view)
+        guided = self.parameters.guidance == "lattice"
+        against = moves_against_streets(view.grid) if guided else np.zeros((0, 4), bool)
+        return PibtState.sized(
+            {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
+            dead_ends=ends.total,
+            holds_back=int(waits),
+            rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
+            service_areas=service_areas_of(view),
+            guided=int(guided),
+            tables=guiding_tables(view, guided),
+            against=against.astype(np.uint8),
+            queue=queue,
+            deadlocks=Deadlocks.sized({"n": n, "s": 1}, patience=self.parameters.deadlock_patience),
+            dead_end=ends.number,
+            way_out=ends.way_out,
+            depth=ends.depth,
+        )
+
+
+# Who takes part.
 
 
 @kernel
@@ -108,7 +176,7 @@ def look_at_robots(view, batch, state):
     count_callers(view, state.service_areas)
     for i in range(robots.cell.shape[0]):
         sees_plans = not limited or i == batch.robot[0]  # what others have in mind is out of sight
-        state.mode[i] = FIXED
+        state.mode[i] = MODE_FIXED
         state.begun[i] = state.turning[i] if sees_plans else 0
         state.departs[i] = NOT_ASKED
         if robots.cell[i] == NIL:
@@ -132,17 +200,17 @@ def look_where_it_goes(view, state, i):
     state.next[i] = cell
     if claim != NIL and claim != cell:
         state.next[i] = claim
-        state.mode[i] = LEAVING
+        state.mode[i] = MODE_LEAVING
     elif robots.busy[i] and robots.action[i] == ACTION_TURN and begun:
         state.next[i] = cell + view.grid.offset[begun - 1]
-        state.mode[i] = LEAVING
+        state.mode[i] = MODE_LEAVING
         reserve_other_lane(view, state, i)
     elif robots.busy[i]:
         waits_at_gate = robots.action[i] == ACTION_TURN and has_gates(view)
         if waits_at_gate and view.rules.radius == NIL:  # it turns to the gate, and holds its place
             reserve(state, own_resource(view, i), i)
         state.begun[i] = 0
-    if state.mode[i] == LEAVING:
+    if state.mode[i] == MODE_LEAVING:
         to = np.int64(state.next[i])
         reserve(state, resource_in(view, to, direction_between(view.grid, cell, to)), i)
 
@@ -152,7 +220,7 @@ def let_choose(view, state, i):
     """Robot i is free: it chooses, unless it is where it has something to do, or in the queue there."""
     has_left = view.robots.cell[i] == NIL
     if has_left or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
-        state.mode[i] = UNDECIDED
+        state.mode[i] = MODE_UNDECIDED
         if state.holds_back and not has_left and stands_across(view, state, i):
             reserve_other_lane(view, state, i)  # it has begun to turn round
     else:
@@ -169,6 +237,9 @@ def stands_across(view, state, i):
     if not turns or not is_for_two(view, cell) or (robots.heading[i] ^ travel) & 1 == 0:
         return False
     return is_lane_free(view, state, i)
+
+
+# Who chooses first.
 
 
 @kernel
@@ -224,13 +295,49 @@ def has_finished(view, state, i):
     return was_visit and robots.cell[i] == cell
 
 
-MAX_PRIORITY = 32_767
-AHEAD = 8  # robots in the queue
-STEPS_ASIDE = 0  # ranks of robots
-LEAVES = 1
-WORKS = 2
-HAS_NOTHING = 3
-RANKS = 4
+@kernel
+def list_robots_in_sight(view, batch, decisions, state):
+    """Enter those who choose into the queue, by the priorities that all make known; how many they are.
+
+    The robot that is asked sees no times but its own, and makes them known as its priority.
+    """
+    robots, own = view.robots, np.int64(batch.robot[0])
+    if has_finished(view, state, own) or state.since[own] == 0:
+        state.since[own] = view.clock[CLOCK_TICK]
+    age = view.clock[CLOCK_TICK] - state.since[own]
+    decisions.right_of_way.priority[0] = min(age, MAX_PRIORITY)
+    count = 0
+    for i in range(robots.cell.shape[0]):
+        if state.mode[U(i)] == MODE_UNDECIDED:
+            first = MAX_PRIORITY - np.int64(robots.priority[U(i)])
+            state.in_sight[count] = (first << 32) | np.int64(robots.identity[U(i)])
+            count += 1
+    sort_words(state.in_sight, count)
+    for place in range(count):
+        state.queue[place] = state.in_sight[place] & 0xFFFFFFFF
+    return count
+
+
+@kernel
+def sort_words(words, count):
+    """Sort the first `count` words in place, in ascending order (heapsort)."""
+    for k in range(count // 2):
+        sift_down(words, count // 2 - 1 - k, count)
+    for last in range(count - 1, 0, -1):
+        words[0], words[last] = words[last], words[0]
+        sift_down(words, 0, last)
+
+
+@kernel
+def sift_down(words, parent, count):
+    while 0 <= parent < count // 2:
+        child = 2 * parent + 1
+        if child + 1 < count and words[child + 1] > words[child]:
+            child += 1
+        if words[parent] >= words[child]:
+            return
+        words[parent], words[child] = words[child], words[parent]
+        parent = child
 
 
 @kernel
@@ -274,7 +381,7 @@ def rank_of(view, state, i):
 def gate_that_keeps(view, state, i):
     """The gate that keeps robot i out of the cell that it likes best, or NIL."""
     cell, option = np.int64(view.robots.cell[U(i)]), option_of(state, i, 0)
-    if option >= STAY:
+    if option >= STAY_OPTION:
         return np.int64(NIL)
     return gate_before(view, i, cell + view.grid.offset[U(option)])
 
@@ -291,55 +398,7 @@ def is_beside_full_gate(view, i):
     return False
 
 
-@kernel
-def may_turn_to(view, state, i, direction):
-    """Whether robot i faces this direction, or may turn to it where it stands."""
-    return is_facing(view, i, direction) or is_lane_free(view, state, i)
-
-
-@kernel
-def list_robots_in_sight(view, batch, decisions, state):
-    """Enter those who choose into the queue, by the priorities that all make known; how many they are.
-
-    The robot that is asked sees no times but its own, and makes them known as its priority.
-    """
-    robots, own = view.robots, np.int64(batch.robot[0])
-    if has_finished(view, state, own) or state.since[own] == 0:
-        state.since[own] = view.clock[CLOCK_TICK]
-    age = view.clock[CLOCK_TICK] - state.since[own]
-    decisions.right_of_way.priority[0] = min(age, MAX_PRIORITY)
-    count = 0
-    for i in range(robots.cell.shape[0]):
-        if state.mode[U(i)] == UNDECIDED:
-            first = MAX_PRIORITY - np.int64(robots.priority[U(i)])
-            state.in_sight[count] = (first << 32) | np.int64(robots.identity[U(i)])
-            count += 1
-    sort_words(state.in_sight, count)
-    for place in range(count):
-        state.queue[place] = state.in_sight[place] & 0xFFFFFFFF
-    return count
-
-
-@kernel
-def sort_words(words, count):
-    """Sort the first `count` words in place, in ascending order (heapsort)."""
-    for k in range(count // 2):
-        sift_down(words, count // 2 - 1 - k, count)
-    for last in range(count - 1, 0, -1):
-        words[0], words[last] = words[last], words[0]
-        sift_down(words, 0, last)
-
-
-@kernel
-def sift_down(words, parent, count):
-    while 0 <= parent < count // 2:
-        child = 2 * parent + 1
-        if child + 1 < count and words[child + 1] > words[child]:
-            child += 1
-        if words[parent] >= words[child]:
-            return
-        words[parent], words[child] = words[child], words[parent]
-        parent = child
+# Choices and commands.
 
 
 @kernel
@@ -349,15 +408,19 @@ def decide_all(view, state, workspace, count):
     at_index = view.robots.at_index
     for place in range(count):
         i = np.int64(at_index[U(state.queue[U(place)])])
-        state.rank[U(place)] = rank_of(view, state, i) if state.mode[U(i)] == UNDECIDED else RANKS
+        state.rank[U(place)] = (
+            rank_of(view, state, i) if state.mode[U(i)] == MODE_UNDECIDED else RANKS
+        )
     for rank in range(RANKS):
         for place in range(count):
-            if place + AHEAD < count:
-                fetch_cells(view, state, np.int64(at_index[U(state.queue[U(place + AHEAD)])]))
+            if place + PREFETCH_DISTANCE < count:
+                fetch_cells(
+                    view, state, np.int64(at_index[U(state.queue[U(place + PREFETCH_DISTANCE)])])
+                )
             if state.rank[U(place)] != rank:
                 continue
             i = np.int64(at_index[U(state.queue[U(place)])])
-            if state.mode[U(i)] == UNDECIDED:
+            if state.mode[U(i)] == MODE_UNDECIDED:
                 choose(view, state, i)
 
 
@@ -374,7 +437,7 @@ def leave_bay(view, state, i):
     """Robot i, in its parking bay, reserves its home cell; whoever stands there is pushed."""
     robots = view.robots
     home = np.int64(robots.home[i])
-    state.mode[i] = DECIDED
+    state.mode[i] = MODE_DECIDED
     state.next[i] = NIL
     if robots.goal_type[i] == GOAL_NONE or robots.goal_type[i] == GOAL_PARK:
         return
@@ -390,7 +453,7 @@ def leave_bay(view, state, i):
         state.next[i] = home
         return
     holder = np.int64(robots.at_index[identity])
-    if state.mode[holder] == UNDECIDED:
+    if state.mode[holder] == MODE_UNDECIDED:
         reserve(state, resource, i)
         push(view, state, holder)
 
@@ -400,7 +463,7 @@ def give_commands(view, batch, decisions, state):
     out, robots = decisions.right_of_way, view.robots
     for k in range(batch.count[0]):
         i = np.int64(batch.robot[k])
-        if state.mode[i] != DECIDED:
+        if state.mode[i] != MODE_DECIDED:
             continue
         cell, to = np.int64(robots.cell[U(i)]), np.int64(state.next[U(i)])
         state.turning[U(i)] = 0
@@ -422,7 +485,7 @@ def give_commands(view, batch, decisions, state):
         elif robots.goal_type[U(i)] != GOAL_NONE:
             out.command[k] = CMD_HOLD
             best = option_of(state, i, 0)
-            out.value[k] = NIL if best >= STAY else best
+            out.value[k] = NIL if best >= STAY_OPTION else best
 
 
 @kernel
@@ -431,7 +494,7 @@ def hold_back(view, state, out, k, i):
     direction = direction_of(state, i)
     to = np.int64(state.next[U(i)])
     u = holder_of(view, to, direction)
-    if state.mode[U(u)] != FIXED:
+    if state.mode[U(u)] != MODE_FIXED:
         state.turning[U(i)] = direction + 1
     if comes_to_charge(view, i, to):
         return  # it queues there
@@ -440,10 +503,19 @@ def hold_back(view, state, out, k, i):
 
 
 @kernel
+def may_turn_to(view, state, i, direction):
+    """Whether robot i faces this direction, or may turn to it where it stands."""
+    return is_facing(view, i, direction) or is_lane_free(view, state, i)
+
+
+# Wait cycles.
+
+
+@kernel
 def look_for_deadlocks(view, state):
     """Enter which robots wait for which, of those that have stood for long, and break wait cycles."""
     for i in range(view.robots.cell.shape[0]):
-        if state.mode[i] == DECIDED and has_stood_long(view, state.deadlocks, i):
+        if state.mode[i] == MODE_DECIDED and has_stood_long(view, state.deadlocks, i):
             has_way_out = state.deadlocks.aside[i] and state.next[i] != view.robots.cell[i]
             if has_way_out and not is_given_up(view, state.deadlocks, i):
                 continue
@@ -458,7 +530,7 @@ def enter_blocker(view, state, i):
     direction = option_of(state, i, 0)
     if state.deadlocks.aside[i]:
         direction = np.int64(state.deadlocks.aside[i]) - 1
-    if direction >= STAY:
+    if direction >= STAY_OPTION:
         return
     cell, towards = np.int64(view.robots.cell[i]), direction
     if not may_turn_to(view, state, i, direction):
@@ -469,89 +541,3 @@ def enter_blocker(view, state, i):
     if u != NIL and u != i:
         state.deadlocks.blocker[i] = view.robots.identity[u]
         state.deadlocks.first_choice[i] = direction + 1
-
-
-@kernel
-def decide(view, batch, decisions, memory, workspace):
-    state = PibtState.of(memory)
-    look_at_robots(view, batch, state)
-    if view.rules.radius == NIL:
-        update_queue(view, state)
-        count = state.queue.shape[0]
-    else:
-        count = list_robots_in_sight(view, batch, decisions, state)
-    decide_all(view, state, workspace, count)
-    give_commands(view, batch, decisions, state)
-    if view.rules.radius == NIL and is_time_to_look(view, state.deadlocks):
-        look_for_deadlocks(view, state)
-
-
-def exits_to_pass_by(grid):
-    """(k, C) uint8: the exits of each type, less those from storage into storage."""
-    flags = grid.type_cell_flags.copy()
-    storage = (flags & NO_WAY_THROUGH != 0).any(axis=0)
-    for direction, offset in enumerate(grid.offset.tolist()):
-        inside = storage & np.roll(storage, -offset)
-        flags[:, inside] &= np.uint8(255 ^ (1 << direction))
-    return flags & np.uint8(15)
-
-
-ROOM_TO_PASS = 8  # places outside dead ends that are empty whatever comes out of them
-
-
-def dead_ends_that_hold(grid, robots):
-    """Return the dead ends, or none where too few places outside them are left for so many robots.
-
-    There a robot can come out for another one only where that one would go in.
-    """
-    exits, capacity = exits_to_pass_by(grid), grid.cell_flags >> 5 & 3
-    ends = dead_ends_of_types(exits, capacity == 1, grid.offset)
-    outside = (exits != 0).any(axis=0) & (ends.number == NIL)
-    places = int(capacity[outside].sum())
-    if robots <= places - ROOM_TO_PASS or (capacity[outside] == 0).any():
-        return ends
-    return ends._replace(number=np.full_like(ends.number, NIL), total=0)
-
-
-class Pibt(Strategy):
-    """Robots make way by inherited priority (PIBT), turns and moves of any length."""
-
-    layer = "right_of_way"
-    Parameters = PibtParameters
-    compiled = decide
-    counters: ClassVar = COUNTERS
-    holders = True
-    steers = True
-    period = 1
-
-    def reset(self, view):
-        """All robots have an equal claim at the start: the queue begins in an order by hash.
-
-        With limited sight it stays unused: each robot goes by what others make known.
-        """
-        n, cells = len(view.robots.cell), len(view.grid.cell_flags)
-        ends = dead_ends_that_hold(view.grid, n)
-        queue = np.zeros(n, np.int32)
-        if view.rules.radius == NIL:
-            seed = np.uint64(view.rules.seed)
-            with np.errstate(over="ignore"):
-                draws = [int(splitmix64(seed ^ np.uint64(robot))) for robot in range(n)]
-            queue[:] = np.argsort(np.array(draws, np.uint64), kind="stable")
-        waits = holds_back(view)
-        guided = self.parameters.guidance == "lattice"
-        against = moves_against_streets(view.grid) if guided else np.zeros((0, 4), bool)
-        return PibtState.sized(
-            {"n": n, "m": n + 1, "w": 4, "s": 1, "r": 2 * cells, "e": max(ends.total, 1)},
-            dead_ends=ends.total,
-            holds_back=int(waits),
-            rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
-            service_areas=service_areas_of(view),
-            guided=int(guided),
-            tables=lattice_tables(view) if guided else no_tables(),
-            against=against.astype(np.uint8),
-            queue=queue,
-            deadlocks=Deadlocks.sized({"n": n, "s": 1}, patience=self.parameters.deadlock_patience),
-            dead_end=ends.number,
-            way_out=ends.way_out,
-            depth=ends.depth,
-        )

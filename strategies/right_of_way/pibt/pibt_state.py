@@ -1,24 +1,28 @@
-"""What PIBT keeps from tick to tick, and what it works with in one."""
+"""What PIBT keeps from tick to tick: its state, who is in which cell, and who is in which dead end."""
 
 import numpy as np
 
+from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, STATIC, Struct, field
 from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL, Array
+from automaton.floor.reachability import dead_ends_of_types
 from automaton.strategy.kernels import kernel, lane_of
 from automaton.strategy.weighted_tables import DistanceTables
-from strategies.right_of_way.deadlocks import Deadlocks, ServiceAreas
+from strategies.right_of_way.steering import Deadlocks, ServiceAreas
 
 # Modes of a robot in a tick: state.mode.
-FIXED = 0  # it stays where it is, whatever is decided here
-LEAVING = 1  # it is on its way to `next`, and its cell will be free
-UNDECIDED = 2
-DECIDED = 3
+MODE_FIXED = 0  # it stays where it is, whatever is decided here
+MODE_LEAVING = 1  # it is on its way to `next`, and its cell will be free
+MODE_UNDECIDED = 2
+MODE_DECIDED = 3
 
-STAY = 4  # an option beside the four directions
+STAY_OPTION = 4  # an option beside the four directions
 NO_OPTION = 7  # after the last one
 OPTION_BITS = 3
 U = np.uint64  # unsigned where it indexes: saves the test for a negative index
-LONG = 100_000  # ticks: of a robot that stands for longer than one waits
+LONG_WAIT = 100_000  # ticks: of a robot that stands for longer than one waits
+DEEPEST = 2**31 - 1
+ROOM_TO_PASS = 8  # places outside dead ends that are empty whatever comes out of them
 
 
 class PibtState(Struct):
@@ -74,9 +78,9 @@ class PibtState(Struct):
         "(n,) int64", "with limited sight: who chooses, those first in the lowest", role=SCRATCH
     )
     reserved: Array = field("(r,) int64", "call << 32 | who is in it after this move", role=SCRATCH)
-    mode: Array = field("(n,) uint8", "FIXED, LEAVING, UNDECIDED, DECIDED", role=SCRATCH)
+    mode: Array = field("(n,) uint8", "MODE_FIXED to MODE_DECIDED", role=SCRATCH)
     options: Array = field(
-        "(n,) uint32", "directions and STAY, best first, in OPTION_BITS each", role=SCRATCH
+        "(n,) uint32", "directions and STAY_OPTION, best first, in OPTION_BITS each", role=SCRATCH
     )
     waits: Array = field(
         "(w,) int64", "what a step E, S, W, N of one robot costs beyond its ticks", role=SCRATCH
@@ -174,7 +178,28 @@ def reserve_other_lane(view, state, i):
 # first, and who is parked nearer to the mouth comes out for it.
 
 
-DEEPEST = 2**31 - 1
+def dead_ends_that_hold(grid, robots):
+    """Return the dead ends, or none where too few places outside them are left for so many robots.
+
+    There a robot can come out for another one only where that one would go in.
+    """
+    exits, capacity = exits_to_pass_by(grid), grid.cell_flags >> 5 & 3
+    ends = dead_ends_of_types(exits, capacity == 1, grid.offset)
+    outside = (exits != 0).any(axis=0) & (ends.number == NIL)
+    places = int(capacity[outside].sum())
+    if robots <= places - ROOM_TO_PASS or (capacity[outside] == 0).any():
+        return ends
+    return ends._replace(number=np.full_like(ends.number, NIL), total=0)
+
+
+def exits_to_pass_by(grid):
+    """(k, C) uint8: the exits of each type, less those from storage into storage."""
+    flags = grid.type_cell_flags.copy()
+    storage = (flags & NO_WAY_THROUGH != 0).any(axis=0)
+    for direction, offset in enumerate(grid.offset.tolist()):
+        inside = storage & np.roll(storage, -offset)
+        flags[:, inside] &= np.uint8(255 ^ (1 << direction))
+    return flags & np.uint8(15)
 
 
 @kernel
@@ -199,7 +224,7 @@ def count_in_dead_ends(view, state, i):
             state.parked_from[here] = min(state.parked_from[here], state.depth[cell])
         else:
             state.drivers[here] += 1
-    there = np.int64(state.dead_end[state.next[i]]) if state.mode[i] == LEAVING else here
+    there = np.int64(state.dead_end[state.next[i]]) if state.mode[i] == MODE_LEAVING else here
     if there != NIL and there != here:
         state.tenants[there] += 1
         state.drivers[there] += 1

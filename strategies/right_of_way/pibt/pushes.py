@@ -18,13 +18,12 @@ from automaton.strategy.kernels import (
     opens_soon,
     prefetch,
 )
-from strategies.right_of_way.deadlocks import at_once_ticks, comes_to_charge, lacks_charge
 from strategies.right_of_way.pibt.options import option_of, turns_to, waits_in_vain_to_turn
 from strategies.right_of_way.pibt.pibt_state import (
-    DECIDED,
+    MODE_DECIDED,
+    MODE_UNDECIDED,
     NO_OPTION,
-    STAY,
-    UNDECIDED,
+    STAY_OPTION,
     U,
     holder_of,
     is_lane_free,
@@ -35,51 +34,14 @@ from strategies.right_of_way.pibt.pibt_state import (
     reserver_of,
     resource_in,
 )
+from strategies.right_of_way.steering import at_once_ticks, comes_to_charge, lacks_charge
 
-
-@kernel
-def fetch_cells(view, state, i):
-    """Ask the memory for what is noted of the cell of robot i, and of the one that it likes best."""
-    cell, option = np.int64(view.robots.cell[U(i)]), option_of(state, i, 0)
-    if cell != NIL and option < STAY:
-        to = cell + view.grid.offset[U(option)]
-        prefetch(state.reserved, U(cell))
-        prefetch(state.reserved, U(to))
-        prefetch(view.traffic.holder, U(2 * to))
-
-
-@kernel
-def would_swap(view, state, i, to, holder):
-    """Whether robot i and one that comes from that cell into its own would meet on the edge."""
-    cell = np.int64(view.robots.cell[U(i)])
-    if holder != NIL and state.mode[U(holder)] != UNDECIDED and state.next[U(holder)] == cell:
-        return True
-    comer = reserver_of(state, own_resource(view, i))
-    return comer != NIL and comer != i and view.robots.cell[U(comer)] == to
-
-
-@kernel
-def closes_ring(view, state, i, resource):
-    """Whether robot i, by this option, takes what the robot holds whose pushes it makes way for."""
-    first = np.int64(state.stack[0])
-    return first != i and resource != NIL and resource == own_resource(view, first)
-
-
-@kernel
-def may_rotate(view, state, depth):
-    """Whether a ring of all robots on the stack moves, if the last one takes the place of the first.
-
-    It does not where rings do not rotate at all, if a robot in it comes to charge, or if it is to let the
-    first step aside. Where all moves take one tick a ring with one that comes to charge is refused.
-    """
-    if state.rings == 0 or state.deadlocks.aside[U(state.stack[0])]:
-        return False
-    if state.holds_back and view.chargers.cell.shape[0]:
-        for k in range(depth):
-            i = np.int64(state.stack[U(k)])
-            if comes_to_charge(view, i, state.next[U(i)]):
-                return False
-    return True
+SETTLED = -1  # results of take_option, beside the robot that has to make way
+FAILED = -2
+NOT_ASKED = 0  # state.departs
+GOES = 1
+IS_BEHIND = 2
+ASKED = 3  # those behind it on this walk depend on it
 
 
 @kernel
@@ -89,7 +51,7 @@ def push(view, state, first):
     A chain of pushes is as long as the fleet, so the stack is explicit.
     """
     state.stack[0] = first
-    state.mode[first] = DECIDED
+    state.mode[first] = MODE_DECIDED
     depth = 1
     while depth:
         i = np.int64(state.stack[U(depth - 1)])
@@ -100,20 +62,10 @@ def push(view, state, first):
             stay(view, state, i)
             depth -= 1
         else:
-            state.mode[U(pushed)] = DECIDED
+            state.mode[U(pushed)] = MODE_DECIDED
             state.stack[U(depth)] = pushed
             depth += 1
     return False
-
-
-SETTLED = -1  # results of take_option, beside the robot that has to make way
-FAILED = -2
-
-
-@kernel
-def stay(view, state, i):
-    state.next[U(i)] = view.robots.cell[U(i)]
-    reserve(state, own_resource(view, i), i)
 
 
 @kernel
@@ -130,7 +82,7 @@ def take_option(view, state, i, depth):
         if option == NO_OPTION:
             return FAILED
         state.option_next[U(i)] = place + 1
-        if option == STAY:
+        if option == STAY_OPTION:
             if must_turn and waits_in_vain_to_turn(view, state, i):
                 continue
             comer = reserver_of(state, own_resource(view, i))
@@ -165,9 +117,60 @@ def take_option(view, state, i, depth):
         if turns:
             reserve_other_lane(view, state, i)
         state.next[U(i)] = to
-        if holder != NIL and holder != i and state.mode[U(holder)] == UNDECIDED:
+        if holder != NIL and holder != i and state.mode[U(holder)] == MODE_UNDECIDED:
             return holder
         return SETTLED
+
+
+@kernel
+def stay(view, state, i):
+    state.next[U(i)] = view.robots.cell[U(i)]
+    reserve(state, own_resource(view, i), i)
+
+
+@kernel
+def would_swap(view, state, i, to, holder):
+    """Whether robot i and one that comes from that cell into its own would meet on the edge."""
+    cell = np.int64(view.robots.cell[U(i)])
+    if holder != NIL and state.mode[U(holder)] != MODE_UNDECIDED and state.next[U(holder)] == cell:
+        return True
+    comer = reserver_of(state, own_resource(view, i))
+    return comer != NIL and comer != i and view.robots.cell[U(comer)] == to
+
+
+@kernel
+def closes_ring(view, state, i, resource):
+    """Whether robot i, by this option, takes what the robot holds whose pushes it makes way for."""
+    first = np.int64(state.stack[0])
+    return first != i and resource != NIL and resource == own_resource(view, first)
+
+
+@kernel
+def may_rotate(view, state, depth):
+    """Whether a ring of all robots on the stack moves, if the last one takes the place of the first.
+
+    It does not where rings do not rotate at all, if a robot in it comes to charge, or if it is to let the
+    first step aside. Where all moves take one tick a ring with one that comes to charge is refused.
+    """
+    if state.rings == 0 or state.deadlocks.aside[U(state.stack[0])]:
+        return False
+    if state.holds_back and view.chargers.cell.shape[0]:
+        for k in range(depth):
+            i = np.int64(state.stack[U(k)])
+            if comes_to_charge(view, i, state.next[U(i)]):
+                return False
+    return True
+
+
+@kernel
+def fetch_cells(view, state, i):
+    """Ask the memory for what is noted of the cell of robot i, and of the one that it likes best."""
+    cell, option = np.int64(view.robots.cell[U(i)]), option_of(state, i, 0)
+    if cell != NIL and option < STAY_OPTION:
+        to = cell + view.grid.offset[U(option)]
+        prefetch(state.reserved, U(cell))
+        prefetch(state.reserved, U(to))
+        prefetch(view.traffic.holder, U(2 * to))
 
 
 # Which robots that have chosen another cell begin their moves in this tick, by the rule of following.
@@ -178,12 +181,6 @@ def take_option(view, state, i, depth):
 # sent as before.
 
 
-NOT_ASKED = 0  # state.departs
-GOES = 1
-IS_BEHIND = 2
-ASKED = 3  # those behind it on this walk depend on it
-
-
 def holds_back(view):
     """Return whether robots may find that those whom they push are not gone in the same tick."""
     ticks = np.asarray(view.rules.duration)[:, ACTION_MOVE].max()
@@ -191,45 +188,6 @@ def holds_back(view):
     longest = max(int(ticks), int(limits.max(initial=0)))
     takes_time = longest > at_once_ticks(view) or view.rules.slowdown
     return bool(takes_time or view.rules.following == FOLLOWING_NONE)
-
-
-@kernel
-def direction_of(state, i):
-    """Return the direction in which robot i, which goes, has chosen to."""
-    return option_of(state, i, np.int64(state.option_next[U(i)]) - 1)
-
-
-@kernel
-def moves_off(view, state, u, cell):
-    """Return whether robot u has chosen to go from a cell, need not turn first, and has the charge."""
-    if state.mode[U(u)] != DECIDED or view.robots.cell[U(u)] != cell or state.next[U(u)] == cell:
-        return False
-    return is_facing(view, u, direction_of(state, u)) and not lacks_charge(view, u)
-
-
-@kernel
-def is_way_free(view, cell, u):
-    """Return whether a robot may begin to move into a cell that robot u, under way, holds."""
-    robots, following = view.robots, view.rules.following
-    if robots.cell[U(u)] != cell or robots.claim[U(u)] == NIL or robots.claim[U(u)] == cell:
-        return False
-    if following == FOLLOWING_HANDOVER:
-        return robots.busy[U(u)] == 1
-    return following == FOLLOWING_CONVOY
-
-
-@kernel
-def gives_way_at_once(view, state, u):
-    """Return whether the move that robot u begins opens its cell in the same tick."""
-    if view.rules.following != FOLLOWING_HANDOVER:
-        return view.rules.following == FOLLOWING_CONVOY
-    cell, direction = np.int64(view.robots.cell[U(u)]), direction_of(state, u)
-    if view.rules.slowdown and view.grid.traffic_zone[U(cell), U(direction >> 1)] != NIL:
-        return False  # how many robots slow it down is counted later
-    if has_gates(view) and view.gates.cabin_ticks[U(cell), U(direction)] > 1:
-        return False
-    usual = view.rules.duration[U(view.robots.type[U(u)]), U(ACTION_MOVE)]
-    return limited_ticks(view.grid, usual, cell, direction) == 1
 
 
 @kernel
@@ -260,3 +218,43 @@ def departs(view, state, first):
         state.departs[U(i)] = GOES if opens else IS_BEHIND
         opens = opens and gives_way_at_once(view, state, i)
     return state.departs[U(first)] == GOES
+
+
+@kernel
+def direction_of(state, i):
+    """Return the direction in which robot i, which goes, has chosen to."""
+    return option_of(state, i, np.int64(state.option_next[U(i)]) - 1)
+
+
+@kernel
+def moves_off(view, state, u, cell):
+    """Return whether robot u has chosen to go from a cell, need not turn first, and has the charge."""
+    has_chosen = state.mode[U(u)] == MODE_DECIDED and state.next[U(u)] != cell
+    if not has_chosen or view.robots.cell[U(u)] != cell:
+        return False
+    return is_facing(view, u, direction_of(state, u)) and not lacks_charge(view, u)
+
+
+@kernel
+def is_way_free(view, cell, u):
+    """Return whether a robot may begin to move into a cell that robot u, under way, holds."""
+    robots, following = view.robots, view.rules.following
+    if robots.cell[U(u)] != cell or robots.claim[U(u)] == NIL or robots.claim[U(u)] == cell:
+        return False
+    if following == FOLLOWING_HANDOVER:
+        return robots.busy[U(u)] == 1
+    return following == FOLLOWING_CONVOY
+
+
+@kernel
+def gives_way_at_once(view, state, u):
+    """Return whether the move that robot u begins opens its cell in the same tick."""
+    if view.rules.following != FOLLOWING_HANDOVER:
+        return view.rules.following == FOLLOWING_CONVOY
+    cell, direction = np.int64(view.robots.cell[U(u)]), direction_of(state, u)
+    if view.rules.slowdown and view.grid.traffic_zone[U(cell), U(direction >> 1)] != NIL:
+        return False  # how many robots slow it down is counted later
+    if has_gates(view) and view.gates.cabin_ticks[U(cell), U(direction)] > 1:
+        return False
+    usual = view.rules.duration[U(view.robots.type[U(u)]), U(ACTION_MOVE)]
+    return limited_ticks(view.grid, usual, cell, direction) == 1

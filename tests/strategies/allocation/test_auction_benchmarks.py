@@ -10,23 +10,19 @@ import numpy as np
 import pytest
 from auction_scenes import lists_of, random_auction
 
-from automaton.engine.state import NIL
+from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from strategies.allocation.auction import bundles, metaheuristics, sequential
-from strategies.allocation.auction.bundles import (
-    bundles_for,
-    generations,
-    population_for,
-)
+from strategies.allocation.auction.bundles import bundles_for
 from strategies.allocation.auction.market import (
     INF_COST,
     POLICY_NO_CHARGING,
-    Array,
-    Battery,
-    Fleet,
-    Scratch,
+    AuctionScratch,
+    BatteryRules,
+    FleetLists,
     TaskCosts,
 )
+from strategies.allocation.auction.metaheuristics import generations, population_for
 from strategies.allocation.auction.sequential import (
     BID_MIXED,
     WINNER_DIFFERENCE,
@@ -37,7 +33,7 @@ from strategies.allocation.auction.sequential import (
 )
 from strategies.linear_sum_assignment import assignment_for, linear_sum_assignment
 
-Market = tuple[TaskCosts, Battery, Fleet, Scratch]
+Market = tuple[TaskCosts, BatteryRules, FleetLists, AuctionScratch]
 
 
 def scene(seed: int, robots: int, tasks: int) -> tuple[Market, Array]:
@@ -132,7 +128,7 @@ def test_the_optimum_is_that_of_trying_everything(robots: int, tasks: int, epsil
         market, items = scene(seed, robots, tasks)
         value = optimum(market, items, tasks, epsilon)
         assert value == brute_force(market, tasks, epsilon)
-        assert value == sequential.objective(market[2], epsilon)
+        assert value == metaheuristics.objective(market[2], epsilon)
         assert sorted(itertools.chain(*lists_of(market[2]))) == list(range(tasks))
 
 
@@ -145,7 +141,7 @@ def test_no_method_is_better_than_the_optimum(name: str, epsilon: int) -> None:
         least = optimum(market, items, tasks, epsilon)
         market, items = scene(seed, robots, tasks)
         METHODS[name](market, items, tasks, epsilon)
-        assert sequential.objective(market[2], epsilon) >= least
+        assert metaheuristics.objective(market[2], epsilon) >= least
         assert sorted(itertools.chain(*lists_of(market[2]))) == list(range(tasks))
         sold = market[3].sold[:tasks].tolist()
         if name != "local search":
@@ -161,7 +157,7 @@ def allotments_by_insertion(market: Market, items: Array, epsilon: int) -> int:
         market[2].travel[:] = market[2].cost[:] = 0
         for k, r in enumerate(owners):
             award(*market, r, k)
-        best = min(best, int(sequential.objective(market[2], epsilon)))
+        best = min(best, int(metaheuristics.objective(market[2], epsilon)))
     return best
 
 
@@ -171,7 +167,7 @@ def test_the_combinatorial_auction_is_the_best_of_all_allotments(epsilon: int) -
         robots, tasks = 1 + seed % 3, 4 + seed % 2
         market, items = scene(seed, robots, tasks)
         value = METHODS["combinatorial"](market, items, tasks, epsilon)
-        assert value == sequential.objective(market[2], epsilon)
+        assert value == metaheuristics.objective(market[2], epsilon)
         market, items = scene(seed, robots, tasks)
         assert value == allotments_by_insertion(market, items, epsilon)
 
@@ -184,12 +180,12 @@ def test_local_search_never_makes_lists_worse_and_keeps_all_tasks(epsilon: int) 
         fleet, scratch = market[2], market[3]
         sequential.sequential(*market, items, 7, BID_MIXED, epsilon, WINNER_LOWEST_BID, 0)
         before, tasks = (
-            sequential.objective(fleet, epsilon),
+            metaheuristics.objective(fleet, epsilon),
             sorted(itertools.chain(*lists_of(fleet))),
         )
         first = [row[0] for row, frozen in zip(lists_of(fleet), fleet.first, strict=True) if frozen]
         moves = metaheuristics.improve(*market, epsilon)
-        after = sequential.objective(fleet, epsilon)
+        after = metaheuristics.objective(fleet, epsilon)
         assert after <= before
         assert sorted(itertools.chain(*lists_of(fleet))) == tasks
         assert first == [

@@ -17,8 +17,7 @@ from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 from strategies.allocation.auction.market import INF_COST
-from strategies.allocation.auction.metaheuristics import genetic
-from strategies.allocation.auction.sequential import objective
+from strategies.allocation.auction.metaheuristics import genetic, objective
 
 EIGHT = "orders={generator: stations, count: 8}"
 FIFTY = "orders={generator: stations, count: 50, mean_interarrival_time: 30}"

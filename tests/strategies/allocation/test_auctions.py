@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from auction_scenes import lists_of, random_auction
 
-from automaton.engine.state import NIL
+from automaton.engine.state import NIL, Array
 from strategies.allocation.auction import sequential
 from strategies.allocation.auction.market import (
     INF_COST,
@@ -19,10 +19,9 @@ from strategies.allocation.auction.market import (
     POLICY_NO_CHARGING,
     POLICY_THRESHOLD,
     POLICY_THRESHOLD_REACHABLE,
-    Array,
-    Battery,
-    Fleet,
-    Scratch,
+    AuctionScratch,
+    BatteryRules,
+    FleetLists,
     TaskCosts,
     battery_of,
     cheapest_insertion,
@@ -48,7 +47,7 @@ POLICIES = (
     POLICY_THRESHOLD,
     POLICY_THRESHOLD_REACHABLE,
 )
-Market = tuple[TaskCosts, Battery, Fleet, Scratch]
+Market = tuple[TaskCosts, BatteryRules, FleetLists, AuctionScratch]
 
 
 def preference(offers: list[int], winner: int) -> tuple[int, int] | None:
@@ -112,7 +111,9 @@ def test_only_the_winner_bids_again_with_the_same_result(policy: int) -> None:
         assert lists_of(market[2]) == found[0][1]
 
 
-def everything_heard(robots: int, tasks: int) -> tuple[TaskCosts, Battery, Fleet, Scratch, Array]:
+def everything_heard(
+    robots: int, tasks: int
+) -> tuple[TaskCosts, BatteryRules, FleetLists, AuctionScratch, Array]:
     """Robots with empty lists that may all bid for everything."""
     for seed in range(100):
         *market, items = random_auction(random.Random(seed), robots, tasks)

@@ -14,7 +14,8 @@ from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Durations
 from automaton.world.resolve import resolve
 from strategies.right_of_way.epibt.epibt import Epibt
-from strategies.right_of_way.pibt.pibt import Pibt, dead_ends_that_hold
+from strategies.right_of_way.pibt.pibt import Pibt
+from strategies.right_of_way.pibt.pibt_state import dead_ends_that_hold
 from strategies.right_of_way.right_of_way_parameters import EpibtParameters, PibtParameters
 
 STEERING = {"pibt": Pibt, "epibt": Epibt}

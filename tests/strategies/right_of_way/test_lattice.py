@@ -12,7 +12,7 @@ from automaton.runs.simulation import Simulation
 from automaton.strategy.kernels import cost_in, weighted_table_of
 from automaton.world.prepared_floor import floor_for
 from automaton.world.resolve import resolve
-from strategies.right_of_way.deadlocks import AGAINST_STREET, lattice_tables, moves_against_streets
+from strategies.right_of_way.steering import AGAINST_STREET, lattice_tables, moves_against_streets
 
 FLOOR = draw_floor("....\n....\n....\n....")
 GRID = floor_for(FLOOR, "undirected").grid

@@ -86,7 +86,7 @@ def test_the_plan_of_least_foreseen_time_is_chosen(
     workspace.count[:] = count
     own = touching(case, case.start[0]) | touching(case, case.target)
     own |= set() if pick == NIL else touching(case, pick)
-    times = {traffic_avoidance.PLAIN: foreseen(case, pick, count, set())}
+    times = {traffic_avoidance.PLAIN_ASTAR: foreseen(case, pick, count, set())}
     for threshold in range(1, MOST + 1):
         busy = {zone for zone, others in enumerate(count) if others >= threshold + more_than}
         times[threshold] = foreseen(case, pick, count, busy - own)
@@ -96,10 +96,13 @@ def test_the_plan_of_least_foreseen_time_is_chosen(
         chosen = traffic_avoidance.choose_threshold(*choices, traffic_avoidance.LEAST_TIME)
         cautious = traffic_avoidance.choose_threshold(*choices, traffic_avoidance.MOST_CAUTIOUS)
     assert times[chosen] == min(times.values())
-    assert chosen == traffic_avoidance.PLAIN or times[chosen] < times[traffic_avoidance.PLAIN]
+    assert (
+        chosen == traffic_avoidance.PLAIN_ASTAR
+        or times[chosen] < times[traffic_avoidance.PLAIN_ASTAR]
+    )
     busiest = max(count, default=0) - more_than
     open_to = [one for one in range(1, 1 + min(MOST, busiest)) if times[one] < FAR]
-    assert cautious == (open_to[0] if open_to else traffic_avoidance.PLAIN)
+    assert cautious == (open_to[0] if open_to else traffic_avoidance.PLAIN_ASTAR)
 
 
 @pytest.mark.parametrize("mode", MODES)

@@ -25,7 +25,7 @@ from automaton.world.resolve import resolve
 from strategies.zoning import annealing
 from strategies.zoning.design_files import design_arrays
 from strategies.zoning.designs import first_design, give, random_design
-from strategies.zoning.transfer_stations import find_tips
+from strategies.zoning.loads_and_transfers import find_tips
 from strategies.zoning.zone_workspace import (
     block_others,
     copy_design,

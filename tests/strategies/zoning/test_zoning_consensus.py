@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from zoning_scenes import near_of
 
-from strategies.zoning.negotiation import moved, sigma_about
+from strategies.zoning.decentralized import moved
+from strategies.zoning.negotiation import sigma_about
 
 Numbers = NDArray[np.int64]
 

@@ -21,7 +21,7 @@ from zoning_scenes import (
 from automaton.engine.facilities import Design
 from strategies.zoning.design_files import design_arrays, read_design
 from strategies.zoning.designs import give, random_design, remove
-from strategies.zoning.transfer_stations import find_tips, find_transfers
+from strategies.zoning.loads_and_transfers import find_tips, find_transfers
 from strategies.zoning.zone_workspace import copy_design, zone_rules
 
 # Figure 2: zone 1 has WS2 at H, WS4 at O and WS5 at R (here 1, 2, 3); zone 2 has WS6 (here 4).

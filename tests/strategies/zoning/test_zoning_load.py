@@ -19,8 +19,13 @@ from zoning_scenes import (
 
 from automaton.engine.facilities import Design
 from strategies.zoning.design_files import design_arrays, read_design
-from strategies.zoning.transfer_stations import connected, find_transfers
-from strategies.zoning.zone_load import UNDEFINED, balance, find_loads
+from strategies.zoning.loads_and_transfers import (
+    UNDEFINED,
+    balance,
+    connected,
+    find_loads,
+    find_transfers,
+)
 from strategies.zoning.zone_workspace import zone_rules
 
 SVP = 0.02140921364780887

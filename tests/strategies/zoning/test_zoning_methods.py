@@ -30,16 +30,13 @@ from automaton.engine.jit.kernel import jit_is_on
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.zoning import annealing, genetic, negotiation
+from strategies.zoning.annealing import exponential, logarithm, temperature
 from strategies.zoning.design_files import design_arrays, read_design
 from strategies.zoning.designs import first_design, random_design
 from strategies.zoning.genetic import population_for
-from strategies.zoning.transfer_stations import connected
-from strategies.zoning.zone_load import find_loads
+from strategies.zoning.loads_and_transfers import connected, find_loads
 from strategies.zoning.zone_workspace import (
     DRAWS_GENETIC,
-    exponential,
-    logarithm,
-    temperature,
     typical_distance,
     zone_rules,
 )

@@ -11,13 +11,13 @@ import pytest
 from zoning_scenes import drawn, everyone, factory, factory_rules, scratch, shipped, training_flow
 
 from strategies.zoning.design_files import design_arrays
-from strategies.zoning.transfer_stations import (
+from strategies.zoning.loads_and_transfers import (
     ROUTING_CENTRAL,
     ROUTING_NEIGHBOURS,
+    find_loads,
     find_transfers,
     route,
 )
-from strategies.zoning.zone_load import find_loads
 
 DELIVERED = 1
 HANDED_ON = 0

@@ -20,8 +20,12 @@ from zoning_scenes import (
 )
 
 from automaton.engine.facilities import Design
-from strategies.zoning.transfer_stations import ROUTING_CENTRAL, ROUTING_NEIGHBOURS, find_transfers
-from strategies.zoning.zone_load import find_loads
+from strategies.zoning.loads_and_transfers import (
+    ROUTING_CENTRAL,
+    ROUTING_NEIGHBOURS,
+    find_loads,
+    find_transfers,
+)
 
 
 def with_transfers(name: str, rule: int) -> Design:

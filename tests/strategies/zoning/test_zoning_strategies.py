@@ -29,8 +29,8 @@ from automaton.strategy.contract import Strategy
 from automaton.verification.validator import validate_stored
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import document_of, resolve
+from strategies.zoning.decentralized import DEGREES, REDESIGN
 from strategies.zoning.monitored import AnnealedZones
-from strategies.zoning.negotiation import DEGREES, REDESIGN
 
 ADJACENT = "adjacency: 243.6437908496732"
 LOGGED = f"design: factory-logged, {ADJACENT}"

@@ -19,7 +19,7 @@ SECONDS = "units={tick: 1 s, cell: 2.5 ft}"
 
 
 class Log:
-    """The ticks of looks, of times of sharing, and of redesigns."""
+    """The ticks of looks, of times of sharing, of redesigns, and of the flows that these are made of."""
 
     def __init__(self) -> None:
         self.looks: list[int] = []
@@ -46,7 +46,8 @@ def watched(
         return 0
 
     def flow(view: Any, window: int, tick: int, found: Any) -> int:
-        log.flows.append(tick)
+        if tick not in log.looks:
+            log.flows.append(tick)
         return usual_flow(view, window, tick, found)
 
     usual_look, usual_flow = monitored.MonitoredZones._check_balance, monitored.record_flow

@@ -24,11 +24,10 @@ from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 from strategies.zoning import annealing, genetic
 from strategies.zoning.design_files import design_arrays
-from strategies.zoning.genetic import population_for
+from strategies.zoning.genetic import match, population_for
+from strategies.zoning.loads_and_transfers import find_loads, find_transfers
 from strategies.zoning.negotiation import lead, parts_for
-from strategies.zoning.transfer_stations import find_transfers
-from strategies.zoning.zone_load import find_loads
-from strategies.zoning.zone_workspace import ZoneSpace, match
+from strategies.zoning.zone_workspace import ZoneSpace
 
 NORTH = [0, 1, 2, 3]  # stations 1 to 4, closed to the robot of zone 0
 METHODS = {

@@ -26,8 +26,8 @@ from automaton.history.live_run import LiveRun
 from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
+from strategies.zoning.loads_and_transfers import load_of
 from strategies.zoning.service_zone_lines import coloured, partition_picture
-from strategies.zoning.zone_load import load_of
 from strategies.zoning.zone_workspace import space_for, zone_rules
 from tui.cast.film import Request
 from tui.cast.film_making import make_picture

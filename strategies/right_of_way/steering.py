@@ -1,8 +1,4 @@
-"""Lattice guidance: rows and columns are one-way streets by turns, so that crowds rarely meet head-on.
-
-Odd rows run east, even ones west; even columns run south, odd ones north. A move against its street is
-allowed, and costs as much as three along it. Turns cost their ticks.
-"""
+"""What rights of way that steer robots have in common: arrivals, guidance, making room, deadlocks."""
 
 import numpy as np
 
@@ -26,29 +22,13 @@ from automaton.engine.state import (
 )
 from automaton.floor.cells import CHARGER, STATION
 from automaton.strategy.kernels import energy_cost, has_gates, is_facing, kernel, walk_to_cycle
-from automaton.strategy.weighted_tables import weighted_tables
+from automaton.strategy.weighted_tables import no_tables, weighted_tables
 
 AGAINST_STREET = 3  # times the ticks of a move along a street
-
-
-def moves_against_streets(grid):
-    """Return (C, 4) bool: whether a move out of a cell, E S W N, is against its street."""
-    y, x = np.divmod(np.arange(len(grid.kind)), grid.width)
-    odd_row, odd_column = (y - 1) % 2 == 1, (x - 1) % 2 == 1
-    return np.stack((~odd_row, odd_column, odd_row, ~odd_column), axis=1)
-
-
-def lattice_tables(view, scale=1):
-    """Return distance tables whose costs are `scale` times the ticks, against streets three times that.
-
-    Set k is of robot type k.
-    """
-    duration = np.asarray(view.rules.duration, np.int64)
-    ticks = duration[:, ACTION_MOVE, None, None]
-    if len(view.grid.min_move_ticks):
-        ticks = np.maximum(ticks, view.grid.min_move_ticks.reshape(-1, 4))
-    weights = np.where(moves_against_streets(view.grid), AGAINST_STREET, 1)
-    return weighted_tables(view, scale * ticks * weights, scale * duration[:, ACTION_TURN])
+NO_WAY_OUT = 4  # beside the four directions
+STALLED = 4  # times the patience: nothing has been done for so long
+LOOK = 16  # coarse ticks: strategies may decide in the first fine tick of each alone
+COUNTERS = {"deadlocks_resolved": "deadlocks.resolved"}  # of strategies whose state has `deadlocks`
 
 
 # Robots that have come to where they do something: what steers them lets them; who may go on.
@@ -88,17 +68,44 @@ def at_once_ticks(view):
     return int(view.rules.stride) if view.rules.following == FOLLOWING_CONVOY else 1
 
 
-# Idle robots make room where pushing them is in vain: in queues of stations, in pockets, and in
-# blocks.
+# Lattice guidance: rows and columns are one-way streets by turns, so that crowds rarely meet head-on.
+#
+# Odd rows run east, even ones west; even columns run south, odd ones north. A move against its street
+# is allowed, and costs as much as three along it. Turns cost their ticks.
+
+
+def moves_against_streets(grid):
+    """Return (C, 4) bool: whether a move out of a cell, E S W N, is against its street."""
+    y, x = np.divmod(np.arange(len(grid.kind)), grid.width)
+    odd_row, odd_column = (y - 1) % 2 == 1, (x - 1) % 2 == 1
+    return np.stack((~odd_row, odd_column, odd_row, ~odd_column), axis=1)
+
+
+def guiding_tables(view, is_guided, scale=1):
+    """Return the tables by which robots find their ways: of a lattice where it guides them, else none."""
+    return lattice_tables(view, scale) if is_guided else no_tables()
+
+
+def lattice_tables(view, scale=1):
+    """Return distance tables whose costs are `scale` times the ticks, against streets three times that.
+
+    Set k is of robot type k.
+    """
+    duration = np.asarray(view.rules.duration, np.int64)
+    ticks = duration[:, ACTION_MOVE, None, None]
+    if len(view.grid.min_move_ticks):
+        ticks = np.maximum(ticks, view.grid.min_move_ticks.reshape(-1, 4))
+    weights = np.where(moves_against_streets(view.grid), AGAINST_STREET, 1)
+    return weighted_tables(view, scale * ticks * weights, scale * duration[:, ACTION_TURN])
+
+
+# Idle robots make room where pushing them is in vain: in queues of stations, in pockets, in blocks.
 #
 # A robot in the queue of its station pushes no robot, since the queue alone moves it. From a pocket,
 # a station or charger with one way in and out, a robot can only come before another one is at its
 # mouth. So idle robots leave both as soon as another robot has something to do there; and a block or
 # lift that holds as many robots as it may, as soon as another robot faces it. Elsewhere they are
 # pushed.
-
-
-NO_WAY_OUT = 4  # beside the four directions
 
 
 class ServiceAreas(Struct):
@@ -260,11 +267,6 @@ def may_not_go_home(view, areas, i):
 # Where robots move and yet none of those with work gets anything done, they keep each other from
 # their goals in turn. That is a stall: the strategies then try other orders of turns, one after
 # another.
-
-
-STALLED = 4  # times the patience: nothing has been done for so long
-LOOK = 16  # coarse ticks: strategies may decide in the first fine tick of each alone
-COUNTERS = {"deadlocks_resolved": "deadlocks.resolved"}  # of strategies whose state has `deadlocks`
 
 
 class Deadlocks(Struct):

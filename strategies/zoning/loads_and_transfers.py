@@ -1,15 +1,28 @@
-"""Tip workstations: those that a single way joins to the rest of their zone.
+"""What follows from a design: tips, loads and balance, transfer stations, and how parts travel.
 
-A station at point p is a tip if exactly one neighbour of p shares a segment of the zone with p (by
-membership, as in the authors' code, not by following the segment), or if it is alone in its zone.
+The load of a zone in minutes (eq. 1-4 of Keith & La):
+
+    f_ij   loads from i to j        tot = base + sum f_ij        W the stations of the zone
+    g_ij   = (inflow of i) (outflow of j) / tot: empty trips; the paper prints the same sum twice
+    L      = sum over i, j in W, i != j of (f_ij + g_ij) between_ij / V  +  tot (t_u + t_l), V by robot
+    SVp    = sum over pairs of zones of |L_z - L_y| / ((zones - 1) sum L)
 """
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL
-from strategies.linear_sum_assignment import INF_COST
-from strategies.zoning.zone_workspace import block_others, spread, whole_cells
+from automaton.strategy.kernels import kernel
+from strategies.zoning.zone_workspace import UNREACHED, block_others, spread, whole_cells
+
+UNDEFINED = -1.0  # balance of zones without any load
+ROUTING_CENTRAL = 0  # rule of SA and GA: through the nearest transfer station
+ROUTING_NEIGHBOURS = 1  # of DDZ: without a common one, through the one nearest to the target
+
+
+# Tip workstations: those that a single way joins to the rest of their zone.
+#
+# A station at point p is a tip if exactly one neighbour of p shares a segment of the zone with p (by
+# membership, as in the authors' code, not by following the segment), or if it is alone in its zone.
 
 
 @kernel
@@ -53,6 +66,120 @@ def linked(roads, p, q):
         if roads.next[p, d] == q or roads.next[q, d] == p:
             return 1
     return 0
+
+
+# Loads.
+
+
+@kernel
+def find_loads(roads, rules, flow, through, design, workspace):
+    """workspace.load of all zones, from one flow (S, S) float64; returns the balance.
+
+    through: 1 = what drives past a tip on its shortest way counts as the tip's (GA).
+    """
+    if through == 1:
+        flow_past_tips(roads, flow, design, workspace)
+    for z in range(design.transfer.shape[0]):
+        members(design, workspace, z, rules.shared)
+        if through == 1:
+            workspace.load[z] = load_of(roads, rules, workspace.legs, workspace, z)
+        else:
+            workspace.load[z] = load_of(roads, rules, flow, workspace, z)
+    return balance(workspace.load)
+
+
+@kernel
+def members(design, workspace, z, shared):
+    """workspace.member: the stations of zone z, and its transfer stations if these are shared."""
+    for s in range(design.zone.shape[0]):
+        workspace.member[s] = 1 if design.zone[s] == z else 0
+        if shared:
+            for other in range(design.transfer.shape[0]):
+                if design.transfer[z, other, s] == 1:
+                    workspace.member[s] = 1
+
+
+@kernel
+def load_of(roads, rules, flow, workspace, z):
+    """Minutes of work of the robot of zone z at the stations of workspace.member."""
+    count = np.int64(0)
+    for s in range(workspace.member.shape[0]):
+        if workspace.member[s] == 1:
+            workspace.listed[count] = s
+            count += 1
+    total = rules.base
+    workspace.into[:] = 0.0
+    workspace.out[:] = 0.0
+    for a in range(count):
+        i = workspace.listed[a]
+        for b in range(count):
+            j = workspace.listed[b]
+            if i != j:
+                total += flow[i, j]
+                workspace.out[i] += flow[i, j]
+                workspace.into[j] += flow[i, j]
+    if total == 0.0:
+        return 0.0
+    cells = 0.0
+    for a in range(count):
+        i = workspace.listed[a]
+        for b in range(count):
+            j = workspace.listed[b]
+            if i != j:
+                empty = workspace.into[i] * workspace.out[j] / total
+                cells += (flow[i, j] + empty) * roads.between[i, j]
+    return cells * workspace.move_time_factor[z] / rules.speed + total * rules.handling
+
+
+@kernel
+def flow_past_tips(roads, flow, design, workspace):
+    """workspace.legs: the flow, and for tips i all that drives past i and then j of the same zone."""
+    stations = flow.shape[0]
+    find_tips(roads, design, workspace)
+    workspace.legs[:] = 0.0
+    for a in range(stations):
+        for b in range(stations):
+            if a == b or flow[a, b] == 0.0:
+                continue
+            count = stations_on_way(roads, workspace, a, b)
+            for x in range(count):
+                i = np.int64(workspace.listed[x])
+                for y in range(x + 1, count):
+                    j = np.int64(workspace.listed[y])
+                    whole = i == a and j == b
+                    if design.zone[i] == design.zone[j] and (whole or workspace.tip[i] == 1):
+                        workspace.legs[i, j] += flow[a, b]
+
+
+@kernel
+def stations_on_way(roads, workspace, a, b):
+    """workspace.listed: the stations on the shortest way from a to b, in its order; how many."""
+    end = np.int64(roads.point[b])
+    p = np.int64(roads.point[a])
+    count = np.int64(0)
+    while p != NIL:
+        if roads.station[p] != NIL:
+            workspace.listed[count] = roads.station[p]
+            count += 1
+        if p == end:
+            break
+        p = np.int64(roads.hop[p, end])
+    return count
+
+
+@kernel
+def balance(load):
+    """SVp, from 0 (equal) to 1 (one zone has it all), or UNDEFINED."""
+    zones = load.shape[0]
+    total = 0.0
+    apart = 0.0
+    for z in range(zones):
+        total += load[z]
+        for y in range(z):
+            apart += abs(load[z] - load[y])
+    if total == 0.0 or zones < 2:
+        return UNDEFINED
+    return apart / ((zones - 1) * total)
 
 
 # Transfer stations between zones (Algorithm 1, by the rules that gave the published numbers).
@@ -138,7 +265,7 @@ def joined_tips(roads, rules, design, workspace, a, b):
         spread(roads, workspace, roads.point[x], NIL, bound)
         for y in range(design.zone.shape[0]):
             far = workspace.distance[roads.point[y]]
-            if far == INF_COST or faces(roads, rules, design, workspace, y, b, a) == 0:
+            if far == UNREACHED or faces(roads, rules, design, workspace, y, b, a) == 0:
                 continue
             at = count
             while at > 0 and workspace.length[at - 1] > far:
@@ -167,7 +294,7 @@ def faces(roads, rules, design, workspace, s, own, other):
 @kernel
 def claim(roads, workspace, x, y, zone):
     """The inner points of the path between two stations are in the way of later pairs of zones."""
-    spread(roads, workspace, roads.point[x], roads.point[y], INF_COST)
+    spread(roads, workspace, roads.point[x], roads.point[y], UNREACHED)
     p = np.int64(workspace.back[roads.point[y]])
     while p != NIL and p != roads.point[x]:
         workspace.claimed[p, zone] = 1
@@ -240,7 +367,7 @@ def join_nearest(roads, design, workspace):
     Of all such pairs of zones that with the shortest union path between two tips; the zone with more
     load gives the station. Returns 0 if there is none.
     """
-    best = np.int64(INF_COST)
+    best = np.int64(UNREACHED)
     x, y = np.int64(NIL), np.int64(NIL)
     for a in range(design.transfer.shape[0]):
         for b in range(design.transfer.shape[0]):
@@ -264,11 +391,6 @@ def join_nearest(roads, design, workspace):
 
 
 # Who takes a part, and where to: section "part transfers" of Keith & La, as their code does it.
-
-
-ROUTING_CENTRAL = 0  # rule of SA and GA: through the nearest transfer station
-# rule of DDZ: without a common one, through the one that is nearest to the target
-ROUTING_NEIGHBOURS = 1
 
 
 @kernel
@@ -300,7 +422,7 @@ def way_out(roads, design, workspace, rule, zone, at, to):
     Zones with the fewest transfers left; of their transfer stations the nearest to where the part
     is, or by the rule of DDZ, when transfers remain after it, to its target; then the lowest.
     """
-    best = np.int64(INF_COST)
+    best = np.int64(UNREACHED)
     station, other = np.int64(NIL), np.int64(NIL)
     to_target = rule == ROUTING_NEIGHBOURS and workspace.level[zone] > 1
     for s in range(design.zone.shape[0]):

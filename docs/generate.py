@@ -13,11 +13,14 @@ import inspect
 import json
 import re
 import sys
+import textwrap
 from collections.abc import Callable, Iterable, Iterator
 from fractions import Fraction
 from pathlib import Path
 from typing import Any, Final
 
+import automaton
+from automaton import python_api
 from automaton.commands import COMMANDS
 from automaton.engine import facilities, robot_states, state, visibility
 from automaton.engine.jit import structs
@@ -28,6 +31,7 @@ from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.floor.cells import CELL_KINDS, SYMBOLS, Symbol
 from automaton.history.breakpoints import FIELDS
 from automaton.recording import contents, frames
+from automaton.runs import headless
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.scenario import quantities
 from automaton.scenario.floor_section import generator_type, generators, json_schema
@@ -72,6 +76,7 @@ def pages() -> dict[str, str]:
         "conditions.md": conditions_page(),
         "formats.md": formats_page(),
         "tables.md": tables_page(),
+        "python.md": python_page(),
     }
 
 
@@ -906,6 +911,64 @@ def formats_page() -> str:
         f"`{study.SUMS_COLUMN}` (sums by stretch).\n",
         table(("column", "type"), columns),
     )
+
+
+# What `import automaton` offers
+
+
+def python_page() -> str:
+    """The functions and classes of the front door, from their docstrings."""
+    returned = {"simulate": headless.Outcome, "read": python_api.RecordedRun}
+    sections = []
+    for name in automaton.OFFERED:
+        thing = getattr(automaton, name)
+        shown = name if inspect.isclass(thing) and name == "Strategy" else _call(name, thing)
+        sections += [f"## {name}\n", f"{code(shown)}\n", _prose(thing)]
+        if name == "Simulation":
+            sections.append(table(("member", "meaning"), _members_whole(thing)))
+        for kind in (returned[name],) if name in returned else ():
+            rows = _members_whole(kind) if name == "read" else _outcome_rows(kind)
+            sections += [f"### {kind.__name__}\n", _prose(kind), table(("member", "meaning"), rows)]
+    return page(
+        "Python API",
+        "What `import automaton` offers. Each name is imported when it is first used, so that the import "
+        "takes no time. An InputError is one sentence: where, what was found, what is allowed. See also "
+        "[keys of scenarios](scenario.md), [metrics](metrics.md) and "
+        "[what a strategy sees and decides](strategy-contract.md).",
+        *sections,
+    )
+
+
+def _prose(thing: Any) -> str:
+    """A docstring as Markdown: what is indented in it is Python."""
+    lines: list[str] = []
+    for part in re.split(
+        r"(?:^|\n\n)((?:    .*(?:\n|$)|\n(?=    ))+)", inspect.getdoc(thing) or ""
+    ):
+        is_code = part.startswith("    ")
+        text = textwrap.dedent(part).strip()
+        if text:
+            lines.append(f"```python\nimport automaton\n\n{text}\n```" if is_code else text)
+    return "\n\n".join(lines) + "\n"
+
+
+def _members_whole(kind: type) -> Iterator[tuple[str, str]]:
+    """Yield the public methods and properties of a class with their whole docstrings."""
+    for name, member in vars(kind).items():
+        if not name.startswith("_") and (
+            inspect.isfunction(member) or isinstance(member, property)
+        ):
+            call = name if isinstance(member, property) else _call(name, member)
+            yield code(call), inspect.getdoc(member) or ""
+
+
+def _outcome_rows(kind: type) -> Iterator[tuple[str, str]]:
+    """Yield the fields of a NamedTuple with the comments behind them, then its methods."""
+    for line in inspect.getsource(kind).splitlines():
+        field = re.match(r"    (\w+): [^#]*(?:# (.*))?$", line)
+        if field:
+            yield code(field[1]), field[2] or ""
+    yield from _members_whole(kind)
 
 
 def main() -> int:

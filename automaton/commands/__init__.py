@@ -14,7 +14,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from automaton.engine.jit.kernel import COMPILING
+from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.unfit_numba import UnfitNumbaError
 from automaton.errors import InputError, WorkerDiedError, nearest
 from automaton.printable import OutputError, PrintedText, one_line
@@ -185,7 +185,7 @@ def surroundings() -> str:
 
     from automaton.engine.jit.kernel_cache import cache_root
     from automaton.engine.jit.numba_parts import LINKS_OTHERWISE
-    from automaton.runs.first_compilation import cores
+    from automaton.runs.cores import cores
 
     way = "in the fast way: what only kernels call is compiled once, inside its callers"
     if LINKS_OTHERWISE:

@@ -24,8 +24,8 @@ from automaton.exchange.lif_export import lif_file
 from automaton.recording.recording_reader import read_recording
 from automaton.scenario.document import find
 from automaton.units import count, exact_time
-from automaton.world.pods import all_station_names
 from automaton.world.resolve import resolve
+from automaton.world.station_numbers import all_station_names
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

@@ -106,7 +106,7 @@ def crew_of(args: argparse.Namespace) -> Backend:
 
 def dry_run(args: argparse.Namespace, plan: Any) -> int:
     """Say what the sweep would take."""
-    from automaton.runs.first_compilation import cores
+    from automaton.runs.cores import cores
     from automaton.studies.sweeps.pools import LocalPool
     from automaton.studies.sweeps.sweep_session import forecast
 

@@ -22,7 +22,8 @@ from automaton.engine.energy import cancel_infeasible_moves
 from automaton.engine.events import find_cycles, note_events
 from automaton.engine.faults import break_down_and_repair, delay_robots
 from automaton.engine.gates import hold_at_gates, set_cabin_ticks, update_gates
-from automaton.engine.jit.kernel import COMPILING, first_class, jit_is_on, kernel
+from automaton.engine.jit.compile_progress import COMPILING
+from automaton.engine.jit.kernel import first_class, jit_is_on, kernel
 from automaton.engine.jit.struct_types import declared_type
 from automaton.engine.loads import work_at_stations
 from automaton.engine.observation import Observation

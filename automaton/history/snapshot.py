@@ -23,7 +23,7 @@ from automaton.engine.observation import CAUSE_NOT_WAITING, Observation, is_wait
 from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
 from automaton.runs.progress import done_count
 from automaton.runs.simulation import Simulation
-from automaton.world.pods import station_names
+from automaton.world.station_numbers import station_names
 
 S = TypeVar("S", bound=Struct)
 

@@ -103,7 +103,7 @@ class Driven(NamedTuple):
     states: int  # looked at by the plan
 
 
-def lone_robot(stations: tuple[int, ...], start: int, rule: Battery) -> Instance:
+def lone_robot(stations: tuple[int, ...], start: int, rule: BatteryRules) -> Instance:
     """One robot with an empty list, and tasks at these stations."""
     n = len(stations)
     fleet = fleet_at((start,), n)

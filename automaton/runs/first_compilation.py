@@ -15,17 +15,10 @@ from multiprocessing import parent_process
 from automaton.engine.features import compiled_feature
 from automaton.engine.jit.kernel import COMPILATIONS, jit_is_on, world_marker
 from automaton.engine.loop import decide_signature
+from automaton.runs.cores import cores
 from automaton.scenario.schema import Faults
 from automaton.strategy.contract import Strategy, compiled_decide
 from automaton.world.resolve import Resolved
-
-
-def cores() -> int:
-    """The cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
 
 # The first run: two processes compile its 400 kernels side by side, into one cache.
 #

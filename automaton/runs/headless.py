@@ -177,13 +177,13 @@ class Outcome(NamedTuple):
     """What is left of a run."""
 
     finished: bool  # the stop condition held, or the scenario has none and its last tick came
-    ticks: int
-    orders: int
-    delivered: int
-    digest: str
+    ticks: int  # that were executed
+    orders: int  # that were asked for
+    delivered: int  # orders that were delivered
+    digest: str  # of the state at the end, 16 hex digits
     wall_s: float | None  # of the run itself, without start-up; None for a replay
-    metrics: dict[str, float | int]
-    robots: list[dict[str, Any]]
+    metrics: dict[str, float | int]  # by name, times in ticks
+    robots: list[dict[str, Any]]  # metrics of each robot
     diagnosis: str  # why it did not finish, one phrase; "" if it did
     stopped: bool  # at the tick that was asked for
     circles: list[tuple[int, ...]]  # the robots of each wait cycle at the end
@@ -193,7 +193,7 @@ class Outcome(NamedTuple):
     stations: Sequence[dict[str, Any]] = ()  # metrics by station, where pods are carried there
     tables: Any = None  # those of `simulate(tables=True)`: automaton.tables.table_files.Tables
     picture: FloorPicture | None = None  # the floor at the end of a run of `simulate`
-    recording: Any = None  # that of `simulate(record=FILE)`: automaton.recordings.RecordedRun
+    recording: Any = None  # that of `simulate(record=FILE)`: automaton.python_api.RecordedRun
 
     def film(self, **options: Any) -> Any:
         """The run as a film for a notebook, see RecordedRun.film.

@@ -32,7 +32,8 @@ from automaton.engine.features import (
     used_features,
 )
 from automaton.engine.holders import NO_ROWS, state_rows
-from automaton.engine.jit.kernel import COMPILING, first_compilation_announced, jit_is_on
+from automaton.engine.jit.compile_progress import COMPILING
+from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
 from automaton.engine.jit.structs import Struct, lent_address, window
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.engine.record_codes import KEYFRAME_TICKS
@@ -194,14 +195,14 @@ class Simulation:
             self.world.rules.allocation[:] = LAYER_ALLOCATION
         picked += [None] * (STRATEGIES - len(picked))
         # Of each strategy by number; None where it is missing.
-        self._strategies = [
+        self.strategies = [
             self._validate_strategy(number, strategy) for number, strategy in enumerate(picked)
         ]
-        for strategy in self._strategies:
+        for strategy in self.strategies:
             if strategy is not None:
                 strategy.other_layers = {
                     layer: other
-                    for layer, other in zip(LAYER_NAMES, self._strategies, strict=False)
+                    for layer, other in zip(LAYER_NAMES, self.strategies, strict=False)
                     if other is not None
                 }
         if after is not None:
@@ -212,7 +213,7 @@ class Simulation:
                 plan_anew(self.world)
             self.update_finished()
         with self._constants_kept():
-            self._states = [self._state(strategy) for strategy in self._strategies]
+            self._states = [self._state(strategy) for strategy in self.strategies]
         # What strategies keep by types no longer fits where loads begin or cease to matter.
         if (
             after is not None
@@ -220,7 +221,7 @@ class Simulation:
             and self.world.rules.loaded_types == after.world.rules.loaded_types
         ):
             self._restore_states(after)
-        self._mode = np.array([mode_of(strategy) for strategy in self._strategies], np.uint8)
+        self._mode = np.array([mode_of(strategy) for strategy in self.strategies], np.uint8)
         self._used = used_features(self.world, self._mode)
         with COMPILING.expected(self._to_be_compiled()):
             self._ticks = self._start()
@@ -229,7 +230,7 @@ class Simulation:
         """The functions that the first tick needs compiled."""
         loop = [] if "loop" in _LOOPS else [loop_kernels.ticks]
         features = [FEATURES[number].kernel for number in np.flatnonzero(self._used)]
-        kinds = [type(strategy) for strategy in self._strategies if strategy is not None]
+        kinds = [type(strategy) for strategy in self.strategies if strategy is not None]
         return [*loop, *features, *(kind.compiled for kind in kinds if kind.compiled is not None)]
 
     def continue_with(self, resolved: Resolved) -> Simulation:
@@ -254,7 +255,7 @@ class Simulation:
         for number, choice in enumerate(self.resolved.choices):
             if choice in known:
                 was = known.index(choice)
-                self._strategies[number] = before._strategies[was]
+                self.strategies[number] = before.strategies[was]
                 self._states[number] = before._states[was].copied()
 
     def _robots_of_other_allocations(self, before: Resolved) -> Array:
@@ -337,12 +338,12 @@ class Simulation:
         mode, used = self._mode, self._used
         for index in np.flatnonzero(mode == loop_kernels.MODE_INTERPRETED):
             self._states[index] = self._states[index].copied()  # whatever becomes of its own
-        loop, decide_type = _compiled_loop(self._strategies, np.flatnonzero(used).tolist())
+        loop, decide_type = _compiled_loop(self.strategies, np.flatnonzero(used).tolist())
         functions = [
             compiled_decide(type(strategy).compiled, decide_type)  # type: ignore[arg-type]
             if strategy is not None and kind == loop_kernels.MODE_COMPILED
             else absent(decide_type)
-            for strategy, kind in zip(self._strategies, mode, strict=True)
+            for strategy, kind in zip(self.strategies, mode, strict=True)
         ]
         functions += [
             compiled_feature(number) if is_used else absent_feature(number)
@@ -384,7 +385,7 @@ class Simulation:
     def counted(self) -> dict[str, int]:
         """What the strategies count themselves (`Strategy.counters`), over all robots."""
         found: dict[str, int] = {}
-        for strategy, state in zip(self._strategies, self._states, strict=True):
+        for strategy, state in zip(self.strategies, self._states, strict=True):
             for name, field in strategy.counters.items() if strategy else ():
                 found[name] = found.get(name, 0) + int(attrgetter(field)(state).sum())
         return found
@@ -440,7 +441,7 @@ class Simulation:
         in_python = [
             f"the {layer.replace('_', '-')} strategy '{choice.name}'"
             for (layer, choice), strategy in zip(
-                self.resolved.choices, self._strategies, strict=False
+                self.resolved.choices, self.strategies, strict=False
             )
             if strategy is not None and type(strategy).compiled is None
         ]
@@ -480,7 +481,7 @@ class Simulation:
         self.observation.count[[COUNT_EVENTS, COUNT_CURVE_ROWS]] = 0
 
     def _decide(self, number: int) -> None:
-        strategy = self._strategies[number]
+        strategy = self.strategies[number]
         assert strategy is not None
         self._decisions += 1
         checked = self._decisions <= ALWAYS_CHECKED or self._decisions % CHECKED_EVERY == 0

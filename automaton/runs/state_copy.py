@@ -5,12 +5,13 @@ Which arrays belong to it follows from the roles of their declarations.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Final
+import copy
+from collections.abc import Iterator, Sequence
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.jit.structs import CARRIED, Struct
+from automaton.engine.jit.structs import CARRIED, SCRATCH, STOP, Struct, window
 from automaton.engine.motion import room_bit
 from automaton.engine.observation import Observation
 from automaton.engine.state import (
@@ -83,6 +84,56 @@ def copy_clock(to: Array, since: Array) -> None:
     kept = to[list(OF_THE_BUFFERS)]
     to[:] = since
     to[list(OF_THE_BUFFERS)] = kept
+
+
+class RunState(NamedTuple):
+    """What a run goes on from: copies of its arrays, and of what its strategies remember."""
+
+    arrays: dict[str, Array]  # of the state and of the observation
+    rows: list[Array]  # of different lengths: routes and plans
+    clock: Array
+    memories: list[dict[str, Array]]  # of each strategy: the arrays of its struct
+    strategies: list[Any]  # their objects; None where a layer has none
+
+
+def remembered(struct: Struct) -> Iterator[tuple[str, Array]]:
+    """The arrays of a strategy's struct that it goes on with, by name."""
+    for name, declared, array in struct.arrays():
+        if declared.role not in (SCRATCH, STOP):
+            yield name, array
+
+
+def captured(
+    world: World, observation: Observation, states: Sequence[Struct], strategies: list[Any]
+) -> RunState:
+    """Copy the state of a run between two ticks; `states`: the structs of its strategies."""
+    arrays = arrays_of_run(world, observation)
+    return RunState(
+        arrays={name: array.copy() for name, array in arrays.items()},
+        rows=[rows.copy() for rows, _ in ragged_arrays(world)],
+        clock=world.clock.copy(),
+        memories=[{name: array.copy() for name, array in remembered(one)} for one in states],
+        strategies=copy.deepcopy(strategies),
+    )
+
+
+def restore(
+    state: RunState,
+    world: World,
+    observation: Observation,
+    states: Sequence[Struct],
+    strategies: list[Any],
+) -> None:
+    """Let a new run of the same scenario and rules go on from a state: write it into its arrays."""
+    for name, array in arrays_of_run(world, observation).items():
+        np.copyto(array, state.arrays[name])
+    for (rows, _), theirs in zip(ragged_arrays(world), state.rows, strict=True):
+        np.copyto(rows, theirs)
+    copy_clock(world.clock, state.clock)
+    for memory, arrays in zip(states, state.memories, strict=True):
+        for name, array in remembered(memory):
+            window(array, writable=True)[...] = arrays[name]
+    strategies[:] = copy.deepcopy(state.strategies)
 
 
 def take_over(

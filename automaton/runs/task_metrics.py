@@ -36,8 +36,8 @@ from automaton.engine.state import (
 from automaton.runs.interruption import interruptible
 from automaton.runs.progress import asked_orders, has_lines
 from automaton.strategy.placing import dropoff_cell, pickup_cell
-from automaton.world.pods import station_names
 from automaton.world.resolve import Resolved
+from automaton.world.station_numbers import station_names
 
 POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
 

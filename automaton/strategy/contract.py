@@ -34,7 +34,8 @@ from typing import Any, ClassVar
 import msgspec
 
 from automaton.engine.holders import PER_ROBOT
-from automaton.engine.jit.kernel import COMPILING, first_class, jit_is_on
+from automaton.engine.jit.compile_progress import COMPILING
+from automaton.engine.jit.kernel import first_class, jit_is_on
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
 from automaton.errors import InputError, nearest
@@ -48,7 +49,18 @@ class NoState(Struct):
 
 
 class Strategy:
-    """What every strategy is; a subclass names its layer and gives `compiled` or `decide`."""
+    """What every strategy is; a subclass names its layer and gives `compiled` or `decide`.
+
+        class Keep(automaton.Strategy):
+            layer = "allocation"
+
+            def decide(self, view, batch, decisions, memory, workspace):
+                print(view.clock[0], batch.robot[: batch.count[0]])
+
+        automaton.Simulation("tabletop-mini", strategies={"allocation": Keep}).step(5)
+
+    What these arguments hold and what may be decided: [the contract](strategy-contract.md).
+    """
 
     layer: ClassVar[str]
     Parameters: ClassVar[type[msgspec.Struct]] = NoParameters

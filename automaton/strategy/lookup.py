@@ -168,8 +168,21 @@ def default_for(layer: str, robots: str) -> str:
     return next(name for name, entry in entries if entry.default_for == robots)
 
 
+# Classes that a Python program has given, by "module:Class".
+_GIVEN: dict[str, type] = {}
+
+
+def name_of_class(kind: type) -> str:
+    """The name by which a scenario finds a class from here on, in this process alone if it is local."""
+    name = f"{kind.__module__}:{kind.__qualname__}"
+    _GIVEN[name] = kind
+    return name
+
+
 def load(layer: str, name: str) -> Any:
     """The class of a strategy. Raises InputError for an unknown name or a class of another layer."""
+    if name in _GIVEN:
+        return _of_layer(_GIVEN[name], layer, name)
     where = place(layer, name)
     if ":" not in where:
         raise InputError(
@@ -194,11 +207,16 @@ def load(layer: str, name: str) -> Any:
         raise InputError(
             f"{layer} strategy {name!r}: no class {class_name!r} in {module_name}{hint}"
         )
-    if getattr(found, "layer", None) != layer:
-        theirs = getattr(found, "layer", None)
+    return _of_layer(found, layer, name)
+
+
+def _of_layer(kind: Any, layer: str, name: str) -> Any:
+    """A class if it is a strategy of a layer. Raises InputError for another one."""
+    theirs = getattr(kind, "layer", None)
+    if theirs != layer:
         what = "not a strategy" if theirs is None else f"a strategy for layer {theirs!r}"
-        raise InputError(f"{layer} strategy {name!r}: {class_name} is {what}")
-    return found
+        raise InputError(f"{layer} strategy {name!r}: {name.rpartition(':')[2]} is {what}")
+    return kind
 
 
 # The parameters of zoning from which a world is built, whatever the strategy.

@@ -1,15 +1,9 @@
 """Strategies for one robot at a time: write `decide(me, view)` and return a decision.
 
-    @per_robot("allocation")
-    def eager(me, view):
-        if me.load is not None:
-            return deliver()
-        orders = view.open_orders()
-        return take(min(orders, key=me.ticks_to)) if orders else park()
-
-A scenario names it "module:eager". The robots of a batch are asked in the order of their identities
-and each decision counts as made for those after it. With `information: orders` or a radius, `view`
-holds what that robot may know, and nothing else: for teaching, and for honest decentralization.
+A scenario names the class that `per_robot` makes "module:name". The robots of a batch are asked in
+the order of their identities and each decision counts as made for those after it. With
+`information: orders` or a radius, `view` holds what that robot may know, and nothing else: for
+teaching, and for honest decentralization.
 """
 
 from __future__ import annotations
@@ -198,8 +192,19 @@ def per_robot(
 ) -> Callable[[Callable[[Me, LocalView], Decision | None]], Any]:
     """Make a strategy class from decide(me, view) -> decision or None (keep on).
 
-    `memory`: how many numbers each robot keeps in me.memory. Layers: allocation, routing,
-    right_of_way.
+        from automaton.strategy.per_robot import deliver, park, take
+
+        @automaton.per_robot("allocation")
+        def eager(me, view):
+            if me.load is not None:
+                return deliver()
+            orders = view.open_orders()
+            return take(min(orders, key=me.ticks_to)) if orders else park()
+
+        automaton.simulate("tabletop-mini", strategies={"allocation": eager}).metrics["makespan"]
+
+    `layer`: allocation, routing or right_of_way; `memory`: how many numbers each robot keeps in
+    me.memory. Raises ValueError for another layer.
     """
     if layer not in _ENTER:
         raise ValueError(f"per_robot serves the layers {', '.join(_ENTER)}, not {layer!r}")

@@ -65,8 +65,8 @@ from automaton.tables.columns import (
     texts_where,
     where,
 )
-from automaton.world.pods import station_names
 from automaton.world.resolve import Resolved
+from automaton.world.station_numbers import station_names
 
 Table = tuple[Form, Iterable[Rows]]
 

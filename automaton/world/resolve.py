@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -185,11 +185,11 @@ class Resolved:
 
 
 def resolve(
-    scenario: str | Path | Scenario,
+    scenario: str | Path | Mapping[str, Any] | Scenario,
     overrides: Iterable[str | Override] = (),
     seed: int | None = None,
 ) -> Resolved:
-    """Check a scenario completely: a path, the name of a shipped one, or a Scenario.
+    """Check a scenario completely: a path, the name of a shipped one, a file's content, or a Scenario.
 
     `overrides` are KEY=VALUE texts, or values with their places; `seed` replaces the scenario's
     own. Raises InputError.
@@ -427,9 +427,11 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
 
 
 def document_of(
-    scenario: str | Path | Scenario, settings: Iterable[str | Override] = ()
+    scenario: str | Path | Mapping[str, Any] | Scenario, settings: Iterable[str | Override] = ()
 ) -> Document:
     """What a scenario says, unchecked, with KEY=VALUE texts over it. Raises InputError."""
+    if isinstance(scenario, Mapping):
+        return override(Document(data=copy.deepcopy(dict(scenario))), settings)
     if not isinstance(scenario, Scenario):
         found = read(scenario)
         if is_study(found.data):

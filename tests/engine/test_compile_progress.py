@@ -7,14 +7,8 @@ from typing import Any
 
 import pytest
 
-from automaton.engine.jit.kernel import (
-    CLEAR_LINE,
-    Compiling,
-    Progress,
-    jit_is_on,
-    kernel,
-    kernels_of,
-)
+from automaton.engine.jit.compile_progress import CLEAR_LINE, Compiling, Progress, kernels_of
+from automaton.engine.jit.kernel import jit_is_on, kernel
 
 pytestmark = pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
 

@@ -157,7 +157,7 @@ def test_what_has_no_file_is_made_of_all_that_a_strategy_may_call() -> None:
 SESSION = f"# {uuid4()}\n"
 PLUG_IN = """
 from automaton.strategy.kernels import kernel
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from automaton.engine.state import CMD_WAIT
 from mine.deep.ticks import TICKS
 from another import doubled
@@ -250,11 +250,11 @@ def test_a_comment_in_a_strategy_compiles_that_strategy_alone(tmp_path: Path) ->
 
 
 COUNTING = """
-from automaton.engine.jit.fields import field
+from automaton.engine.jit.structs import field
 from automaton.engine.jit.structs import Struct
 from automaton.engine.state import Array
 from automaton.strategy.kernels import kernel
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 
 
 class CountingState(Struct):
@@ -301,7 +301,7 @@ def kept_in(cache: Path, temporary: Path) -> tuple[str, str]:
         [
             sys.executable,
             "-c",
-            "from automaton.engine.jit import kernel_sources as s\n"
+            "from automaton.engine.jit import kernel_cache as s\n"
             "from automaton.engine.jit.kernel_cache import cache_folder\n"
             "print(cache_folder(s.__name__, s.__file__))",
         ],

@@ -199,7 +199,7 @@ def run(name: str, durations: tuple[str, ...], every: int, again: bool = True) -
     simulation = Simulation(resolved, on_record=recorder)
     strategy = Shortest()
     strategy.period, strategy.again = every, again
-    strategies = [*simulation._strategies]
+    strategies = [*simulation.strategies]
     strategies[LAYER_ROUTING] = strategy
     simulation = Simulation(resolved, on_record=recorder, strategies=strategies)
     simulation.run()

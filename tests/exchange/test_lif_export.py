@@ -26,8 +26,8 @@ from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import shipped
-from automaton.world.pods import all_station_names
 from automaton.world.resolve import Resolved, resolve
+from automaton.world.station_numbers import all_station_names
 
 SITE = """\
 name: site

@@ -15,10 +15,11 @@ from typing import Any
 
 from signal_process import signal_process
 
+from automaton import sweep
 from automaton.engine.state import CMD_PARK
-from automaton.experiments import Study, sweep
 from automaton.strategy.contract import Strategy
 from automaton.studies.sweeps import pools
+from automaton.studies.sweeps.study import Study
 
 TESTS = Path(__file__).parent
 TIMES = ("wall_s", "cpu_s")

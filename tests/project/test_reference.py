@@ -17,7 +17,7 @@ DOCS = Path(__file__).parents[2] / "docs"
 PLUG_IN = """
 import msgspec
 
-from automaton.strategy.layer import Strategy
+from automaton.strategy.contract import Strategy
 from tui.render.layer import Layer
 from tui.widgets.panel import Panel
 

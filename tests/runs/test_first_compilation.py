@@ -23,7 +23,7 @@ MISSED = """
 import gc
 from numba.core.dispatcher import Dispatcher
 from automaton.engine.features import FAULTS, GATES
-from automaton.engine.gate_pass import update_gates
+from automaton.engine.gates import update_gates
 print(len(update_gates.callee.overloads), update_gates.is_compiled)
 from automaton.runs.first_compilation import compile_parts
 compile_parts(["strategies.allocation.cooperative:Cooperative", "no.such.module:Rule"], [FAULTS, GATES])

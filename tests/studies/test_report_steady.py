@@ -12,8 +12,8 @@ import pytest
 from report_helpers import report, tables
 from synthetic_results import noise, synthetic_store
 
+from automaton import sweep
 from automaton.engine.state import ORDER_DELIVERED
-from automaton.experiments import sweep
 from automaton.runs.metrics import metrics_of
 from automaton.runs.report_document import Listed
 from automaton.runs.simulation import Simulation

@@ -15,7 +15,7 @@ from remembered_runs import remembered_runs
 from rich.console import Console
 from statistics_trials import synthetic
 
-from automaton import experiments
+import automaton
 from automaton.commands import main
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
@@ -364,7 +364,7 @@ def test_the_command_answers_in_json_and_says_what_is_not_reachable(capsys: Any)
 
 
 def test_sizes_from_python_are_those_of_the_command(capsys: Any) -> None:
-    found = experiments.size(
+    found = automaton.size(
         "tabletop-mini", "makespan<=1700", (1, 2), success_share=0.9, indifference=0.08,
         budget=350, workers=1, durations__turn=20,
     )  # fmt: skip
@@ -382,7 +382,7 @@ def test_sizes_from_python_are_those_of_the_command(capsys: Any) -> None:
     assert last["share_low"] < last["share"] <= last["share_high"]
     assert last["mean_low"] < last["mean"] < last["mean_high"] < 1700
     with pytest.raises(InputError, match="1 <= FIRST <= LAST"):
-        experiments.size("tabletop-mini", "makespan<=1700", robots=0)
+        automaton.size("tabletop-mini", "makespan<=1700", robots=0)
 
 
 def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:

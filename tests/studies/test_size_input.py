@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from automaton import experiments
+import automaton
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.studies.process_pool import PersistentPool
@@ -184,10 +184,10 @@ def test_fleets_and_strategies_from_python_may_be_given_in_several_ways() -> Non
 @pytest.mark.parametrize("given", [None, 2.5, (1, 2, 3), [1], ("1", "2"), {1, 2}, range(1, 3)])
 def test_fleets_from_python_that_are_none_are_refused(given: Any) -> None:
     with pytest.raises(InputError, match="expected a number"):
-        experiments.size("tabletop-mini", "makespan<=1700", robots=given)
+        automaton.size("tabletop-mini", "makespan<=1700", robots=given)
 
 
 @pytest.mark.parametrize("given", [3, [1, 2], {"adaptive": 1}])
 def test_strategies_from_python_that_are_none_are_refused(given: Any) -> None:
     with pytest.raises(InputError, match="expected names, such as 'independent,cooperative'"):
-        experiments.size("tabletop-mini", "makespan<=1700", robots=1, strategies=given)
+        automaton.size("tabletop-mini", "makespan<=1700", robots=1, strategies=given)

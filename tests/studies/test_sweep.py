@@ -11,9 +11,9 @@ from pathlib import Path
 import pytest
 from sweep_studies import OwnThread, environment, plain, row_files, small_study, swept_here
 
+from automaton import simulate, sweep
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.experiments import Study, simulate, sweep
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.report_document import Table
 from automaton.runs.simulation import Simulation
@@ -21,7 +21,7 @@ from automaton.studies.reports.build_report import compose
 from automaton.studies.reports.study_results import read_results
 from automaton.studies.sweeps import pools, run_keys, sweep_session
 from automaton.studies.sweeps.result_store import Store
-from automaton.studies.sweeps.study import RESULT_COLUMNS
+from automaton.studies.sweeps.study import RESULT_COLUMNS, Study
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
 from automaton.world.resolve import resolve
 

@@ -25,9 +25,9 @@ from sweep_studies import (
     wait_until,
 )
 
+from automaton import sweep
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.experiments import sweep
 from automaton.studies.sweeps.pools import DaskCluster
 from automaton.studies.sweeps.result_store import Store
 

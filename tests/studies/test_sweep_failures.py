@@ -22,9 +22,9 @@ from sweep_studies import (
     troubled,
 )
 
+from automaton import sweep
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.experiments import sweep
 from automaton.studies.sweeps import pools, run_keys
 from automaton.studies.sweeps.result_store import Store, read_rows
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
@@ -116,8 +116,7 @@ def test_workers_that_cannot_start_are_told_and_no_run_has_failed(tmp_path: Path
     few = {"[independent, cooperative]": "[independent]"}
     study, out = small_study(tmp_path, 1, **few), tmp_path / "out"
     script.write_text(
-        "from automaton.experiments import sweep\n"
-        f"sweep({str(study)!r}, out={str(out)!r}, workers=1)\n"
+        f"from automaton import sweep\nsweep({str(study)!r}, out={str(out)!r}, workers=1)\n"
     )
     process = started([sys.executable, str(script)])
     _, err = process.communicate(timeout=120)

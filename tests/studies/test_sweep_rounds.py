@@ -15,7 +15,6 @@ from synthetic_results import noise, study_of, synthetic_store
 from automaton.commands import main
 from automaton.commands.sweep_command import Listener
 from automaton.errors import InputError
-from automaton.experiments import Analysis, Replications, Study, read_study
 from automaton.studies.inference.intervals import next_round
 from automaton.studies.reports.build_report import compose
 from automaton.studies.reports.comparison_tables import fixed
@@ -25,6 +24,7 @@ from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.pools import ExternalExecutor
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.run_keys import Row
+from automaton.studies.sweeps.study import Analysis, Replications, Study, read_study
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
 from automaton.studies.sweeps.sweep_session import sweep_into
 

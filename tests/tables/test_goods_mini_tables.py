@@ -13,9 +13,8 @@ from typing import Any
 
 import pytest
 
+from automaton import read, simulate
 from automaton.commands import main
-from automaton.experiments import simulate
-from automaton.recordings import read
 from automaton.tables.table_files import Tables
 
 

@@ -14,9 +14,10 @@ import pyarrow.csv
 import pyarrow.parquet
 import pytest
 
+from automaton import simulate
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.experiments import settings_of, simulate
+from automaton.python_api import settings_of
 from automaton.runs.headless import run_once
 from automaton.runs.simulation import Simulation
 from automaton.tables import columns, table_files

@@ -11,7 +11,7 @@ import numpy as np
 from textual.app import App
 from textual.notifications import SeverityLevel
 
-from automaton.engine.jit.kernel import COMPILING
+from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.state import NIL
 from automaton.units import unit
 from tui.registration import failure, layer_named

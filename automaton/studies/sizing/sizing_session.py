@@ -362,7 +362,7 @@ class Fleets:
 
     def __init__(
         self,
-        scenario: str | Path | Scenario,
+        scenario: str | Path | Mapping[str, Any] | Scenario,
         settings: Sequence[str | Override],
         seed: int | None,
         rounds: PersistentPool,

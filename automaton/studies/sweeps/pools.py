@@ -31,7 +31,8 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.runs.first_compilation import compiled_parts, cores
+from automaton.runs.cores import cores
+from automaton.runs.first_compilation import compiled_parts
 from automaton.runs.headless import (
     Marks,
     attribute_strategy_errors,

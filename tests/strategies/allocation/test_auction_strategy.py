@@ -182,7 +182,7 @@ def test_a_schedule_goes_evenly_from_one_epsilon_to_another() -> None:
     assert same_run("epsilon: {from: 0, to: 1, until: 1}", "epsilon: 1", FIFTY)
     assert same_run("epsilon: {from: 0.3, to: 0.3, until: 700}", "epsilon: 0.3", FIFTY)
     run = auction("epsilon: {from: 0.2, to: 0.6, until: 1000}", FIFTY)
-    strategy: Any = run._strategies[LAYER_ALLOCATION]
+    strategy: Any = run.strategies[LAYER_ALLOCATION]
     found = []
     for tick in (0, 500, 1000, 9000):
         run.world.clock[CLOCK_TICK] = tick

@@ -276,7 +276,7 @@ def test_a_strategy_cannot_read_a_robot_beyond_its_range() -> None:
                 )
 
     resolved = resolve("factory", (ddz(), NEAR.replace("131", "40")))
-    strategies = list(Simulation(resolved)._strategies)
+    strategies = list(Simulation(resolved).strategies)
     strategies[LAYER_ZONING] = Spy()
     run = Simulation(resolved, strategies=strategies)
     world = run.world

@@ -29,7 +29,7 @@ import numpy as np
 from tui.render.layer import Layer
 from tui.widgets.panel import Panel
 from tui.widgets.styled_lines import line
-from tui.widgets.text_panel import TextPanel
+from tui.widgets.panel import TextPanel
 
 
 class Dust(Layer):
@@ -58,7 +58,7 @@ wrong = my_viewer:WRONG
 """
 RECORDED = """
 import asyncio
-from tui.session.notices import Notices
+from tui.session.display import Notices
 from tui.viewer.app import Viewer
 from viewer_harness import screen_text, viewing
 
@@ -172,7 +172,7 @@ FAILING = """
 import numpy as np
 from tui.render.layer import Layer
 from tui.widgets.panel import Panel
-from tui.widgets.text_panel import TextPanel
+from tui.widgets.panel import TextPanel
 
 
 class Rust(Layer):

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from automaton import read, simulate
 from automaton.errors import InputError
-from automaton.experiments import simulate
-from automaton.recordings import read
 from automaton.runs.headless import Outcome
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
@@ -87,7 +86,7 @@ def test_what_cannot_be_shown_is_one_sentence(recorded: Outcome, asked: str, sen
 
 def test_pictures_need_no_terminal_program(recorded: Outcome) -> None:
     program = (
-        "import sys; from automaton.recordings import read; run = read(sys.argv[1]);"
+        "import sys; from automaton import read; run = read(sys.argv[1]);"
         "run._repr_html_(); run.film()._repr_html_();"
         "sys.exit(any(name.partition('.')[0] in ('tui', 'textual', 'PIL') for name in sys.modules))"
     )

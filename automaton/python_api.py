@@ -1,0 +1,645 @@
+"""What `import automaton` offers: runs, studies and recordings from Python.
+
+    import automaton
+
+    automaton.simulate("tabletop-1", fleet__robots=3).metrics["makespan"]
+
+Importing this needs no Numba; `sweep` and all tables need pyarrow (extra `experiments`).
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping, Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+from automaton.errors import InputError, alternatives
+from automaton.floor.cells import NIL
+from automaton.studies.sweeps.study import Study
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+    from automaton.drawings.floor_svg import FloorPicture
+    from automaton.drawings.looks import Theme
+    from automaton.engine.state import World
+    from automaton.films.film_page import NotebookFilm
+    from automaton.history.playback import Playback
+    from automaton.recording.frames import Recording
+    from automaton.runs.headless import Outcome, Sampling
+    from automaton.runs.simulation import Simulation as CompiledRun
+    from automaton.runs.state_copy import RunState
+    from automaton.scenario.document import Override
+    from automaton.scenario.schema import Scenario
+    from automaton.studies.sizing.sizing_report import SizingResult
+    from automaton.studies.sweeps.result_store import Store
+    from automaton.tables.table_files import Tables
+    from automaton.tables.table_run import TableRun
+    from automaton.world.resolve import Resolved
+
+# A path, the name of a shipped scenario, what a scenario file says as a dict, or a Scenario.
+ScenarioLike: TypeAlias = "str | Path | Mapping[str, Any] | Scenario"
+# Of each layer that is named: a name, {name: NAME, PARAMETER: VALUE}, or a class.
+Strategies = Mapping[str, Any]
+
+
+def settings_of(overrides: dict[str, Any], strategies: Strategies | None = None) -> list[Override]:
+    """Keyword arguments as settings of a scenario: `fleet__robots` is fleet.robots.
+
+    A class of a strategy is known by its name for the rest of this process. Raises InputError.
+    """
+    from automaton.scenario.document import Override, keys_of
+    from automaton.strategy.lookup import name_of_class
+
+    values = overrides | {f"strategy.{layer}": one for layer, one in (strategies or {}).items()}
+    settings = []
+    for name, value in values.items():
+        key = name.replace("__", ".")
+        plain = name_of_class(value) if isinstance(value, type) else value
+        settings.append(Override(f"{key}={plain!r}", keys_of(key), plain))
+    return settings
+
+
+def load(scenario: ScenarioLike, seed: int | None = None, **overrides: Any) -> Scenario:
+    """Read a scenario and check it completely, without compiling anything.
+
+    `scenario`: a path, the name of a shipped one, the content of a scenario file as a dict, or a
+    Scenario; `seed` and `overrides` replace what it says, as in `simulate`. Returns the Scenario, with
+    times in ticks and lengths in cells. Raises InputError, whose text is one sentence.
+
+        scenario = automaton.load("tabletop-1", fleet__robots=3)
+        scenario.fleet.robots, scenario.units.tick
+    """
+    return _resolved(scenario, seed, None, overrides).unrefined.scenario
+
+
+def check(scenario: ScenarioLike, seed: int | None = None, **overrides: Any) -> tuple[str, ...]:
+    """Check a scenario as `automaton check` does, and return its warnings, a sentence each.
+
+    Arguments as for `load`. Raises InputError for a scenario that cannot run.
+
+        for warning in automaton.check("goods-60x40"):
+            print(warning)
+    """
+    from automaton.world.scenario_warnings import scenario_warnings
+
+    return tuple(scenario_warnings(_resolved(scenario, seed, None, overrides)))
+
+
+def simulate(
+    scenario: ScenarioLike,
+    seed: int | None = None,
+    *,
+    strategies: Strategies | None = None,
+    tables: bool = False,
+    states: str | int | None = None,
+    events: bool = False,
+    folder: str | Path | None = None,
+    record: str | Path | None = None,
+    **overrides: Any,
+) -> Outcome:
+    """Run a scenario once, in this process, to its end.
+
+    `scenario`, `seed`: as for `load`. `strategies`: by layer a name, a dict of a name and parameters, or
+    a class, such as a function decorated with `per_robot`. `overrides` are keys of the scenario:
+    `fleet__robots=3` or `**{"fleet.robots": 3}`. With `tables` the outcome has `tables.orders`, `lines`,
+    `trips`, `robots` and `stations`, each a pyarrow Table; `states`, a period such as "10 s" or ticks,
+    adds `states`, `events` those, both `cells`. `folder`: a new folder in which they are written as
+    Parquet while the run goes on, instead of being kept in memory. `record`: a file for the recording.
+    Returns an Outcome: `metrics` by name, `robots`, `digest`, `ticks`, and `picture`, which a notebook
+    shows. Raises InputError for bad input and for a strategy that raises.
+
+        outcome = automaton.simulate("tabletop-mini", seed=7)
+        outcome.finished, outcome.metrics["makespan"]
+    """
+    resolved = _resolved(scenario, seed, strategies, overrides)
+    if not tables:
+        if states is not None or events or folder is not None:
+            raise InputError("states, events and folder are of tables; set tables=True")
+        return _run_shown(resolved, record)
+    from automaton.tables.table_run import TableOptions, table_run
+
+    where = None if folder is None else Path(folder)
+    with table_run(resolved, TableOptions(states, events, folder=where)) as run:
+        outcome = _run_shown(resolved, record, run)
+    return outcome._replace(tables=run.tables())
+
+
+def _resolved(
+    scenario: ScenarioLike,
+    seed: int | None,
+    strategies: Strategies | None,
+    overrides: dict[str, Any],
+) -> Resolved:
+    from automaton.world.resolve import resolve
+
+    return resolve(scenario, settings_of(overrides, strategies), seed)
+
+
+def _run_shown(
+    resolved: Resolved, record: str | Path | None, tables: TableRun | None = None
+) -> Outcome:
+    """Run it once, with the picture of its end and, if it is asked for, its recording."""
+    from automaton.recording.recorder import Recorder
+    from automaton.runs.headless import run_once
+
+    pictures: list[FloorPicture] = []
+
+    def on_end(simulation: CompiledRun) -> None:
+        pictures.append(simulation.picture())
+        if tables is not None:
+            tables.finish(simulation)
+
+    sampling = None if tables is None else tables.sampling
+    if record is None:
+        outcome = run_once(resolved, on_end=on_end, sampling=sampling)
+        return outcome._replace(picture=pictures[0])
+    try:
+        with Recorder(record, resolved, resolved.scenario.seed) as recorder:
+            outcome = run_once(resolved, recorder, on_end=on_end, sampling=sampling)
+    except OSError as error:
+        raise InputError(f"cannot write the recording: {error.strerror}", str(record)) from error
+    return outcome._replace(picture=pictures[0], recording=read(record))
+
+
+def sweep(
+    study: str | Path | Study,
+    out: str | Path | None = None,
+    executor: Executor | None = None,
+    *,
+    workers: int | None = None,
+    scheduler: str | Path | None = None,
+    recompute: bool = False,
+    retry_failed: bool = False,
+) -> pa.Table:
+    """Do the runs of a study that the folder `out` lacks, and return all rows as an Arrow table.
+
+    `study`: a path, the name of a shipped one, or a Study. Without `out` nothing is kept. `executor`: any
+    of concurrent.futures, which is left open; `scheduler`: a Dask cluster, by its address or the file
+    that its scheduler wrote; default are `workers` spawned processes, one for each core (a script needs
+    the usual `if __name__ == "__main__":`). `recompute`, `retry_failed`: as of `automaton sweep`. Raises
+    InputError as that command does; what is done when something is raised is kept in `out`.
+
+        with open("fleets.yaml", "w") as file:
+            file.write("{name: fleets, scenario: tabletop-mini, factors: {fleet.robots: [1, 2]}, "
+                       "replications: 3}")
+        automaton.sweep("fleets.yaml", workers=1).select(["fleet.robots", "makespan"])
+    """
+    from automaton.studies.reports.comparisons import next_replications
+    from automaton.studies.sweeps.pools import MAX_WORKERS, Backend, ExternalExecutor, LocalPool
+    from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
+    from automaton.studies.sweeps.sweep_session import sweep_into
+
+    if sum(option is not None for option in (executor, workers, scheduler)) > 1:
+        raise InputError("sweep() takes one of executor, workers and scheduler")
+    if workers is not None and not 1 <= workers <= MAX_WORKERS:
+        raise InputError(f"workers must be from 1 to {MAX_WORKERS:,}, found {workers}")
+
+    def backend() -> Backend:
+        if scheduler is not None:
+            from automaton.studies.sweeps.pools import DaskCluster
+
+            return DaskCluster(str(scheduler))
+        return LocalPool(workers) if executor is None else ExternalExecutor(executor)
+
+    def decide(store: Store) -> int | None:
+        following = next_replications(store)
+        return None if following is None else following.replications
+
+    plan = make_sweep_plan(study)
+    if out is not None:
+        copies = copies_of(study, plan)
+        swept = sweep_into(
+            Path(out),
+            plan,
+            backend,
+            recompute,
+            retry_failed=retry_failed,
+            copies=copies,
+            decide=decide,
+        )
+        return swept.store.rows()
+    with tempfile.TemporaryDirectory(prefix="automaton-sweep-") as folder:
+        return sweep_into(Path(folder), plan, backend, decide=decide).store.rows()
+
+
+def size(
+    scenario: ScenarioLike,
+    target: str,
+    robots: str | int | tuple[int, int] | list[int],
+    *,
+    strategies: str | Sequence[str] | None = None,
+    success_share: float | None = None,
+    mean: bool | None = None,
+    indifference: float | None = None,
+    alpha: float = 0.05,
+    budget: int = 20_000,
+    seed: int | None = None,
+    workers: int | None = None,
+    **overrides: Any,
+) -> SizingResult:
+    """Find the smallest fleet that meets a target such as "makespan<=2400", as `automaton size` does.
+
+    `robots`: the smallest and the largest fleet that may be an answer, as (1, 6) or "1..6", or one
+    alone; `strategies`: allocations to compare, as "a,b" or ["a", "b"]; the others are the options of
+    the command. `workers`: spawned processes, default one for each core; 1: none. `overrides`: as in
+    `simulate`. Raises InputError, and WorkerDied where a process dies.
+
+        automaton.size("tabletop-1", "makespan<=2400", robots=(1, 6), workers=1).robots
+    """
+    from automaton.studies.process_pool import PersistentPool
+    from automaton.studies.sizing.fleet_search import (
+        make_question,
+        read_target,
+        robots_of,
+        strategies_of,
+    )
+    from automaton.studies.sizing.sizing_report import sized
+    from automaton.studies.sizing.sizing_session import (
+        Checked,
+        Fleets,
+        run_and_measure_use,
+        session_of,
+    )
+
+    fleet, compared = robots_of(robots), strategies_of(strategies)
+    with PersistentPool(workers, run_and_measure_use) as rounds:
+        fleets = Fleets(scenario, settings_of(overrides), seed, rounds)
+        wanted = read_target(target, fleets.tick)
+        asked = make_question(
+            wanted,
+            fleet,
+            compared,
+            success_share,
+            indifference,
+            alpha,
+            budget,
+            mean,
+            fleets.warm_up,
+        )
+        session = session_of(fleets, Checked(fleets, asked))
+        session.go()
+    return sized(session, fleets.base.scenario.name, fleets.seed)
+
+
+class _Rules(NamedTuple):
+    """Rules that hold after a tick."""
+
+    tick: int
+    resolved: Resolved
+    settings: tuple[str, ...]  # KEY=VALUE, of a branch; () at the start
+
+
+class Simulation:
+    """A run that you carry on tick by tick, look into, branch off, save and pickle.
+
+    `scenario`, `seed`, `strategies` and `overrides`: as for `simulate`. Raises InputError.
+
+        run = automaton.Simulation("tabletop-mini", seed=7)
+        run.step(100)
+        run.tick, run.digest, run.world.robots.cell
+    """
+
+    def __init__(
+        self,
+        scenario: ScenarioLike,
+        seed: int | None = None,
+        *,
+        strategies: Strategies | None = None,
+        **overrides: Any,
+    ) -> None:
+        resolved = _resolved(scenario, seed, strategies, overrides)
+        self._begin([_Rules(0, resolved, ())], resolved.scenario.seed)
+
+    def _begin(self, past: list[_Rules], seed: int) -> None:
+        """Make the run at its first tick under its last rules."""
+        from automaton.runs.headless import attribute_strategy_errors
+        from automaton.runs.simulation import Simulation as CompiledRun
+
+        self._past, self._seed = past, seed
+        with attribute_strategy_errors(past[0].resolved):
+            self._run = CompiledRun(past[0].resolved, seed)
+        for rules in past[1:]:
+            self._run = self._run.continue_with(rules.resolved)
+
+    @property
+    def scenario(self) -> Scenario:
+        """The checked scenario, times in ticks and lengths in cells; a branch has its own."""
+        return self._past[-1].resolved.scenario
+
+    @property
+    def seed(self) -> int:
+        """What all random numbers of the run follow from."""
+        return self._seed
+
+    @property
+    def tick(self) -> int:
+        """How many ticks have been executed."""
+        return self._run.tick
+
+    @property
+    def finished(self) -> bool:
+        """Whether the scenario's stop condition holds."""
+        return self._run.finished
+
+    @property
+    def digest(self) -> str:
+        """The digest of the whole state, 16 hex digits: equal digests, equal states."""
+        return self._run.digest
+
+    @property
+    def metrics(self) -> dict[str, float | int]:
+        """The metrics of the run so far, by name; times are in ticks."""
+        from automaton.runs.metrics import metrics_of
+
+        return metrics_of(self._run)
+
+    @property
+    def world(self) -> World:
+        """The state as structs of NumPy arrays, which refuse writes: `world.robots.cell`, (n,) int32.
+
+        The arrays change with each step; copy what you want to keep.
+        """
+        return self._run.world.read_only()
+
+    def step(self, ticks: int = 1) -> Simulation:
+        """Execute so many ticks, fewer if the run ends before; returns the simulation.
+
+        Raises InputError for a number below 0 and for a strategy that raises.
+        """
+        if ticks < 0:
+            raise InputError(f"ticks must be at least 0, found {ticks}")
+        return self.run(self.tick + ticks)
+
+    def run(self, until: int | None = None) -> Simulation:
+        """Run to a tick, or to the end: the stop condition or `stop.max_duration`; returns itself.
+
+        Raises InputError for a strategy that raises.
+        """
+        from automaton.runs.headless import attribute_strategy_errors
+
+        with attribute_strategy_errors(self._past[-1].resolved):
+            self._run.run(until)
+        return self
+
+    def branch(self, *, strategies: Strategies | None = None, **overrides: Any) -> Simulation:
+        """Return another simulation that goes on from this state, and leave this one as it is.
+
+        `overrides` and `strategies` hold from the next tick: keys of strategy, durations, information,
+        world and stop. Strategies that stay remember the past; new ones begin with what they see.
+        Raises InputError.
+        """
+        from automaton.runs.headless import attribute_strategy_errors
+        from automaton.world.resolve import branched
+
+        other = Simulation._from(list(self._past), self._seed, self._state())
+        settings = tuple(
+            f"{'.'.join(map(str, one.keys))}={json.dumps(one.value)}"
+            for one in settings_of(overrides, strategies)
+        )
+        if settings:
+            resolved = branched(self._past[-1].resolved, settings)
+            with attribute_strategy_errors(resolved):
+                other._run = other._run.continue_with(resolved)
+            other._past.append(_Rules(self.tick, resolved, settings))
+        return other
+
+    def save(self, path: str | Path) -> RecordedRun:
+        """Write the run so far as a recording, and return that; `read(path).simulation()` goes on.
+
+        The run is computed again from its start, by its scenario, seed and strategies. Raises InputError
+        if the file cannot be written or a strategy decides otherwise when it is asked again.
+        """
+        from automaton.recording.recorder import Recorder
+        from automaton.runs.headless import attribute_strategy_errors
+        from automaton.runs.simulation import Simulation as CompiledRun
+
+        first = self._past[0].resolved
+        try:
+            with Recorder(path, first, self._seed) as recorder:
+                with attribute_strategy_errors(self._past[-1].resolved):
+                    run = CompiledRun(first, self._seed, on_record=recorder)
+                    for rules in self._past[1:]:
+                        run.run(rules.tick)
+                        run = run.continue_with(rules.resolved)
+                        recorder.change(run, rules.settings)
+                    run.run(self.tick)
+                if run.digest != self.digest:
+                    raise InputError(
+                        f"computed again, the run is another one at tick {self.tick:,}: a strategy "
+                        "decides otherwise than before"
+                    )
+                if run.finished or self.tick >= self.scenario.stop.max_duration:
+                    recorder.end()
+        except OSError as error:
+            raise InputError(f"cannot write the recording: {error.strerror}", str(path)) from error
+        except BaseException:
+            Path(f"{path}.part").unlink(missing_ok=True)
+            raise
+        return read(path)
+
+    def picture(self, theme: Theme = "light", follow: int = NIL) -> FloorPicture:
+        """The floor and its robots now, as a drawing that a notebook shows; `follow`: a robot to mark.
+
+        Raises InputError.
+        """
+        return self._run.picture(theme, follow)
+
+    def _repr_html_(self) -> str:
+        """Show it in a notebook."""
+        return self.picture()._repr_html_()
+
+    def _state(self) -> RunState:
+        from automaton.runs.state_copy import captured
+
+        run = self._run
+        return captured(run.world, run.observation, run.states, run.strategies)
+
+    @classmethod
+    def _from(cls, past: list[_Rules], seed: int, state: RunState) -> Simulation:
+        """A simulation that goes on from a state."""
+        from automaton.runs.state_copy import restore
+
+        simulation = cls.__new__(cls)
+        simulation._begin(past, seed)
+        run = simulation._run
+        restore(state, run.world, run.observation, run.states, run.strategies)
+        return simulation
+
+    def __reduce__(self) -> Any:
+        """A pickle is the state and the rules that it came by."""
+        return Simulation._from, (self._past, self._seed, self._state())
+
+
+class RecordedRun:
+    """A recording, complete or cut short, that `read` opens: tables, pictures and films come of it.
+
+        automaton.simulate("tabletop-mini", record="run.rec")
+        run = automaton.read("run.rec")
+        run.ticks, run.simulation(at=50).digest
+
+    A notebook shows it as its last tick.
+    """
+
+    def __init__(self, path: str | Path, recording: Recording) -> None:
+        self.path, self._recording = Path(path), recording
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks are recorded."""
+        return self._recording.ticks
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the recording has its end."""
+        return self._recording.complete
+
+    def simulation(self, at: int | None = None) -> Simulation:
+        """A simulation that goes on from a tick of the run, the last one unless said.
+
+        The past is computed again by its strategies, so that they remember it, and compared with what
+        was recorded. Raises InputError if there is no such tick, or this version computes another past.
+        """
+        from automaton.history.playback import Playback
+        from automaton.recording.header import changed, resolved_of
+
+        tick = self._tick(at)
+        header, frames = self._recording.header, self._recording.stored()
+        try:
+            playback = Playback(header, frames)
+            playback.go_to(tick)
+            past = [_Rules(0, resolved_of(header), ())]
+            simulation = Simulation.__new__(Simulation)
+            simulation._begin(past, header["seed"])
+            since = 0
+            while simulation.tick < tick:
+                rules = frames.rules_at(simulation.tick)
+                if rules["tick"] != since or (not simulation.tick and rules["settings"]):
+                    since = rules["tick"]
+                    settings = tuple(rules["settings"])
+                    past.append(_Rules(since, resolved_of(changed(header, rules)), settings))
+                    simulation._run = simulation._run.continue_with(past[-1].resolved)
+                following = frames.next_rules(since)
+                until = tick if following is None else min(tick, following)
+                before = simulation.tick
+                if simulation.run(until).tick == before:
+                    break  # it ends sooner now
+            if simulation.digest != playback.simulation.digest:
+                raise InputError(
+                    f"computed again with its strategies, the run is another one at tick {tick:,}: "
+                    "it was recorded by another version"
+                )
+        except InputError as error:
+            raise error.at(str(self.path)) from None
+        return simulation
+
+    def tables(
+        self,
+        states: str | int | None = None,
+        events: bool = False,
+        robots: Sequence[int] | None = None,
+        folder: str | Path | None = None,
+    ) -> Tables:
+        """The tables of the run, as `simulate(tables=True)` has them.
+
+        `states`: a period such as "1 s", or ticks; `robots`: events and states of these alone;
+        `folder`: a new folder to which they are written as Parquet. Raises InputError.
+        """
+        from automaton.history.playback import Playback
+        from automaton.recording.header import resolved_of
+        from automaton.tables.table_run import TableOptions, table_run
+
+        recording = self._recording
+        where = None if folder is None else Path(folder)
+        options = TableOptions(states, events, robots, where)
+        try:
+            resolved = resolved_of(recording.header, with_strategies=False)
+            with table_run(resolved, options, self.ticks) as run:
+                sampling = run.sampling
+                frames = recording.stored()
+                playback = Playback(recording.header, frames, on_observe=sampling.on_observe)
+                _play(playback, sampling, self.ticks)
+                run.finish(playback.simulation)
+        except InputError as error:
+            raise error.at(str(self.path)) from None
+        return run.tables()
+
+    def picture(
+        self, at: int | None = None, theme: Theme = "light", follow: int = NIL
+    ) -> FloorPicture:
+        """The floor and its robots after a tick, the last one unless said; `follow`: a robot to mark.
+
+        Raises InputError.
+        """
+        from automaton.history.playback import Playback
+
+        tick = self._tick(at)
+        try:
+            playback = Playback(self._recording.header, self._recording.stored())
+            playback.go_to(tick)
+            return playback.simulation.picture(theme, follow)
+        except InputError as error:
+            raise error.at(str(self.path)) from None
+
+    def film(
+        self,
+        first: int | None = None,
+        last: int | None = None,
+        *,
+        speed: float = 1,
+        follow: int = NIL,
+        theme: Theme = "light",
+        height: int = 600,
+    ) -> NotebookFilm:
+        """The ticks from `first` (0) to `last` (the last one) as a film that plays in a notebook.
+
+        `speed`: 1 is ten ticks a second; `follow`: a robot; `height`: pixels. Raises InputError.
+        """
+        from automaton.drawings.looks import THEMES
+        from automaton.films.film_page import NotebookFilm, film_page
+        from automaton.films.recorded_stretch import play_stretch
+
+        if theme not in THEMES:
+            raise InputError(f"unknown theme {theme!r}: allowed are {alternatives(THEMES)}")
+        stretch = play_stretch(self._recording, first, last, follow)
+        page = film_page(stretch, speed=speed, follow=follow, theme=theme)
+        return NotebookFilm(page, stretch.title, height)
+
+    def _repr_html_(self) -> str:
+        """Show the last tick in a notebook."""
+        return self.picture()._repr_html_()
+
+    def _tick(self, at: int | None) -> int:
+        tick = self.ticks if at is None else at
+        if not 0 <= tick <= self.ticks:
+            raise InputError(
+                f"there is no tick {tick:,}: the recording ends at tick {self.ticks:,}"
+            )
+        return tick
+
+
+def _play(playback: Playback, sampling: Sampling, until: int) -> None:
+    """Play a recording to a tick, with samples on the way."""
+    period = sampling.period or until or 1
+    if sampling.period:
+        sampling.on_sample(playback.simulation)
+    while playback.tick < until:
+        playback.go_to(min((playback.tick // period + 1) * period, until))
+        if sampling.period and playback.tick % period == 0:
+            sampling.on_sample(playback.simulation)
+
+
+def read(path: str | Path) -> RecordedRun:
+    """Open a recording.
+
+        automaton.simulate("tabletop-mini", record="run.rec")
+        automaton.read("run.rec").picture(at=50)
+
+    Returns a RecordedRun. Raises InputError for a file that is not a recording, or is damaged.
+    """
+    from automaton.recording.recording_reader import read_recording
+
+    return RecordedRun(path, read_recording(path))

@@ -1,0 +1,166 @@
+"""What `import automaton` offers: runs that are stepped, branched, saved and pickled."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from docs_pages import page
+from everything_on import scenario_of
+
+import automaton
+from automaton.commands import main
+from automaton.errors import InputError
+from automaton.scenario import document
+from automaton.strategy.per_robot import Decision, LocalView, Me, deliver, park, take
+from automaton.verification.verification import verify
+
+EVERYTHING_ON = (9, 28)  # seeds of floors with pods, gates, faults and charging
+TICKS, LATER = 150, 400
+
+
+@automaton.per_robot("allocation", memory=1)
+def in_turn(me: Me, view: LocalView) -> Decision | None:
+    """Take the first and the last open order in turn."""
+    if me.load is not None:
+        return deliver()
+    orders = view.open_orders()
+    if not orders:
+        return park()
+    me.memory[0] += 1
+    return take(orders[-(me.memory[0] % 2)])
+
+
+def futures(simulation: Any, path: Path) -> list[Any]:
+    """The simulation and all that can be made of its state."""
+    saved = simulation.save(path)
+    others = [simulation.branch(), pickle.loads(pickle.dumps(simulation)), saved.simulation()]
+    return [simulation, *others]
+
+
+def test_the_import_takes_nothing_along() -> None:
+    heavy = ["numba", "numpy", "msgspec", "textual", "pyarrow"]
+    program = f"import sys, automaton; sys.exit(any(name in sys.modules for name in {heavy}))"
+    subprocess.run([sys.executable, "-c", program], check=True)
+
+
+@pytest.mark.parametrize("number", EVERYTHING_ON)
+def test_branches_pickles_and_saved_runs_have_one_future(number: int, tmp_path: Path) -> None:
+    run = automaton.Simulation(scenario_of(number, LATER))
+    run.step(TICKS)
+    assert run.tick == TICKS
+    runs = futures(run, tmp_path / "run.rec")
+    assert len({one.digest for one in runs}) == 1
+    for one in runs:
+        one.run(LATER)
+    assert len({(one.tick, one.digest) for one in runs}) == 1
+    assert all(repr(one.metrics) == repr(run.metrics) for one in runs)
+    assert verify(tmp_path / "run.rec").passed
+
+
+def test_strategies_in_python_remember_the_past(tmp_path: Path) -> None:
+    run = automaton.Simulation("tabletop-mini", strategies={"allocation": in_turn})
+    run.step(TICKS)
+    runs = futures(run, tmp_path / "run.rec")
+    for one in runs:
+        one.run()
+        assert one.finished
+    assert len({(one.tick, one.digest) for one in runs}) == 1
+    whole = automaton.simulate("tabletop-mini", strategies={"allocation": in_turn})
+    assert whole.digest == run.digest != automaton.simulate("tabletop-mini").digest
+
+
+def test_a_branch_is_what_the_command_makes(tmp_path: Path, capsys: Any) -> None:
+    first, out = tmp_path / "run.rec", tmp_path / "branch.rec"
+    automaton.simulate("tabletop-mini", record=first)
+    changed = ["--set", "strategy.allocation=first-come"]
+    assert main(["branch", str(first), "--at", "100", *changed, "--out", str(out)]) == 0
+    run = automaton.read(first).simulation(at=100)
+    before = run.digest
+    branch = run.branch(strategy__allocation="first-come")
+    branch.run()
+    assert branch.digest == automaton.read(out).simulation().digest
+    assert (run.tick, run.digest) == (100, before)
+    saved = branch.save(tmp_path / "saved.rec")
+    assert verify(saved.path).passed
+    again = saved.simulation(at=120)
+    assert again.scenario == branch.scenario
+    assert again.run().digest == branch.digest
+
+
+def test_a_scenario_is_a_path_a_dict_or_a_scenario() -> None:
+    read = automaton.load("tabletop-mini", seed=4)
+    in_a_file = document.read("tabletop-mini").data
+    digests = {automaton.simulate(one, seed=4).digest for one in ("tabletop-mini", read, in_a_file)}
+    assert len(digests) == 1
+
+
+def test_the_world_is_read_and_not_written() -> None:
+    run = automaton.Simulation("tabletop-mini")
+    cells = run.world.robots.cell
+    with pytest.raises(ValueError, match="read-only"):
+        cells[0] = 1
+    before = cells.copy()
+    run.step(40)
+    assert (cells != before).any(), "the arrays are those of the run"
+
+
+def test_check_returns_what_the_command_prints(capsys: Any) -> None:
+    warnings = automaton.check("goods-60x40")
+    assert main(["check", "goods-60x40"]) == 0
+    printed = " ".join(capsys.readouterr().err.split())
+    assert warnings and all(" ".join(one.split()) in printed for one in warnings)
+
+
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [
+        ("automaton.load('tabletop-9')", "no file and no shipped scenario"),
+        ("automaton.load('tabletop-1', fleet__robots=0)", "fleet.robots"),
+        ("automaton.load({'nmae': 'x'})", "name"),
+        ("automaton.Simulation('tabletop-mini').step(-1)", "ticks must be at least 0, found -1"),
+        ("automaton.Simulation('tabletop-mini').branch(fleet__robots=2)", "cannot change while"),
+        (
+            "automaton.simulate('tabletop-mini', strategies={'routing': in_turn})",
+            "is a strategy for",
+        ),
+        ("automaton.simulate('tabletop-mini', strategies={'routing': dict})", "is not a strategy"),
+        ("automaton.read('no.rec')", "no.rec"),
+        ("automaton.Simulation('tabletop-mini').save('/no/run.rec')", "/no/run.rec"),
+    ],
+)
+def test_bad_input_gets_one_sentence(asked: str, sentence: str) -> None:
+    with pytest.raises(InputError, match=re.escape(sentence)) as caught:
+        eval(asked, {"automaton": automaton, "in_turn": in_turn})
+    assert "\n" not in str(caught.value)
+
+
+def test_a_strategy_that_decides_otherwise_cannot_be_saved(tmp_path: Path) -> None:
+    asked = [0]
+
+    @automaton.per_robot("allocation")
+    def fickle(me: Me, view: LocalView) -> Decision | None:
+        asked[0] += 1
+        orders = view.open_orders()
+        return take(orders[-1 if asked[0] % 7 else 0]) if orders and me.load is None else None
+
+    run = automaton.Simulation("tabletop-1", strategies={"allocation": fickle})
+    run.step(300)
+    asked[0] = 3
+    with pytest.raises(InputError, match="decides otherwise than before"):
+        run.save(tmp_path / "run.rec")
+    assert not os.listdir(tmp_path)
+
+
+def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    examples = [one.text for one in page("docs/reference/python.md").blocks]
+    assert len(examples) >= len(automaton.OFFERED)
+    for example in examples:
+        exec(example, {"__name__": "example"})

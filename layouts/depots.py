@@ -27,22 +27,22 @@ from automaton.floor.cells import ALL_EXITS, CHARGER, FLOOR, STATION, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
 
 CELL: Final = 10  # metres; a robot drives 1 m/s
-WIDTH: Final = 9
+TABLE_WIDTH: Final = 9
 HEIGHT: Final = 11
 
-PLACES: Final[dict[int, tuple[int, int]]] = {  # position of the paper: its cell
+CELL_OF_POSITION: Final[dict[int, tuple[int, int]]] = {  # position of the paper: its cell
     **{1: (2, 0), 2: (4, 0), 3: (6, 0)},
     **{4: (0, 2), 5: (2, 2), 6: (4, 2), 7: (6, 2), 8: (8, 2)},
     **{9: (0, 5), 10: (2, 5), 11: (4, 5), 12: (6, 5), 13: (8, 5)},
     **{14: (0, 8), 15: (4, 8), 16: (8, 8), 17: (4, 10)},
 }
-DEPOTS: Final = (1, 2, 3, 17)
-STATIONS: Final = tuple(range(4, 17))
+DEPOT_POSITIONS: Final = (1, 2, 3, 17)
+STATION_POSITIONS: Final = tuple(range(4, 17))
 
 Lane = tuple[int, int]
 
 # The lanes of the lengths in the text, and what joins them: 6-7 and the row of 14 to 17.
-NEEDED: Final[frozenset[Lane]] = frozenset(
+NEEDED_LANES: Final[frozenset[Lane]] = frozenset(
     {
         *[(1, 5), (2, 6), (3, 7), (4, 5), (5, 6), (6, 7), (7, 8), (4, 9), (8, 13), (9, 14)],
         *[(13, 16), (14, 15), (15, 16), (15, 17)],
@@ -50,14 +50,14 @@ NEEDED: Final[frozenset[Lane]] = frozenset(
 )
 CROSS_LANES: Final[frozenset[Lane]] = frozenset([(9, 10), (10, 11), (11, 12), (12, 13)])
 # These may be there or not: the text holds either way.
-OPTIONAL: Final[frozenset[Lane]] = CROSS_LANES | {(5, 10), (6, 11), (7, 12), (11, 15)}
+OPTIONAL_LANES: Final[frozenset[Lane]] = CROSS_LANES | {(5, 10), (6, 11), (7, 12), (11, 15)}
 
 Metres = NDArray[np.int64]
 
 
 def metres(lanes: Iterable[Lane]) -> Metres:
     """(17, 17) shortest ways between positions 1..17 over these lanes; -1 where there is none."""
-    count = len(PLACES)
+    count = len(CELL_OF_POSITION)
     far = 1 << 40
     found = np.full((count, count), far, np.int64)
     np.fill_diagonal(found, 0)
@@ -71,13 +71,13 @@ def metres(lanes: Iterable[Lane]) -> Metres:
 
 def length(lane: Lane) -> int:
     """Cells from one end of a lane to the other; lanes are straight."""
-    (x, y), (to_x, to_y) = PLACES[lane[0]], PLACES[lane[1]]
+    (x, y), (to_x, to_y) = CELL_OF_POSITION[lane[0]], CELL_OF_POSITION[lane[1]]
     return abs(to_x - x) + abs(to_y - y)
 
 
 def cells_of(lane: Lane) -> list[tuple[int, int]]:
     """The cells of a lane, both ends included."""
-    (x, y), (to_x, to_y) = PLACES[lane[0]], PLACES[lane[1]]
+    (x, y), (to_x, to_y) = CELL_OF_POSITION[lane[0]], CELL_OF_POSITION[lane[1]]
     steps = length(lane)
     return [(x + (to_x - x) * k // steps, y + (to_y - y) * k // steps) for k in range(steps + 1)]
 
@@ -95,13 +95,15 @@ class Depots(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
     def __post_init__(self) -> None:
         for position in self.chargers:
-            if position not in PLACES:
+            if position not in CELL_OF_POSITION:
                 raise ValueError(f"chargers are at positions 1 to 17, found {position}")
 
     @property
     def edges(self) -> Collection[Lane]:
         """The lanes of the graph."""
-        return NEEDED | (OPTIONAL if self.lanes == "full" else OPTIONAL - CROSS_LANES)
+        return NEEDED_LANES | (
+            OPTIONAL_LANES if self.lanes == "full" else OPTIONAL_LANES - CROSS_LANES
+        )
 
     def metres(self) -> Metres:
         """(17, 17) metres between positions 1..17."""
@@ -109,19 +111,19 @@ class Depots(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tr
 
     def places(self) -> dict[int, tuple[int, int]]:
         """The cell of each position."""
-        return PLACES
+        return CELL_OF_POSITION
 
     def build(self) -> FloorPlan:
         """The floor; any number of robots on a cell, except on a charger."""
-        kind, leave = bordered(HEIGHT, WIDTH), bordered(HEIGHT, WIDTH)
-        capacity: NDArray[Any] = bordered(HEIGHT, WIDTH, 1)
+        kind, leave = bordered(HEIGHT, TABLE_WIDTH), bordered(HEIGHT, TABLE_WIDTH)
+        capacity: NDArray[Any] = bordered(HEIGHT, TABLE_WIDTH, 1)
         floor, out, robots = (array[1:-1, 1:-1] for array in (kind, leave, capacity))
         for lane in self.edges:
             for x, y in cells_of(lane):
                 floor[y, x], out[y, x], robots[y, x] = FLOOR, ALL_EXITS, UNLIMITED
-        for x, y in (PLACES[position] for position in STATIONS):
+        for x, y in (CELL_OF_POSITION[position] for position in STATION_POSITIONS):
             floor[y, x] = STATION
         for position in self.chargers:
-            x, y = PLACES[position]
+            x, y = CELL_OF_POSITION[position]
             floor[y, x], robots[y, x] = CHARGER, 1
         return make_floor_plan(kind, leave, capacity)

@@ -41,8 +41,8 @@ _SEGMENTS: Final = (
     "Wv Xw YZ Yd Ys Za Zt Zx ab au ay bc bv bz ch cw ex fy gz no qr "
 )
 SEGMENTS: Final = tuple((a, b) for a, b in map(tuple, _SEGMENTS.split()))
-STATIONS: Final = "ijklmnopqrstuvwxyz"  # the points of WS1 to WS18
-NORTH: Final = 390  # feet: the northern lane
+STATION_POINTS: Final = "ijklmnopqrstuvwxyz"  # the points of WS1 to WS18
+NORTHERN_LANE: Final = 390  # feet: the northern lane
 
 AREAS: Final[dict[str, tuple[int, ...]]] = {
     "production": tuple(range(1, 11)),
@@ -75,7 +75,7 @@ class Factory(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
 
     def stations(self) -> dict[int, tuple[int, int]]:
         """The cell (x, y) of each workstation by its number."""
-        return {n: self._cell_at(*FEET[letter]) for n, letter in enumerate(STATIONS, 1)}
+        return {n: self._cell_at(*FEET[letter]) for n, letter in enumerate(STATION_POINTS, 1)}
 
     def areas(self) -> Mapping[str, tuple[int, ...]]:
         """The workstations of each area."""
@@ -102,4 +102,4 @@ class Factory(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=T
     def _cell_at(self, x: float, y: float) -> tuple[int, int]:
         """Halves are rounded to the east and to the north."""
         feet = self.feet_per_cell
-        return int(x / feet + 0.5), int(NORTH / feet) - int(y / feet + 0.5)
+        return int(x / feet + 0.5), int(NORTHERN_LANE / feet) - int(y / feet + 0.5)

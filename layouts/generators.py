@@ -11,7 +11,7 @@ GENERATORS: Final[dict[str, str]] = {
     "depots": "layouts.depots:Depots",
     "factory": "layouts.factory:Factory",
     "random": "layouts.random_floor:RandomFloor",
-    "rooms": "layouts.rooms:Rooms",
+    "rooms": "layouts.random_floor:Rooms",
     "aisles": "layouts.aisles:Aisles",
     "sorting": "layouts.sorting:Sorting",
 }

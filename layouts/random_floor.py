@@ -1,8 +1,13 @@
-"""An open floor with obstacles at random, as the benchmarks of path finding for many robots have them.
+"""Floors drawn at random, as the benchmarks of path finding for many robots have them.
 
-...#..   `obstacles` is the share of cells that are drawn as walls. What is cut off from the
-.#....   largest part of the floor by them is wall, too, so that all free cells are reached from
+...#..   Obstacles: `obstacles` is the share of cells that are drawn as walls. What is cut off from
+.#....   the largest part of the floor by them is wall, too, so that all free cells are reached from
 ....#.   each other.
+
+.....#.....   Square rooms side by side, with a door of one cell in each wall between two of them.
+.....#.....   Where a door is follows from `floor_seed`.
+...........
+##.#####.##
 """
 
 from __future__ import annotations
@@ -38,6 +43,34 @@ class RandomFloor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
         kind = bordered(self.rows, self.columns)
         walls = draws.random((self.rows, self.columns)) < self.obstacles
         kind[1:-1, 1:-1] = np.where(walls, WALL, FLOOR)
+        return open_floor(kind)
+
+
+class Rooms(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
+    """Square rooms for one robot in a cell, with a door in each wall."""
+
+    across: Annotated[int, Meta(ge=1, le=500, description="Rooms side by side.")] = 4
+    down: Annotated[int, Meta(ge=1, le=500, description="Rooms one below another.")] = 4
+    side: Annotated[int, Meta(ge=2, le=500, description="Cells of a room's side.")] = 7
+    floor_seed: Annotated[
+        int, Meta(ge=0, le=2**32, description="Where the doors are follows from it.")
+    ] = 1
+
+    def build(self) -> FloorPlan:
+        """The floor, `across * (side + 1) - 1` wide and `down * (side + 1) - 1` high."""
+        draws, pitch = np.random.default_rng(self.floor_seed), self.side + 1
+        kind = bordered(self.down * pitch - 1, self.across * pitch - 1)
+        floor = kind[1:-1, 1:-1]
+        floor[:] = FLOOR
+        floor[self.side :: pitch, :] = WALL
+        floor[:, self.side :: pitch] = WALL
+        for row in range(self.down):
+            for column in range(self.across):
+                beside, below = draws.integers(0, self.side, 2).tolist()
+                if column + 1 < self.across:
+                    floor[row * pitch + beside, column * pitch + self.side] = FLOOR
+                if row + 1 < self.down:
+                    floor[row * pitch + self.side, column * pitch + below] = FLOOR
         return open_floor(kind)
 
 

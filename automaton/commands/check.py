@@ -25,7 +25,7 @@ from automaton.commands.arguments import (
 )
 from automaton.errors import InputError
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
-from automaton.floor.traffic_zones import write_matrix
+from automaton.floor.drawn_floors import write_matrix
 from automaton.scenario.document import Document, is_study, read, shipped
 from automaton.strategy.lookup import files_of
 from automaton.studies.sweeps.study import Point, Study, shipped_studies

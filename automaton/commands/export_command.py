@@ -18,8 +18,8 @@ from pathlib import Path
 from automaton.atomic_write import atomic_writer, cannot_write_error
 from automaton.commands.arguments import add_settings_argument, measured
 from automaton.errors import InputError, alternatives, nearest
-from automaton.exchange.lif_export import LATEST as LATEST_LIF
-from automaton.exchange.lif_export import VERSIONS as LIF_VERSIONS
+from automaton.exchange.lif_export import LATEST_LIF as LATEST_LIF
+from automaton.exchange.lif_export import LIF_VERSIONS as LIF_VERSIONS
 from automaton.exchange.lif_export import lif_file
 from automaton.recording.recording_reader import read_recording
 from automaton.scenario.document import find

@@ -21,9 +21,9 @@ from rich.text import Text
 from automaton.atomic_write import atomic_writer
 from automaton.commands.arguments import add_json_argument, measured, note, print_json, whole
 from automaton.errors import InputError
-from automaton.exchange.floor_readers import READERS, check_options, read_floor
+from automaton.exchange.floor_readers import FLOOR_READERS, check_options, read_floor
 from automaton.exchange.imported_floor import (
-    KINDS,
+    FILE_KINDS,
     ImportOptions,
     ImportReport,
     imported_files,
@@ -128,7 +128,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--out must end in .yaml", str(args.out))
     kind = kind_of(args.file)
     options = options_of(args)
-    if kind in READERS:
+    if kind in FLOOR_READERS:
         return import_floor(args, kind, options)
     check_options(kind, options, args.file)
     return import_problem(args, kind)
@@ -188,7 +188,7 @@ def import_problem(args: argparse.Namespace, kind: str) -> int:
     facts |= {"wall": grid.free.size - floor, "robots": problem.robots, "tasks": len(problem.tasks)}
     lost = {"water (drawn as wall)": grid.water} if grid.water else {}
     if args.json:
-        report = ImportReport(KINDS.get(kind, kind), facts, lost=lost)
+        report = ImportReport(FILE_KINDS.get(kind, kind), facts, lost=lost)
         print_json({"files": names, **report.json()})
         return 0
     size = f"{count(problem.robots, 'robot')} on {grid.width} x {grid.height} cells"

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from automaton.atomic_write import atomic_writer
 from automaton.drawings.indexed_png import png
 from automaton.drawings.looks import (
-    COLOURS,
+    PALETTE,
     STATE_COLOURS,
     STATE_WORDS,
     WITH_LOAD,
@@ -47,12 +47,12 @@ from automaton.drawings.shapes import (
 )
 from automaton.engine.state import NIL
 
-UNIT: Final = 100  # of a cell
+CELL_UNITS: Final = 100  # of a cell
 MAX_DRAWN_CELLS: Final = 10_000  # larger floors are pixels
-MAX_NAMED_ROBOTS: Final = 300  # more robots are discs without numbers
+MAX_NUMBERED_DISCS: Final = 300  # more robots are discs without numbers
 MAX_WIDTH: Final = 960  # pixels
 MAX_HEIGHT: Final = 640
-MAX_CELL: Final = 40
+MAX_CELL_SIDE: Final = 40
 FONT: Final = "system-ui, 'DejaVu Sans', sans-serif"
 
 
@@ -62,11 +62,11 @@ def floor_svg(
     """The whole floor at a moment. `title` is read out by browsers, and not drawn."""
     left, top, right, bottom = floor.box
     columns, rows = max(right - left, 1), max(bottom - top, 1)
-    scale = min(MAX_WIDTH / columns, MAX_HEIGHT / rows, MAX_CELL)
+    scale = min(MAX_WIDTH / columns, MAX_HEIGHT / rows, MAX_CELL_SIDE)
     many = columns * rows > MAX_DRAWN_CELLS
     ground = _pixels(floor, moment, theme) if many else _cells(floor, moment, theme)
     size = f'width="{columns * scale:.0f}" height="{rows * scale:.0f}"'
-    view = " ".join(str(UNIT * one) for one in (left, top, columns, rows))
+    view = " ".join(str(CELL_UNITS * one) for one in (left, top, columns, rows))
     return (
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="{view}" {size} font-family="{FONT}"'
         ' text-anchor="middle" role="img" style="max-width:100%;height:auto"'
@@ -115,7 +115,7 @@ class _Sheet:
 
 
 def _units(cells: float) -> int:
-    return round(UNIT * cells)
+    return round(CELL_UNITS * cells)
 
 
 def _outline(shape: Box | Disc | Path, x: float, y: float) -> str:
@@ -125,7 +125,8 @@ def _outline(shape: Box | Disc | Path, x: float, y: float) -> str:
     if isinstance(shape, Disc):
         r = _units(shape.radius)
         arc = f"a{r} {r} 0 1 0"
-        return f"M{_units(x + shape.x - r / UNIT)} {_units(y + shape.y)}{arc} {2 * r} 0{arc}-{2 * r} 0z"
+        left = _units(x + shape.x - r / CELL_UNITS)
+        return f"M{left} {_units(y + shape.y)}{arc} {2 * r} 0{arc}-{2 * r} 0z"
     points = (f"{_units(x + px)} {_units(y + py)}" for px, py in shape.points)
     return "M" + "L".join(points)
 
@@ -171,8 +172,8 @@ def _pixels(floor: DrawnFloor, moment: Moment, theme: Theme) -> str:
     picture = png(
         np.ascontiguousarray(numbers[top + 1 : bottom + 1, left + 1 : right + 1]), colours
     )
-    at = f'x="{UNIT * left}" y="{UNIT * top}"'
-    size = f'width="{UNIT * (right - left)}" height="{UNIT * (bottom - top)}"'
+    at = f'x="{CELL_UNITS * left}" y="{CELL_UNITS * top}"'
+    size = f'width="{CELL_UNITS * (right - left)}" height="{CELL_UNITS * (bottom - top)}"'
     return (
         f'<image {at} {size} preserveAspectRatio="none" style="image-rendering:pixelated"'
         f' href="data:image/png;base64,{base64.b64encode(picture).decode()}"/>'
@@ -183,7 +184,7 @@ def pixel_colours(
     floor: DrawnFloor, moment: Moment, theme: Theme
 ) -> tuple[NDArray[np.uint8], list[tuple[int, int, int]]]:
     """(height + 2, width + 2) a colour for each cell with its load, and the list of the colours."""
-    names = list(COLOURS)
+    names = list(PALETTE)
     colours = [rgb(name, theme) for name in names]
     colours += [blended(name, "floor", 0.55, theme) for name in names]
     of_look = np.zeros(256, np.uint8)
@@ -202,7 +203,7 @@ def pixel_colours(
 def _robots(moment: Moment, theme: Theme, selected: int) -> str:
     """Robots; their numbers and states while they are few."""
     on_floor = np.flatnonzero(~np.isnan(moment.x)).tolist()
-    few = len(on_floor) <= MAX_NAMED_ROBOTS
+    few = len(on_floor) <= MAX_NUMBERED_DISCS
     pieces = [] if few else [str(_discs(moment, theme, on_floor))]
     looks = moment.looks
     for robot in on_floor if few else [one for one in on_floor if one == selected]:
@@ -257,9 +258,6 @@ def _wait(moment: Moment, theme: Theme, selected: int) -> str:
     sheet = _Sheet(theme)
     sheet.add([Path((ends[0], ends[1]), "waiting", 0.08, dashed=True)], 0, 0)
     return str(sheet)
-
-
-# A picture of a floor with its robots that notebooks show and that can be kept in a file.
 
 
 @dataclass(frozen=True, eq=False)

@@ -18,7 +18,7 @@ Colour = tuple[int, int, int]
 
 SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
 INDEXED: Final = 3  # the type of colour
-KEEP: Final = 0  # a frame stays after its time
+KEEP_FRAME: Final = 0  # a frame stays after its time
 OVER: Final = 1  # it is painted over those before it
 
 
@@ -49,7 +49,7 @@ def animated_png(patches: Iterable[Patch], colours: Sequence[Colour]) -> bytes:
         rows, columns = pixels.shape
         size = size if count else (columns, rows)
         control = struct.pack(
-            ">IIIIIHHBB", number, columns, rows, x, y, hundredths, 100, KEEP, OVER
+            ">IIIIIHHBB", number, columns, rows, x, y, hundredths, 100, KEEP_FRAME, OVER
         )
         frames.append(_chunk(b"fcTL", control))
         packed = _packed(pixels)

@@ -1,7 +1,8 @@
-"""The colours of drawings, by what they mean, for dark and for light themes.
+"""What cells and robots look like in a drawing: colours by their meaning, and looks as numbers.
 
 Colours of robots are those of Okabe and Ito, which colour-blind people distinguish; floor, walls and
-shelves are greys. Shape is always the second channel.
+shelves are greys. Shape is always the second channel. The look of a cell is its kind, with a detail in
+the bits above; that of a robot is a state, which gives it its colour, a shape and its front.
 """
 
 from __future__ import annotations
@@ -38,7 +39,7 @@ Theme = Literal["dark", "light"]
 THEMES: Final[tuple[Theme, ...]] = ("dark", "light")
 
 # 0xRRGGBB, dark and light.
-COLOURS: Final[dict[str, tuple[int, int]]] = {
+PALETTE: Final[dict[str, tuple[int, int]]] = {
     "floor": (0x121212, 0xFFFFFF),
     "void": (0x080808, 0xEEEEEE),
     "mark": (0x444444, 0xBCBCBC),
@@ -68,10 +69,46 @@ COLOURS: Final[dict[str, tuple[int, int]]] = {
     "selected": (0xFFFFFF, 0x000000),
 }
 
+Looks = NDArray[np.uint8]
+DETAIL_SHIFT: Final = 4
+KIND_MASK: Final = (1 << DETAIL_SHIFT) - 1
+LOOK_COUNT: Final = 16 << DETAIL_SHIFT
+DETAIL_OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
+DETAIL_ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
+KIND_COLOURS: Final = {
+    kind.code: {"floor": "mark", "storage": "mark"}.get(kind.name, kind.name) for kind in CELL_KINDS
+}
+# States of a robot, the worse the higher.
+DRAW_PARKED: Final = 0
+DRAW_CHARGING: Final = 1
+DRAW_EMPTY: Final = 2
+DRAW_LOADED: Final = 3
+DRAW_LOW_BATTERY: Final = 4
+DRAW_WAITING: Final = 5
+DRAW_FAULT: Final = 6  # in a wait cycle, or down
+STATE_COLOURS: Final = (
+    *("parked", "charging", "empty", "loaded", "low battery", "waiting", "fault"),
+)
+STATE_WORDS: Final = (
+    *("parked", "charging", "without a load", "with a load", "battery low"),
+    *("waiting", "in a wait cycle, or down"),
+)
+# Shapes of a robot.
+SHAPE_HOLLOW: Final = 0
+SHAPE_FILLED: Final = 1  # with a load
+SHAPE_SQUARE: Final = 2  # parked
+SHAPE_PLUG: Final = 3  # charges
+SHAPE_VOID: Final = 4  # its battery is empty
+SHAPE_CROSS: Final = 5  # broken
+SHAPE_THIN: Final = 6  # its battery is low
+SHAPE_BOXED: Final = 7  # its battery is low, with a load
+WITH_LOAD: Final = (SHAPE_FILLED, SHAPE_BOXED)
+LOW_CHARGE: Final = 20 * BATTERY_PERCENT
+
 
 def rgb(name: str, theme: Theme) -> tuple[int, int, int]:
     """Red, green and blue of a colour, 0 to 255 each."""
-    value = COLOURS[name][THEMES.index(theme)]
+    value = PALETTE[name][THEMES.index(theme)]
     return value >> 16, value >> 8 & 255, value & 255
 
 
@@ -87,19 +124,7 @@ def css(colour: tuple[int, int, int]) -> str:
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
-# What a cell looks like in a drawing: its kind, and a detail in the bits above, in one number.
-
-
-Looks = NDArray[np.uint8]
-
-DETAIL_SHIFT: Final = 4
-KIND_MASK: Final = (1 << DETAIL_SHIFT) - 1
-LOOK_COUNT: Final = 16 << DETAIL_SHIFT
-DETAIL_OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
-DETAIL_ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
-KIND_COLOURS: Final = {
-    kind.code: {"floor": "mark", "storage": "mark"}.get(kind.name, kind.name) for kind in CELL_KINDS
-}
+# Cells.
 
 
 def looks_of(floor_plan: FloorPlan) -> Looks:
@@ -162,36 +187,7 @@ def _beside_something(kind: NDArray[np.uint8]) -> NDArray[np.bool_]:
     return near
 
 
-# What each robot looks like in a drawing: the state that gives it its colour, its shape, its front.
-
-
-# States of a robot, the worse the higher.
-DRAW_PARKED: Final = 0
-DRAW_CHARGING: Final = 1
-DRAW_EMPTY: Final = 2
-DRAW_LOADED: Final = 3
-DRAW_LOW_BATTERY: Final = 4
-DRAW_WAITING: Final = 5
-DRAW_FAULT: Final = 6  # in a wait cycle, or down
-STATE_COLOURS: Final = (
-    *("parked", "charging", "empty", "loaded", "low battery", "waiting", "fault"),
-)
-STATE_WORDS: Final = (
-    *("parked", "charging", "without a load", "with a load", "battery low"),
-    *("waiting", "in a wait cycle, or down"),
-)
-
-# Shapes of a robot.
-SHAPE_HOLLOW: Final = 0
-SHAPE_FILLED: Final = 1  # with a load
-SHAPE_SQUARE: Final = 2  # parked
-SHAPE_PLUG: Final = 3  # charges
-SHAPE_VOID: Final = 4  # its battery is empty
-SHAPE_CROSS: Final = 5  # broken
-SHAPE_THIN: Final = 6  # its battery is low
-SHAPE_BOXED: Final = 7  # its battery is low, with a load
-WITH_LOAD: Final = (SHAPE_FILLED, SHAPE_BOXED)
-LOW_CHARGE: Final = 20 * BATTERY_PERCENT
+# Robots.
 
 
 class RobotLooks(NamedTuple):

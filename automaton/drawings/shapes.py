@@ -78,7 +78,7 @@ Shape = Box | Disc | Path | Label
 
 RADIUS: Final = 0.42  # of a robot
 LOAD_SIDE: Final = 0.52  # of a load on it
-LETTERS: Final = {
+CELL_LETTERS: Final = {
     "destination": "D",
     "charger": "C",
     "parking-bay": "P",
@@ -105,7 +105,7 @@ def cell_shapes(look: int) -> tuple[Shape, ...]:
         return ground, Box(0.08, 0.08, 0.84, 0.84, colour, line=0.04)
     name = CELL_KINDS[kind].name
     block = Box(0.06, 0.06, 0.88, 0.88, colour, opacity=0.55)
-    letter = LETTERS.get(name)
+    letter = CELL_LETTERS.get(name)
     return ground, block, *([Label(0.5, 0.5, 0.45, letter, "text")] if letter else ())
 
 

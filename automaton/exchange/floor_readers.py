@@ -10,7 +10,14 @@ from typing import Final, NamedTuple
 from automaton.errors import InputError
 from automaton.exchange.graphs.import_graph import import_lif, import_opentcs
 from automaton.exchange.image_floor import read_image_floor
-from automaton.exchange.imported_floor import KINDS, LIF, OPENTCS, ROS, ImportedFloor, ImportOptions
+from automaton.exchange.imported_floor import (
+    FILE_KINDS,
+    LIF,
+    OPENTCS,
+    ROS,
+    ImportedFloor,
+    ImportOptions,
+)
 
 
 class FloorReader(NamedTuple):
@@ -22,7 +29,7 @@ class FloorReader(NamedTuple):
 
 OF_ALL: Final = frozenset(("robots", "ticks"))  # options of problems, too
 OF_GRAPHS: Final = frozenset(("cell", "tick", "speed", "accept"))
-READERS: Final[dict[str, FloorReader]] = {
+FLOOR_READERS: Final[dict[str, FloorReader]] = {
     LIF: FloorReader(import_lif, OF_GRAPHS | {"layout", "type"}),
     OPENTCS: FloorReader(import_opentcs, OF_GRAPHS),
     ROS: FloorReader(read_image_floor, frozenset(("cell", "tick", "speed", "robot", "unknown"))),
@@ -30,16 +37,16 @@ READERS: Final[dict[str, FloorReader]] = {
 
 
 def read_floor(path: Path, kind: str, options: ImportOptions) -> ImportedFloor:
-    """Read a layout of a kind in READERS. Raises InputError."""
+    """Read a layout of a kind in FLOOR_READERS. Raises InputError."""
     check_options(kind, options, path)
-    return READERS[kind].read(path, options)
+    return FLOOR_READERS[kind].read(path, options)
 
 
 def check_options(kind: str, options: ImportOptions, path: Path) -> None:
     """Raises InputError for an option that is given and does nothing for this kind of file."""
-    known = OF_ALL | (READERS[kind].options if kind in READERS else frozenset())
+    known = OF_ALL | (FLOOR_READERS[kind].options if kind in FLOOR_READERS else frozenset())
     plain = ImportOptions()
     for option in (field.name for field in fields(options)):
         if option not in known and getattr(options, option) != getattr(plain, option):
-            what = KINDS.get(kind, "folder of a problem")
+            what = FILE_KINDS.get(kind, "folder of a problem")
             raise InputError(f"--{option} does nothing for this file (a {what})", str(path))

@@ -1,7 +1,8 @@
-"""Recognize the files of other programs by what they hold, not by their names.
+"""Files of other programs: what kind they are, what an import reports, and the files that it writes.
 
-A file is read whole only by its own reader. Here its first bytes are looked at, of JSON the keys at
-the top; where they say nothing, the name decides whose reader says what is wrong.
+A file is recognized by what it holds, not by its name: its first bytes, of JSON the keys at the top. It
+is read whole only by its own reader, which gets the path and the options of the command, and returns an
+ImportedFloor, or a Problem with its tasks.
 """
 
 from __future__ import annotations
@@ -22,11 +23,11 @@ import yaml
 
 from automaton.errors import InputError
 from automaton.exchange.problem import Problem
-from automaton.floor.drawn_floors import MAX_SIDE
+from automaton.floor.drawn_floors import MAX_FLOOR_SIDE
 from automaton.scenario.document import MAX_NODES
 from automaton.units import count, number
 
-MAX_BYTES: Final = 64 * 2**20
+MAX_FLOOR_FILE_BYTES: Final = 64 * 2**20
 HEAD_BYTES: Final = 65_536
 
 FOLDER: Final = "folder"
@@ -37,7 +38,7 @@ LIF: Final = "lif"
 OPENTCS: Final = "opentcs"
 ROS: Final = "ros"
 
-KINDS: Final = {  # kind: what it is called
+FILE_KINDS: Final = {  # kind: what it is called
     LIF: "VDMA LIF",
     OPENTCS: "openTCS plant model",
     ROS: "map of ROS",
@@ -55,12 +56,22 @@ BEGINNINGS: Final = (  # kind, and what its first lines are like
     ),
     (ROS, re.compile(rb"P[25]\s|\x89PNG")),  # the image instead of the file that names it
 )
-SUFFIXES: Final = {
+KIND_OF_SUFFIX: Final = {
     **{".map": MAP, ".scen": SCEN, ".json": LEAGUE, ".lif": LIF, ".xml": OPENTCS},
     **{".yaml": ROS, ".yml": ROS},
 }
 LIF_KEYS: Final = frozenset(("layouts", "origins", "metaInformation"))
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
+
+MAX_PICTURE: Final = (200, 120)  # columns and rows of a floor that a terminal still shows
+RED: Final = "bold red"
+ALLOCATION: Final = "greedy"
+ROUTING: Final = "shortest"
+RIGHT_OF_WAY: Final = "pibt"
+FREE, WALL = ".", "#"
+MAX_WRITTEN_CELLS: Final = 2_000_000  # of a floor that is written: a scenario has 8 MB at most
+MAX_WRITTEN_VALUES: Final = MAX_NODES - 10_000  # of sections; the rest is for names and the legend
+MAX_INLINE: Final = 50  # names of cells; more are written to a file of their own
 
 
 def kind_of(path: Path) -> str:
@@ -78,9 +89,9 @@ def kind_of(path: Path) -> str:
             return kind
     if head.lstrip().startswith(b"{"):
         return LIF if LIF_KEYS & _top_keys(path, head) else LEAGUE
-    kind = SUFFIXES.get(path.suffix.lower(), "")
+    kind = KIND_OF_SUFFIX.get(path.suffix.lower(), "")
     if not kind:
-        known = ", ".join(KINDS.values())
+        known = ", ".join(FILE_KINDS.values())
         raise InputError(
             f"is not in one of the formats that are read: {known}, or a folder with map.txt, "
             "agents_K.csv and tasks_one.csv",
@@ -89,7 +100,7 @@ def kind_of(path: Path) -> str:
     return kind
 
 
-def read_bytes(path: Path, most: int = MAX_BYTES, cut: bool = False) -> bytes:
+def read_bytes(path: Path, most: int = MAX_FLOOR_FILE_BYTES, cut: bool = False) -> bytes:
     """Read a file of at most so many bytes; `cut`: only its beginning. Raises InputError."""
     try:
         with path.open("rb") as file:
@@ -111,11 +122,7 @@ def _top_keys(path: Path, head: bytes) -> set[str]:
     return set(data)
 
 
-# The report of an import: what a layout has become, how far off its edges are, and what is lost.
-
-
-MAX_PICTURE: Final = (200, 120)  # columns and rows of a floor that a terminal still shows
-RED: Final = "bold red"
+# The report.
 
 
 class EdgeRow(NamedTuple):
@@ -228,16 +235,10 @@ def _signless(value: float, digits: int) -> str:
     return text[1:] if not text.strip("+-0.") else text
 
 
-# A problem of another program as files of ours: a scenario, its starts and its tasks.
+# A problem as a scenario, its starts and its tasks.
 #
 # Robots are differential, begin facing east, and take a tick for a move and for a turn; one robot
 # fits in a cell. The strategies are named, so that `--set strategy.right_of_way=...` compares others.
-
-
-ALLOCATION: Final = "greedy"
-ROUTING: Final = "shortest"
-RIGHT_OF_WAY: Final = "pibt"
-FREE, WALL = ".", "#"
 
 
 def imported_files(problem: Problem, stem: str, ticks: int) -> dict[str, str]:
@@ -316,15 +317,7 @@ def flow(value: object) -> str:
     return text.removesuffix("\n").removesuffix("\n...")
 
 
-# A floor as read from a file of another program, and as files of ours.
-#
-# A reader gets the path and the options of the command, and returns an ImportedFloor: the picture,
-# its legend, the other sections of the scenario and the report.
-
-
-MAX_CELLS: Final = 2_000_000  # of a floor that is written: a scenario has 8 MB at most
-MAX_VALUES: Final = MAX_NODES - 10_000  # of sections; the rest is for names and the legend
-MAX_INLINE: Final = 50  # names of cells; more are written to a file of their own
+# A floor as a scenario.
 
 
 @dataclass(frozen=True)
@@ -408,10 +401,10 @@ def _is_long(value: Any) -> bool:
 
 def check_size(width: int, height: int, file: str, advice: str) -> None:
     """Raises InputError for a floor with too many cells; `advice`: what helps."""
-    if max(width, height) > MAX_SIDE or width * height > MAX_CELLS:
+    if max(width, height) > MAX_FLOOR_SIDE or width * height > MAX_WRITTEN_CELLS:
         raise InputError(
-            f"the floor would have {width:,} x {height:,} cells; a side has at most {MAX_SIDE:,}, "
-            f"an imported floor {MAX_CELLS:,} cells: {advice}",
+            f"the floor would have {width:,} x {height:,} cells; a side has at most {MAX_FLOOR_SIDE:,}, "
+            f"an imported floor {MAX_WRITTEN_CELLS:,} cells: {advice}",
             file,
         )
 
@@ -420,11 +413,11 @@ def check_values(sections: Mapping[str, Any], file: str) -> None:
     """Raises InputError for sections with more values than a scenario may have."""
     most = {key: _values(value) for key, value in sections.items()}
     total = sum(most.values())
-    if total > MAX_VALUES:
+    if total > MAX_WRITTEN_VALUES:
         longest = max(most, key=lambda key: most[key])
         raise InputError(
             f"the scenario would have {total:,} values, most of them in {longest}; at most "
-            f"{MAX_VALUES:,} are allowed",
+            f"{MAX_WRITTEN_VALUES:,} are allowed",
             file,
         )
 

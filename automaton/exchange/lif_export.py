@@ -1,8 +1,14 @@
-"""A floor as a graph: nodes where something can be decided, and the edges between them.
+"""The floor of a scenario as a file of VDMA LIF, versions 1.0.0 and 2.0.0.
 
-v#######^###      A cell with one way in and one way out that run straight on is not a node, unless
->>>>>>>>└──t      it is a station or a charger, or moves take longer on one side of it. An edge
-                  leads over such cells to the next node, in one direction.
+    v#######^###      A cell with one way in and one way out that run straight on is not a node, unless
+    >>>>>>>>└──t      it is a station or a charger, or moves take longer on one side of it. An edge
+                      leads over such cells to the next node, in one direction.
+
+Nodes are called x_y, as in a trace of VDA 5050, and lie in the middle of their cells: x and y are metres
+to the right of and above the lower left corner of the floor. All robots are of one type. LIF knows ways,
+stations and chargers: what else is on a floor is counted as lost.
+
+Source: VDMA, Layout Interchange Format.
 """
 
 from __future__ import annotations
@@ -23,6 +29,14 @@ from automaton.scenario.schema import Scenario
 from automaton.units import exact_time
 
 LONGEST_LIST = 3  # cells in an error
+
+MANUFACTURER: Final = "automaton"
+ROBOT_SERIES: Final = "robot"
+LAYOUT_ID: Final = "floor"
+LIF_VERSIONS: Final = ("2.0.0", "1.0.0")
+LATEST_LIF: Final = "2.0.0"
+LIF_DECIMALS: Final = 9
+FLOOR_PARTS: Final = ("closed", "doors", "blocks", "lifts")
 
 
 class FloorEdge(NamedTuple):
@@ -119,22 +133,7 @@ def _edge(
     return FloorEdge(start, end, cells, int(ticks[start, direction]))
 
 
-# The floor of a scenario as a file of VDMA LIF, versions 1.0.0 and 2.0.0.
-#
-# Nodes are called x_y, as in a trace of VDA 5050, and lie in the middle of their cells: x and y are
-# metres to the right of and above the lower left corner of the floor. All robots are of one type. LIF
-# knows ways, stations and chargers: what else is on a floor is counted as lost.
-#
-# Source: VDMA, Layout Interchange Format.
-
-
-MANUFACTURER: Final = "automaton"
-SERIES: Final = "robot"
-LAYOUT: Final = "floor"
-VERSIONS: Final = ("2.0.0", "1.0.0")
-LATEST: Final = "2.0.0"
-DECIMALS: Final = 9
-FLOOR_PARTS: Final = ("closed", "doors", "blocks", "lifts")
+# The file.
 
 
 class LifFile(NamedTuple):
@@ -150,7 +149,7 @@ def lif_file(
     scenario: Scenario,
     floor_plan: FloorPlan,
     station_names: Sequence[str],
-    version: str = LATEST,
+    version: str = LATEST_LIF,
     timestamp: str = "1970-01-01T00:00:00.000Z",
 ) -> LifFile:
     """Return the layout of a scenario's floor.
@@ -164,7 +163,7 @@ def lif_file(
         raise InputError("the floor has no way from one cell to another")
     writer = (_Lif1 if version == "1.0.0" else _Lif2)(scenario, floor_plan, cell)
     layout = {
-        "layoutId": LAYOUT,
+        "layoutId": LAYOUT_ID,
         "layoutVersion": "1",
         "layoutLevelId": "0",
         "nodes": [writer.node(node) for node in graph.nodes],
@@ -200,7 +199,7 @@ class _Writer:
         charges = self.floor_plan.kind.flat[cell] == CHARGER
         return {
             "nodeId": self.id_of(cell),
-            "mapId": LAYOUT,
+            "mapId": LAYOUT_ID,
             "nodePosition": {
                 "x": decimal(self.cell * (2 * x + 1) / 2),
                 "y": decimal(self.cell * (2 * row - 1) / 2),
@@ -244,7 +243,7 @@ class _Lif1(_Writer):
     edge_properties = "vehicleTypeEdgeProperties"
 
     def of_type(self) -> dict[str, Any]:
-        return {"vehicleTypeId": f"{MANUFACTURER}.{SERIES}"}
+        return {"vehicleTypeId": f"{MANUFACTURER}.{ROBOT_SERIES}"}
 
     def charging(self) -> dict[str, Any]:
         action = {"actionType": "startCharging", "requirementType": "OPTIONAL"}
@@ -265,7 +264,7 @@ class _Lif2(_Writer):
     edge_properties = "mobileRobotTypeEdgeProperties"
 
     def of_type(self) -> dict[str, Any]:
-        return {"mobileRobotTypes": [{"manufacturer": MANUFACTURER, "seriesName": SERIES}]}
+        return {"mobileRobotTypes": [{"manufacturer": MANUFACTURER, "seriesName": ROBOT_SERIES}]}
 
     def charging(self) -> dict[str, Any]:
         return {"feasibleActions": [{"actionType": "startCharging", "blockingType": "HARD"}]}
@@ -278,13 +277,13 @@ class _Lif2(_Writer):
         meta |= {"exportTimestamp": timestamp, "lifVersion": "2.0.0"}
         return {
             "metaInformation": meta,
-            "origins": [{"originId": LAYOUT, "layouts": [layout]}],
+            "origins": [{"originId": LAYOUT_ID, "layouts": [layout]}],
         }
 
 
 def decimal(value: Fraction) -> float:
     """A number as it is written: 1.2 and not 1.2000000000000002."""
-    return float(round(value, DECIMALS))
+    return float(round(value, LIF_DECIMALS))
 
 
 def _stations(

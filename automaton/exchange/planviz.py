@@ -1,8 +1,23 @@
-"""Outputs of the league's first round, 2023, with the keys of those of 2024.
+"""Outputs of the League of Robot Runners, as PlanViz shows them: read, and checked against a problem.
 
-Tasks had one cell each and were dealt out in turn. `tasks` is [task, row, column], numbered as they
-were given to robots; `events` has for each robot [task, tick, "assigned" or "finished"]. There is
+    actionModel        "MAPF_T"                    actualPaths     for each robot "F,R,C,W": forward,
+    version            "2024 LoRR"                                 right, left, wait, tick by tick
+    teamSize           robots                      plannerPaths    as they were planned
+    start              [row, column, "E"], ...     errors          of the planner
+    numTaskFinished                                actualSchedule  for each robot "tick:task,..."
+    sumOfCost          ticks of all robots         events          [tick, robot, task, visits done]
+    makespan           ticks                       tasks           [task, released, [row, column, ...]]
+
+A robot turns by 90 degrees, goes one cell ahead or waits. It stays on free cells, no two robots are in
+one cell, and no two exchange their cells. A visit is done when the robot is on the cell at the end of a
+tick, at most one in a tick; the visits of a task are done in turn, by one robot, which does no other task
+in between. This module shares no code with the engine.
+
+In 2023 tasks had one cell each and were dealt out in turn. `tasks` is [task, row, column], numbered as
+they were given to robots; `events` has for each robot [task, tick, "assigned" or "finished"]. There is
 neither `version` nor `actualSchedule`.
+
+Source: the competition's start kit, Input_Output_Format.md (2023 and 2024).
 """
 
 from __future__ import annotations
@@ -24,79 +39,18 @@ from automaton.scenario.document import Document
 from automaton.scenario.validation import shown, validated
 from automaton.units import count
 
-VERSION_2023: Final = "2023 LoRR"
-ASSIGNED, FINISHED = "assigned", "finished"
-
-
-class Parts2023(msgspec.Struct, rename="camel"):
-    """The keys that mean something else than in 2024."""
-
-    team_size: int
-    events: list[list[tuple[int, int, str]]]
-    tasks: list[tuple[int, int, int]]
-
-
-def is_of_2023(data: dict[str, Any]) -> bool:
-    """Whether an output is of 2023: events come robot by robot."""
-    events = data.get("events")
-    if data.keys() & {"version", "actualSchedule"} or not isinstance(events, list):
-        return False
-    return any(isinstance(one, list) and one and isinstance(one[0], list) for one in events)
-
-
-def as_of_2024(data: dict[str, Any], file: str) -> dict[str, Any]:
-    """Return the output with the keys of 2024; the j-th task of robot r of n becomes task j n + r.
-
-    Raises InputError.
-    """
-    said = validated(Document(data={}, file=file), data, Parts2023)
-    n = said.team_size
-    if len(said.events) != n:
-        raise InputError(f"events has {len(said.events):,} entries, teamSize is {n:,}", file)
-    places = {task: [row, column] for task, row, column in said.tasks}
-    number: dict[int, int] = {}  # by task
-    events, tasks = [], []
-    for robot, entries in enumerate(said.events):
-        following = robot
-        for task, tick, what in entries:
-            if what == ASSIGNED and task in places and task not in number:
-                number[task] = following
-                tasks.append([following, tick, places[task]])
-                following += n
-            elif what == FINISHED and task in number:
-                events.append([tick, robot, number[task], 1])
-            else:
-                text = f"events[{robot}] has {shown([task, tick, what])}: tasks are assigned once"
-                raise InputError(f"{text} and then finished", file)
-    return {
-        **data,
-        "version": VERSION_2023,
-        "actualSchedule": [""] * n,
-        "events": events,
-        "tasks": tasks,
-    }
-
-
-# Outputs of the League of Robot Runners, as PlanViz shows them: one JSON object.
-#
-# actionModel "MAPF_T" actualPaths for each robot "F,R,C,W": forward, version "2024 LoRR" right, left,
-# wait, tick by tick teamSize robots plannerPaths as they were planned start [row, column, "E"], ...
-# errors of the planner numTaskFinished actualSchedule for each robot "tick:task,..." sumOfCost ticks
-# of all robots events [tick, robot, task, visits done] makespan ticks tasks [task, released, [row,
-# column, ...]]
-#
-# Source: the competition's start kit, Input_Output_Format.md (2024).
-
-
 ACTION_MODEL: Final = "MAPF_T"
 VERSION: Final = "2024 LoRR"
-ACTIONS: Final = "FRCW"  # forward, right, left, wait
+VERSION_2023: Final = "2023 LoRR"
+ASSIGNED, FINISHED = "assigned", "finished"  # events of 2023
+ACTION_LETTERS: Final = "FRCW"  # forward, right, left, wait
 FORWARD, RIGHT, LEFT, WAIT = range(4)
-HEADINGS: Final = "ESWN"  # clockwise, as directions are numbered
-MAX_BYTES: Final = 2_000_000_000
+HEADING_LETTERS: Final = "ESWN"  # clockwise, as directions are numbered
+MAX_PLANVIZ_BYTES: Final = 2_000_000_000
 NO_TASK: Final = -1  # in a schedule: none
-
-Actions = npt.NDArray[np.uint8]  # (ticks, robots) index of ACTIONS
+Actions = npt.NDArray[np.uint8]  # (ticks, robots) index of ACTION_LETTERS
+STEP_OF_HEADING: Final = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns)
+VACANT: Final = -1
 
 
 class PlanvizFile(msgspec.Struct, rename="camel"):
@@ -165,18 +119,19 @@ def read_output(path: Path) -> PlanvizOutput:
     if robots < 1:
         raise InputError(f"teamSize must be at least 1, found {robots}", file)
     for robot, (_, _, heading) in enumerate(said.start):
-        if heading not in HEADINGS or len(heading) != 1:
+        if heading not in HEADING_LETTERS or len(heading) != 1:
             text = f"start[{robot}] has the heading {shown(heading)}; E, S, W and N are possible"
             raise InputError(text, file)
     actions = actions_of(said.actual_paths, file)
     tasks = _tasks(said.tasks, file)
+    schedule = [_schedule(text, robot, file) for robot, text in enumerate(said.actual_schedule)]
     for number, event in enumerate(said.events):
         _check_event(event, number, actions.shape, tasks, file)
     return PlanvizOutput(
         file=file,
         start=said.start,
         actions=actions,
-        schedule=None if dealt_out else _schedules(said.actual_schedule, file),
+        schedule=None if dealt_out else schedule,
         events=sorted(said.events, key=lambda event: event[0]),
         tasks=tasks,
         finished=said.num_task_finished,
@@ -191,8 +146,8 @@ def _parsed(path: Path) -> dict[str, Any]:
     try:
         if not os.path.isfile(path):
             raise InputError("no such file" if not os.path.exists(path) else "is not a file", file)
-        if path.stat().st_size > MAX_BYTES:
-            raise InputError(f"has more than {MAX_BYTES // 1_000_000:,} MB", file)
+        if path.stat().st_size > MAX_PLANVIZ_BYTES:
+            raise InputError(f"has more than {MAX_PLANVIZ_BYTES // 1_000_000:,} MB", file)
         data = msgspec.json.decode(path.read_bytes())
     except OSError as error:
         raise InputError(
@@ -216,10 +171,10 @@ def actions_of(paths: list[str], file: str) -> Actions:
         if path not in (letters, ",".join(letters)):
             raise InputError(f"actualPaths: robot {robot} has misplaced commas", file)
     codes = np.frombuffer("".join(plain).encode("utf-32-le"), np.uint32).reshape(-1, max(1, ticks))
-    actions = np.full(codes.shape, len(ACTIONS), np.uint8)
-    for action, letter in enumerate(ACTIONS):
+    actions = np.full(codes.shape, len(ACTION_LETTERS), np.uint8)
+    for action, letter in enumerate(ACTION_LETTERS):
         actions[codes == ord(letter)] = action
-    unknown = np.argwhere(actions == len(ACTIONS))
+    unknown = np.argwhere(actions == len(ACTION_LETTERS))
     if len(unknown):
         robot, at = unknown[0].tolist()
         text = f"actualPaths: robot {robot} has the action {plain[robot][at]!r} in tick {at + 1:,}"
@@ -264,10 +219,6 @@ def _check_event(
         raise InputError(f"events[{number}] is of {wrong}", file)
 
 
-def _schedules(texts: list[str], file: str) -> list[list[tuple[int, int]]]:
-    return [_schedule(text, robot, file) for robot, text in enumerate(texts)]
-
-
 def _schedule(text: str, robot: int, file: str) -> list[tuple[int, int]]:
     """Read "0:3,17:-1" as (tick, task) pairs. Raises InputError."""
     entries = []
@@ -281,10 +232,56 @@ def _schedule(text: str, robot: int, file: str) -> list[tuple[int, int]]:
     return sorted(entries, key=lambda pair: pair[0])
 
 
-# A rule that an output breaks: in which tick, and which robots.
+class Parts2023(msgspec.Struct, rename="camel"):
+    """The keys that mean something else than in 2024."""
+
+    team_size: int
+    events: list[list[tuple[int, int, str]]]
+    tasks: list[tuple[int, int, int]]
 
 
-class Violation(NamedTuple):
+def is_of_2023(data: dict[str, Any]) -> bool:
+    """Whether an output is of 2023: events come robot by robot."""
+    events = data.get("events")
+    if data.keys() & {"version", "actualSchedule"} or not isinstance(events, list):
+        return False
+    return any(isinstance(one, list) and one and isinstance(one[0], list) for one in events)
+
+
+def as_of_2024(data: dict[str, Any], file: str) -> dict[str, Any]:
+    """Return the output with the keys of 2024; the j-th task of robot r of n becomes task j n + r.
+
+    Raises InputError.
+    """
+    said = validated(Document(data={}, file=file), data, Parts2023)
+    n = said.team_size
+    if len(said.events) != n:
+        raise InputError(f"events has {len(said.events):,} entries, teamSize is {n:,}", file)
+    places = {task: [row, column] for task, row, column in said.tasks}
+    number: dict[int, int] = {}  # by task
+    events, tasks = [], []
+    for robot, entries in enumerate(said.events):
+        following = robot
+        for task, tick, what in entries:
+            if what == ASSIGNED and task in places and task not in number:
+                number[task] = following
+                tasks.append([following, tick, places[task]])
+                following += n
+            elif what == FINISHED and task in number:
+                events.append([tick, robot, number[task], 1])
+            else:
+                text = f"events[{robot}] has {shown([task, tick, what])}: tasks are assigned once"
+                raise InputError(f"{text} and then finished", file)
+    return {
+        **data,
+        "version": VERSION_2023,
+        "actualSchedule": [""] * n,
+        "events": events,
+        "tasks": tasks,
+    }
+
+
+class PlanViolation(NamedTuple):
     """The first place where an output breaks a rule."""
 
     tick: int
@@ -298,11 +295,11 @@ class Violation(NamedTuple):
         return f"tick {self.tick:,}: {robots}{self.text}"
 
 
-# The rules of tasks and visits that an output of the League of Robot Runners has to keep.
+# Tasks and visits.
 
 
 @dataclass
-class Progress:
+class TaskProgress:
     """How far tasks and robots are, from event to event."""
 
     where: list[int]  # (robots,) the cell of a robot's last visit, or its start
@@ -316,14 +313,14 @@ class Progress:
 
 def check_tasks(
     output: PlanvizOutput, problem: Problem, visited: Sequence[int]
-) -> Violation | None:
+) -> PlanViolation | None:
     """Return the first violation of a rule about tasks, or None.
 
     `visited`: the cell of the robot of each event; negative from where motion breaks a rule.
     """
     wrong = min(_wrong_tasks(output, problem), key=lambda one: one.tick, default=None)
     n = problem.robots
-    progress = Progress(problem.starts.tolist(), [0] * n, [NO_TASK] * n)
+    progress = TaskProgress(problem.starts.tolist(), [0] * n, [NO_TASK] * n)
     for event, cell in zip(output.events, visited, strict=True):
         if cell < 0:
             break
@@ -337,27 +334,27 @@ def check_tasks(
     return wrong
 
 
-def _wrong_tasks(output: PlanvizOutput, problem: Problem) -> Iterator[Violation]:
+def _wrong_tasks(output: PlanvizOutput, problem: Problem) -> Iterator[PlanViolation]:
     """Tasks are those of the lines of the problem, repeated."""
     width, lines = problem.grid.width, problem.tasks
     for task, (released, places) in output.tasks.items():
         expected = [divmod(cell, width) for cell in lines[task % len(lines)]]
         if task < 0 or (not problem.repeat and task >= len(lines)):
             text = f"task {task} is not one of the {len(lines):,} of the problem"
-            yield Violation(max(0, released), (), "task", text)
+            yield PlanViolation(max(0, released), (), "task", text)
         elif places != expected:
             cells = "; ".join(f"row {row}, column {column}" for row, column in expected)
             text = f"task {task} has other cells than those of the problem: {cells}"
-            yield Violation(max(0, released), (), "task", text)
+            yield PlanViolation(max(0, released), (), "task", text)
 
 
 def _broken_by(
     output: PlanvizOutput,
     problem: Problem,
-    progress: Progress,
+    progress: TaskProgress,
     event: tuple[int, int, int, int],
     cell: int,
-) -> Violation | None:
+) -> PlanViolation | None:
     """Return what is wrong with an event; enter it if nothing is."""
     tick, robot, task, visit = event
     released, places = output.tasks[task]
@@ -388,10 +385,12 @@ def _broken_by(
     else:
         _enter(progress, event, len(places), cell)
         return None
-    return Violation(tick, robots, "visit", text)
+    return PlanViolation(tick, robots, "visit", text)
 
 
-def _enter(progress: Progress, event: tuple[int, int, int, int], visits: int, cell: int) -> None:
+def _enter(
+    progress: TaskProgress, event: tuple[int, int, int, int], visits: int, cell: int
+) -> None:
     tick, robot, task, visit = event
     progress.visits[task] = visit
     progress.robot_of[task] = robot
@@ -415,7 +414,7 @@ def _is_scheduled(output: PlanvizOutput, robot: int, tick: int, task: int) -> bo
     return any(scheduled == task for _, scheduled in schedule[max(0, first - 1) : now])
 
 
-def _is_next(problem: Problem, progress: Progress, robot: int, task: int) -> bool:
+def _is_next(problem: Problem, progress: TaskProgress, robot: int, task: int) -> bool:
     """Whether a robot may begin a task: with round-robin, tasks are dealt out in turn."""
     if problem.assignment == "pool":
         return True
@@ -430,8 +429,8 @@ def _is_next(problem: Problem, progress: Progress, robot: int, task: int) -> boo
 
 
 def _wrong_counts(
-    output: PlanvizOutput, problem: Problem, progress: Progress
-) -> Iterator[Violation]:
+    output: PlanvizOutput, problem: Problem, progress: TaskProgress
+) -> Iterator[PlanViolation]:
     """The pool is refilled as tasks are finished; these, ticks and what they cost are counted."""
     if problem.assignment == "pool" and problem.repeat:
         ends = [0] * problem.open_tasks + progress.finished_at
@@ -440,45 +439,36 @@ def _wrong_counts(
             if released != end:
                 said = "missing" if released is None else f"released in tick {released:,}"
                 text = f"task {task} is {said}; the pool takes it in at the end of tick {end:,}"
-                yield Violation(
+                yield PlanViolation(
                     end if released is None else min(end, released), (), "release", text
                 )
         if len(output.tasks) > len(ends):
             text = f"there are {len(output.tasks):,} tasks, {len(ends):,} were released"
-            yield Violation(output.ticks, (), "release", text)
+            yield PlanViolation(output.ticks, (), "release", text)
     if output.finished != len(progress.finished_at):
         text = f"numTaskFinished is {output.finished:,}"
         text += f", the events finish {len(progress.finished_at):,}"
-        yield Violation(output.ticks, (), "count", text)
+        yield PlanViolation(output.ticks, (), "count", text)
     if output.makespan != output.ticks:
         text = f"makespan is {output.makespan:,}, the paths have {count(output.ticks, 'tick')}"
-        yield Violation(output.ticks, (), "count", text)
+        yield PlanViolation(output.ticks, (), "count", text)
     cost = output.robots * output.ticks
     if output.sum_of_cost != cost:
         text = f"sumOfCost is {output.sum_of_cost:,}, robots times ticks are {cost:,}"
-        yield Violation(output.ticks, (), "count", text)
+        yield PlanViolation(output.ticks, (), "count", text)
 
 
-# Check an output of the League of Robot Runners against its problem, tick by tick.
-#
-# A robot turns by 90 degrees, goes one cell ahead or waits. It stays on free cells, no two robots are
-# in one cell, and no two exchange their cells. A visit is done when the robot is on the cell at the
-# end of a tick, at most one in a tick; the visits of a task are done in turn, by one robot, which
-# does no other task in between. This module shares no code with the engine.
+# Motion.
 
 
-STEPS = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns) of a step, in the order of HEADINGS
-VACANT = -1
-
-
-class Motion(NamedTuple):
+class PlannedMotion(NamedTuple):
     """Where an output leads its robots, up to the first violation of a rule of motion."""
 
-    violation: Violation | None
+    violation: PlanViolation | None
     visited: npt.NDArray[np.int64]  # (events,) cell of the robot of each event; VACANT after it
 
 
-def verify_output(output: PlanvizOutput, problem: Problem) -> Violation | None:
+def verify_output(output: PlanvizOutput, problem: Problem) -> PlanViolation | None:
     """Return the first violation, or None. Raises InputError if they do not fit each other."""
     if output.robots != problem.robots:
         text = f"teamSize is {output.robots:,}, the problem has {count(problem.robots, 'robot')}"
@@ -489,33 +479,33 @@ def verify_output(output: PlanvizOutput, problem: Problem) -> Violation | None:
     return min(violations, key=lambda one: one.tick, default=None)
 
 
-def _wrong_start(output: PlanvizOutput, problem: Problem) -> Violation | None:
+def _wrong_start(output: PlanvizOutput, problem: Problem) -> PlanViolation | None:
     """Robots start where the problem says, and face east."""
     width = problem.grid.width
     for robot, ((row, column, heading), cell) in enumerate(
         zip(output.start, problem.starts.tolist(), strict=True)
     ):
-        if (row, column) != divmod(cell, width) or heading != HEADINGS[0]:
+        if (row, column) != divmod(cell, width) or heading != HEADING_LETTERS[0]:
             said = f"starts in row {row}, column {column}, heading {heading}"
-            return Violation(
+            return PlanViolation(
                 0, (robot,), "start", f"{said}; the problem says {problem.grid.place(cell)}, E"
             )
     return None
 
 
-def follow(output: PlanvizOutput, problem: Problem) -> Motion:
+def follow(output: PlanvizOutput, problem: Problem) -> PlannedMotion:
     """Move all robots tick by tick, until a rule of motion is broken."""
     height, width = problem.grid.free.shape
     free = np.zeros((height + 2, width + 2), np.bool_)
     free[1:-1, 1:-1] = problem.grid.free
     passable, stride = free.reshape(-1), width + 2
-    step = np.array([rows * stride + columns for rows, columns in STEPS])
+    step = np.array([rows * stride + columns for rows, columns in STEP_OF_HEADING])
     row, column = (np.array([start[k] for start in output.start]) for k in (0, 1))
     visited = np.full(len(output.events), VACANT, np.int64)
     if ((row < 0) | (row >= height) | (column < 0) | (column >= width)).any():
-        return Motion(None, visited)  # the start itself is a violation
+        return PlannedMotion(None, visited)  # the start itself is a violation
     cell = (row + 1) * stride + column + 1
-    heading = np.array([HEADINGS.index(start[2]) for start in output.start])
+    heading = np.array([HEADING_LETTERS.index(start[2]) for start in output.start])
     holder = np.full(passable.size, VACANT, np.int64)
     event_robot = np.array([event[1] for event in output.events], np.int64)
     ends = np.searchsorted(
@@ -525,13 +515,13 @@ def follow(output: PlanvizOutput, problem: Problem) -> Motion:
         ahead = np.where(action == FORWARD, cell + step[heading], cell)
         violation = _broken(tick, cell, ahead, passable, holder, stride)
         if violation is not None:
-            return Motion(violation, visited)
+            return PlannedMotion(violation, visited)
         heading = (heading + (action == RIGHT) - (action == LEFT)) & 3
         cell = ahead
         now = slice(ends[tick - 1], ends[tick])
         at = cell[event_robot[now]]
         visited[now] = (at // stride - 1) * width + at % stride - 1
-    return Motion(None, visited)
+    return PlannedMotion(None, visited)
 
 
 def _broken(
@@ -541,7 +531,7 @@ def _broken(
     passable: npt.NDArray[np.bool_],
     holder: npt.NDArray[np.int64],
     stride: int,
-) -> Violation | None:
+) -> PlanViolation | None:
     """Return the violation of a tick, that of the first robot; `holder`: (cells,) all VACANT, scratch."""
     robots = np.arange(len(after))
 
@@ -551,7 +541,7 @@ def _broken(
     wrong = np.flatnonzero(~passable[after])
     if len(wrong):
         robot = int(wrong[0])
-        return Violation(
+        return PlanViolation(
             tick, (robot,), "wall", f"goes to {place(int(after[robot]))}, which is not free"
         )
     holder[after] = robots
@@ -559,7 +549,7 @@ def _broken(
     if len(wrong):
         robot = int(wrong[0])
         pair = tuple(np.flatnonzero(after == after[robot])[:2].tolist())
-        return Violation(tick, pair, "collision", f"are both in {place(int(after[robot]))}")
+        return PlanViolation(tick, pair, "collision", f"are both in {place(int(after[robot]))}")
     met = holder[before]  # which robot is now where each one was
     holder[after] = VACANT
     swapped = (met != VACANT) & (met != robots)
@@ -568,5 +558,5 @@ def _broken(
     if len(wrong):
         robot = int(wrong[0])
         cells = f"{place(int(before[robot]))} and {place(int(after[robot]))}"
-        return Violation(tick, (robot, int(met[robot])), "swap", f"exchange {cells}")
+        return PlanViolation(tick, (robot, int(met[robot])), "swap", f"exchange {cells}")
     return None

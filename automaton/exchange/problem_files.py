@@ -1,4 +1,24 @@
-"""Problems of MovingAI files alone: the trips of a `.scen`, or random tasks on a `.map`."""
+"""Read a problem: files of MovingAI, a folder of tables, or a problem of the League of Robot Runners.
+
+MovingAI: the trips of a `.scen`, or random tasks on a `.map`.
+
+A folder: map.txt is a MovingAI map. agents_K.csv, for fleets of several sizes, has the columns
+`agent id,row,col`; tasks_one.csv the column `targets`, one cell for each task, row * width + column
+counted from 0; from 1 where only so all of them are free. Task j of robot r is line j * robots + r, and a
+robot passes over a task on whose cell it is already.
+
+The league: a JSON file that names the other ones, relative to it:
+
+    {"mapFile": "maps/a.map", "agentFile": "agents/a.agents", "taskFile": "tasks/a.tasks",
+     "teamSize": 2, "numTasksReveal": 1.5, "version": "2024 LoRR"}
+
+Agents and tasks: lines that begin with # are left out, a count comes first, then a line for each, cells
+as row * width + column; tasks of 2024 are 1 to 5 cells with commas, in a pool. Those of 2023 are single
+cells, dealt out in turn (`taskAssignmentStrategy`).
+
+Sources: the experiments of A. Yukhnevich and A. Andreychuk, Enhancing PIBT via Multi-Action Operations,
+AAAI-26. The competition's start kit, Input_Output_Format.md; leagueofrobotrunners.org.
+"""
 
 from __future__ import annotations
 
@@ -13,12 +33,12 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError, nearest
-from automaton.exchange.imported_floor import FOLDER, KINDS, LEAGUE, MAP, SCEN, kind_of
+from automaton.exchange.imported_floor import FILE_KINDS, FOLDER, LEAGUE, MAP, SCEN, kind_of
 from automaton.exchange.problem import (
     Assignment,
     Cells,
     GridMap,
-    Listed,
+    ListedLines,
     Problem,
     checked,
     connected_parts,
@@ -33,14 +53,24 @@ from automaton.scenario.document import (
     read_text,
     whole_number,
 )
-from automaton.scenario.table_files import read_tasks
+from automaton.scenario.order_files import read_tasks
 from automaton.scenario.validation import shown
 from automaton.units import count
 
 CELLS_PER_ROBOT: Final = 10  # of the largest part of a map, where the number of robots is left out
 TASKS_PER_ROBOT: Final = 20
 MAX_TASKS: Final = 100_000
-SEED: Final = 1
+SCENARIO_SEED: Final = 1
+
+MAP_FILE: Final = "map.txt"
+TASKS_FILE: Final = "tasks_one.csv"
+AGENTS: Final = "agents_*.csv"
+AGENT_COLUMNS: Final = ("agent id", "row", "col")
+TASK_COLUMNS: Final = ("targets",)
+MAX_TASK_CELLS: Final = 5
+MAX_REVEAL: Final = 1000.0  # tasks open at once for each robot
+STRATEGIES_OF_2023: Final = ("roundrobin", "roundrobin-fixed")
+FILES: Final = {"mapFile": "a map", "agentFile": "the starts", "taskFile": "the tasks"}
 
 
 def read_trips_problem(path: Path, robots: int | None = None) -> Problem:
@@ -52,7 +82,7 @@ def read_trips_problem(path: Path, robots: int | None = None) -> Problem:
     if robots is not None and robots > len(trips):
         raise InputError(f"--robots {robots}, but it has {len(trips)} starts", str(path))
     trips = trips[:robots]
-    listed = Listed(str(path), tuple(trip.line for trip in trips))
+    listed = ListedLines(str(path), tuple(trip.line for trip in trips))
     return checked(
         Problem(
             name=path.stem,
@@ -82,7 +112,7 @@ def random_problem(name: str, grid: GridMap, robots: int | None = None) -> Probl
     if n > len(cells):
         text = f"--robots {n}, but the largest part of the map has {len(cells)} free cells"
         raise InputError(text, grid.file)
-    draw = random.Random(SEED).random
+    draw = random.Random(SCENARIO_SEED).random
     starts = sorted(cells, key=lambda _: draw())[:n]
     goals = [cells[int(draw() * len(cells))] for _ in range(min(TASKS_PER_ROBOT * n, MAX_TASKS))]
     return checked(
@@ -93,8 +123,8 @@ def random_problem(name: str, grid: GridMap, robots: int | None = None) -> Probl
             tasks=tuple((goal,) for goal in goals),
             assignment="pool",
             revealed=1.5,
-            starts_from=Listed(grid.file),
-            tasks_from=Listed(grid.file),
+            starts_from=ListedLines(grid.file),
+            tasks_from=ListedLines(grid.file),
         )
     )
 
@@ -108,32 +138,17 @@ def largest_part(free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
     return cells
 
 
-# A folder of tables: map.txt, agents_K.csv for fleets of several sizes, tasks_one.csv.
-#
-# map.txt is a MovingAI map. agents_K.csv has the columns `agent id,row,col`. tasks_one.csv has the
-# column `targets`, one cell for each task, row * width + column counted from 0; from 1 where only so
-# all of them are free. Task j of robot r is line j * robots + r, and a robot passes over a task on
-# whose cell it is already.
-#
-# Source: the experiments of A. Yukhnevich and A. Andreychuk, Enhancing PIBT via Multi-Action
-# Operations, AAAI-26.
-
-
-MAP_FILE: Final = "map.txt"
-TASKS: Final = "tasks_one.csv"
-AGENTS: Final = "agents_*.csv"
-AGENT_COLUMNS: Final = ("agent id", "row", "col")
-TASK_COLUMNS: Final = ("targets",)
+# A folder of tables.
 
 
 def read_problem_folder(path: Path, robots: int | None = None) -> Problem:
     """Read the problem of a folder for a fleet of `robots`. Raises InputError."""
-    for name in (MAP_FILE, TASKS):
+    for name in (MAP_FILE, TASKS_FILE):
         if not (path / name).is_file():
             raise InputError(f"a folder of a problem must hold {name}", str(path))
     grid = read_map(path / MAP_FILE)
     starts, starts_from = _starts(path, robots, grid)
-    tasks, tasks_from = _tasks(path / TASKS, grid)
+    tasks, tasks_from = _tasks(path / TASKS_FILE, grid)
     return checked(
         Problem(
             name=f"{path.resolve().name}-{len(starts)}",
@@ -153,7 +168,7 @@ def fleets_of(path: Path) -> list[int]:
     return sorted(len(_table(file, AGENT_COLUMNS)) for file in path.glob(AGENTS))
 
 
-def _starts(path: Path, robots: int | None, grid: GridMap) -> tuple[Cells, Listed]:
+def _starts(path: Path, robots: int | None, grid: GridMap) -> tuple[Cells, ListedLines]:
     """Read the starts of the file that has so many. Raises InputError."""
     tables = {file: _table(file, AGENT_COLUMNS) for file in sorted(path.glob(AGENTS))}
     fleets = {len(rows): file for file, rows in tables.items()}
@@ -177,17 +192,17 @@ def _starts(path: Path, robots: int | None, grid: GridMap) -> tuple[Cells, Liste
             size = f"(rows 0..{grid.height - 1}, columns 0..{grid.width - 1})"
             raise InputError(text + size, file, line)
         cells.append(row * grid.width + column)
-    return np.array(cells, np.int64), Listed(file, tuple(line for line, _ in rows))
+    return np.array(cells, np.int64), ListedLines(file, tuple(line for line, _ in rows))
 
 
-def _tasks(path: Path, grid: GridMap) -> tuple[tuple[tuple[int, ...], ...], Listed]:
+def _tasks(path: Path, grid: GridMap) -> tuple[tuple[tuple[int, ...], ...], ListedLines]:
     rows = _table(path, TASK_COLUMNS)
     numbers = [whole_number(values[0], TASK_COLUMNS[0], str(path), line) for line, values in rows]
     free = set(np.flatnonzero(grid.free).tolist())
     different = set(numbers)
     from_one = not different <= free and {number - 1 for number in different} <= free
     tasks = tuple((number - from_one,) for number in numbers)
-    return tasks, Listed(str(path), tuple(line for line, _ in rows))
+    return tasks, ListedLines(str(path), tuple(line for line, _ in rows))
 
 
 def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
@@ -209,22 +224,7 @@ def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     return rows
 
 
-# Problems of the League of Robot Runners: a JSON file that names a map, agents and tasks.
-#
-# {"mapFile": "maps/a.map", "agentFile": "agents/a.agents", "taskFile": "tasks/a.tasks", "teamSize":
-# 2, "numTasksReveal": 1.5, "version": "2024 LoRR"}
-#
-# Files are relative to it. Agents and tasks: lines that begin with # are left out, a count comes
-# first, then a line for each, cells as row * width + column; tasks of 2024 are 1 to 5 cells with
-# commas, in a pool. Those of 2023 are single cells, dealt out in turn (`taskAssignmentStrategy`).
-#
-# Source: the competition's start kit, Input_Output_Format.md; leagueofrobotrunners.org.
-
-
-MAX_TASK_CELLS: Final = 5
-MAX_REVEAL: Final = 1000.0  # tasks open at once for each robot
-STRATEGIES_OF_2023: Final = ("roundrobin", "roundrobin-fixed")
-FILES: Final = {"mapFile": "a map", "agentFile": "the starts", "taskFile": "the tasks"}
+# The League of Robot Runners.
 
 
 def read_league_problem(path: Path, robots: int | None = None) -> Problem:
@@ -254,17 +254,17 @@ def read_league_problem(path: Path, robots: int | None = None) -> Problem:
             revealed=revealed,
             repeat=repeat,
             starts_from=starts_from,
-            tasks_from=Listed(tasks.path, tasks.lines),
+            tasks_from=ListedLines(tasks.path, tasks.lines),
         )
     )
 
 
-def read_agents(path: Path) -> tuple[Cells, Listed]:
+def read_agents(path: Path) -> tuple[Cells, ListedLines]:
     """Read the starts of a file of agents, and where each stands. Raises InputError."""
     file = str(path)
     below = counted_lines(content_lines(path), "agent", file)
     cells = [whole_number(line.text, "a start", file, line.number) for line in below]
-    return np.array(cells, np.int64), Listed(file, tuple(line.number for line in below))
+    return np.array(cells, np.int64), ListedLines(file, tuple(line.number for line in below))
 
 
 def _mapping(path: Path) -> dict[str, Any]:
@@ -316,10 +316,7 @@ def _missing(data: dict[str, Any], key: str, meaning: str) -> str:
     return f"the key '{key}' ({meaning}) is missing{nearest(key, data)}"
 
 
-# Find the reader of a problem by what its file is: a folder, JSON, a map or a scenario.
-
-
-READERS: Final[dict[str, Callable[[Path, int | None], Problem]]] = {
+PROBLEM_READERS: Final[dict[str, Callable[[Path, int | None], Problem]]] = {
     FOLDER: read_problem_folder,
     MAP: read_map_problem,
     SCEN: read_trips_problem,
@@ -330,6 +327,6 @@ READERS: Final[dict[str, Callable[[Path, int | None], Problem]]] = {
 def read_problem(path: Path, robots: int | None = None) -> Problem:
     """Read a problem of another program, for `robots` of its robots. Raises InputError."""
     kind = kind_of(path)
-    if kind not in READERS:
-        raise InputError(f"is a layout ({KINDS[kind]}), not a problem with tasks", str(path))
-    return READERS[kind](path, robots)
+    if kind not in PROBLEM_READERS:
+        raise InputError(f"is a layout ({FILE_KINDS[kind]}), not a problem with tasks", str(path))
+    return PROBLEM_READERS[kind](path, robots)

@@ -23,7 +23,7 @@ from automaton.engine.record_codes import (
     TURN_RIGHT,
 )
 from automaton.errors import InputError
-from automaton.exchange.planviz import ACTION_MODEL, HEADINGS, NO_TASK, VERSION
+from automaton.exchange.planviz import ACTION_MODEL, HEADING_LETTERS, NO_TASK, VERSION
 from automaton.floor.cells import NIL
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.recording.contents import FRAME_KIND_CONDITIONS, FRAME_KIND_TICKS, Content
@@ -52,7 +52,7 @@ def planviz_output(recording: Recording) -> dict[str, Any]:
         "version": VERSION,
         "teamSize": robots,
         "start": [
-            [*_place(header, cell), HEADINGS[heading]]
+            [*_place(header, cell), HEADING_LETTERS[heading]]
             for cell, heading in zip(
                 header["robots"]["cell"].tolist(), header["robots"]["heading"].tolist(), strict=True
             )

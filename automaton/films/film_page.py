@@ -25,7 +25,7 @@ from automaton.drawings.looks import (
     css,
     rgb,
 )
-from automaton.drawings.shapes import LETTERS
+from automaton.drawings.shapes import CELL_LETTERS
 from automaton.engine.state import NIL
 from automaton.films.recorded_stretch import (
     FIGURES,
@@ -98,7 +98,7 @@ def _words(stretch: RecordedStretch) -> dict[str, Any]:
         "stride": floor.floor_plan.stride,
         "looks": deflated(floor.looks),  # with the border, for parking bays
         "kinds": {str(kind): one.name for kind, one in enumerate(CELL_KINDS)},
-        "letters": LETTERS,
+        "letters": CELL_LETTERS,
         "kind_mask": KIND_MASK,
         "detail_shift": DETAIL_SHIFT,
         "colours": {theme: _colours(used, theme) for theme in THEMES},

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from automaton.atomic_write import atomic_writer, cannot_write_error, put_in_place
 from automaton.drawings.indexed_png import Colour, Patch, animated_png
-from automaton.drawings.looks import COLOURS, Theme, rgb
+from automaton.drawings.looks import PALETTE, Theme, rgb
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.films.painter import Painter, check_size, layout_of, pillow
@@ -44,7 +44,7 @@ class Shades:
 
     def __init__(self, pictures: Iterable[NDArray[np.uint8]], theme: Theme) -> None:
         """`pictures`: (rows, columns, 3) each."""
-        base = [_packed(np.array(rgb(name, theme), np.uint8)) for name in COLOURS]
+        base = [_packed(np.array(rgb(name, theme), np.uint8)) for name in PALETTE]
         chosen = list(dict.fromkeys(int(one) for one in base))
         pixels = np.concatenate([_packed(picture).reshape(-1) for picture in pictures])
         colours, times = np.unique(pixels, return_counts=True)

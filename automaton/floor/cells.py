@@ -49,8 +49,8 @@ BESIDE: Final = "beside"  # where a robot stands that picks a load up or sets it
 ABOVE_OR_BELOW: Final = "above or below"
 ON_IT: Final = "on it"
 
-ONE: Final = "one"  # how many loads lie there
-ANY: Final = "any"
+ONE_LOAD: Final = "one"  # how many loads lie there
+ANY_LOADS: Final = "any"
 
 
 class Kind(NamedTuple):
@@ -79,13 +79,13 @@ CELL_KINDS: Final = (
     Kind(FLOOR, "floor", "free floor", drivable=True),
     Kind(TRACK, "track", "a rail along one axis", drivable=True),
     Kind(TURNTABLE, "turntable", "crossing where rail robots turn", drivable=True, turns=True),
-    Kind(SHELF, "shelf", "holds one load", stand=BESIDE, holds=ONE, gives=True, takes=True),
+    Kind(SHELF, "shelf", "holds one load", stand=BESIDE, holds=ONE_LOAD, gives=True, takes=True),
     Kind(
         DESTINATION,
         "destination",
         "where loads leave the floor",
         stand=BESIDE,
-        holds=ANY,
+        holds=ANY_LOADS,
         takes=True,
     ),
     Kind(CHARGER, "charger", "floor where a robot charges", drivable=True),
@@ -95,7 +95,7 @@ CELL_KINDS: Final = (
         "rack",
         "stores any number of loads, reached from above or below",
         stand=ABOVE_OR_BELOW,
-        holds=ANY,
+        holds=ANY_LOADS,
         takes=True,
         remote=True,
     ),
@@ -104,7 +104,7 @@ CELL_KINDS: Final = (
         "dock",
         "where loads arrive, any number",
         stand=BESIDE,
-        holds=ANY,
+        holds=ANY_LOADS,
         gives=True,
         remote=True,
     ),
@@ -114,7 +114,7 @@ CELL_KINDS: Final = (
         "floor where robots take loads and set them down, any number",
         drivable=True,
         stand=ON_IT,
-        holds=ANY,
+        holds=ANY_LOADS,
         gives=True,
         takes=True,
         remote=True,
@@ -125,7 +125,7 @@ CELL_KINDS: Final = (
         "floor where a pod stands, under which robots drive",
         drivable=True,
         stand=ON_IT,
-        holds=ONE,
+        holds=ONE_LOAD,
         remote=True,
         opens=True,
     ),

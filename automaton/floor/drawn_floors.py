@@ -1,15 +1,31 @@
-"""A floor drawn in characters, one per cell, as a FloorPlan.
+"""A floor as text: drawn in characters, one per cell, or a matrix of codes; read and written.
 
-b....s     The first column holds only parking bays, blanks and walls: it is the column x = -1, and
-b>>>.d     the second character of a row is x = 0. Other rows are counted from their first
-#....#     character. Short rows are filled with wall; A to Z are robots on free floor.
+    b....s     The first column holds only parking bays, blanks and walls: it is the column x = -1, and
+    b>>>.d     the second character of a row is x = 0. Other rows are counted from their first
+    #....#     character. Short rows are filled with wall; A to Z are robots on free floor.
+
+A FloorPlan keeps the exits that hold between cells, not the symbols it was drawn with. Drawn back, each
+cell gets the plainest symbol such that all symbols together give exactly the plan's exits again; a cell
+that no symbol fits gets one of its own, explained by a legend. Walls are '#'.
+
+A matrix is a CSV file, one line per row (Bhattathiri, Li & Kuhl, Figure 2):
+
+    -1,-1, -1,-1     -1 wall, 0 free, 50 intersection, 100 rack, 200 dock
+    -1, 0,200, 0     An intersection is a free cell: which ones they are follows from the floor, so
+    -1,50,  0,50     0 and 50 mean the same when a matrix is read.
+
+Spreadsheets write numbers as 100.0 and, where the comma is the decimal sign, 100,0 between semicolons;
+both are read, as are columns between tabs. What a matrix does not say is how many robots a free cell
+holds: that is one number for all.
 """
 
 from __future__ import annotations
 
+import math
+import re
 from dataclasses import replace
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -22,10 +38,12 @@ from automaton.floor.cells import (
     BAY,
     CELL_KINDS,
     DIRECTIONS,
+    DOCK,
     FLOOR,
     KIND_BY_NAME,
     NO_EXITS,
-    ONE,
+    ONE_LOAD,
+    RACK,
     SYMBOLS,
     TRACK,
     WALL,
@@ -36,19 +54,39 @@ from automaton.floor.floor_plan import (
     ENTRIES,
     CellBytes,
     FloorPlan,
+    bordered,
     home_of,
     make_floor_plan,
 )
+from automaton.floor.traffic_zones import traffic_zones_of
 
 Legend = tuple[tuple[str, Symbol], ...]  # symbols beyond the built-in ones; hashable
 
-ROBOTS = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
-MAX_SIDE = 4096
+ROBOT_LETTERS = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
+MAX_FLOOR_SIDE = 4096
 LOOK_ALIKES = {  # what is written for a symbol by other programs
     **dict(zip("→←↑↓", "><^v", strict=True)),
     **dict.fromkeys("█■▓X", "#"),
     **dict.fromkeys("·•,", "."),
 }
+
+AROUND = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns) to the neighbour E, S, W, N
+BITS_SET = np.array([bin(bits).count("1") for bits in range(ALL_EXITS + 1)])
+NEW_SYMBOLS = "".join(  # those that a legend may add
+    symbol for symbol in "oxykzabcdefghijlmnpqrstuvw0123456789" if symbol not in SYMBOLS
+)
+CONFLICT = 100  # cost of an exit that should not hold; more than any preference
+ADDED = 50  # cost of a symbol that the legend has to explain
+LOOSE = 5  # cost of an exit that only the neighbour's symbol closes: '>>>' rather than '>.>'
+IMPOSSIBLE = 100_000  # cost of a symbol that closes an exit of the plan
+SWEEPS = 40
+SHAKES = 200
+INTERSECTION: Final = 50
+# The first that occurs; a comma beside others is a decimal one.
+SEPARATORS: Final = (";", "\t", ",")
+CAPACITY_NUMBER: Final = re.compile(r"[-+]?[0-9]{1,9}(\.[0-9]{0,9})?")
+KIND_OF: Final = {-1: WALL, 0: FLOOR, INTERSECTION: FLOOR, 100: RACK, 200: DOCK}
+CODE_OF: Final = {kind: code for code, kind in KIND_OF.items() if code != INTERSECTION}
 
 
 class PictureError(InputError):
@@ -76,8 +114,8 @@ def symbol_of(
         raise InputError(f"say over which sides a {kind_name} is left and entered by opens")
     if kind.opens and capacity not in (None, 1):
         raise InputError(f"a {kind_name} has room for one robot")
-    if loaded and kind.holds != ONE:
-        able = alternatives(f"a {other.name}" for other in CELL_KINDS if other.holds == ONE)
+    if loaded and kind.holds != ONE_LOAD:
+        able = alternatives(f"a {other.name}" for other in CELL_KINDS if other.holds == ONE_LOAD)
         raise InputError(f"a {kind_name} cannot be loaded; only {able} can")
     bits = None if exits is None else _bits(exits)
     sides = (ALL_EXITS if kind.opens else NO_EXITS) if opens is None else _bits(opens)
@@ -104,8 +142,8 @@ def draw_floor(picture: str, legend: Legend = ()) -> FloorPlan:
     rows = picture.rstrip().split("\n") if picture.strip() else []
     if not rows:
         raise PictureError("the picture is empty")
-    if len(rows) > MAX_SIDE or max(map(len, rows)) > MAX_SIDE:
-        raise PictureError(f"the picture has a side of more than {MAX_SIDE} cells")
+    if len(rows) > MAX_FLOOR_SIDE or max(map(len, rows)) > MAX_FLOOR_SIDE:
+        raise PictureError(f"the picture has a side of more than {MAX_FLOOR_SIDE} cells")
     codes = _codes(rows)
     used = _symbols_of(codes, symbols)
     if not _first_column_is_bays(codes):
@@ -135,7 +173,7 @@ def _symbols_of(codes: npt.NDArray[np.uint32], symbols: dict[str, Symbol]) -> di
     """The symbols that a picture uses; robots stand on free floor."""
     used: dict[str, Symbol] = {"#": symbols["#"]}
     for character in map(chr, np.unique(codes).tolist()):
-        if character in ROBOTS:
+        if character in ROBOT_LETTERS:
             used[character] = Symbol(FLOOR, ALL_EXITS)
         elif character in symbols:
             used[character] = symbols[character]
@@ -193,7 +231,7 @@ def check_new_symbol(character: str) -> None:
     """Raises InputError for a legend's symbol that is not a single character or already in use."""
     if len(character) != 1:
         raise InputError(f"a symbol is a single character, found '{character}'")
-    if character in ROBOTS:
+    if character in ROBOT_LETTERS:
         raise InputError(f"'{character}': capital letters stand for robots")
     if character in SYMBOLS:
         name = CELL_KINDS[SYMBOLS[character].kind].name
@@ -201,24 +239,7 @@ def check_new_symbol(character: str) -> None:
         raise InputError(f"'{character}' already stands for {name}; use another such as {free}")
 
 
-# A floor drawn back into characters: the inverse of `draw_floor`, without Numba.
-#
-# A FloorPlan keeps the exits that hold between cells, not the symbols it was drawn with. Each cell
-# gets the plainest symbol such that all symbols together give exactly the plan's exits again; a cell
-# that no symbol fits gets one of its own, explained by a legend. Walls are '#'.
-
-
-AROUND = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns) to the neighbour E, S, W, N
-BITS_SET = np.array([bin(bits).count("1") for bits in range(ALL_EXITS + 1)])
-NEW_SYMBOLS = "".join(  # those that a legend may add
-    symbol for symbol in "oxykzabcdefghijlmnpqrstuvw0123456789" if symbol not in SYMBOLS
-)
-CONFLICT = 100  # cost of an exit that should not hold; more than any preference
-ADDED = 50  # cost of a symbol that the legend has to explain
-LOOSE = 5  # cost of an exit that only the neighbour's symbol closes: '>>>' rather than '>.>'
-IMPOSSIBLE = 100_000  # cost of a symbol that closes an exit of the plan
-SWEEPS = 40
-SHAKES = 200
+# Drawn back.
 
 
 class Drawing(NamedTuple):
@@ -436,3 +457,86 @@ def _shifted(values: CellBytes, sign: int) -> CellBytes:
     for direction, (rows, columns) in enumerate(AROUND):
         out |= np.roll(values, (sign * rows, sign * columns), (0, 1)) & np.uint8(1 << direction)
     return out
+
+
+# Matrices.
+
+
+class MatrixError(InputError):
+    """An error in a row of a matrix; rows count from 0."""
+
+    def __init__(self, message: str, row: int = 0) -> None:
+        super().__init__(message)
+        self.row = row
+
+
+@lru_cache(maxsize=16)
+def read_matrix(text: str, capacity: int = 0) -> FloorPlan:
+    """The floor of a matrix; every free cell has this capacity. Raises MatrixError."""
+    rows = text.rstrip().split("\n") if text.strip() else []
+    if not rows:
+        raise MatrixError("the matrix is empty")
+    separator = next((sign for sign in SEPARATORS if sign in rows[0]), ",")
+    cells = [row.split(separator) for row in rows]
+    width = len(cells[0])
+    if max(len(rows), width) > MAX_FLOOR_SIDE:
+        raise MatrixError(f"the matrix has a side of more than {MAX_FLOOR_SIDE:,} cells")
+    kind = bordered(len(rows), width)
+    for y, row in enumerate(cells):
+        if len(row) != width:
+            raise MatrixError(f"the row has {len(row)} codes, the first row {width}", y)
+        kind[y + 1, 1:-1] = _kinds(row, y)
+    if not (kind == FLOOR).any():
+        raise MatrixError("the matrix has no free cell (0 or 50) that robots drive on")
+    return _plan(kind, capacity)
+
+
+def write_matrix(floor_plan: FloorPlan) -> str:
+    """The matrix of a floor, intersections marked, with a newline at its end.
+
+    Raises InputError for a floor with other kinds of cells, one-way cells or mixed capacities.
+    """
+    kind, free = floor_plan.kind[1:-1, 1:-1], floor_plan.kind == FLOOR
+    for y, x in np.argwhere(~np.isin(kind, list(CODE_OF))).tolist():
+        known = alternatives(CELL_KINDS[code].name for code in CODE_OF)
+        name = CELL_KINDS[kind[y, x]].name
+        raise InputError(f"a matrix has no code for the {name} at ({x}, {y}), only for {known}")
+    if len(floor_plan.bays):
+        x, y = floor_plan.xy(int(floor_plan.bays[0, 0]))
+        raise InputError(f"a matrix has no code for the parking bay at ({x}, {y})")
+    capacities = np.unique(floor_plan.capacity[free]).tolist()
+    if len(capacities) > 1:
+        raise InputError("a matrix cannot say that free cells hold different numbers of robots")
+    if not np.array_equal(_plan(floor_plan.kind, 0).exits, floor_plan.exits):
+        raise InputError("a matrix cannot say which cells are one-way")
+    codes = np.vectorize(CODE_OF.get, otypes=[np.int64])(kind)
+    crossing = traffic_zones_of(floor_plan).intersection.reshape(free.shape)[1:-1, 1:-1]
+    codes = np.where(crossing, INTERSECTION, codes)
+    return "".join(",".join(map(str, row)) + "\n" for row in codes.tolist())
+
+
+def _kinds(row: list[str], y: int) -> list[int]:
+    codes = [_number(code) for code in row]
+    for x, code in enumerate(codes):
+        if code not in KIND_OF:
+            allowed = alternatives(map(str, KIND_OF))
+            found = row[x].strip()[:20] or "nothing"
+            # By size, not by letters: 99 is next to 100.
+            near = min(KIND_OF, key=lambda known: abs(known - code)) if math.isfinite(code) else ""
+            hint = f"; did you mean {near}?" if near != "" else ""
+            raise MatrixError(
+                f"column {x + 1} must be one of the codes {allowed}, found {found}{hint}", y
+            )
+    return [KIND_OF[int(code)] for code in codes]
+
+
+def _number(text: str) -> float:
+    """The number that a text writes; NaN for anything else."""
+    plain = text.strip().replace(",", ".")
+    return float(plain) if CAPACITY_NUMBER.fullmatch(plain) else math.nan
+
+
+def _plan(kind: npt.NDArray[np.uint8], capacity: int) -> FloorPlan:
+    """A floor on which every free cell may be left in all directions."""
+    leave = np.where(kind == FLOOR, ALL_EXITS, 0).astype(np.uint8)
+    return make_floor_plan(kind, leave, np.where(kind == FLOOR, capacity, 1).astype(np.uint8))

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from automaton.errors import InputError
 from automaton.floor.cells import (
     ALL_EXITS,
-    ANY,
+    ANY_LOADS,
     BAY,
     CELL_KINDS,
     EAST,
@@ -35,9 +35,9 @@ Cells = npt.NDArray[np.int32]  # flat indices
 MoveTicks = npt.NDArray[np.uint16]  # (cells, 4) by flat cell and direction
 
 DRIVABLE = np.array([kind.drivable for kind in CELL_KINDS])  # (kinds,) bool
-TURNS = np.array([kind.turns for kind in CELL_KINDS])  # (kinds,) bool
+MAY_TURN_ON = np.array([kind.turns for kind in CELL_KINDS])  # (kinds,) bool
 SLOT = np.array([kind.is_slot for kind in CELL_KINDS])  # (kinds,) bool
-UNBOUNDED = np.array([kind.holds == ANY for kind in CELL_KINDS])  # (kinds,) bool
+UNBOUNDED = np.array([kind.holds == ANY_LOADS for kind in CELL_KINDS])  # (kinds,) bool
 ENTRIES = np.array(  # (kinds, 16) uint8: directions of travel that enter a cell with these exits
     [[entries(kind.code, exits) for exits in range(ALL_EXITS + 1)] for kind in CELL_KINDS], np.uint8
 )
@@ -45,7 +45,7 @@ ENTRIES = np.array(  # (kinds, 16) uint8: directions of travel that enter a cell
 
 def may_turn(kinds: CellBytes, rail: bool) -> npt.NDArray[np.bool_]:
     """Where robots turn, on rails or not, by the kinds of cells."""
-    turns: npt.NDArray[np.bool_] = (TURNS if rail else DRIVABLE)[kinds]
+    turns: npt.NDArray[np.bool_] = (MAY_TURN_ON if rail else DRIVABLE)[kinds]
     return turns
 
 

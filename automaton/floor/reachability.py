@@ -1,4 +1,13 @@
-"""Which cells robots can reach on an empty floor, and slots grouped by them as stations."""
+"""Which cells robots reach on an empty floor, how soon, and where two of them cannot pass each other.
+
+Slots that are reached from the same cells are one station. With a load robots get into storage and out of
+it, never through. A pose is a cell with a heading: pose = cell * headings + heading.
+
+A dead end is a part of the floor with one way out in which two robots cannot pass each other: cells with
+at most one neighbour are peeled off until none is left, and what was peeled off and hangs together is
+one. A floor that peels away whole (a tree of tracks) has none: no rule about them would let robots
+through. Nothing here is compiled.
+"""
 
 from __future__ import annotations
 
@@ -25,6 +34,12 @@ from automaton.floor.cells import (
 from automaton.floor.floor_plan import Cells, FloorPlan, may_turn
 
 Mask = npt.NDArray[np.bool_]  # (cells,) flat
+
+STANDS: Final = np.array([kind.stand for kind in CELL_KINDS])  # (kinds,) str
+NO_WAY: Final = 2**30
+Ticks = npt.NDArray[np.int64]
+Numbers = npt.NDArray[Any]
+NO_WAY_OUT: Final = 4
 
 
 @lru_cache(maxsize=64)
@@ -130,9 +145,6 @@ def steps_from(
     return found
 
 
-STANDS: Final = np.array([kind.stand for kind in CELL_KINDS])  # (kinds,) str
-
-
 @lru_cache(maxsize=16)
 def slot_access(floor_plan: FloorPlan) -> npt.NDArray[np.int32]:
     """(s, 4) the cells east, south, west and north from which each slot is served, or NIL.
@@ -194,7 +206,7 @@ def grouped(floor_plan: FloorPlan, most: int) -> tuple[Cells, Cells]:
     return np.array(chosen, np.int32), group
 
 
-# Where robots with a load get on a floor with storage: into and out of it, never through.
+# With a load.
 
 
 def has_storage(floor_plan: FloorPlan) -> bool:
@@ -264,14 +276,7 @@ def _aisles_beside(
     return beside
 
 
-# Least ticks of a drive on the empty floor, turns included, without compiled code.
-#
-# A pose is a cell with a heading: pose = cell * headings + heading. Storage is left and entered, but
-# a robot with a load is led through none.
-
-
-NO_WAY: Final = 2**30
-Ticks = npt.NDArray[np.int64]
+# Least ticks of a drive, turns included.
 
 
 class Driving(NamedTuple):
@@ -346,16 +351,7 @@ def _add(
         waiting.setdefault(ticks, []).append(poses)
 
 
-# Dead ends: parts of a floor in which two robots cannot pass each other, and that have one way out.
-#
-# Cells with at most one neighbour are peeled off until none is left; what was peeled off and hangs
-# together is one dead end. A floor that peels away whole (a tree of tracks) has none: no rule about
-# them would let robots through.
-
-
-Numbers = npt.NDArray[Any]
-
-NO_WAY_OUT: Final = 4
+# Dead ends.
 
 
 class DeadEnds(NamedTuple):

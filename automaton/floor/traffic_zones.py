@@ -1,15 +1,18 @@
-"""Zones of a floor: the straight stretches between its intersections (Bhattathiri, Li & Kuhl).
+"""Zones of a floor, and its roads: the straight stretches between crossings.
 
-#######    Two cells are neighbours when a robot may drive from one to the other. A cell with
-#a+bbb#    a horizontal and a vertical neighbour is an intersection (+). A segment is a longest
-#.c#.##    straight run of other cells, dead ends included: here a, b and c, numbered in reading
-#######    order of their first cells.
+    #######    Two cells are neighbours when a robot may drive from one to the other. A cell with
+    #a+bbb#    a horizontal and a vertical neighbour is an intersection (+). A segment is a longest
+    #.c#.##    straight run of other cells, dead ends included: here a, b and c, numbered in reading
+    #######    order of their first cells.
+
+A critical point of the roads is a station, or a drivable cell whose links to other cells are not exactly
+two opposite ones: a crossing, a corner or a dead end. Points are numbered in reading order.
+
+Source of the zones: Bhattathiri, Li & Kuhl.
 """
 
 from __future__ import annotations
 
-import math
-import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -19,35 +22,31 @@ import numpy as np
 import numpy.typing as npt
 from numpy.typing import NDArray
 
-from automaton.errors import InputError, alternatives
+from automaton.errors import InputError
 from automaton.floor.cells import (
-    ALL_EXITS,
-    CELL_KINDS,
     DIRECTION_VECTORS,
-    DOCK,
     EAST,
-    FLOOR,
     NIL,
     NORTH,
-    RACK,
     SOUTH,
-    WALL,
     WEST,
 )
-from automaton.floor.drawn_floors import MAX_SIDE
-from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
+from automaton.floor.floor_plan import FloorPlan
 
 Mask = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int32]
 
-MODES = ("undirected", "directed", "with-intersections")
+ZONE_MODES = ("undirected", "directed", "with-intersections")
+
+MAX_ZONE_POINTS: Final = 3000  # hop and distances take 8 bytes for each pair of points
+NO_ROAD: Final = 1 << 29
 
 
 @dataclass(frozen=True, eq=False)
 class TrafficZones:
     """The zones of a floor; arrays are read-only, C counts the border too."""
 
-    mode: str  # of MODES
+    mode: str  # of ZONE_MODES
     of: Numbers  # (C, 2) zone of a robot in a flat cell that travels in direction d: of[c, d >> 1]
     count: int
     intersection: Mask  # (C,)
@@ -61,8 +60,8 @@ def traffic_zones_of(floor_plan: FloorPlan, mode: str = "undirected") -> Traffic
     east and south first. with-intersections: each intersection is a zone of its own, after the
     segments. Raises ValueError for another mode.
     """
-    if mode not in MODES:
-        raise ValueError(f"no mode of zones is called {mode!r}; there are {', '.join(MODES)}")
+    if mode not in ZONE_MODES:
+        raise ValueError(f"no mode of zones is called {mode!r}; there are {', '.join(ZONE_MODES)}")
     beside, below = links(floor_plan)
     horizontal = beside | np.roll(beside, 1, 1)
     vertical = below | np.roll(below, 1, 0)
@@ -118,14 +117,7 @@ def _carried(number: Numbers, part: Mask, follows: Mask) -> Numbers:
     return carried
 
 
-# Roads of a floor: its critical points, the straight ways between them, and how far stations are.
-#
-# A critical point is a station, or a drivable cell whose links to other cells are not exactly two
-# opposite ones: a crossing, a corner or a dead end. Points are numbered in reading order.
-
-
-MAX_POINTS: Final = 3000  # hop and distances take 8 bytes for each pair of points
-NO_ROAD: Final = 1 << 29
+# Roads: critical points, the straight ways between them, and how far stations are.
 
 
 class RoadNetwork(NamedTuple):
@@ -145,10 +137,10 @@ def road_network(floor_plan: FloorPlan, station_cells: Sequence[int] | NDArray[A
     stations = [int(cell) for cell in station_cells]
     _check(floor_plan, stations)
     cells = np.union1d(_junctions(floor_plan), np.array(stations, np.int64)).astype(np.int32)
-    if len(cells) > MAX_POINTS:
+    if len(cells) > MAX_ZONE_POINTS:
         raise InputError(
             f"the floor has {len(cells)} crossings, corners and dead ends; "
-            f"zones can be made of at most {MAX_POINTS}"
+            f"zones can be made of at most {MAX_ZONE_POINTS}"
         )
     ahead, step = _ways(floor_plan, cells)
     distance = _distances(ahead, step)
@@ -245,103 +237,3 @@ def _hops(ahead: Numbers, step: Numbers, distance: Numbers) -> Numbers:
     hop[(hop == count) | (distance >= NO_ROAD)] = NIL
     np.fill_diagonal(hop, NIL)
     return hop
-
-
-# A floor as a matrix of codes in a CSV file, one line per row (Bhattathiri, Li & Kuhl, Figure 2).
-#
-# -1,-1, -1,-1 -1 wall, 0 free, 50 intersection, 100 rack, 200 dock -1, 0,200, 0 An intersection is a
-# free cell: which ones they are follows from the floor, so -1,50, 0,50 0 and 50 mean the same when a
-# matrix is read.
-#
-# Spreadsheets write numbers as 100.0 and, where the comma is the decimal sign, 100,0 between
-# semicolons; both are read, as are columns between tabs.
-#
-# What a matrix does not say is how many robots a free cell holds: that is one number for all.
-
-
-INTERSECTION: Final = 50
-# The first that occurs; a comma beside others is a decimal one.
-SEPARATORS: Final = (";", "\t", ",")
-NUMBER: Final = re.compile(r"[-+]?[0-9]{1,9}(\.[0-9]{0,9})?")
-KIND_OF: Final = {-1: WALL, 0: FLOOR, INTERSECTION: FLOOR, 100: RACK, 200: DOCK}
-CODE_OF: Final = {kind: code for code, kind in KIND_OF.items() if code != INTERSECTION}
-
-
-class MatrixError(InputError):
-    """An error in a row of a matrix; rows count from 0."""
-
-    def __init__(self, message: str, row: int = 0) -> None:
-        super().__init__(message)
-        self.row = row
-
-
-@lru_cache(maxsize=16)
-def read_matrix(text: str, capacity: int = 0) -> FloorPlan:
-    """The floor of a matrix; every free cell has this capacity. Raises MatrixError."""
-    rows = text.rstrip().split("\n") if text.strip() else []
-    if not rows:
-        raise MatrixError("the matrix is empty")
-    separator = next((sign for sign in SEPARATORS if sign in rows[0]), ",")
-    cells = [row.split(separator) for row in rows]
-    width = len(cells[0])
-    if max(len(rows), width) > MAX_SIDE:
-        raise MatrixError(f"the matrix has a side of more than {MAX_SIDE:,} cells")
-    kind = bordered(len(rows), width)
-    for y, row in enumerate(cells):
-        if len(row) != width:
-            raise MatrixError(f"the row has {len(row)} codes, the first row {width}", y)
-        kind[y + 1, 1:-1] = _kinds(row, y)
-    if not (kind == FLOOR).any():
-        raise MatrixError("the matrix has no free cell (0 or 50) that robots drive on")
-    return _plan(kind, capacity)
-
-
-def write_matrix(floor_plan: FloorPlan) -> str:
-    """The matrix of a floor, intersections marked, with a newline at its end.
-
-    Raises InputError for a floor with other kinds of cells, one-way cells or mixed capacities.
-    """
-    kind, free = floor_plan.kind[1:-1, 1:-1], floor_plan.kind == FLOOR
-    for y, x in np.argwhere(~np.isin(kind, list(CODE_OF))).tolist():
-        known = alternatives(CELL_KINDS[code].name for code in CODE_OF)
-        name = CELL_KINDS[kind[y, x]].name
-        raise InputError(f"a matrix has no code for the {name} at ({x}, {y}), only for {known}")
-    if len(floor_plan.bays):
-        x, y = floor_plan.xy(int(floor_plan.bays[0, 0]))
-        raise InputError(f"a matrix has no code for the parking bay at ({x}, {y})")
-    capacities = np.unique(floor_plan.capacity[free]).tolist()
-    if len(capacities) > 1:
-        raise InputError("a matrix cannot say that free cells hold different numbers of robots")
-    if not np.array_equal(_plan(floor_plan.kind, 0).exits, floor_plan.exits):
-        raise InputError("a matrix cannot say which cells are one-way")
-    codes = np.vectorize(CODE_OF.get, otypes=[np.int64])(kind)
-    crossing = traffic_zones_of(floor_plan).intersection.reshape(free.shape)[1:-1, 1:-1]
-    codes = np.where(crossing, INTERSECTION, codes)
-    return "".join(",".join(map(str, row)) + "\n" for row in codes.tolist())
-
-
-def _kinds(row: list[str], y: int) -> list[int]:
-    codes = [_number(code) for code in row]
-    for x, code in enumerate(codes):
-        if code not in KIND_OF:
-            allowed = alternatives(map(str, KIND_OF))
-            found = row[x].strip()[:20] or "nothing"
-            # By size, not by letters: 99 is next to 100.
-            near = min(KIND_OF, key=lambda known: abs(known - code)) if math.isfinite(code) else ""
-            hint = f"; did you mean {near}?" if near != "" else ""
-            raise MatrixError(
-                f"column {x + 1} must be one of the codes {allowed}, found {found}{hint}", y
-            )
-    return [KIND_OF[int(code)] for code in codes]
-
-
-def _number(text: str) -> float:
-    """The number that a text writes; NaN for anything else."""
-    plain = text.strip().replace(",", ".")
-    return float(plain) if NUMBER.fullmatch(plain) else math.nan
-
-
-def _plan(kind: npt.NDArray[np.uint8], capacity: int) -> FloorPlan:
-    """A floor on which every free cell may be left in all directions."""
-    leave = np.where(kind == FLOOR, ALL_EXITS, 0).astype(np.uint8)
-    return make_floor_plan(kind, leave, np.where(kind == FLOOR, capacity, 1).astype(np.uint8))

@@ -17,7 +17,7 @@ from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.recording.contents import IN_HEADER, OF_SKUS, Content
 from automaton.runs.provenance import file_hashes, recorded_files, source_hash, versions
-from automaton.scenario.orders import plain_data
+from automaton.scenario.order_lines import plain_data
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
 from automaton.strategy.lookup import AsRecorded

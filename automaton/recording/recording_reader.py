@@ -48,12 +48,12 @@ from automaton.recording.frames import (
     tick_of,
 )
 from automaton.recording.header import floor_plan_of, own_allocation_of
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.document import Document
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
-from automaton.scenario.orders import MAX_STOPS, plain_data
-from automaton.scenario.pods import LineDemand
+from automaton.scenario.order_lines import plain_data
+from automaton.scenario.orders import MAX_STOPS, LineDemand
 from automaton.scenario.schema import LAYER_NAMES, Scenario
-from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup
 from automaton.world.feasibility import check_energy, check_feasible

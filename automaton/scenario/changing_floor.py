@@ -1,10 +1,10 @@
-"""Names of cells, which a scenario may write instead of [x, y]: `at: packing`.
+"""What a scenario says of its floor: speed limits, closed cells, doors, blocks, lifts, names of cells.
 
     locations: {packing: [4, 2], rack-7: [1, 0]}      beside      locations: locations.csv
 
-A field of a struct that is such a cell says so by `place()` among its annotations, as the type
-`NamedCell` does; `conversions` puts the cells there before the structs are made, so that nothing else
-knows of names.
+A name may be written instead of [x, y], as in `at: packing`. A field of a struct that is such a cell says
+so by `place()` among its annotations, as the type `NamedCell` does; `with_numbers` puts the cells there
+before the structs are made, so that nothing else knows of names.
 """
 
 from __future__ import annotations
@@ -39,6 +39,10 @@ Locations = Annotated[
     ),
 ]
 
+MAX_GATE_ENTRIES = 10_000
+Lasting = Annotated[int, quantity(TIME, ge=1, le=LAST_TICK, description="A number of ticks.")]
+Corners = Annotated[tuple[NamedCell, ...], Meta(min_length=1, max_length=10_000)]
+
 
 def cell_named(name: str, names: Mapping[str, Cell]) -> Cell:
     """The cell of a name. Raises InputError without a place."""
@@ -53,13 +57,6 @@ def cell_named(name: str, names: Mapping[str, Cell]) -> Cell:
     raise InputError(f"{quoted(name)} is not a location{nearest(name, names)}")
 
 
-# What a scenario file may say of its floor: speed limits, closed cells, doors, blocks and lifts.
-
-
-MAX_GATES = 10_000
-Lasting = Annotated[int, quantity(TIME, ge=1, le=LAST_TICK, description="Ticks.")]
-
-
 class Rectangle(ConfigSection, frozen=True, kw_only=True):
     """Two opposite corners of a rectangle."""
 
@@ -67,7 +64,6 @@ class Rectangle(ConfigSection, frozen=True, kw_only=True):
     last: Annotated[NamedCell, Meta(description="The other one.")] = msgspec.field(name="to")
 
 
-Corners = Annotated[tuple[NamedCell, ...], Meta(min_length=1, max_length=10_000)]
 CellSet = Annotated[
     Corners | Rectangle,
     Meta(description="Corners of a path, or the two of a rectangle as {from, to}."),
@@ -92,7 +88,9 @@ class MeanGap(ConfigSection, frozen=True, kw_only=True):
 
     mean: Annotated[
         float,
-        quantity(TIME, ge=1, le=LAST_TICK, description="Its mean, from reopening to closing."),
+        quantity(
+            TIME, ge=1, le=LAST_TICK, description="The mean of the time from reopening to closing."
+        ),
     ]
 
 
@@ -139,8 +137,10 @@ class Closing(ConfigSection, frozen=True, kw_only=True):
 class Door(ConfigSection, frozen=True, kw_only=True):
     """A cell that opens to robots that ask for it."""
 
-    at: Annotated[NamedCell, Meta(description="Its cell.")]
-    opening_time: Annotated[Lasting, Meta(description="From the first robot that asks on.")]
+    at: Annotated[NamedCell, Meta(description="The cell of the door.")]
+    opening_time: Annotated[
+        Lasting, Meta(description="Ticks from the first robot that asks until the door is open.")
+    ]
     hold_open: Annotated[
         int,
         quantity(
@@ -173,9 +173,9 @@ class Lift(ConfigSection, frozen=True, kw_only=True):
 
     shaft: Annotated[
         Corners,
-        Meta(description="Corners of its path; where it has exits to outside, it has mouths."),
+        Meta(description="Corners of the path; where it has exits to outside, it has mouths."),
     ]
-    travel_time: Annotated[Lasting, Meta(description="From one mouth to the next.")]
+    travel_time: Annotated[Lasting, Meta(description="Ticks from one mouth to the next.")]
     door_time: Annotated[
         int,
         quantity(TIME, ge=0, le=LAST_TICK, description="Ticks that its doors take to open."),
@@ -187,7 +187,7 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
 
     closed: Annotated[
         tuple[Closing, ...],
-        Meta(max_length=MAX_GATES, description="Cells that no robot enters at times."),
+        Meta(max_length=MAX_GATE_ENTRIES, description="Cells that no robot enters at times."),
     ] = ()
     replan_after: Annotated[
         Lasting | Literal["30 s"] | None,
@@ -197,12 +197,12 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
             "unless said otherwise."
         ),
     ] = "30 s"
-    doors: Annotated[tuple[Door, ...], Meta(max_length=MAX_GATES, description="Doors.")] = ()
+    doors: Annotated[tuple[Door, ...], Meta(max_length=MAX_GATE_ENTRIES, description="Doors.")] = ()
     blocks: Annotated[
         tuple[Block, ...],
-        Meta(max_length=MAX_GATES, description="Cells that hold so many robots together."),
+        Meta(max_length=MAX_GATE_ENTRIES, description="Cells that hold so many robots together."),
     ] = ()
-    lifts: Annotated[tuple[Lift, ...], Meta(max_length=MAX_GATES, description="Lifts.")] = ()
+    lifts: Annotated[tuple[Lift, ...], Meta(max_length=MAX_GATE_ENTRIES, description="Lifts.")] = ()
     speed_limits: Annotated[
         tuple[SpeedLimit, ...],
         Meta(description="Where robots drive slowly; of several limits the slowest counts."),

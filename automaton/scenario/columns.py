@@ -1,4 +1,13 @@
-"""Gather what is wrong in the rows of a file: the first of each kind, and where more of them are."""
+"""Read a CSV file, or a sheet of a workbook (.xlsx), as columns in which equal texts are stored once.
+
+Spreadsheets and warehouse systems write `;`, tabs or `,`, quotes around values, line ends within quotes
+and a byte order mark. A file of a million rows has few different texts in most of its columns: a column
+is the list of these texts and, for each row, which of them stands there.
+
+Of a sheet, cells of type date become texts of ISO 8601, numbers and times of the day texts as they would
+be typed. Values of formulas are those that the program that wrote the file has left in it; openpyxl
+(extra `excel`) computes none.
+"""
 
 from __future__ import annotations
 
@@ -25,85 +34,31 @@ from automaton.errors import InputError, InputErrors, nearest
 from automaton.units import count
 
 MAX_KINDS: Final = 5  # of mistakes that are shown
-MAX_LINES: Final = 10  # that are named, of more rows with a mistake
-
-
-@dataclass
-class _Kind:
-    """Mistakes of one kind."""
-
-    lines: list[int]
-    sentence: Callable[[], str]  # of the first
-
-
-@dataclass
-class RowErrors:
-    """The mistakes in the rows of a file."""
-
-    file: str
-    _kinds: dict[Hashable, _Kind] = field(default_factory=dict)
-
-    def add(self, kind: Hashable, lines: Sequence[int], sentence: Callable[[], str]) -> None:
-        """Add mistakes of a kind, in the sequence of their lines.
-
-        `sentence` describes the first; of each kind only the one that comes first in the file is asked.
-        """
-        known = self._kinds.get(kind)
-        if known is None:
-            self._kinds[kind] = _Kind(list(lines), sentence)
-            return
-        if lines[0] < known.lines[0]:
-            known.sentence = sentence
-        known.lines = sorted([*known.lines, *lines])
-
-    def raise_any(self) -> None:
-        """Raise InputErrors if there is a mistake."""
-        if not self._kinds:
-            return
-        kinds = sorted(self._kinds.values(), key=lambda kind: kind.lines[0])
-        errors = []
-        for kind in kinds[:MAX_KINDS]:
-            text = kind.sentence() + _more(kind.lines[1:])
-            errors.append(InputError(text, self.file, kind.lines[0]))
-        if len(kinds) > MAX_KINDS:
-            text = f"there are mistakes of {count(len(kinds) - MAX_KINDS, 'more kind')}"
-            errors.append(InputError(text, self.file))
-        raise InputErrors(errors)
-
-
-def _more(lines: Sequence[int]) -> str:
-    """The rows that have a mistake, too: "; 3 more such rows, in lines 7, 9 and 12"."""
-    if not lines:
-        return ""
-    if len(lines) == 1:
-        return f"; 1 more such row, in line {lines[0]}"
-    shown, rest = lines[:MAX_LINES], len(lines) - MAX_LINES
-    if rest <= 0:
-        shown, last = lines[:-1], str(lines[-1])
-    else:
-        last = f"{rest:,} more"
-    where = f"{', '.join(map(str, shown))} and {last}"
-    return f"; {len(lines):,} more such rows, in lines {where}"
-
-
-# Read a CSV file as columns in which equal texts are stored once.
-#
-# Spreadsheets and warehouse systems write `;`, tabs or `,`, quotes around values, line ends within
-# quotes and a byte order mark. A file of a million rows has few different texts in most of its
-# columns: a column is the list of these texts and, for each row, which of them stands there.
-
+MAX_NAMED_LINES: Final = 10  # that are named, of more rows with a mistake
 
 Array = NDArray[np.int32]
 Choice = Callable[[Sequence[str], int], Mapping[str, str]]
-
 SEPARATORS: Final = (";", "\t", ",")  # the first that occurs in the head
 MAX_FILE_BYTES: Final = 512_000_000
-MAX_ROWS: Final = 1_000_000
+MAX_TABLE_ROWS: Final = 1_000_000
 ROWS_AT_A_TIME: Final = 10_000  # as texts of their own
 ENCODINGS: Final = {"utf-8": "utf-8-sig", "cp1252": "cp1252"}
 UTF8_MARK: Final = b"\xef\xbb\xbf"
 _QUOTED: Final = re.compile(r'"[^"]*"')
 _SEPARATOR_LINE: Final = re.compile(r"sep=(.)\r?\n?")
+WORKBOOK_SUFFIXES: Final = (".xlsx", ".xlsm")
+MAX_UNPACKED_BYTES: Final = 4_000_000_000  # read piece by piece, but for
+MAX_TEXT_BYTES: Final = 256_000_000  # the different texts of all cells, which stay in memory
+SHARED_TEXTS: Final = "xl/sharedStrings.xml"
+SHEETS: Final = "xl/worksheets/"  # the folder of sheets in a workbook
+FORMULA: Final = b"<f"  # what each formula in a sheet begins with
+READ_BYTES: Final = 1 << 20
+Row = Sequence[Any]
+Pair = tuple[Row, Row]  # values, and formulas or values
+DAMAGE: Final = (  # what the parts of an archive raise
+    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
+    *(EOFError, NotImplementedError, RuntimeError),
+)
 
 
 class TextColumn(NamedTuple):
@@ -246,8 +201,8 @@ def _chunks(
         if len(row) != width:
             errors.add("width", [line], partial(_width_sentence, len(row), width))
             continue
-        if len(lines) == MAX_ROWS:
-            raise InputError(f"has more than {MAX_ROWS:,} rows", errors.file, line)
+        if len(lines) == MAX_TABLE_ROWS:
+            raise InputError(f"has more than {MAX_TABLE_ROWS:,} rows", errors.file, line)
         lines.append(line)
         chunk.append(row)
         if len(chunk) == ROWS_AT_A_TIME:
@@ -272,28 +227,12 @@ def stripped(texts: list[str], codes: Array) -> TextColumn:
     return TextColumn(list(again), codes if len(again) == len(texts) else renumbered[codes])
 
 
-# Read a sheet of a workbook (.xlsx) as columns, as `csv_columns` reads a CSV file.
-#
-# Cells of type date become texts of ISO 8601, numbers and times of the day texts as they would be
-# typed. Values of formulas are those that the program that wrote the file has left in it; openpyxl
-# (extra `excel`) computes none.
-
-
-SUFFIXES: Final = (".xlsx", ".xlsm")
-MAX_UNPACKED_BYTES: Final = 4_000_000_000  # read piece by piece, but for
-MAX_TEXT_BYTES: Final = 256_000_000  # the different texts of all cells, which stay in memory
-TEXTS: Final = "xl/sharedStrings.xml"
-SHEETS: Final = "xl/worksheets/"  # the folder of sheets in a workbook
-FORMULA: Final = b"<f"  # what each formula in a sheet begins with
-READ_BYTES: Final = 1 << 20
-
-Row = Sequence[Any]
-Pair = tuple[Row, Row]  # values, and formulas or values
+# Workbooks.
 
 
 def is_workbook(path: Path) -> bool:
     """Whether the name of a file says that it is a workbook."""
-    return path.suffix.lower() in SUFFIXES
+    return path.suffix.lower() in WORKBOOK_SUFFIXES
 
 
 def read_sheet_columns(
@@ -316,12 +255,6 @@ def read_sheet_columns(
             return _read_sheet(pairs, book.place, time, choose)
 
 
-DAMAGE: Final = (  # what the parts of an archive raise
-    *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
-    *(EOFError, NotImplementedError, RuntimeError),
-)
-
-
 def _has_formulas(path: Path) -> bool:
     """Whether a workbook has formulas. Raises InputError for what is not a workbook, or too large."""
     file = str(path)
@@ -332,7 +265,7 @@ def _has_formulas(path: Path) -> bool:
             raise InputError(f"has {size / 1e6:,.1f} MB, at most {limit} MB are possible", file)
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
-            texts = sum(member.file_size for member in members if member.filename == TEXTS)
+            texts = sum(member.file_size for member in members if member.filename == SHARED_TEXTS)
             unpacked = sum(member.file_size for member in members)
             if texts > MAX_TEXT_BYTES or unpacked > MAX_UNPACKED_BYTES:
                 what = f"{unpacked // 1_000_000:,} MB, {texts // 1_000_000:,} MB of them texts"
@@ -440,8 +373,8 @@ def _read_sheet(pairs: Iterator[Pair], place: str, time: str | None, choose: Cho
     numbers = {name: array("i") for name in chosen}
     lines = array("i")
     for number, row, formulas in numbered:
-        if len(lines) == MAX_ROWS:
-            raise InputError(f"has more than {MAX_ROWS:,} rows", place, number)
+        if len(lines) == MAX_TABLE_ROWS:
+            raise InputError(f"has more than {MAX_TABLE_ROWS:,} rows", place, number)
         lines.append(number)
         for name, at in places.items():
             value = row[at] if at < len(row) else None
@@ -485,3 +418,64 @@ def _date_text(moment: datetime.datetime, time: str | None) -> str:
         if datetime.datetime.strptime(text, time) == moment:
             return text
     return moment.isoformat(" ")
+
+
+# Mistakes in the rows of a file.
+
+
+@dataclass
+class _Kind:
+    """Mistakes of one kind."""
+
+    lines: list[int]
+    sentence: Callable[[], str]  # of the first
+
+
+@dataclass
+class RowErrors:
+    """The mistakes in the rows of a file."""
+
+    file: str
+    _kinds: dict[Hashable, _Kind] = field(default_factory=dict)
+
+    def add(self, kind: Hashable, lines: Sequence[int], sentence: Callable[[], str]) -> None:
+        """Add mistakes of a kind, in the sequence of their lines.
+
+        `sentence` describes the first; of each kind only the one that comes first in the file is asked.
+        """
+        known = self._kinds.get(kind)
+        if known is None:
+            self._kinds[kind] = _Kind(list(lines), sentence)
+            return
+        if lines[0] < known.lines[0]:
+            known.sentence = sentence
+        known.lines = sorted([*known.lines, *lines])
+
+    def raise_any(self) -> None:
+        """Raise InputErrors if there is a mistake."""
+        if not self._kinds:
+            return
+        kinds = sorted(self._kinds.values(), key=lambda kind: kind.lines[0])
+        errors = []
+        for kind in kinds[:MAX_KINDS]:
+            text = kind.sentence() + _more(kind.lines[1:])
+            errors.append(InputError(text, self.file, kind.lines[0]))
+        if len(kinds) > MAX_KINDS:
+            text = f"there are mistakes of {count(len(kinds) - MAX_KINDS, 'more kind')}"
+            errors.append(InputError(text, self.file))
+        raise InputErrors(errors)
+
+
+def _more(lines: Sequence[int]) -> str:
+    """The rows that have a mistake, too: "; 3 more such rows, in lines 7, 9 and 12"."""
+    if not lines:
+        return ""
+    if len(lines) == 1:
+        return f"; 1 more such row, in line {lines[0]}"
+    shown, rest = lines[:MAX_NAMED_LINES], len(lines) - MAX_NAMED_LINES
+    if rest <= 0:
+        shown, last = lines[:-1], str(lines[-1])
+    else:
+        last = f"{rest:,} more"
+    where = f"{', '.join(map(str, shown))} and {last}"
+    return f"; {len(lines):,} more such rows, in lines {where}"

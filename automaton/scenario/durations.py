@@ -1,4 +1,8 @@
-"""How long a visit at a station takes: something for the visit, for each line, and for each unit."""
+"""How long things take, in a scenario file: operations of robots, and visits at stations.
+
+Operations are those of the whole fleet, or of one type of robots. A visit takes something for itself,
+for each line, and for each unit.
+"""
 
 from __future__ import annotations
 
@@ -20,8 +24,14 @@ from automaton.scenario.quantities import (
 
 LONGEST = 65_535  # ticks
 
-Duration = Annotated[float, quantity(TIME, ge=0, le=LONGEST, description="In ticks, not rounded.")]
+Duration = Annotated[
+    float, quantity(TIME, ge=0, le=LONGEST, description="A duration in ticks, not rounded.")
+]
 Mean = Annotated[float, quantity(TIME, gt=0, le=LONGEST, description="Mean ticks.")]
+
+MAX_DURATION: Final = 10_000  # ticks of an operation
+MoveTicks = Annotated[int, quantity(STEP, ge=1, le=MAX_DURATION)]
+TurnTicks = Annotated[int, quantity(TURN, ge=1, le=MAX_DURATION)]
 
 
 class Uniform(ConfigSection, frozen=True, kw_only=True):
@@ -62,7 +72,7 @@ class Distribution(ConfigSection, frozen=True, kw_only=True):
     exponential: Annotated[
         Mean | None,
         Meta(
-            description="With this mean, memoryless, in whole ticks from 1 on: the geometric "
+            description="The mean of a memoryless duration in whole ticks from 1 on: the geometric "
             "distribution."
         ),
     ] = None
@@ -82,32 +92,26 @@ class Distribution(ConfigSection, frozen=True, kw_only=True):
 class Handling(ConfigSection, frozen=True, kw_only=True):
     """What a robot's visit at a station takes, while it holds its pod: the sum of three parts."""
 
-    visit: Annotated[Duration, Meta(description="Once for the visit.")] = 0.0
-    line: Annotated[Duration | Distribution, Meta(description="For each line.")] = 0.0
-    unit: Annotated[Duration, Meta(description="For each unit of a line.")] = 0.0
+    visit: Annotated[Duration, Meta(description="What the visit takes once.")] = 0.0
+    line: Annotated[Duration | Distribution, Meta(description="What each line takes.")] = 0.0
+    unit: Annotated[Duration, Meta(description="What each unit of a line takes.")] = 0.0
 
 
-# How long the operations of robots take, in a scenario file: of the whole fleet, or of one type.
-
-
-MAX_DURATION: Final = 10_000  # ticks of an operation
-
-MoveTicks = Annotated[int, quantity(STEP, ge=1, le=MAX_DURATION)]
-TurnTicks = Annotated[int, quantity(TURN, ge=1, le=MAX_DURATION)]
+# Operations.
 
 
 class MoveByLoad(ConfigSection, frozen=True, kw_only=True):
     """A move of robots that carry nothing, and of those with a load."""
 
-    empty: Annotated[MoveTicks, Meta(description="Without a load.")]
-    loaded: Annotated[MoveTicks, Meta(description="With any load.")]
+    empty: Annotated[MoveTicks, Meta(description="A move without a load.")]
+    loaded: Annotated[MoveTicks, Meta(description="A move with any load.")]
 
 
 class TurnByLoad(ConfigSection, frozen=True, kw_only=True):
     """A turn of robots that carry nothing, and of those with a load."""
 
-    empty: Annotated[TurnTicks, Meta(description="Without a load.")]
-    loaded: Annotated[TurnTicks, Meta(description="With any load.")]
+    empty: Annotated[TurnTicks, Meta(description="A turn without a load.")]
+    loaded: Annotated[TurnTicks, Meta(description="A turn with any load.")]
 
 
 class ByLoad(NamedTuple):
@@ -131,16 +135,18 @@ class Durations(ConfigSection, frozen=True, kw_only=True):
 
     move: Annotated[
         Move,
-        Meta(description="To the next cell; or {empty, loaded}: without a load, and with one."),
+        Meta(
+            description="A move to the next cell; or {empty, loaded}: without a load, and with one."
+        ),
     ] = 1
-    turn: Annotated[Turn, Meta(description="By 90 degrees; or {empty, loaded}.")] = 1
+    turn: Annotated[Turn, Meta(description="A turn by 90 degrees; or {empty, loaded}.")] = 1
     pick: Annotated[
-        TicksOrNone, Meta(description="Take a load from a slot; 0: on arrival, within the move.")
+        TicksOrNone, Meta(description="Taking a load from a slot; 0: on arrival, within the move.")
     ] = 1
     drop: Annotated[
-        TicksOrNone, Meta(description="Drop a load; 0: on arrival, within the move.")
+        TicksOrNone, Meta(description="Dropping a load; 0: on arrival, within the move.")
     ] = 1
-    try_drop: Annotated[Ticks, Meta(description="Look whether a load can be dropped.")] = 1
+    try_drop: Annotated[Ticks, Meta(description="Looking whether a load can be dropped.")] = 1
     handling_jitter: Annotated[
         int,
         quantity(
@@ -176,11 +182,19 @@ class Durations(ConfigSection, frozen=True, kw_only=True):
 class TypeDurations(ConfigSection, frozen=True, kw_only=True):
     """What the operations of one type of robots take; what it leaves out is as in `durations`."""
 
-    move: Annotated[Move | None, Meta(description="As durations.move.")] = None
-    turn: Annotated[Turn | None, Meta(description="As durations.turn.")] = None
-    pick: Annotated[TicksOrNone | None, Meta(description="As durations.pick.")] = None
-    drop: Annotated[TicksOrNone | None, Meta(description="As durations.drop.")] = None
-    try_drop: Annotated[Ticks | None, Meta(description="As durations.try_drop.")] = None
+    move: Annotated[Move | None, Meta(description="Ticks of a move; see durations.move.")] = None
+    turn: Annotated[Turn | None, Meta(description="Ticks of a turn; see durations.turn.")] = None
+    pick: Annotated[
+        TicksOrNone | None, Meta(description="Ticks of taking a load; see durations.pick.")
+    ] = None
+    drop: Annotated[
+        TicksOrNone | None,
+        Meta(description="Ticks of dropping a load; see durations.drop."),
+    ] = None
+    try_drop: Annotated[
+        Ticks | None,
+        Meta(description="Ticks of looking for room; see durations.try_drop."),
+    ] = None
 
     def within(self, usual: Durations) -> Durations:
         """These durations, and the usual ones for what is left out. Raises ValueError."""

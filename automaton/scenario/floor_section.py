@@ -1,4 +1,4 @@
-"""The floor of a scenario: generated, drawn in it, or in a file of its own."""
+"""The floor of a scenario: generated, drawn in it or in a file of its own; and the JSON Schema."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ import yaml
 from automaton.errors import InputError, alternatives, nearest
 from automaton.floor.drawn_floors import (
     Legend,
+    MatrixError,
     PictureError,
     check_new_symbol,
     draw_floor,
+    read_matrix,
     symbol_of,
 )
 from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.traffic_zones import MatrixError, read_matrix
 from automaton.scenario.document import Document, Keys, read_text
 from automaton.scenario.quantities import with_texts
 from automaton.scenario.schema import (
@@ -35,15 +36,17 @@ from automaton.scenario.validation import shown, validated
 
 LAYOUT: Keys = ("layout",)
 
+RowError = Callable[[str, int], InputError]  # from a message and the row y that it is about
+Schema = dict[str, Any]
+SCHEMA_REFERENCE = "#/$defs/{name}"
+PLUG_IN = {"type": "string", "pattern": "^[^:]+:[^:]+$", "description": "module:Class"}
+
 
 class Generator(Hashable, Protocol):
     """A floor generator: a msgspec struct of parameters."""
 
     def build(self) -> FloorPlan:
         """The floor with these parameters."""
-
-
-RowError = Callable[[str, int], InputError]  # from a message and the row y that it is about
 
 
 class Floor(NamedTuple):
@@ -208,18 +211,14 @@ def _legend(document: Document, legend: dict[str, Any]) -> Legend:
     return tuple(symbols)
 
 
-# The JSON Schema of scenario files, derived from the structs that read them.
-
-
-Schema = dict[str, Any]
-
-REFERENCE = "#/$defs/{name}"
-PLUG_IN = {"type": "string", "pattern": "^[^:]+:[^:]+$", "description": "module:Class"}
+# The JSON Schema, derived from the structs that read scenario files.
 
 
 def json_schema() -> Schema:
     """A JSON Schema (2020-12) for editors and other programs."""
-    (reference,), definitions = msgspec.json.schema_components((Scenario,), ref_template=REFERENCE)
+    (reference,), definitions = msgspec.json.schema_components(
+        (Scenario,), ref_template=SCHEMA_REFERENCE
+    )
     definitions["Scenario"]["properties"]["layout"] = {
         "description": "The floor: generated, drawn here, or in a file of its own.",
         "oneOf": _layouts(definitions),
@@ -284,7 +283,9 @@ def _named(
     prefix: str = "layout",
 ) -> Schema:
     """A mapping that holds `key: name` and the parameters, kept under a definition of its own."""
-    (reference,), parts = msgspec.json.schema_components((parameters,), ref_template=REFERENCE)
+    (reference,), parts = msgspec.json.schema_components(
+        (parameters,), ref_template=SCHEMA_REFERENCE
+    )
     own = parts.pop(reference["$ref"].rpartition("/")[2])
     for part_name, part in parts.items():
         definitions.setdefault(part_name, part)
@@ -297,12 +298,12 @@ def _named(
         "required": [key, *own.get("required", [])],
         "additionalProperties": False,
     }
-    return {"$ref": REFERENCE.format(name=title)}
+    return {"$ref": SCHEMA_REFERENCE.format(name=title)}
 
 
 def _component(struct: type[msgspec.Struct], definitions: dict[str, Any]) -> Schema:
     """A reference to a struct, which is added to the definitions with what it is made of."""
-    (reference,), parts = msgspec.json.schema_components((struct,), ref_template=REFERENCE)
+    (reference,), parts = msgspec.json.schema_components((struct,), ref_template=SCHEMA_REFERENCE)
     for name, part in parts.items():
         definitions.setdefault(name, part)
     return reference

@@ -1,85 +1,119 @@
-"""Orders of a file, each of which brings a load from one place to another."""
+"""What is to be carried in a scenario, and when it is released: orders, lines, parts and tasks."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Annotated, Any, Final, Literal, overload
+from typing import Annotated, Any, Final, Literal
 
-import msgspec
-import numpy as np
 from msgspec import Meta, field
-from numpy.typing import NDArray
 
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF, STATION
-from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.order_fields import (
-    NO_DUE,
-    NOTHING,
-    Column,
-    ColumnNames,
-    DueField,
-    Field,
-    NumberField,
-    OrderFile,
-    ReleaseField,
-    TextField,
-)
-from automaton.scenario.pods import Line, LineDemand
 from automaton.scenario.quantities import (
     GAP,
     TIME,
     ConfigSection,
     Due,
-    DueAt,
     NamedCell,
     NonEmptyText,
     Pair,
+    Shares,
     SingleLine,
     Tick,
     Ticks,
     Weight,
+    check_shares,
     due_tick,
     quantity,
 )
-
-FARTHEST: Final = 1_000_000
-MAX_WEIGHT: Final = 1_000_000_000
-
-PLACES: Final = (  # of each entry the fields of one group are needed
-    (("from",), ("from_x", "from_y")),
-    (("to",), ("to_x", "to_y")),
+from automaton.scenario.table_fields import (
+    COORDINATE,
+    FILE_OPTIONS,
+    PRIORITY,
+    Column,
+    ColumnNames,
+    DueField,
+    NameField,
+    NumberField,
+    OrderFile,
+    ReleaseField,
+    column,
 )
-TRANSPORT_FIELDS: Final[tuple[Field, ...]] = (
-    ReleaseField(),
-    DueField(),
-    TextField("order"),
-    NumberField("priority", -100, 100, default=0),
-    NumberField("weight", 1, MAX_WEIGHT, default=1),
-    *(NumberField(name, 0, FARTHEST) for name in ("from_x", "from_y", "to_x", "to_y")),
-)
+
+DRAWN_GENERATORS: Final = (
+    "dock-to-rack",
+    "stations",
+    "visits",
+    "tours",
+)  # they draw so many orders
+MAX_DRAWN_LINES: Final = 1_000_000
+MAX_STOPS: Final = 64  # of an order
+MAX_STOP_TICKS: Final = 65_535
+ENDS: Final = {  # generator: kinds of slots where its orders begin and end
+    "full-shelves": (SHELF, DESTINATION),
+    "picture-loads": (SHELF, DESTINATION),
+    "dock-to-rack": (DOCK, RACK),
+    "stations": (STATION, STATION),
+    "visits": (STATION, STATION),
+}
+DRAWN_ALONE: Final[dict[str, Any]] = {  # keys of lines that are drawn, as they are when left out
+    "mean_interarrival_time": 0.0,
+    "per_order": 1,
+    "classes": None,
+    "stations": "fewest-lines",
+    "due": None,
+}
 
 
 class TransportColumns(ColumnNames, frozen=True, kw_only=True):
     """What the columns of a file of transports are called; others are not read."""
 
-    released: Annotated[Column, Meta(description="When the order is released.")] = None
-    source: Annotated[Column, Meta(description="The slot with the load, by its name.")] = field(
-        name="from", default=None
-    )
-    target: Annotated[Column, Meta(description="Where to bring it, by its name.")] = field(
-        name="to", default=None
-    )
-    from_x: Annotated[Column, Meta(description="The slot with the load: its column.")] = None
-    from_y: Annotated[Column, Meta(description="And its row.")] = None
-    to_x: Annotated[Column, Meta(description="Where to bring it: the column.")] = None
-    to_y: Annotated[Column, Meta(description="And the row.")] = None
-    order: Annotated[Column, Meta(description="The number or name of the order.")] = None
-    due: Annotated[
-        Column, Meta(description="Until when: a clock time, or ticks or a time after the release.")
+    rows = "orders"
+    needed = ((("from",), ("from_x", "from_y")), (("to",), ("to_x", "to_y")))
+
+    released: Annotated[Column, column("When the order is released.", ReleaseField)] = None
+    source: Annotated[
+        Column,
+        column(
+            "The slot with the load, by its name.", NameField, what="location", is_required=True
+        ),
+    ] = field(name="from", default=None)
+    target: Annotated[
+        Column,
+        column(
+            "The slot to which the load is brought, by its name.",
+            NameField,
+            what="location",
+            is_required=True,
+        ),
+    ] = field(name="to", default=None)
+    from_x: Annotated[
+        Column, column("The column of the slot with the load, from 0.", COORDINATE)
     ] = None
-    priority: Annotated[Column, Meta(description="From -100 to 100; empty: 0.")] = None
-    weight: Annotated[Column, Meta(description="How heavy the load is; empty: 1.")] = None
+    from_y: Annotated[Column, column("The row of the slot with the load, from 0.", COORDINATE)] = (
+        None
+    )
+    to_x: Annotated[
+        Column, column("The column of the slot to which the load is brought.", COORDINATE)
+    ] = None
+    to_y: Annotated[
+        Column, column("The row of the slot to which the load is brought.", COORDINATE)
+    ] = None
+    order: Annotated[Column, column("The number or name of the order.")] = None
+    due: Annotated[
+        Column,
+        column(
+            "When the order is due: a clock time, or ticks or a time after the release.", DueField
+        ),
+    ] = None
+    priority: Annotated[
+        Column, column("How urgent the order is, from -100 to 100; empty: 0.", PRIORITY)
+    ] = None
+    weight: Annotated[
+        Column,
+        column(
+            "How heavy the load is; empty: 1.", NumberField, least=1, most=1_000_000_000, default=1
+        ),
+    ] = None
 
 
 class Transports(OrderFile, frozen=True, kw_only=True):
@@ -91,130 +125,161 @@ class Transports(OrderFile, frozen=True, kw_only=True):
     ] = None
 
 
-# The lines of a file, kept as columns: a tuple of a million of them would take 400 MB.
-#
-# A table is to be used as a tuple of lines, which are made when they are asked for. What goes through
-# all of them takes a column of `line_column`.
+# gc=False: 16 bytes less for each of a million, and no cycle of references leads through them.
+class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
+    """What an order wants of one pod, or of any pod with some SKU, at a station."""
+
+    pod: Annotated[
+        Annotated[int, Meta(ge=1, le=1_000_000)] | SingleLine | None,
+        Meta(description="The pod, by name or number from 1."),
+    ] = None
+    sku: Annotated[
+        int | SingleLine | None,
+        Meta(description="What is wanted, of any pod that holds it; read where no pod is named."),
+    ] = None
+    station: Annotated[
+        int | SingleLine | None,
+        Meta(
+            description="The station, by name or number from 1; left out: that of the earlier lines "
+            "of its order, or the one with the fewest open lines."
+        ),
+    ] = None
+    order: Annotated[
+        int | SingleLine | None,
+        Meta(description="Lines of one order have the same; left out: an order of its own."),
+    ] = None
+    release: Annotated[Tick, Meta(description="The tick from which it is known.")] = 0
+    due: Annotated[
+        Due | None,
+        Meta(description="Ticks after release until which it is to be done, or {at: ...}: a tick."),
+    ] = None
+    priority: Annotated[int, Meta(ge=-100, le=100, description="Larger ones come first.")] = 0
+    units: Annotated[int, Meta(ge=0, le=1_000_000, description="Units that are picked.")] = 1
+
+    def __post_init__(self) -> None:
+        if self.pod is None and self.sku is None:
+            raise ValueError("a line needs a pod or a sku")
+
+    @property
+    def due_tick(self) -> int | None:
+        """The tick until which it is to be done; None: it has no due time."""
+        return due_tick(self.due, self.release)
 
 
-LineColumn = NDArray[np.int32]
-LINE_FIELDS = {"release": "released", "due": "due", "priority": "priority", "units": "units"}
+class PerOrder(ConfigSection, frozen=True, kw_only=True):
+    """A number of lines from 1 on, drawn geometrically for each order."""
+
+    mean: Annotated[float, Meta(ge=1, le=1000, description="The mean number of lines.")]
 
 
-class LineTable(Sequence[Line]):
-    """The lines of a file: 32 bytes each, and the texts of their orders.
+class LineColumns(ColumnNames, frozen=True, kw_only=True):
+    """What the columns of a file of lines are called; others are not read."""
 
-    `values`: (n,) by field, as automaton.scenario.table_files reads it: places among `orders`, `pods`,
-    `skus` and `stations`, or NOTHING, and the tick in which a line is due, or NO_DUE.
-    """
+    rows = "lines"
+    needed = ((("pod",), ("sku",)),)
 
-    def __init__(
-        self,
-        values: Mapping[str, LineColumn],
-        orders: Sequence[str],
-        pods: Sequence[str | int],
-        skus: Sequence[str],
-        stations: Sequence[str | int],
-    ) -> None:
-        self.values, self.orders, self.stations = values, orders, stations
-        self.pods, self.skus = pods, skus
+    released: Annotated[Column, column("When the line is released.", ReleaseField)] = None
+    pod: Annotated[Column, column("The pod, by name or number from 1.")] = None
+    sku: Annotated[Column, column("What is wanted, where no pod is named.")] = None
+    station: Annotated[
+        Column,
+        column("The station, by name or number; empty: any.", NameField, what="station"),
+    ] = None
+    order: Annotated[Column, column("What lines of one order have in common.")] = None
+    due: Annotated[
+        Column,
+        column(
+            "When the line is due: a clock time, or ticks or a time after the release.", DueField
+        ),
+    ] = None
+    priority: Annotated[
+        Column, column("How urgent the line is, from -100 to 100; empty: 0.", PRIORITY)
+    ] = None
+    units: Annotated[
+        Column,
+        column("Units that are picked; empty: 1.", NumberField, least=0, most=1_000_000, default=1),
+    ] = None
 
-    def __len__(self) -> int:
-        return len(self.values["pod"])
 
-    @overload
-    def __getitem__(self, index: int) -> Line: ...
+class LineDemand(OrderFile, frozen=True, kw_only=True):
+    """Lines that are drawn, so many of them, or those of a file."""
 
-    @overload
-    def __getitem__(self, index: slice) -> LineTable: ...
+    file: Annotated[
+        NonEmptyText | None,
+        Meta(
+            description="A CSV file with a line in each row, whose first row names its columns, between "
+            "semicolons, tabs or commas, or a workbook (.xlsx, extra excel); path relative to the "
+            "scenario."
+        ),
+    ] = None  # type: ignore[assignment]
+    columns: Annotated[
+        LineColumns | None,
+        Meta(description="What its columns are called; null: as the keys of this are."),
+    ] = None
+    count: Annotated[
+        Annotated[int, Meta(ge=1, le=MAX_DRAWN_LINES)] | None,
+        Meta(description="How many lines are drawn."),
+    ] = None
+    mean_interarrival_time: Annotated[
+        float,
+        quantity(
+            GAP,
+            ge=0,
+            le=1_000_000,
+            description="Mean ticks between two orders, whose lines come together: one arrives in a "
+            "tick with probability 1 / this. 0: all are known from the start.",
+        ),
+    ] = 0.0
+    per_order: Annotated[
+        Annotated[int, Meta(ge=1, le=1000)] | PerOrder,
+        Meta(description="Lines of an order: so many, or drawn with this mean."),
+    ] = 1
+    classes: Annotated[
+        Shares | None,
+        Meta(
+            description="Which share of lines wants pods of each class; left out: all pods alike."
+        ),
+    ] = None
+    stations: Annotated[
+        Literal["fewest-lines", "random"],
+        Meta(description="The station of an order: the one with the fewest open lines, or any."),
+    ] = "fewest-lines"
+    due: Annotated[
+        Annotated[int, quantity(TIME, ge=0, le=2_000_000_000)] | None,
+        Meta(description="Ticks after release in which they are due; null: never."),
+    ] = None
 
-    def __getitem__(self, index: int | slice) -> Line | LineTable:
-        if isinstance(index, slice):
-            values = {name: column[index] for name, column in self.values.items()}
-            return LineTable(values, self.orders, self.pods, self.skus, self.stations)
-        return next(iter(self[index:][:1] if index >= 0 else self[index:]))
+    @property
+    def drawn(self) -> int:
+        """How many lines are drawn."""
+        return self.count or 0
 
-    def __iter__(self) -> Iterator[Line]:
-        names = ("order", "pod", "sku", "station", "released", "due", "priority", "units")
-        rows = zip(*(self.values[name].tolist() for name in names), strict=True)
-        for order, pod, sku, station, release, due, priority, units in rows:
-            yield Line(
-                order=None if order == NOTHING else self.orders[order],
-                pod=None if pod == NOTHING else self.pods[pod],
-                sku=None if sku == NOTHING else self.skus[sku],
-                station=None if station == NOTHING else self.stations[station],
-                release=release,
-                due=None if due == NO_DUE else DueAt(at=due),
-                priority=priority,
-                units=units,
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if (self.file is None) == (self.count is None):
+            raise ValueError("lines are a list, or have either a count or a file")
+        for name, default in (DRAWN_ALONE if self.count is None else FILE_OPTIONS).items():
+            if getattr(self, name) != default:
+                other = "count" if self.count is None else "file"
+                raise ValueError(f"{name} belongs to lines with a {other}")
+        if self.classes is not None:
+            check_shares("classes", self.classes)
+        if 0 < self.mean_interarrival_time < 1:
+            raise ValueError(
+                "mean_interarrival_time must be 0 or at least 1: at most one order arrives per tick"
             )
-
-    def __eq__(self, other: object) -> bool:
-        if not isinstance(other, Sequence) or len(self) != len(other):
-            return False
-        return all(mine == theirs for mine, theirs in zip(self, other, strict=True))
-
-    __hash__ = None  # type: ignore[assignment]
-
-
-def line_column(lines: Sequence[Line], name: str) -> LineColumn:
-    """(n,) int32: the release, due, priority or units of lines; due: the tick, or NO_DUE."""
-    if isinstance(lines, LineTable):
-        return lines.values[LINE_FIELDS[name]]
-    if name == "due":
-        ticks = (line.due_tick for line in lines)
-        return np.array([NO_DUE if tick is None else min(tick, NO_DUE) for tick in ticks], np.int32)
-    return np.array([getattr(line, name) for line in lines], np.int32)
-
-
-def line_texts(lines: Sequence[Line], name: str) -> tuple[LineColumn, Sequence[str]]:
-    """What lines call their orders or SKUs: (n,) int32 places among the texts, or NOTHING; the texts."""
-    if isinstance(lines, LineTable):
-        return lines.values[name], lines.orders if name == "order" else lines.skus
-    known: dict[str, int] = {}
-    values = (getattr(line, name) for line in lines)
-    places = [
-        NOTHING if value is None else known.setdefault(str(value), len(known)) for value in values
-    ]
-    return np.array(places, np.int32), list(known)
-
-
-def plain_data(value: Any) -> Any:
-    """What a scenario, or a part of it, holds, as msgspec.to_builtins gives it; tables as lists."""
-    return msgspec.to_builtins(value, enc_hook=_listed)
-
-
-def _listed(value: Any) -> Any:
-    if isinstance(value, LineTable):
-        return list(value)
-    raise NotImplementedError(f"no data: {type(value).__name__}")
-
-
-# Define the orders of a scenario file: what is to be carried, and when it is released.
-
-
-DRAWN = ("dock-to-rack", "stations", "visits", "tours")  # generators that draw so many orders
-MAX_STOPS: Final = 64  # of an order
-MAX_STOP_TICKS: Final = 65_535
-ENDS: Final = {  # generator: kinds of slots where its orders begin and end
-    "full-shelves": (SHELF, DESTINATION),
-    "picture-loads": (SHELF, DESTINATION),
-    "dock-to-rack": (DOCK, RACK),
-    "stations": (STATION, STATION),
-    "visits": (STATION, STATION),
-}
 
 
 class Mean(ConfigSection, frozen=True, kw_only=True):
     """A whole number from 1 on, drawn geometrically: what is memoryless in ticks."""
 
-    mean: Annotated[float, Meta(ge=1, le=1_000_000, description="Its mean.")]
+    mean: Annotated[float, Meta(ge=1, le=1_000_000, description="The mean of the number.")]
 
 
 class MeanTime(ConfigSection, frozen=True, kw_only=True):
     """A number of ticks from 1 on, drawn geometrically: what is memoryless in ticks."""
 
-    mean: Annotated[float, quantity(GAP, ge=1, le=1_000_000, description="Its mean.")]
+    mean: Annotated[float, quantity(GAP, ge=1, le=1_000_000, description="The mean of the number.")]
 
 
 class Bursts(ConfigSection, frozen=True, kw_only=True):
@@ -311,7 +376,7 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
     priority: Annotated[
         Annotated[int, Meta(ge=-100, le=100)],
         Meta(
-            description="Of the orders that it could do, a robot gets one of the highest priority."
+            description="How urgent it is: a robot gets one of the highest priority that it could do."
         ),
     ] = 0
     due: Annotated[
@@ -437,7 +502,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = None
     weight: Annotated[
         Weight | WeightRange,
-        Meta(description="Of the orders that generators make: all alike, or drawn {from, to}."),
+        Meta(description="How heavy the orders of generators are: all alike, or drawn {from, to}."),
     ] = 1
     listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
         field(name="list", default=None)
@@ -478,13 +543,13 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         ),
     ] = None
     repeat: Annotated[
-        bool, Meta(description="After the last of the tasks comes the first one again.")
+        bool, Meta(description="Whether the first of the tasks comes again after the last one.")
     ] = False
     revealed: Annotated[
         Annotated[float, Meta(gt=0, le=1000)] | None,
         Meta(
-            description="So many times the robots, tasks are known and not done, in the order of the "
-            "list; null: all are known from the start."
+            description="Tasks that are known and not done, as a multiple of the robots, in the order of "
+            "the list; null: all are known from the start."
         ),
     ] = None
     assign: Annotated[
@@ -520,10 +585,10 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             raise ValueError("lines must hold at least one line")
         if self.listed is not None and not self.listed:
             raise ValueError("list must hold at least one order")
-        if self.generator in DRAWN and self.count is None:
+        if self.generator in DRAWN_GENERATORS and self.count is None:
             raise ValueError(f"the generator {self.generator} needs a count of orders")
-        if self.generator not in DRAWN and self.count is not None:
-            raise ValueError(f"count belongs to the generators {', '.join(DRAWN)}")
+        if self.generator not in DRAWN_GENERATORS and self.count is not None:
+            raise ValueError(f"count belongs to the generators {', '.join(DRAWN_GENERATORS)}")
         self._check_arrivals()
 
     def _check_tasks(self) -> None:
@@ -566,45 +631,3 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             return max(1, int(self.revealed * robots + 1e-9))
         loop = None if self.arrivals is None else self.arrivals.closed_loop
         return 0 if loop is None else loop.in_system
-
-
-def has_tours(orders: Orders) -> bool:
-    """Return whether any of the orders is one without a load."""
-    listed = orders.listed or ()
-    if orders.generator == "tours" or orders.tasks is not None:
-        return True
-    return any(line.stops is not None for line in listed)
-
-
-def listed_lines(orders: Orders) -> Sequence[Line]:
-    """Return the lines that are listed, one by one or in a file."""
-    lines: Sequence[Line] | LineDemand | None = orders.lines
-    return () if lines is None or isinstance(lines, LineDemand) else lines
-
-
-def has_due_times(orders: Orders) -> bool:
-    """Return whether any of the orders has a due time."""
-    if isinstance(orders.lines, LineDemand):
-        return orders.lines.due is not None
-    return any(order.due is not None for order in orders.listed or ()) or bool(
-        (line_column(listed_lines(orders), "due") != NO_DUE).any()
-    )
-
-
-def priorities_of(orders: Orders) -> list[int]:
-    """Return the priorities that orders have, the highest first."""
-    priorities = {line.priority for line in orders.listed or ()}
-    priorities.update(np.unique(line_column(listed_lines(orders), "priority")).tolist())
-    return sorted(priorities or {0}, reverse=True)
-
-
-def kinds_of_sources(orders: Orders, floor_plan: FloorPlan) -> set[int]:
-    """Return the kinds of slots where orders begin."""
-    found = {
-        int(floor_plan.kind.flat[floor_plan.cell(*line.source)])
-        for line in orders.listed or ()
-        if line.source is not None
-    }
-    if orders.generator in ENDS:
-        found.add(ENDS[orders.generator][0])
-    return found | ({STATION} if orders.parts is not None else set())

@@ -1,53 +1,35 @@
-"""Pods that stand in storage cells, the stations to which they are carried, and the lines of orders."""
+"""Pods that stand in storage cells, and the stations to which they are carried."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Final, Literal
 
 from msgspec import Meta, field
 
 from automaton.scenario.durations import Handling
-from automaton.scenario.order_fields import Column, ColumnNames, OrderFile
 from automaton.scenario.quantities import (
-    GAP,
     TIME,
     ConfigSection,
-    Due,
     NamedCell,
     NonEmptyText,
+    Shares,
     SingleLine,
     Tick,
     Weight,
-    due_tick,
+    check_shares,
     quantity,
 )
+from automaton.scenario.table_fields import (
+    COORDINATE,
+    FILE_OPTIONS,
+    Column,
+    ColumnNames,
+    NumberField,
+    OrderFile,
+    column,
+)
 
-MAX_POD_STOPS = 64
-MAX_LINES = 1_000_000
-SHARE_ERROR = 0.001  # by which shares may miss 1
-
-DRAWN_ALONE: dict[str, Any] = {  # keys of lines that are drawn, as they are when left out
-    "mean_interarrival_time": 0.0,
-    "per_order": 1,
-    "classes": None,
-    "stations": "fewest-lines",
-    "due": None,
-}
-READ_ALONE: dict[str, Any] = {
-    "columns": None,
-    "where": {},
-    "time": None,
-    "encoding": "utf-8",
-    "sheet": None,
-}  # and of a file
-Share = Annotated[float, Meta(ge=0, le=1)]
-
-
-def check_shares(name: str, shares: dict[str, float]) -> None:
-    """Shares add up to 1. Raises ValueError."""
-    total = sum(shares.values())
-    if abs(total - 1) > SHARE_ERROR:
-        raise ValueError(f"{name} must add up to 1, found {total:.4g}")
+MAX_POD_STOPS: Final = 64
 
 
 class Pod(ConfigSection, frozen=True, kw_only=True):
@@ -59,7 +41,7 @@ class Pod(ConfigSection, frozen=True, kw_only=True):
     ] = None
     pod_class: Annotated[
         SingleLine | None,
-        Meta(description="Its class, one of pods.classes; all pods have one, or none."),
+        Meta(description="The class of the pod, one of pods.classes; all pods have one, or none."),
     ] = field(name="class", default=None)
     weight: Weight = 1
     skus: Annotated[
@@ -70,17 +52,34 @@ class Pod(ConfigSection, frozen=True, kw_only=True):
 class PodColumns(ColumnNames, frozen=True, kw_only=True):
     """What the columns of a file of pods are called; others are not read."""
 
-    x: Annotated[Column, Meta(description="Where the pod stands: its column.")] = None
-    y: Annotated[Column, Meta(description="And its row.")] = None
-    pod: Annotated[
-        Column, Meta(description="Its number from 1; without a column: that of its row.")
+    rows = "pods"
+    needed = ((("x",),), (("y",),))
+
+    x: Annotated[
+        Column,
+        column("The column where the pod stands, from 0.", COORDINATE),
     ] = None
-    name: Annotated[Column, Meta(description="What lines and orders call it.")] = None
-    pod_class: Annotated[Column, Meta(description="One of pods.classes.")] = field(
+    y: Annotated[Column, column("The row where the pod stands, from 0.", COORDINATE)] = None
+    pod: Annotated[
+        Column,
+        column(
+            "The number of the pod, from 1; without a column: that of its row.",
+            NumberField,
+            least=1,
+            most=1_000_000,
+        ),
+    ] = None
+    name: Annotated[Column, column("What lines and orders call the pod.")] = None
+    pod_class: Annotated[Column, column("The class of the pod, one of pods.classes.")] = field(
         name="class", default=None
     )
-    weight: Annotated[Column, Meta(description="How heavy it is; empty: 1.")] = None
-    skus: Annotated[Column, Meta(description="What it holds, between blanks.")] = None
+    weight: Annotated[
+        Column,
+        column(
+            "How heavy the pod is; empty: 1.", NumberField, least=1, most=1_000_000_000, default=1
+        ),
+    ] = None
+    skus: Annotated[Column, column("What the pod holds, between blanks.")] = None
 
 
 class Pods(ConfigSection, frozen=True, kw_only=True):
@@ -122,7 +121,7 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
         int, Meta(ge=1, le=MAX_POD_STOPS, description="Stations of one trip, at most.")
     ] = 4
     classes: Annotated[
-        dict[SingleLine, Share] | None,
+        Shares | None,
         Meta(
             description="Classes of pods and of storage cells, the first nearest to the stations, "
             "and the share of both that each has."
@@ -134,7 +133,7 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
             check_shares("classes", self.classes)
         if self.file is not None and self.listed is not None:
             raise ValueError("pods have either a file or a list")
-        for name, default in READ_ALONE.items() if self.file is None else ():
+        for name, default in FILE_OPTIONS.items() if self.file is None else ():
             if getattr(self, name, default) != default:
                 raise ValueError(f"{name} belongs to pods with a file")
         _ = self.options
@@ -159,7 +158,7 @@ class Break(ConfigSection, frozen=True, kw_only=True):
 class PodStation(ConfigSection, frozen=True, kw_only=True):
     """A station with a name: its cell, the cells of its queue, how many it lets come."""
 
-    at: Annotated[NamedCell, Meta(description="Its cell, one of kind station.")]
+    at: Annotated[NamedCell, Meta(description="The cell of the station, one of kind station.")]
     queue: Annotated[
         tuple[NamedCell, ...],
         Meta(
@@ -178,136 +177,3 @@ class PodStation(ConfigSection, frozen=True, kw_only=True):
         Handling | None, Meta(description="How long a visit takes; left out: durations.handling.")
     ] = None
     breaks: Annotated[tuple[Break, ...], Meta(description="When no visit begins.")] = ()
-
-
-# gc=False: 16 bytes less for each of a million, and no cycle of references leads through them.
-class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
-    """What an order wants of one pod, or of any pod with some SKU, at a station."""
-
-    pod: Annotated[
-        Annotated[int, Meta(ge=1, le=1_000_000)] | SingleLine | None,
-        Meta(description="The pod, by name or number from 1."),
-    ] = None
-    sku: Annotated[
-        int | SingleLine | None,
-        Meta(description="What is wanted, of any pod that holds it; read where no pod is named."),
-    ] = None
-    station: Annotated[
-        int | SingleLine | None,
-        Meta(
-            description="The station, by name or number from 1; left out: that of the earlier lines "
-            "of its order, or the one with the fewest open lines."
-        ),
-    ] = None
-    order: Annotated[
-        int | SingleLine | None,
-        Meta(description="Lines of one order have the same; left out: an order of its own."),
-    ] = None
-    release: Annotated[Tick, Meta(description="The tick from which it is known.")] = 0
-    due: Annotated[
-        Due | None,
-        Meta(description="Ticks after release until which it is to be done, or {at: ...}: a tick."),
-    ] = None
-    priority: Annotated[int, Meta(ge=-100, le=100, description="Larger ones come first.")] = 0
-    units: Annotated[int, Meta(ge=0, le=1_000_000, description="Units that are picked.")] = 1
-
-    def __post_init__(self) -> None:
-        if self.pod is None and self.sku is None:
-            raise ValueError("a line needs a pod or a sku")
-
-    @property
-    def due_tick(self) -> int | None:
-        """The tick until which it is to be done; None: it has no due time."""
-        return due_tick(self.due, self.release)
-
-
-class PerOrder(ConfigSection, frozen=True, kw_only=True):
-    """A number of lines from 1 on, drawn geometrically for each order."""
-
-    mean: Annotated[float, Meta(ge=1, le=1000, description="Its mean.")]
-
-
-class LineColumns(ColumnNames, frozen=True, kw_only=True):
-    """What the columns of a file of lines are called; others are not read."""
-
-    released: Annotated[Column, Meta(description="When the line is released.")] = None
-    pod: Annotated[Column, Meta(description="The pod, by name or number from 1.")] = None
-    sku: Annotated[Column, Meta(description="What is wanted, where no pod is named.")] = None
-    station: Annotated[Column, Meta(description="The station, by name or number; empty: any.")] = (
-        None
-    )
-    order: Annotated[Column, Meta(description="What lines of one order have in common.")] = None
-    due: Annotated[
-        Column, Meta(description="Until when: a clock time, or ticks or a time after the release.")
-    ] = None
-    priority: Annotated[Column, Meta(description="From -100 to 100; empty: 0.")] = None
-    units: Annotated[Column, Meta(description="Units that are picked; empty: 1.")] = None
-
-
-class LineDemand(OrderFile, frozen=True, kw_only=True):
-    """Lines that are drawn, so many of them, or those of a file."""
-
-    file: Annotated[
-        NonEmptyText | None,
-        Meta(
-            description="A CSV file with a line in each row, whose first row names its columns, between "
-            "semicolons, tabs or commas, or a workbook (.xlsx, extra excel); path relative to the "
-            "scenario."
-        ),
-    ] = None  # type: ignore[assignment]
-    columns: Annotated[
-        LineColumns | None,
-        Meta(description="What its columns are called; null: as the keys of this are."),
-    ] = None
-    count: Annotated[
-        Annotated[int, Meta(ge=1, le=MAX_LINES)] | None,
-        Meta(description="How many lines are drawn."),
-    ] = None
-    mean_interarrival_time: Annotated[
-        float,
-        quantity(
-            GAP,
-            ge=0,
-            le=1_000_000,
-            description="Mean ticks between two orders, whose lines come together: one arrives in a "
-            "tick with probability 1 / this. 0: all are known from the start.",
-        ),
-    ] = 0.0
-    per_order: Annotated[
-        Annotated[int, Meta(ge=1, le=1000)] | PerOrder,
-        Meta(description="Lines of an order: so many, or drawn with this mean."),
-    ] = 1
-    classes: Annotated[
-        dict[SingleLine, Share] | None,
-        Meta(
-            description="Which share of lines wants pods of each class; left out: all pods alike."
-        ),
-    ] = None
-    stations: Annotated[
-        Literal["fewest-lines", "random"],
-        Meta(description="The station of an order: the one with the fewest open lines, or any."),
-    ] = "fewest-lines"
-    due: Annotated[
-        Annotated[int, quantity(TIME, ge=0, le=2_000_000_000)] | None,
-        Meta(description="Ticks after release in which they are due; null: never."),
-    ] = None
-
-    @property
-    def drawn(self) -> int:
-        """How many lines are drawn."""
-        return self.count or 0
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if (self.file is None) == (self.count is None):
-            raise ValueError("lines are a list, or have either a count or a file")
-        for name, default in (DRAWN_ALONE if self.count is None else READ_ALONE).items():
-            if getattr(self, name) != default:
-                other = "count" if self.count is None else "file"
-                raise ValueError(f"{name} belongs to lines with a {other}")
-        if self.classes is not None:
-            check_shares("classes", self.classes)
-        if 0 < self.mean_interarrival_time < 1:
-            raise ValueError(
-                "mean_interarrival_time must be 0 or at least 1: at most one order arrives per tick"
-            )

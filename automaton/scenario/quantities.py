@@ -1,4 +1,12 @@
-"""Numbers with a unit as text, read exactly: "20 s", "1.5 m/s", "120/h", "9 %/h", "0:10:00"."""
+"""What numbers of a scenario count, and the texts that may be written instead of them.
+
+    durations: {move: 1.5 m/s, pick: 20 s}      beside      durations: {move: 2, pick: 40}
+
+A text is a number with a unit ("20 s", "1.5 m/s", "120/h", "9 %/h", "0:10:00") or a clock time
+("2026-03-02 06:30", or "06:30" on the day of units.clock). A field of a struct says what it counts by
+`quantity(TIME, ...)` among its annotations, in a plug-in as well. Texts are read as exact fractions;
+automaton.scenario.validation rounds them where a whole number is wanted.
+"""
 
 from __future__ import annotations
 
@@ -27,12 +35,29 @@ from automaton.units import (
 )
 
 MAX_CHARACTERS: Final = 60
-NUMBER: Final = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,2})?"
-_AMOUNT: Final = re.compile(rf"\s*({NUMBER})\s*(.*?)\s*", re.DOTALL)
+DECIMAL_NUMBER: Final = r"(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][-+]?[0-9]{1,2})?"
+_AMOUNT: Final = re.compile(rf"\s*({DECIMAL_NUMBER})\s*(.*?)\s*", re.DOTALL)
 _PARTS: Final = re.compile(r"\s*([0-9]{1,9}):([0-9]{2}):([0-9]{2}(?:\.[0-9]+)?)\s*")
 _TWO_PARTS: Final = re.compile(r"\s*([0-9]{1,9}):([0-9]{2})\s*")
 _COMMA: Final = re.compile(r"[0-9]\s*[,_'\u2009\u00a0]\s*[0-9]|[0-9] [0-9]")
-_COUNTS: Final = {"cell": "cell", "cells": "cell", "deg": "deg", "°": "deg", "%": "%"}
+
+CLOCK_EXAMPLES: Final = "'2026-03-02 06:30' or '06:30'"
+_TIME: Final = r"([0-9]{1,2}):([0-9]{2})(?::([0-9]{2}(?:\.[0-9]+)?))?"
+_DATE: Final = r"([0-9]{4})-([0-9]{1,2})-([0-9]{1,2})"
+_MOMENT: Final = re.compile(rf"\s*(?:{_DATE}(?:[Tt]|\s+))?{_TIME}\s*")
+_BARE_TIME: Final = re.compile(rf"\s*{_TIME}\s*")
+_LIKE_A_DATE: Final = re.compile(r"\s*([0-9]{4}-[0-9]|[0-9]{1,2}[./][0-9]{1,2}[./][0-9])")
+_ZONE: Final = re.compile(r"(Z|[-+][0-9]{1,2}(:?[0-9]{2})?)\s*$")
+_OFFSET: Final = re.compile(r"\s*(Z|([-+])([0-9]{2}):([0-5][0-9]))\s*$")
+SECONDS_OF_DAY: Final = 86_400
+NO_DATE: Final = 0  # days since 0001-01-01 begin with 1
+QUANTITY_KEY: Final = "quantity"  # of what fields say beside their types
+SCHEMA_KEY: Final = "x-quantity"  # the same in a JSON Schema
+PLACE_KEY: Final = "place"  # of cells that may be written by their names
+PLACE_SCHEMA_KEY: Final = "x-place"
+QUARTER_TURN: Final = 90  # degrees
+LAST_TICK: Final = 2_000_000_000
+SHARE_ERROR: Final = 0.001  # by which shares may miss 1
 
 
 class Dimension(Enum):
@@ -58,7 +83,11 @@ _OVER_TIME: Final = {
     Dimension.PERCENT: Dimension.PERCENT_RATE,
     Dimension.NUMBER: Dimension.RATE,
 }
-_OF_COUNTS: Final = {"cell": Dimension.CELLS, "deg": Dimension.ANGLE, "%": Dimension.PERCENT}
+_COUNTS: Final = {
+    **dict.fromkeys(("cell", "cells"), Dimension.CELLS),
+    **dict.fromkeys(("deg", "°"), Dimension.ANGLE),
+    "%": Dimension.PERCENT,
+}
 
 
 class Amount(NamedTuple):
@@ -133,7 +162,7 @@ def _unit(name: str) -> tuple[Fraction, Dimension] | None:
 
 def _simple_unit(name: str) -> tuple[Fraction, Dimension] | None:
     if name in _COUNTS:
-        return Fraction(1), _OF_COUNTS[_COUNTS[name]]
+        return Fraction(1), _COUNTS[name]
     for table, dimension in ((TIME_UNITS, Dimension.TIME), (LENGTH_UNITS, Dimension.LENGTH)):
         for symbol, size in table.items():
             if name in (symbol, *SPELLED.get(symbol, ())):
@@ -168,22 +197,15 @@ def unit_names(dimensions: Iterable[Dimension]) -> Iterator[str]:
             yield from (f"{name}/{time}" for time in TIME_UNITS)
 
 
-# Clock times: "2026-03-02 06:30", or "06:30" on the day of the clock, which says when tick 0 is.
+def rounded(exact: Fraction) -> int:
+    """The nearest whole number; halves go up."""
+    return math.floor(exact + Fraction(1, 2))
 
 
-EXAMPLES: Final = "'2026-03-02 06:30' or '06:30'"
-_TIME: Final = r"([0-9]{1,2}):([0-9]{2})(?::([0-9]{2}(?:\.[0-9]+)?))?"
-_DATE: Final = r"([0-9]{4})-([0-9]{1,2})-([0-9]{1,2})"
-_MOMENT: Final = re.compile(rf"\s*(?:{_DATE}(?:[Tt]|\s+))?{_TIME}\s*")
-_BARE_TIME: Final = re.compile(rf"\s*{_TIME}\s*")
-_LIKE_A_DATE: Final = re.compile(r"\s*([0-9]{4}-[0-9]|[0-9]{1,2}[./][0-9]{1,2}[./][0-9])")
-_ZONE: Final = re.compile(r"(Z|[-+][0-9]{1,2}(:?[0-9]{2})?)\s*$")
-_OFFSET: Final = re.compile(r"\s*(Z|([-+])([0-9]{2}):([0-5][0-9]))\s*$")
-SECONDS_OF_DAY: Final = 86_400
-NO_DATE: Final = 0  # days since 0001-01-01 begin with 1
+# Clock times.
 
 
-class Moment(NamedTuple):
+class ClockTime(NamedTuple):
     """A clock time."""
 
     day: int | None  # days since 0001-01-01; None: of a time without a date
@@ -209,7 +231,7 @@ def is_of_three_parts(text: str) -> bool:
     return match is not None and match[3] is not None
 
 
-def read_moment(text: str) -> Moment:
+def read_moment(text: str) -> ClockTime:
     """A date with a time, or a time. Raises InputError."""
     match = _MOMENT.fullmatch(text)
     if match is None:
@@ -219,15 +241,15 @@ def read_moment(text: str) -> Moment:
         raise InputError(f"'{text}' is not a time of the day; they go from 00:00 to 23:59")
     since_midnight = 3600 * int(hours) + 60 * int(minutes) + Fraction(seconds or 0)
     if year is None:
-        return Moment(None, since_midnight)
+        return ClockTime(None, since_midnight)
     try:
         date = datetime.date(int(year), int(month), int(day))
     except ValueError:
         raise InputError(f"'{text}': there is no such day") from None
-    return Moment(date.toordinal(), since_midnight)
+    return ClockTime(date.toordinal(), since_midnight)
 
 
-def read_clock(text: str) -> Moment:
+def read_clock(text: str) -> ClockTime:
     """The time of tick 0: as other moments and, after a date, with an offset. Raises InputError."""
     match = _OFFSET.search(text)
     if match is None or not has_date(text):
@@ -239,13 +261,15 @@ def read_clock(text: str) -> Moment:
 
 def _why_not(text: str) -> str:
     if _ZONE.search(text) and _MOMENT.fullmatch(_ZONE.sub("", text)):
-        return f"'{text}' has a time zone; write it in the time of the place, such as {EXAMPLES}"
+        return (
+            f"'{text}' has a time zone; write it in the time of the place, such as {CLOCK_EXAMPLES}"
+        )
     if _LIKE_A_DATE.match(text):
         return f"'{text}' is not a date with a time, such as '2026-03-02 06:30'"
-    return f"'{text}' is not a clock time, such as {EXAMPLES}"
+    return f"'{text}' is not a clock time, such as {CLOCK_EXAMPLES}"
 
 
-def clock_text(clock: Moment, seconds: Fraction) -> str:
+def clock_text(clock: ClockTime, seconds: Fraction) -> str:
     """The clock time so many seconds after tick 0, whole ones: "06:30"; on another day with its date.
 
     Where the clock has no date, its day is day 1.
@@ -261,7 +285,7 @@ def clock_text(clock: Moment, seconds: Fraction) -> str:
     return f"{datetime.date.fromordinal(day)} {time}"
 
 
-def seconds_after(clock: Moment | None, text: str, may_precede: bool = False) -> Fraction:
+def seconds_after(clock: ClockTime | None, text: str, may_precede: bool = False) -> Fraction:
     """Seconds from tick 0 to a clock time; `may_precede`: it may be earlier. Raises InputError."""
     moment = read_moment(text)
     if clock is None:
@@ -281,20 +305,7 @@ def seconds_after(clock: Moment | None, text: str, may_precede: bool = False) ->
     return seconds
 
 
-# What numbers of a scenario count, and the texts with units that may be written instead of them.
-#
-# durations: {move: 1.5 m/s, pick: 20 s} beside durations: {move: 2, pick: 40}
-#
-# A field of a struct says what it counts by `quantity(TIME, ...)` among its annotations, in a plug-in
-# as well. Texts are read as exact fractions; `conversions` rounds them where a whole number is
-# wanted.
-
-
-KEY: Final = "quantity"  # of what fields say beside their types
-SCHEMA_KEY: Final = "x-quantity"  # the same in a JSON Schema
-PLACE_KEY: Final = "place"  # of cells that may be written by their names
-PLACE_SCHEMA_KEY: Final = "x-place"
-QUARTER_TURN: Final = 90  # degrees
+# Quantities.
 
 
 @dataclass(frozen=True)
@@ -303,7 +314,7 @@ class Scale:
 
     tick: str  # as written
     cell: str | None = None
-    clock: Moment | None = None  # the time of tick 0
+    clock: ClockTime | None = None  # the time of tick 0
 
     @property
     def unit(self) -> Unit:
@@ -458,7 +469,7 @@ MINUTES: Final = Quantity(
 
 def quantity(of: Quantity, **said: Any) -> Meta:
     """The annotation of a field that holds a quantity; `said` are further arguments of Meta."""
-    return Meta(extra={KEY: of}, extra_json_schema={SCHEMA_KEY: of.described}, **said)
+    return Meta(extra={QUANTITY_KEY: of}, extra_json_schema={SCHEMA_KEY: of.described}, **said)
 
 
 def place() -> Meta:
@@ -495,26 +506,25 @@ def _text_schema(described: str) -> dict[str, Any]:
     }
 
 
-# Types of fields that the structs of the schema share.
+# Types of fields that the structs of scenarios share.
 
-
-LAST_TICK: Final = 2_000_000_000
 Direction = Literal["east", "south", "west", "north"]
+Weight = Annotated[
+    int, Meta(ge=1, le=1_000_000_000, description="A weight, in whatever unit payloads are given.")
+]
+Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
+NonEmptyText = Annotated[str, Meta(min_length=1)]
+Parameters = dict[str, Any]
+StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
+SingleLine = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
+Shares = dict[SingleLine, Annotated[float, Meta(ge=0, le=1)]]  # of classes of pods
 Ticks = Annotated[int, quantity(TIME, ge=1, le=10_000, description="A duration in ticks.")]
 TicksOrNone = Annotated[
     int, quantity(TIME, ge=0, le=10_000, description="A duration in ticks, or 0.")
 ]
 LongTicks = Annotated[int, quantity(TIME, ge=1, le=10_000_000, description="A duration in ticks.")]
 Tick = Annotated[int, quantity(MOMENT, ge=0, le=2_000_000_000, description="A tick.")]
-Weight = Annotated[
-    int, Meta(ge=1, le=1_000_000_000, description="In whatever unit payloads are given.")
-]
-Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
 NamedCell = Annotated[Pair, place()]  # written as [x, y] or by its name
-NonEmptyText = Annotated[str, Meta(min_length=1)]
-Parameters = dict[str, Any]
-StrategySpec = str | Parameters  # a strategy: its name, or {name: NAME, ...parameters}
-SingleLine = Annotated[str, Meta(min_length=1, max_length=200, pattern=r"^[^\r\n]*$")]
 
 
 class ConfigSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
@@ -533,6 +543,13 @@ class DueAt(ConfigSection, frozen=True, kw_only=True):
 
 
 Due = Annotated[int, quantity(DUE, ge=0, le=LAST_TICK)] | DueAt
+
+
+def check_shares(name: str, shares: Mapping[str, float]) -> None:
+    """Shares add up to 1. Raises ValueError."""
+    total = sum(shares.values())
+    if abs(total - 1) > SHARE_ERROR:
+        raise ValueError(f"{name} must add up to 1, found {total:.4g}")
 
 
 def due_tick(due: Due | None, release: int) -> int | None:

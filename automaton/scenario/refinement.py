@@ -14,13 +14,13 @@ from typing import Any, Final
 import msgspec
 import numpy as np
 
-from automaton.scenario.order_fields import NO_DUE
-from automaton.scenario.orders import LineTable, OrderLine
-from automaton.scenario.pods import Line
+from automaton.scenario.order_lines import LineTable
+from automaton.scenario.orders import Line, OrderLine
 from automaton.scenario.quantities import (
     CHARGE_RATE,
     DUE,
     GAP,
+    LAST_TICK,
     MOMENT,
     PROBABILITY,
     STEP,
@@ -30,10 +30,10 @@ from automaton.scenario.quantities import (
     Quantity,
 )
 from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario, Units
+from automaton.scenario.table_fields import NO_DUE
 from automaton.scenario.validation import Plan, plan_of
 from automaton.units import NUMBER_AND_NAME
 
-LAST_TICK: Final = 2_000_000_000
 CHARGE_UNITS: Final = 10_000_000  # in a percent, as the world counts
 COARSE: Final = "coarse-ticks"  # what ticks count where the scenario does not say what they are
 

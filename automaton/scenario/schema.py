@@ -16,14 +16,14 @@ from automaton.scenario.changing_floor import ChangingFloor as ChangingFloor
 from automaton.scenario.changing_floor import Locations
 from automaton.scenario.durations import Durations as Durations
 from automaton.scenario.durations import Handling as Handling
-from automaton.scenario.energy_and_faults import Battery as Battery
-from automaton.scenario.energy_and_faults import ChargeRange as ChargeRange
-from automaton.scenario.energy_and_faults import Drain as Drain
-from automaton.scenario.energy_and_faults import Fault as Fault
-from automaton.scenario.energy_and_faults import Faults as Faults
-from automaton.scenario.energy_and_faults import TypeBattery
 from automaton.scenario.fleet import Area as Area
+from automaton.scenario.fleet import Battery as Battery
+from automaton.scenario.fleet import ChargeRange as ChargeRange
+from automaton.scenario.fleet import Drain as Drain
+from automaton.scenario.fleet import Fault as Fault
+from automaton.scenario.fleet import Faults as Faults
 from automaton.scenario.fleet import Fleet as Fleet
+from automaton.scenario.fleet import TypeBattery
 from automaton.scenario.orders import Orders as Orders
 from automaton.scenario.pods import Pods, PodStation
 from automaton.scenario.quantities import (
@@ -74,7 +74,7 @@ class Units(ConfigSection, frozen=True, kw_only=True):
     tick: Annotated[
         str,
         Meta(
-            description='Such as "1 cycle" or "0.5 s": a number above 0 and a name.',
+            description='A number above 0 and a name, such as "1 cycle" or "0.5 s".',
             pattern=TICK_PATTERN,
         ),
     ] = "1 tick"
@@ -144,7 +144,7 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
     access_cell: Annotated[
         Literal["fixed", "nearest"],
         Meta(
-            description="From which cell a slot is served. fixed: picks from the east if possible, "
+            description="Which cell a slot is served from. fixed: picks from the east if possible, "
             "drops from the west; nearest: the one with the least rows and columns to the robot."
         ),
     ] = "fixed"
@@ -179,7 +179,7 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
 class Radius(ConfigSection, frozen=True, kw_only=True):
     """A robot knows what lies within this many cells of it."""
 
-    radius: Annotated[int, quantity(CELLS, ge=1, le=10_000, description="In cells.")]
+    radius: Annotated[int, quantity(CELLS, ge=1, le=10_000, description="The distance in cells.")]
     shape: Annotated[
         Literal["square", "circle"],
         Meta(description="Along rows and columns (Chebyshev), or as the crow flies."),

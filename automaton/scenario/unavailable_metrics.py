@@ -1,61 +1,22 @@
-"""Which orders of a scenario carry pods: lines, and those of a list that begin in storage."""
+"""Which metrics no run of a scenario has, known before any is made.
+
+Metrics that strategies count themselves are not told of here. Importing this needs no Numba.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Any, Final
 
-from automaton.floor.cells import STORAGE
-from automaton.floor.floor_plan import FloorPlan
-from automaton.floor.reachability import has_storage
-from automaton.scenario.orders import OrderLine, has_due_times, line_column, listed_lines
+from automaton.scenario.order_lines import has_due_times, line_column, listed_lines
 from automaton.scenario.robot_types import follows_in_convoy
 from automaton.scenario.schema import ROUTE_FOLLOWERS, Scenario
-
-
-def is_of_pod(order: OrderLine, floor_plan: FloorPlan) -> bool:
-    """Whether an order of a list begins in storage, and so carries the pod that stands there."""
-    if order.source is None or not floor_plan.holds(*order.source):
-        return False
-    return bool(floor_plan.kind.flat[floor_plan.cell(*order.source)] == STORAGE)
-
-
-def lists_pods(scenario: Scenario, floor_plan: FloorPlan) -> bool:
-    """Whether an order of a list carries a pod."""
-    if scenario.orders.listed is None or not has_storage(floor_plan):
-        return False
-    return any(is_of_pod(order, floor_plan) for order in scenario.orders.listed)
-
-
-def carries_pods(scenario: Scenario, floor_plan: FloorPlan) -> bool:
-    """Whether robots carry pods."""
-    return scenario.orders.lines is not None or lists_pods(scenario, floor_plan)
-
-
-def transports_of(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[tuple[int, OrderLine]]:
-    """The orders of a list that bring a load from one slot to another, with their places in it."""
-    for index, order in enumerate(scenario.orders.listed or ()):
-        if order.has_load and not is_of_pod(order, floor_plan):
-            yield index, order
-
-
-# Which metrics no run of a scenario has, known before any is made.
-#
-# Metrics that strategies count themselves are not told of here. Importing this needs no Numba.
-
 
 TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "throughput_per_robot")
 OF_TIMES: Final = ("lead_time", "lead_time_p95", "lead_time_p99", "lead_time_max")
 OF_DUE_TIMES: Final = ("late_share", "not_yet_due", "tardiness", "tardiness_p95", "tardiness_p99")
 OF_BATTERIES: Final = (
-    *(
-        "lost_queueing",
-        "energy",
-        "charging_share",
-        "min_charge",
-        "repair_energy",
-        "battery_depletions",
-    ),
+    *("lost_queueing", "energy", "charging_share"),
+    *("min_charge", "repair_energy", "battery_depletions"),
 )
 OF_LINES: Final = ("lines_done", "visits", "lines_per_visit", "trips", "pod_moves")
 OF_FAULTS: Final = ("breakdowns", "towed", "downtime")

@@ -1,8 +1,11 @@
-"""Data against the structs of the schema, with sentences that say what was expected and found."""
+"""Data as the structs of the schema, with sentences that say what was expected and found.
+
+Texts with units become numbers, and names of cells become cells: "20 s" is 40 ticks, and `packing` is
+[4, 2]. Each conversion is kept with what was wanted exactly, so that `check` can say what it costs.
+"""
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
@@ -17,8 +20,8 @@ from automaton.errors import InputError, alternatives, nearest
 from automaton.scenario.changing_floor import Cell, cell_named
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.quantities import (
-    KEY,
     PLACE_KEY,
+    QUANTITY_KEY,
     TIME,
     Dimension,
     Quantity,
@@ -27,6 +30,7 @@ from automaton.scenario.quantities import (
     is_clock_time,
     is_of_three_parts,
     read_amount,
+    rounded,
     seconds_after,
 )
 from automaton.scenario.schema import INSTEAD, MEMORY_PATTERN, TICK_PATTERN
@@ -40,6 +44,14 @@ MSER_OR_TIME: Final = rf"^mser-5$|{TIME_PATTERN}"
 AT: Final = re.compile(r"^(?P<what>.*?)(?: - at `\$(?P<path>[^`]*)`)?$", re.DOTALL)
 PART: Final = re.compile(r"\.(\w+)|\[(\d+)\]|\[\.\.\.\]")
 FIELD: Final = re.compile(r"field `(.*)`")
+
+_MAY_BE_A_NUMBER: Final = re.compile(r"\s*[-+]?[0-9.]")
+_OVER_TIME: Final = (
+    Dimension.SPEED,
+    Dimension.CELL_SPEED,
+    Dimension.ANGLE_SPEED,
+    Dimension.RATE,
+)
 
 
 def validated(document: Document, value: Any, wanted: type[T], at: Keys = ()) -> T:
@@ -129,7 +141,7 @@ def described(expected: Any) -> str:
     from msgspec import inspect
 
     if isinstance(expected, inspect.Metadata):
-        quantity = (expected.extra or {}).get(KEY)
+        quantity = (expected.extra or {}).get(QUANTITY_KEY)
         return described(expected.type) + ("" if quantity is None else f", or {quantity.described}")
     if isinstance(expected, inspect.UnionType):
         kinds = [kind for kind in expected.types if not isinstance(kind, inspect.NoneType)]
@@ -257,23 +269,11 @@ def _text(pattern: str | None) -> str:
     return "text in one line" if pattern else "text"
 
 
-# Texts with units as the numbers that structs of a scenario hold, and names as their cells.
-#
-# "20 s" is 40 ticks, and `packing` is [4, 2]. Each conversion is kept with what was wanted exactly,
-# so that `check` can say what it costs.
-
-
-_MAY_BE_A_NUMBER: Final = re.compile(r"\s*[-+]?[0-9.]")
-_OVER_TIME: Final = (
-    Dimension.SPEED,
-    Dimension.CELL_SPEED,
-    Dimension.ANGLE_SPEED,
-    Dimension.RATE,
-)
+# Texts as numbers, names as cells.
 
 
 @dataclass(frozen=True)
-class Bounds:
+class NumberRange:
     """Which numbers a field allows."""
 
     is_whole: bool
@@ -295,7 +295,7 @@ class Place:
     """A quantity that a struct holds somewhere."""
 
     quantity: Quantity
-    bounds: Bounds
+    bounds: NumberRange
 
 
 class Conversion(NamedTuple):
@@ -307,7 +307,7 @@ class Conversion(NamedTuple):
     exact: Fraction
     value: float  # what the field holds: whole where it must be
     counted: str  # what the value counts, for one: "tick"
-    bounds: Bounds
+    bounds: NumberRange
     is_moment: bool  # a point in time, which is early or late, and neither long nor short
     after_release: bool = False  # unless it is a clock time
 
@@ -361,13 +361,13 @@ def _add(plan: Plan, described: Any, quantity: Quantity | None) -> None:
     if isinstance(described, inspect.Metadata):
         extra = described.extra or {}
         plan.is_cell |= extra.get(PLACE_KEY, False)
-        _add(plan, described.type, extra.get(KEY, quantity))
+        _add(plan, described.type, extra.get(QUANTITY_KEY, quantity))
     elif isinstance(described, inspect.UnionType):
         for option in described.types:
             _add(plan, option, quantity)
     elif isinstance(described, inspect.IntType | inspect.FloatType) and quantity is not None:
         is_whole = isinstance(described, inspect.IntType)
-        bounds = Bounds(is_whole, described.ge, described.gt, described.le)
+        bounds = NumberRange(is_whole, described.ge, described.gt, described.le)
         plan.place = Place(quantity, bounds)
     elif isinstance(described, inspect.LiteralType):
         plan.literals |= {value for value in described.values if isinstance(value, str)}
@@ -479,11 +479,6 @@ def convert(key: str, text: str, place: Place, scale: Scale) -> Conversion:
     except InputError as error:
         raise InputError(f"{key}: {error.message}") from None
     return conversion
-
-
-def rounded(exact: Fraction) -> int:
-    """The nearest whole number; halves go up."""
-    return math.floor(exact + Fraction(1, 2))
 
 
 def _exact(text: str, quantity: Quantity, scale: Scale) -> tuple[Dimension | None, Fraction]:

@@ -72,12 +72,16 @@ ORDERS: Final = (
     Column("released", TICKS, "tick from which it is known; empty: not in this run"),
     Column("due", TICKS, "tick until which it is to be done"),
     Column("done", TICKS, "tick in which it was done; empty: open at the end"),
-    Column("lead_time", TICKS, "from its release until it was done"),
+    Column("lead_time", TICKS, "time from its release until it was done"),
     Column(
-        "tardiness", TICKS, "from `due` until it was done, or to the end of the run; 0: in time"
+        "tardiness",
+        TICKS,
+        "time from `due` until it was done, or to the end of the run; 0: in time",
     ),
     Column(
-        "late", FLAG, "done after it was due, or open and past due at the end; empty: not known"
+        "late",
+        FLAG,
+        "whether it was done after it was due, or is open and past due at the end; empty: not known",
     ),
     Column("lines", WHOLE, "lines of the order; empty where orders have none"),
     Column("name", TEXT, "what a list or a file of lines calls the order"),
@@ -87,7 +91,7 @@ LINES: Final = (
     Column("order", WHOLE, "the order that it belongs to"),
     Column("sku", TEXT, "what is wanted, where the scenario says so"),
     Column("pod", WHOLE, "number of the pod, from 1"),
-    Column("pod_name", TEXT, "its name; its number where it has none"),
+    Column("pod_name", TEXT, "name of the pod; its number where it has none"),
     Column("station", TEXT, "the station where it is served"),
     Column("trip", WHOLE, "the trip that serves it"),
     Column("robot", WHOLE, "the robot that last took this trip"),
@@ -97,7 +101,7 @@ LINES: Final = (
     Column("lifted", TICKS, "first tick in which the pod is on the robot"),
     Column("arrived", TICKS, "tick at whose end the robot stands at the station"),
     Column("begun", TICKS, "first tick of the visit in which it is served"),
-    Column("done", TICKS, "last tick of this visit; empty: open at the end"),
+    Column("done", TICKS, "the last tick of this visit; empty: open at the end"),
 )
 TRIPS: Final = (
     Column("trip", WHOLE, "number of the trip; without lines, of the order"),
@@ -128,45 +132,43 @@ EVENTS: Final = (
     Column(
         "value",
         NUMBER,
-        "of `retreated` moves, of wait cycles robots, of `charges` the charge from 0 to 1, of parts "
-        "the station from 0, of `zones redesigned` stations that changed their zones",
+        "how many or how much: moves of `retreated`, robots of a wait cycle, the charge from 0 to 1 of "
+        "`charges`, the station from 0 of parts, stations of `zones redesigned` that changed theirs",
     ),
-    Column("x", WHOLE, "the cell of the robot, where loads are handled or robots go down"),
-    Column("y", WHOLE, "and its row"),
+    Column("x", WHOLE, "column of the robot's cell, where loads are handled or robots go down"),
+    Column("y", WHOLE, "row of this cell"),
 )
 STATES: Final = (
-    Column("tick", TICKS, "after this tick"),
+    Column("tick", TICKS, "tick after which this is the state"),
     Column("robot", WHOLE, "number of the robot, from 0"),
-    Column(
-        "x", WHOLE, "the cell where it stands, or that a long move leaves; empty: off the floor"
-    ),
-    Column("y", WHOLE, "and its row"),
+    Column("x", WHOLE, "column where it stands, or that a long move leaves; empty: off the floor"),
+    Column("y", WHOLE, "row of this cell"),
     Column("heading", TEXT, "E, S, W or N; on rails EW or NS; empty: it may move any way"),
     Column("action", TEXT, "what it does"),
     Column("load", WHOLE, "the order, or the trip, whose load it carries"),
     Column("order", WHOLE, "the order, or the trip, that it works on"),
-    Column("charge", NUMBER, "of its battery, from 0 to 1; empty: robots have none"),
+    Column("charge", NUMBER, "charge of its battery, from 0 to 1; empty: robots have none"),
     Column("cause", TEXT, "why it does not get on; empty: it does"),
     Column("blocker", WHOLE, "the robot that keeps it"),
 )
 STATIONS: Final = (
-    Column("station", TEXT, "its name, or its number from 1"),
-    Column("x", WHOLE, "its cell"),
-    Column("y", WHOLE, "and its row"),
+    Column("station", TEXT, "name of the station, or its number from 1"),
+    Column("x", WHOLE, "column of the station"),
+    Column("y", WHOLE, "row of the station"),
     Column("visits", WHOLE, "visits that were done, or parts"),
     Column("lines", WHOLE, "lines that were served; empty where orders have none"),
     Column("work", TICKS, "ticks of these visits, or of work on parts"),
     Column("utilization", NUMBER, "`work` / ticks of the run"),
 )
 CELLS: Final = (
-    Column("x", WHOLE, "the cell, of those that robots drive on"),
-    Column("y", WHOLE, "and its row"),
+    Column("x", WHOLE, "column of the cell, one of those that robots drive on"),
+    Column("y", WHOLE, "row of the cell"),
     Column("visits", WHOLE, "times that a robot entered it"),
     Column("waited", TICKS, "robot ticks that were lost in it"),
     Column("flow_e", WHOLE, "moves out of it to the east"),
-    Column("flow_s", WHOLE, "south"),
-    Column("flow_w", WHOLE, "west"),
-    Column("flow_n", WHOLE, "north"),
+    Column("flow_s", WHOLE, "moves out of it to the south"),
+    Column("flow_w", WHOLE, "moves out of it to the west"),
+    Column("flow_n", WHOLE, "moves out of it to the north"),
 )
 # Of robots: what `run --json` has of each, which depends on the scenario.
 TABLES: Final[dict[str, tuple[Column, ...]]] = {

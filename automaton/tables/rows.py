@@ -44,9 +44,9 @@ from automaton.runs.metrics import busy_ticks, metrics_by_robot
 from automaton.runs.progress import asked_count, asked_orders, has_lines
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import Measured, least_way_ticks
-from automaton.scenario.order_fields import NOTHING
-from automaton.scenario.orders import line_column, line_texts, listed_lines
-from automaton.scenario.table_files import pod_names
+from automaton.scenario.carried_pods import pod_names
+from automaton.scenario.order_lines import line_column, line_texts, listed_lines
+from automaton.scenario.table_fields import NOTHING
 from automaton.tables.columns import (
     NO_NUMBER,
     NO_TEXT,

@@ -21,8 +21,8 @@ from automaton.runs.metrics import metrics_by_type, metrics_of
 from automaton.runs.progress import asked_orders
 from automaton.runs.provenance import versions
 from automaton.runs.simulation import Simulation
-from automaton.scenario.orders import LineTable
-from automaton.scenario.pods import LineDemand
+from automaton.scenario.order_lines import LineTable
+from automaton.scenario.orders import LineDemand
 from automaton.scenario.quantities import TIME, Dimension, read_amount
 from automaton.tables.columns import Array, Form, GroupBuffer
 from automaton.tables.rows import (

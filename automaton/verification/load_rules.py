@@ -26,7 +26,15 @@ from automaton.engine.record_codes import (
     MOVE_NORTH,
     PICKED_ON_ARRIVAL,
 )
-from automaton.floor.cells import ABOVE_OR_BELOW, ANY, BESIDE, CELL_KINDS, ON_IT, STATION, STORAGE
+from automaton.floor.cells import (
+    ABOVE_OR_BELOW,
+    ANY_LOADS,
+    BESIDE,
+    CELL_KINDS,
+    ON_IT,
+    STATION,
+    STORAGE,
+)
 from automaton.verification.motion_rules import Acts, Complaint, Motion, Rows, names_what_is_there
 from automaton.verification.move_time_rules import NIL
 from automaton.verification.pod_rules import Trips
@@ -164,7 +172,7 @@ class Loads:
         self.kind_name = [kind.name for kind in kinds] + ["load"] * spares
         self.dock = [kind.gives and not kind.takes for kind in kinds] + none
         self.station = [kind.code == STATION for kind in kinds] + none
-        self.endless = [kind.holds == ANY for kind in kinds] + [True] * spares
+        self.endless = [kind.holds == ANY_LOADS for kind in kinds] + [True] * spares
         self.target: list[int] = header["orders"]["target"].tolist()
         weights = header["orders"].get("weight")
         self.weight = [1] * len(self.target) if weights is None else weights.tolist()

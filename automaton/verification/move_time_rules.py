@@ -11,7 +11,7 @@ from statistics import NormalDist
 from typing import Any, Final
 
 from automaton.floor.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
-from automaton.scenario.orders import plain_data
+from automaton.scenario.order_lines import plain_data
 from automaton.scenario.refinement import refined_data
 
 PLACES: Final = 65_536  # of the quantiles from which durations are drawn

@@ -31,12 +31,12 @@ from automaton.engine.state import NIL, Array
 from automaton.floor.cells import STATION
 from automaton.floor.floor_plan import may_turn
 from automaton.floor.reachability import Driving, backward_exits, slot_access, ticks_between
+from automaton.scenario.carried_pods import pod_cells, transports_of
 from automaton.scenario.durations import Distribution, Handling
-from automaton.scenario.orders import DRAWN, ENDS, Orders, Parts, line_column, listed_lines
+from automaton.scenario.order_lines import line_column, listed_lines
+from automaton.scenario.orders import DRAWN_GENERATORS, ENDS, Orders, Parts
 from automaton.scenario.robot_types import RobotType, types_of
 from automaton.scenario.schema import Battery, ChargeRange, Scenario
-from automaton.scenario.table_files import pod_cells
-from automaton.scenario.unavailable_metrics import transports_of
 from automaton.units import count
 from automaton.world.floor_parts import places_of_chargers
 from automaton.world.resolve import Resolved
@@ -157,7 +157,7 @@ def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
     source, target = slots[kinds[slots] == begin], slots[kinds[slots] == end]
     if orders.generator == "picture-loads":
         source = source[floor_plan.loads.reshape(-1)[source] == 1]
-    if orders.generator in DRAWN:
+    if orders.generator in DRAWN_GENERATORS:
         count = orders.count or 0
         if begin == end:  # from a station to another one
             return np.full(count, float(price.move)), count, count

@@ -29,11 +29,11 @@ from automaton.floor.reachability import (
     slot_access,
     to_and_from,
 )
+from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.document import Keys
 from automaton.scenario.orders import ENDS
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of, type_of_each, types_of
 from automaton.scenario.schema import Scenario
-from automaton.scenario.unavailable_metrics import transports_of
 from automaton.strategy.lookup import ROUTED, SLOW_STEERED, STEERED, default_for, parameters_type
 from automaton.world.gate_cells import cells_to_start
 

@@ -11,8 +11,8 @@ from fractions import Fraction
 from typing import Final, NamedTuple
 
 from automaton.engine.robot_states import BATTERY_PERCENT
-from automaton.scenario.quantities import Dimension
-from automaton.scenario.validation import Conversion, rounded
+from automaton.scenario.quantities import Dimension, rounded
+from automaton.scenario.validation import Conversion
 from automaton.units import Unit, duration, number
 from automaton.world.resolve import Resolved
 

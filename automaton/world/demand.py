@@ -16,7 +16,7 @@ from automaton.engine.facilities import Slots, Stations, Stops
 from automaton.engine.releases import draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
-from automaton.scenario.orders import DRAWN, Bursts, Mean, MeanTime, OrderLine, StopRange
+from automaton.scenario.orders import DRAWN_GENERATORS, Bursts, Mean, MeanTime, OrderLine, StopRange
 from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.schema import Scenario
 from automaton.world.capabilities import FleetOnFloor, Service, served_with_load, service_for
@@ -250,7 +250,7 @@ def sources_and_targets(
     if orders.generator == "tours" or orders.tasks is not None:
         count = order_count(resolved.scenario, resolved.floor_plan)
         return np.full(count, NIL, np.int32), np.full(count, NIL, np.int32)
-    if orders.generator in DRAWN:
+    if orders.generator in DRAWN_GENERATORS:
         served = (access != NIL).any(axis=1)
         count = orders.count or 0
         if orders.generator == "dock-to-rack":
@@ -379,7 +379,7 @@ def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
     ticks = np.minimum(ticks_by_rank(orders, count, seed, last, in_system), NEVER)
     sequence = np.arange(count)
     if (
-        orders.generator not in (*DRAWN, None) and ticks.any()
+        orders.generator not in (*DRAWN_GENERATORS, None) and ticks.any()
     ):  # not one row of shelves after the other
         sequence = drawn_sequence(count, seed)
     released = np.zeros(count, np.int64)

@@ -13,8 +13,8 @@ from automaton.engine.facilities import Delays
 from automaton.engine.state import ACTION_COUNT, ACTION_NAMES, Array
 from automaton.engine.trips import LONGEST_VISIT, MICRO
 from automaton.scenario.durations import Distribution, Handling
-from automaton.scenario.energy_and_faults import Delays as DelayRules
-from automaton.scenario.energy_and_faults import Faults
+from automaton.scenario.fleet import Delays as DelayRules
+from automaton.scenario.fleet import Faults
 
 FINEST: Final = 2.0**-60  # no u is below 2^-54
 

@@ -11,7 +11,7 @@ from automaton.engine.facilities import GATE_BLOCK, GATE_LIFT
 from automaton.engine.state import NIL
 from automaton.errors import InputError, alternatives, nearest
 from automaton.floor.cells import (
-    ANY,
+    ANY_LOADS,
     CELL_KINDS,
     CHARGER,
     DESTINATION,
@@ -33,13 +33,13 @@ from automaton.floor.reachability import (
     slot_access,
     slots_beside,
 )
+from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.document import Document, Keys
 from automaton.scenario.fleet import ALL, EMPTY, GROUPS, StartFile
 from automaton.scenario.floor_section import Floor
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Scenario
-from automaton.scenario.unavailable_metrics import transports_of
 from automaton.scenario.validation import dotted
 from automaton.units import ticks_and_time, unit
 from automaton.world.capabilities import FleetOnFloor, Start
@@ -325,7 +325,7 @@ def check_orders(document: Document, scenario: Scenario, floor: Floor) -> None:
         if source not in begins or target not in ends or source == target:
             _check_order(document, order, keys, floor.floor_plan)
             slot_kind = floor.floor_plan.kind_of(floor.floor_plan.cell(*source))
-            begins[source] = slot_kind.holds == ANY
+            begins[source] = slot_kind.holds == ANY_LOADS
             ends.add(target)
         if begins[source]:
             continue

@@ -11,10 +11,10 @@ from automaton.engine.facilities import GATE_CLOSING
 from automaton.floor.cells import CHARGER, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import DeadEnds, Mask, dead_ends_of, reached, to_and_from
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.changing_floor import Lift
 from automaton.scenario.pods import PodStation
 from automaton.scenario.schema import ROUTE_FOLLOWERS
-from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.units import count
 from automaton.world.capabilities import default_right_of_way, has_ringless_part, why_not_steered
 from automaton.world.floor_parts import queue_path

@@ -16,13 +16,19 @@ from automaton.errors import InputError, nearest
 from automaton.floor.cells import DIRECTIONS, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import Mask, to_and_from
+from automaton.scenario.carried_pods import (
+    carries_pods,
+    is_of_pod,
+    pod_cells,
+    pod_names,
+    pod_numbers,
+    skus_of,
+)
 from automaton.scenario.changing_floor import Cell
 from automaton.scenario.document import Document, Keys
-from automaton.scenario.orders import OrderLine, Orders
-from automaton.scenario.pods import Line, Pods, PodStation
+from automaton.scenario.orders import Line, OrderLine, Orders
+from automaton.scenario.pods import Pods, PodStation
 from automaton.scenario.schema import Scenario
-from automaton.scenario.table_files import pod_cells, pod_names, pod_numbers, skus_of
-from automaton.scenario.unavailable_metrics import carries_pods, is_of_pod
 from automaton.units import count
 from automaton.world.capabilities import FleetOnFloor
 from automaton.world.floor_parts import queue_path

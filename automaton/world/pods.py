@@ -16,12 +16,11 @@ from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, Array, Orders
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import ticks_between
-from automaton.scenario.order_fields import NOTHING
-from automaton.scenario.orders import LineTable, listed_lines
-from automaton.scenario.pods import Line, LineDemand, PerOrder
+from automaton.scenario.carried_pods import carries_pods, pod_cells, pod_numbers, skus_of
+from automaton.scenario.order_lines import LineTable, listed_lines
+from automaton.scenario.orders import Line, LineDemand, PerOrder
 from automaton.scenario.schema import Handling, Scenario
-from automaton.scenario.table_files import pod_cells, pod_numbers, skus_of
-from automaton.scenario.unavailable_metrics import carries_pods
+from automaton.scenario.table_fields import NOTHING
 from automaton.world.bounds import loaded_driving
 from automaton.world.draws import geometric, handling_of_lines, whole_micro
 from automaton.world.floor_parts import queue_path

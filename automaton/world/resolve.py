@@ -16,6 +16,7 @@ import numpy as np
 from automaton.engine.distance_tables import least_table_bytes
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.carried_pods import carries_pods, pod_cells, pod_names
 from automaton.scenario.document import (
     SHIPPED_FOLDER,
     STUDIES_ARE_SWEPT,
@@ -27,25 +28,22 @@ from automaton.scenario.document import (
     read,
 )
 from automaton.scenario.floor_section import floor_of
-from automaton.scenario.order_file import (
-    names_of_cells,
-    with_locations_of_file,
+from automaton.scenario.order_files import (
+    with_lines_of_file,
     with_orders_of_file,
+    with_tasks_of_file,
 )
-from automaton.scenario.orders import plain_data
+from automaton.scenario.order_lines import plain_data
 from automaton.scenario.refinement import refined, refined_value, too_long
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import LAYER_NAMES, Scenario, Units
 from automaton.scenario.table_files import (
-    pod_cells,
-    pod_names,
+    names_of_cells,
     with_durations_of_files,
-    with_lines_of_file,
+    with_locations_of_file,
     with_pods_of_file,
     with_starts_of_file,
-    with_tasks_of_file,
 )
-from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.scenario.validation import Conversion, dotted, validated, with_numbers
 from automaton.strategy.lookup import (
     NoParameters,

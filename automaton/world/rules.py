@@ -26,7 +26,7 @@ from automaton.engine.state import (
     Array,
     Rules,
 )
-from automaton.scenario.orders import priorities_of
+from automaton.scenario.order_lines import priorities_of
 from automaton.scenario.robot_types import RobotType, follows_in_convoy, types_of
 from automaton.scenario.schema import Battery, Faults, Scenario
 from automaton.units import bytes_of, unit

@@ -13,8 +13,9 @@ from automaton.errors import alternatives
 from automaton.floor.cells import CHARGER, SHELF, STATION, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import steps_from
-from automaton.scenario.orders import Mean, MeanTime, has_due_times, line_column, listed_lines
-from automaton.scenario.unavailable_metrics import transports_of
+from automaton.scenario.carried_pods import transports_of
+from automaton.scenario.order_lines import has_due_times, line_column, listed_lines
+from automaton.scenario.orders import Mean, MeanTime
 from automaton.units import SECONDS_PER_UNIT, count, ticks_and_time, unit
 from automaton.world.conversion_table import coarse_conversions
 from automaton.world.fleet_warnings import fleet_warnings, gate_warnings, pod_warnings

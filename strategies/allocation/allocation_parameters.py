@@ -7,12 +7,12 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from automaton.floor.cells import ANY, CELL_KINDS
+from automaton.floor.cells import ANY_LOADS, CELL_KINDS
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.orders import has_tours, kinds_of_sources, priorities_of
+from automaton.scenario.carried_pods import carries_pods
+from automaton.scenario.order_lines import has_tours, kinds_of_sources, priorities_of
 from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
 from automaton.scenario.schema import Scenario
-from automaton.scenario.unavailable_metrics import carries_pods
 
 DEFAULT_LIST_LENGTH = 8  # orders in a robot's list, unless the fleet is too large for so many
 MAX_LISTED_ORDERS = 1000  # orders in all lists together: bounds the memory of a market
@@ -115,7 +115,9 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         if refusal := refusal_of_tours(scenario, floor_plan) or refusal_of_priorities(scenario):
             return refusal
         begun = kinds_of_sources(scenario.orders, floor_plan)
-        names = [f"{kind.name}s" for kind in CELL_KINDS if kind.holds == ANY and kind.code in begun]
+        names = [
+            f"{kind.name}s" for kind in CELL_KINDS if kind.holds == ANY_LOADS and kind.code in begun
+        ]
         if not names:
             return None
         places = " and ".join(names)
@@ -168,7 +170,7 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
     ] = None
     active: Annotated[
         Annotated[int, Meta(ge=1)] | None,
-        Meta(description="so many robots have an order at once at most; null: all may"),
+        Meta(description="most robots that have an order at once; null: all may"),
     ] = None
     idle: Annotated[
         Literal["park", "stay"],
@@ -186,8 +188,12 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
 class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """An epsilon that goes evenly from one value to another."""
 
-    first: Annotated[Fraction, Meta(description="at the start")] = msgspec.field(name="from")
-    last: Annotated[Fraction, Meta(description="from tick `until` on")] = msgspec.field(name="to")
+    first: Annotated[Fraction, Meta(description="epsilon at the start")] = msgspec.field(
+        name="from"
+    )
+    last: Annotated[Fraction, Meta(description="epsilon from tick `until` on")] = msgspec.field(
+        name="to"
+    )
     until: Annotated[Tick, Meta(description="tick from which it stays")]
 
 
@@ -254,7 +260,9 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     ] = "auctioneer"
     announcement_radius: Annotated[
         Annotated[int, quantity(CELLS, ge=1, le=100_000)] | None,
-        Meta(description="in cells; doubled while no robot bids; null: announced to all robots"),
+        Meta(
+            description="radius in cells; doubled while no robot bids; null: announced to all robots"
+        ),
     ] = None
     reauction_after: Annotated[
         Annotated[int, quantity(TIME, ge=0, le=1_000_000)] | None,

@@ -8,9 +8,9 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
-from automaton.scenario.unavailable_metrics import carries_pods
 from strategies.allocation.allocation_parameters import refusal_of_tours
 
 Percent = Annotated[float, Meta(ge=0, le=100)]
@@ -51,7 +51,7 @@ class Insertion(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
         ),
     ] = "hierarchical"
     never_strand: Annotated[
-        bool, Meta(description="at the end of a list a charger can still be reached")
+        bool, Meta(description="whether a charger can still be reached at the end of every list")
     ] = True
 
 

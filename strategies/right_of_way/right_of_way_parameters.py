@@ -9,10 +9,10 @@ import numpy as np
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario
-from automaton.scenario.unavailable_metrics import carries_pods
 
 MAX_GUIDED_SPEEDS = 7  # tables have a queue for 16 costs: two for each speed, and turns
 MOST_TICKS: Final = 256  # each cell needs a word for each: 1 KiB at most

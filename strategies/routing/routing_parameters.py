@@ -23,9 +23,9 @@ from automaton.atomic_write import atomic_writer
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array, Grid
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
-from automaton.scenario.unavailable_metrics import carries_pods
 
 NO_TASKS_OF_PODS = (
     "forecast {} knows the whole way of a load, and none of a pod to stations and back; use forecast "
@@ -40,9 +40,9 @@ class TieBreaking(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     tie_break: Annotated[
         Literal["fifo", "larger_g", "random"],
         Meta(
-            description="Of cells with the same estimate it expands first the one found first "
-            "(fifo), the one "
-            "farthest from the start (larger_g), or a random one, by seed and leg (random)."
+            description="Which of several cells with the same estimate is expanded first: the one found "
+            "first (fifo), the one farthest from the start (larger_g), or a random one, by seed and leg "
+            "(random)."
         ),
     ] = "larger_g"
 

@@ -104,7 +104,7 @@ def test_a_floor_of_many_cells_is_pixels_and_stays_small(monkeypatch: pytest.Mon
     floor = drawn_floor(resolved)
     moment = moment_of(floor, simulation.world, simulation.observation)
     monkeypatch.setattr(module, "MAX_DRAWN_CELLS", 10)
-    monkeypatch.setattr(module, "MAX_NAMED_ROBOTS", 0)
+    monkeypatch.setattr(module, "MAX_NUMBERED_DISCS", 0)
     root = ET.fromstring(floor_svg(floor, moment))
     (image,) = root.iter(f"{SVG}image")
     assert image.get("href", "").startswith("data:image/png;base64,")

@@ -23,7 +23,7 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Document
 from automaton.scenario.durations import Distribution, Lognormal, Uniform
-from automaton.scenario.energy_and_faults import Faults
+from automaton.scenario.fleet import Faults
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
 from automaton.verification.move_time_rules import durations_of, poisson_number, repairs_of

@@ -18,7 +18,7 @@ from automaton.engine.observation import CAUSE_REDUCED_SPEED
 from automaton.engine.record_codes import ACTION_MASK, LEFT_PARKING_BAY, MOVE_NORTH
 from automaton.engine.state import ACTION_MOVE, NIL
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.traffic_zones import MODES, TrafficZones, traffic_zones_of
+from automaton.floor.traffic_zones import ZONE_MODES, TrafficZones, traffic_zones_of
 from automaton.history.event_history import EventHistory
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
@@ -133,7 +133,7 @@ def cases(draw: Any) -> Case:
     n = bays or min(len(cells), draw(st.integers(2, 9)))
     rules = WorldRules(
         following=draw(st.sampled_from(["convoy", "handover", "none"])),
-        traffic_zones=draw(st.sampled_from(MODES)),
+        traffic_zones=draw(st.sampled_from(ZONE_MODES)),
         slowdown="zones",
         extra_tick_probability=draw(st.sampled_from([0.0, 0.0, 0.25, 1.0])),
     )
@@ -245,7 +245,7 @@ def test_a_move_takes_what_its_zone_held_when_it_began() -> None:
         assert [str(violation) for violation in violations] == []
 
     check()
-    assert held >= {(mode, robots) for mode in MODES for robots in (1, 2, 3)}
+    assert held >= {(mode, robots) for mode in ZONE_MODES for robots in (1, 2, 3)}
     assert free, "nobody left an intersection that held others"
 
 

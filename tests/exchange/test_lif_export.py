@@ -21,7 +21,7 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.exchange.graphs.import_graph import import_lif
 from automaton.exchange.imported_floor import ImportOptions
-from automaton.exchange.lif_export import VERSIONS, floor_graph, lif_file
+from automaton.exchange.lif_export import LIF_VERSIONS, floor_graph, lif_file
 from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
@@ -130,7 +130,7 @@ def test_nodes_are_where_something_can_be_decided(tmp_path: Path) -> None:
     assert actions == ["0_0"]
 
 
-@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("version", LIF_VERSIONS)
 def test_an_import_gives_the_site_again_with_its_speed_limit(version: str, tmp_path: Path) -> None:
     resolved = written(tmp_path, SITE)
     plan, again = resolved.floor_plan, imported(resolved, tmp_path, version)

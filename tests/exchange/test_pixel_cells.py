@@ -7,7 +7,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from automaton.exchange.ros_map import PixelCells, cells_of, centres, pieces_of, reach_of
+from automaton.exchange.image_floor import PixelCells, cells_of, centres, pieces_of, reach_of
 
 
 def mask(*rows: str) -> np.ndarray:

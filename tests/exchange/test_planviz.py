@@ -10,7 +10,7 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.exchange.planviz import Violation, read_output, verify_output
+from automaton.exchange.planviz import PlanViolation, read_output, verify_output
 from automaton.exchange.problem_files import read_problem
 
 # x 012   Robot 0 begins at (0, 0), robot 1 at (0, 1); both face east.
@@ -60,7 +60,7 @@ def output_file(folder: Path, **changed: object) -> Path:
 
 def verdict(
     folder: Path, season: str = "2024 LoRR", tasks_of: list[str] = TASKS, **changed: object
-) -> Violation | None:
+) -> PlanViolation | None:
     output = read_output(output_file(folder, **changed))
     return verify_output(output, read_problem(problem_file(folder, season, tasks_of)))
 

@@ -8,7 +8,15 @@ import pytest
 
 from automaton.floor.cells import CHARGER
 from automaton.floor.floor_plan import FloorPlan
-from layouts.depots import CELL, NEEDED, OPTIONAL, PLACES, STATIONS, Depots, metres
+from layouts.depots import (
+    CELL,
+    CELL_OF_POSITION,
+    NEEDED_LANES,
+    OPTIONAL_LANES,
+    STATION_POSITIONS,
+    Depots,
+    metres,
+)
 
 
 def cells_from(floor_plan: FloorPlan, start: int) -> dict[int, int]:
@@ -28,14 +36,14 @@ def cells_from(floor_plan: FloorPlan, start: int) -> dict[int, int]:
 def test_driving_over_cells_is_as_far_as_the_graph_says(lanes: str) -> None:
     floor = Depots(lanes=lanes)  # type: ignore[arg-type]
     floor_plan, table = floor.build(), floor.metres()
-    for a, at in PLACES.items():
+    for a, at in CELL_OF_POSITION.items():
         found = cells_from(floor_plan, floor_plan.cell(*at))
-        for b, to in PLACES.items():
+        for b, to in CELL_OF_POSITION.items():
             assert found[floor_plan.cell(*to)] * CELL == table[a - 1, b - 1], (a, b)
 
 
 def test_lengths_that_the_paper_states() -> None:
-    table = metres(NEEDED | OPTIONAL)
+    table = metres(NEEDED_LANES | OPTIONAL_LANES)
     stated = {(3, 7): 20, (7, 8): 20, (8, 13): 30, (13, 14): 110, (1, 5): 20, (5, 4): 20}
     stated |= {(4, 9): 30, (9, 14): 30, (5, 2): 40, (2, 4): 60, (1, 2): 60, (14, 2): 120}
     for (a, b), length in stated.items():
@@ -44,11 +52,11 @@ def test_lengths_that_the_paper_states() -> None:
 
 def test_nine_lanes_are_needed_for_the_lengths_of_the_text() -> None:
     legs = [(1, 5), (5, 4), (4, 9), (9, 14), (3, 7), (7, 8), (8, 13), (5, 2), (2, 4)]
-    full = metres(NEEDED | OPTIONAL)
-    nine = NEEDED - {(6, 7), (13, 16), (14, 15), (15, 16), (15, 17)}
+    full = metres(NEEDED_LANES | OPTIONAL_LANES)
+    nine = NEEDED_LANES - {(6, 7), (13, 16), (14, 15), (15, 16), (15, 17)}
     assert len(nine) == 9
     for lane in nine:
-        less = metres((NEEDED | OPTIONAL) - {lane})
+        less = metres((NEEDED_LANES | OPTIONAL_LANES) - {lane})
         assert any(less[a - 1, b - 1] != full[a - 1, b - 1] for a, b in legs), lane
 
 
@@ -71,7 +79,7 @@ def test_the_drawing() -> None:
         "####.####",
         "####.####",
     ]
-    assert len(STATIONS) == 13
+    assert len(STATION_POSITIONS) == 13
     assert floor_plan.capacity[1:-1, 1:-1][0, 2] == 1
     assert floor_plan.capacity[1:-1, 1:-1][2, 0] == 0
 

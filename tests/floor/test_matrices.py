@@ -5,8 +5,7 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.traffic_zones import read_matrix, write_matrix
+from automaton.floor.drawn_floors import draw_floor, read_matrix, write_matrix
 from automaton.runs.pictures import floor_picture
 from automaton.world.resolve import resolve
 from layouts.racks import Racks

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from automaton.engine.state import NIL
 from automaton.floor.cells import DIRECTION_VECTORS, EAST, NORTH, SOUTH, WEST
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.traffic_zones import MODES, traffic_zones_of
+from automaton.floor.traffic_zones import ZONE_MODES, traffic_zones_of
 from layouts.tabletop import Tabletop
 
 MARKS = "abcdefghijklmnopqrstuvwxyzABCDEFGHIJKLMNOPQRSTUVWXYZ"
@@ -147,7 +147,7 @@ def test_two_neighbours_share_a_zone_exactly_when_neither_is_an_intersection(row
     assert used.tolist() == list(range(traffic_zones.count))
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", ZONE_MODES)
 def test_every_zone_has_a_cell(mode):
     traffic_zones = traffic_zones_of(drawn(CROSSING), mode)
     assert np.unique(traffic_zones.of[traffic_zones.of != NIL]).tolist() == list(

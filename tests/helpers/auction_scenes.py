@@ -11,7 +11,7 @@ from reference_charging import Situation
 from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import Array
 from automaton.papers.auction_trials import seconds
-from layouts.depots import NEEDED, OPTIONAL, metres
+from layouts.depots import NEEDED_LANES, OPTIONAL_LANES, metres
 from strategies.allocation.auction import quotes
 from strategies.allocation.auction.market import (
     POLICY_HIERARCHICAL,
@@ -31,13 +31,13 @@ TAPER = ((0, 10_000_000), (800_000_000, 5_000_000), (950_000_000, 2_000_000))
 
 def between_with(lanes: Any) -> list[list[int]]:
     """Ticks between positions 1..17 with the needed lanes and these."""
-    found = metres(NEEDED | frozenset(lanes))
+    found = metres(NEEDED_LANES | frozenset(lanes))
     return [[int(value) if value >= 0 else FAR for value in row] for row in found]
 
 
 def random_situation(rng: random.Random, curve: Any = None, chargers: int = 3) -> Situation:
     """A list of 1 to 9 visits on a random variant of the floor, with a battery that may be short."""
-    lanes = [lane for lane in sorted(OPTIONAL) if rng.random() < 0.7]
+    lanes = [lane for lane in sorted(OPTIONAL_LANES) if rng.random() < 0.7]
     at = tuple(rng.sample(range(17), rng.randint(1, chargers)))
     return Situation(
         between=between_with(lanes),

@@ -14,7 +14,7 @@ from automaton.engine.state import ACTION_FOLLOWING, CLOCK_TICK, FOLLOWING_CONVO
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.pictures.pictures import Following
-from automaton.scenario.energy_and_faults import Delays, DelayTicks
+from automaton.scenario.fleet import Delays, DelayTicks
 from automaton.scenario.schema import Durations, Faults, Fleet, Scenario, WorldRules
 from automaton.world.building import build_world
 from automaton.world.resolve import Resolved

@@ -16,7 +16,7 @@ from automaton.floor.cells import STATION
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import to_and_from
-from automaton.floor.traffic_zones import MODES
+from automaton.floor.traffic_zones import ZONE_MODES
 from automaton.scenario.durations import MoveByLoad, TypeDurations
 from automaton.scenario.fleet import FleetType, Kinematics
 from automaton.scenario.orders import WeightRange
@@ -137,7 +137,7 @@ def rules(draw: Any) -> WorldRules:
     slow = draw(st.integers(0, 2)) == 2
     return WorldRules(
         following=draw(st.sampled_from(["convoy", "handover", "none"])),
-        traffic_zones=draw(st.sampled_from(MODES)) if slow else "undirected",
+        traffic_zones=draw(st.sampled_from(ZONE_MODES)) if slow else "undirected",
         slowdown="zones" if slow else "none",
         extra_tick_probability=draw(st.sampled_from([0.0, 0.5] if slow else [0.0, 0.0, 0.0, 0.5])),
     )

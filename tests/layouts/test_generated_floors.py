@@ -11,8 +11,7 @@ from automaton.floor.cells import FLOOR
 from automaton.floor.drawn_floors import floor_picture
 from automaton.floor.reachability import to_and_from
 from layouts.aisles import Aisles
-from layouts.random_floor import RandomFloor, largest_part
-from layouts.rooms import Rooms
+from layouts.random_floor import RandomFloor, Rooms, largest_part
 from layouts.sorting import Sorting
 
 

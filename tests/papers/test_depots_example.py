@@ -12,7 +12,7 @@ import pytest
 from automaton.engine.state import ACTION_CHARGE, ORDER_DELIVERED
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from layouts.depots import PLACES
+from layouts.depots import CELL_OF_POSITION
 
 FIRST = (7, 8, 13, 5, 4, 9)
 LAST = len(FIRST)  # the number of the order that is announced later
@@ -22,14 +22,15 @@ def visits() -> str:
     """The first six at once, 14 when robots have begun."""
     lines = [(place, 0) for place in FIRST] + [(14, 2)]
     texts = [
-        f"{{from: {list(PLACES[p])}, to: {list(PLACES[p])}, release: {at}}}" for p, at in lines
+        f"{{from: {list(CELL_OF_POSITION[p])}, to: {list(CELL_OF_POSITION[p])}, release: {at}}}"
+        for p, at in lines
     ]
     return f"orders={{list: [{', '.join(texts)}]}}"
 
 
 EXAMPLE = (
     "fleet.robots=2",
-    f"fleet.start={[list(PLACES[3]), list(PLACES[1])]}",
+    f"fleet.start={[list(CELL_OF_POSITION[3]), list(CELL_OF_POSITION[1])]}",
     visits(),
     "durations={move: 10, pick: 0, drop: 0}",
     "battery={initial_charge: [100, 45], drain: {move: 0.5}, charge_rate: 5}",
@@ -56,7 +57,7 @@ def example(*settings: str) -> Simulation:
 
 def winner(run: Simulation) -> int:
     """Who visited position 14, with which the run ends: it stands there."""
-    cell = run.resolved.floor_plan.cell(*PLACES[14])
+    cell = run.resolved.floor_plan.cell(*CELL_OF_POSITION[14])
     return int((run.world.robots.cell == cell).argmax())
 
 

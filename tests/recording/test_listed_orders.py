@@ -11,8 +11,8 @@ import pytest
 
 from automaton.recording.contents import FRAME_KIND_CONDITIONS, InvalidFrameError
 from automaton.recording.frames import MIN_PACKED, decode, pack_listed, payload_of, unpack_listed
-from automaton.scenario.orders import OrderLine, Orders, plain_data
-from automaton.scenario.pods import Line
+from automaton.scenario.order_lines import plain_data
+from automaton.scenario.orders import Line, OrderLine, Orders
 from automaton.scenario.quantities import DueAt
 from automaton.scenario.schema import Fleet, Scenario
 

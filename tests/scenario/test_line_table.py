@@ -6,8 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from automaton.scenario.orders import LineTable, line_column, listed_lines, plain_data
-from automaton.scenario.pods import Line
+from automaton.scenario.order_lines import LineTable, line_column, listed_lines, plain_data
+from automaton.scenario.orders import Line
 from automaton.scenario.quantities import DueAt
 from automaton.world.pods import line_columns
 from automaton.world.resolve import Resolved, resolve

@@ -12,7 +12,7 @@ import yaml
 from automaton.errors import InputError
 from automaton.scenario.document import Document
 from automaton.scenario.floor_section import json_schema
-from automaton.scenario.order_file import names_of_cells, read_locations
+from automaton.scenario.table_files import names_of_cells, read_locations
 from automaton.world.resolve import resolve
 
 SCENARIO = """name: named

@@ -29,11 +29,11 @@ from automaton.scenario.quantities import (
     Scale,
     quantity,
 )
-from automaton.scenario.validation import Bounds, Place, convert, with_numbers
+from automaton.scenario.validation import NumberRange, Place, convert, with_numbers
 from automaton.world.resolve import Resolved, resolve
 
 HALF_SECONDS = Scale(tick="0.5 s", cell="0.8 m")
-WIDE = Bounds(is_whole=False)
+WIDE = NumberRange(is_whole=False)
 
 SCENARIO = """name: yard
 layout: {generator: tabletop, tables: 2, positions: 3}
@@ -122,7 +122,7 @@ def test_lengths_of_strategies_are_in_the_unit_of_the_cell() -> None:
 
 
 def test_halves_are_rounded_up() -> None:
-    whole = Place(TIME, Bounds(is_whole=True, ge=1))
+    whole = Place(TIME, NumberRange(is_whole=True, ge=1))
     values = [
         convert("key", text, whole, HALF_SECONDS).value
         for text in ("0.74 s", "0.75 s", "1.24 s", "1.25 s")
@@ -164,7 +164,7 @@ REFUSED = [  # a text, what is said of it
 
 @pytest.mark.parametrize(("text", "words"), REFUSED, ids=[text[:20] for text, _ in REFUSED])
 def test_what_is_not_a_time_is_refused_in_a_sentence(text: str, words: list[str]) -> None:
-    place = Place(TIME, Bounds(is_whole=True, ge=1, le=10_000))
+    place = Place(TIME, NumberRange(is_whole=True, ge=1, le=10_000))
     with pytest.raises(InputError) as caught:
         convert("durations.pick", text, place, HALF_SECONDS)
     said = str(caught.value)

@@ -12,16 +12,9 @@ import openpyxl
 import pytest
 
 from automaton.errors import InputError
-from automaton.scenario.order_columns import read_columns
-from automaton.scenario.order_fields import (
-    NO_DUE,
-    DueField,
-    OrderColumns,
-    OrderFile,
-    ReleaseField,
-    TextField,
-)
 from automaton.scenario.schema import Units
+from automaton.scenario.table_fields import NO_DUE, DueField, OrderFile, ReleaseField, TextField
+from automaton.scenario.table_reader import TableColumns, read_columns
 from automaton.world.resolve import resolve
 
 UNITS = Units(tick="0.5 s", clock="2026-03-02 06:00")
@@ -34,7 +27,7 @@ def at(hour: int, minute: int = 0, second: int = 0) -> datetime.datetime:
     return datetime.datetime(2026, 3, 2, hour, minute, second)
 
 
-def read(path: Path, rows: list[list[Any]], name: str = "Orders", **options: Any) -> OrderColumns:
+def read(path: Path, rows: list[list[Any]], name: str = "Orders", **options: Any) -> TableColumns:
     book = openpyxl.Workbook()
     book.active.title = name
     for row in rows:

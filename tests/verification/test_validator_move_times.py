@@ -15,7 +15,7 @@ from random_floors import pictures
 from automaton.engine.random_numbers import STREAM_EXTRA_TICKS, random_bits
 from automaton.engine.record_codes import CHANGE_DURATION, LEFT_PARKING_BAY
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.traffic_zones import MODES, traffic_zones_of
+from automaton.floor.traffic_zones import ZONE_MODES, traffic_zones_of
 from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.recording.frames import Recording
 from automaton.verification.move_time_rules import MoveTimes, Types, zones_by_cell
@@ -135,7 +135,7 @@ def test_its_zones_are_those_of_the_world(data: st.DataObject) -> None:
         data.draw(pictures("......##+-|><v^~=s", width, data.draw(st.integers(1, 6))))
     )
     floor = {"width": floor_plan.width, "exits": floor_plan.exits, "kind": floor_plan.kind}
-    for mode in MODES:
+    for mode in ZONE_MODES:
         assert [list(pair) for pair in zones_by_cell(floor, mode)] == traffic_zones_of(
             floor_plan, mode
         ).of.tolist()

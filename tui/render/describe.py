@@ -13,7 +13,15 @@ from automaton.drawings.looks import DETAIL_ONE_WAY, DETAIL_SHIFT, KIND_MASK
 from automaton.engine.observation import CAUSES
 from automaton.engine.robot_states import BATTERY_PERCENT, STATUS_TOWED
 from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
-from automaton.floor.cells import ANY, CELL_KINDS, DIRECTIONS, EXIT_EAST, EXIT_WEST, FLOOR, TRACK
+from automaton.floor.cells import (
+    ANY_LOADS,
+    CELL_KINDS,
+    DIRECTIONS,
+    EXIT_EAST,
+    EXIT_WEST,
+    FLOOR,
+    TRACK,
+)
 from automaton.history.explanation import (
     carries_pods,
     gates_in,
@@ -75,12 +83,12 @@ def _content(scene: Scene, cell: int) -> str:
     text = ""
     kind = scene.floor.floor_plan.kind_of(cell)
     waiting = np.count_nonzero((orders.state == ORDER_WAITING) & (orders.current_slot == slot))
-    if kind.holds == ANY and kind.gives and kind.takes:
+    if kind.holds == ANY_LOADS and kind.gives and kind.takes:
         arrived = np.count_nonzero((orders.state == ORDER_DELIVERED) & (orders.target == slot))
         text = f" with {waiting} loads to fetch, {arrived} brought"
-    elif kind.holds == ANY and kind.gives:
+    elif kind.holds == ANY_LOADS and kind.gives:
         text = f" with {waiting} loads"
-    elif kind.holds == ANY:
+    elif kind.holds == ANY_LOADS:
         arrived = (orders.state == ORDER_DELIVERED) & (orders.target == slot)
         text = f" with {np.count_nonzero(arrived)} loads"
     elif (order := int(slots.content[slot])) != NIL:

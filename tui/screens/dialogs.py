@@ -17,7 +17,7 @@ from textual.widgets import Button, Footer, Input, Static
 
 from automaton.errors import InputError
 from automaton.history.breakpoints import FIELDS, breakpoint_of
-from automaton.scenario.orders import plain_data
+from automaton.scenario.order_lines import plain_data
 from automaton.scenario.quantities import Scale, clock_text, is_clock_time
 from automaton.scenario.schema import Scenario
 from automaton.units import Unit

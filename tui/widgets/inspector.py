@@ -14,7 +14,7 @@ from automaton.engine.state import (
     ORDER_UNRELEASED,
     ORDER_WAITING,
 )
-from automaton.floor.cells import ANY, BAY, CHARGER, DIRECTIONS, STORAGE, UNLIMITED
+from automaton.floor.cells import ANY_LOADS, BAY, CHARGER, DIRECTIONS, STORAGE, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.units import count
 from automaton.world.floor_parts import places_of_chargers
@@ -155,7 +155,7 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
         [] if slots.reserved_by[slot] == NIL else [robot_link(int(slots.reserved_by[slot]))]
     )
     facts: list[tuple[str, Parts]] = []
-    if kind.holds == ANY and kind.gives:
+    if kind.holds == ANY_LOADS and kind.gives:
         waiting = np.flatnonzero(
             (orders.current_slot == slot) & (orders.state == ORDER_WAITING)
         ).tolist()
@@ -166,7 +166,7 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
             ("fetched", [count(taken, "load")]),
             ("the next", several([order_link(order, "load") for order in waiting])),
         ]
-    if kind.holds == ANY and kind.takes:
+    if kind.holds == ANY_LOADS and kind.takes:
         arrived = np.flatnonzero((orders.target == slot) & (orders.state == ORDER_DELIVERED))
         coming = (orders.state == ORDER_WAITING) | (orders.state == ORDER_CARRIED)
         expected = int(np.count_nonzero((orders.target == slot) & coming))

@@ -56,8 +56,7 @@ from automaton.history.explanation import (
     station_of,
     up_to,
 )
-from automaton.scenario.energy_and_faults import TypeBattery
-from automaton.scenario.fleet import FleetType
+from automaton.scenario.fleet import FleetType, TypeBattery
 from automaton.units import count, percent
 from tui.playback.panel_view import View
 from tui.widgets.pod_facts import (

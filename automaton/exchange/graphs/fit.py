@@ -1,4 +1,8 @@
-"""Draw cells with exactly given exits: as arrows, box-drawing symbols, and symbols of a legend.
+"""Fit a graph to cells: their size, the picture that has exactly the exits wanted, ticks of the edges.
+
+The size is the largest with which every edge is drawn about as long as it is:
+
+    error of an edge = cells x cell / length - 1
 
 A picture closes exits that lead into walls, against arrows, and past the open sides of pockets. A
 cell with one way in and out opens that side alone. A cell with one exit that is entered against it
@@ -19,16 +23,16 @@ from automaton.exchange.graphs.graph import (
     ConflictError,
     Floats,
     Graph,
+    GraphRoads,
     GridPlaces,
     Integers,
     Placement,
     Road,
-    Roads,
     lay_roads,
     on_grid,
     turned,
 )
-from automaton.exchange.imported_floor import MAX_CELLS, ImportOptions, check_size
+from automaton.exchange.imported_floor import MAX_WRITTEN_CELLS, ImportOptions, check_size
 from automaton.floor.cells import (
     ALL_EXITS,
     CHARGER,
@@ -39,16 +43,16 @@ from automaton.floor.cells import (
     SYMBOLS,
     Symbol,
 )
-from automaton.floor.drawn_floors import MAX_SIDE, Legend, draw_floor, legend_entry
+from automaton.floor.drawn_floors import MAX_FLOOR_SIDE, Legend, draw_floor, legend_entry
 
 WALL_MARK: Final = "#"
-SINGLE: Final = (1, 2, 4, 8)  # sets of one exit
+SINGLE_EXITS: Final = (1, 2, 4, 8)  # sets of one exit
 # Exits are bits: 1 east, 2 south, 4 west, 8 north.
 BOXES: Final = {
     5: "─", 10: "│", 3: "┌", 6: "┐", 9: "└", 12: "┘", 11: "├", 14: "┤", 7: "┬", 13: "┴", 15: "┼"
 }  # fmt: skip
 ARROWS: Final = {1: ">", 2: "v", 4: "<", 8: "^"}
-PLAIN: Final = {STATION: "t", CHARGER: "c"}
+FREE_SYMBOLS: Final = {STATION: "t", CHARGER: "c"}
 POCKETS: Final = {1: "╶", 2: "╷", 4: "╴", 8: "╵"}  # of plain floor
 FURTHER: Final = {  # of a legend, the first ones first; those of SYMBOLS are skipped
     CHARGER: "zywu987654βδεζηθκλμξ",
@@ -56,144 +60,19 @@ FURTHER: Final = {  # of a legend, the first ones first; those of SYMBOLS are sk
     FLOOR: "x*:",  # with no way out
 }
 
-
-@dataclass
-class Drawing:
-    """The picture of a floor and its legend."""
-
-    rows: list[str] = field(default_factory=list)
-    legend: dict[str, Symbol] = field(default_factory=dict)
-
-    @property
-    def picture(self) -> str:
-        """The rows, each with its end of line."""
-        return "".join(f"{row}\n" for row in self.rows)
-
-    @property
-    def entries(self) -> dict[str, dict[str, Any]]:
-        """The legend as a scenario has it."""
-        return {mark: legend_entry(symbol) for mark, symbol in self.legend.items()}
-
-
-def draw(exits: dict[Cell, int], kinds: dict[Cell, int], width: int, height: int) -> Drawing:
-    """Draw cells with their exits; `kinds`: of those that are not floor. Raises ConflictError."""
-    out, cells = Drawing(), _Cells(exits, kinds)
-    rows = [[WALL_MARK] * width for _ in range(height)]
-    for x, y in exits:
-        rows[y][x] = _mark(out, cells.symbol((x, y)), cells.kind((x, y)))
-    out.rows = ["".join(row) for row in rows]
-    _check(out, exits)
-    return out
-
-
-class _Cells:
-    """Cells and their neighbours."""
-
-    def __init__(self, exits: dict[Cell, int], kinds: dict[Cell, int]) -> None:
-        self.exits, self.kinds = exits, kinds
-
-    def kind(self, cell: Cell) -> int:
-        """What a cell is."""
-        return self.kinds.get(cell, FLOOR)
-
-    def entries(self, cell: Cell) -> int:
-        """The sides over which a cell is entered."""
-        sides = 0
-        for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
-            leaves = self.exits.get((cell[0] + dx, cell[1] + dy), 0)
-            sides |= (leaves >> (direction ^ 2) & 1) << direction
-        return sides
-
-    def is_pocket(self, cell: Cell) -> bool:
-        """Whether a cell has one way in and out."""
-        return self.exits[cell] in SINGLE and self.entries(cell) == self.exits[cell]
-
-    def is_arrow(self, cell: Cell) -> bool:
-        """Whether a cell of plain floor is one-way as it is drawn."""
-        exits = self.exits[cell]
-        is_single = exits in SINGLE and self.kind(cell) == FLOOR
-        return is_single and not exits & self.entries(cell)
-
-    def walls(self, cell: Cell) -> int:
-        """The sides where there is nothing."""
-        beside = ((cell[0] + dx, cell[1] + dy) for dx, dy in DIRECTION_VECTORS)
-        return sum((there not in self.exits) << d for d, there in enumerate(beside))
-
-    def blocked(self, cell: Cell) -> int:
-        """The sides where an exit would lead nowhere: walls, arrows that point here, pockets."""
-        sides = self.walls(cell)
-        for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
-            there = (cell[0] + dx, cell[1] + dy)
-            facing = 1 << (direction ^ 2)
-            if sides >> direction & 1:
-                continue
-            if self.is_pocket(there):
-                sides |= (not self.exits[there] & facing) << direction
-            elif self.is_arrow(there):
-                sides |= (self.exits[there] == facing) << direction
-        return sides
-
-    def symbol(self, cell: Cell) -> Symbol:
-        """Return the symbol of a cell. Raises ConflictError where no picture can express it."""
-        kind, exits = self.kind(cell), self.exits[cell]
-        is_free = kind in PLAIN and exits | self.walls(cell) == ALL_EXITS
-        if self.is_pocket(cell):
-            if kind == STATION and is_free:
-                return SYMBOLS[PLAIN[kind]]
-            return Symbol(kind, exits, opens=exits)
-        if is_free:
-            return SYMBOLS[PLAIN[kind]]
-        if exits not in SINGLE or not exits & self.entries(cell):
-            return Symbol(kind, exits)
-        second = self.blocked(cell) & ~exits
-        if not second:
-            raise ConflictError(f"the cell {list(cell)} would be entered against its only exit")
-        return Symbol(kind, exits | second & -second)
-
-
-def _mark(out: Drawing, symbol: Symbol, kind: int) -> str:
-    """Return the character of a symbol, and put it into the legend if it needs an entry."""
-    if kind != FLOOR and symbol == SYMBOLS[PLAIN[kind]]:
-        return PLAIN[kind]
-    if kind != FLOOR or symbol.exits == NO_EXITS:
-        known = {entry: mark for mark, entry in out.legend.items()}
-        if symbol in known:
-            return known[symbol]
-        mark = next(mark for mark in FURTHER[kind] if mark not in (*out.legend, *SYMBOLS))
-    elif symbol.opens:
-        mark = POCKETS[symbol.opens]
-    elif symbol.exits in ARROWS:
-        return ARROWS[symbol.exits]
-    else:
-        mark = BOXES[symbol.exits]
-    out.legend[mark] = symbol
-    return mark
-
-
-def _check(out: Drawing, exits: dict[Cell, int]) -> None:
-    """Read the picture again and compare its exits. Raises ConflictError."""
-    legend: Legend = tuple(out.legend.items())
-    plan = draw_floor(out.picture, legend)
-    for (x, y), bits in exits.items():
-        if plan.exits[y + 1, x + 1] != bits:
-            raise ConflictError(f"the exits of the cell {[x, y]} could not be drawn")
-
-
-# Choose the size of the cells: the largest with which every edge is drawn about as long as it is.
-#
-# error of an edge = cells x cell / length - 1
-
-
 CANDIDATES: Final = tuple(Fraction(k, 20) for k in range(40, 1, -1))  # 2.00, 1.95, ... 0.10 m
-EXACT: Final = 1e-9  # an error that rounding alone makes
+ROUNDING_ERROR: Final = 1e-9  # an error that rounding alone makes
+MAX_MOVE: Final = 10_000  # ticks
+MAX_LIMITS: Final = 14  # different speed limits that a floor may have
+COMPARED_DECIMALS: Final = 12
 
 
-class Layout(NamedTuple):
+class GraphCells(NamedTuple):
     """The cells of a graph."""
 
-    roads: Roads
+    roads: GraphRoads
     kinds: dict[Cell, int]  # of the cells that are not plain floor
-    drawing: Drawing
+    drawing: FittedDrawing
 
 
 class Fit(NamedTuple):
@@ -205,7 +84,7 @@ class Fit(NamedTuple):
     height: int
     cells: Integers  # (edges,) how many moves each edge is
     error: Floats  # (edges,) as a share
-    layout: Layout | None = None  # None: an error is above the limit
+    layout: GraphCells | None = None  # None: an error is above the limit
     refusal: str = ""
 
     @property
@@ -238,7 +117,7 @@ def _largest(graph: Graph, placement: Placement, accept: float) -> Fit:
     check_size(*_size(placement, CANDIDATES[0]), graph.file, "give a larger --cell")
     for cell in CANDIDATES:
         width, height = _size(placement, cell)
-        if max(width, height) > MAX_SIDE or width * height > MAX_CELLS:
+        if max(width, height) > MAX_FLOOR_SIDE or width * height > MAX_WRITTEN_CELLS:
             break
         try:
             fit = _fitted(graph, placement, cell, accept)
@@ -279,7 +158,7 @@ def _fitted(graph: Graph, placement: Placement, cell: Fraction, accept: float) -
         error = cells * float(cell) / metres - 1
     fit = Fit(cell, placement, places.width, places.height, np.asarray(cells), error)
     edge, share = graph.edges[fit.worst], float(error[fit.worst])
-    if abs(share) > accept + EXACT:
+    if abs(share) > accept + ROUNDING_ERROR:
         drawn = float(cells[fit.worst] * cell)
         text = (
             f"the edge {edge.name}, {edge.metres:.4g} m, would be {drawn:.4g} m "
@@ -290,20 +169,140 @@ def _fitted(graph: Graph, placement: Placement, cell: Fraction, accept: float) -
     return fit._replace(layout=_laid_out(graph, placement, places))
 
 
-def _laid_out(graph: Graph, placement: Placement, places: GridPlaces) -> Layout:
+def _laid_out(graph: Graph, placement: Placement, places: GridPlaces) -> GraphCells:
     """Return the cells of a graph. Raises ConflictError."""
     roads = lay_roads(graph, placement, places)
     kinds = {roads.node_cells[node]: STATION for one in graph.stations for node in one.nodes}
     kinds |= {roads.node_cells[node]: CHARGER for node in graph.chargers}
-    return Layout(roads, kinds, draw(roads.exits, kinds, places.width, places.height))
+    return GraphCells(roads, kinds, draw(roads.exits, kinds, places.width, places.height))
 
 
-# Ticks for the edges of a graph: how long a move is on each, and which have a speed limit.
+# The picture.
 
 
-MAX_MOVE: Final = 10_000  # ticks
-MAX_LIMITS: Final = 14  # different speed limits that a floor may have
-DECIMALS: Final = 12
+@dataclass
+class FittedDrawing:
+    """The picture of a floor and its legend."""
+
+    rows: list[str] = field(default_factory=list)
+    legend: dict[str, Symbol] = field(default_factory=dict)
+
+    @property
+    def picture(self) -> str:
+        """The rows, each with its end of line."""
+        return "".join(f"{row}\n" for row in self.rows)
+
+    @property
+    def entries(self) -> dict[str, dict[str, Any]]:
+        """The legend as a scenario has it."""
+        return {mark: legend_entry(symbol) for mark, symbol in self.legend.items()}
+
+
+def draw(exits: dict[Cell, int], kinds: dict[Cell, int], width: int, height: int) -> FittedDrawing:
+    """Draw cells with their exits; `kinds`: of those that are not floor. Raises ConflictError."""
+    out, cells = FittedDrawing(), _Cells(exits, kinds)
+    rows = [[WALL_MARK] * width for _ in range(height)]
+    for x, y in exits:
+        rows[y][x] = _mark(out, cells.symbol((x, y)), cells.kind((x, y)))
+    out.rows = ["".join(row) for row in rows]
+    _check(out, exits)
+    return out
+
+
+class _Cells:
+    """Cells and their neighbours."""
+
+    def __init__(self, exits: dict[Cell, int], kinds: dict[Cell, int]) -> None:
+        self.exits, self.kinds = exits, kinds
+
+    def kind(self, cell: Cell) -> int:
+        """What a cell is."""
+        return self.kinds.get(cell, FLOOR)
+
+    def entries(self, cell: Cell) -> int:
+        """The sides over which a cell is entered."""
+        sides = 0
+        for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
+            leaves = self.exits.get((cell[0] + dx, cell[1] + dy), 0)
+            sides |= (leaves >> (direction ^ 2) & 1) << direction
+        return sides
+
+    def is_pocket(self, cell: Cell) -> bool:
+        """Whether a cell has one way in and out."""
+        return self.exits[cell] in SINGLE_EXITS and self.entries(cell) == self.exits[cell]
+
+    def is_arrow(self, cell: Cell) -> bool:
+        """Whether a cell of plain floor is one-way as it is drawn."""
+        exits = self.exits[cell]
+        is_single = exits in SINGLE_EXITS and self.kind(cell) == FLOOR
+        return is_single and not exits & self.entries(cell)
+
+    def walls(self, cell: Cell) -> int:
+        """The sides where there is nothing."""
+        beside = ((cell[0] + dx, cell[1] + dy) for dx, dy in DIRECTION_VECTORS)
+        return sum((there not in self.exits) << d for d, there in enumerate(beside))
+
+    def blocked(self, cell: Cell) -> int:
+        """The sides where an exit would lead nowhere: walls, arrows that point here, pockets."""
+        sides = self.walls(cell)
+        for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
+            there = (cell[0] + dx, cell[1] + dy)
+            facing = 1 << (direction ^ 2)
+            if sides >> direction & 1:
+                continue
+            if self.is_pocket(there):
+                sides |= (not self.exits[there] & facing) << direction
+            elif self.is_arrow(there):
+                sides |= (self.exits[there] == facing) << direction
+        return sides
+
+    def symbol(self, cell: Cell) -> Symbol:
+        """Return the symbol of a cell. Raises ConflictError where no picture can express it."""
+        kind, exits = self.kind(cell), self.exits[cell]
+        is_free = kind in FREE_SYMBOLS and exits | self.walls(cell) == ALL_EXITS
+        if self.is_pocket(cell):
+            if kind == STATION and is_free:
+                return SYMBOLS[FREE_SYMBOLS[kind]]
+            return Symbol(kind, exits, opens=exits)
+        if is_free:
+            return SYMBOLS[FREE_SYMBOLS[kind]]
+        if exits not in SINGLE_EXITS or not exits & self.entries(cell):
+            return Symbol(kind, exits)
+        second = self.blocked(cell) & ~exits
+        if not second:
+            raise ConflictError(f"the cell {list(cell)} would be entered against its only exit")
+        return Symbol(kind, exits | second & -second)
+
+
+def _mark(out: FittedDrawing, symbol: Symbol, kind: int) -> str:
+    """Return the character of a symbol, and put it into the legend if it needs an entry."""
+    if kind != FLOOR and symbol == SYMBOLS[FREE_SYMBOLS[kind]]:
+        return FREE_SYMBOLS[kind]
+    if kind != FLOOR or symbol.exits == NO_EXITS:
+        known = {entry: mark for mark, entry in out.legend.items()}
+        if symbol in known:
+            return known[symbol]
+        mark = next(mark for mark in FURTHER[kind] if mark not in (*out.legend, *SYMBOLS))
+    elif symbol.opens:
+        mark = POCKETS[symbol.opens]
+    elif symbol.exits in ARROWS:
+        return ARROWS[symbol.exits]
+    else:
+        mark = BOXES[symbol.exits]
+    out.legend[mark] = symbol
+    return mark
+
+
+def _check(out: FittedDrawing, exits: dict[Cell, int]) -> None:
+    """Read the picture again and compare its exits. Raises ConflictError."""
+    legend: Legend = tuple(out.legend.items())
+    plan = draw_floor(out.picture, legend)
+    for (x, y), bits in exits.items():
+        if plan.exits[y + 1, x + 1] != bits:
+            raise ConflictError(f"the exits of the cell {[x, y]} could not be drawn")
+
+
+# Ticks of the edges: how long a move is on each, and which have a speed limit.
 
 
 class Speeds(NamedTuple):
@@ -381,10 +380,10 @@ def exact(value: float) -> Fraction:
 
 def rounded(value: Fraction) -> Fraction:
     """Return a number with no more decimals than a scenario may have."""
-    return Fraction(round(value * 10**DECIMALS), 10**DECIMALS)
+    return Fraction(round(value * 10**COMPARED_DECIMALS), 10**COMPARED_DECIMALS)
 
 
 def text_of(value: Fraction) -> str:
     """Return a number as a scenario writes it: no exponent, no needless zeros."""
-    integer, part = divmod(round(value * 10**DECIMALS), 10**DECIMALS)
-    return f"{integer}.{part:0{DECIMALS}d}".rstrip("0").rstrip(".")
+    integer, part = divmod(round(value * 10**COMPARED_DECIMALS), 10**COMPARED_DECIMALS)
+    return f"{integer}.{part:0{COMPARED_DECIMALS}d}".rstrip("0").rstrip(".")

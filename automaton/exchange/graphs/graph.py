@@ -1,4 +1,15 @@
-"""A layout as a graph: nodes in a plane, edges that robots drive along, stations, chargers, blocks."""
+"""A layout as a graph of nodes and edges, and its place on a grid of cells.
+
+    angle   of all angles mod 90 degrees, in steps of 0.1, the one that most edge length has
+    snap    coordinates of an axis that differ by at most a quarter of a cell become their mean
+    column  floor((x - least x) / cell + 1/2); rows likewise, from above
+
+All edges between the same two nodes are one road. It runs along its axis, or as a staircase:
+
+    A─┐            A robot on it does as many moves as there are rows and columns between its nodes,
+      └─┐          whichever way the staircase goes. Where two roads are in each other's way, the
+        └─B        layout cannot be drawn with cells of this size.
+"""
 
 from __future__ import annotations
 
@@ -15,10 +26,18 @@ from automaton.errors import InputError
 from automaton.floor.cells import DIRECTION_VECTORS
 from automaton.printable import one_line
 
-FARTHEST: Final = 1e9  # metres
+FARTHEST_NODE: Final = 1e9  # metres
 MAX_SPEED: Final = 1000.0  # m/s
 MAX_LENGTH: Final = 1e9  # metres of an edge
-LONGEST_NAME: Final = 100
+LONGEST_NODE_NAME: Final = 100
+
+STEPS_PER_DEGREE: Final = 10  # in a degree
+SNAP: Final = 0.25  # of a cell
+CLOSE: Final = 1e-9  # of a cell: what rounding of the coordinates may make
+Floats = npt.NDArray[np.float64]
+Integers = npt.NDArray[np.int64]
+Cell = tuple[int, int]  # (x, y)
+DIRECTION_OF = {vector: direction for direction, vector in enumerate(DIRECTION_VECTORS)}
 
 
 class Node(NamedTuple):
@@ -47,7 +66,7 @@ class GraphStation(NamedTuple):
     nodes: tuple[int, ...]
 
 
-class Block(NamedTuple):
+class NodeBlock(NamedTuple):
     """Nodes and edges that few robots may be on at a time."""
 
     name: str
@@ -75,7 +94,7 @@ class Graph:
     stations: list[GraphStation] = field(default_factory=list)
     chargers: set[int] = field(default_factory=set)  # nodes
     parking: list[int] = field(default_factory=list)  # nodes where robots begin first
-    blocks: list[Block] = field(default_factory=list)
+    blocks: list[NodeBlock] = field(default_factory=list)
     vehicles: list[Vehicle] = field(default_factory=list)
     type: str = ""  # of the robots, where all are of one
     lost: Counter[str] = field(default_factory=Counter)
@@ -89,7 +108,9 @@ class Graph:
 
 def single_line(name: str) -> str:
     """Return a name as scenarios and reports may have it: one line, not empty, not too long."""
-    return one_line(" ".join(name.split()), LONGEST_NAME)[:LONGEST_NAME].strip() or "unnamed"
+    return (
+        one_line(" ".join(name.split()), LONGEST_NODE_NAME)[:LONGEST_NODE_NAME].strip() or "unnamed"
+    )
 
 
 def distinct(names: Iterable[str]) -> list[str]:
@@ -154,19 +175,7 @@ def _drop_nodes(graph: Graph, used: set[int]) -> None:
     ]
 
 
-# Put the nodes of a graph on a grid: turned so that most edges run along it, and snapped to it.
-#
-# angle of all angles mod 90 degrees, in steps of 0.1, the one that most edge length has snap
-# coordinates of an axis that differ by at most a quarter of a cell become their mean column floor((x
-# - least x) / cell + 1/2); rows likewise, from above
-
-
-STEPS: Final = 10  # in a degree
-SNAP: Final = 0.25  # of a cell
-CLOSE: Final = 1e-9  # of a cell: what rounding of the coordinates may make
-
-Floats = npt.NDArray[np.float64]
-Integers = npt.NDArray[np.int64]
+# The nodes on a grid: turned so that most edges run along it, and snapped to it.
 
 
 class Placement(NamedTuple):
@@ -191,8 +200,10 @@ def turned(graph: Graph) -> Placement:
     x, y = np.array([(node.x, node.y) for node in graph.nodes]).T
     ends = np.array([(edge.start, edge.end) for edge in graph.edges])
     dx, dy = (c[ends[:, 1]] - c[ends[:, 0]] for c in (x, y))
-    steps = np.rint(np.degrees(np.arctan2(dy, dx)) * STEPS).astype(np.int64) % (90 * STEPS)
-    angle = int(np.bincount(steps, np.hypot(dx, dy)).argmax()) / STEPS
+    steps = np.rint(np.degrees(np.arctan2(dy, dx)) * STEPS_PER_DEGREE).astype(np.int64) % (
+        90 * STEPS_PER_DEGREE
+    )
+    angle = int(np.bincount(steps, np.hypot(dx, dy)).argmax()) / STEPS_PER_DEGREE
     degrees = angle - 90 if angle > 45 else angle
     if degrees == 0:
         return Placement(x, y, 0.0)
@@ -232,16 +243,7 @@ def _snapped(coordinates: Floats, cell: float) -> Floats:
     return out
 
 
-# Draw the edges of a graph as rows of cells, and find where two of them are in each other's way.
-#
-# All edges between the same two nodes are one road. It runs along its axis, or as a staircase:
-#
-# A─┐ A robot on it does as many moves as there are rows and columns between its nodes, └─┐ whichever
-# way the staircase goes. └─B
-
-
-Cell = tuple[int, int]  # (x, y)
-DIRECTION_OF = {vector: direction for direction, vector in enumerate(DIRECTION_VECTORS)}
+# The edges as rows of cells.
 
 
 class Road(NamedTuple):
@@ -263,7 +265,7 @@ class ConflictError(Exception):
 
 
 @dataclass
-class Roads:
+class GraphRoads:
     """All roads of a graph on a grid."""
 
     roads: list[Road]
@@ -272,7 +274,7 @@ class Roads:
     crossings: list[Cell] = field(default_factory=list)  # where roads cross without a node
 
 
-def lay_roads(graph: Graph, placement: Placement, places: GridPlaces) -> Roads:
+def lay_roads(graph: Graph, placement: Placement, places: GridPlaces) -> GraphRoads:
     """Return the roads of a graph. Raises ConflictError."""
     cells = list(zip(places.column.tolist(), places.row.tolist(), strict=True))
     _check_nodes(graph, cells)
@@ -283,7 +285,7 @@ def lay_roads(graph: Graph, placement: Placement, places: GridPlaces) -> Roads:
         Road(start, end, tuple(staircase(cells[start], cells[end])), tuple(numbers))
         for (start, end), numbers in edges.items()
     ]
-    out = Roads(roads, cells)
+    out = GraphRoads(roads, cells)
     out.crossings = _crossings(graph, placement, out)
     out.exits = _exits(graph, out)
     return out
@@ -317,7 +319,7 @@ def _check_nodes(graph: Graph, cells: list[Cell]) -> None:
         taken[cell] = node
 
 
-def _crossings(graph: Graph, placement: Placement, roads: Roads) -> list[Cell]:
+def _crossings(graph: Graph, placement: Placement, roads: GraphRoads) -> list[Cell]:
     """Return the cells where roads cross; raise ConflictError where they otherwise share one."""
     node_of = {cell: node for node, cell in enumerate(roads.node_cells)}
     taken: dict[Cell, int] = {}
@@ -353,7 +355,7 @@ def _side(a: tuple[float, float], b: tuple[float, float], p: tuple[float, float]
     return (area > 0) - (area < 0)
 
 
-def _exits(graph: Graph, roads: Roads) -> dict[Cell, int]:
+def _exits(graph: Graph, roads: GraphRoads) -> dict[Cell, int]:
     """Return the exits of all cells: those of the edges that lead through them, and no others."""
     exits: dict[Cell, int] = defaultdict(int)
     for road in roads.roads:

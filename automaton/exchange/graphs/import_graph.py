@@ -1,4 +1,7 @@
-"""Sets of cells as a scenario writes them: corners of a path, or rectangles."""
+"""Import a layout that is a graph: fit it to cells, draw it, and report on every edge.
+
+Robots come back from the largest part of the floor with ways to and fro; the rest is left out.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +14,7 @@ from typing import Any, Final, NamedTuple
 from automaton.errors import InputError
 from automaton.exchange.graphs.fit import (
     Fit,
-    Layout,
+    GraphCells,
     Speeds,
     exact,
     fit_graph,
@@ -19,7 +22,7 @@ from automaton.exchange.graphs.fit import (
     speeds_of,
     text_of,
 )
-from automaton.exchange.graphs.graph import Cell, Graph, Road, Roads, distinct
+from automaton.exchange.graphs.graph import Cell, Graph, GraphRoads, Road, distinct
 from automaton.exchange.graphs.lif import read_lif
 from automaton.exchange.graphs.opentcs import read_opentcs
 from automaton.exchange.imported_floor import (
@@ -32,117 +35,130 @@ from automaton.exchange.imported_floor import (
 from automaton.floor.cells import DIRECTION_VECTORS, STATION
 from automaton.units import count
 
-
-def corners(cells: Sequence[Cell]) -> list[list[int]]:
-    """Return where a path of neighbouring cells begins, turns and ends."""
-    out = [cells[0]]
-    for place in range(1, len(cells) - 1):
-        (x, y), (u, v), (s, t) = cells[place - 1 : place + 2]
-        if (u - x, v - y) != (s - u, t - v):
-            out.append((u, v))
-    if len(cells) > 1:
-        out.append(cells[-1])
-    return [list(cell) for cell in out]
-
-
-def walk(ways: dict[Cell, set[Cell]]) -> list[Cell] | None:
-    """Return a path over all cells of a set, back over them where it must, or None.
-
-    `ways`: of each cell those of the set beside it, to or from which robots drive. A set that is a
-    path without branches is walked from end to end.
-    """
-    ends = [cell for cell, beside in ways.items() if len(beside) < 2]
-    first = ends[0] if ends else next(iter(ways))
-    path, walked = [first], {first}
-    open_cells = [(first, iter(sorted(ways[first])))]
-    while open_cells:
-        ahead = next((cell for cell in open_cells[-1][1] if cell not in walked), None)
-        if ahead is not None:
-            walked.add(ahead)
-            path.append(ahead)
-            open_cells.append((ahead, iter(sorted(ways[ahead]))))
-            continue
-        open_cells.pop()
-        if len(walked) == len(ways):
-            return path
-        if open_cells:
-            path.append(open_cells[-1][0])
-    return None
-
-
-# The cells from which robots can come back: the largest part of a floor with ways to and fro.
-
-
-def largest_part(exits: dict[Cell, int]) -> set[Cell]:
-    """Return the largest set of cells that all reach each other; of equal ones the first.
-
-    The algorithm is R. Tarjan's (Depth-first search and linear graph algorithms, 1972), without
-    recursion.
-    """
-    order: dict[Cell, int] = {}
-    low: dict[Cell, int] = {}
-    stack: list[Cell] = []
-    on_stack: set[Cell] = set()
-    best: list[Cell] = []
-    for first in exits:
-        if first in order:
-            continue
-        order[first] = low[first] = len(order)
-        stack.append(first)
-        on_stack.add(first)
-        ways = [(first, iter(neighbours(exits, first)))]
-        while ways:
-            cell, ahead = ways[-1]
-            for there in ahead:
-                if there not in order:
-                    order[there] = low[there] = len(order)
-                    stack.append(there)
-                    on_stack.add(there)
-                    ways.append((there, iter(neighbours(exits, there))))
-                    break
-                if there in on_stack:
-                    low[cell] = min(low[cell], order[there])
-            else:
-                ways.pop()
-                if ways:
-                    low[ways[-1][0]] = min(low[ways[-1][0]], low[cell])
-                if low[cell] == order[cell]:
-                    part = _cut(stack, cell)
-                    on_stack.difference_update(part)
-                    best = part if len(part) > len(best) else best
-    return set(best)
-
-
-def neighbours(exits: dict[Cell, int], cell: Cell) -> list[Cell]:
-    """Return the cells to which robots drive from a cell."""
-    ahead = [
-        (cell[0] + dx, cell[1] + dy)
-        for direction, (dx, dy) in enumerate(DIRECTION_VECTORS)
-        if exits[cell] >> direction & 1
-    ]
-    return [there for there in ahead if there in exits]
-
-
-def _cut(stack: list[Cell], cell: Cell) -> list[Cell]:
-    """Take what lies on a stack from a cell on."""
-    part = [stack.pop()]
-    while part[-1] != cell:
-        part.append(stack.pop())
-    return part
-
-
-# The sections of a scenario that a graph becomes, but for its floor.
-
-
-ORDERS: Final = 20  # of a scenario, at least
+LEAST_ORDERS: Final = 20  # of a scenario, at least
 ORDERS_PER_ROBOT: Final = 5
-MAX_ORDERS: Final = 2000
+MAX_IMPORTED_ORDERS: Final = 2000
 AT_STATION: Final = 10  # seconds that a robot stands at a station
 MAX_STOP: Final = 10_000  # ticks
 RUN_HOURS: Final = 1
 MAX_TICKS: Final = 2_000_000_000
 MAX_CORNERS: Final = 1000  # of a path of cells
 GROUPS: Final = ("all", "empty", "loaded")  # names that types of robots must not have
+MAX_MARKS: Final = 9  # edges that are marked in the picture, by a digit each
+MAX_NOTED_CELLS: Final = 10  # cells in a note
+UNMARKED_ERROR: Final = 0.001  # an error up to this is not marked
+
+
+def import_lif(path: Path, options: ImportOptions) -> ImportedFloor:
+    """Import a layout of VDMA LIF. Raises InputError."""
+    return import_graph(read_lif(path, options.layout, options.type), options)
+
+
+def import_opentcs(path: Path, options: ImportOptions) -> ImportedFloor:
+    """Import a plant model of openTCS. Raises InputError."""
+    return import_graph(read_opentcs(path), options)
+
+
+def import_graph(graph: Graph, options: ImportOptions) -> ImportedFloor:
+    """Return a graph as a floor; with a refusal in its report, it has none. Raises InputError."""
+    fit = fit_graph(graph, options.cell, options.accept)
+    speeds = speeds_of(graph, fit.cell, options)
+    if fit.layout is None:
+        rows = edge_rows(graph, fit, speeds, speeds.of_edge)
+        refusal = f"{graph.file}: {fit.refusal}"
+        facts, lost = facts_of(graph, fit, speeds), dict(graph.lost.most_common())
+        report = ImportReport(graph.format, facts, rows, lost, refusal=refusal)
+        return ImportedFloor("", {}, {}, report)
+    roads, kinds, drawing = fit.layout
+    scenario = GraphScenario(graph, fit.layout, speeds, options)
+    sections = scenario.sections()
+    check_values(sections, graph.file)
+    facts = facts_of(graph, fit, speeds) | {
+        "stations": sum(kind == STATION for kind in kinds.values()),
+        "chargers": len(graph.chargers),
+        "robots": sections["fleet"]["robots"],
+    }
+    rows = edge_rows(graph, fit, speeds, speeds_of_edges(roads, scenario.of_road))
+    report = ImportReport(
+        graph.format,
+        facts,
+        rows,
+        dict(graph.lost.most_common()),
+        (*graph.notes, *crossing_notes(roads), *scenario.notes),
+        drawing.picture,
+        marks_of(graph, roads, rows),
+    )
+    comments = (f"Imported from {Path(graph.file).name}: {graph.format}.",)
+    names = scenario.places.locations
+    return ImportedFloor(drawing.picture, drawing.entries, sections, report, names, comments)
+
+
+def facts_of(graph: Graph, fit: Fit, speeds: Speeds) -> dict[str, str | int | float]:
+    """Return what a graph has become."""
+    return {
+        "cell_m": float(fit.cell),
+        "tick_s": float(speeds.tick),
+        "columns": fit.width,
+        "rows": fit.height,
+        "turned_degrees": fit.placement.degrees,
+        "nodes": len(graph.nodes),
+        "edges": len(graph.edges),
+    }
+
+
+def speeds_of_edges(roads: GraphRoads, of_road: list[Fraction]) -> tuple[Fraction, ...]:
+    """Return the speed at which each edge is driven on the floor, from that of each road."""
+    pairs = zip(roads.roads, of_road, strict=True)
+    of_edge = {edge: speed for road, speed in pairs for edge in road.edges}
+    return tuple(of_edge[edge] for edge in range(len(of_edge)))
+
+
+def edge_rows(
+    graph: Graph, fit: Fit, speeds: Speeds, drawn: tuple[Fraction, ...]
+) -> tuple[EdgeRow, ...]:
+    """Return a row for each edge, the worst first; `drawn`: the speed of each on the floor."""
+    ticks = {speed: speeds.ticks(speed) for speed in set(drawn)}
+    cell = float(fit.cell)
+    rows = [
+        EdgeRow(
+            edge.name,
+            edge.metres,
+            int(fit.cells[number]),
+            int(fit.cells[number]) * cell,
+            speeds.wanted(graph, number),
+            int(fit.cells[number]) * ticks[drawn[number]],
+        )
+        for number, edge in enumerate(graph.edges)
+    ]
+    return tuple(sorted(rows, key=lambda row: -round(abs(row.error), 9)))
+
+
+def marks_of(graph: Graph, roads: GraphRoads, rows: tuple[EdgeRow, ...]) -> dict[Cell, str]:
+    """Return digits for the worst edges, in the middle of each: their lines in the report."""
+    middle = {
+        graph.edges[road.edges[0]].name: road.between[len(road.between) // 2]
+        for road in roads.roads
+        if road.between
+    }
+    return {
+        middle[row.name]: str(place)
+        for place, row in enumerate(rows[:MAX_MARKS], 1)
+        if abs(row.error) > UNMARKED_ERROR and row.name in middle
+    }
+
+
+def crossing_notes(roads: GraphRoads) -> list[str]:
+    """Return a sentence where roads cross without a node."""
+    if not roads.crossings:
+        return []
+    cells = roads.crossings
+    shown = ", ".join(f"[{x}, {y}]" for x, y in cells[:MAX_NOTED_CELLS])
+    more = ", ..." if len(cells) > MAX_NOTED_CELLS else ""
+    where = count(len(cells), "cell")
+    return [f"edges cross without a node in {where}: robots may turn there ({shown}{more})"]
+
+
+# The sections of the scenario, but for its floor.
 
 
 class Places(NamedTuple):
@@ -156,7 +172,7 @@ class GraphScenario:
     """A graph on a grid, about to become a scenario."""
 
     def __init__(
-        self, graph: Graph, layout: Layout, speeds: Speeds, options: ImportOptions
+        self, graph: Graph, layout: GraphCells, speeds: Speeds, options: ImportOptions
     ) -> None:
         self.graph, self.speeds, self.options = graph, speeds, options
         self.roads, self.kinds = layout.roads, layout.kinds
@@ -370,7 +386,7 @@ class GraphScenario:
     def _orders(self, robots: int) -> dict[str, Any]:
         """Return tours over the stations from which robots come back, else over all cells."""
         names = [name for name, cell in self.places.stations.items() if cell in self.part]
-        many = min(max(ORDERS, ORDERS_PER_ROBOT * robots), MAX_ORDERS)
+        many = min(max(LEAST_ORDERS, ORDERS_PER_ROBOT * robots), MAX_IMPORTED_ORDERS)
         if len(names) < 2:
             return {"generator": "tours", "count": many, "stops": {"from": 1, "to": 3}}
         ticks = int(AT_STATION / self.speeds.tick + Fraction(1, 2))
@@ -393,118 +409,99 @@ def type_name(name: str) -> str:
     return f"{name} (type)" if name in GROUPS else name
 
 
-# Import a layout that is a graph: fit it to cells, draw it, and report on every edge.
+# Paths over cells, and the cells from which robots come back.
 
 
-MAX_MARKS: Final = 9  # edges that are marked in the picture, by a digit each
-MAX_SHOWN: Final = 10  # cells in a note
-EXACT: Final = 0.001  # an error up to this is not marked
+def corners(cells: Sequence[Cell]) -> list[list[int]]:
+    """Return where a path of neighbouring cells begins, turns and ends."""
+    out = [cells[0]]
+    for place in range(1, len(cells) - 1):
+        (x, y), (u, v), (s, t) = cells[place - 1 : place + 2]
+        if (u - x, v - y) != (s - u, t - v):
+            out.append((u, v))
+    if len(cells) > 1:
+        out.append(cells[-1])
+    return [list(cell) for cell in out]
 
 
-def import_lif(path: Path, options: ImportOptions) -> ImportedFloor:
-    """Import a layout of VDMA LIF. Raises InputError."""
-    return import_graph(read_lif(path, options.layout, options.type), options)
+def walk(ways: dict[Cell, set[Cell]]) -> list[Cell] | None:
+    """Return a path over all cells of a set, back over them where it must, or None.
+
+    `ways`: of each cell those of the set beside it, to or from which robots drive. A set that is a
+    path without branches is walked from end to end.
+    """
+    ends = [cell for cell, beside in ways.items() if len(beside) < 2]
+    first = ends[0] if ends else next(iter(ways))
+    path, walked = [first], {first}
+    open_cells = [(first, iter(sorted(ways[first])))]
+    while open_cells:
+        ahead = next((cell for cell in open_cells[-1][1] if cell not in walked), None)
+        if ahead is not None:
+            walked.add(ahead)
+            path.append(ahead)
+            open_cells.append((ahead, iter(sorted(ways[ahead]))))
+            continue
+        open_cells.pop()
+        if len(walked) == len(ways):
+            return path
+        if open_cells:
+            path.append(open_cells[-1][0])
+    return None
 
 
-def import_opentcs(path: Path, options: ImportOptions) -> ImportedFloor:
-    """Import a plant model of openTCS. Raises InputError."""
-    return import_graph(read_opentcs(path), options)
+def largest_part(exits: dict[Cell, int]) -> set[Cell]:
+    """Return the largest set of cells that all reach each other; of equal ones the first.
+
+    The algorithm is R. Tarjan's (Depth-first search and linear graph algorithms, 1972), without
+    recursion.
+    """
+    order: dict[Cell, int] = {}
+    low: dict[Cell, int] = {}
+    stack: list[Cell] = []
+    on_stack: set[Cell] = set()
+    best: list[Cell] = []
+    for first in exits:
+        if first in order:
+            continue
+        order[first] = low[first] = len(order)
+        stack.append(first)
+        on_stack.add(first)
+        ways = [(first, iter(neighbours(exits, first)))]
+        while ways:
+            cell, ahead = ways[-1]
+            for there in ahead:
+                if there not in order:
+                    order[there] = low[there] = len(order)
+                    stack.append(there)
+                    on_stack.add(there)
+                    ways.append((there, iter(neighbours(exits, there))))
+                    break
+                if there in on_stack:
+                    low[cell] = min(low[cell], order[there])
+            else:
+                ways.pop()
+                if ways:
+                    low[ways[-1][0]] = min(low[ways[-1][0]], low[cell])
+                if low[cell] == order[cell]:
+                    part = _cut(stack, cell)
+                    on_stack.difference_update(part)
+                    best = part if len(part) > len(best) else best
+    return set(best)
 
 
-def import_graph(graph: Graph, options: ImportOptions) -> ImportedFloor:
-    """Return a graph as a floor; with a refusal in its report, it has none. Raises InputError."""
-    fit = fit_graph(graph, options.cell, options.accept)
-    speeds = speeds_of(graph, fit.cell, options)
-    if fit.layout is None:
-        rows = edge_rows(graph, fit, speeds, speeds.of_edge)
-        refusal = f"{graph.file}: {fit.refusal}"
-        facts, lost = facts_of(graph, fit, speeds), dict(graph.lost.most_common())
-        report = ImportReport(graph.format, facts, rows, lost, refusal=refusal)
-        return ImportedFloor("", {}, {}, report)
-    roads, kinds, drawing = fit.layout
-    scenario = GraphScenario(graph, fit.layout, speeds, options)
-    sections = scenario.sections()
-    check_values(sections, graph.file)
-    facts = facts_of(graph, fit, speeds) | {
-        "stations": sum(kind == STATION for kind in kinds.values()),
-        "chargers": len(graph.chargers),
-        "robots": sections["fleet"]["robots"],
-    }
-    rows = edge_rows(graph, fit, speeds, speeds_of_edges(roads, scenario.of_road))
-    report = ImportReport(
-        graph.format,
-        facts,
-        rows,
-        dict(graph.lost.most_common()),
-        (*graph.notes, *crossing_notes(roads), *scenario.notes),
-        drawing.picture,
-        marks_of(graph, roads, rows),
-    )
-    comments = (f"Imported from {Path(graph.file).name}: {graph.format}.",)
-    names = scenario.places.locations
-    return ImportedFloor(drawing.picture, drawing.entries, sections, report, names, comments)
-
-
-def facts_of(graph: Graph, fit: Fit, speeds: Speeds) -> dict[str, str | int | float]:
-    """Return what a graph has become."""
-    return {
-        "cell_m": float(fit.cell),
-        "tick_s": float(speeds.tick),
-        "columns": fit.width,
-        "rows": fit.height,
-        "turned_degrees": fit.placement.degrees,
-        "nodes": len(graph.nodes),
-        "edges": len(graph.edges),
-    }
-
-
-def speeds_of_edges(roads: Roads, of_road: list[Fraction]) -> tuple[Fraction, ...]:
-    """Return the speed at which each edge is driven on the floor, from that of each road."""
-    pairs = zip(roads.roads, of_road, strict=True)
-    of_edge = {edge: speed for road, speed in pairs for edge in road.edges}
-    return tuple(of_edge[edge] for edge in range(len(of_edge)))
-
-
-def edge_rows(
-    graph: Graph, fit: Fit, speeds: Speeds, drawn: tuple[Fraction, ...]
-) -> tuple[EdgeRow, ...]:
-    """Return a row for each edge, the worst first; `drawn`: the speed of each on the floor."""
-    ticks = {speed: speeds.ticks(speed) for speed in set(drawn)}
-    cell = float(fit.cell)
-    rows = [
-        EdgeRow(
-            edge.name,
-            edge.metres,
-            int(fit.cells[number]),
-            int(fit.cells[number]) * cell,
-            speeds.wanted(graph, number),
-            int(fit.cells[number]) * ticks[drawn[number]],
-        )
-        for number, edge in enumerate(graph.edges)
+def neighbours(exits: dict[Cell, int], cell: Cell) -> list[Cell]:
+    """Return the cells to which robots drive from a cell."""
+    ahead = [
+        (cell[0] + dx, cell[1] + dy)
+        for direction, (dx, dy) in enumerate(DIRECTION_VECTORS)
+        if exits[cell] >> direction & 1
     ]
-    return tuple(sorted(rows, key=lambda row: -round(abs(row.error), 9)))
+    return [there for there in ahead if there in exits]
 
 
-def marks_of(graph: Graph, roads: Roads, rows: tuple[EdgeRow, ...]) -> dict[Cell, str]:
-    """Return digits for the worst edges, in the middle of each: their lines in the report."""
-    middle = {
-        graph.edges[road.edges[0]].name: road.between[len(road.between) // 2]
-        for road in roads.roads
-        if road.between
-    }
-    return {
-        middle[row.name]: str(place)
-        for place, row in enumerate(rows[:MAX_MARKS], 1)
-        if abs(row.error) > EXACT and row.name in middle
-    }
-
-
-def crossing_notes(roads: Roads) -> list[str]:
-    """Return a sentence where roads cross without a node."""
-    if not roads.crossings:
-        return []
-    cells = roads.crossings
-    shown = ", ".join(f"[{x}, {y}]" for x, y in cells[:MAX_SHOWN])
-    more = ", ..." if len(cells) > MAX_SHOWN else ""
-    where = count(len(cells), "cell")
-    return [f"edges cross without a node in {where}: robots may turn there ({shown}{more})"]
+def _cut(stack: list[Cell], cell: Cell) -> list[Cell]:
+    """Take what lies on a stack from a cell on."""
+    part = [stack.pop()]
+    while part[-1] != cell:
+        part.append(stack.pop())
+    return part

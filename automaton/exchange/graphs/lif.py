@@ -1,8 +1,14 @@
-"""The length of a curve that is a NURBS, as LIF describes trajectories.
+"""Read a layout of VDMA LIF, versions 1.0.0 and 2.0.0, for one type of robots.
+
+Version 2.0.0 has its layouts in `origins` and says `mobileRobot...` and `maximum...` where 1.0.0 says
+`vehicle...` and `max...`; both are fields of the same structs. Other keys are counted, not read.
+
+A trajectory is a NURBS, whose length is that of its edge:
 
     C(u) = sum of N_i,p(u) w_i P_i / sum of N_i,p(u) w_i      for knots u_p <= u <= u_n
 
-Source: L. Piegl and W. Tiller, The NURBS Book, 1997, chapters 2 and 4; algorithm A2.2.
+Sources: VDMA, Layout Interchange Format, https://github.com/vdma-lif. L. Piegl and W. Tiller, The NURBS
+Book, 1997, chapters 2 and 4; algorithm A2.2.
 """
 
 from __future__ import annotations
@@ -20,7 +26,7 @@ import numpy.typing as npt
 
 from automaton.errors import InputError, nearest
 from automaton.exchange.graphs.graph import (
-    FARTHEST,
+    FARTHEST_NODE,
     MAX_LENGTH,
     MAX_SPEED,
     Edge,
@@ -34,180 +40,17 @@ from automaton.exchange.imported_floor import BYTE_ORDER_MARK, read_bytes
 from automaton.scenario.document import quoted
 
 MAX_DEGREE: Final = 20
-MAX_POINTS: Final = 200
+MAX_CONTROL_POINTS: Final = 200
 POINTS: Final = 64  # chords in which each span of the knots is measured
 
 Floats = npt.NDArray[np.float64]
 
-
-def is_nurbs(degree: int, knots: Floats, points: Floats, weights: Floats) -> bool:
-    """Whether knots (m,), points (n, 2) and weights (n,) make a curve of a degree: m = n + degree + 1."""
-    n = len(points)
-    if not 1 <= degree <= MAX_DEGREE or not degree < n <= MAX_POINTS:
-        return False
-    return bool(
-        len(knots) == n + degree + 1
-        and np.isfinite(knots).all()
-        and np.isfinite(points).all()
-        and np.isfinite(weights).all()
-        and (np.diff(knots) >= 0).all()
-        and knots[degree] < knots[n]
-        and (weights > 0).all()
-    )
-
-
-def arc_length(degree: int, knots: Floats, points: Floats, weights: Floats) -> float:
-    """Return the length of a NURBS, in the unit of its points, by chords with extrapolation.
-
-    The error of chords falls with the square of their number, so that of twice as many as of half
-    as many is a quarter: (4 L(2k) - L(k)) / 3 lacks it.
-    """
-    ends = np.unique(knots[degree : len(points) + 1])
-    share = np.arange(2 * POINTS) / (2 * POINTS)
-    u = np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).reshape(-1), ends[-1])
-    basis = _basis(degree, knots, len(points), u) * weights
-    curve = basis @ points / basis.sum(axis=1, keepdims=True)
-    fine = float(np.hypot(*np.diff(curve, axis=0).T).sum())
-    coarse = float(np.hypot(*np.diff(curve[::2], axis=0).T).sum())
-    return (4 * fine - coarse) / 3
-
-
-def _basis(degree: int, knots: Floats, n: int, u: Floats) -> Floats:
-    """(len(u), n) the B-spline basis functions, by the recursion of Cox and de Boor."""
-    last = np.flatnonzero(np.diff(knots) > 0)[-1]
-    span = np.minimum(np.searchsorted(knots, u, side="right") - 1, last)
-    basis = np.zeros((len(u), len(knots) - 1))
-    basis[np.arange(len(u)), span] = 1.0
-    for p in range(1, degree + 1):
-        width = knots[p:-1] - knots[: -p - 1], knots[p + 1 :] - knots[1:-p]
-        rising, falling = (np.divide(1.0, w, out=np.zeros_like(w), where=w > 0) for w in width)
-        left = (u[:, None] - knots[: -p - 1]) * rising * basis[:, :-1]
-        basis = left + (knots[p + 1 :] - u[:, None]) * falling * basis[:, 1:]
-    return basis[:, :n]
-
-
-# What is read of a VDMA LIF, version 1.0.0 or 2.0.0: its keys, as structs.
-#
-# Version 2.0.0 has its layouts in `origins` and says `mobileRobot...` and `maximum...` where 1.0.0
-# says `vehicle...` and `max...`; both are fields of the same structs. Other keys are counted, not
-# read.
-#
-# Source: VDMA, Layout Interchange Format, https://github.com/vdma-lif.
-
-
-class Part(msgspec.Struct, rename="camel", frozen=True):
-    """An object of the file."""
-
-
-class RobotSeries(Part, frozen=True):
-    """A type of robots, in version 2.0.0."""
-
-    manufacturer: str = ""
-    series_name: str = ""
-
-    @property
-    def name(self) -> str:
-        """As the type is called in version 1.0.0."""
-        return ".".join(part for part in (self.manufacturer, self.series_name) if part)
-
-
-class Action(Part, frozen=True):
-    """What robots can do at a node."""
-
-    action_type: str
-
-
-class NodeProperties(Part, frozen=True):
-    """What a node is to one type, or to several."""
-
-    vehicle_type_id: str | None = None
-    mobile_robot_types: list[RobotSeries] = []
-    actions: list[Action] = []
-    feasible_actions: list[Action] = []
-
-
-class Position(Part, frozen=True):
-    """A place in the plane, in metres."""
-
-    x: float
-    y: float
-
-
-class LifNode(Part, frozen=True):
-    """A node."""
-
-    node_id: str
-    node_position: Position
-    vehicle_type_node_properties: list[NodeProperties] = []
-    mobile_robot_type_node_properties: list[NodeProperties] = []
-
-
-class ControlPoint(Part, frozen=True):
-    """A point of a NURBS."""
-
-    x: float
-    y: float
-    weight: float = 1.0
-
-
-class Trajectory(Part, frozen=True):
-    """The curve along which an edge is driven."""
-
-    knot_vector: list[float]
-    control_points: list[ControlPoint]
-    degree: float = 1.0
-
-
-class LoadRestriction(Part, frozen=True):
-    """Which robots may drive along an edge."""
-
-    unloaded: bool = True
-    loaded: bool = True
-
-
-class EdgeProperties(Part, frozen=True):
-    """How an edge is driven by one type, or by several; speeds in m/s."""
-
-    vehicle_type_id: str | None = None
-    mobile_robot_types: list[RobotSeries] = []
-    max_speed: float | None = None
-    maximum_speed: float | None = None
-    load_restriction: LoadRestriction | None = None
-    trajectory: Trajectory | None = None
-
-
-class LifEdge(Part, frozen=True):
-    """An edge."""
-
-    edge_id: str
-    start_node_id: str
-    end_node_id: str
-    vehicle_type_edge_properties: list[EdgeProperties] = []
-    mobile_robot_type_edge_properties: list[EdgeProperties] = []
-
-
-class LifStation(Part, frozen=True):
-    """A station."""
-
-    station_id: str
-    interaction_node_ids: list[str]
-
-
-class LifLayout(Part, frozen=True):
-    """A layout; the main parts are read one by one, so that errors can name them."""
-
-    layout_id: str
-    nodes: list[Any]
-    edges: list[Any]
-    stations: list[Any] = []
-
-
-PROPERTIES: Final[dict[str, Any]] = {
+TYPE_PROPERTIES: Final[dict[str, Any]] = {
     "vehicleTypeId": None,
     "mobileRobotTypes": {"manufacturer": None, "seriesName": None},
 }
 NODE_PROPERTY_KEYS: Final[dict[str, Any]] = {
-    **PROPERTIES,
+    **TYPE_PROPERTIES,
     **dict.fromkeys(("actions", "feasibleActions")),
 }
 NODE_KEYS: Final[dict[str, Any]] = {
@@ -217,7 +60,7 @@ NODE_KEYS: Final[dict[str, Any]] = {
     "mobileRobotTypeNodeProperties": NODE_PROPERTY_KEYS,
 }
 EDGE_PROPERTY_KEYS: Final[dict[str, Any]] = {
-    **PROPERTIES,
+    **TYPE_PROPERTIES,
     **dict.fromkeys(("maxSpeed", "maximumSpeed", "trajectory")),
     "loadRestriction": {"unloaded": None, "loaded": None},
 }
@@ -238,24 +81,17 @@ FILE_KEYS: Final[dict[str, Any]] = {
     "layouts": None,
     "origins": dict.fromkeys(("originId", "layouts")),
 }
-
-
-# Read a layout of VDMA LIF, versions 1.0.0 and 2.0.0, for one type of robots.
-
-
 MAX_OBJECTS: Final = 1_000_000  # of a file, lists included
-MAX_VALUES: Final = 10_000_000
+MAX_LIF_VALUES: Final = 10_000_000
 MAX_LISTED: Final = 8  # names in an error
 START_CHARGING: Final = "startCharging"
 IDS: Final = ("nodeId", "edgeId", "stationId")
 MALFORMED: Final = re.compile(r"JSON is malformed: (.*) \(byte (\d+)\)")
-WORD: Final = re.compile(rb"[^\s,}\]]{1,20}")
-CLOSED: Final = LoadRestriction(unloaded=False, loaded=False)
-
+LIF_WORD: Final = re.compile(rb"[^\s,}\]]{1,20}")
 T = TypeVar("T")
 
 
-class Choice(NamedTuple):
+class LayoutChoice(NamedTuple):
     """A layout of the file as it can be chosen."""
 
     name: str
@@ -305,8 +141,8 @@ def _decoded(path: Path) -> dict[str, Any]:
     file, content = str(path), read_bytes(path).removeprefix(BYTE_ORDER_MARK)
     if content.count(b"{") + content.count(b"[") > MAX_OBJECTS:
         raise InputError(f"has more than {MAX_OBJECTS:,} objects and lists, the most", file)
-    if content.count(b",") > MAX_VALUES:
-        raise InputError(f"has more than {MAX_VALUES:,} values, the most", file)
+    if content.count(b",") > MAX_LIF_VALUES:
+        raise InputError(f"has more than {MAX_LIF_VALUES:,} values, the most", file)
     try:
         data = msgspec.json.decode(content)
     except RecursionError:
@@ -316,7 +152,7 @@ def _decoded(path: Path) -> dict[str, Any]:
         if malformed is None:
             raise InputError(f"is not JSON: {error}", file) from None
         place = int(malformed[2])
-        word, line = WORD.match(content, place), content.count(b"\n", 0, place) + 1
+        word, line = LIF_WORD.match(content, place), content.count(b"\n", 0, place) + 1
         at = f" at {quoted(word[0].decode(errors='replace'))}" if word else ""
         raise InputError(f"is not JSON: {malformed[1]}{at}", file, line) from None
     if not isinstance(data, dict):
@@ -336,17 +172,17 @@ def _version(data: dict[str, Any], file: str) -> str:
     return single_line(version)
 
 
-def _layouts(data: dict[str, Any], file: str) -> Iterator[Choice]:
+def _layouts(data: dict[str, Any], file: str) -> Iterator[LayoutChoice]:
     """Yield all layouts with the names that choose them; of several origins with theirs."""
     origins = data.get("origins")
     several = isinstance(origins, list) and len(origins) > 1
     for number, origin in enumerate(_objects(data, "origins", file) if "origins" in data else []):
         name = f"{origin.get('originId', number)}/" if several else ""
         for layout in _objects(origin, "layouts", file):
-            yield Choice(f"{name}{layout.get('layoutId', '')}", layout)
+            yield LayoutChoice(f"{name}{layout.get('layoutId', '')}", layout)
     if "origins" not in data:
         for layout in _objects(data, "layouts", file):
-            yield Choice(str(layout.get("layoutId", "")), layout)
+            yield LayoutChoice(str(layout.get("layoutId", "")), layout)
 
 
 def _objects(data: dict[str, Any], key: str, file: str) -> list[dict[str, Any]]:
@@ -356,7 +192,7 @@ def _objects(data: dict[str, Any], key: str, file: str) -> list[dict[str, Any]]:
     return value
 
 
-def _chosen_layout(choices: list[Choice], name: str | None, file: str) -> Choice:
+def _chosen_layout(choices: list[LayoutChoice], name: str | None, file: str) -> LayoutChoice:
     names = [single_line(choice.name) for choice in choices]
     if not names:
         raise InputError("has no layout", file)
@@ -379,7 +215,7 @@ def _chosen(names: list[str], name: str | None, what: str, file: str) -> int:
 class _LayoutReader:
     """The nodes, edges and stations of one layout."""
 
-    def __init__(self, choice: Choice, others: list[Choice], file: str) -> None:
+    def __init__(self, choice: LayoutChoice, others: list[LayoutChoice], file: str) -> None:
         self.file = file
         self.elsewhere = {name for other in others for name in _node_names(other)}
         layout = self.converted(choice.data, LifLayout, "layout")
@@ -435,9 +271,9 @@ class _LayoutReader:
     def node(self, node: LifNode) -> Node:
         """Return a node. Raises InputError for a place that is too far away."""
         x, y = node.node_position.x, node.node_position.y
-        if not max(abs(x), abs(y)) <= FARTHEST:  # nan, too
+        if not max(abs(x), abs(y)) <= FARTHEST_NODE:  # nan, too
             text = f"the node {single_line(node.node_id)} is at x {x:g}, y {y:g}; "
-            raise InputError(f"{text}at most {FARTHEST:.0e} m are allowed", self.file)
+            raise InputError(f"{text}at most {FARTHEST_NODE:.0e} m are allowed", self.file)
         return Node(node.node_id, x, y)
 
     def node_of(self, name: str, station: LifStation) -> int:
@@ -510,7 +346,7 @@ class _LayoutReader:
                     graph.lost[f"action {single_line(action.action_type)}"] += 1
 
 
-def _node_names(choice: Choice) -> Iterator[str]:
+def _node_names(choice: LayoutChoice) -> Iterator[str]:
     """Yield the ids of a layout's nodes, as far as it has some."""
     nodes = choice.data.get("nodes")
     for node in nodes if isinstance(nodes, list) else ():
@@ -523,7 +359,7 @@ def _curve_length(curve: Trajectory) -> float | None:
     points = np.array([(p.x, p.y) for p in curve.control_points], float).reshape(-1, 2)
     weights = np.array([p.weight for p in curve.control_points], float)
     knots = np.array(curve.knot_vector, float)
-    if not curve.degree.is_integer() or (np.abs(points) > FARTHEST).any():
+    if not curve.degree.is_integer() or (np.abs(points) > FARTHEST_NODE).any():
         return None
     if not is_nurbs(int(curve.degree), knots, points, weights):
         return None
@@ -548,3 +384,165 @@ def _closed_to(properties: EdgeProperties) -> str:
     if restriction is None or restriction.loaded == restriction.unloaded:
         return ""
     return "loaded" if restriction.unloaded else "empty"
+
+
+# The keys of a file.
+
+
+class LifPart(msgspec.Struct, rename="camel", frozen=True):
+    """An object of the file."""
+
+
+class RobotSeries(LifPart, frozen=True):
+    """A type of robots, in version 2.0.0."""
+
+    manufacturer: str = ""
+    series_name: str = ""
+
+    @property
+    def name(self) -> str:
+        """As the type is called in version 1.0.0."""
+        return ".".join(part for part in (self.manufacturer, self.series_name) if part)
+
+
+class LifAction(LifPart, frozen=True):
+    """What robots can do at a node."""
+
+    action_type: str
+
+
+class NodeProperties(LifPart, frozen=True):
+    """What a node is to one type, or to several."""
+
+    vehicle_type_id: str | None = None
+    mobile_robot_types: list[RobotSeries] = []
+    actions: list[LifAction] = []
+    feasible_actions: list[LifAction] = []
+
+
+class Position(LifPart, frozen=True):
+    """A place in the plane, in metres."""
+
+    x: float
+    y: float
+
+
+class LifNode(LifPart, frozen=True):
+    """A node."""
+
+    node_id: str
+    node_position: Position
+    vehicle_type_node_properties: list[NodeProperties] = []
+    mobile_robot_type_node_properties: list[NodeProperties] = []
+
+
+class ControlPoint(LifPart, frozen=True):
+    """A point of a NURBS."""
+
+    x: float
+    y: float
+    weight: float = 1.0
+
+
+class Trajectory(LifPart, frozen=True):
+    """The curve along which an edge is driven."""
+
+    knot_vector: list[float]
+    control_points: list[ControlPoint]
+    degree: float = 1.0
+
+
+class LoadRestriction(LifPart, frozen=True):
+    """Which robots may drive along an edge."""
+
+    unloaded: bool = True
+    loaded: bool = True
+
+
+CLOSED: Final = LoadRestriction(unloaded=False, loaded=False)
+
+
+class EdgeProperties(LifPart, frozen=True):
+    """How an edge is driven by one type, or by several; speeds in m/s."""
+
+    vehicle_type_id: str | None = None
+    mobile_robot_types: list[RobotSeries] = []
+    max_speed: float | None = None
+    maximum_speed: float | None = None
+    load_restriction: LoadRestriction | None = None
+    trajectory: Trajectory | None = None
+
+
+class LifEdge(LifPart, frozen=True):
+    """An edge."""
+
+    edge_id: str
+    start_node_id: str
+    end_node_id: str
+    vehicle_type_edge_properties: list[EdgeProperties] = []
+    mobile_robot_type_edge_properties: list[EdgeProperties] = []
+
+
+class LifStation(LifPart, frozen=True):
+    """A station."""
+
+    station_id: str
+    interaction_node_ids: list[str]
+
+
+class LifLayout(LifPart, frozen=True):
+    """A layout; the main parts are read one by one, so that errors can name them."""
+
+    layout_id: str
+    nodes: list[Any]
+    edges: list[Any]
+    stations: list[Any] = []
+
+
+# The length of a trajectory.
+
+
+def is_nurbs(degree: int, knots: Floats, points: Floats, weights: Floats) -> bool:
+    """Whether knots (m,), points (n, 2) and weights (n,) make a curve of a degree: m = n + degree + 1."""
+    n = len(points)
+    if not 1 <= degree <= MAX_DEGREE or not degree < n <= MAX_CONTROL_POINTS:
+        return False
+    return bool(
+        len(knots) == n + degree + 1
+        and np.isfinite(knots).all()
+        and np.isfinite(points).all()
+        and np.isfinite(weights).all()
+        and (np.diff(knots) >= 0).all()
+        and knots[degree] < knots[n]
+        and (weights > 0).all()
+    )
+
+
+def arc_length(degree: int, knots: Floats, points: Floats, weights: Floats) -> float:
+    """Return the length of a NURBS, in the unit of its points, by chords with extrapolation.
+
+    The error of chords falls with the square of their number, so that of twice as many as of half
+    as many is a quarter: (4 L(2k) - L(k)) / 3 lacks it.
+    """
+    ends = np.unique(knots[degree : len(points) + 1])
+    share = np.arange(2 * POINTS) / (2 * POINTS)
+    u = np.append((ends[:-1, None] + np.diff(ends)[:, None] * share).reshape(-1), ends[-1])
+    basis = _basis(degree, knots, len(points), u) * weights
+    curve = basis @ points / basis.sum(axis=1, keepdims=True)
+    fine = float(np.hypot(*np.diff(curve, axis=0).T).sum())
+    coarse = float(np.hypot(*np.diff(curve[::2], axis=0).T).sum())
+    return (4 * fine - coarse) / 3
+
+
+def _basis(degree: int, knots: Floats, n: int, u: Floats) -> Floats:
+    """(len(u), n) the B-spline basis functions, by the recursion of Cox and de Boor."""
+    last = np.flatnonzero(np.diff(knots) > 0)[-1]
+    span = np.minimum(np.searchsorted(knots, u, side="right") - 1, last)
+    basis = np.zeros((len(u), len(knots) - 1))
+    basis[np.arange(len(u)), span] = 1.0
+    for p in range(1, degree + 1):
+        width = knots[p:-1] - knots[: -p - 1], knots[p + 1 :] - knots[1:-p]
+        rising, falling = (np.divide(1.0, w, out=np.zeros_like(w), where=w > 0) for w in width)
+        left = (u[:, None] - knots[: -p - 1]) * rising * basis[:, :-1]
+        basis = left + (knots[p + 1 :] - u[:, None]) * falling * basis[:, 1:]
+    return basis[:, :n]

@@ -1,4 +1,4 @@
-"""Read the elements of an openTCS plant model: their attributes, and the line of each.
+"""Read a plant model of openTCS, versions 6.0.0 and 7.0.0; its lengths are mm, its speeds mm/s.
 
 A DOCTYPE is refused before anything in it is expanded, so no entity of a file is ever read.
 """
@@ -13,14 +13,14 @@ from xml.parsers import expat
 
 from automaton.errors import InputError, nearest
 from automaton.exchange.graphs.graph import (
-    FARTHEST,
+    FARTHEST_NODE,
     MAX_LENGTH,
     MAX_SPEED,
-    Block,
     Edge,
     Graph,
     GraphStation,
     Node,
+    NodeBlock,
     Vehicle,
     checked_graph,
     single_line,
@@ -28,7 +28,7 @@ from automaton.exchange.graphs.graph import (
 from automaton.exchange.imported_floor import read_bytes
 
 MAX_ELEMENTS: Final = 1_000_000
-MAX_DEPTH: Final = 32
+MAX_XML_DEPTH: Final = 32
 CHUNK: Final = 2**20  # bytes that are parsed at a time
 
 # What is read: an element's attributes, and the elements within it.
@@ -64,6 +64,13 @@ MODEL: Final[dict[str, Any]] = {
     },
     "block": {"": ("name", "type"), "member": NAMED},
 }
+
+OPENTCS_VERSIONS: Final = ("6.0.0", "7.0.0")
+RECHARGE: Final = "RECHARGE_"
+CHARGE: Final = "Charge"
+SAME_DIRECTION: Final = "SAME_DIRECTION_ONLY"
+BLOCK_TYPES: Final = ("SINGLE_VEHICLE_ONLY", SAME_DIRECTION)
+MM_PER_M: Final = 1000
 
 
 @dataclass
@@ -126,8 +133,8 @@ class _Handlers:
         self.depth += 1
         if self.count > MAX_ELEMENTS:
             raise self.error(f"has more than {MAX_ELEMENTS:,} elements, the most")
-        if self.depth > MAX_DEPTH:
-            raise self.error(f"is nested more than {MAX_DEPTH} levels deep")
+        if self.depth > MAX_XML_DEPTH:
+            raise self.error(f"is nested more than {MAX_XML_DEPTH} levels deep")
         name = tag.rpartition(":")[2]
         if self.depth == 1 and name != "model":
             raise self.error(f"is XML, but not a plant model: it begins with <{single_line(name)}>")
@@ -156,17 +163,6 @@ class _Handlers:
             self.open.pop()
 
 
-# Read a plant model of openTCS, versions 6.0.0 and 7.0.0; its lengths are mm, its speeds mm/s.
-
-
-VERSIONS: Final = ("6.0.0", "7.0.0")
-RECHARGE: Final = "RECHARGE_"
-CHARGE: Final = "Charge"
-SAME_DIRECTION: Final = "SAME_DIRECTION_ONLY"
-BLOCK_TYPES: Final = ("SINGLE_VEHICLE_ONLY", SAME_DIRECTION)
-MM_PER_M: Final = 1000
-
-
 def read_opentcs(path: Path) -> Graph:
     """Read a plant model. Raises InputError."""
     return _ModelReader(path).graph()
@@ -180,8 +176,8 @@ class _ModelReader:
         out = Graph(self.file, "", path.stem)
         self.out, self.root = out, read_elements(path, out.lost)
         version = self.root.attributes.get("version", "")
-        if version.split(".")[0] not in [one.split(".")[0] for one in VERSIONS]:
-            text = f"version {single_line(version)!r} is not read; {' and '.join(VERSIONS)} are"
+        if version.split(".")[0] not in [one.split(".")[0] for one in OPENTCS_VERSIONS]:
+            text = f"version {single_line(version)!r} is not read; {' and '.join(OPENTCS_VERSIONS)} are"
             raise self.error(text, self.root)
         out.format = f"openTCS plant model {single_line(version)}"
         out.name = single_line(self.root.attributes.get("name") or path.stem)
@@ -241,7 +237,7 @@ class _ModelReader:
         name, place = self.text(point, "name"), len(self.out.nodes)
         if self.points.setdefault(name, place) != place:
             raise self.error(f"the point {single_line(name)} is there twice", point)
-        x, y = (self.number(point, key, FARTHEST) for key in ("positionX", "positionY"))
+        x, y = (self.number(point, key, FARTHEST_NODE) for key in ("positionX", "positionY"))
         self.out.nodes.append(Node(name, x, y))
         if point.attributes.get("type") == "PARK_POSITION":
             self.out.parking.append(place)
@@ -323,4 +319,4 @@ class _ModelReader:
         ]
         if others:
             self.out.lost["block members that are neither point nor path"] += len(others)
-        self.out.blocks.append(Block(name, nodes, tuple(edges), kind == SAME_DIRECTION))
+        self.out.blocks.append(NodeBlock(name, nodes, tuple(edges), kind == SAME_DIRECTION))

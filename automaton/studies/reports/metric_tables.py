@@ -19,7 +19,7 @@ from automaton.runs.report_document import (
     Table,
     Text,
 )
-from automaton.scenario.orders import DRAWN
+from automaton.scenario.orders import DRAWN_GENERATORS
 from automaton.studies.inference.intervals import (
     NO_SPREAD_WARNING,
     STUDENT_MIN_RUNS,
@@ -111,7 +111,7 @@ def bound(scenarios: Scenarios, point: Point, metric: str) -> float | None:
     scenario = resolved.scenario
     of_time, of_rate = metric in ("makespan", "ticks"), metric == "throughput"
     # Of orders that are drawn the cheapest possible say next to nothing of the rate of these.
-    drawn = scenario.orders.generator in DRAWN
+    drawn = scenario.orders.generator in DRAWN_GENERATORS
     if scenario.stop.when == "never" or not (of_time or of_rate) or (of_rate and drawn):
         return None
     found = bounds(resolved)

@@ -19,7 +19,7 @@ import msgspec
 from automaton.errors import InputError
 from automaton.printable import one_line
 from automaton.runs.provenance import DECIDING, PACKAGES, file_hashes
-from automaton.scenario.orders import plain_data
+from automaton.scenario.order_lines import plain_data
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.strategy import lookup
 from automaton.studies.sweeps.study import Levels, Study

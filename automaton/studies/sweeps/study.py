@@ -28,7 +28,7 @@ from automaton.scenario.document import (
     read_text,
     shipped,
 )
-from automaton.scenario.floor_section import REFERENCE
+from automaton.scenario.floor_section import SCHEMA_REFERENCE
 from automaton.scenario.schema import ConfigSection, NonEmptyText, Scenario, SingleLine
 from automaton.scenario.validation import MSER_OR_TIME, TIME_PATTERN, shown, validated
 from automaton.units import count
@@ -175,7 +175,7 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
         Meta(description="What is corrected for together: comparisons of one metric, or all."),
     ] = "study"
     error: Annotated[
-        float, Meta(gt=0, le=0.5, description="Of the whole family; 0.05: 95 % intervals.")
+        float, Meta(gt=0, le=0.5, description="Error of the whole family; 0.05: 95 % intervals.")
     ] = 0.05
     precision: Annotated[
         Annotated[float, Meta(ge=1e-6, le=1)] | None,
@@ -237,7 +237,7 @@ class Study(ConfigSection, frozen=True, kw_only=True):
     ] = None
     listed: Annotated[
         tuple[Levels, ...] | None,
-        Meta(description="Instead of factors: the combinations one by one, {KEY: VALUE, ...}."),
+        Meta(description="The combinations one by one, {KEY: VALUE, ...}, instead of factors."),
     ] = msgspec.field(name="points", default=None)
     replications: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | Replications,
@@ -261,7 +261,7 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         | Annotated[str, Meta(pattern=MSER_OR_TIME)]
         | None,
         Meta(
-            description="Of a steady state: what to leave out, in ticks or as a time such as 30 min, or "
+            description="What to leave out of a steady state, in ticks or as a time such as 30 min, or "
             "mser-5: found by MSER-5."
         ),
     ] = None
@@ -270,7 +270,7 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         | Annotated[str, Meta(pattern=TIME_PATTERN)]
         | None,
         Meta(
-            description="Of a steady state: rows hold the deliveries in each so many ticks, or in a time "
+            description="Rows of a steady state hold the deliveries in each so many ticks, or in a time "
             "such as 10 min (`series`); default a 200th of the run, at least 1."
         ),
     ] = None
@@ -515,7 +515,9 @@ def _same(one: Any, other: Any) -> bool:
 
 def study_schema() -> dict[str, Any]:
     """A JSON Schema (2020-12) for editors and other programs."""
-    (reference,), definitions = msgspec.json.schema_components((Study,), ref_template=REFERENCE)
+    (reference,), definitions = msgspec.json.schema_components(
+        (Study,), ref_template=SCHEMA_REFERENCE
+    )
     mapping = definitions["Study"]["properties"]["factors"]["anyOf"][0]
     mapping["additionalProperties"] = {"type": "array", "minItems": 1}
     return {

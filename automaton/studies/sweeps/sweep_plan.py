@@ -24,7 +24,7 @@ from automaton.runs.provenance import versions
 from automaton.scenario.document import SHIPPED_FOLDER, Document, Override, find, keys_of
 from automaton.scenario.quantities import TIME
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
-from automaton.scenario.validation import Bounds, Place, convert
+from automaton.scenario.validation import NumberRange, Place, convert
 from automaton.strategy import lookup
 from automaton.studies.inference.steady_state import MIN_OBSERVATIONS, MIN_REPLICATIONS, MSER_BATCH
 from automaton.studies.sweeps.result_store import ROWS_FOLDER, STUDY_FILE, Copies
@@ -191,7 +191,7 @@ def with_window_in_ticks(
     """The study with its window in ticks, if it is given as a time. Raises InputError."""
     if not isinstance(study.window, str):
         return study
-    place = Place(TIME, Bounds(is_whole=True, ge=1, le=MAX_WINDOW))
+    place = Place(TIME, NumberRange(is_whole=True, ge=1, le=MAX_WINDOW))
     try:
         ticks = {
             convert("window", study.window, place, resolved.scenario.units.scale).value

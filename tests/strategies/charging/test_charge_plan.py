@@ -13,7 +13,7 @@ from reference_charging import Situation, best_single, best_ticks, charging_time
 
 from automaton.engine.energy import charging_ticks, level_after
 from automaton.engine.robot_states import BATTERY_FULL
-from layouts.depots import OPTIONAL
+from layouts.depots import OPTIONAL_LANES
 from strategies.allocation.auction import quotes
 from strategies.allocation.auction.market import (
     INF_COST,
@@ -228,9 +228,9 @@ def test_joint_insertion_is_the_best_of_all_positions() -> None:
 
 def all_variants() -> Iterator[list[list[int]]]:
     """Ticks between positions for all 256 sets of optional lanes."""
-    for chosen in itertools.product((False, True), repeat=len(OPTIONAL)):
+    for chosen in itertools.product((False, True), repeat=len(OPTIONAL_LANES)):
         yield between_with(
-            lane for lane, there in zip(sorted(OPTIONAL), chosen, strict=True) if there
+            lane for lane, there in zip(sorted(OPTIONAL_LANES), chosen, strict=True) if there
         )
 
 

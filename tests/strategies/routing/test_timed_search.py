@@ -17,7 +17,7 @@ from slow_zone_scenes import ONE_WAY, STEPS, Traffic
 
 from automaton.engine.state import NIL, Array
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.traffic_zones import MODES
+from automaton.floor.traffic_zones import ZONE_MODES
 from strategies.routing.congestion import time_dependent_path
 from strategies.routing.forecasts import add, forecast_all, forget
 
@@ -64,7 +64,7 @@ def cases(draw: Any, kinematics: tuple[str, ...] = ("omni", "differential")) -> 
         f"{picture}\n~",
         robots=(draw(st.sampled_from(cells)),),
         kinematics=ways_of,
-        traffic_zones=draw(st.sampled_from(MODES)),
+        traffic_zones=draw(st.sampled_from(ZONE_MODES)),
         slowdown=draw(st.sampled_from(["zones", "none"])),
         move=move,
         turn=turn,

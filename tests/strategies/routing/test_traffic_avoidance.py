@@ -17,7 +17,7 @@ from reference_paths import FAR, Ways
 from automaton.commands import main
 from automaton.engine.state import LAYER_ROUTING, NIL, Array
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.traffic_zones import MODES
+from automaton.floor.traffic_zones import ZONE_MODES
 from automaton.papers.traffic_trials import TRIAL_ROBOTS, tasks_of, warehouse
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
@@ -105,7 +105,7 @@ def test_the_plan_of_least_foreseen_time_is_chosen(
     assert cautious == (open_to[0] if open_to else traffic_avoidance.PLAIN_ASTAR)
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", ZONE_MODES)
 def test_a_robot_may_leave_the_intersection_where_it_stands(mode: str) -> None:
     """Everything is busy: what stays open are the three aisles that meet in the middle."""
     floor_plan = draw_floor(".......\n.##.##.\n.......")

@@ -14,7 +14,7 @@ from slow_zone_scenes import ONE_WAY, Traffic, is_empty
 
 from automaton.engine.state import ACTION_DROP, ACTION_PICK, NIL, Array
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.traffic_zones import MODES
+from automaton.floor.traffic_zones import ZONE_MODES
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.routing.astar import RouteSpace
@@ -89,7 +89,7 @@ def cases(draw: Any) -> Case:
         picture,
         robots=tuple(draw(st.sampled_from(cells)) for _ in range(n)),
         kinematics=draw(st.sampled_from(["omni", "omni", "differential"])),
-        traffic_zones=draw(st.sampled_from(MODES)),
+        traffic_zones=draw(st.sampled_from(ZONE_MODES)),
         slowdown=draw(st.sampled_from(["zones", "zones", "none"])),
         move=draw(st.integers(1, 2)),
         turn=draw(st.integers(1, 3)),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from automaton.drawings import looks as drawings
-from automaton.drawings.looks import COLOURS
+from automaton.drawings.looks import PALETTE
 from automaton.drawings.moment import drawn_floor, moment_of
 from automaton.floor.cells import CELL_KINDS
 from automaton.history.snapshot import take_snapshot
@@ -28,4 +28,4 @@ def test_a_snapshot_and_the_state_have_the_same_robots_in_the_same_order() -> No
 
 def test_each_kind_of_cell_has_a_colour() -> None:
     assert set(viewer.KIND_COLOURS) == {kind.code for kind in CELL_KINDS}
-    assert set(drawings.KIND_COLOURS.values()) <= set(COLOURS)
+    assert set(drawings.KIND_COLOURS.values()) <= set(PALETTE)

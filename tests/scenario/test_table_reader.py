@@ -9,19 +9,18 @@ from typing import Any
 import pytest
 
 from automaton.errors import InputError
-from automaton.scenario.order_columns import read_columns
-from automaton.scenario.order_fields import (
+from automaton.scenario.schema import Units
+from automaton.scenario.table_fields import (
     NO_DUE,
     DueField,
     Field,
     NameField,
     NumberField,
-    OrderColumns,
     OrderFile,
     ReleaseField,
     TextField,
 )
-from automaton.scenario.schema import Units
+from automaton.scenario.table_reader import TableColumns, read_columns
 
 HALF_SECONDS = Units(tick="0.5 s", clock="2026-03-02 06:00")
 LINES = """ORDER_NO;POS;LOCATION;ITEM;QTY;CREATED;CUTOFF;PRIO;STATUS
@@ -57,7 +56,7 @@ def read(
     units: Units = HALF_SECONDS,
     fields: list[Field] = FIELDS,
     **options: Any,
-) -> OrderColumns:
+) -> TableColumns:
     path = folder / "shift.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     needed = [[["pod"], ["order"]]]

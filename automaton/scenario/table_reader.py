@@ -1,20 +1,24 @@
-"""Read files of orders as warehouse systems write them, as columns of numbers.
+"""Read the tables that a scenario names, as warehouse systems write them: columns of numbers.
 
-    fields = [ReleaseField(), TextField("order"), NumberField("units", 1, 99, default=1)]
-    columns = read_columns(path, fields, options, {"order": "ORDER_NO", "released": "CREATED"}, scale)
-    columns.errors.raise_any()
-    columns.values["units"]                                     # (n,) int32
-    columns.names["order"][columns.values["order"][0]]          # the order of the first row
+    table = read_table(path, PodColumns, pods.options, pods.columns)
+    table.refuse("unknown", "class", ~is_known, lambda row: f"... is not a class of pods")
+    table.errors.raise_any()
+    table.values["weight"]                              # (n,) int32
+    table.names["class"][table.values["class"][0]]      # the class of the first row
 
-What is wrong in the rows is gathered, so that the caller may add what it finds before it raises.
+What is wrong in the rows is gathered, so that who reads a kind of table may add what it finds before
+it raises. A row costs four bytes for each field, and the texts that no other row has.
 """
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Final
+from types import MappingProxyType
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -28,36 +32,114 @@ from automaton.scenario.columns import (
     read_csv_columns,
     read_sheet_columns,
 )
-from automaton.scenario.document import content_hash, quoted
-from automaton.scenario.order_fields import (
+from automaton.scenario.document import Document, Keys, ListFile, content_hash, quoted
+from automaton.scenario.file_times import ReadingCounts, TimeReader
+from automaton.scenario.quantities import Scale
+from automaton.scenario.table_fields import (
     NO_DUE,
     NOTHING,
-    Counts,
+    ColumnGroups,
+    ColumnNames,
     DueField,
     Field,
     NameField,
     NumberField,
-    OrderColumns,
     OrderFile,
     ReleaseField,
     TextField,
-    due_ticks,
-    read_time_column,
-    release_ticks,
-    start_of,
+    fields_of,
 )
-from automaton.scenario.quantities import Scale
+from automaton.units import count
 
-WHERE: Final = "where "  # before the names of columns that only select rows
-WHOLE: Final = re.compile(r"[-+]?[0-9]{1,10}")
+SELECTING: Final = "where "  # before the names of columns that only select rows
+PLAIN_WHOLE: Final = re.compile(r"[-+]?[0-9]{1,10}")
 ZERO_FRACTION: Final = re.compile(r"(?<=[0-9])\.0+$")
 THOUSANDS: Final = re.compile(r"[-+]?[0-9]{1,3}(\.[0-9]{3})+")  # or decimals: who knows
 DECIMAL_COMMA: Final = re.compile(r"([-+]?[0-9]+),([0-9]+)(?=[^0-9,.:]*$)")
-SHOWN: Final = 5  # values of a column in an error
-MAX_NAMES: Final = 8  # that are known and are shown
+MAX_SHOWN_VALUES: Final = 5  # of a column in an error, and of `where` in a note
+MAX_SHOWN_NAMES: Final = 8  # that are known
+NO_TIMES: Final = Scale("1 tick")  # of tables without times
 
 Array = NDArray[np.int32]
-Alternatives = Sequence[Sequence[str]]  # groups of fields, one of which must have columns
+
+
+@dataclass
+class TableColumns:
+    """The rows of a file that count."""
+
+    path: str
+    content_hash: str  # 16 hex digits
+    lines: Array  # (n,) where each of them begins in the file, from 1
+    values: dict[str, Array]  # (n,) of each field
+    names: dict[str, list[str]]  # of each TextField
+    column_of: dict[str, str]  # field: the column where it stands
+    errors: RowErrors
+    counts: ReadingCounts
+
+    def __len__(self) -> int:
+        return len(self.lines)
+
+    def refuse(
+        self, kind: str, field_name: str, rows: NDArray[np.bool_], sentence: Callable[[int], str]
+    ) -> None:
+        """Add a mistake of rows to `errors`; `sentence`: of a row by its index."""
+        first = int(np.argmax(rows))
+        if rows[first]:
+            self.errors.add((kind, field_name), self.lines[rows].tolist(), lambda: sentence(first))
+
+    def refuse_again(
+        self, field_name: str, codes: NDArray[Any], sentence: Callable[[int, int], str]
+    ) -> None:
+        """Refuse rows with a code that a row before them has; NOTHING may be there again.
+
+        `sentence`: of a row by its index, and of the line of the first such row.
+        """
+        _, first, which = np.unique(codes, return_index=True, return_inverse=True)
+        again = codes != NOTHING
+        again[first] = False
+        self.refuse(
+            "twice", field_name, again, lambda row: sentence(row, self.lines[first[which[row]]])
+        )
+
+
+class ReadFile(NamedTuple):
+    """A file that was read for a scenario, and what `check` says of it."""
+
+    path: str  # from the root
+    content_hash: str  # 16 hex digits
+    notes: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()
+
+
+def named_file(document: Document, keys: Keys, rows: str, name: str) -> Path:
+    """The file that a scenario names at `keys`; `rows`: what it holds. Raises InputError."""
+    path = document.folder / name
+    if not os.path.isfile(path):
+        raise document.error(keys, f"there is no file of {rows} '{name}'")
+    return path
+
+
+def with_rows(document: Document, keys: Keys, file: str, lines: Any) -> Document:
+    """The document, whose errors in the list or mapping at `keys` name lines of a file."""
+    return replace(document, listed=(*document.listed, ListFile(keys, file, lines)))
+
+
+def read_table(
+    path: Path,
+    kind: type[ColumnNames],
+    options: OrderFile,
+    named: ColumnNames | None = None,
+    scale: Scale = NO_TIMES,
+    known: Mapping[str, Mapping[str, int]] = MappingProxyType({}),
+) -> TableColumns:
+    """Read a file that holds a kind of table.
+
+    `named`: what its columns are called; None: as the fields are. `known`: the names of each NameField
+    that the scenario decides. Raises InputError for a file that cannot be read as a table.
+    """
+    called = None if named is None else named.of_fields
+    fields = fields_of(kind, known)
+    return read_columns(path, fields, options, called, scale, kind.needed, kind.may_rename)
 
 
 def read_columns(
@@ -66,9 +148,9 @@ def read_columns(
     options: OrderFile,
     columns: Mapping[str, str] | None,
     scale: Scale,
-    needed: Sequence[Alternatives] = (),
+    needed: Sequence[ColumnGroups] = (),
     may_rename: bool = True,
-) -> OrderColumns:
+) -> TableColumns:
     """Read the fields of a file; those without a column have their defaults in all rows.
 
     `columns`: field -> column, or None where columns are called as fields are. `needed`: of each entry
@@ -83,9 +165,9 @@ def read_columns(
         table = read_sheet_columns(path, options.sheet, options.time, chooser, errors)
     else:
         table = read_csv_columns(path, options.encoding, chooser, errors)
-    counts = Counts(rows=len(table.lines), ignored=chooser.ignored)
+    counts = ReadingCounts(rows=len(table.lines), ignored=chooser.ignored)
     table = _selected(table, options.where, counts, str(path))
-    result = OrderColumns(
+    result = TableColumns(
         path=str(path),
         content_hash=content_hash(path),
         lines=table.lines,
@@ -107,7 +189,7 @@ class _Chooser:
         fields: Sequence[Field],
         columns: Mapping[str, str] | None,
         where: Mapping[str, object],
-        needed: Sequence[Alternatives],
+        needed: Sequence[ColumnGroups],
         file: str,
         may_rename: bool,
     ) -> None:
@@ -127,7 +209,7 @@ class _Chooser:
             self.column_of = {name: name for name in self.names if name in head}
         else:
             self.column_of = dict(self.columns)
-        selecting = {WHERE + name: name for name in self.where}
+        selecting = {SELECTING + name: name for name in self.where}
         chosen = self.column_of | selecting
         for column in chosen.values():
             if column not in head:
@@ -166,7 +248,9 @@ def with_decimal_point(text: str) -> str:
 def _instead(text: str, known: Collection[str]) -> str:
     """The name that is meant, or, where none is near, all that there are if they are few."""
     like = nearest(text, known)
-    return like if like or not 0 < len(known) <= MAX_NAMES else f"; there are {', '.join(known)}"
+    return (
+        like if like or not 0 < len(known) <= MAX_SHOWN_NAMES else f"; there are {', '.join(known)}"
+    )
 
 
 def _needs_column(field: Field) -> bool:
@@ -174,14 +258,14 @@ def _needs_column(field: Field) -> bool:
 
 
 def _selected(
-    table: CsvColumns, where: Mapping[str, object], counts: Counts, file: str
+    table: CsvColumns, where: Mapping[str, object], counts: ReadingCounts, file: str
 ) -> CsvColumns:
     """The rows that have one of the values in each column of `where`. Raises InputError."""
     if not len(table.lines):
         raise InputError("has no rows below its head", file)
     chosen = np.ones(len(table.lines), np.bool_)
     for name, values in where.items():
-        texts, codes = table.columns[WHERE + name]
+        texts, codes = table.columns[SELECTING + name]
         wanted = {str(one) for one in (values if isinstance(values, list | tuple) else [values])}
         keeps = np.array([text in wanted for text in texts])
         for code in np.flatnonzero(~keeps):
@@ -190,8 +274,12 @@ def _selected(
                 counts.left_out[f"{name} {texts[code] or 'empty'}"] = rows
         chosen &= keeps[codes]
         if not keeps.any():
-            held = ", ".join(quoted(text) for text in texts[:SHOWN])
-            more = f" and {len(texts) - SHOWN:,} more" if len(texts) > SHOWN else ""
+            held = ", ".join(quoted(text) for text in texts[:MAX_SHOWN_VALUES])
+            more = (
+                f" and {len(texts) - MAX_SHOWN_VALUES:,} more"
+                if len(texts) > MAX_SHOWN_VALUES
+                else ""
+            )
             said = alternatives(sorted(wanted))
             raise InputError(f"no row has {name} {said}; the values are {held}{more}", file)
     if chosen.all():
@@ -208,7 +296,7 @@ class _Reader:
     """Reads the columns of a table into numbers."""
 
     def __init__(
-        self, table: CsvColumns, options: OrderFile, scale: Scale, result: OrderColumns
+        self, table: CsvColumns, options: OrderFile, scale: Scale, result: TableColumns
     ) -> None:
         self.table, self.options, self.scale, self.result = table, options, scale, result
 
@@ -292,7 +380,7 @@ class _Reader:
         as_written = self.table.columns[field.name].texts
         for code, text in enumerate(column.texts):
             plain = ZERO_FRACTION.sub("", text)
-            number = int(plain) if WHOLE.fullmatch(plain) else None
+            number = int(plain) if PLAIN_WHOLE.fullmatch(plain) else None
             if not text and default is not None:
                 number = default
             if self._is_ambiguous(as_written[code]):
@@ -318,20 +406,55 @@ class _Reader:
 
     def _times(self, release: ReleaseField, due: DueField | None) -> None:
         """Read when rows are released, and until when they are due."""
-        of_format, scale, counts = self.options.time, self.scale, self.result.counts
         texts = self._amounts(release.name)
         assert texts is not None, "a release is required"
-        released = read_time_column(release.name, texts, of_format, scale, self._refuse)
-        start = start_of(released, scale, counts)
-        ticks = release_ticks(released, start, scale, counts, self._refuse)
+        counts = self.result.counts
+        reader = TimeReader(self.options.time, self.scale, counts, self._refuse)
+        released = reader.read(release.name, texts)
+        start = reader.start_of(released)
+        ticks = reader.release_ticks(released, start)
         self.result.values[release.name] = np.maximum(ticks, 0).astype(np.int32)
         if due is None:
             return
         column = self._amounts(due.name)
         until = np.full(len(ticks), NO_DUE, np.int64)
         if column is not None:
-            times = read_time_column(due.name, column, of_format, scale, self._refuse)
-            until = due_ticks(times, ticks, start, scale, counts, self._refuse)
+            until = reader.due_ticks(reader.read(due.name, column), start, ticks)
             if counts.late_at_once:
                 counts.first_late_line = int(self.table.lines[int(np.argmax(until < ticks))])
         self.result.values[due.name] = until.astype(np.int32)
+
+
+def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
+    """What `check` says of a file: the rows that count, columns that are not read, tick 0."""
+    counts, name = columns.counts, os.path.basename(columns.path)
+    rows = count(counts.rows, "row")
+    if counts.left_out:
+        left_out = [f"{rows:,} {value}" for value, rows in counts.left_out.items()]
+        more = len(left_out) - MAX_SHOWN_VALUES
+        shown = [*left_out[:MAX_SHOWN_VALUES], *([f"{more:,} more values"] if more > 0 else [])]
+        rows = f"{len(columns):,} of {rows}, left out: {', '.join(shown)}"
+    notes = [rows]
+    if counts.ignored:
+        notes.append(f"columns that are not read: {', '.join(counts.ignored)}")
+    if counts.tick_zero:
+        notes.append(f"tick 0 is {counts.tick_zero}, the earliest release")
+    if counts.rounded:
+        notes.append(f"{count(counts.rounded, 'time')} rounded to whole ticks of {scale.tick}")
+    return [f"{name}: {note}" for note in notes]
+
+
+def file_warnings(columns: TableColumns) -> list[str]:
+    """Warn of rows that come before tick 0, or are due before they come, as real files have them."""
+    counts, name = columns.counts, os.path.basename(columns.path)
+    warnings = []
+    if counts.before_start:
+        rows = count(counts.before_start, "row")
+        warnings.append(f"{name}: {rows} released before tick 0, so known from the start")
+    if counts.late_at_once:
+        what = "due before it is released, and so late at once"
+        if counts.late_at_once > 1:
+            rows = count(counts.late_at_once, "row")
+            what = f"the first of {rows} due before they are released, and so late at once"
+        warnings.append(f"{name}:{counts.first_late_line}: {what}")
+    return warnings

@@ -1,0 +1,272 @@
+"""Orders in files of their own: transports and lines as tables, tasks as text.
+
+    released,from,to            released;pod;sku;station;units            # tasks of two cells
+    0,rack-7,packing            07:31;12;;P1;2                            2
+    06:30,rack-9,packing        07:31;;4711;;1                            34,101
+                                                                          7,640
+
+Transports go from cell to cell, by name or as from_x, from_y, to_x, to_y. A line wants a pod, or any
+pod with a SKU; its station may be empty. `released` is a tick, a time such as 20 s, or a clock time.
+The cells of a task are row * width + column, from 0 at the upper left, as in the League of Robot Runners.
+
+What is read becomes the scenario's own list, so that recordings stand alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from pathlib import Path
+from typing import Final, NamedTuple
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.errors import InputError, nearest
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.carried_pods import pod_cells, pod_names, pod_numbers, skus_of
+from automaton.scenario.changing_floor import Cell
+from automaton.scenario.document import (
+    Document,
+    Keys,
+    content_hash,
+    content_lines,
+    counted_lines,
+    quoted,
+    split_columns,
+    whole_number,
+)
+from automaton.scenario.order_lines import LineTable
+from automaton.scenario.orders import (
+    MAX_STOPS,
+    LineColumns,
+    LineDemand,
+    OrderLine,
+    TransportColumns,
+)
+from automaton.scenario.quantities import DueAt, Scale
+from automaton.scenario.schema import Scenario
+from automaton.scenario.table_fields import NO_DUE, NOTHING
+from automaton.scenario.table_files import names_of_cells
+from automaton.scenario.table_reader import (
+    ReadFile,
+    TableColumns,
+    file_warnings,
+    named_file,
+    read_table,
+    reading_notes,
+    with_rows,
+)
+
+TRANSPORTS_KEY: Final[Keys] = ("orders", "transports", "file")
+LINES_KEY: Final[Keys] = ("orders", "lines", "file")
+TASKS_KEY: Final[Keys] = ("orders", "tasks")
+
+Array = NDArray[np.int32]
+
+
+def with_orders_of_file(
+    document: Document, scenario: Scenario
+) -> tuple[Document, Scenario, ReadFile | None]:
+    """The scenario with the orders of its file as a list, if it names one. Raises InputError."""
+    transports = scenario.orders.transports
+    if transports is None:
+        return document, scenario, None
+    path = named_file(document, TRANSPORTS_KEY, TransportColumns.rows, transports.file)
+    names = names_of_cells(document)
+    known = {name: number for number, name in enumerate(names)}
+    table = read_table(
+        path,
+        TransportColumns,
+        transports,
+        transports.columns,
+        scenario.units.scale,
+        {"from": known, "to": known},
+    )
+    if not names and {"from", "to"} & set(table.column_of):
+        raise InputError(
+            "names cells, and the scenario has no names of cells; set locations: {NAME: [x, y]} or "
+            "locations: FILE, or use columns from_x, from_y, to_x and to_y",
+            str(path),
+            1,
+        )
+    table.errors.raise_any()
+    document = with_rows(document, ("orders", "list"), table.path, table.lines)
+    orders = msgspec.structs.replace(
+        scenario.orders, transports=None, listed=_transports(table, list(names.values()))
+    )
+    file = _read_file(path, table, scenario.units.scale)
+    return document, msgspec.structs.replace(scenario, orders=orders), file
+
+
+def _read_file(path: Path, table: TableColumns, scale: Scale) -> ReadFile:
+    notes, warnings = reading_notes(table, scale), file_warnings(table)
+    return ReadFile(str(path.resolve()), table.content_hash, tuple(notes), tuple(warnings))
+
+
+def _transports(table: TableColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
+    """The orders of a table: some 140 bytes each, as equal cells and numbers are one object."""
+    values = table.values
+    rows = zip(
+        _ends(table, "from", cells),
+        _ends(table, "to", cells),
+        _shared(values["released"].tolist()),
+        values["weight"].tolist(),
+        values["priority"].tolist(),
+        _due(values["released"].tolist(), values["due"].tolist()),
+        strict=True,
+    )
+    return tuple(
+        OrderLine(
+            source=source,
+            target=target,
+            release=release,
+            weight=weight,
+            priority=priority,
+            due=due,
+        )
+        for source, target, release, weight, priority, due in rows
+    )
+
+
+def _due(released: list[int], due: list[int]) -> Iterator[int | DueAt | None]:
+    """Ticks after its release until which each order is to be done; before it: the tick itself."""
+    known: dict[int, int] = {}
+    for release, tick in zip(released, due, strict=True):
+        if tick == NO_DUE:
+            yield None
+        elif tick < release:
+            yield DueAt(at=tick)
+        else:
+            yield known.setdefault(tick - release, tick - release)
+
+
+def _shared(numbers: list[int]) -> Iterator[int]:
+    """The same numbers, of which equal ones are one object: 32 bytes less for each."""
+    known: dict[int, int] = {}
+    return (known.setdefault(number, number) for number in numbers)
+
+
+def _ends(table: TableColumns, end: str, cells: list[Cell]) -> list[Cell]:
+    """The cell of each row where its order begins or ends; equal ones are one object."""
+    if end in table.column_of:
+        return list(map(cells.__getitem__, table.values[end].tolist()))
+    pairs = np.stack([table.values[f"{end}_x"], table.values[f"{end}_y"]], axis=1)
+    different, which = np.unique(pairs, axis=0, return_inverse=True)
+    known = [(x, y) for x, y in different.tolist()]
+    return list(map(known.__getitem__, which.reshape(-1).tolist()))
+
+
+def with_lines_of_file(
+    document: Document, scenario: Scenario, floor_plan: FloorPlan
+) -> tuple[Document, Scenario, ReadFile | None]:
+    """The scenario with the lines of its file as a list, if it names one. Raises InputError."""
+    demand = scenario.orders.lines
+    if not isinstance(demand, LineDemand) or demand.file is None:
+        return document, scenario, None
+    path = named_file(document, LINES_KEY, LineColumns.rows, demand.file)
+    stations = [*scenario.stations, *range(1, len(floor_plan.stations) + 1)]
+    known = {"station": {str(name): k for k, name in enumerate(stations)}}
+    table = read_table(path, LineColumns, demand, demand.columns, scenario.units.scale, known)
+    count = len(pod_cells(scenario, floor_plan))
+    pods = _pods_of_rows(table, pod_numbers(scenario, count), skus_of(scenario))
+    table.errors.raise_any()
+    lines = LineTable(
+        {**table.values, "pod": pods},
+        table.names["order"],
+        [
+            k + 1 if name == str(k + 1) else name
+            for k, name in enumerate(pod_names(scenario, count))
+        ],
+        table.names["sku"],
+        stations,
+    )
+    orders = msgspec.structs.replace(scenario.orders, lines=lines)
+    file = _read_file(path, table, scenario.units.scale)
+    document = with_rows(document, ("orders", "lines"), table.path, table.lines)
+    return document, msgspec.structs.replace(scenario, orders=orders), file
+
+
+def _pods_of_rows(table: TableColumns, numbers: dict[str, int], skus: Collection[str]) -> Array:
+    """(n,) the pod that each row names, NOTHING where it has a SKU alone.
+
+    Rows with neither, or with one that is not known, go to the errors of the table.
+    """
+    values, names = table.values, table.names
+    pod, sku = values["pod"], values["sku"]
+    of_pod = np.array([*(numbers.get(text, NOTHING) for text in names["pod"]), NOTHING], np.int32)
+    is_sku = np.array([*(text in skus for text in names["sku"]), False])
+    numbered: Array = of_pod[pod]
+    wants_sku = (pod == NOTHING) & (sku != NOTHING)
+
+    def is_no_pod(row: int) -> str:
+        text = names["pod"][pod[row]]
+        return f"{table.column_of['pod']} {quoted(text)} is not a pod{nearest(text, numbers)}"
+
+    def is_no_sku(row: int) -> str:
+        text = names["sku"][sku[row]]
+        like = (
+            nearest(text, skus) if skus else ": pods have none; set skus in pods.list or its file"
+        )
+        return f"{table.column_of['sku']} {quoted(text)} is not a SKU of a pod{like}"
+
+    table.refuse("unknown", "pod", (pod != NOTHING) & (numbered == NOTHING), is_no_pod)
+    table.refuse("unknown", "sku", wants_sku & ~is_sku[sku], is_no_sku)
+    empty = (pod == NOTHING) & (sku == NOTHING)
+    wanted = [table.column_of[name] for name in ("pod", "sku") if name in table.column_of]
+    says = " and ".join(wanted) + (" are empty" if len(wanted) > 1 else " is empty")
+    if "sku" not in table.column_of:
+        says += "; a line without a pod needs a SKU, in a column of its own"
+    table.refuse("empty", "pod", empty, lambda row: says)
+    return numbered
+
+
+class TaskFile(NamedTuple):
+    """The tasks of a file; whether there are such cells is known to who has the floor."""
+
+    path: str
+    tasks: tuple[tuple[int, ...], ...]  # the cells of each
+    lines: tuple[int, ...]  # where each task stands, from 1
+
+
+def with_tasks_of_file(
+    document: Document, scenario: Scenario, floor_plan: FloorPlan
+) -> tuple[Document, Scenario, ReadFile | None]:
+    """The scenario with the tasks of its file, if it names one. Raises InputError."""
+    name = scenario.orders.tasks
+    if not isinstance(name, str):
+        return document, scenario, None
+    path = named_file(document, TASKS_KEY, "tasks", name)
+    found = read_tasks(path)
+    orders = msgspec.structs.replace(scenario.orders, tasks=_places(found, floor_plan))
+    document = with_rows(document, TASKS_KEY, found.path, found.lines)
+    file = ReadFile(str(path.resolve()), content_hash(path))
+    return document, msgspec.structs.replace(scenario, orders=orders), file
+
+
+def read_tasks(path: Path, most: int = MAX_STOPS) -> TaskFile:
+    """The tasks of a file, of at most so many cells each. Raises InputError with the line."""
+    file = str(path)
+    below = counted_lines(content_lines(path), "task", file)
+    tasks = []
+    for line in below:
+        cells = tuple(
+            whole_number(text, "a cell of a task", file, line.number, column)
+            for column, text in split_columns(line.text, ",")
+        )
+        if len(cells) > most:
+            text = f"the task has {len(cells)} cells, at most {most} are possible"
+            raise InputError(text, file, line.number)
+        tasks.append(cells)
+    return TaskFile(file, tuple(tasks), tuple(line.number for line in below))
+
+
+def _places(found: TaskFile, floor_plan: FloorPlan) -> tuple[tuple[tuple[int, int], ...], ...]:
+    """The cells (x, y) of each task. Raises InputError for one that lies outside the floor."""
+    width, size = floor_plan.width, floor_plan.width * floor_plan.height
+    for cells, line in zip(found.tasks, found.lines, strict=True):
+        for cell in cells:
+            if not 0 <= cell < size:
+                text = f"cell {cell} lies outside the floor (cells 0 to {size - 1:,})"
+                raise InputError(text, found.path, line)
+    return tuple(tuple((cell % width, cell // width) for cell in cells) for cells in found.tasks)

@@ -1,0 +1,159 @@
+"""The lines of a file as a table, and what is asked of all orders of a scenario.
+
+A tuple of a million lines would take 400 MB: they are kept as columns, and made when they are asked for.
+What goes through all of them takes a column of `line_column`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, Final, overload
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.floor.cells import STATION
+from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.orders import ENDS, Line, LineDemand, Orders
+from automaton.scenario.quantities import DueAt
+from automaton.scenario.table_fields import NO_DUE, NOTHING
+
+LineColumn = NDArray[np.int32]
+LINE_FIELDS: Final = {
+    "release": "released",
+    "due": "due",
+    "priority": "priority",
+    "units": "units",
+}
+
+
+class LineTable(Sequence[Line]):
+    """The lines of a file: 32 bytes each, and the texts of their orders.
+
+    `values`: (n,) by field, as automaton.scenario.order_files reads it: places among `orders`, `pods`,
+    `skus` and `stations`, or NOTHING, and the tick in which a line is due, or NO_DUE.
+    """
+
+    def __init__(
+        self,
+        values: Mapping[str, LineColumn],
+        orders: Sequence[str],
+        pods: Sequence[str | int],
+        skus: Sequence[str],
+        stations: Sequence[str | int],
+    ) -> None:
+        self.values, self.orders, self.stations = values, orders, stations
+        self.pods, self.skus = pods, skus
+
+    def __len__(self) -> int:
+        return len(self.values["pod"])
+
+    @overload
+    def __getitem__(self, index: int) -> Line: ...
+
+    @overload
+    def __getitem__(self, index: slice) -> LineTable: ...
+
+    def __getitem__(self, index: int | slice) -> Line | LineTable:
+        if isinstance(index, slice):
+            values = {name: column[index] for name, column in self.values.items()}
+            return LineTable(values, self.orders, self.pods, self.skus, self.stations)
+        return next(iter(self[index:][:1] if index >= 0 else self[index:]))
+
+    def __iter__(self) -> Iterator[Line]:
+        names = ("order", "pod", "sku", "station", "released", "due", "priority", "units")
+        rows = zip(*(self.values[name].tolist() for name in names), strict=True)
+        for order, pod, sku, station, release, due, priority, units in rows:
+            yield Line(
+                order=None if order == NOTHING else self.orders[order],
+                pod=None if pod == NOTHING else self.pods[pod],
+                sku=None if sku == NOTHING else self.skus[sku],
+                station=None if station == NOTHING else self.stations[station],
+                release=release,
+                due=None if due == NO_DUE else DueAt(at=due),
+                priority=priority,
+                units=units,
+            )
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, Sequence) or len(self) != len(other):
+            return False
+        return all(mine == theirs for mine, theirs in zip(self, other, strict=True))
+
+    __hash__ = None  # type: ignore[assignment]
+
+
+def line_column(lines: Sequence[Line], name: str) -> LineColumn:
+    """(n,) int32: the release, due, priority or units of lines; due: the tick, or NO_DUE."""
+    if isinstance(lines, LineTable):
+        return lines.values[LINE_FIELDS[name]]
+    if name == "due":
+        ticks = (line.due_tick for line in lines)
+        return np.array([NO_DUE if tick is None else min(tick, NO_DUE) for tick in ticks], np.int32)
+    return np.array([getattr(line, name) for line in lines], np.int32)
+
+
+def line_texts(lines: Sequence[Line], name: str) -> tuple[LineColumn, Sequence[str]]:
+    """What lines call their orders or SKUs: (n,) int32 places among the texts, or NOTHING; the texts."""
+    if isinstance(lines, LineTable):
+        return lines.values[name], lines.orders if name == "order" else lines.skus
+    known: dict[str, int] = {}
+    values = (getattr(line, name) for line in lines)
+    places = [
+        NOTHING if value is None else known.setdefault(str(value), len(known)) for value in values
+    ]
+    return np.array(places, np.int32), list(known)
+
+
+def listed_lines(orders: Orders) -> Sequence[Line]:
+    """Return the lines that are listed, one by one or in a file."""
+    lines: Sequence[Line] | LineDemand | None = orders.lines
+    return () if lines is None or isinstance(lines, LineDemand) else lines
+
+
+def has_due_times(orders: Orders) -> bool:
+    """Return whether any of the orders has a due time."""
+    if isinstance(orders.lines, LineDemand):
+        return orders.lines.due is not None
+    return any(order.due is not None for order in orders.listed or ()) or bool(
+        (line_column(listed_lines(orders), "due") != NO_DUE).any()
+    )
+
+
+def priorities_of(orders: Orders) -> list[int]:
+    """Return the priorities that orders have, the highest first."""
+    priorities = {line.priority for line in orders.listed or ()}
+    priorities.update(np.unique(line_column(listed_lines(orders), "priority")).tolist())
+    return sorted(priorities or {0}, reverse=True)
+
+
+def has_tours(orders: Orders) -> bool:
+    """Return whether any of the orders is one without a load."""
+    listed = orders.listed or ()
+    if orders.generator == "tours" or orders.tasks is not None:
+        return True
+    return any(line.stops is not None for line in listed)
+
+
+def kinds_of_sources(orders: Orders, floor_plan: FloorPlan) -> set[int]:
+    """Return the kinds of slots where orders begin."""
+    found = {
+        int(floor_plan.kind.flat[floor_plan.cell(*line.source)])
+        for line in orders.listed or ()
+        if line.source is not None
+    }
+    if orders.generator in ENDS:
+        found.add(ENDS[orders.generator][0])
+    return found | ({STATION} if orders.parts is not None else set())
+
+
+def plain_data(value: Any) -> Any:
+    """What a scenario, or a part of it, holds, as msgspec.to_builtins gives it; tables as lists."""
+    return msgspec.to_builtins(value, enc_hook=_listed)
+
+
+def _listed(value: Any) -> Any:
+    if isinstance(value, LineTable):
+        return list(value)
+    raise NotImplementedError(f"no data: {type(value).__name__}")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.schema import Scenario
-from automaton.scenario.unavailable_metrics import carries_pods
 from automaton.world.resolve import Resolved
 
 

@@ -943,12 +943,13 @@ def _prose(thing: Any) -> str:
     """A docstring as Markdown: what is indented in it is Python."""
     lines: list[str] = []
     for part in re.split(
-        r"(?:^|\n\n)((?:    .*(?:\n|$)|\n(?=    ))+)", inspect.getdoc(thing) or ""
+        r"(?:^|\n\n)((?:    .*(?:\n|$)|\n+(?=    ))+)", inspect.getdoc(thing) or ""
     ):
         is_code = part.startswith("    ")
         text = textwrap.dedent(part).strip()
         if text:
-            lines.append(f"```python\nimport automaton\n\n{text}\n```" if is_code else text)
+            gap = "\n\n\n" if text.startswith("class") else "\n\n"
+            lines.append(f"```python\nimport automaton{gap}{text}\n```" if is_code else text)
     return "\n\n".join(lines) + "\n"
 
 

@@ -1,4 +1,4 @@
-"""Floors drawn at random, as the benchmarks of path finding for many robots have them.
+"""Random floors, as the benchmarks of path finding for many robots have them.
 
 ...#..   Obstacles: `obstacles` is the share of cells that are drawn as walls. What is cut off from
 .#....   the largest part of the floor by them is wall, too, so that all free cells are reached from

@@ -57,6 +57,7 @@ class Strategy:
             def decide(self, view, batch, decisions, memory, workspace):
                 print(view.clock[0], batch.robot[: batch.count[0]])
 
+
         automaton.Simulation("tabletop-mini", strategies={"allocation": Keep}).step(5)
 
     What these arguments hold and what may be decided: [the contract](strategy-contract.md).

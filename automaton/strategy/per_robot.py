@@ -194,12 +194,14 @@ def per_robot(
 
         from automaton.strategy.per_robot import deliver, park, take
 
+
         @automaton.per_robot("allocation")
         def eager(me, view):
             if me.load is not None:
                 return deliver()
             orders = view.open_orders()
             return take(min(orders, key=me.ticks_to)) if orders else park()
+
 
         automaton.simulate("tabletop-mini", strategies={"allocation": eager}).metrics["makespan"]
 

@@ -22,7 +22,7 @@ from typing import Any, Final
 import automaton
 from automaton import python_api
 from automaton.commands import COMMANDS
-from automaton.engine import facilities, robot_states, state, visibility
+from automaton.engine import facilities, state, visibility
 from automaton.engine.jit import structs
 from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.structs import SCRATCH, Struct
@@ -447,7 +447,7 @@ SEEN: Final = {
     "stops": facilities.Stops,
     "slots": facilities.Slots,
     "grid": facilities.Grid,
-    "rules": state.Rules,
+    "rules": facilities.Rules,
     "traffic": state.Traffic,
     "chargers": facilities.Chargers,
     "stations": facilities.Stations,
@@ -510,7 +510,7 @@ ENUMERATIONS: Final = {
     "robots.action, rules.duration": (state, "ACTION_"),
     "robots.retry_state": (state, "RETRY_"),
     "robots.need": (state, "NEED_"),
-    "robots.status": (robot_states, "STATUS_"),
+    "robots.status": (state, "STATUS_"),
 }
 NO_VALUES: Final = "ORDER_LIST", "ACTION_COUNT"  # of an enumeration
 
@@ -543,7 +543,6 @@ def contract_page() -> str:
             (row for row in _constants("CLOCK_") if row[0].strip("`") in PUBLIC_CLOCK),
         ),
         "### Values\n",
-        "The constants of `robots.status` are in `automaton.engine.robot_states`.\n",
         table(
             ("field", "its values"),
             (
@@ -619,7 +618,7 @@ def _seen_section(struct: type[Struct]) -> str:
         for name, one in hidden_fields(struct, extent).items()
     }
     if struct is facilities.Design:
-        hidden["held"] = visibility.HIDDEN
+        hidden["held"] = visibility.HIDDEN_POINT
     return f"{_summary(struct)}\n\n" + _fields_table(struct, "out of sight", hidden)
 
 

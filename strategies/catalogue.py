@@ -9,13 +9,13 @@ from __future__ import annotations
 from automaton.strategy.lookup import (
     DYNAMIC,
     MANUFACTURING,
+    METHOD_PROPERTIES,
     MULTIPLE,
-    PROPERTIES,
     ROUTED,
     SLOW_STEERED,
     STEERED,
     WAREHOUSE,
-    Entry,
+    CatalogueEntry,
     NoParameters,
 )
 from strategies.allocation.allocation_parameters import (
@@ -39,138 +39,138 @@ from strategies.zoning.zoning_parameters import Annealing, Decentralized, Geneti
 # What reads zone designs: (floor plan, roads, data, names of points) -> Design.
 ZONE_DESIGNS = "strategies.zoning.design_files:read_design"
 
-CATALOGUE: dict[str, dict[str, Entry]] = {
+CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
     "zoning": {
-        "static": Entry(
+        "static": CatalogueEntry(
             "strategies.zoning.monitored:StaticZones",
             Monitoring,
             "zones that stay; out of balance, robots share orders",
         ),
-        "annealing": Entry(
+        "annealing": CatalogueEntry(
             "strategies.zoning.monitored:AnnealedZones",
             Annealing,
             "zones redesigned by simulated annealing (Ho & Liao; Keith & La)",
             (DYNAMIC, MANUFACTURING),
         ),
-        "genetic": Entry(
+        "genetic": CatalogueEntry(
             "strategies.zoning.monitored:GeneticZones",
             Genetic,
             "zones redesigned by a genetic algorithm (Keith & La)",
             (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE),
         ),
-        "decentralized": Entry(
+        "decentralized": CatalogueEntry(
             "strategies.zoning.decentralized:DecentralizedZones",
             Decentralized,
             "robots in range of each other negotiate their zones (DDZ; Keith & La)",
-            PROPERTIES,
+            METHOD_PROPERTIES,
         ),
     },
     "charging": {
-        "insertion": Entry(
+        "insertion": CatalogueEntry(
             "strategies.charging.quoted:InsertCharging",
             Insertion,
             "optimal insertion: the charger, place in the list and time that cost least (De Ryck)",
         ),
-        "threshold": Entry(
+        "threshold": CatalogueEntry(
             "strategies.charging.quoted:ThresholdCharging",
             Threshold,
             "threshold-100: below 20 % to the nearest charger, until it is full (De Ryck)",
         ),
-        "fill-up": Entry(
+        "fill-up": CatalogueEntry(
             "strategies.charging.quoted:FillUpCharging",
             FillUp,
             "as insertion, but charge up to a target where the list needs a charger",
         ),
-        "opportunity": Entry(
+        "opportunity": CatalogueEntry(
             "strategies.charging.quoted:OpportunityCharging",
             Opportunity,
             "idle robots charge at free chargers, and leave for orders that they can finish",
         ),
     },
     "allocation": {
-        "independent": Entry(
+        "independent": CatalogueEntry(
             "strategies.allocation.independent:Independent",
             IndependentParameters,
             "nearest unreserved order, carried to its destination (Grzejszczak & Nocon, alg. 1)",
         ),
-        "cooperative": Entry(
+        "cooperative": CatalogueEntry(
             "strategies.allocation.cooperative:Cooperative",
             Alleys,
             "bucket brigade: loads are passed from table to table (Grzejszczak & Nocon, alg. 2)",
         ),
-        "adaptive": Entry(
+        "adaptive": CatalogueEntry(
             "strategies.allocation.cooperative:Adaptive",
             Alleys,
             "each robot carries or passes a load, whichever costs less by its own experience",
         ),
-        "first-come": Entry(
+        "first-come": CatalogueEntry(
             "strategies.allocation.first_come:FirstCome",
             FirstComeParameters,
             "oldest unreserved order, or the one due first, carried to its destination",
         ),
-        "greedy": Entry(
+        "greedy": CatalogueEntry(
             "strategies.allocation.greedy.greedy:Greedy",
             GreedyParameters,
             "cheapest pair of robot and order first; what is not begun may be matched again",
         ),
-        "shortest-job": Entry(
+        "shortest-job": CatalogueEntry(
             "strategies.allocation.shortest_job:ShortestJob",
             ShortestJobParameters,
             "shortest job first with aging, in the robot's zone if there are zones (Keith & La)",
         ),
-        "auction": Entry(
+        "auction": CatalogueEntry(
             "strategies.allocation.auction.auction:Auction",
             Auctions,
             "auctions with charging in the bids: sequential, parallel, combinatorial, ... (De Ryck)",
         ),
-        "independent-python": Entry(
+        "independent-python": CatalogueEntry(
             "strategies.allocation.independent:IndependentPython",
             NoParameters,
             "the tutorial: 'independent' in plain Python, equal digests",
         ),
     },
     "routing": {
-        "shortest": Entry(
+        "shortest": CatalogueEntry(
             "strategies.routing.shortest:Shortest",
             NoParameters,
             "the path of least ticks, turns included",
         ),
-        "astar": Entry(
+        "astar": CatalogueEntry(
             "strategies.routing.astar:AStar",
             TieBreaking,
             "A*: a path of fewest ticks, one of several by a tie-breaking rule",
         ),
-        "traffic-avoidance": Entry(
+        "traffic-avoidance": CatalogueEntry(
             "strategies.routing.traffic_avoidance:TrafficAvoidance",
             Avoidance,
             "A* around zones where many robots are predicted (Shaji Bhattathiri, Li & Kuhl)",
         ),
-        "congestion": Entry(
+        "congestion": CatalogueEntry(
             "strategies.routing.congestion:Congestion",
             SharedPlans,
             "around the traffic predicted from all robots' plans, zone by zone and tick by tick",
         ),
     },
     "right_of_way": {
-        "pibt": Entry(
+        "pibt": CatalogueEntry(
             "strategies.right_of_way.pibt.pibt:Pibt",
             PibtParameters,
             "robots make way by inherited priority (PIBT); turns and moves of any length",
             default_for=STEERED,
         ),
-        "epibt": Entry(
+        "epibt": CatalogueEntry(
             "strategies.right_of_way.epibt.epibt:Epibt",
             EpibtParameters,
             "robots plan a few actions ahead and push each other (EPIBT)",
             default_for=SLOW_STEERED,
         ),
-        "retreat": Entry(
+        "retreat": CatalogueEntry(
             "strategies.right_of_way.retreat:Retreat",
             RetreatParameters,
             "wait, retry, then retreat by a random number of moves (Grzejszczak & Nocon)",
             default_for=ROUTED,
         ),
-        "wait": Entry(
+        "wait": CatalogueEntry(
             "strategies.right_of_way.retreat:Wait",
             Waits,
             "wait and retry for ever: shows which deadlocks a floor has",

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from automaton.bench.measurement import EXPONENT, MS, US, Measurement, Sample, cpu_seconds, slope
-from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import BATTERY_FULL
 from automaton.papers.auction_trials import AGAIN, METHODS, Instance, Method, empty
 from strategies.allocation.auction import bundles, metaheuristics, quotes
 from strategies.allocation.auction.bundles import bundles_for

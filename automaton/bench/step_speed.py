@@ -22,8 +22,8 @@ from automaton.bench.measurement import (
     open_floor,
     scene,
 )
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.motion import LIVE, U, move_all
+from automaton.engine.jit.kernel import U, kernel
+from automaton.engine.motion import LIVE, move_all
 from automaton.engine.random_numbers import splitmix64
 from automaton.engine.state import Array, World
 from automaton.floor.floor_plan import FloorPlan

@@ -12,10 +12,10 @@ from functools import cache, partial
 import numpy as np
 
 from automaton.bench.measurement import Measurement, Sample, cpu_seconds
-from automaton.engine.distance_tables import Array, DistanceTables
+from automaton.engine.distance_tables import DistanceTables
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import NIL
-from automaton.engine.state import Grid
+from automaton.engine.state import Array, Grid
 from automaton.engine.table_building import Costs, build_tables
 from automaton.engine.table_rows import cost_in, forget, row_to
 from automaton.floor.cells import ALL_EXITS, FLOOR

@@ -14,8 +14,7 @@ import sys
 from collections.abc import Sequence
 from typing import NoReturn
 
-from automaton.engine.jit.compile_progress import COMPILING
-from automaton.engine.jit.unfit_numba import UnfitNumbaError
+from automaton.engine.jit.compile_progress import COMPILING, UnfitNumbaError
 from automaton.errors import InputError, WorkerDiedError, nearest
 from automaton.printable import OutputError, PrintedText, one_line
 from automaton.runs.interruption import TerminatedError, signals_raise

@@ -13,14 +13,14 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.robot_states import (
+from automaton.engine.robot_states import is_charging
+from automaton.engine.state import (
     BATTERY_PERCENT,
+    NIL,
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_TOWED,
-    is_charging,
 )
-from automaton.engine.state import NIL
 from automaton.floor.cells import (
     ALL_EXITS,
     BAY,

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.drawings.looks import Looks, RobotLooks, box_of, cell_of, looks_of, robot_looks
-from automaton.engine.facilities import GATE_CLOSING, GATE_DOOR
-from automaton.engine.state import CLOCK_TICK, NIL
+from automaton.engine.state import CLOCK_TICK, GATE_CLOSING, GATE_DOOR, NIL
 from automaton.floor.floor_plan import UNBOUNDED, FloorPlan
 from automaton.world.resolve import Resolved
 

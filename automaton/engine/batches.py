@@ -6,7 +6,6 @@ from automaton.engine.jit.field_kernels import clearing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.operations import clear_route_request, first_cell
 from automaton.engine.random_numbers import is_due
-from automaton.engine.robot_states import STATUS_EXHAUSTED, STATUS_UP
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
     CLOCK_FRESH_ALLOCATION,
@@ -35,6 +34,8 @@ from automaton.engine.state import (
     REASON_RETRIES_EXHAUSTED,
     REASON_ZONE_EVENT,
     RETRY_EXHAUSTED,
+    STATUS_EXHAUSTED,
+    STATUS_UP,
     AllocationDecisions,
     ChargingDecisions,
     RightOfWayDecisions,
@@ -109,6 +110,15 @@ def batch_charging(world, batch):
 def allocation_of(world, i):
     """The strategy that allocates orders to robot i."""
     return np.int64(world.rules.allocation[world.robots.type[i]])
+
+
+@kernel
+def may_set_order_queue(world, batch, i):
+    """Whether the plan of robot i may be made now: by its own strategy, with limited sight by its own
+    decision."""
+    if allocation_of(world, i) != batch.strategy[0]:
+        return False
+    return world.rules.radius == NIL or batch.robot[0] == i
 
 
 @kernel

@@ -7,13 +7,12 @@ on what the blocker does; the lost ticks by cause and by cell.
 import numpy as np
 
 from automaton.engine.gates import has_gates
-from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.kernel import U, kernel, prefetch
 from automaton.engine.motion import (
     CAPACITY_SHIFT,
     HELD,
     MOVED,
     REFUSED,
-    U,
     direction_between,
     own_resource,
     resource_of,
@@ -43,7 +42,6 @@ from automaton.engine.observation import (
     MEMORY_TICKS,
     WAITERS,
 )
-from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import is_begin
 from automaton.engine.state import ACTION_MOVE, CLOCK_TICK, FOLLOWING_CONVOY, GOAL_NONE, NIL
 

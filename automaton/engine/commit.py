@@ -2,12 +2,17 @@
 
 import numpy as np
 
-from automaton.engine.batches import allocation_of
-from automaton.engine.drive import replan
+from automaton.engine.batches import may_set_order_queue
 from automaton.engine.energy import end_charging, offer_charger
-from automaton.engine.facilities import MAY_TURN
+from automaton.engine.fulfilment import (
+    begin_leg,
+    has_started,
+    lose_order,
+    reserve_order,
+    reserve_slot,
+    return_order,
+)
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.loads import begin_leg, reserve_order, reserve_slot
 from automaton.engine.operations import (
     begin,
     clear_allocation_request,
@@ -15,14 +20,15 @@ from automaton.engine.operations import (
     clear_route_request,
     count_lost_tick,
     drop_route,
-    first_cell,
     has_load,
-    heading_towards,
+    is_assigned,
+    is_drivable,
     is_facing,
     next_stop,
     next_stop_cell,
     record_change,
     refuse,
+    replan,
     request_allocation,
     request_charging,
     request_right_of_way,
@@ -37,11 +43,11 @@ from automaton.engine.record_codes import (
     EXECUTED_RETREAT,
     EXECUTED_WAIT,
 )
-from automaton.engine.robot_states import BATTERY_FULL, STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_BLOCKED,
     ACTION_RETREAT,
     ACTION_WAIT,
+    BATTERY_FULL,
     CLOCK_FRESH_ALLOCATION,
     CLOCK_REVISION,
     CLOCK_TICK,
@@ -66,6 +72,7 @@ from automaton.engine.state import (
     LAYER_CHARGING,
     LAYER_RIGHT_OF_WAY,
     LAYER_ROUTING,
+    MAY_TURN,
     NEED_ALLOCATION,
     NEED_ROUTE,
     NIL,
@@ -79,6 +86,7 @@ from automaton.engine.state import (
     REASON_REPLAN,
     RETRY_EXHAUSTED,
     RETRY_NONE,
+    STATUS_EXHAUSTED,
 )
 from automaton.engine.trips import (
     give_place_back,
@@ -88,7 +96,6 @@ from automaton.engine.trips import (
     take_place,
     withdraw_offer,
 )
-from automaton.engine.visits import has_started, is_assigned, lose_order, return_order
 
 GIVEN = 255  # in out.order_taken: a robot got the order in this batch
 
@@ -153,15 +160,6 @@ def route_around_robots(world, i):
         and robots.need[i] & NEED_ROUTE
     ):
         request_route(world, i, REASON_AROUND_ROBOTS)
-
-
-@kernel
-def may_set_order_queue(world, batch, i):
-    """Whether the plan of robot i may be made now: by its own strategy, with limited sight by its own
-    decision."""
-    if allocation_of(world, i) != batch.strategy[0]:
-        return False
-    return world.rules.radius == NIL or batch.robot[0] == i
 
 
 @kernel
@@ -346,29 +344,6 @@ def commit_routing(world, batch, decisions):
         robots.route_length[i] = route_length
         robots.route_index[i] = 0
         robots.route_hash[i] = np.int64(total >> np.uint64(1))
-
-
-@kernel
-def is_drivable(world, i, steps, route_length):
-    """Whether a route starts at robot i, keeps to exits open to it, and turns only where it may."""
-    grid, robots = world.grid, world.robots
-    if route_length > steps.shape[0]:
-        return False
-    type_cell_flags = grid.type_cell_flags[robots.type[i]]
-    cell = first_cell(robots, i)
-    heading = np.int64(robots.heading[i])
-    for s in range(route_length):
-        direction = np.int64(steps[s])
-        flags = np.int64(type_cell_flags[cell])
-        if direction > 3 or (flags >> direction) & 1 == 0:
-            return False
-        towards = heading_towards(grid, robots.type[i], direction)
-        if towards != heading:
-            if flags & MAY_TURN == 0:
-                return False
-            heading = towards
-        cell += grid.offset[direction]
-    return True
 
 
 # How the decisions of a charging strategy enter the world.

@@ -3,20 +3,22 @@
     tick * 8 + phase (entry of LAYER_SEQUENCE) | identity * 65,536 + number of values | values ...
 
 in the order in which they entered the world; decisions that are as they began (KEEP) are left out.
-Values: the fields of a decision as declared in automaton.engine.state; for zoning see
-automaton.engine.decision_stream; before the decisions of allocation, plans (PLAN_WORDS times the
-number of orders, the orders); for routing the steps, then 31 directions of 2 bits each, or -1 for an
-illegal route.
+Values: the fields of a decision as declared in automaton.engine.state. Before the decisions of
+allocation come plans (PLAN_WORDS times the number of orders, the orders). A route has its steps, then
+31 directions of 2 bits in each word, or -1 for an illegal one. A robot's decision of zoning is followed
+by its message if that changes; a row of zoning that is about no robot has ROW_MARK + its kind in the
+place of an identity. With limited sight zoning is called for each robot; a replay decides all of them at
+once, and the last design of a tick counts: those that are here are whole and sound (`judge_zoning`).
 """
 
 import numpy as np
 
-from automaton.engine.batches import allocation_of
-from automaton.engine.commit import is_drivable, may_set_order_queue
+from automaton.engine.batches import allocation_of, may_set_order_queue
 from automaton.engine.facilities import MESSAGE_WORDS
 from automaton.engine.jit.field_kernels import appending, decision_values, reading
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import CONSTANT, Struct, field
+from automaton.engine.operations import is_drivable
 from automaton.engine.state import (
     CLOCK_DECISION_WORDS,
     CLOCK_PHASE,
@@ -274,25 +276,13 @@ def give_route(words, at, size, out, k):
         out.steps[k, s] = (words[at + 1 + s // STEPS_PER_WORD] >> (2 * (s % STEPS_PER_WORD))) & 3
 
 
-# The decisions of zoning in the stream of decisions: robots one by one, then queues, servers,
-# designs.
-#
-# A row that is about no robot has MARK + its kind where others have an identity. With limited sight
-# there is one call for each robot; a replay decides all of them at once, and the last design of a
-# tick counts: those that are here are whole and sound (automaton.engine.zoning.judge_design).
-#
-# robot: the fields of its decision, then its message if that changes QUEUES: order, queue, stop,
-# direct; again and again SERVERS: a robot for each zone STATIONS: a zone for each station, then zone,
-# zone, station of each transfer station SEGMENT: owner, its two ends, its points REFUSED: how many
-# decisions were illegal and are not here
-
-
-MARK = 1 << 24
-QUEUES = 0
-SERVERS = 1
-STATIONS = 2
-SEGMENT = 3
-REFUSED = 4
+# The decisions of zoning: robots one by one, then queues, servers, designs.
+ROW_MARK = 1 << 24
+ROW_QUEUES = 0  # order, queue, next slot, whether it skips transfer stations; again and again
+ROW_SERVERS = 1  # a robot for each zone
+ROW_STATIONS = 2  # a zone for each station, then zone, zone, station of each transfer station
+ROW_SEGMENT = 3  # owner, its two ends, its points
+ROW_REFUSED = 4  # how many decisions were illegal and are not here
 ROBOT_WORDS = len(decision_values(ZoningDecisions))
 MAX_QUEUED = 8_000  # orders of a row
 
@@ -321,7 +311,7 @@ def begin_row(world, record, key, kind):
     """Leave room for the head of a row; returns where its first value goes."""
     at = world.clock[CLOCK_DECISION_WORDS]
     record.decisions[at] = key
-    record.decisions[at + 1] = (MARK + kind) << COUNT_BITS
+    record.decisions[at + 1] = (ROW_MARK + kind) << COUNT_BITS
     return at + 2
 
 
@@ -341,7 +331,7 @@ def keep_zoning(world, record, batch, out, key):
     for k in range(batch.count[0]):
         keep_robot(world, record, batch, out, key, k)
     if out.refused[0]:
-        at = begin_row(world, record, key, REFUSED)
+        at = begin_row(world, record, key, ROW_REFUSED)
         record.decisions[at] = out.refused[0]
         end_row(world, record, at + 1)
     if world.service_zones.queue.shape[0] == 0:
@@ -350,13 +340,13 @@ def keep_zoning(world, record, batch, out, key):
         keep_design(world, record, out.design, key)
     for zone in range(out.server.shape[0]):
         if out.server[zone] != KEEP:
-            at = begin_row(world, record, key, SERVERS)
+            at = begin_row(world, record, key, ROW_SERVERS)
             for other in range(out.server.shape[0]):
                 record.decisions[at + other] = out.server[other]
             end_row(world, record, at + out.server.shape[0])
             break
     for first in range(0, out.queued[0], MAX_QUEUED):
-        at = begin_row(world, record, key, QUEUES)
+        at = begin_row(world, record, key, ROW_QUEUES)
         for k in range(first, min(first + MAX_QUEUED, out.queued[0])):
             record.decisions[at] = out.order[k]
             record.decisions[at + 1] = out.queue[k]
@@ -387,7 +377,7 @@ def keep_robot(world, record, batch, out, key, k):
 def keep_design(world, record, design, key):
     words = record.decisions
     stations = design.zone.shape[0]
-    at = begin_row(world, record, key, STATIONS)
+    at = begin_row(world, record, key, ROW_STATIONS)
     for station in range(stations):
         words[at + station] = design.zone[station]
     at += stations
@@ -399,7 +389,7 @@ def keep_design(world, record, design, key):
                     at += 3
     end_row(world, record, at)
     for segment in range(min(max(0, design.segments[0]), design.owner.shape[0])):
-        at = begin_row(world, record, key, SEGMENT)
+        at = begin_row(world, record, key, ROW_SEGMENT)
         words[at] = design.owner[segment]
         words[at + 1] = design.ends[segment, 0]
         words[at + 2] = design.ends[segment, 1]
@@ -419,8 +409,8 @@ def repeat_zoning(view, batch, out, words, at, end, key):
         about = words[at + 1] >> COUNT_BITS
         if at + 2 + size > end or size < 1:
             break  # the recording was altered
-        if about >= MARK:
-            give_row(view, out, words, at + 2, size, about - MARK)
+        if about >= ROW_MARK:
+            give_row(view, out, words, at + 2, size, about - ROW_MARK)
         else:
             k = place_of(view, batch, about)
             if k != NIL:
@@ -451,11 +441,11 @@ def give_robot(out, words, at, size, k):
 
 @kernel
 def give_row(view, out, words, at, size, kind):
-    if kind == REFUSED:
+    if kind == ROW_REFUSED:
         out.refused[0] += words[at]
     if view.service_zones.queue.shape[0] == 0:
         return
-    if kind == QUEUES:
+    if kind == ROW_QUEUES:
         for first in range(at, at + size - 3, 4):
             k = out.queued[0]
             if k == out.order.shape[0]:
@@ -465,13 +455,13 @@ def give_row(view, out, words, at, size, kind):
             out.next_slot[k] = words[first + 2]
             out.skips_transfer[k] = words[first + 3]
             out.queued[0] = k + 1
-    elif kind == SERVERS and size == out.server.shape[0]:
+    elif kind == ROW_SERVERS and size == out.server.shape[0]:
         for zone in range(size):
             if words[at + zone] != KEEP:
                 out.server[zone] = words[at + zone]
-    elif kind == STATIONS and size >= out.design.zone.shape[0]:
+    elif kind == ROW_STATIONS and size >= out.design.zone.shape[0]:
         give_stations(out, words, at, size)
-    elif kind == SEGMENT and size >= 3:
+    elif kind == ROW_SEGMENT and size >= 3:
         give_segment(out.design, words, at, size)
 
 

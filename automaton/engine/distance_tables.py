@@ -15,13 +15,9 @@ for turns of 1, 2 or 3 ticks: [0 0 1 1], say, where east and south are equally g
 in the largest unit that all steps and turns are a multiple of.
 """
 
-from typing import Any, Final
+from typing import Final
 
-from numpy.typing import NDArray
-
-from automaton.engine.jit.structs import CONSTANT, NIL, SCRATCH, STATIC, STOP, Struct, field
-
-Array = NDArray[Any]
+from automaton.engine.jit.structs import CONSTANT, NIL, SCRATCH, STATIC, STOP, Array, Struct, field
 
 UNREACHABLE: Final = 1 << 30  # cost of what cannot be reached
 STOP_NO_ROOM: Final = 2  # tables.stop: one tick needs more tables than the budget holds
@@ -30,7 +26,7 @@ JOINT: Final = 0  # encodings
 SPLIT: Final = 1
 POSE16: Final = 2
 POSE32: Final = 3
-FAR: Final = 65_535  # the word of a cell or pose from which there is no way
+FAR_WORD: Final = 65_535  # the word of a cell or pose from which there is no way
 FAR_PAIR: Final = (1 << 32) - 1
 MAX_PATTERNS: Final = 256
 MAX_NARROW_TURN: Final = 3  # cost of a turn up to which a cell is one of so many patterns
@@ -100,6 +96,23 @@ class DistanceTables(Struct, role=SCRATCH):
     alike: Array = field(
         "(S,) int64", "of set s, those that are as good as heading 0: bit h", role=CONSTANT
     )
+
+
+class Workspace(Struct):
+    """Scratch of the searches, and the distance tables; contents never decide anything."""
+
+    cost: Array = field("(P,) int32", "per pose = cell * headings + heading")
+    stamp: Array = field("(P,) int64", "search in which `cost` was written")
+    parent: Array = field("(P,) uint8")
+    mark: Array = field("(C,) int32")
+    mark_stamp: Array = field("(C,) int64")
+    heap: Array = field("(H,) int64")
+    generation: Array = field("(2,) int64", "searches so far; poses expanded")
+    stop: Array = field(
+        "(1,) int64", "not 0 = the run is given up in mid-tick, what searches find is worthless"
+    )
+    steps: Array = field("(R,) uint8", "a route that only needs to exist")
+    tables: DistanceTables
 
 
 def is_narrow_for(headings: int, turn: int) -> bool:

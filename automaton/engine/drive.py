@@ -8,6 +8,7 @@ way has set.
 import numpy as np
 
 from automaton.engine.energy import charge_up, has_energy_for
+from automaton.engine.fulfilment import pick_up, serve, set_down
 from automaton.engine.gates import (
     ask_gates_of_bays,
     enter_from_bay,
@@ -15,8 +16,7 @@ from automaton.engine.gates import (
     is_cabin_move,
     note_closing,
 )
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.loads import pick_up, set_down
+from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.motion import (
     ARRIVED,
     AT_GATE,
@@ -27,7 +27,6 @@ from automaton.engine.motion import (
     NO_TURN,
     POD_AHEAD,
     TOWARDS,
-    U,
     is_empty,
     occupy,
     vacate,
@@ -46,6 +45,7 @@ from automaton.engine.operations import (
     is_facing,
     limited_ticks,
     record_change,
+    replan,
     request_allocation,
     request_right_of_way,
     request_route,
@@ -73,7 +73,6 @@ from automaton.engine.record_codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
-from automaton.engine.robot_states import STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_BAY_BLOCKED,
     ACTION_BLOCKED,
@@ -98,22 +97,20 @@ from automaton.engine.state import (
     GOAL_PICK,
     GOAL_STOP,
     HOLD,
+    MAX_BUSY,
     NEED_ALLOCATION,
     NEED_ROUTE,
     NIL,
     NO_STEP,
     REASON_AROUND_CLOSED,
-    REASON_AROUND_ROBOTS,
     REASON_IDLE,
     REASON_NEW_GOAL,
-    REASON_PICKED,
-    REASON_REPLAN,
     RETRY_EXHAUSTED,
     RETRY_NONE,
     RETRY_WAITED,
+    STATUS_EXHAUSTED,
 )
-from automaton.engine.trips import has_trips
-from automaton.engine.visits import is_in_own_queue, is_queueing_at_station, serve
+from automaton.engine.trips import has_trips, is_in_own_queue, is_queueing_at_station
 
 
 @kernel
@@ -445,18 +442,6 @@ def after_step(world, i):
 
 
 @kernel
-def replan(world, i):
-    """Plan the same task again around the other robots; look for work if there is no task."""
-    goal_type = world.robots.goal_type[i]
-    if goal_type == GOAL_NONE or goal_type == GOAL_PARK:
-        request_allocation(
-            world, i, REASON_PICKED if world.robots.load[i] != NIL else REASON_REPLAN
-        )
-    if goal_type != GOAL_NONE:
-        request_route(world, i, REASON_AROUND_ROBOTS)
-
-
-@kernel
 def stop_before_pod(world, i):
     """Robot i carries a load and would drive under a pod: the tick is lost, it plans again."""
     robots = world.robots
@@ -537,9 +522,6 @@ def refused(world, record, i):
 # multiply; a tick more, by a draw, comes on top.
 
 
-MAX_MOVE_TICKS = 65_535  # what robots.busy and traffic.move_ticks can hold
-
-
 @kernel
 def count_robots(grid, robots, zone_occupancy):
     """crowd[zone] = robots in it; call before anything moves or leaves its parking bay."""
@@ -561,7 +543,7 @@ def set_move_ticks(world):
     for i in range(world.robots.cell.shape[0]):
         intent = np.int64(traffic.intent[U(i)])
         if intent & LIVE:
-            traffic.move_ticks[U(i)] = min(ticks_of_move(world, i, intent), MAX_MOVE_TICKS)
+            traffic.move_ticks[U(i)] = min(ticks_of_move(world, i, intent), MAX_BUSY)
 
 
 @kernel

@@ -6,8 +6,8 @@ does nothing in this tick and is down from the next one on (automaton.engine.fau
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.motion import LIVE, U, has_room
+from automaton.engine.jit.kernel import U, kernel
+from automaton.engine.motion import LIVE, has_room
 from automaton.engine.operations import (
     consume_energy,
     count_lost_tick,
@@ -17,7 +17,6 @@ from automaton.engine.operations import (
     request_charging,
 )
 from automaton.engine.record_codes import EXECUTED_BLOCKED, EXECUTED_CHARGE
-from automaton.engine.robot_states import BATTERY_FULL, STATUS_EXHAUSTED, STATUS_UP
 from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_DROP,
@@ -25,12 +24,15 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_QUEUE,
+    BATTERY_FULL,
     CLOCK_TICK,
     CLOCK_TICKETS_ISSUED,
     GOAL_CHARGE,
     GOAL_NONE,
     NIL,
     REASON_IDLE,
+    STATUS_EXHAUSTED,
+    STATUS_UP,
 )
 
 

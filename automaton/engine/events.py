@@ -3,8 +3,7 @@
 import numpy as np
 
 from automaton.engine.blockers import walk_to_cycle
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.motion import U
+from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.observation import (
     COUNT_EVENTS,
     DEADLOCK_TICKS,
@@ -43,23 +42,26 @@ from automaton.engine.record_codes import (
     LEFT_PARKING_BAY,
     PICKED_ON_ARRIVAL,
 )
-from automaton.engine.robot_states import (
+from automaton.engine.state import (
+    ACTION_CHARGE,
+    CLOCK_TICK,
+    NIL,
+    ORDER_DELIVERED,
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_REMOVED,
     STATUS_TOWED,
     STATUS_UP,
 )
-from automaton.engine.state import ACTION_CHARGE, CLOCK_TICK, NIL, ORDER_DELIVERED
 
-MAX_EVENTS = 8  # of one robot in one tick
+MAX_EVENTS_PER_ROBOT = 8  # of one robot in one tick
 IN_CYCLE = NIL  # value of scratch.color
 
 
 @kernel
 def max_events(world):
     """How many events a tick can have."""
-    return MAX_EVENTS * world.robots.cell.shape[0] + world.stations.slot.shape[0] + 1
+    return MAX_EVENTS_PER_ROBOT * world.robots.cell.shape[0] + world.stations.slot.shape[0] + 1
 
 
 @kernel

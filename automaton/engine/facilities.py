@@ -7,8 +7,6 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from numpy.typing import NDArray
-
 from automaton.engine.jit.structs import (
     CONSTANT,
     DERIVED,
@@ -17,15 +15,95 @@ from automaton.engine.jit.structs import (
     SCRATCH,
     STATE,
     STATIC,
+    Array,
     Struct,
     field,
     nested,
 )
 
-Array = NDArray[Any]
+ACTION_COUNT: Final = 20  # actions that automaton.engine.state numbers
+# Strategies by number: of the layers, then further ones that allocate orders to some types of robots.
+STRATEGY_COUNT: Final = 8
 
-MAY_TURN: Final = 16  # bit of a cell's flags: robots may turn in it
-NO_WAY_THROUGH: Final = 128  # bit, by type: ways begin and end there, but lead past it
+
+class Rules(Struct, role=STATIC):
+    """The scenario's constants."""
+
+    seed: Any = field("uint64", "all draws of a run follow from it")
+    following: int = field(
+        "int64", "FOLLOWING_*: when a robot may begin to move into a cell that another one holds"
+    )
+    nearest_access: int = field(
+        "int64", "1: loads are picked up and dropped from the nearest access cell"
+    )
+    stop: int = field("int64", "STOP_PARKED, STOP_DELIVERED, STOP_NEVER")
+    leave: int = field("int64", "1: a robot with nothing to do leaves the floor where it stands")
+    radius: int = field("int64", "how far strategies see, cells; NIL everything, or ORDER_LIST")
+    circle: int = field("int64", "1: the radius is Euclid's, 0: Chebyshev's")
+    in_system: int = field("int64", "orders that a closed loop keeps open; 0: it is none")
+    assigned: int = field("int64", "1: order k is for robot k mod n alone, one after another")
+    skip_reached: int = field(
+        "int64", "1: such a robot passes over an order at whose first stop it stands"
+    )
+    priorities: Array = field("(p,) int16", "those that orders have, the highest first")
+    join: int = field("int64", "1: lines join trips under way; 0: each is a trip of its own")
+    under: int = field(
+        "int64", "1: robots without a load drive under pods; 0: only the one that lifts it"
+    )
+    loaded_types: int = field(
+        "int64", "what is added to the type of a robot that carries a load; 0: it drives as without"
+    )
+    own_zones: int = field("int64", "1: only orders and stations in zones of robots that are seen")
+    refinement: int = field("int64", "ticks of the run in a tick of its scenario; 1: not refined")
+    stride: int = field(
+        "int64", "in the first of so many ticks strategies decide and robots begin something"
+    )
+    tick_us: int = field("int64", "a tick in millionths of a second; 0: the scenario does not say")
+    cell_milli: int = field(
+        "int64", "a cell's side in thousandths of the scenario's unit of length; 0: none"
+    )
+    duration: Array = field(f"(K, {ACTION_COUNT}) int32", "ticks of each action, by type of robot")
+    payload: Array = field("(K,) int32", "the heaviest order that robots of a type carry")
+    wait: Array = field(
+        "(5,) int32", "empty from, to; loaded from, to; retries before right of way is asked"
+    )
+    period: Array = field(
+        f"({STRATEGY_COUNT},) int32", "a strategy is asked every so many ticks; 0 never"
+    )
+    holders: Array = field(f"({STRATEGY_COUNT},) uint8", "1 = a strategy reads traffic.holder")
+    allocations: int = field("int64", "how many strategies allocate orders to robots")
+    allocation: Array = field(
+        "(K,) uint8", "the strategy that allocates orders to robots of a type"
+    )
+    steered: Array = field("(1,) uint8", "1 = right of way steers the robots: they keep no routes")
+    watches_chargers: Array = field(
+        "(1,) uint8", "1 = charging is asked about idle robots when a place at a charger is free"
+    )
+    table_bytes: int = field("int64", "memory for distance tables")
+    slowdown: int = field("int64", "1: a move takes as many times longer as its zone has robots")
+    extra_tick: int = field("int64", "of 2**32 moves, how many take a tick more")
+    handling_jitter: int = field("int64", "a pick or drop takes up to so many ticks more")
+    battery: int = field("int64", "1: robots run on batteries")
+    drain: Array = field(
+        f"(K, {ACTION_COUNT}, 2) int64",
+        "units of charge that a tick of each action takes; [.., 1] loaded",
+    )
+    curve: Array = field(
+        "(K, pieces, 2) int32", "from this charge on, units that a tick at a charger gives"
+    )
+    reserve: Array = field("(K,) int64", "charge that plans never go below")
+    tow_after: int = field("int64", "ticks that a robot is down before it is towed; NIL: it stays")
+    repair: int = field("int64", "ticks from towing until it comes back; NIL: never")
+    repaired: int = field(
+        "int64", "charge with which it comes back; NIL: its own, or the reserve if it ran empty"
+    )
+    may_fail: int = field("int64", "1: robots may go down")
+    faults: Array = field("(f, 2) int64", "tick, identity; by tick")
+    breakdown: int = field("int64", "of 2**32 ticks on the floor, how many end in a fault")
+    repair_in_place: Array = field(
+        "(r,) int32",
+        "ticks for which a broken robot stands, all alike probable; r = 0: it is towed",
+    )
 
 
 class Grid(Struct, role=CONSTANT):
@@ -147,11 +225,8 @@ class Stations(Struct, role=STATIC):
     )
 
 
-# The stops of orders: cells in which a robot has to stand, one after another.
-
-
 class Stops(Struct, role=STATIC):
-    """The stops of all orders, one order after another; v of them.
+    """The stops of all orders, one order after another; v cells in which a robot has to stand.
 
     Those of order k are `orders.first_stop[k]` to `orders.first_stop[k + 1]`, without the end; of a trip
     up to the first without a cell.
@@ -180,23 +255,11 @@ class Stops(Struct, role=STATIC):
     )
 
 
-# Gates: what lets robots into some cells at some times only. Closings, doors, blocks and lifts.
-#
-# A gate has cells, and a cell may have several gates. All of them are numbered together, in the order
-# of their kinds. NIL (-1) means none.
-
-
-GATE_CLOSING: Final = 0  # no robot may enter for some time
-GATE_DOOR: Final = 1  # it opens to a robot that asks, and shuts
-GATE_BLOCK: Final = 2  # it holds so many robots, or robots of one direction
-GATE_LIFT: Final = 3  # a block of one robot, whose cabin comes when it is called
-GATE_KINDS: Final = ("closed", "door", "block", "lift")
-
-
 class Gates(Struct, role=STATIC):
-    """g gates of cells; without gates all sizes are 0.
+    """What lets robots into some cells at some times only: g gates, without gates all sizes are 0.
 
-    What they are stays; what has a digest number changes from tick to tick.
+    A gate has cells, and a cell may have several gates. All are numbered together, in the order of
+    their kinds. What they are stays; what has a digest number changes from tick to tick.
     """
 
     kind: Array = field("(g,) uint8", "GATE_*")
@@ -514,13 +577,12 @@ def design_for(roads: Roads, zones: int) -> Design:
     return empty_design(len(roads.cell), len(roads.point), zones)
 
 
-# Delays of robots: how often they begin, how long they last, and who is delayed.
-#
-# d robots where a scenario has delays, else 0.
-
-
 class Delays(Struct, role=STATIC):
-    """A delayed robot begins nothing; a move or a turn under way may take longer by its delay."""
+    """Delays: how often they begin, how long they last, and who is delayed.
+
+    A delayed robot begins nothing; a move or a turn under way may take longer by its delay. d robots
+    where a scenario has delays, else 0.
+    """
 
     probability: int = field("int64", "of 2**32 robots, how many begin a delay in a tick")
     poisson: int = field(

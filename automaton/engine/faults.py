@@ -10,10 +10,17 @@ repair is over.
 import numpy as np
 
 from automaton.engine.energy import end_charging
+from automaton.engine.fulfilment import (
+    complete_order,
+    end_leg,
+    leave_queue,
+    reserve_order,
+    reserve_slot,
+    return_order,
+)
 from automaton.engine.holders import lane_of, mark_claim
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.loads import complete_order, end_leg, leave_queue, reserve_order, reserve_slot
-from automaton.engine.motion import U, direction_between, own_resource, put_pod_into, vacate
+from automaton.engine.jit.kernel import U, kernel
+from automaton.engine.motion import direction_between, own_resource, put_pod_into, vacate
 from automaton.engine.operations import (
     begin,
     clear_allocation_request,
@@ -41,18 +48,6 @@ from automaton.engine.random_numbers import (
     random_bits,
 )
 from automaton.engine.record_codes import CHANGE_DELAYED, CHANGE_LOAD_LEFT, CHANGE_STATUS
-from automaton.engine.robot_states import (
-    FAILURE_DEPLETED,
-    FAILURE_FAULT,
-    FAILURE_TOWED,
-    STATUS_DEPLETED,
-    STATUS_EXHAUSTED,
-    STATUS_FAILED,
-    STATUS_FAILING,
-    STATUS_REMOVED,
-    STATUS_TOWED,
-    STATUS_UP,
-)
 from automaton.engine.search import begin_search, mark_goal, nearest_mark
 from automaton.engine.state import (
     ACTION_DELAYED,
@@ -65,7 +60,11 @@ from automaton.engine.state import (
     CLOCK_ROBOTS_DOWN,
     CLOCK_TICK,
     CLOCK_UNPARKED,
+    FAILURE_DEPLETED,
+    FAILURE_FAULT,
+    FAILURE_TOWED,
     FOLLOWING_CONVOY,
+    MAX_BUSY,
     NEED_CHARGING,
     NIL,
     NO_STEP,
@@ -73,9 +72,15 @@ from automaton.engine.state import (
     REASON_IDLE,
     REASON_PICKED,
     RETRY_NONE,
+    STATUS_DEPLETED,
+    STATUS_EXHAUSTED,
+    STATUS_FAILED,
+    STATUS_FAILING,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+    STATUS_UP,
 )
 from automaton.engine.trips import give_place_back, has_trips, offer, store_pod
-from automaton.engine.visits import return_order
 
 
 @kernel
@@ -445,9 +450,6 @@ def leave_out_held(world, workspace, i):
 #
 # Under convoy no move ends before the one ahead of it, so a delay in mid-move is handed on to those
 # behind.
-
-
-MAX_BUSY = 65_535  # ticks that robots.busy can hold
 
 
 @kernel

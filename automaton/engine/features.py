@@ -21,11 +21,11 @@ from automaton.engine.drive import count_robots, set_move_ticks
 from automaton.engine.energy import cancel_infeasible_moves
 from automaton.engine.events import find_cycles, note_events
 from automaton.engine.faults import break_down_and_repair, delay_robots
+from automaton.engine.fulfilment import complete_visits, work_at_stations
 from automaton.engine.gates import hold_at_gates, set_cabin_ticks, update_gates
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel import first_class, jit_is_on, kernel
 from automaton.engine.jit.struct_types import declared_type
-from automaton.engine.loads import work_at_stations
 from automaton.engine.observation import Observation
 from automaton.engine.observe import observe
 from automaton.engine.state import (
@@ -44,9 +44,16 @@ from automaton.engine.state import (
     Workspace,
     World,
 )
-from automaton.engine.trips import has_lines, leave_stations_and_pods, plan_trips, take_turns
+from automaton.engine.trips import (
+    clear_queues,
+    count_starved,
+    has_lines,
+    leave_stations_and_pods,
+    mark_queues,
+    plan_trips,
+    take_turns,
+)
 from automaton.engine.visibility import mask_world
-from automaton.engine.visits import clear_queues, complete_visits, count_starved, mark_queues
 from automaton.engine.zoning import commit_zoning, judge_zoning
 
 # Moments of a tick in which a part is called that is called more than once.

@@ -1,14 +1,17 @@
-"""What is asked of gates: whether they are closed, shut or full, and what a move in a lift takes."""
+"""Gates: whether they are closed, shut or full, what a move in a lift takes, and whom they let in."""
 
 import numpy as np
 
-from automaton.engine.facilities import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.motion import AT_GATE, LIVE, U, is_before, is_empty
+from automaton.engine.jit.kernel import U, kernel
+from automaton.engine.motion import AT_GATE, LIVE, is_before, is_empty
 from automaton.engine.state import (
     CLOCK_COARSE_TICK,
     CLOCK_HALTED_UNTIL,
     CLOCK_TICK,
+    GATE_BLOCK,
+    GATE_CLOSING,
+    GATE_DOOR,
+    GATE_LIFT,
     GOAL_NONE,
     GOAL_PARK,
     NEVER,

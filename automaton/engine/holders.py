@@ -8,10 +8,10 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.jit.struct_types import clear_bytes, copy_bytes
 from automaton.engine.jit.structs import Struct
-from automaton.engine.motion import U, direction_between
+from automaton.engine.motion import direction_between
 from automaton.engine.state import FOLLOWING_CONVOY, NIL
 
 
@@ -88,8 +88,7 @@ def lane_of(cell_flags, direction):
 ROW_FULL = 0  # columns of memory.rows: address of a per-robot field in full; 0 for other fields
 ROW_SHOWN = 1  # its address as shown
 ROW_BYTES = 2  # of a robot's row; of the whole field unless it is per robot
-NO_ROWS = np.zeros((0, 3), np.int64)  # without a radius
-PER_ROBOT = "n"  # the first extent of fields with a row for each robot
+NO_STATE_ROWS = np.zeros((0, 3), np.int64)  # without a radius
 
 
 def state_rows(full: Struct, shown: Struct) -> Any:
@@ -99,7 +98,7 @@ def state_rows(full: Struct, shown: Struct) -> Any:
         if not declared.is_kept or not array.nbytes:
             continue
         addresses = [one.__array_interface__["data"][0] for one in (array, other)]
-        if declared.extents[0] == PER_ROBOT:
+        if declared.is_per_robot:
             rows.append((*addresses, array.nbytes // len(array)))
         else:
             rows.append((0, addresses[1], array.nbytes))

@@ -47,15 +47,15 @@ from automaton.engine.features import (
     VISITS,
     signature,
 )
+from automaton.engine.fulfilment import release_orders
 from automaton.engine.holders import enter_holders, keep_rows, remove_holders, show_rows
 from automaton.engine.jit.kernel import jit_is_on, kernel
 from automaton.engine.jit.struct_types import declared_type
 from automaton.engine.motion import move_all
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS, Observation
-from automaton.engine.operations import MAX_CHANGES
+from automaton.engine.operations import MAX_CHANGES_PER_ROBOT
 from automaton.engine.random_numbers import is_begin, is_due, is_end, next_tick
 from automaton.engine.record_codes import EXECUTED_NOTHING
-from automaton.engine.releases import release_orders
 from automaton.engine.state import (
     CLOCK_CHANGE_ROWS,
     CLOCK_DECISION_WORDS,
@@ -80,7 +80,7 @@ from automaton.engine.state import (
     NIL,
     STOP_DELIVERED,
     STOP_PARKED,
-    STRATEGIES,
+    STRATEGY_COUNT,
     Batch,
     Decisions,
     Memory,
@@ -91,8 +91,8 @@ from automaton.engine.state import (
 from automaton.engine.visibility import call_count, name_robots
 
 # What the generator yields: the number of a strategy in Python that has to decide, or
-LOOP_PAUSED = STRATEGIES
-LOOP_GIVEN_UP = STRATEGIES + 1  # workspace.stop is set: it must not be resumed
+LOOP_PAUSED = STRATEGY_COUNT
+LOOP_GIVEN_UP = STRATEGY_COUNT + 1  # workspace.stop is set: it must not be resumed
 
 MODE_ABSENT = 0  # mode: how a strategy decides
 MODE_COMPILED = 1
@@ -278,7 +278,7 @@ def is_full(world, record, observation):
         > record.decisions.shape[0]
     ):
         return True
-    return clock[CLOCK_CHANGE_ROWS] + MAX_CHANGES * (robots + 1) > record.changes.shape[0]
+    return clock[CLOCK_CHANGE_ROWS] + MAX_CHANGES_PER_ROBOT * (robots + 1) > record.changes.shape[0]
 
 
 @kernel
@@ -305,9 +305,9 @@ def compile_loop():
         types.BaseTuple.from_types((declared_type(Record), declared_type(Observation))),
         declared_type(Workspace),
         types.Array(types.uint8, 1, "C"),
-        types.UniTuple(declared_type(Memory), STRATEGIES),
+        types.UniTuple(declared_type(Memory), STRATEGY_COUNT),
         types.Array(types.uint8, 1, "C"),
-        *[types.FunctionType(decide)] * STRATEGIES,
+        *[types.FunctionType(decide)] * STRATEGY_COUNT,
         *[types.FunctionType(signature(feature)) for feature in FEATURES],
     )
     return kernel(ticks, signature=kinds), decide

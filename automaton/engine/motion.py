@@ -30,8 +30,7 @@ inferences are drawn, so the order of the robots does not matter. `resolve` deci
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.prefetch import prefetch
+from automaton.engine.jit.kernel import U, kernel, prefetch
 from automaton.engine.random_numbers import splitmix64
 from automaton.engine.state import FOLLOWING_CONVOY, FOLLOWING_NONE, GOAL_PICK, NIL
 
@@ -46,13 +45,13 @@ ARRIVED = 64  # a long move ended, or a robot stands at its goal already
 HELD = 128  # right of way holds it back; bits 0-1 are where it would like to go, if TOWARDS is set
 TOWARDS = 8
 
-CLAIMS = 31
+CLAIM_BITS = 31
 FLAGS_SHIFT = 8  # shift of the rule in a word
 CAPACITY_SHIFT = 13  # shift of the class of capacity in a word
 POD = 1 << 15  # bit of a word: a pod stands here, under which not all robots drive (drives_under)
 # Room that a robot takes, by class (unlimited, 1, 2) and lane.
 ROOM_TAKEN_BITS = 0b10_01_11_11_00_00
-AHEAD = 16  # robots whose cells are fetched in advance
+ROBOTS_FETCHED_AHEAD = 16  # robots whose cells are fetched in advance
 
 INTENT_GOAL = 0  # columns of traffic.pending: the wanted resource, then its entry in the contest
 INTENT_OWN = 1  # the held resource if a robot may follow, then its entry, or NIL
@@ -62,8 +61,6 @@ INTENT_CELL = 4  # where it stands
 INTENT_DIRECTION = 5
 INTENT_FREED = 6  # room that it gives up at once when it moves
 INTENT_TICKS = 7  # under convoy: what its move takes by itself, then what it takes
-
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 
 
 @kernel(inline=True)
@@ -129,10 +126,10 @@ def is_empty(traffic, cell, direction, tick):
 @kernel(inline=True)
 def fetch_ahead(grid, robots, traffic, i):
     """Ask for the words that a robot stored a little later is about to need."""
-    if i + AHEAD < robots.cell.shape[0]:
-        cell = np.int64(robots.cell[U(i + AHEAD)])
+    if i + ROBOTS_FETCHED_AHEAD < robots.cell.shape[0]:
+        cell = np.int64(robots.cell[U(i + ROBOTS_FETCHED_AHEAD)])
         if cell >= 0:
-            direction = np.int64(traffic.intent[U(i + AHEAD)]) & 3
+            direction = np.int64(traffic.intent[U(i + ROBOTS_FETCHED_AHEAD)]) & 3
             prefetch(traffic.occupancy, U(cell))
             prefetch(traffic.occupancy, U(cell + grid.offset[U(direction)]))
 
@@ -143,10 +140,10 @@ def fetch_leaving_ahead(grid, robots, traffic, i):
 
     A step in convoy takes 43 ns so, and 61 without (`automaton bench --only step`).
     """
-    if i + AHEAD < robots.cell.shape[0]:
-        cell = np.int64(robots.cell[U(i + AHEAD)])
+    if i + ROBOTS_FETCHED_AHEAD < robots.cell.shape[0]:
+        cell = np.int64(robots.cell[U(i + ROBOTS_FETCHED_AHEAD)])
         if cell >= 0:
-            direction = np.int64(traffic.intent[U(i + AHEAD)]) & 3
+            direction = np.int64(traffic.intent[U(i + ROBOTS_FETCHED_AHEAD)]) & 3
             prefetch(traffic.leaving, U(cell))
             prefetch(traffic.leaving, U(cell + grid.offset[U(direction)]))
 
@@ -186,8 +183,8 @@ def end_moves(grid, rules, robots, traffic, arriving):
     releases = 0
     dirty = 0
     for k in range(arriving):
-        if k + AHEAD < arriving:
-            ahead = traffic.dirty[U(k + AHEAD)]
+        if k + ROBOTS_FETCHED_AHEAD < arriving:
+            ahead = traffic.dirty[U(k + ROBOTS_FETCHED_AHEAD)]
             prefetch(traffic.occupancy, U(robots.cell[U(ahead)]))
             prefetch(traffic.occupancy, U(robots.claim[U(ahead)]))
         i = np.int64(traffic.dirty[U(k)])
@@ -275,7 +272,7 @@ def move_all(grid, rules, robots, traffic, tick):
         releases = resolve(grid, rules, robots, traffic, tick, pending, releases)
     for k in range(dirty):
         cell = U(traffic.dirty[U(k)])
-        traffic.occupancy[cell] = np.uint16(np.int64(traffic.occupancy[cell]) & ~CLAIMS)
+        traffic.occupancy[cell] = np.uint16(np.int64(traffic.occupancy[cell]) & ~CLAIM_BITS)
     for k in range(releases):
         vacate(traffic.occupancy, traffic.vacated[2 * k], traffic.vacated[2 * k + 1])
 
@@ -342,13 +339,15 @@ def move_uncontested(grid, rules, robots, traffic, releases, dirty):
         ):
             # Two robots may not swap over one edge: they would pass through each other.
             intent[U(i)] = np.uint8(w | REFUSED)
-        elif there & room_bit(direction) and there & CLAIMS == 1 << direction:
+        elif there & room_bit(direction) and there & CLAIM_BITS == 1 << direction:
             releases = advance(grid, rules, robots, traffic, i, releases)
             continue
         elif (there >> CAPACITY_SHIFT) & 3 == 0:
             releases = advance(grid, rules, robots, traffic, i, releases)
         else:
-            followed = here & CLAIMS != 0 and (here >> CAPACITY_SHIFT) & 3 != 0 and w & ENTERED == 0
+            followed = (
+                here & CLAIM_BITS != 0 and (here >> CAPACITY_SHIFT) & 3 != 0 and w & ENTERED == 0
+            )
             own = NIL
             if followed and rules.following and traffic.move_ticks[U(i)] == 1:
                 own = resource_of(here, cell, np.int64(robots.travel[U(i)]), cells)
@@ -385,7 +384,7 @@ def join_uncontested(grid, robots, traffic, tick, releases, dirty):
         here = np.int64(occupancy[U(cell)])
         there = np.int64(occupancy[U(target)])
         travel = np.int64(robots.travel[U(i)])
-        is_sole = there & CLAIMS == 1 << direction and there & room_bit(direction) != 0
+        is_sole = there & CLAIM_BITS == 1 << direction and there & room_bit(direction) != 0
         if meets_on_edge(traffic, here, there, target, direction, tick):
             intent[U(i)] = np.uint8(w | REFUSED)
         elif is_sole or (there >> CAPACITY_SHIFT) & 3 == 0:
@@ -399,7 +398,9 @@ def join_uncontested(grid, robots, traffic, tick, releases, dirty):
                 continue
         else:
             row = traffic.pending[U(pending)]
-            followed = here & CLAIMS != 0 and (here >> CAPACITY_SHIFT) & 3 != 0 and w & ENTERED == 0
+            followed = (
+                here & CLAIM_BITS != 0 and (here >> CAPACITY_SHIFT) & 3 != 0 and w & ENTERED == 0
+            )
             row[INTENT_GOAL] = resource_of(there, target, direction, cells)
             row[INTENT_OWN] = resource_of(here, cell, travel, cells) if followed else NIL
             row[INTENT_ROBOT] = i
@@ -487,8 +488,8 @@ def resolve(grid, rules, robots, traffic, tick, pending, releases):
     if traffic.key.shape[0] > 0:
         enter_entries(traffic, pending)
     for k in range(pending):
-        if k + AHEAD < pending:
-            prefetch(contest, U(intents[U(k + AHEAD), U(INTENT_GOAL)]))
+        if k + ROBOTS_FETCHED_AHEAD < pending:
+            prefetch(contest, U(intents[U(k + ROBOTS_FETCHED_AHEAD), U(INTENT_GOAL)]))
         goal = U(intents[U(k), U(INTENT_GOAL)])
         best = np.int64(contest[goal])
         i = np.int64(intents[U(k), U(INTENT_ROBOT)])

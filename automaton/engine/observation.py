@@ -277,7 +277,7 @@ DELAY_COLUMNS: Final = 4  # a power of two: no cell lies in two lines of the cac
 MEMORY_TICKS: Final = 128  # in which the congestion of a cell halves
 
 
-class Scratch(Struct, role=SCRATCH):
+class ObservationScratch(Struct, role=SCRATCH):
     """What the kernels that observe a tick need meanwhile; n robots, C cells.
 
     `marks` and `words` share their memory, so that eight marks are looked at in one.
@@ -345,7 +345,7 @@ class Observation(Struct, role=MEASURED):
     count: Array = field(f"({COUNTS},) int64", role=SCRATCH)
     events: Array = field("(E, 5) int64", role=SCRATCH)
     curve: Array = field(f"(T, {CURVE_COLUMNS}) int32", "one row for each tick", role=SCRATCH)
-    scratch: Scratch
+    scratch: ObservationScratch
 
 
 def is_waiting(cause: Array) -> Array:

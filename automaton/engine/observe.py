@@ -10,20 +10,18 @@ import numpy as np
 
 from automaton.engine.blockers import find_blockers
 from automaton.engine.drive import robots_in_zone
-from automaton.engine.facilities import MAY_TURN
 from automaton.engine.faults import is_held_up
 from automaton.engine.gates import has_gates, is_cabin_move
-from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.kernel import U, kernel, prefetch
 from automaton.engine.motion import (
-    AHEAD,
     CAPACITY_SHIFT,
     HELD,
     LIVE,
     MOVED,
     NO_TURN,
     REFUSED,
+    ROBOTS_FETCHED_AHEAD,
     TOWARDS,
-    U,
     direction_between,
     has_room,
     resource_of,
@@ -61,7 +59,6 @@ from automaton.engine.observation import (
     WORKING_ROBOTS,
 )
 from automaton.engine.operations import is_facing
-from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import is_begin
 from automaton.engine.record_codes import (
     ACTION_MASK,
@@ -77,7 +74,6 @@ from automaton.engine.record_codes import (
     LEFT_PARKING_BAY,
     PICKED_ON_ARRIVAL,
 )
-from automaton.engine.robot_states import STATUS_DEPLETED, STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_QUEUE,
@@ -90,7 +86,10 @@ from automaton.engine.state import (
     FOLLOWING_CONVOY,
     GOAL_NONE,
     GOAL_STOP,
+    MAY_TURN,
     NIL,
+    STATUS_DEPLETED,
+    STATUS_EXHAUSTED,
 )
 from automaton.engine.trips import has_break, has_trips
 
@@ -149,8 +148,8 @@ def scan_robots(world, observation):
     working = 0
     marked = 0
     for i in range(executed.shape[0]):
-        if i + AHEAD < executed.shape[0]:
-            fetch_move(world, observation, i + AHEAD)
+        if i + ROBOTS_FETCHED_AHEAD < executed.shape[0]:
+            fetch_move(world, observation, i + ROBOTS_FETCHED_AHEAD)
         w = np.int64(intent[U(i)])
         if may_slow:
             note_slow_move(world, observation, i, w)

@@ -1,10 +1,13 @@
-"""What robots begin: operations, with the ticks and the charge that they take."""
+"""What robots begin, and what is asked about them: the small steps of which every phase is made.
+
+Operations with the ticks and the charge that they take; requests to the layers; routes and headings;
+how far an order has come; the rows of changes that a recording keeps.
+"""
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.record_codes import EXECUTED_ILLEGAL
-from automaton.engine.robot_states import STATUS_EXHAUSTED, STATUS_UP
 from automaton.engine.state import (
     ACTION_FOLLOWING,
     ACTION_ILLEGAL,
@@ -17,14 +20,22 @@ from automaton.engine.state import (
     CLOCK_ROBOTS_DOWN,
     CLOCK_TICK,
     CLOCK_UNQUEUED_ORDERS,
+    GOAL_NONE,
+    GOAL_PARK,
     GOAL_STOP,
+    MAY_TURN,
     NEED_ALLOCATION,
     NEED_CHARGING,
     NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
     NIL,
+    REASON_AROUND_ROBOTS,
     REASON_IDLE,
     REASON_NEW_GOAL,
+    REASON_PICKED,
+    REASON_REPLAN,
+    STATUS_EXHAUSTED,
+    STATUS_UP,
 )
 
 
@@ -234,6 +245,18 @@ def first_cell(robots, i):
 
 
 @kernel
+def replan(world, i):
+    """Plan the same task again around the other robots; look for work if there is no task."""
+    goal_type = world.robots.goal_type[i]
+    if goal_type == GOAL_NONE or goal_type == GOAL_PARK:
+        request_allocation(
+            world, i, REASON_PICKED if world.robots.load[i] != NIL else REASON_REPLAN
+        )
+    if goal_type != GOAL_NONE:
+        request_route(world, i, REASON_AROUND_ROBOTS)
+
+
+@kernel
 def set_goal(world, i, goal, goal_cell):
     world.robots.goal_type[i] = goal
     world.robots.goal_cell[i] = goal_cell
@@ -242,15 +265,13 @@ def set_goal(world, i, goal, goal_cell):
 
 # Which way robots face: each type distinguishes its own number of headings.
 #
-# omni 1: always heading 0; it moves in any direction at once rail 2: its axis, 0 east and west, 1
-# south and north; it reverses freely differential 4: the direction in which it moves, E S W N
+#     omni           1: always heading 0; it moves in any direction at once
+#     rail           2: its axis, 0 east and west, 1 south and north; it reverses freely
+#     differential   4: the direction in which it moves, E S W N
 #
 # A robot moves in a direction if that is, modulo its headings, the heading in which it stands. On a
-# floor with several kinematics a pose is numbered by the headings of the finest: cell * grid.headings
-# + heading.
-
-
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
+# floor with several kinematics a pose is numbered by the headings of the finest:
+# cell * grid.headings + heading.
 
 
 @kernel
@@ -282,6 +303,29 @@ def entry_heading(grid, robot_type, cell):
     return np.int64(0)
 
 
+@kernel
+def is_drivable(world, i, steps, route_length):
+    """Whether a route starts at robot i, keeps to exits open to it, and turns only where it may."""
+    grid, robots = world.grid, world.robots
+    if route_length > steps.shape[0]:
+        return False
+    type_cell_flags = grid.type_cell_flags[robots.type[i]]
+    cell = first_cell(robots, i)
+    heading = np.int64(robots.heading[i])
+    for s in range(route_length):
+        direction = np.int64(steps[s])
+        flags = np.int64(type_cell_flags[cell])
+        if direction > 3 or (flags >> direction) & 1 == 0:
+            return False
+        towards = heading_towards(grid, robots.type[i], direction)
+        if towards != heading:
+            if flags & MAY_TURN == 0:
+                return False
+            heading = towards
+        cell += grid.offset[direction]
+    return True
+
+
 # How many ticks a move takes where the floor limits the speed of all robots.
 
 
@@ -301,6 +345,14 @@ def limited_ticks(grid, usual, cell, direction):
 def has_load(orders, order):
     """Whether an order has a load, which is picked up before its stops and dropped after them."""
     return orders.source[order] != NIL
+
+
+@kernel
+def is_assigned(view, i, order):
+    """Whether robot i may do an order, as far as orders are dealt out."""
+    if view.rules.assigned == 0:
+        return True
+    return order % view.robots.cell.shape[0] == view.robots.identity[i]
 
 
 @kernel
@@ -344,7 +396,7 @@ def drive_on_with_load(world, i, reason):
 # The rows of changes that a recorded run keeps.
 
 
-MAX_CHANGES = 13  # rows that a robot may add in a tick
+MAX_CHANGES_PER_ROBOT = 13  # rows that a robot may add in a tick
 
 
 @kernel

@@ -78,6 +78,23 @@ def random_bits_of_each(out, seed, stream, ticks, robots):
         out[i] = random_bits(seed, stream, ticks[i], robots[i])
 
 
+@kernel
+def draw_releases(out, chance, seed, last):
+    """out[k] = tick of order k: each tick after the one before has `chance` of 2**32 to be it.
+
+    Those that would come after tick `last` stand at it.
+    """
+    tick = 0
+    for k in range(1, out.shape[0]):
+        tick = min(tick + 1, last)
+        while (
+            tick < last
+            and np.int64(random_bits(seed, STREAM_RELEASES, tick, 0) >> np.uint64(32)) >= chance
+        ):
+            tick += 1
+        out[k] = tick
+
+
 # A tick that is finer than the scenario counts: where a coarse tick begins and ends.
 #
 # Of K fine ticks that make a coarse one, strategies decide and robots begin something in the first

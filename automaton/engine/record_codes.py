@@ -36,7 +36,7 @@ CHANGE_PICKED: Final = 4  # identity, order
 CHANGE_DROPPED: Final = 5  # identity, slot
 CHANGE_ZONE: Final = 6  # identity, zone
 CHANGE_LOAD_LEFT: Final = 7  # identity, spare slot in its cell where its load lies now
-CHANGE_STATUS: Final = 8  # identity, status of the robot (automaton.engine.robot_states)
+CHANGE_STATUS: Final = 8  # identity, status of the robot: STATUS_*
 CHANGE_VISITED: Final = 9  # identity, order of which it did the next stop
 CHANGE_DELAYED: Final = 10  # identity, ticks of the delay that begins in this tick
 

@@ -1,13 +1,15 @@
-"""The condition of a robot: the charge of its battery, and whether it is in order.
+"""The states of a robot, read off its fields: what it is about, and how it gets on.
 
-A battery holds FULL units when it is full. What an operation takes is paid when it begins, all of
-it, so that no robot stops between two cells: one that lacks it is down where it stands.
+A robot is in one state of each of three kinds, which change independently: its condition
+(`robots.status`), its task, and its motion. docs/explanation/robot-states.md has the tables of their
+transitions; a test holds them to what runs do. `robots` is the state's struct of arrays, or a copy that
+has the fields of the same names.
 """
 
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -31,36 +33,9 @@ from automaton.engine.state import (
     NO_STEP,
     RETRY_EXHAUSTED,
     RETRY_WAITED,
+    STATUS_DEPLETED,
     Array,
 )
-
-BATTERY_FULL: Final = 1_000_000_000  # units of charge in a full battery: one is 0.0000001 %
-BATTERY_PERCENT: Final = BATTERY_FULL // 100
-
-# States of a robot: robots.status.
-STATUS_UP: Final = 0
-STATUS_FAILING: Final = 1  # a fault takes it out as soon as what it does is over
-STATUS_EXHAUSTED: Final = 2  # its battery lacks what its next operation takes
-STATUS_DEPLETED: Final = 3  # down on the floor, without charge
-STATUS_FAILED: Final = 4  # down on the floor because of a fault
-STATUS_TOWED: Final = 5  # off the floor, until it comes back
-STATUS_REMOVED: Final = 6  # off the floor for good
-STATUS_NAMES: Final = (
-    *("running", "failing", "exhausted", "empty battery", "broken down", "towed", "gone"),
-)
-
-# Columns of tally.failures.
-FAILURE_DEPLETED: Final = 0
-FAILURE_FAULT: Final = 1
-FAILURE_TOWED: Final = 2
-
-
-# The states of a robot, read off its fields: what it is about, and how it gets on.
-#
-# A robot is in one state of each of three kinds, which change independently: its condition
-# (`robots.status`, see robot_status), its task, and its motion. docs/explanation/robot-states.md has
-# the tables of their transitions; a test holds them to what runs do. `robots` is the state's struct
-# of arrays, or a copy that has the fields of the same names.
 
 
 class Task(IntEnum):

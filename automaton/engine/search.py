@@ -13,20 +13,25 @@ W, N).
 import numpy as np
 
 from automaton.engine.distance_tables import (
-    FAR,
+    FAR_WORD,
     JOINT,
     POSE16,
     TABLES_ENCODING,
     TABLES_WORDS,
     UNREACHABLE,
 )
-from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
 from automaton.engine.gates import closed_until
-from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.kernel import U, kernel, prefetch
 from automaton.engine.motion import has_room
 from automaton.engine.operations import heading_towards, headings_of, limited_ticks
-from automaton.engine.prefetch import prefetch
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CLOCK_TICK, NIL
+from automaton.engine.state import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    CLOCK_TICK,
+    MAY_TURN,
+    NIL,
+    NO_WAY_THROUGH,
+)
 from automaton.engine.table_rows import cost_in, row_to
 
 POSE_MASK = (1 << 32) - 1
@@ -351,14 +356,10 @@ def nearest_mark(view, workspace, search, robot_type, cell, heading, around):
     return best
 
 
-# What it costs to go on after a step in each direction: of many robots at once, each with its own
-# table.
+# What a step in each direction leaves to drive: of many robots at once, each with its own table.
 #
 # Tables lie far from each other, so nearly every look-up waits for the memory. The first pass only
 # reads: it is so short that the processor has ten robots on the way at once. The second one computes.
-
-
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
 
 
 @kernel
@@ -423,10 +424,10 @@ def read_words(view, tables, robots, count, table, out):
         flags = np.int64(flags_of[U(types[i]), U(cell)])
         begin = U(max(np.int64(table[i]), 0)) * words
         e, s, w, n = flags & 1, (flags >> 1) & 1, (flags >> 2) & 1, (flags >> 3) & 1
-        out[i, U(0)] = np.int64(pool[begin + U(number[U(cell + east * e)])]) | FAR * (1 - e)
-        out[i, U(1)] = np.int64(pool[begin + U(number[U(cell + south * s)])]) | FAR * (1 - s)
-        out[i, U(2)] = np.int64(pool[begin + U(number[U(cell + west * w)])]) | FAR * (1 - w)
-        out[i, U(3)] = np.int64(pool[begin + U(number[U(cell + north * n)])]) | FAR * (1 - n)
+        out[i, U(0)] = np.int64(pool[begin + U(number[U(cell + east * e)])]) | FAR_WORD * (1 - e)
+        out[i, U(1)] = np.int64(pool[begin + U(number[U(cell + south * s)])]) | FAR_WORD * (1 - s)
+        out[i, U(2)] = np.int64(pool[begin + U(number[U(cell + west * w)])]) | FAR_WORD * (1 - w)
+        out[i, U(3)] = np.int64(pool[begin + U(number[U(cell + north * n)])]) | FAR_WORD * (1 - n)
 
 
 @kernel
@@ -441,4 +442,4 @@ def decode_words(view, tables, robots, count, out):
             least = (word * reciprocal) >> 32
             more = np.int64(excess[U(((word - least * patterns) << 2) + direction)])
             cost = (least + more) * unit
-            out[i, U(direction)] = cost if word != FAR else UNREACHABLE
+            out[i, U(direction)] = cost if word != FAR_WORD else UNREACHABLE

@@ -10,9 +10,8 @@ from __future__ import annotations
 
 from typing import Any, Final
 
-from numpy.typing import NDArray
-
-from automaton.engine.distance_tables import DistanceTables
+from automaton.engine.distance_tables import Workspace as Workspace
+from automaton.engine.facilities import ACTION_COUNT as ACTION_COUNT
 from automaton.engine.facilities import (
     MESSAGE_WORDS,
     Chargers,
@@ -22,12 +21,14 @@ from automaton.engine.facilities import (
     Lines,
     Pods,
     PodStations,
+    Rules,
     ServiceZones,
     Slots,
     Stations,
     Stops,
     Trips,
 )
+from automaton.engine.facilities import STRATEGY_COUNT as STRATEGY_COUNT
 from automaton.engine.facilities import Grid as Grid
 from automaton.engine.jit.structs import (
     BY_ENTRY,
@@ -42,9 +43,7 @@ from automaton.engine.jit.structs import (
     field,
 )
 from automaton.engine.jit.structs import NIL as NIL
-
-Array = NDArray[Any]
-
+from automaton.engine.jit.structs import Array as Array
 
 KEEP: Final = -(2**31)  # what every decision starts as: go on as before
 
@@ -69,11 +68,22 @@ ACTION_STATION_QUEUE: Final = 16  # a tick in the queue of a station
 ACTION_DELAYED: Final = 17  # a tick on the floor in a delay, with nothing under way
 ACTION_GATE: Final = 18  # a tick before a closed cell, a door, a block or a lift
 ACTION_FOLLOWING: Final = 19  # a tick of a move that lasts longer because of the robot ahead
-ACTION_COUNT: Final = 20
 ACTION_NAMES: Final = (
     *("idle", "move", "turn", "pick", "drop", "try_drop", "wait", "charge"),
     *("blocked", "retreat", "bay_blocked", "illegal", "queueing", "down", "held_back"),
     *("serve", "station_queue", "delayed", "gate", "following"),
+)
+
+# States of a robot: robots.status.
+STATUS_UP: Final = 0
+STATUS_FAILING: Final = 1  # a fault takes it out as soon as what it does is over
+STATUS_EXHAUSTED: Final = 2  # its battery lacks what its next operation takes
+STATUS_DEPLETED: Final = 3  # down on the floor, without charge
+STATUS_FAILED: Final = 4  # down on the floor because of a fault
+STATUS_TOWED: Final = 5  # off the floor, until it comes back
+STATUS_REMOVED: Final = 6  # off the floor for good
+STATUS_NAMES: Final = (
+    *("running", "failing", "exhausted", "empty battery", "broken down", "towed", "gone"),
 )
 
 # Goals: what a robot drives to its goal cell for.
@@ -83,6 +93,11 @@ GOAL_DROP: Final = 2
 GOAL_PARK: Final = 3
 GOAL_CHARGE: Final = 4
 GOAL_STOP: Final = 5  # the next stop of its order
+
+# Columns of tally.failures.
+FAILURE_DEPLETED: Final = 0
+FAILURE_FAULT: Final = 1
+FAILURE_TOWED: Final = 2
 
 # States of an order.
 ORDER_WAITING: Final = 0  # on a slot, to be picked up; without a load, to be begun
@@ -101,8 +116,6 @@ LAYER_ALLOCATION: Final = 2
 LAYER_ROUTING: Final = 3
 LAYER_RIGHT_OF_WAY: Final = 4
 LAYER_NAMES: Final = ("zoning", "charging", "allocation", "routing", "right_of_way")
-# Strategies by number: of the layers, then further ones that allocate orders to some types of robots.
-STRATEGIES: Final = 8
 
 # In which sequence they are asked: charging once more, about orders taken and robots left without one.
 LAYER_SEQUENCE: Final = (
@@ -118,9 +131,7 @@ PHASE_CHARGING_AGAIN: Final = 3  # its entry
 # Why a robot is in a batch.
 REASON_IDLE: Final = 0  # it has nothing to do
 REASON_PICKED: Final = 1  # its pick has begun, and there are no stops: where does the load go?
-REASON_ORDER_RETURNED: Final = (
-    2  # it returned its order where its way was blocked: plan around robots
-)
+REASON_ORDER_RETURNED: Final = 2  # it gave its order back, its way blocked: plan around robots
 REASON_REPLAN: Final = 3  # it drives home or nowhere, and its plan is made again
 REASON_PERIODIC: Final = 4  # the strategy asked for every k-th tick
 REASON_NEW_GOAL: Final = 5  # routing: a new goal
@@ -146,6 +157,20 @@ NEED_CHARGING: Final = 8
 
 NO_STEP: Final = 4  # robots.step when right of way asked for none
 HOLD: Final = 8  # robots.step, beside a direction or NO_STEP: it is held back
+MAX_BUSY: Final = 65_535  # ticks that robots.busy can hold
+BATTERY_FULL: Final = 1_000_000_000  # units of charge in a full battery: one is 0.0000001 %
+BATTERY_PERCENT: Final = BATTERY_FULL // 100
+
+# Bits of a cell's flags.
+MAY_TURN: Final = 16  # robots may turn in it
+NO_WAY_THROUGH: Final = 128  # by type: ways begin and end there, but lead past it
+
+# Kinds of gates: closings, doors, blocks and lifts.
+GATE_CLOSING: Final = 0  # no robot may enter for some time
+GATE_DOOR: Final = 1  # it opens to a robot that asks, and shuts
+GATE_BLOCK: Final = 2  # it holds so many robots, or robots of one direction
+GATE_LIFT: Final = 3  # a block of one robot, whose cabin comes when it is called
+GATE_KINDS: Final = ("closed", "door", "block", "lift")
 
 # Entries of world.clock.
 CLOCK_TICK: Final = 0  # ticks executed
@@ -194,86 +219,6 @@ FOLLOWING_NAMES: Final = ("none", "handover", "convoy")
 STOP_PARKED: Final = 0
 STOP_DELIVERED: Final = 1
 STOP_NEVER: Final = 2
-
-
-class Rules(Struct, role=STATIC):
-    """The scenario's constants."""
-
-    seed: Any = field("uint64", "all draws of a run follow from it")
-    following: int = field(
-        "int64", "FOLLOWING_*: when a robot may begin to move into a cell that another one holds"
-    )
-    nearest_access: int = field(
-        "int64", "1: loads are picked up and dropped from the nearest access cell"
-    )
-    stop: int = field("int64", "STOP_PARKED, STOP_DELIVERED, STOP_NEVER")
-    leave: int = field("int64", "1: a robot with nothing to do leaves the floor where it stands")
-    radius: int = field("int64", "how far strategies see, cells; NIL everything, or ORDER_LIST")
-    circle: int = field("int64", "1: the radius is Euclid's, 0: Chebyshev's")
-    in_system: int = field("int64", "orders that a closed loop keeps open; 0: it is none")
-    assigned: int = field("int64", "1: order k is for robot k mod n alone, one after another")
-    skip_reached: int = field(
-        "int64", "1: such a robot passes over an order at whose first stop it stands"
-    )
-    priorities: Array = field("(p,) int16", "those that orders have, the highest first")
-    join: int = field("int64", "1: lines join trips under way; 0: each is a trip of its own")
-    under: int = field(
-        "int64", "1: robots without a load drive under pods; 0: only the one that lifts it"
-    )
-    loaded_types: int = field(
-        "int64", "what is added to the type of a robot that carries a load; 0: it drives as without"
-    )
-    own_zones: int = field("int64", "1: only orders and stations in zones of robots that are seen")
-    refinement: int = field("int64", "ticks of the run in a tick of its scenario; 1: not refined")
-    stride: int = field(
-        "int64", "in the first of so many ticks strategies decide and robots begin something"
-    )
-    tick_us: int = field("int64", "a tick in millionths of a second; 0: the scenario does not say")
-    cell_milli: int = field(
-        "int64", "a cell's side in thousandths of the scenario's unit of length; 0: none"
-    )
-    duration: Array = field(f"(K, {ACTION_COUNT}) int32", "ticks of each action, by type of robot")
-    payload: Array = field("(K,) int32", "the heaviest order that robots of a type carry")
-    wait: Array = field(
-        "(5,) int32", "empty from, to; loaded from, to; retries before right of way is asked"
-    )
-    period: Array = field(
-        f"({STRATEGIES},) int32", "a strategy is asked every so many ticks; 0 never"
-    )
-    holders: Array = field(f"({STRATEGIES},) uint8", "1 = a strategy reads traffic.holder")
-    allocations: int = field("int64", "how many strategies allocate orders to robots")
-    allocation: Array = field(
-        "(K,) uint8", "the strategy that allocates orders to robots of a type"
-    )
-    steered: Array = field("(1,) uint8", "1 = right of way steers the robots: they keep no routes")
-    watches_chargers: Array = field(
-        "(1,) uint8", "1 = charging is asked about idle robots when a place at a charger is free"
-    )
-    table_bytes: int = field("int64", "memory for distance tables")
-    slowdown: int = field("int64", "1: a move takes as many times longer as its zone has robots")
-    extra_tick: int = field("int64", "of 2**32 moves, how many take a tick more")
-    handling_jitter: int = field("int64", "a pick or drop takes up to so many ticks more")
-    battery: int = field("int64", "1: robots run on batteries")
-    drain: Array = field(
-        f"(K, {ACTION_COUNT}, 2) int64",
-        "units of charge that a tick of each action takes; [.., 1] loaded",
-    )
-    curve: Array = field(
-        "(K, pieces, 2) int32", "from this charge on, units that a tick at a charger gives"
-    )
-    reserve: Array = field("(K,) int64", "charge that plans never go below")
-    tow_after: int = field("int64", "ticks that a robot is down before it is towed; NIL: it stays")
-    repair: int = field("int64", "ticks from towing until it comes back; NIL: never")
-    repaired: int = field(
-        "int64", "charge with which it comes back; NIL: its own, or the reserve if it ran empty"
-    )
-    may_fail: int = field("int64", "1: robots may go down")
-    faults: Array = field("(f, 2) int64", "tick, identity; by tick")
-    breakdown: int = field("int64", "of 2**32 ticks on the floor, how many end in a fault")
-    repair_in_place: Array = field(
-        "(r,) int32",
-        "ticks for which a broken robot stands, all alike probable; r = 0: it is towed",
-    )
 
 
 class Robots(Struct):
@@ -691,23 +636,6 @@ class Memory(Struct):
         "of a state that robots see their own rows of (automaton.engine.holders)",
         role=CONSTANT,
     )
-
-
-class Workspace(Struct):
-    """Scratch of the searches, and the distance tables; contents never decide anything."""
-
-    cost: Array = field("(P,) int32", "per pose = cell * headings + heading")
-    stamp: Array = field("(P,) int64", "search in which `cost` was written")
-    parent: Array = field("(P,) uint8")
-    mark: Array = field("(C,) int32")
-    mark_stamp: Array = field("(C,) int64")
-    heap: Array = field("(H,) int64")
-    generation: Array = field("(2,) int64", "searches so far; poses expanded")
-    stop: Array = field(
-        "(1,) int64", "not 0 = the run is given up in mid-tick, what searches find is worthless"
-    )
-    steps: Array = field("(R,) uint8", "a route that only needs to exist")
-    tables: DistanceTables
 
 
 class Record(Struct):

@@ -16,12 +16,11 @@ from automaton.engine.distance_tables import (
     TABLES_ENCODING,
     TABLES_TAKEN,
     TABLES_WORDS,
-    Array,
     DistanceTables,
     is_narrow_for,
 )
-from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH, Grid
 from automaton.engine.jit.structs import NIL
+from automaton.engine.state import MAY_TURN, NO_WAY_THROUGH, Array, Grid
 from automaton.engine.table_rows import DELTA_BITS, ENTRIES_PER_CELL, MAX_QUEUES
 
 COORDINATE_BITS = 31

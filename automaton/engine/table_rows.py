@@ -18,8 +18,8 @@ turns, since each set of headings that turns was not reached before: that bounds
 import numpy as np
 
 from automaton.engine.distance_tables import (
-    FAR,
     FAR_PAIR,
+    FAR_WORD,
     JOINT,
     POSE16,
     POSE32,
@@ -33,9 +33,9 @@ from automaton.engine.distance_tables import (
     TABLES_WORDS,
     UNREACHABLE,
 )
-from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import NIL
+from automaton.engine.state import MAY_TURN
 
 ENTRIES_PER_CELL = 7  # of a queue
 MAX_QUEUES = 16  # distinct costs
@@ -248,7 +248,7 @@ def cost_in(tables, row, cell, heading):
     if tables.status[TABLES_ENCODING] != JOINT:
         return wide_cost_in(tables, row, number, heading)
     word = np.int64(tables.pool[np.uint64(at)])
-    if word == FAR:
+    if word == FAR_WORD:
         return np.int64(UNREACHABLE)
     least = (word * tables.reciprocal) >> 32
     pattern = word - least * tables.patterns
@@ -262,7 +262,7 @@ def wide_cost_in(tables, row, number, heading):
     encoding = tables.status[TABLES_ENCODING]
     if encoding == SPLIT:
         least = np.int64(tables.pool[np.uint64(begin + number)])
-        if least == FAR:
+        if least == FAR_WORD:
             return np.int64(UNREACHABLE)
         pair = np.int64(tables.pool[np.uint64(begin + tables.drivable.shape[0] + (number >> 1))])
         pattern = (pair >> ((number & 1) << 3)) & 255
@@ -270,7 +270,7 @@ def wide_cost_in(tables, row, number, heading):
     pose = number * tables.headings + heading
     if encoding == POSE16:
         cost = np.int64(tables.pool[np.uint64(begin + pose)])
-        return np.int64(UNREACHABLE) if cost == FAR else cost * tables.unit
+        return np.int64(UNREACHABLE) if cost == FAR_WORD else cost * tables.unit
     low = np.int64(tables.pool[np.uint64(begin + 2 * pose)])
     cost = low | (np.int64(tables.pool[np.uint64(begin + 2 * pose + 1)]) << 16)
     return np.int64(UNREACHABLE) if cost == FAR_PAIR else cost * tables.unit
@@ -390,11 +390,11 @@ def write_joint(tables, begin):
     fits = True
     for number in range(tables.drivable.shape[0]):
         cell = np.uint64(tables.drivable[np.uint64(number)])
-        word = np.int64(FAR)
+        word = np.int64(FAR_WORD)
         if tables.reached[cell]:
             pattern = np.int64(tables.pattern_of[np.uint64(tables.turns[cell])])
             word = np.int64(tables.least[cell]) * tables.patterns + pattern
-            fits &= word < FAR
+            fits &= word < FAR_WORD
         tables.pool[np.uint64(begin + number)] = word
     return fits
 
@@ -404,11 +404,11 @@ def write_split(tables, begin):
     cells = tables.drivable.shape[0]
     for number in range(cells):
         cell = np.uint64(tables.drivable[number])
-        word, pattern = np.int64(FAR), np.int64(0)
+        word, pattern = np.int64(FAR_WORD), np.int64(0)
         if tables.reached[cell]:
             word = np.int64(tables.least[cell])
             pattern = np.int64(tables.pattern_of[np.uint64(tables.turns[cell])])
-            if word >= FAR:
+            if word >= FAR_WORD:
                 return False
         tables.pool[np.uint64(begin + number)] = word
         pair = np.uint64(begin + cells + (number >> 1))
@@ -433,12 +433,12 @@ def write_poses(tables, begin, encoding):
                     cost = np.int64(tables.least[cell]) + delta
                 else:
                     cost = np.int64(tables.costs[cell * headings + heading])
-                if encoding == POSE16 and cost >= FAR:
+                if encoding == POSE16 and cost >= FAR_WORD:
                     return False
             at = begin + number * headings + heading
             if encoding == POSE16:
-                tables.pool[np.uint64(at)] = cost & FAR
+                tables.pool[np.uint64(at)] = cost & FAR_WORD
             else:
-                tables.pool[np.uint64(2 * at - begin)] = cost & FAR
+                tables.pool[np.uint64(2 * at - begin)] = cost & FAR_WORD
                 tables.pool[np.uint64(2 * at - begin + 1)] = cost >> 16
     return True

@@ -1,12 +1,24 @@
-"""Copy segments of a zone design, as the world does when zones change or are out of sight."""
+"""What a robot sees: with limited sight a strategy is asked robot by robot, with masked copies.
+
+rules.radius   NIL          everything: one call for the whole batch
+               ORDER_LIST   the order list, and the neighbouring cells (the robot's bumper)
+               r >= 1       the order list, and the robots within r cells (Chebyshev distance, or
+                            Euclidean with rules.circle)
+
+With rules.own_zones a strategy knows no other orders, works and stations than those of the zones of
+the robots that its robot sees, and of no order what is only measured.
+
+Hidden robots look like robots in no cell, with nothing to do; their cells look empty. Under a radius
+a strategy gets its robot's own rows of its state only (automaton.engine.holders).
+"""
 
 import numpy as np
 
 from automaton.engine.batches import allocation_of, append
 from automaton.engine.facilities import ServiceZones, Stations
 from automaton.engine.jit.field_kernels import hiding, showing
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.motion import CLAIMS, FLAGS_SHIFT, U
+from automaton.engine.jit.kernel import U, kernel
+from automaton.engine.motion import CLAIM_BITS, FLAGS_SHIFT
 from automaton.engine.state import (
     LAYER_ALLOCATION,
     LAYER_RIGHT_OF_WAY,
@@ -17,32 +29,7 @@ from automaton.engine.state import (
     Tally,
 )
 
-
-@kernel
-def copy_segment(source, m, design, to):
-    """Copy a segment; source and design may be the same."""
-    design.owner[to] = source.owner[m]
-    design.ends[to, 0] = source.ends[m, 0]
-    design.ends[to, 1] = source.ends[m, 1]
-    design.points[to] = source.points[m]
-    for k in range(source.points[m]):
-        design.path[to, k] = source.path[m, k]
-
-
-# What a robot sees: with limited sight a strategy is asked robot by robot, with masked copies.
-#
-# rules.radius NIL everything: one call for the whole batch ORDER_LIST the order list, and the
-# neighbouring cells (the robot's bumper) r >= 1 the order list, and the robots within r cells
-# (Chebyshev distance, or Euclidean with rules.circle)
-#
-# With rules.own_zones a strategy knows no other orders, works and stations than those of the zones of
-# the robots that its robot sees, and of no order what is only measured.
-#
-# Hidden robots look like robots in no cell, with nothing to do; their cells look empty. Under a
-# radius a strategy gets its robot's own rows of its state only (state_rows).
-
-
-HIDDEN = -2  # design.held: the point belongs to a robot out of sight
+HIDDEN_POINT = -2  # design.held: the point belongs to a robot out of sight
 
 # What a robot, an order and so on have in a struct, hidden and shown.
 hide_robot, show_robot = hiding(Robots, "n"), showing(Robots, "n")
@@ -168,7 +155,7 @@ def mask_zones(world, visible_world, i):
         a.design.zone[station] = zone if shown else NIL
     for point in range(b.design.held.shape[0]):
         zone = np.int64(b.design.held[point])
-        a.design.held[point] = zone if zone == NIL or a.server[zone] != NIL else HIDDEN
+        a.design.held[point] = zone if zone == NIL or a.server[zone] != NIL else HIDDEN_POINT
     hide_segments(a.design)
     a.design.segments[0] = b.design.segments[0]
     for segment in range(b.design.segments[0]):
@@ -181,6 +168,17 @@ def mask_zones(world, visible_world, i):
                 a.design.transfer[x, y, station] = b.design.transfer[x, y, station] if shown else 0
     mask_orders(world, visible_world, i)
     mask_jobs(world, visible_world)
+
+
+@kernel
+def copy_segment(source, m, design, to):
+    """Copy a segment; source and design may be the same."""
+    design.owner[to] = source.owner[m]
+    design.ends[to, 0] = source.ends[m, 0]
+    design.ends[to, 1] = source.ends[m, 1]
+    design.points[to] = source.points[m]
+    for k in range(source.points[m]):
+        design.path[to, k] = source.path[m, k]
 
 
 @kernel
@@ -246,5 +244,5 @@ def hide_cell(world, visible_world, cell):
 @kernel
 def reveal_cell(world, visible_world, cell):
     if cell != NIL:
-        word = np.int64(world.traffic.occupancy[U(cell)]) & ~CLAIMS
+        word = np.int64(world.traffic.occupancy[U(cell)]) & ~CLAIM_BITS
         visible_world.traffic.occupancy[U(cell)] = np.uint16(word)

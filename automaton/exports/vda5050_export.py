@@ -24,13 +24,18 @@ from automaton.engine.record_codes import (
     MOVE_EAST,
     MOVE_NORTH,
 )
-from automaton.engine.robot_states import (
+from automaton.engine.robot_states import is_charging
+from automaton.engine.state import (
+    ACTION_DROP,
+    ACTION_PICK,
+    ACTION_SERVE,
     BATTERY_PERCENT,
+    NIL,
     STATUS_DEPLETED,
     STATUS_NAMES,
-    is_charging,
+    Array,
+    World,
 )
-from automaton.engine.state import ACTION_DROP, ACTION_PICK, ACTION_SERVE, NIL, Array, World
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.history.playback import Playback

@@ -24,8 +24,7 @@ from automaton.drawings.moment import (
     shut_cells,
 )
 from automaton.engine.observation import CAUSES, waited_ticks
-from automaton.engine.robot_states import BATTERY_PERCENT
-from automaton.engine.state import NIL
+from automaton.engine.state import BATTERY_PERCENT, NIL
 from automaton.errors import InputError
 from automaton.history.playback import Playback
 from automaton.history.snapshot import summary_of

@@ -26,15 +26,18 @@ from automaton.engine.observation import (
     is_waiting,
     waited_ticks,
 )
-from automaton.engine.robot_states import (
+from automaton.engine.robot_states import is_charging, is_queueing
+from automaton.engine.state import (
+    ACTION_NAMES,
     BATTERY_PERCENT,
+    CLOCK_TICK,
+    NIL,
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_TOWED,
-    is_charging,
-    is_queueing,
+    Array,
+    Robots,
 )
-from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, NIL, Array, Robots
 from automaton.errors import InputError, nearest
 from automaton.floor.floor_plan import FloorPlan
 from automaton.history.snapshot import Fleet, Snapshot

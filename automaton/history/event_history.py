@@ -18,8 +18,7 @@ from automaton.engine.observation import (
     EVENT_DEADLOCK,
     EVENT_ZONES_REDESIGNED,
 )
-from automaton.engine.robot_states import BATTERY_PERCENT
-from automaton.engine.state import CLOCK_TICK, Array
+from automaton.engine.state import BATTERY_PERCENT, CLOCK_TICK, Array
 from automaton.runs.simulation import Simulation
 
 EVENT_COLUMNS = 5

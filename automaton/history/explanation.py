@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from automaton.engine.blockers import walk_to_cycle
-from automaton.engine.facilities import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
 from automaton.engine.observation import (
     CAUSE_CHARGER_QUEUE,
     CAUSE_CLOSED,
@@ -23,25 +22,26 @@ from automaton.engine.observation import (
     CAUSES,
     waited_ticks,
 )
-from automaton.engine.robot_states import (
-    BATTERY_FULL,
-    STATUS_DEPLETED,
-    STATUS_FAILED,
-    STATUS_REMOVED,
-    STATUS_TOWED,
-    is_charging,
-    is_queueing,
-)
+from automaton.engine.robot_states import is_charging, is_queueing
 from automaton.engine.state import (
     ACTION_NAMES,
     ACTION_SERVE,
+    BATTERY_FULL,
     CLOCK_TICK,
+    GATE_BLOCK,
+    GATE_CLOSING,
+    GATE_DOOR,
+    GATE_LIFT,
     GOAL_CHARGE,
     GOAL_STOP,
     NEVER,
     NIL,
     ORDER_DELIVERED,
     ORDER_WAITING,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
     Array,
     Orders,
     World,

@@ -18,7 +18,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.engine.random_numbers import STREAM_STARTS, random_between
-from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import BATTERY_FULL
 from automaton.papers.auction_trials import (
     CHARGE_PERCENT,
     METHODS,

@@ -19,8 +19,7 @@ from typing import Any, Final
 import numpy as np
 
 from automaton.engine.random_numbers import random_between
-from automaton.engine.robot_states import BATTERY_FULL
-from automaton.engine.state import Array
+from automaton.engine.state import BATTERY_FULL, Array
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.floor_section import generator_type
 from strategies.allocation.auction import bundles, metaheuristics, sequential

@@ -15,8 +15,13 @@ import msgspec
 import numpy as np
 
 from automaton.engine.random_numbers import STREAM_BREAKDOWNS, random_between
-from automaton.engine.robot_states import FAILURE_DEPLETED
-from automaton.engine.state import ACTION_CHARGE, ACTION_QUEUE, ORDER_DELIVERED, World
+from automaton.engine.state import (
+    ACTION_CHARGE,
+    ACTION_QUEUE,
+    FAILURE_DEPLETED,
+    ORDER_DELIVERED,
+    World,
+)
 from automaton.papers.claims import OUR_BOUND, Figure, above, claim, mean_of
 from automaton.papers.reproduction_study import (
     Headline,

@@ -31,7 +31,7 @@ from automaton.engine.record_codes import (
     EXECUTED_CODES,
     EXECUTED_VALUES,
 )
-from automaton.engine.state import STRATEGIES, Orders, Robots, World
+from automaton.engine.state import STRATEGY_COUNT, Orders, Robots, World
 from automaton.errors import InputError
 from automaton.floor.cells import ALL_EXITS, CELL_KINDS
 from automaton.printable import cleaned
@@ -380,7 +380,7 @@ HEADER_ARRAYS: Final = {
     "gates.closings": Range("i8", ("closings", 2), 0, 2 * MAX_NUMBER),
 }
 CONDITIONS_ARRAYS: Final = {
-    "period": Range("i4", (STRATEGIES,), 0, MAX_NUMBER),
+    "period": Range("i4", (STRATEGY_COUNT,), 0, MAX_NUMBER),
     "wait": Range("i4", (5,), 1, 10_001),
     "steered": Range("u1", (1,), 0, 2),
     "watches_chargers": Range("u1", (1,), 0, 2),

@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Final, NamedTuple
 
-from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import BATTERY_FULL
 
 LOST_TICK_SUMS: Final = (
     "lost_waiting",

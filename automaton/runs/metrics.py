@@ -11,12 +11,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from automaton.engine.robot_states import (
-    BATTERY_FULL,
-    FAILURE_DEPLETED,
-    FAILURE_FAULT,
-    FAILURE_TOWED,
-)
 from automaton.engine.state import (
     ACTION_BAY_BLOCKED,
     ACTION_BLOCKED,
@@ -38,7 +32,11 @@ from automaton.engine.state import (
     ACTION_TRY_DROP,
     ACTION_TURN,
     ACTION_WAIT,
+    BATTERY_FULL,
     CLOCK_TICK,
+    FAILURE_DEPLETED,
+    FAILURE_FAULT,
+    FAILURE_TOWED,
     FOLLOWING_CONVOY,
     LAYER_NAMES,
     NIL,

@@ -10,7 +10,6 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from automaton.engine.facilities import Lines
-from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,
@@ -23,6 +22,7 @@ from automaton.engine.state import (
     NIL,
     ORDER_DELIVERED,
     ORDER_UNRELEASED,
+    STATUS_UP,
     Array,
     Orders,
     World,

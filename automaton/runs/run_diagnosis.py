@@ -10,8 +10,15 @@ import numpy as np
 
 from automaton.engine.blockers import walk_to_cycle
 from automaton.engine.observation import DEADLOCK_TICKS
-from automaton.engine.robot_states import STATUS_DEPLETED, STATUS_FAILED, STATUS_REMOVED
-from automaton.engine.state import GOAL_NONE, NIL, Array, World
+from automaton.engine.state import (
+    GOAL_NONE,
+    NIL,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    Array,
+    World,
+)
 from automaton.runs.metrics import illegal_by_layer
 from automaton.runs.progress import (
     Jam,

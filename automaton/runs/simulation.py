@@ -23,7 +23,6 @@ from automaton.engine.distance_tables import (
     TABLES_WORDS,
     DistanceTables,
 )
-from automaton.engine.drive import MAX_MOVE_TICKS
 from automaton.engine.features import (
     FEATURES,
     absent,
@@ -31,7 +30,7 @@ from automaton.engine.features import (
     compiled_feature,
     used_features,
 )
-from automaton.engine.holders import NO_ROWS, state_rows
+from automaton.engine.holders import NO_STATE_ROWS, state_rows
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
 from automaton.engine.jit.structs import Struct, lent_address, window
@@ -50,8 +49,9 @@ from automaton.engine.state import (
     FOLLOWING_CONVOY,
     LAYER_ALLOCATION,
     LAYER_NAMES,
+    MAX_BUSY,
     NIL,
-    STRATEGIES,
+    STRATEGY_COUNT,
     Array,
     Memory,
     World,
@@ -140,7 +140,7 @@ OBSERVED_TICKS = 1024  # and of an observation
 ALWAYS_CHECKED = 100  # the first ones
 CHECKED_EVERY = 256  # and later ones
 NO_STATE = NoState()  # of the strategies that a run does without, in all runs
-NO_MEMORY = Memory(address=lent_address(NO_STATE), rows=NO_ROWS)
+NO_MEMORY = Memory(address=lent_address(NO_STATE), rows=NO_STATE_ROWS)
 
 
 class Simulation:
@@ -193,7 +193,7 @@ class Simulation:
         )
         if len(picked) == len(LAYER_NAMES):
             self.world.rules.allocation[:] = LAYER_ALLOCATION
-        picked += [None] * (STRATEGIES - len(picked))
+        picked += [None] * (STRATEGY_COUNT - len(picked))
         # Of each strategy by number; None where it is missing.
         self.strategies = [
             self._validate_strategy(number, strategy) for number, strategy in enumerate(picked)
@@ -297,10 +297,8 @@ class Simulation:
             if strategy.layer == "right_of_way":
                 *waits, retries = checked_wait_ranges(as_read)
                 longest = refinement * max(waits)
-                if longest > MAX_MOVE_TICKS:
-                    text = (
-                        f"waits of right of way take {longest:,} ticks, at most {MAX_MOVE_TICKS:,}"
-                    )
+                if longest > MAX_BUSY:
+                    text = f"waits of right of way take {longest:,} ticks, at most {MAX_BUSY:,}"
                     raise InputError(f"with refine {refinement} {text} are allowed")
                 self.world.rules.wait[:] = [*(refinement * wait for wait in waits), retries]
                 self.world.rules.steered[0] = int(strategy.steers)
@@ -363,7 +361,9 @@ class Simulation:
         memories = [
             NO_MEMORY
             if face is NO_STATE
-            else Memory(address=lent_address(face), rows=state_rows(*pair) if limited else NO_ROWS)
+            else Memory(
+                address=lent_address(face), rows=state_rows(*pair) if limited else NO_STATE_ROWS
+            )
             for face, *pair in zip(faces, self._states, shown, strict=True)
         ]
         if loop_kernels.MODE_INTERPRETED in mode:

@@ -8,7 +8,6 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from automaton.engine.distance_tables import UNREACHABLE
-from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.operations import end_of_stops, has_load, headings_of, limited_ticks
 from automaton.engine.search import (
@@ -26,6 +25,7 @@ from automaton.engine.state import (
     ACTION_PICK,
     ACTION_TURN,
     CLOCK_TICK,
+    MAY_TURN,
     NEVER,
     NIL,
     ORDER_DELIVERED,

@@ -33,7 +33,6 @@ from typing import Any, ClassVar
 
 import msgspec
 
-from automaton.engine.holders import PER_ROBOT
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel import first_class, jit_is_on
 from automaton.engine.jit.structs import Struct
@@ -124,7 +123,7 @@ def checked_state(strategy: Strategy, state: Any, view: World) -> Struct:
         raise _fault(strategy, "reset() must return a state of its own, found one of the world")
     counted = []
     for name, declared, array in state.arrays():
-        if declared.extents[0] == PER_ROBOT:
+        if declared.is_per_robot:
             if len(array) != robots:
                 rows = f"found {len(array)} rows for {robots} robots"
                 raise _fault(strategy, f"{name} must have a row for each robot, {rows}")

@@ -17,7 +17,7 @@ from automaton.engine.gates import (
     opens_soon,
 )
 from automaton.engine.holders import lane_of
-from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.kernel import kernel, prefetch
 from automaton.engine.motion import direction_between, has_room, is_empty
 from automaton.engine.operations import (
     end_of_stops,
@@ -33,7 +33,6 @@ from automaton.engine.operations import (
     with_load,
     without_load,
 )
-from automaton.engine.prefetch import prefetch
 from automaton.engine.random_numbers import (
     STREAM_ABORTS,
     STREAM_RETREATS,
@@ -72,13 +71,12 @@ from automaton.engine.search import (
     write_path,
 )
 from automaton.engine.table_rows import cost_in, has_room_for
-from automaton.engine.trips import has_place
+from automaton.engine.trips import has_place, is_in_own_queue
 from automaton.engine.visibility import copy_segment
-from automaton.engine.visits import is_in_own_queue
 from automaton.strategy.placing import (
     FIXED,
     LEAST_PRIORITY,
-    POLICIES,
+    STORAGE_POLICIES,
     PlacingState,
     begin_cell,
     can_bring,
@@ -104,8 +102,8 @@ __all__ = [
     "CURVE_RATE",
     "FIXED",
     "LEAST_PRIORITY",
-    "POLICIES",
     "STARTED",
+    "STORAGE_POLICIES",
     "STREAM_ABORTS",
     "STREAM_RETREATS",
     "STREAM_STORAGE",

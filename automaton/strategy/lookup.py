@@ -1,4 +1,8 @@
-"""One row of a table of strategies, without importing the strategy (which needs Numba)."""
+"""How a name in a scenario finds a strategy: the table, "module:Class", or an installed plug-in.
+
+Built-ins have no privileges: the table is only the shortest way in. Importing this needs no Numba, and a
+strategy is imported only when it is loaded.
+"""
 
 from __future__ import annotations
 
@@ -50,10 +54,10 @@ DYNAMIC: Final = "dynamic environment"
 MANUFACTURING: Final = "manufacturing"
 WAREHOUSE: Final = "warehouse"
 DECENTRALIZED: Final = "decentralized"
-PROPERTIES: Final = (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE, DECENTRALIZED)
+METHOD_PROPERTIES: Final = (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE, DECENTRALIZED)
 
 
-# Of which robots a right of way is the default: Entry.default_for.
+# Of which robots a right of way is the default: CatalogueEntry.default_for.
 ROUTED: Final = "robots that follow routes"
 STEERED: Final = "robots that are steered"
 SLOW_STEERED: Final = (
@@ -61,10 +65,10 @@ SLOW_STEERED: Final = (
 )
 
 
-class Entry(NamedTuple):
-    """Where a strategy is implemented, what parameters it takes, and one line for `list`.
+class CatalogueEntry(NamedTuple):
+    """One row of the table: where a strategy is, what parameters it takes, and one line for `list`.
 
-    `properties`: those of PROPERTIES that its method has; None where nobody has said.
+    `properties`: those of METHOD_PROPERTIES that its method has; None where nobody has said.
     `default_for`: the robots whose default it is, "" for none.
     """
 
@@ -75,19 +79,14 @@ class Entry(NamedTuple):
     default_for: str = ""
 
 
-# How a name in a scenario finds a strategy: the table, "module:Class", or an installed plug-in.
-#
-# Built-ins have no privileges: the table is only the shortest way in. Importing this needs no Numba.
-
-
 PLUGINS = "automaton.strategies"  # entry-point group; each entry is named "layer.name"
 NO_STRATEGY = "none"  # zoning and charging may be absent
 OPTIONAL_LAYERS = ("zoning", "charging")
 
 
 @cache
-def _catalogue() -> dict[str, dict[str, Entry]]:
-    catalogue: dict[str, dict[str, Entry]] = importlib.import_module(
+def _catalogue() -> dict[str, dict[str, CatalogueEntry]]:
+    catalogue: dict[str, dict[str, CatalogueEntry]] = importlib.import_module(
         "strategies.catalogue"
     ).CATALOGUE
     return catalogue
@@ -155,11 +154,11 @@ def place(layer: str, name: str) -> str:
 
 
 def properties(layer: str, name: str) -> dict[str, bool]:
-    """Which of PROPERTIES a strategy's method has, as its table says; empty where that says nothing."""
+    """Which METHOD_PROPERTIES a strategy has, as its table says; empty where that says nothing."""
     entry = _catalogue()[layer].get(name)
     if entry is None or entry.properties is None:
         return {}
-    return {one: one in entry.properties for one in PROPERTIES}
+    return {one: one in entry.properties for one in METHOD_PROPERTIES}
 
 
 def default_for(layer: str, robots: str) -> str:

@@ -66,6 +66,6 @@ def place_load(
 ) -> None:
     """Decision k: a robot brings its load to its target, or its pod into storage.
 
-    `storage`: one of automaton.strategy.placing.POLICIES.
+    `storage`: one of automaton.strategy.placing.STORAGE_POLICIES.
     """
-    placing.place_load(view, out, workspace, k, robot, placing.POLICIES.index(storage))
+    placing.place_load(view, out, workspace, k, robot, placing.STORAGE_POLICIES.index(storage))

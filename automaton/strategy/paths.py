@@ -9,12 +9,11 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from automaton.engine import distance_tables, search
+from automaton.engine import search
+from automaton.engine.distance_tables import UNREACHABLE as UNREACHABLE
 from automaton.engine.operations import with_load
 from automaton.engine.state import NIL, Workspace, World
 from automaton.strategy import placing as slot_access
-
-UNREACHABLE = distance_tables.UNREACHABLE
 
 
 def position(view: World, robot: int) -> int:

@@ -1,10 +1,21 @@
-"""From which cell a robot picks up and drops: one rule, for whatever decides it or predicts it.
+"""Which orders a robot may take, from which cell it picks up and drops, and where its load goes.
+
+The rule of access cells (`world.access_cell`) is one for whatever decides or predicts:
 
 fixed (default)   A load is picked up from the right of its shelf where the floor allows it (the
                   table-top robots stand at (x + 1, y)), and dropped from the left: so loads travel
                   to the right.
 nearest           The cell with the least rows and columns to the cell from which the robot comes;
                   of several the one that is first by the fixed rule.
+
+A pod is dropped after its trip by a policy of storage (`storage` of allocations):
+
+fixed     where it stood at the start; if another pod was put there, as nearest
+nearest   the free cell of least ticks with a load from where the robot is; ties: the lowest slot
+class     the nearest free cell of the pod's class; then of the classes after it, then before it
+random    any free cell
+
+But for the first, a cell in which a robot still is comes last.
 """
 
 import numpy as np
@@ -17,6 +28,7 @@ from automaton.engine.operations import (
     end_of_stops,
     first_cell,
     has_load,
+    is_assigned,
     next_stop_cell,
     with_load,
 )
@@ -36,7 +48,6 @@ from automaton.engine.state import (
 )
 from automaton.engine.table_rows import cost_in, has_room_for, known_row
 from automaton.engine.trips import has_place
-from automaton.engine.visits import is_assigned
 
 PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; to drop, each turned around
 
@@ -188,16 +199,10 @@ def take_order(view, out, k, i, order):
     out.order_taken[order] = 1
 
 
-# Where a load is dropped; of a pod after its trip: the parameter `storage` of allocations.
-#
-# fixed where it stood at the start; if another pod was put there, as nearest nearest the free cell of
-# least ticks with a load from where the robot is; ties: the lowest slot class the nearest free cell
-# of the pod's class; then of the classes after it, then before it random any free cell
-#
-# But for the first, a cell in which a robot still is comes last.
+# Where a load is dropped.
 
 
-POLICIES = ("fixed", "nearest", "class", "random")
+STORAGE_POLICIES = ("fixed", "nearest", "class", "random")
 FIXED, NEAREST, CLASS, RANDOM = range(4)
 ANY_CLASS = -1
 SLOT_BITS = 32  # of a rank, below the ticks
@@ -207,7 +212,7 @@ SLOT_MASK = (1 << SLOT_BITS) - 1
 class PlacingState(Struct):
     """The policy of storage; it remembers nothing."""
 
-    storage: int = field("int64", "its place among POLICIES")
+    storage: int = field("int64", "its place among STORAGE_POLICIES")
 
 
 @kernel
@@ -280,7 +285,7 @@ def is_left(view, out, i, slot):
 
 @kernel
 def storage_for(view, out, workspace, i, policy):
-    """The slot for the pod of robot i, NIL if none is free; `policy`: its place among POLICIES."""
+    """The slot for the pod of robot i, NIL if none is free; `policy`: of STORAGE_POLICIES."""
     pod = view.trips.pod[view.robots.load[i]]
     if policy == FIXED and is_free(view, out, i, view.pods.home[pod]):
         return np.int64(view.pods.home[pod])

@@ -13,9 +13,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine.distance_tables import Array
 from automaton.engine.distance_tables import DistanceTables as DistanceTables
-from automaton.engine.state import World
+from automaton.engine.state import Array, World
 from automaton.engine.table_building import Costs, build_tables
 from automaton.errors import InputError
 from automaton.units import memory

@@ -28,10 +28,10 @@ from automaton.engine.observation import (
     Observation,
     visits_of,
 )
-from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import (
     ACTION_IDLE,
     ACTION_NAMES,
+    BATTERY_FULL,
     CLOCK_TICK,
     NEVER,
     NIL,

@@ -9,11 +9,19 @@ import numpy as np
 
 from automaton.engine.decision_stream import max_words, max_zoning_words
 from automaton.engine.events import max_events
-from automaton.engine.facilities import Chargers, Roads, ServiceZones, Slots, Stations, design_for
+from automaton.engine.facilities import (
+    Chargers,
+    Roads,
+    Rules,
+    ServiceZones,
+    Slots,
+    Stations,
+    design_for,
+)
 from automaton.engine.jit.field_kernels import digested_fields
 from automaton.engine.motion import POD
-from automaton.engine.observation import Observation, Scratch
-from automaton.engine.operations import MAX_CHANGES
+from automaton.engine.observation import Observation, ObservationScratch
+from automaton.engine.operations import MAX_CHANGES_PER_ROBOT
 from automaton.engine.state import (
     CLOCK_ALLOCATION_REVISION,
     CLOCK_FRESH_ALLOCATION,
@@ -41,7 +49,6 @@ from automaton.engine.state import (
     RightOfWayDecisions,
     Robots,
     RoutingDecisions,
-    Rules,
     Tally,
     Traffic,
     World,
@@ -471,7 +478,7 @@ def build_record(world: World, ticks: int, arrays: int) -> Record:
     n, steps = world.robots.route.shape
     orders = world.robots.order_queue.shape[1]
     words = 3 * n * max_words(steps, orders) + 3 * int(max_zoning_words(world))
-    rows = MAX_CHANGES * (n + 1) * max(2, min(ticks, 64)) if ticks else 1
+    rows = MAX_CHANGES_PER_ROBOT * (n + 1) * max(2, min(ticks, 64)) if ticks else 1
     return Record.sized(
         {"T": max(ticks, 1), "n": n, "Y": words if ticks else 1, "X": rows, "D": arrays}
     )
@@ -490,8 +497,8 @@ def build_observation(world: World, ticks: int) -> Observation:
     )
 
 
-def build_scratch(n: int, cells: int) -> Scratch:
+def build_scratch(n: int, cells: int) -> ObservationScratch:
     """What observing n robots on so many cells takes between two phases of a tick."""
     words = np.zeros(-(-n // 8), np.uint64)
     sizes = {"n": n, "C": cells, "power of two": 1 << (4 * n).bit_length()}
-    return Scratch.sized(sizes, marks=words.view(np.uint8), words=words)
+    return ObservationScratch.sized(sizes, marks=words.view(np.uint8), words=words)

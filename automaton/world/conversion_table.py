@@ -10,7 +10,7 @@ from __future__ import annotations
 from fractions import Fraction
 from typing import Final, NamedTuple
 
-from automaton.engine.robot_states import BATTERY_PERCENT
+from automaton.engine.state import BATTERY_PERCENT
 from automaton.scenario.quantities import Dimension, rounded
 from automaton.scenario.validation import Conversion
 from automaton.units import Unit, duration, number

@@ -13,7 +13,7 @@ import numpy as np
 
 from automaton.engine import random_numbers
 from automaton.engine.facilities import Slots, Stations, Stops
-from automaton.engine.releases import draw_releases
+from automaton.engine.random_numbers import draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
 from automaton.scenario.orders import DRAWN_GENERATORS, Bursts, Mean, MeanTime, OrderLine, StopRange

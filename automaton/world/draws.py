@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from automaton.engine import random_numbers
 from automaton.engine.facilities import Delays
-from automaton.engine.state import ACTION_COUNT, ACTION_NAMES, Array
-from automaton.engine.trips import LONGEST_VISIT, MICRO
+from automaton.engine.state import ACTION_COUNT, ACTION_NAMES, MAX_BUSY, Array
+from automaton.engine.trips import MICRO
 from automaton.scenario.durations import Distribution, Handling
 from automaton.scenario.fleet import Delays as DelayRules
 from automaton.scenario.fleet import Faults
@@ -115,7 +115,7 @@ def handling_of_lines(handling: Handling, units: Whole, seed: int) -> Whole:
     else:
         line += handling.line
     result: Whole = whole_micro(line) + units * whole_micro(np.array([handling.unit]))
-    return np.minimum(result, LONGEST_VISIT * MICRO)  # so that sums of them do not overflow
+    return np.minimum(result, MAX_BUSY * MICRO)  # so that sums of them do not overflow
 
 
 def whole_micro(ticks: Floats) -> Whole:

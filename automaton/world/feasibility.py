@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.facilities import GATE_BLOCK, GATE_LIFT
-from automaton.engine.state import NIL
+from automaton.engine.state import GATE_BLOCK, GATE_LIFT, NIL
 from automaton.errors import InputError, alternatives, nearest
 from automaton.floor.cells import (
     ANY_LOADS,

@@ -8,7 +8,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automaton.engine.facilities import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
+from automaton.engine.state import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.changing_floor import Block, ChangingFloor, Closing, Door, Lift, MeanGap

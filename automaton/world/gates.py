@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.facilities import GATE_DOOR, GATE_LIFT, Gates
-from automaton.engine.state import NEVER, NIL, Array
+from automaton.engine.facilities import Gates
+from automaton.engine.state import GATE_DOOR, GATE_LIFT, NEVER, NIL, Array
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.changing_floor import Block, Lift

@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from automaton.engine import random_numbers
 from automaton.engine.facilities import Lines, Pods, PodStations, Slots, Stops, Trips
-from automaton.engine.random_numbers import STREAM_LINE_DEMAND
-from automaton.engine.releases import draw_releases
+from automaton.engine.random_numbers import STREAM_LINE_DEMAND, draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, Array, Orders
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan

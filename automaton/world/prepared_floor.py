@@ -9,8 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
-from automaton.engine.state import NIL, Array, Grid, Workspace
+from automaton.engine.state import MAY_TURN, NIL, NO_WAY_THROUGH, Array, Grid, Workspace
 from automaton.engine.table_building import Costs, build_tables, bytes_taken, renew
 from automaton.errors import InputError
 from automaton.floor.cells import STORAGE

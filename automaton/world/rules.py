@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.robot_states import BATTERY_FULL, BATTERY_PERCENT
+from automaton.engine.facilities import Rules
 from automaton.engine.state import (
     ACTION_COUNT,
     ACTION_DROP,
@@ -16,15 +16,16 @@ from automaton.engine.state import (
     ACTION_PICK,
     ACTION_TRY_DROP,
     ACTION_TURN,
+    BATTERY_FULL,
+    BATTERY_PERCENT,
     FOLLOWING_HANDOVER,
     FOLLOWING_NAMES,
     LAYER_ALLOCATION,
     LAYER_RIGHT_OF_WAY,
     NIL,
     ORDER_LIST,
-    STRATEGIES,
+    STRATEGY_COUNT,
     Array,
-    Rules,
 )
 from automaton.scenario.order_lines import priorities_of
 from automaton.scenario.robot_types import RobotType, follows_in_convoy, types_of
@@ -77,8 +78,8 @@ def rules_for(
         duration=np.stack([duration_table(one, loaded) for one, loaded in rows]),
         payload=np.array([one.payload for one, _ in rows], np.int32),
         wait=np.ones(5, np.int32),
-        period=np.zeros(STRATEGIES, np.int32),
-        holders=np.zeros(STRATEGIES, np.uint8),
+        period=np.zeros(STRATEGY_COUNT, np.int32),
+        holders=np.zeros(STRATEGY_COUNT, np.uint8),
         allocations=1 + max(allocations, default=0),
         allocation=np.array(numbers * (1 + loaded_differ), np.uint8),
         steered=np.zeros(1, np.uint8),

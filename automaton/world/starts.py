@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.engine import random_numbers
-from automaton.engine.robot_states import BATTERY_FULL
-from automaton.engine.state import NIL, Array, Grid
+from automaton.engine.state import BATTERY_FULL, NIL, Array, Grid
 from automaton.floor.cells import DIRECTIONS, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import rack_stands

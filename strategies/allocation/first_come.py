@@ -21,7 +21,7 @@ from automaton.engine.state import (
 )
 from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
-    POLICIES,
+    STORAGE_POLICIES,
     can_do,
     highest_priority,
     is_open,
@@ -52,7 +52,7 @@ class FirstComeState(Struct):
         "by type and priority: orders.release_sequence before it was taken, or is not for the type",
     )
     looked: Array = field("(1,) int64", "orders looked at so far: what the search has cost")
-    storage: int = field("int64", "where pods are stored: its place among POLICIES")
+    storage: int = field("int64", "where pods are stored: its place among STORAGE_POLICIES")
     by_due: int = field("int64", "1: orders are taken from the queue, by when they are due")
     queue: DueQueue
 
@@ -101,7 +101,7 @@ class FirstCome(Strategy):
             "K": len(view.grid.type_cell_flags),
             "p": len(view.rules.priorities),
         }
-        storage = POLICIES.index(self.parameters.storage)
+        storage = STORAGE_POLICIES.index(self.parameters.storage)
         by_due = self.parameters.by == "due"
         places = {"K": sizes["K"], "q": len(view.orders.state) if by_due else 0}
         return FirstComeState.sized(

@@ -23,7 +23,7 @@ from automaton.engine.state import (
 from automaton.strategy import orders, paths
 from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
-    POLICIES,
+    STORAGE_POLICIES,
     PlacingState,
     begin_cell,
     begin_search,
@@ -63,7 +63,7 @@ class Independent(Strategy):
     compiled = decide
 
     def reset(self, view):
-        return PlacingState(storage=POLICIES.index(self.parameters.storage))
+        return PlacingState(storage=STORAGE_POLICIES.index(self.parameters.storage))
 
 
 @kernel

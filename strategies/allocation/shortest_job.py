@@ -21,7 +21,7 @@ from automaton.engine.state import (
 from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     LEAST_PRIORITY,
-    POLICIES,
+    STORAGE_POLICIES,
     UNREACHABLE,
     begin_cell,
     can_bring,
@@ -49,7 +49,7 @@ class ShortestJobState(Struct):
     age: int = field("int64", "weight of an order's age, in thousandths")
     job: int = field("int64", "and of its job")
     parks: int = field("int64", "1: robots without an order drive home")
-    storage: int = field("int64", "where pods are stored: its place among POLICIES")
+    storage: int = field("int64", "where pods are stored: its place among STORAGE_POLICIES")
 
 
 @kernel
@@ -82,7 +82,7 @@ class ShortestJob(Strategy):
             age=round(1000 * parameters.age),
             job=round(1000 * parameters.job),
             parks=int(parameters.idle == "park"),
-            storage=POLICIES.index(parameters.storage),
+            storage=STORAGE_POLICIES.index(parameters.storage),
         )
 
 

@@ -13,9 +13,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from automaton.engine.jit.structs import Struct, field
-from automaton.engine.robot_states import BATTERY_FULL, BATTERY_PERCENT
 from automaton.engine.state import (
     ACTION_WAIT,
+    BATTERY_FULL,
+    BATTERY_PERCENT,
     GOAL_CHARGE,
     NIL,
     ORDER_WAITING,

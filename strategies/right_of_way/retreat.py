@@ -9,7 +9,6 @@ nothing to do makes room for one that wants its cell.
 
 import numpy as np
 
-from automaton.engine.facilities import MAY_TURN, NO_WAY_THROUGH
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
 from automaton.engine.state import (
     CLOCK_COARSE_TICK,
@@ -17,7 +16,9 @@ from automaton.engine.state import (
     CMD_STEP,
     CMD_WAIT,
     GOAL_NONE,
+    MAY_TURN,
     NIL,
+    NO_WAY_THROUGH,
     REASON_PERIODIC,
     REASON_RETREATING,
     REASON_RETRIES_EXHAUSTED,

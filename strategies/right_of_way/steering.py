@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from automaton.engine.facilities import GATE_BLOCK
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, STATIC, Struct, field
 from automaton.engine.state import (
     ACTION_COUNT,
@@ -11,6 +10,7 @@ from automaton.engine.state import (
     CLOCK_COARSE_TICK,
     CLOCK_TICK,
     FOLLOWING_CONVOY,
+    GATE_BLOCK,
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,

@@ -15,9 +15,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.structs import SCRATCH, STOP, Struct, field
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array, Grid
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, MAY_TURN, NIL, Array, Grid
 from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     STARTED,

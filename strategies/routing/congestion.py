@@ -11,8 +11,7 @@ where they stand.
 
 import numpy as np
 
-from automaton.engine.facilities import MAY_TURN
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, REASON_PERIODIC
+from automaton.engine.state import ACTION_MOVE, ACTION_TURN, MAY_TURN, NIL, REASON_PERIODIC
 from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
     STARTED,

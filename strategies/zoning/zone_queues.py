@@ -10,15 +10,16 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.robot_states import BATTERY_FULL, STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,
     ACTION_PICK,
+    BATTERY_FULL,
     CLOCK_TICK,
     KEEP,
     NIL,
     ORDER_WAITING,
+    STATUS_EXHAUSTED,
     World,
 )
 from automaton.strategy.contract import Strategy

@@ -120,7 +120,7 @@ def test_no_other_file_chooses_a_side() -> None:
         "automaton/strategy/placing.py",
         "automaton/engine/commit.py",
         "automaton/engine/faults.py",
-        "automaton/engine/loads.py",
+        "automaton/engine/fulfilment.py",
         "automaton/strategy/paths.py",
         "strategies/allocation/cooperative.py",
     }

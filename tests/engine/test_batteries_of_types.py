@@ -7,7 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from automaton.engine.robot_states import BATTERY_PERCENT
+from automaton.engine.state import BATTERY_PERCENT
 from automaton.errors import InputError
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation

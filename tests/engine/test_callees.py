@@ -16,9 +16,8 @@ from numba import types
 from numba.core.registry import cpu_target
 
 from automaton.engine.jit import kernel as jit
-from automaton.engine.jit.callees import BaseFunction
 from automaton.engine.jit.kernel import Kernel, jit_is_on, kernel
-from automaton.engine.jit.numba_parts import LINKS_OTHERWISE
+from automaton.engine.jit.numba_parts import LINKS_OTHERWISE, BaseFunction
 
 ROOT = Path(__file__).parents[2]
 

@@ -7,7 +7,12 @@ from typing import Any
 
 import pytest
 
-from automaton.engine.jit.compile_progress import CLEAR_LINE, Compiling, Progress, kernels_of
+from automaton.engine.jit.compile_progress import (
+    CLEAR_LINE,
+    CompileProgress,
+    Compiling,
+    kernels_of,
+)
 from automaton.engine.jit.kernel import jit_is_on, kernel
 
 pytestmark = pytest.mark.skipif(not jit_is_on(), reason="compilation is off")
@@ -50,12 +55,12 @@ def test_kernels_are_done_when_they_are_compiled_or_what_calls_them_is_there() -
         assert compiling.now() is None  # as long as everything is loaded
         compiling.begin()
         now[0] = 17.0
-        assert compiling.now() == Progress(0, 3, 12.0)
+        assert compiling.now() == CompileProgress(0, 3, 12.0)
         half(8)
-        assert compiling.now() == Progress(1, 3, 12.0)
+        assert compiling.now() == CompileProgress(1, 3, 12.0)
         compiling.finish(loop)
         compiling.finish(decide)
-        assert compiling.now() == Progress(3, 3, 12.0)
+        assert compiling.now() == CompileProgress(3, 3, 12.0)
     assert compiling.now() is None
 
 
@@ -64,7 +69,7 @@ def test_a_function_that_was_loaded_does_not_count() -> None:
     with compiling.expected([loop, other]):
         compiling.finish(loop)
         compiling.begin()
-        assert compiling.now() == Progress(0, 1, 0.0)
+        assert compiling.now() == CompileProgress(0, 1, 0.0)
 
 
 def test_on_a_terminal_one_line_is_overwritten_and_then_gone(
@@ -92,5 +97,5 @@ def test_on_a_terminal_one_line_is_overwritten_and_then_gone(
 
 
 def test_the_bar_is_as_long_as_the_share() -> None:
-    words = Progress(223, 418, 45.4).words
+    words = CompileProgress(223, 418, 45.4).words
     assert words == "compiling, once: ##########.......... 53 %, 223 of 418 kernels, 45 s"

@@ -28,8 +28,7 @@ from automaton.engine.distance_tables import (
     DistanceTables,
     least_table_bytes,
 )
-from automaton.engine.facilities import MAY_TURN
-from automaton.engine.state import NIL, Array
+from automaton.engine.state import MAY_TURN, NIL, Array
 from automaton.engine.table_building import Costs, build_tables, bytes_taken, renew
 from automaton.engine.table_rows import cost_in, row_to
 from automaton.floor.drawn_floors import draw_floor

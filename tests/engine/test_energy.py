@@ -7,14 +7,16 @@ import pytest
 from battery_scenes import MOVES, BatteryScene
 from drawn_scenes import recorded_run, scene
 
-from automaton.engine.robot_states import BATTERY_FULL, STATUS_DEPLETED, STATUS_UP
 from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_DOWN,
     ACTION_MOVE,
     ACTION_QUEUE,
     ACTION_WAIT,
+    BATTERY_FULL,
     NIL,
+    STATUS_DEPLETED,
+    STATUS_UP,
 )
 from automaton.scenario.schema import Battery, Drain, Durations
 from automaton.verification.validator import validate_stored

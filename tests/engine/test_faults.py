@@ -8,21 +8,19 @@ import pytest
 from battery_scenes import MOVES, BatteryScene
 from drawn_scenes import recorded_run, scene
 
-from automaton.engine.robot_states import (
-    BATTERY_FULL,
-    BATTERY_PERCENT,
-    STATUS_FAILED,
-    STATUS_REMOVED,
-    STATUS_TOWED,
-    STATUS_UP,
-)
 from automaton.engine.state import (
     ACTION_DOWN,
     ACTION_WAIT,
+    BATTERY_FULL,
+    BATTERY_PERCENT,
     NIL,
     ORDER_CARRIED,
     ORDER_DELIVERED,
     ORDER_WAITING,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+    STATUS_UP,
 )
 from automaton.errors import InputError
 from automaton.recording.recorder import MemoryRecorder

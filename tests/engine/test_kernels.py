@@ -37,11 +37,11 @@ from automaton.papers.auction_study import REPRODUCTION
 from automaton.papers.reproduction_study import reproduce
 reproduce(REPRODUCTION, 1)
 import random
-from strategies.allocation.auction import bids, sequential
+from strategies.allocation.auction import sequential
 from strategies.linear_sum_assignment import assignment_for
 sys.path.insert(0, "tests/helpers")
 from auction_scenes import random_auction
-for robots, rule in ((2, bids.BID_AVERAGE), (5, bids.BID_AVERAGE_ADDED)):
+for robots, rule in ((2, sequential.BID_AVERAGE), (5, sequential.BID_AVERAGE_ADDED)):
     *market, items = random_auction(random.Random(robots), robots, 4, policy=1)
     sequential.parallel(*market, items, 4, rule, 500)
     sequential.assign_once(*market, assignment_for(5), items, 4, rule, 500)

@@ -21,7 +21,7 @@ from reference_motion import Floor, Robot, splitmix64, tie_break_hash
 
 from automaton.engine import motion, random_numbers
 from automaton.engine.motion import (
-    CLAIMS,
+    CLAIM_BITS,
     ENTERED,
     INTENT_STATE,
     LIVE,
@@ -170,7 +170,7 @@ def assert_equal_states(world: World, floor: Floor) -> None:
             assert room[cell] & bit == bit, "a cell is held twice"
             room[cell] -= bit
     assert (world.traffic.occupancy & ALL_ROOM).tolist() == room
-    assert not (world.traffic.occupancy & CLAIMS).any(), "claims are left from this tick"
+    assert not (world.traffic.occupancy & CLAIM_BITS).any(), "claims are left from this tick"
     assert (world.traffic.contest == NIL).all(), "the contest is not cleared"
 
 

@@ -7,8 +7,14 @@ from collections.abc import Callable
 import pytest
 from physical_checks import PhysicalChecks
 
-from automaton.engine.robot_states import BATTERY_FULL, STATUS_FAILED
-from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_DELIVERED, World
+from automaton.engine.state import (
+    BATTERY_FULL,
+    NIL,
+    ORDER_CARRIED,
+    ORDER_DELIVERED,
+    STATUS_FAILED,
+    World,
+)
 from automaton.runs.pictures import Story
 from automaton.world.building import build_world
 from automaton.world.resolve import resolve

@@ -7,8 +7,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from automaton.engine.robot_states import BATTERY_FULL, STATUS_FAILED, STATUS_UP
-from automaton.engine.state import NIL
+from automaton.engine.state import BATTERY_FULL, NIL, STATUS_FAILED, STATUS_UP
 from automaton.history.event_history import EventHistory
 from automaton.history.explanation import explain
 from automaton.history.snapshot import take_snapshot

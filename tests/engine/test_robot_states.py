@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from docs_pages import page
 
-from automaton.engine.robot_states import STATUS_NAMES, Motion, Task, motions_of, tasks_of
-from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, World
+from automaton.engine.robot_states import Motion, Task, motions_of, tasks_of
+from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, STATUS_NAMES, World
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 

@@ -21,8 +21,8 @@ from automaton.engine.observation import (
     MEMORY_TICKS,
     congestion_of,
 )
-from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import (
+    BATTERY_FULL,
     CLOCK_HALTED_UNTIL,
     CMD_HOLD,
     CMD_RETREAT,

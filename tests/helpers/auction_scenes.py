@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 from reference_charging import Situation
 
-from automaton.engine.robot_states import BATTERY_FULL
-from automaton.engine.state import Array
+from automaton.engine.state import BATTERY_FULL, Array
 from automaton.papers.auction_trials import seconds
 from layouts.depots import NEEDED_LANES, OPTIONAL_LANES, metres
 from strategies.allocation.auction import quotes

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from small_runs import SmallRun
 
-from automaton.engine.robot_states import BATTERY_PERCENT
-from automaton.engine.state import GOAL_CHARGE
+from automaton.engine.state import BATTERY_PERCENT, GOAL_CHARGE
 from automaton.scenario.schema import Battery, Drain
 
 MOVES = Battery(drain=Drain(move=1.0), charge_rate=10.0)

@@ -6,8 +6,8 @@ import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct, field
-from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import (
+    BATTERY_FULL,
     CLOCK_TICK,
     CMD_DROP_AT,
     CMD_PARK,

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from automaton.engine.observation import CAUSE_IDLE_AHEAD, CAUSE_STATION_QUEUE
-from automaton.engine.robot_states import STATUS_UP
-from automaton.engine.state import GOAL_NONE, NIL
+from automaton.engine.state import GOAL_NONE, NIL, STATUS_UP
 from automaton.runs.simulation import Simulation
 
 STEP = 16  # ticks between two looks

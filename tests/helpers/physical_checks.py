@@ -9,13 +9,6 @@ from __future__ import annotations
 from collections import Counter, defaultdict
 from dataclasses import dataclass
 
-from automaton.engine.robot_states import (
-    BATTERY_FULL,
-    STATUS_DEPLETED,
-    STATUS_FAILED,
-    STATUS_REMOVED,
-    STATUS_TOWED,
-)
 from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_DROP,
@@ -23,10 +16,15 @@ from automaton.engine.state import (
     ACTION_PICK,
     ACTION_TURN,
     ACTION_WAIT,
+    BATTERY_FULL,
     FOLLOWING_CONVOY,
     NIL,
     ORDER_CARRIED,
     ORDER_DELIVERED,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
     World,
 )
 from automaton.floor.cells import CHARGER, RACK, STATION

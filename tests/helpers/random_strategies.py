@@ -11,8 +11,8 @@ import msgspec
 import numpy as np
 from reference_motion import splitmix64
 
-from automaton.engine.robot_states import BATTERY_FULL
 from automaton.engine.state import (
+    BATTERY_FULL,
     CLOCK_TICK,
     CMD_DROP_AT,
     CMD_GO,

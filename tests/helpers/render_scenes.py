@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 
 from automaton.engine.facilities import Gates
-from automaton.engine.robot_states import BATTERY_FULL
-from automaton.engine.state import NIL
+from automaton.engine.state import BATTERY_FULL, NIL
 from automaton.floor.cells import DESTINATION, FLOOR
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan, make_floor_plan

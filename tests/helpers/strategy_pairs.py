@@ -31,8 +31,7 @@ from typing import NamedTuple
 import numpy as np
 
 from automaton.engine.observation import DEADLOCK_TICKS
-from automaton.engine.robot_states import STATUS_DEPLETED
-from automaton.engine.state import ORDER_DELIVERED
+from automaton.engine.state import ORDER_DELIVERED, STATUS_DEPLETED
 from automaton.errors import InputError
 from automaton.runs.headless import run_to_end
 from automaton.runs.metrics import illegal_by_layer

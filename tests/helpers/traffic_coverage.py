@@ -16,13 +16,6 @@ from automaton.engine.record_codes import (
     LEFT_PARKING_BAY,
     PICKED_ON_ARRIVAL,
 )
-from automaton.engine.robot_states import (
-    STATUS_DEPLETED,
-    STATUS_FAILED,
-    STATUS_REMOVED,
-    STATUS_TOWED,
-    STATUS_UP,
-)
 from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_QUEUE,
@@ -31,6 +24,11 @@ from automaton.engine.state import (
     LAYER_NAMES,
     NIL,
     ORDER_DELIVERED,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_REMOVED,
+    STATUS_TOWED,
+    STATUS_UP,
     World,
 )
 from automaton.floor.cells import STATION

@@ -19,8 +19,7 @@ from automaton.engine.observation import (
     EVENT_DELIVERED,
     EVENT_WAIT_CYCLE,
 )
-from automaton.engine.robot_states import BATTERY_PERCENT
-from automaton.engine.state import ACTION_NAMES, NIL
+from automaton.engine.state import ACTION_NAMES, BATTERY_PERCENT, NIL
 from automaton.errors import InputError
 from automaton.history.breakpoints import (
     FIELDS,

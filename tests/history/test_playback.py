@@ -17,7 +17,7 @@ from random_cases import Case, cases
 
 from automaton.engine.decision_stream import first_other_tick
 from automaton.engine.observation import EVENT_CHARGING
-from automaton.engine.robot_states import BATTERY_PERCENT
+from automaton.engine.state import BATTERY_PERCENT
 from automaton.errors import InputError
 from automaton.history.playback import Keyframes, Playback
 from automaton.history.watched_run import RecordedRun

@@ -23,8 +23,7 @@ sys.path.insert(0, str(Path(__file__).parents[1] / "helpers"))
 
 from flow_floors import RULES, drawn_fleet
 
-from automaton.engine.robot_states import STATUS_EXHAUSTED
-from automaton.engine.state import ACTION_BLOCKED, FOLLOWING_CONVOY, NIL
+from automaton.engine.state import ACTION_BLOCKED, FOLLOWING_CONVOY, NIL, STATUS_EXHAUSTED
 from automaton.errors import InputError
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.progress import starved_robots, starved_ticks

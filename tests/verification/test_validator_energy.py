@@ -21,7 +21,7 @@ from automaton.engine.record_codes import (
     EXECUTED_PICK,
     EXECUTED_WAIT,
 )
-from automaton.engine.robot_states import (
+from automaton.engine.state import (
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_REMOVED,

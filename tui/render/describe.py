@@ -11,8 +11,15 @@ import numpy as np
 
 from automaton.drawings.looks import DETAIL_ONE_WAY, DETAIL_SHIFT, KIND_MASK
 from automaton.engine.observation import CAUSES
-from automaton.engine.robot_states import BATTERY_PERCENT, STATUS_TOWED
-from automaton.engine.state import ACTION_IDLE, ACTION_NAMES, NIL, ORDER_DELIVERED, ORDER_WAITING
+from automaton.engine.state import (
+    ACTION_IDLE,
+    ACTION_NAMES,
+    BATTERY_PERCENT,
+    NIL,
+    ORDER_DELIVERED,
+    ORDER_WAITING,
+    STATUS_TOWED,
+)
 from automaton.floor.cells import (
     ANY_LOADS,
     CELL_KINDS,

@@ -22,8 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.drawings import looks
-from automaton.engine.robot_states import BATTERY_FULL
-from automaton.engine.state import NIL
+from automaton.engine.state import BATTERY_FULL, NIL
 from tui.render import robot_marks as fleet
 from tui.render import styles
 from tui.render.glyphs import Codes, code

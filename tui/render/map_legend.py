@@ -8,8 +8,7 @@ import numpy as np
 
 from automaton.drawings import looks as looks
 from automaton.drawings.looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
-from automaton.engine.facilities import GATE_CLOSING, GATE_DOOR
-from automaton.engine.robot_states import BATTERY_PERCENT
+from automaton.engine.state import BATTERY_PERCENT, GATE_CLOSING, GATE_DOOR
 from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
 from tui.render import robot_marks as fleet
 from tui.render import styles

@@ -23,8 +23,7 @@ from automaton.drawings.looks import (
     robot_looks,
 )
 from automaton.engine.observation import is_waiting, waited_ticks
-from automaton.engine.robot_states import BATTERY_FULL
-from automaton.engine.state import NIL
+from automaton.engine.state import BATTERY_FULL, NIL
 from tui.render import styles
 from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, Entries, GlyphSet, code
 from tui.render.scene import Scene

@@ -14,15 +14,14 @@ import numpy as np
 
 from automaton.drawings.looks import LOW_CHARGE
 from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES, is_waiting
-from automaton.engine.robot_states import (
+from automaton.engine.robot_states import is_charging, is_queueing
+from automaton.engine.state import (
     BATTERY_FULL,
+    ORDER_DELIVERED,
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_TOWED,
-    is_charging,
-    is_queueing,
 )
-from automaton.engine.state import ORDER_DELIVERED
 from automaton.history.event_history import Curve
 from automaton.history.snapshot import FleetSummary, summarize
 from automaton.runs.metrics import METRIC_CATALOGUE

@@ -18,15 +18,9 @@ from automaton.engine.observation import (
     is_waiting,
     waited_ticks,
 )
-from automaton.engine.robot_states import (
-    BATTERY_FULL,
-    STATUS_DEPLETED,
-    STATUS_FAILED,
-    STATUS_FAILING,
-    STATUS_TOWED,
-    is_charging,
-)
+from automaton.engine.robot_states import is_charging
 from automaton.engine.state import (
+    BATTERY_FULL,
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,
@@ -34,6 +28,10 @@ from automaton.engine.state import (
     GOAL_PICK,
     GOAL_STOP,
     NIL,
+    STATUS_DEPLETED,
+    STATUS_FAILED,
+    STATUS_FAILING,
+    STATUS_TOWED,
     Array,
 )
 from automaton.floor.cells import CELL_KINDS, DIRECTIONS

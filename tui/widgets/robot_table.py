@@ -9,15 +9,18 @@ import numpy as np
 from textual.binding import Binding, BindingType
 
 from automaton.engine.observation import CAUSE_REDUCED_SPEED, CAUSES, is_waiting, waited_ticks
-from automaton.engine.robot_states import (
+from automaton.engine.robot_states import is_queueing
+from automaton.engine.state import (
+    ACTION_NAMES,
+    ACTION_SERVE,
     BATTERY_FULL,
+    NIL,
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_REMOVED,
     STATUS_TOWED,
-    is_queueing,
+    Array,
 )
-from automaton.engine.state import ACTION_NAMES, ACTION_SERVE, NIL, Array
 from automaton.history.explanation import carries_pods
 from automaton.history.snapshot import Fleet
 from automaton.units import percent

@@ -9,17 +9,14 @@ A cache keeps a callee together with all that it calls.
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Iterator, Sequence
 from typing import Any
 
 from llvmlite import binding as llvm
-from numba import types
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, compile_result
 from numba.core.environment import lookup_environment
-from numba.core.types.functions import BaseFunction
 
 ENVIRONMENT = "_ZN08NumbaEnv"  # the variables so named point to the Python objects of functions
 
@@ -181,28 +178,3 @@ class CalleeCompiler(RootCompiler):
 
     library_class = CalleeLibrary
     cache_class = CalleeCache
-
-
-# The types of operators, remembered: for each `a + b` in each kernel Numba would infer it once more.
-#
-# For two numbers it tries dozens of templates, which look at all options of the compiler each time: a
-# fifth of a first run.
-
-
-OPERATORS = frozenset(getattr(operator, name) for name in operator.__all__) - {operator.contains}
-KNOWN = types.Number, types.Boolean, types.Array, types.BaseTuple
-
-
-def remember() -> None:
-    """Have the type of each operator with such operands inferred once: no option changes it."""
-    infer = BaseFunction.get_call_type
-
-    def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
-        if self.typing_key not in OPERATORS or not all(isinstance(one, KNOWN) for one in args):
-            return infer(self, context, args, kws)
-        inferred = vars(self).setdefault("_inferred", {})
-        if args not in inferred:
-            inferred[args] = infer(self, context, args, kws)
-        return inferred[args]
-
-    BaseFunction.get_call_type = get_call_type  # type: ignore[method-assign]

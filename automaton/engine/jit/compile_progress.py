@@ -1,7 +1,8 @@
 """How far the kernels are compiled that a run needs: counted, from what each of them calls.
 
 At a first run 418 kernels are compiled, at an even pace: their share is that of the time. A kernel
-that is pasted into its callers (`inline`) is not compiled alone and does not count.
+that is pasted into its callers (`inline`) is not compiled alone and does not count. Importing this
+imports no Numba, so that commands without a run begin at once.
 """
 
 from __future__ import annotations
@@ -19,7 +20,7 @@ REFRESH_S: Final = 0.2
 CLEAR_LINE: Final = "\r\x1b[K"
 
 
-class Progress(NamedTuple):
+class CompileProgress(NamedTuple):
     """Kernels that are compiled, of those that are needed, and seconds since compiling began."""
 
     done: int
@@ -74,7 +75,7 @@ class Compiling:
             self._functions = [one for one in self._functions if one is not function]
         self._finished.add(plain(function))
 
-    def now(self) -> Progress | None:
+    def now(self) -> CompileProgress | None:
         """How far it is; None while nothing is compiled that was expected."""
         needed, begun = self._needed, self._begun
         if not needed or begun is None:
@@ -83,7 +84,7 @@ class Compiling:
         for function, kernels in needed.items():
             over = function in self._finished
             done |= {one: over or done.get(one, False) or one.is_compiled for one in kernels}
-        return Progress(sum(done.values()), len(done), self._clock() - begun)
+        return CompileProgress(sum(done.values()), len(done), self._clock() - begun)
 
     def show_in_line(self) -> bool:
         """Show it in a line of the terminal from here on; whether that can be done."""
@@ -151,3 +152,7 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
     for constant in code.co_consts:
         if isinstance(constant, CodeType):
             yield from _codes(constant)
+
+
+class UnfitNumbaError(ImportError):
+    """The installed Numba lacks parts that compiled code needs, or has other ones."""

@@ -19,7 +19,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import CALL, DECISION, MEASURED, VISIBLE, Field, Struct
 
 # No negative index: for such, Numba looks at the length of each array (`bench`, limited view: + 25 %).
-UNSIGNED: Final = "    u = np.uint64(i)"
+UNSIGNED_INDEX: Final = "    u = np.uint64(i)"
 ELEMENTS: Final = {"n": "identity[i]"}  # what an element is called along an extent, if not i
 
 
@@ -29,7 +29,7 @@ def hiding(struct: type[Struct], extent: str, measured: bool = True) -> Any:
     `measured`: whether it treats what is only measured, too.
     """
     arrays = _sorted_out(hidden_fields(struct, extent), measured)
-    lines = [UNSIGNED]
+    lines = [UNSIGNED_INDEX]
     lines += [
         _for_each("s", name, one, f"s.{name}[@] = {one.hidden}", "u")
         for name, one in sorted(arrays.items(), key=lambda item: not item[1].used)
@@ -42,7 +42,7 @@ def showing(struct: type[Struct], extent: str, measured: bool = True) -> Any:
 
     `measured`: whether it copies what is only measured, too.
     """
-    lines = [UNSIGNED]
+    lines = [UNSIGNED_INDEX]
     lines += [
         _for_each("b", name, one, f"a.{name}[@] = b.{name}[@]", "u")
         for name, one in _sorted_out(hidden_fields(struct, extent), measured).items()

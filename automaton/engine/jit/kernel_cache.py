@@ -36,7 +36,7 @@ from automaton.engine.jit.numba_parts import CacheLocator, FunctionCache, config
 
 CACHES_KEPT = 4
 UNUSED_S = 7 * 86_400.0  # after which kernels in the temporary folder are removed
-LOCK = "lock"  # a file in the folder of a module, held by who saves
+LOCK_FILE = "lock"  # a file in the folder of a module, held by who saves
 
 
 class CachePlaces(NamedTuple):
@@ -252,7 +252,7 @@ def _saved_alone(dispatcher: Any) -> Any:
     def save_overload(signature: Any, compiled: Any) -> None:
         folder = Path(dispatcher._cache.cache_path)
         folder.mkdir(parents=True, exist_ok=True)  # it may be among the removed generations
-        with (folder / LOCK).open("ab") as lock:
+        with (folder / LOCK_FILE).open("ab") as lock:
             with suppress(OSError):  # some network folders have no locks
                 flock(lock, LOCK_EX)
             save(signature, compiled)
@@ -282,8 +282,8 @@ _COMMENT: Final = re.compile(r"#[^\n]*")
 _NAME: Final = re.compile(r"(\w+)(?:[ \t]+as[ \t]+\w+)?")
 _LATER: Final = re.compile(r"(?:async[ \t]+)?def\b|if[ \t]+(?:\w+\.)?TYPE_CHECKING\b")
 _INSTALLED: Final = tuple(sysconfig.get_path(name) for name in ("purelib", "platlib"))
-OURS: Final = "automaton"
-PUBLIC: Final = "automaton.strategy.kernels"  # what a strategy may call
+OWN_PACKAGE: Final = "automaton"
+PUBLIC_KERNELS: Final = "automaton.strategy.kernels"  # what a strategy may call
 
 
 @cache
@@ -308,9 +308,9 @@ def sources(module: str, file: Path) -> set[Path]:
     sources: set[Path] = set()
     pending = [(module, file)]
     if not file.is_file():
-        public = _file_of(PUBLIC)
+        public = _file_of(PUBLIC_KERNELS)
         assert public is not None
-        pending = [(PUBLIC, public)]
+        pending = [(PUBLIC_KERNELS, public)]
     while pending:
         name, path = pending.pop()
         if path not in sources:
@@ -409,7 +409,9 @@ def _is_followed(module: str, file: Path, home: str) -> bool:
     """Whether a module may hold kernels, or constants of kernels."""
     top = module.partition(".")[0]
     is_installed = any(file.is_relative_to(folder) for folder in _INSTALLED)
-    return not is_installed or top in (OURS, "strategies", home) or OURS in _read(file)
+    return (
+        not is_installed or top in (OWN_PACKAGE, "strategies", home) or OWN_PACKAGE in _read(file)
+    )
 
 
 @cache

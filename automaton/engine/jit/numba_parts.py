@@ -14,11 +14,11 @@ from typing import Any
 
 import numba
 
-from automaton.engine.jit.unfit_numba import UnfitNumbaError
+from automaton.engine.jit.compile_progress import UnfitNumbaError
 
 TRIED = "0.61", "0.68"  # the first and the last; pyproject.toml says the same (tested)
 BLAS = "scipy.linalg.cython_blas"
-NOT_YET = ModuleType(BLAS)
+NO_BLAS_YET = ModuleType(BLAS)
 
 
 def unfit(what: str) -> UnfitNumbaError:
@@ -42,16 +42,17 @@ try:
 
     # Numba looks whether SciPy has a BLAS by importing it: 0.2 s of each run, where SciPy is installed.
     # A kernel that multiplies matrices has it imported when it is compiled.
-    sys.modules.setdefault(BLAS, NOT_YET)
+    sys.modules.setdefault(BLAS, NO_BLAS_YET)
     import numba.np.arraymath
 
-    if sys.modules[BLAS] is NOT_YET:
+    if sys.modules[BLAS] is NO_BLAS_YET:
         del sys.modules[BLAS]
 except ImportError as error:
     raise unfit(str(error)) from error
 
 __all__ = [
     "AttributeTemplate",
+    "BaseFunction",
     "CacheLocator",
     "FunctionCache",
     "cgutils",

@@ -29,7 +29,7 @@ from automaton.engine.jit.numba_parts import (
     infer_getattr,
     populate_array,
 )
-from automaton.engine.jit.structs import CONSTANT, WORDS, Struct, StructClass
+from automaton.engine.jit.structs import CONSTANT, WORDS_PER_ROW, Struct, StructClass
 
 
 class StructType(types.Type):
@@ -166,7 +166,7 @@ def _lower_attribute(
     table = builder.inttoptr(address, word.as_pointer())
 
     def load(column: int) -> Any:
-        place = builder.gep(table, [ir.Constant(word, row * WORDS + column)], inbounds=True)
+        place = builder.gep(table, [ir.Constant(word, row * WORDS_PER_ROW + column)], inbounds=True)
         loaded = builder.load(place)
         # The table never changes, so LLVM may read it once for a whole loop.
         loaded.set_metadata("invariant.load", builder.module.add_metadata([]))

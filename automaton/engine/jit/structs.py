@@ -1,11 +1,12 @@
-"""Declarations of the fields of a struct: each is described once, in the body of its class.
+"""Structs of arrays that cross into compiled code as one pointer; each field is declared once.
 
     cell: Array = field("(n,) int32", "where it stands; NIL: off the floor", hidden=NIL, digest=0)
     width: int = field("int64", "cells in a row, border included")
 
-The kind of an array is its shape and dtype. An extent is a number, or a name that stands for the same
-number wherever a struct uses it; "4n" and "n + 1" follow from n, any other text is a name as it stands.
-Arrays are checked against their declarations when a struct is made.
+A field is an array (of 1 to 3 dimensions, C-contiguous), a number of 64 bits, or, by annotation alone,
+another struct. The kind of an array is its shape and dtype. An extent is a number, or a name that stands
+for the same number wherever a struct uses it; "4n" and "n + 1" follow from n, any other text is a name
+as it stands. Arrays are checked against their declarations when a struct is made.
 
 default    its value where none is given (`Struct.sized`)
 role       what it is to a run (below); what has a number in the digest is state
@@ -15,6 +16,15 @@ digest     the number of the array in the digest: given by hand, never reused (`
 used       the field that says how much of each row is in use
 recorded   False: left out of the keyframes of a recording, which hold the other arrays of the state
 header     True: the header of a recording has it
+
+In Python, and with the JIT off, a struct is a plain object with these attributes. Compiled code gets the
+address of a table with one row per field, and reads a field from there when it is used:
+
+    array:    data pointer, shape (3)        number: value        struct: its table
+
+A NamedTuple of arrays would be passed by value, seven words for each array, at every call: the same
+kernels then compiled in 122 s instead of 34 s (measured with Numba 0.68). Arrays of constants and of
+read-only structs are read-only in compiled code, too: kernels that write to these do not compile.
 """
 
 from __future__ import annotations
@@ -30,6 +40,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Final, NoReturn, Self
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[Any]
 
 NIL: Final = -1  # none
 VISIBLE: Final = None
@@ -105,6 +118,11 @@ class Field:
         return VISIBLE if self.role in (STATIC, CONSTANT) else self.default
 
     @property
+    def is_per_robot(self) -> bool:
+        """Whether it has a row for each robot."""
+        return self.extents[0] == "n"
+
+    @property
     def is_kept(self) -> bool:
         """Whether a strategy that declares it goes on from it."""
         return self.role in ("", STATE)
@@ -174,19 +192,18 @@ class Sizes:
         return ""
 
 
-# The memory of a new struct: one block for all arrays that it is made with, and its table.
-#
-# A block that is small is a copy of one in which all arrays have their defaults.
-
-
-WORDS: Final = 4  # of a row of the table
+# The memory of a new struct: one block for all arrays that it is made with, and its table. A small block
+# is a copy of one in which all arrays have their defaults.
+WORDS_PER_ROW: Final = 4  # of a row of the table
 NO_SHAPE: Final = (0, 0, 0)
-NOWHERE: Final = 64  # the address of an empty array
+EMPTY_ARRAY_ADDRESS: Final = 64  # the address of an empty array
 CACHE_LINE: Final = 64  # bytes; arrays begin at multiples of it
-SMALL: Final = 1 << 16  # bytes that are copied in less time than arrays in them are filled
+MAX_TEMPLATE_BYTES: Final = (
+    1 << 16
+)  # bytes that are copied in less time than arrays in them are filled
 
 
-class Layout:
+class BlockLayout:
     """Where the arrays lie that a struct `owner` is made with, for these sizes.
 
     `values`: the fields that are not made, but come with a value. Raises TypeError for sizes that are
@@ -206,7 +223,7 @@ class Layout:
         self.rows_of_values = [rows[name] for name in values]
         self.places: dict[str, tuple[tuple[int, ...], Any, int]] = {}  # shape, dtype, offset
         self.numbers: dict[str, int] = {}
-        self.table = np.zeros((max(1, len(fields)), WORDS), np.uint64)
+        self.table = np.zeros((max(1, len(fields)), WORDS_PER_ROW), np.uint64)
         self.is_in_block = np.zeros(len(self.table), np.uint64)
         self._filled: list[tuple[str, int]] = []
         self._size = 0
@@ -227,7 +244,7 @@ class Layout:
         wrong = extents.contradiction(self.sizes)
         if wrong:
             raise TypeError(f"{owner}: {wrong}")
-        self._template = self._made() if self._size <= SMALL else None
+        self._template = self._made() if self._size <= MAX_TEMPLATE_BYTES else None
 
     def _place(self, row: int, name: str, declared: Field, shape: tuple[int, ...]) -> None:
         bytes_needed = prod(shape) * declared.dtype.itemsize
@@ -235,7 +252,7 @@ class Layout:
         self.table[row] = (self._size, *shape, *NO_SHAPE[len(shape) :])
         self.is_in_block[row] = bytes_needed > 0
         if not bytes_needed:
-            self.table[row, 0] = NOWHERE
+            self.table[row, 0] = EMPTY_ARRAY_ADDRESS
         elif declared.default:
             self._filled.append((name, declared.default))
         self._size += -(-bytes_needed // CACHE_LINE) * CACHE_LINE
@@ -253,22 +270,6 @@ class Layout:
         return block
 
 
-# Structs of arrays that cross into compiled code as one pointer.
-#
-# A subclass of Struct declares its fields (module fields): arrays (of 1 to 3 dimensions,
-# C-contiguous), numbers of 64 bits, or, by annotation alone, other structs. In Python, and with the
-# JIT off, it is a plain object with these attributes. Compiled code gets the address of a table with
-# one row per field,
-#
-# array: data pointer, shape (3) number: value struct: its table
-#
-# and reads a field from there when it is used. A NamedTuple of arrays would be passed by value, seven
-# words for each array, at every call: the same kernels then compiled in 122 s instead of 34 s
-# (measured with Numba 0.68), so the world is passed by reference.
-#
-# Types follow from the declarations. Arrays of constants and of read-only structs are read-only in
-# them, and kernels that write to these do not compile.
-#
 # The state of a strategy is a struct of its own. The loop, which is compiled once for all strategies,
 # passes its address alone; `State.of(memory)` is the struct at that address, typed.
 #
@@ -315,7 +316,7 @@ class Struct(metaclass=StructClass):
     _sizes: ClassVar[Sizes]
     _structs: ClassVar[tuple[str, ...]]  # the fields that are structs
     _types: ClassVar[dict[Any, Any]]  # the Numba types of its instances
-    _layouts: ClassVar[dict[Any, Layout]]  # by what is given, and sizes
+    _layouts: ClassVar[dict[Any, BlockLayout]]  # by what is given, and sizes
 
     def __init_subclass__(cls, role: str = "") -> None:
         """`role`: of the fields that have none of their own."""
@@ -387,7 +388,7 @@ class Struct(metaclass=StructClass):
         if not flags.c_contiguous:
             raise self._unfit(name, "is not contiguous")
         if not array.size:
-            return NOWHERE
+            return EMPTY_ARRAY_ADDRESS
         if flags.writeable:
             return addressof(c_char.from_buffer(array))  # type: ignore[arg-type]  # 4 times faster
         if declared.role != CONSTANT:
@@ -430,7 +431,7 @@ class Struct(metaclass=StructClass):
         if layout is None:
             if len(cls._layouts) == LAYOUTS_KEPT:
                 cls._layouts.clear()
-            layout = Layout(cls.__name__, cls._declared, cls._sizes, known, values)
+            layout = BlockLayout(cls.__name__, cls._declared, cls._sizes, known, values)
             cls._layouts[key] = layout
         struct = object.__new__(cls)
         table, block = layout.table.copy(), layout.block()
@@ -554,7 +555,7 @@ class Struct(metaclass=StructClass):
                 table[row, 0] = part._address
             elif not declared.is_array:
                 face.__dict__[name] = getattr(self, name)
-        closed = np.frombuffer(table.tobytes(), np.uint64).reshape(-1, WORDS)
+        closed = np.frombuffer(table.tobytes(), np.uint64).reshape(-1, WORDS_PER_ROW)
         address = closed.__array_interface__["data"][0]
         is_writable = kernels and self._writable
         face.__dict__.update(_table=closed, _address=address, _writable=is_writable)

@@ -11,9 +11,10 @@ import re
 from collections.abc import Iterable
 from typing import Final, NamedTuple
 
-from automaton.engine.robot_states import BATTERY_FULL, BATTERY_PERCENT, STATUS_NAMES
 from automaton.engine.state import (
     ACTION_NAMES,
+    BATTERY_FULL,
+    BATTERY_PERCENT,
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,
@@ -42,6 +43,7 @@ from automaton.engine.state import (
     REASON_SERVED,
     RETRY_EXHAUSTED,
     RETRY_WAITED,
+    STATUS_NAMES,
     Robots,
     World,
 )

@@ -28,7 +28,6 @@ from automaton.engine.drive import count_robots, set_move_ticks
 from automaton.engine.faults import open_slot
 from automaton.engine.motion import LIVE, REFUSED, move_all
 from automaton.engine.random_numbers import splitmix64
-from automaton.engine.robot_states import STATUS_REMOVED, STATUS_UP
 from automaton.engine.state import (
     ACTION_MOVE,
     CLOCK_ALLOCATION_REVISION,
@@ -58,6 +57,8 @@ from automaton.engine.state import (
     ORDER_DELIVERED,
     ORDER_UNRELEASED,
     ORDER_WAITING,
+    STATUS_REMOVED,
+    STATUS_UP,
     World,
 )
 from automaton.errors import InputError, alternatives

@@ -17,8 +17,8 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.robot_states import BATTERY_FULL, STATUS_UP
 from automaton.engine.state import (
+    BATTERY_FULL,
     CLOCK_NEXT_RELEASE,
     CLOCK_TICK,
     CMD_PARK,
@@ -27,6 +27,7 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
     REASON_PERIODIC,
+    STATUS_UP,
     Array,
     Batch,
     Decisions,
@@ -36,7 +37,7 @@ from automaton.engine.state import (
 )
 from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (
-    POLICIES,
+    STORAGE_POLICIES,
     allocation_of,
     can_do,
     has_place,
@@ -177,7 +178,7 @@ class Auction(Strategy):
             for center, items in self._auctioneers(view, state, int(count)):
                 self._sell(view, batch, out, state, workspace, center, items)
             state.unsold[0], _ = find_items(view, out, delivered, state.sellable)
-        policy = POLICIES.index(self.parameters.storage)
+        policy = STORAGE_POLICIES.index(self.parameters.storage)
         serve(view, batch, out, workspace, state.due, policy)
 
     def _take_back_late(
@@ -522,7 +523,7 @@ def enter_plans(view, out, market, robots, due):
 def serve(view, batch, out, workspace, due, policy):
     """Decide for a batch: loads go to their targets, free robots take the next order of their lists.
 
-    due[i] = 0 where robot i's list is done; (n,) int64. `policy`: of storage, its place among POLICIES.
+    due[i] = 0 where robot i's list is done; (n,) int64. `policy`: of storage, its place among STORAGE_POLICIES.
     """
     carries_pods = view.trips.pod.shape[0] > 0
     for k in range(batch.count[0]):

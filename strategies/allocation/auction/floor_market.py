@@ -13,15 +13,16 @@ from typing import Any
 import numpy as np
 
 from automaton.engine.jit.structs import DERIVED, SCRATCH, Struct, field
-from automaton.engine.robot_states import BATTERY_FULL, STATUS_UP
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_TURN,
+    BATTERY_FULL,
     GOAL_CHARGE,
     GOAL_PICK,
     NIL,
+    STATUS_UP,
     Array,
 )
 from automaton.strategy.kernels import (

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
-from automaton.engine.robot_states import BATTERY_FULL
-from automaton.engine.state import NIL, Array
+from automaton.engine.state import BATTERY_FULL, NIL, Array
 from automaton.strategy.kernels import kernel
 
 INF_COST: Final = 1 << 60  # a cost or bid that stands for "not at all"

@@ -6,8 +6,7 @@ says where the robot charges; ways are shortest ways, so a detour never saves ti
 
 import numpy as np
 
-from automaton.engine.robot_states import BATTERY_FULL
-from automaton.engine.state import NIL
+from automaton.engine.state import BATTERY_FULL, NIL
 from automaton.strategy.kernels import CURVE_RATE, charging_ticks, kernel, level_after
 from strategies.allocation.auction.market import (
     INF_COST,

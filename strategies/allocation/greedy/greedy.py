@@ -11,7 +11,14 @@ import numpy as np
 from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CMD_PARK, NIL, REASON_PERIODIC, Array
 from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import POLICIES, is_due, kernel, place_load, places_load, take_order
+from automaton.strategy.kernels import (
+    STORAGE_POLICIES,
+    is_due,
+    kernel,
+    place_load,
+    places_load,
+    take_order,
+)
 from strategies.allocation.allocation_parameters import GreedyParameters
 from strategies.allocation.greedy.nearest import (
     OpenOrders,
@@ -53,7 +60,7 @@ class GreedyState(Struct):
     rest: int = field("int64", "weight of what follows on a first stop, in thousandths")
     active: int = field("int64", "robots that may have an order at once; NIL: all")
     parks: int = field("int64", "1: robots without an order drive home")
-    storage: int = field("int64", "where pods are stored: its place among POLICIES")
+    storage: int = field("int64", "where pods are stored: its place among STORAGE_POLICIES")
     keeps_off: Array = field(
         "(1,) uint8", "1 = `active` keeps robots from open orders now", role=SCRATCH
     )
@@ -151,7 +158,7 @@ class Greedy(Strategy):
             rest=round(1000 * parameters.rest),
             active=NIL if parameters.active is None else parameters.active,
             parks=int(parameters.idle == "park"),
-            storage=POLICIES.index(parameters.storage),
+            storage=STORAGE_POLICIES.index(parameters.storage),
             keeps_off=np.zeros(1, np.uint8),
             open_orders=OpenOrders.sized(sizes),
             marks=OrderMarks.sized(sizes),

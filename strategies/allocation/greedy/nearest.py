@@ -6,13 +6,13 @@ called by its place in the list of open orders, which is in the sequence of the 
 
 import numpy as np
 
-from automaton.engine.facilities import MAY_TURN
 from automaton.engine.jit.structs import SCRATCH, Struct, field
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_TURN,
     CLOCK_NEXT_RELEASE,
     GOAL_CHARGE,
+    MAY_TURN,
     NIL,
     ORDER_DELIVERED,
     ORDER_WAITING,

@@ -9,8 +9,7 @@ that is in the way of another would rather end in another cell.
 
 import numpy as np
 
-from automaton.engine.facilities import NO_WAY_THROUGH
-from automaton.engine.state import CLOCK_TICK, GOAL_NONE, GOAL_PARK, NIL
+from automaton.engine.state import CLOCK_TICK, GOAL_NONE, GOAL_PARK, NIL, NO_WAY_THROUGH
 from automaton.strategy.kernels import (
     UNREACHABLE,
     cost_in,

@@ -13,7 +13,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import (
     CLOCK_COARSE_TICK,
     CLOCK_TICK,
@@ -22,6 +21,7 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     NIL,
+    STATUS_UP,
 )
 from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (

@@ -21,7 +21,6 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
 from automaton.engine.state import (
     ACTION_MOVE,
@@ -29,6 +28,7 @@ from automaton.engine.state import (
     FOLLOWING_CONVOY,
     FOLLOWING_NONE,
     NIL,
+    NO_WAY_THROUGH,
     Array,
 )
 from automaton.strategy.kernels import kernel

@@ -2,8 +2,6 @@
 
 import numpy as np
 
-from automaton.engine.facilities import MAY_TURN
-from automaton.engine.robot_states import STATUS_EXHAUSTED
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,
@@ -16,7 +14,9 @@ from automaton.engine.state import (
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
+    MAY_TURN,
     NIL,
+    STATUS_EXHAUSTED,
 )
 from automaton.strategy.kernels import (
     UNREACHABLE,

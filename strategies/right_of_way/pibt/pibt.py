@@ -18,7 +18,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import (
     ACTION_GATE,
     ACTION_TURN,
@@ -33,6 +32,7 @@ from automaton.engine.state import (
     GOAL_STOP,
     KEEP,
     NIL,
+    STATUS_UP,
 )
 from automaton.strategy.contract import Strategy
 from automaton.strategy.kernels import (

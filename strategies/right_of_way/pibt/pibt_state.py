@@ -2,9 +2,8 @@
 
 import numpy as np
 
-from automaton.engine.facilities import NO_WAY_THROUGH
 from automaton.engine.jit.structs import CONSTANT, SCRATCH, STATIC, Struct, field
-from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL, Array
+from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL, NO_WAY_THROUGH, Array
 from automaton.floor.reachability import dead_ends_of_types
 from automaton.strategy.kernels import kernel, lane_of
 from automaton.strategy.weighted_tables import DistanceTables

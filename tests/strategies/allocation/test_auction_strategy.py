@@ -8,8 +8,7 @@ from typing import Any
 import pytest
 from drawn_scenes import scene
 
-from automaton.engine.robot_states import BATTERY_FULL
-from automaton.engine.state import CLOCK_TICK, LAYER_ALLOCATION, NIL, ORDER_DELIVERED
+from automaton.engine.state import BATTERY_FULL, CLOCK_TICK, LAYER_ALLOCATION, NIL, ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of

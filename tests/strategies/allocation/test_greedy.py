@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.engine.facilities import MAY_TURN
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_TURN,
     CLOCK_TICK,
     GOAL_PARK,
+    MAY_TURN,
     NIL,
     ORDER_WAITING,
 )

@@ -15,7 +15,7 @@ from played_back import check_at, digests_of, playback_of, recorded
 
 from automaton.commands.check import described
 from automaton.engine.record_codes import CHANGE_DROPPED
-from automaton.engine.state import LAYER_ALLOCATION, LAYER_NAMES, NIL, STRATEGIES
+from automaton.engine.state import LAYER_ALLOCATION, LAYER_NAMES, NIL, STRATEGY_COUNT
 from automaton.errors import InputError
 from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.recording.frames import Recording, encoded
@@ -261,7 +261,7 @@ def test_more_than_four_are_refused() -> None:
     assert len(mixed(*own).allocations) == 4, "the scenario's own is asked about nobody"
     with pytest.raises(InputError, match="name 5 different allocation strategies; at most 4"):
         mixed(*own, None)
-    assert 1 + STRATEGIES - len(LAYER_NAMES) == MAX_ALLOCATIONS
+    assert 1 + STRATEGY_COUNT - len(LAYER_NAMES) == MAX_ALLOCATIONS
 
 
 def test_a_part_of_one_can_be_set(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from auction_scenes import TAPER, between_with, market_of, random_situation, sto
 from reference_charging import Situation, best_single, best_ticks, charging_time, ticks_of
 
 from automaton.engine.energy import charging_ticks, level_after
-from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import BATTERY_FULL
 from layouts.depots import OPTIONAL_LANES
 from strategies.allocation.auction import quotes
 from strategies.allocation.auction.market import (

@@ -9,8 +9,7 @@ import pytest
 from drawn_scenes import recorded_run
 from played_back import playback_of
 
-from automaton.engine.robot_states import BATTERY_PERCENT
-from automaton.engine.state import GOAL_CHARGE
+from automaton.engine.state import BATTERY_PERCENT, GOAL_CHARGE
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.verification.verification import verify_recording

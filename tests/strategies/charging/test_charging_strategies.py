@@ -7,8 +7,15 @@ from typing import Any
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.engine.robot_states import BATTERY_FULL, BATTERY_PERCENT, FAILURE_DEPLETED
-from automaton.engine.state import ACTION_CHARGE, GOAL_CHARGE, GOAL_PICK, NIL
+from automaton.engine.state import (
+    ACTION_CHARGE,
+    BATTERY_FULL,
+    BATTERY_PERCENT,
+    FAILURE_DEPLETED,
+    GOAL_CHARGE,
+    GOAL_PICK,
+    NIL,
+)
 from automaton.runs.headless import run_once
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation

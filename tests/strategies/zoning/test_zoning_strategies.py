@@ -12,7 +12,6 @@ from drawn_scenes import scene
 from played_back import check_at, digests_of, playback_of, recorded
 
 from automaton.engine.observation import CAUSE_REDESIGN as HALTED
-from automaton.engine.robot_states import STATUS_UP
 from automaton.engine.state import (
     ACTION_WAIT,
     LAYER_NAMES,
@@ -21,6 +20,7 @@ from automaton.engine.state import (
     ORDER_CARRIED,
     ORDER_DELIVERED,
     ORDER_WAITING,
+    STATUS_UP,
 )
 from automaton.errors import InputError
 from automaton.runs.metrics import metrics_of

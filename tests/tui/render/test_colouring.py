@@ -9,7 +9,7 @@ from zone_pictures import two_zones
 
 from automaton.drawings.looks import DRAW_FAULT, STATE_COLOURS
 from automaton.engine.observation import CAUSE_NO_ORDER
-from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import BATTERY_FULL
 from tui.render import styles
 from tui.render.glyphs import UNICODE
 from tui.render.map_legend import legend

@@ -15,8 +15,7 @@ from render_scenes import ALL, DRAWN, composed, drawn, make_scene
 from zone_pictures import two_zones
 
 from automaton.drawings.looks import STATE_COLOURS
-from automaton.engine.robot_states import BATTERY_FULL, STATUS_FAILED
-from automaton.engine.state import ACTION_CHARGE, GOAL_CHARGE
+from automaton.engine.state import ACTION_CHARGE, BATTERY_FULL, GOAL_CHARGE, STATUS_FAILED
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.render import styles
 from tui.render.glyphs import GLYPHS, UNICODE

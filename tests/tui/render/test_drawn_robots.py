@@ -20,7 +20,7 @@ from render_scenes import (
 )
 from terminal_replay import screen_of, wrong_cells
 
-from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import BATTERY_FULL
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import compose

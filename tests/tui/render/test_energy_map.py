@@ -7,7 +7,7 @@ import pytest
 from render_scenes import composed, drawn, make_scene, shipped, signs
 from render_scenes import text as picture
 
-from automaton.engine.robot_states import BATTERY_FULL
+from automaton.engine.state import BATTERY_FULL
 from automaton.floor.cells import STATION
 from tui.render.compose import compose
 from tui.render.describe import describe

@@ -25,8 +25,7 @@ from panel_harness import (
 from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSES
-from automaton.engine.robot_states import BATTERY_PERCENT, STATUS_FAILED, STATUS_TOWED
-from automaton.engine.state import NIL
+from automaton.engine.state import BATTERY_PERCENT, NIL, STATUS_FAILED, STATUS_TOWED
 from automaton.history.explanation import (
     charger_queue,
     charging_at,

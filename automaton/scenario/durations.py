@@ -182,19 +182,13 @@ class Durations(ConfigSection, frozen=True, kw_only=True):
 class TypeDurations(ConfigSection, frozen=True, kw_only=True):
     """What the operations of one type of robots take; what it leaves out is as in `durations`."""
 
-    move: Annotated[Move | None, Meta(description="Ticks of a move; see durations.move.")] = None
-    turn: Annotated[Turn | None, Meta(description="Ticks of a turn; see durations.turn.")] = None
-    pick: Annotated[
-        TicksOrNone | None, Meta(description="Ticks of taking a load; see durations.pick.")
-    ] = None
-    drop: Annotated[
-        TicksOrNone | None,
-        Meta(description="Ticks of dropping a load; see durations.drop."),
-    ] = None
-    try_drop: Annotated[
-        Ticks | None,
-        Meta(description="Ticks of looking for room; see durations.try_drop."),
-    ] = None
+    move: Annotated[Move | None, Meta(description="Ticks of a move: see durations.")] = None
+    turn: Annotated[Turn | None, Meta(description="Ticks of a turn: see durations.")] = None
+    pick: Annotated[TicksOrNone | None, Meta(description="Ticks of a pick: see durations.")] = None
+    drop: Annotated[TicksOrNone | None, Meta(description="Ticks of a drop: see durations.")] = None
+    try_drop: Annotated[Ticks | None, Meta(description="Ticks of a try_drop: see durations.")] = (
+        None
+    )
 
     def within(self, usual: Durations) -> Durations:
         """These durations, and the usual ones for what is left out. Raises ValueError."""

@@ -105,50 +105,36 @@ class Battery(ConfigSection, frozen=True, kw_only=True):
 class TypeDrain(ConfigSection, frozen=True, kw_only=True):
     """What a tick of each operation takes from batteries of one type of robots."""
 
-    move: Annotated[Rate | None, Meta(description="What moving takes; see battery.drain.move.")] = (
-        None
-    )
-    turn: Annotated[
-        Rate | None, Meta(description="What turning takes; see battery.drain.turn.")
-    ] = None
-    pick: Annotated[
-        Rate | None, Meta(description="What taking a load takes; see battery.drain.pick.")
-    ] = None
-    drop: Annotated[
-        Rate | None, Meta(description="What dropping a load takes; see battery.drain.drop.")
-    ] = None
+    move: Annotated[Rate | None, Meta(description="What moving takes: see battery.drain.")] = None
+    turn: Annotated[Rate | None, Meta(description="What turning takes: see battery.drain.")] = None
+    pick: Annotated[Rate | None, Meta(description="What picking takes: see battery.drain.")] = None
+    drop: Annotated[Rate | None, Meta(description="What dropping takes: see battery.drain.")] = None
     try_drop: Annotated[
-        Rate | None,
-        Meta(description="What looking for room takes; see battery.drain.try_drop."),
+        Rate | None, Meta(description="What try_drop takes: see battery.drain.")
     ] = None
-    wait: Annotated[
-        Rate | None,
-        Meta(description="What standing on the floor takes; see battery.drain.wait."),
-    ] = None
+    wait: Annotated[Rate | None, Meta(description="What standing takes: see battery.drain.")] = None
     loaded_factor: Annotated[
         Annotated[float, Meta(ge=0, le=10)] | None,
-        Meta(
-            description="How many times as much it takes with a load; see battery.drain.loaded_factor."
-        ),
+        Meta(description="How many times as much it takes with a load: see battery.drain."),
     ] = None
 
 
 class TypeBattery(ConfigSection, frozen=True, kw_only=True):
     """The batteries of one type of robots; what it leaves out is as in `battery`."""
 
-    drain: Annotated[TypeDrain, Meta(description="What operations take; see battery.drain.")] = (
+    drain: Annotated[TypeDrain, Meta(description="What operations take: see battery.drain.")] = (
         TypeDrain()
     )
     charge_rate: Annotated[
         GivingRate | tuple[tuple[Percent, GivingRate], ...] | None,
-        Meta(description="What a tick at a charger gives; see battery.charge_rate."),
+        Meta(description="What a charger gives: see battery.charge_rate."),
     ] = None
     initial_charge: Annotated[
         Percent | ChargeRange | None,
         Meta(description="Percent at the start: of all robots of the type, or drawn {from, to}."),
     ] = None
     reserve: Annotated[
-        Percent | None, Meta(description="What plans never go below; see battery.reserve.")
+        Percent | None, Meta(description="What plans never go below: see battery.reserve.")
     ] = None
 
     def within(self, usual: Battery) -> Battery:

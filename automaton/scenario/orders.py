@@ -34,8 +34,8 @@ from automaton.scenario.table_fields import (
     DueField,
     NameField,
     NumberField,
-    OrderFile,
     ReleaseField,
+    TableOptions,
     column,
 )
 
@@ -116,7 +116,7 @@ class TransportColumns(ColumnNames, frozen=True, kw_only=True):
     ] = None
 
 
-class Transports(OrderFile, frozen=True, kw_only=True):
+class Transports(TableOptions, frozen=True, kw_only=True):
     """A file of orders, each of which brings a load from one place to another."""
 
     columns: Annotated[
@@ -201,7 +201,7 @@ class LineColumns(ColumnNames, frozen=True, kw_only=True):
     ] = None
 
 
-class LineDemand(OrderFile, frozen=True, kw_only=True):
+class LineDemand(TableOptions, frozen=True, kw_only=True):
     """Lines that are drawn, so many of them, or those of a file."""
 
     file: Annotated[

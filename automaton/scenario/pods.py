@@ -25,7 +25,7 @@ from automaton.scenario.table_fields import (
     Column,
     ColumnNames,
     NumberField,
-    OrderFile,
+    TableOptions,
     column,
 )
 
@@ -141,9 +141,9 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
             raise ValueError("list must hold at least one pod")
 
     @property
-    def options(self) -> OrderFile:
+    def options(self) -> TableOptions:
         """How the file is read. Raises ValueError for options that do not go together."""
-        return OrderFile(file=self.file or "", sheet=self.sheet, encoding=self.encoding)
+        return TableOptions(file=self.file or "", sheet=self.sheet, encoding=self.encoding)
 
 
 class Break(ConfigSection, frozen=True, kw_only=True):

@@ -122,7 +122,7 @@ def fields_of(kind: type[ColumnNames], known: Mapping[str, Mapping[str, int]]) -
     return fields
 
 
-class OrderFile(ConfigSection, frozen=True, kw_only=True):
+class TableOptions(ConfigSection, frozen=True, kw_only=True):
     """A CSV file, or a workbook, that another system has written."""
 
     file: Annotated[

@@ -39,7 +39,7 @@ from automaton.scenario.table_fields import (
     Column,
     ColumnNames,
     NameField,
-    OrderFile,
+    TableOptions,
     TextField,
     column,
 )
@@ -89,7 +89,7 @@ def with_locations_of_file(document: Document) -> tuple[Document, ReadFile | Non
 
 def read_locations(path: Path) -> tuple[dict[str, list[int]], dict[str, int], str]:
     """Read the cell and the line of each name in a file, and its hash. Raises InputError."""
-    options = OrderFile(file=path.name, encoding=_encoding_of(path))
+    options = TableOptions(file=path.name, encoding=_encoding_of(path))
     table = read_table(path, LocationColumns, options)
     names = [table.names["name"][code] for code in table.values["name"].tolist()]
     table.refuse_again(
@@ -313,7 +313,7 @@ def with_starts_of_file(
 
 def read_starts(path: Path) -> ReadStarts:
     """The starts of a CSV file. Raises InputError with the line."""
-    table = read_table(path, StartColumns, OrderFile(file=path.name))
+    table = read_table(path, StartColumns, TableOptions(file=path.name))
     if table.counts.ignored:
         name, known = table.counts.ignored[0], StartColumns.__struct_fields__
         text = f"unknown column '{name[:40]}'{nearest(name, known)}"
@@ -382,7 +382,7 @@ class _Filler:
         table = read_columns(
             path,
             [TextField("duration")],
-            OrderFile(file=drawn.empirical),
+            TableOptions(file=drawn.empirical),
             {"duration": drawn.column or ""},
             self.scale,
         )

@@ -44,8 +44,8 @@ from automaton.scenario.table_fields import (
     Field,
     NameField,
     NumberField,
-    OrderFile,
     ReleaseField,
+    TableOptions,
     TextField,
     fields_of,
 )
@@ -127,7 +127,7 @@ def with_rows(document: Document, keys: Keys, file: str, lines: Any) -> Document
 def read_table(
     path: Path,
     kind: type[ColumnNames],
-    options: OrderFile,
+    options: TableOptions,
     named: ColumnNames | None = None,
     scale: Scale = NO_TIMES,
     known: Mapping[str, Mapping[str, int]] = MappingProxyType({}),
@@ -145,7 +145,7 @@ def read_table(
 def read_columns(
     path: Path,
     fields: Sequence[Field],
-    options: OrderFile,
+    options: TableOptions,
     columns: Mapping[str, str] | None,
     scale: Scale,
     needed: Sequence[ColumnGroups] = (),
@@ -296,7 +296,7 @@ class _Reader:
     """Reads the columns of a table into numbers."""
 
     def __init__(
-        self, table: CsvColumns, options: OrderFile, scale: Scale, result: TableColumns
+        self, table: CsvColumns, options: TableOptions, scale: Scale, result: TableColumns
     ) -> None:
         self.table, self.options, self.scale, self.result = table, options, scale, result
 

@@ -13,7 +13,7 @@ import pytest
 
 from automaton.errors import InputError
 from automaton.scenario.schema import Units
-from automaton.scenario.table_fields import NO_DUE, DueField, OrderFile, ReleaseField, TextField
+from automaton.scenario.table_fields import NO_DUE, DueField, ReleaseField, TableOptions, TextField
 from automaton.scenario.table_reader import TableColumns, read_columns
 from automaton.world.resolve import resolve
 
@@ -33,7 +33,7 @@ def read(path: Path, rows: list[list[Any]], name: str = "Orders", **options: Any
     for row in rows:
         book.active.append(row)
     book.save(path)
-    wanted = OrderFile(file=path.name, **options)
+    wanted = TableOptions(file=path.name, **options)
     columns = read_columns(path, FIELDS, wanted, COLUMNS, UNITS.scale)
     columns.errors.raise_any()
     return columns
@@ -67,7 +67,7 @@ def test_a_sheet_is_chosen_by_its_name(shift: Path) -> None:
     book.save(shift)
 
     def values(sheet: str | None) -> list[int]:
-        options = OrderFile(file="shift.xlsx", sheet=sheet)
+        options = TableOptions(file="shift.xlsx", sheet=sheet)
         columns = read_columns(shift, [ReleaseField()], options, None, UNITS.scale)
         return columns.values["released"].tolist()
 
@@ -139,20 +139,20 @@ def test_a_workbook_gives_the_lines_of_the_csv_file(tmp_path: Path) -> None:
 def test_files_that_are_no_workbooks(shift: Path, content: bytes, said: str) -> None:
     shift.write_bytes(content)
     with pytest.raises(InputError) as caught:
-        read_columns(shift, FIELDS, OrderFile(file="shift.xlsx"), COLUMNS, UNITS.scale)
+        read_columns(shift, FIELDS, TableOptions(file="shift.xlsx"), COLUMNS, UNITS.scale)
     assert said in str(caught.value)
 
 
 def test_sheets_belong_to_workbooks() -> None:
     with pytest.raises(ValueError, match=r"sheet belongs to a workbook \(\.xlsx\)"):
-        OrderFile(file="shift.csv", sheet="Orders")
+        TableOptions(file="shift.csv", sheet="Orders")
 
 
 def test_without_openpyxl_the_extra_is_named(shift: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     openpyxl.Workbook().save(shift)
     monkeypatch.setitem(sys.modules, "openpyxl", None)
     with pytest.raises(InputError, match=r"pip install 'fleet-automaton\[excel\]'"):
-        read_columns(shift, FIELDS, OrderFile(file="shift.xlsx"), COLUMNS, UNITS.scale)
+        read_columns(shift, FIELDS, TableOptions(file="shift.xlsx"), COLUMNS, UNITS.scale)
 
 
 def test_a_workbook_whose_stream_is_damaged_is_none(tmp_path: Path) -> None:
@@ -167,4 +167,4 @@ def test_a_workbook_whose_stream_is_damaged_is_none(tmp_path: Path) -> None:
         damaged[place] ^= 0x55
     path.write_bytes(damaged)
     with pytest.raises(InputError, match="is not a workbook"):
-        read_columns(path, FIELDS, OrderFile(file=path.name), COLUMNS, UNITS.scale)
+        read_columns(path, FIELDS, TableOptions(file=path.name), COLUMNS, UNITS.scale)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import pytest
 
@@ -12,15 +12,18 @@ from automaton.errors import InputError
 from automaton.scenario.schema import Units
 from automaton.scenario.table_fields import (
     NO_DUE,
+    Column,
+    ColumnNames,
     DueField,
     Field,
     NameField,
     NumberField,
-    OrderFile,
     ReleaseField,
+    TableOptions,
     TextField,
+    column,
 )
-from automaton.scenario.table_reader import TableColumns, read_columns
+from automaton.scenario.table_reader import TableColumns, read_columns, read_table
 
 HALF_SECONDS = Units(tick="0.5 s", clock="2026-03-02 06:00")
 LINES = """ORDER_NO;POS;LOCATION;ITEM;QTY;CREATED;CUTOFF;PRIO;STATUS
@@ -60,7 +63,7 @@ def read(
     path = folder / "shift.csv"
     path.write_bytes(content.encode() if isinstance(content, str) else content)
     needed = [[["pod"], ["order"]]]
-    file = OrderFile(file=path.name, **options)
+    file = TableOptions(file=path.name, **options)
     result = read_columns(path, fields, file, columns, units.scale, needed)
     result.errors.raise_any()
     return result
@@ -270,7 +273,7 @@ def test_times_are_days_as_spreadsheets_store_dates(time: str, tick: int, tmp_pa
 @pytest.mark.parametrize("of_format", ["ISO", "%Q", "%d.%m. %H:%M", "%H:%M %"])
 def test_a_format_must_be_one_of_times(of_format: str) -> None:
     with pytest.raises(ValueError, match="time "):
-        OrderFile(file="shift.csv", time=of_format)
+        TableOptions(file="shift.csv", time=of_format)
 
 
 def test_offsets_stand_in_all_times_or_in_none(tmp_path: Path) -> None:
@@ -335,3 +338,35 @@ def test_times_between_two_ticks_are_rounded_and_counted(tmp_path: Path) -> None
     table = read(tmp_path, "order;released\nA;06:00:00.2\nB;06:00:00.25\nC;06:00:01\nD;06:00:00.2")
     assert table.values["released"].tolist() == [0, 1, 2, 0]
     assert table.counts.rounded == 3
+
+
+class ShelfColumns(ColumnNames, frozen=True, kw_only=True):
+    """What the columns of a file of shelves are called."""
+
+    rows = "shelves"
+    needed = ((("row",),),)
+
+    row: Annotated[Column, column("The row of the shelf.", NumberField, least=0, most=9)] = None
+    aisle: Annotated[Column, column("The aisle.", NameField, what="corridor")] = None
+    label: Annotated[Column, column("What is written on the shelf.")] = None
+
+
+def test_a_new_kind_of_table_is_a_declaration_of_its_columns(tmp_path: Path) -> None:
+    path, options = tmp_path / "shelves.csv", TableOptions(file="shelves.csv")
+    path.write_text("R;aisle;label\n3;north;S-1\n4;;S-2\n")
+    known = {"aisle": {"south": 0, "north": 1}}
+    table = read_table(
+        path, ShelfColumns, options, ShelfColumns(row="R", aisle="aisle"), known=known
+    )
+    assert table.values["row"].tolist() == [3, 4]
+    assert table.values["aisle"].tolist() == [1, -1] and table.names["label"] == []
+    path.write_text("R;aisle;label\n30;nort;S-1\n")
+    wrong = read_table(
+        path, ShelfColumns, options, ShelfColumns(row="R", aisle="aisle"), known=known
+    )
+    with pytest.raises(InputError) as caught:
+        wrong.errors.raise_any()
+    assert "R must be a whole number from 0 to 9, found '30'" in str(caught.value)
+    assert "aisle 'nort' is not a corridor (did you mean 'north'?)" in str(caught.value)
+    with pytest.raises(InputError, match="there is no column for row"):
+        read_table(path, ShelfColumns, options, known=known)

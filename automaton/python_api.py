@@ -184,8 +184,10 @@ def sweep(
     InputError as that command does; what is done when something is raised is kept in `out`.
 
         with open("fleets.yaml", "w") as file:
-            file.write("{name: two, scenario: tabletop-mini, "
-                       "factors: {fleet.robots: [1, 2]}, replications: 3}")
+            file.write(
+                "{name: two, scenario: tabletop-mini, replications: 3, "
+                "factors: {fleet.robots: [1, 2]}}"
+            )
         automaton.sweep("fleets.yaml", workers=1).select(["fleet.robots", "makespan"])
     """
     from automaton.studies.reports.comparisons import next_replications

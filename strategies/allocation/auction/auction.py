@@ -523,7 +523,7 @@ def enter_plans(view, out, market, robots, due):
 def serve(view, batch, out, workspace, due, policy):
     """Decide for a batch: loads go to their targets, free robots take the next order of their lists.
 
-    due[i] = 0 where robot i's list is done; (n,) int64. `policy`: of storage, its place among STORAGE_POLICIES.
+    due[i] = 0 where robot i's list is done; (n,) int64. `policy`: its place in STORAGE_POLICIES.
     """
     carries_pods = view.trips.pod.shape[0] > 0
     for k in range(batch.count[0]):

@@ -1,10 +1,18 @@
-"""Errors that are one sentence: bad input with its file and line, and workers that die."""
+"""Errors that are one sentence: bad input with its file and line, and workers that die.
+
+Checks know values, not files. They yield what they find wrong, each a `Finding`; functions that cannot go
+on raise `InvalidValueError`. Whoever has read the file gives the error its line.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Final, NamedTuple
 
 from automaton.printable import one_line
+
+Keys = tuple[str | int, ...]  # the way to a value of a document: ("fleet", "start", 0)
+WHOLE_LIST: Final = -1  # in the place of an index: the list as such, and what it lacks
 
 
 class InputError(Exception):
@@ -40,6 +48,33 @@ class InputErrors(InputError):
 
     def __str__(self) -> str:
         return "\n".join(map(str, self.errors))
+
+
+class Finding(NamedTuple):
+    """What a check has to say against a value."""
+
+    keys: Keys  # the way to the value
+    sentence: str
+
+
+class InvalidValueError(InputError):
+    """A value is wrong, and its keys are known; whoever has read the file knows its line."""
+
+    def __init__(self, keys: Keys, message: str) -> None:
+        super().__init__(message)
+        self.keys = keys
+
+    def __reduce__(self) -> tuple[type[InvalidValueError], tuple[Keys, str]]:
+        return type(self), (self.keys, self.message)
+
+
+def refuse(findings: Iterable[Finding]) -> None:
+    """Raise InvalidValueError for the first of the findings, if there are any.
+
+    So a check may rely on what the checks before it look at.
+    """
+    for keys, sentence in findings:
+        raise InvalidValueError(keys, sentence)
 
 
 class WorkerDiedError(Exception):

@@ -12,9 +12,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automaton.errors import InputError
-from automaton.scenario.document import Override, parse, read_text
+from automaton.scenario.document import Override, parse
 from automaton.scenario.quantities import is_clock_time
 from automaton.scenario.schema import MAX_REFINEMENT
+from automaton.scenario.text_files import read_text
+from automaton.world.resolve import Resolved
+from automaton.world.scenario_warnings import scenario_warnings
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
@@ -135,7 +138,6 @@ def add_timeout_argument(parser: argparse.ArgumentParser) -> None:
 
 def print_warnings(resolved: Resolved) -> None:
     """Print a warning for settings that are legal but probably mistakes."""
-    from automaton.world.scenario_warnings import scenario_warnings
 
     for warning in scenario_warnings(resolved):
         note(f"{resolved.scenario.name}: warning: {warning}")

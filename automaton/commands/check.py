@@ -26,16 +26,17 @@ from automaton.commands.arguments import (
 from automaton.errors import InputError
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.drawn_floors import write_matrix
-from automaton.scenario.document import Document, is_study, read, shipped
+from automaton.scenario.document import Document
+from automaton.scenario.reading import document_of, is_study, read
+from automaton.scenario.text_files import shipped
 from automaton.strategy.lookup import files_of
 from automaton.studies.sweeps.study import Point, Study, shipped_studies
 from automaton.studies.sweeps.sweep_plan import check_study, describe_point
 from automaton.units import count, shown_unit
 from automaton.world.bounds import bounds_in_words
 from automaton.world.capabilities import default_right_of_way
-from automaton.world.conversion_table import conversion_lines
-from automaton.world.plain_numbers import plain_number_line
-from automaton.world.resolve import Resolved, document_of, resolve
+from automaton.world.conversion_table import conversion_lines, plain_number_line
+from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import scenario_warnings
 
 if TYPE_CHECKING:
@@ -121,7 +122,7 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
     document = document_of(file, settings)
     check_files(resolved, document)
     check_zone_design(resolved, document)
-    plain = plain_number_line(document, as_read.scenario.units.scale)
+    plain = plain_number_line(document.data, as_read.scenario.units.scale)
     more = (*resolved.file_notes, *conversion_lines(as_read), plain, *bounds_in_words(resolved))
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
     if not args.json:

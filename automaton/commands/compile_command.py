@@ -16,8 +16,8 @@ import msgspec
 
 from automaton.commands.check import names_study
 from automaton.errors import InputError
-from automaton.scenario.document import shipped
 from automaton.scenario.schema import LAYER_NAMES, Measure
+from automaton.scenario.text_files import shipped
 from automaton.strategy import lookup
 from automaton.studies.sweeps.sweep_plan import check_study
 from automaton.units import count

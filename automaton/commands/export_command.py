@@ -22,10 +22,10 @@ from automaton.exchange.lif_export import LATEST_LIF as LATEST_LIF
 from automaton.exchange.lif_export import LIF_VERSIONS as LIF_VERSIONS
 from automaton.exchange.lif_export import lif_file
 from automaton.recording.recording_reader import read_recording
-from automaton.scenario.document import find
+from automaton.scenario.text_files import find
 from automaton.units import count, exact_time
+from automaton.world.floor_parts import all_station_names
 from automaton.world.resolve import resolve
-from automaton.world.station_numbers import all_station_names
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

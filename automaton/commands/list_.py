@@ -6,9 +6,10 @@ import argparse
 from typing import Any
 
 from automaton.commands.arguments import add_json_argument, print_json
-from automaton.scenario.document import read, shipped
 from automaton.scenario.floor_section import generator_type, generators
+from automaton.scenario.reading import read
 from automaton.scenario.schema import LAYER_NAMES
+from automaton.scenario.text_files import shipped
 from automaton.studies.sweeps.study import shipped_studies, study_document
 
 SAID = ("summary", "properties")  # no columns of the inventory

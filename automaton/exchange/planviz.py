@@ -35,8 +35,7 @@ import numpy.typing as npt
 
 from automaton.errors import InputError
 from automaton.exchange.problem import Problem
-from automaton.scenario.document import Document
-from automaton.scenario.validation import shown, validated
+from automaton.scenario.validation import T, shown, validated
 from automaton.units import count
 
 ACTION_MODEL: Final = "MAPF_T"
@@ -99,6 +98,13 @@ class PlanvizOutput:
         return int(self.actions.shape[1])
 
 
+def _validated(data: Any, wanted: type[T], file: str) -> T:
+    try:
+        return validated(data, wanted)
+    except InputError as error:
+        raise error.at(file) from None
+
+
 def read_output(path: Path) -> PlanvizOutput:
     """Read an output. Raises InputError where a key is missing or parts do not fit each other."""
     file = str(path)
@@ -106,7 +112,7 @@ def read_output(path: Path) -> PlanvizOutput:
     dealt_out = is_of_2023(data)
     if dealt_out:
         data = as_of_2024(data, file)
-    said = validated(Document(data={}, file=file), data, PlanvizFile)
+    said = _validated(data, PlanvizFile, file)
     if said.action_model != ACTION_MODEL:
         raise InputError(
             f"actionModel must be {ACTION_MODEL}, found {shown(said.action_model)}", file
@@ -253,7 +259,7 @@ def as_of_2024(data: dict[str, Any], file: str) -> dict[str, Any]:
 
     Raises InputError.
     """
-    said = validated(Document(data={}, file=file), data, Parts2023)
+    said = _validated(data, Parts2023, file)
     n = said.team_size
     if len(said.events) != n:
         raise InputError(f"events has {len(said.events):,} entries, teamSize is {n:,}", file)

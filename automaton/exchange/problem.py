@@ -28,7 +28,7 @@ import numpy.typing as npt
 
 from automaton.errors import InputError
 from automaton.floor.drawn_floors import MAX_FLOOR_SIDE
-from automaton.scenario.document import content_lines, lines_of, quoted, whole_number
+from automaton.scenario.text_files import content_lines, lines_of, quoted, whole_number
 
 FREE_LETTERS: Final = ".GSE"
 BLOCKED: Final = "@OTW"

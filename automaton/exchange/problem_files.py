@@ -45,15 +45,15 @@ from automaton.exchange.problem import (
     read_map,
     read_trips,
 )
-from automaton.scenario.document import (
-    Line,
+from automaton.scenario.order_files import read_tasks
+from automaton.scenario.text_files import (
+    ContentLine,
     content_lines,
     counted_lines,
     quoted,
     read_text,
     whole_number,
 )
-from automaton.scenario.order_files import read_tasks
 from automaton.scenario.validation import shown
 from automaton.units import count
 
@@ -209,7 +209,7 @@ def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     """Return the rows below the head of a CSV file, with their lines. Raises InputError."""
     file, lines = str(path), content_lines(path)
     head = ",".join(columns)
-    first = lines[0] if lines else Line(1, "")
+    first = lines[0] if lines else ContentLine(1, "")
     if [name.strip() for name in re.split(",", first.text)] != list(columns):
         raise InputError(f"its head must be '{head}', found {quoted(first.text)}", file, 1)
     rows = []

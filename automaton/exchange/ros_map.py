@@ -35,7 +35,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError, nearest
-from automaton.scenario.document import Document, parse, quoted, read_text
+from automaton.scenario.document import Document, parse
+from automaton.scenario.text_files import quoted, read_text
 from automaton.units import count
 
 MAX_PIXELS: Final = 40_000_000

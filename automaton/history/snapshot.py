@@ -23,7 +23,6 @@ from automaton.engine.observation import CAUSE_NOT_WAITING, Observation, is_wait
 from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
 from automaton.runs.progress import done_count
 from automaton.runs.simulation import Simulation
-from automaton.world.station_numbers import station_names
 
 S = TypeVar("S", bound=Struct)
 
@@ -113,7 +112,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         stops=_copied(world.stops),
         pod_stations=_copied(world.pod_stations),
         gates=_copied(world.gates),
-        station_names=station_names(simulation.resolved),
+        station_names=simulation.resolved.station_names,
         pod_names=simulation.resolved.pod_names,
         stride=simulation.resolved.floor_plan.stride,
         service_zones=_copied(world.service_zones).replaced(

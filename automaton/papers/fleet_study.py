@@ -35,7 +35,7 @@ from automaton.papers.reproduction_study import (
     RunCase,
     Runner,
 )
-from automaton.scenario.document import read_text
+from automaton.scenario.text_files import read_text
 from automaton.strategy import lookup
 from automaton.studies.process_pool import OnDone, RunResult, run_all
 from automaton.world.resolve import Resolved, resolve

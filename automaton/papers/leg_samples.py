@@ -19,7 +19,7 @@ from automaton.errors import InputError
 from automaton.floor.cells import DOCK, RACK
 from automaton.papers.training_settings import measured
 from automaton.scenario.robot_types import RobotType, types_of
-from automaton.world.prepared_floor import Floor, floor_for, frozen
+from automaton.world.prepared_floor import PreparedFloor, floor_for, frozen
 from automaton.world.resolve import Resolved
 from automaton.world.rules import duration_table
 from automaton.world.starts import first_headings
@@ -56,7 +56,7 @@ class Legs(NamedTuple):
 class Site(NamedTuple):
     """Where legs are driven: a floor, its robots' ticks, and the cells between which they drive."""
 
-    floor: Floor
+    floor: PreparedFloor
     duration: npt.NDArray[np.int32]  # ticks of each action
     racks: Cells  # (r,) flat cells from which a rack is served, one for each
     docks: Cells  # (d,)
@@ -84,7 +84,7 @@ def site_of(resolved: Resolved) -> Site:
     return Site(floor, duration, racks, docks)
 
 
-def _access(floor: Floor, mask: npt.NDArray[np.bool_]) -> Cells:
+def _access(floor: PreparedFloor, mask: npt.NDArray[np.bool_]) -> Cells:
     """The first access cell of each slot of a mask that has one."""
     access = floor.slot_access[mask]
     served = access[(access != NIL).any(axis=1)]

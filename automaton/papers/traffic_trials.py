@@ -23,7 +23,7 @@ from automaton.papers.reproduction_study import Case, Key, PublishedTable, read_
 from automaton.papers.training_report import COLUMNS, PRINTED_TABLES, TrainingRow, from_json
 from automaton.scenario.floor_section import generator_type
 from automaton.scenario.robot_types import RobotType
-from automaton.world.prepared_floor import Floor, floor_for
+from automaton.world.prepared_floor import PreparedFloor, floor_for
 from strategies.routing import monte_carlo
 from strategies.routing.astar import LARGER_G, RouteSpace, route_space
 from strategies.routing.predicted_paths import CERTAIN, USED_SHARE, false_alarms
@@ -84,7 +84,7 @@ def warehouse(side: int = WAREHOUSE_SIDE) -> Warehouse:
     )
 
 
-def stands(floor: Floor, kind: int) -> Array:
+def stands(floor: PreparedFloor, kind: int) -> Array:
     """(k,) the cells from which the slots of a kind are served: docks from the east."""
     access = floor.slot_access[floor.grid.kind[floor.slot_cell] == kind]
     found: Array = np.where(access[:, EAST] != NIL, access[:, EAST], access.max(1))

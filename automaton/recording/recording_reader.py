@@ -14,7 +14,7 @@ import msgspec
 import numpy as np
 
 from automaton.engine.record_codes import KEYFRAME_TICKS
-from automaton.errors import InputError
+from automaton.errors import InputError, refuse
 from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, NIL, SHELF, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan, bays_of
 from automaton.recording.contents import (
@@ -49,14 +49,13 @@ from automaton.recording.frames import (
 )
 from automaton.recording.header import floor_plan_of, own_allocation_of
 from automaton.scenario.carried_pods import carries_pods
-from automaton.scenario.document import Document
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
 from automaton.scenario.order_lines import plain_data
 from automaton.scenario.orders import MAX_STOPS, LineDemand
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup
-from automaton.world.feasibility import check_energy, check_feasible
+from automaton.world.feasibility import check_energy, feasible_fleet
 from automaton.world.floor_parts import check_speed_limits
 from automaton.world.resolve import CHANGEABLE, Resolved, choose_strategies, choose_strategy
 from automaton.world.task_lists import order_count
@@ -139,10 +138,8 @@ class Admission:
         if there[0] != carries_pods(self.scenario, self.floor_plan):
             raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
         self._check_slots(header)
-        check_speed_limits(Document(header["scenario"]), self.scenario, self.floor_plan)
-        start = check_feasible(
-            Document(header["scenario"]), self.scenario, Floor(self.floor_plan, _on_floor)
-        ).start
+        refuse(check_speed_limits(self.scenario, self.floor_plan))
+        start = feasible_fleet(self.scenario, Floor(self.floor_plan)).start
         if start != (
             header["start"] if isinstance(header["start"], str) else tuple(header["start"])
         ):
@@ -254,12 +251,11 @@ class Admission:
                 raise InvalidFrameError(
                     f"strategy.{key} is {name} here and {given[key].name} there"
                 )
-        document = Document(plain_data(scenario))
         known = [layer for layer in LAYER_NAMES if lookup.is_built_in(layer, given[layer].name)]
-        choices = choose_strategies(document, scenario, self.floor_plan, known)
+        choices = choose_strategies(scenario, self.floor_plan, known)
         for key, spec in specs.items():
             if key not in LAYER_NAMES and lookup.is_built_in("allocation", given[key].name):
-                choices[key] = choose_strategy(document, scenario, "allocation", spec, (key,))
+                choices[key] = choose_strategy(scenario, "allocation", spec, (key,))
         for key, strategy in choices.items():
             if _as_stored(strategy.parameters) != given[key].parameters:
                 raise InvalidFrameError(
@@ -276,7 +272,7 @@ class Admission:
                 name not in CHANGEABLE or not (content["tick"] or content["settings"])
             ):
                 raise InvalidFrameError(f"{name} is not as in the header")
-        check_energy(Document(content["scenario"]), scenario, self.floor_plan)
+        refuse(check_energy(scenario, self.floor_plan))
         self._check_strategies(scenario, content["strategies"])
 
 
@@ -326,7 +322,7 @@ def check_layout(layout: Content) -> None:
     """A generator that comes with the program takes these parameters. Raises InputError."""
     if is_shipped(layout):
         parameters = {key: value for key, value in layout.items() if key != "generator"}
-        validated(Document({}), parameters, generator_type(layout["generator"]), ("layout",))
+        validated(parameters, generator_type(layout["generator"]), ("layout",))
 
 
 def check_plan(floor_plan: FloorPlan) -> None:
@@ -370,10 +366,6 @@ def check_digest(text: str) -> None:
     """Raises InvalidFrameError for what is not a digest."""
     if len(text) != DIGEST_DIGITS or set(text) - set("0123456789abcdef"):
         raise InvalidFrameError("its digest is not 16 hex digits")
-
-
-def _on_floor(message: str, row: int) -> InputError:
-    return InputError(message)
 
 
 # Read the file of a recording: its chain and its header at once, frames as they are asked for.

@@ -9,7 +9,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from automaton.scenario.document import content_hash
+from automaton.scenario.text_files import content_hash
 from automaton.strategy.lookup import files_of
 from automaton.world.resolve import Resolved
 

@@ -37,7 +37,6 @@ from automaton.runs.interruption import interruptible
 from automaton.runs.progress import asked_orders, has_lines
 from automaton.strategy.placing import dropoff_cell, pickup_cell
 from automaton.world.resolve import Resolved
-from automaton.world.station_numbers import station_names
 
 POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
 
@@ -406,7 +405,7 @@ class Station(NamedTuple):
 def metrics_by_station(run: Measured) -> list[dict[str, Any]]:
     """For each station, in the order of numbers, what Station has; () where no pods are carried."""
     world = run.world
-    names = station_names(run.resolved)
+    names = run.resolved.station_names
     stations, elapsed = world.pod_stations, max(int(world.clock[CLOCK_TICK]), 1)
     done_at = world.stops.cell[world.stops.done != NIL]
     visited = stations.station_at[done_at] if names else NOTHING

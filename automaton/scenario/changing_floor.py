@@ -16,7 +16,6 @@ import msgspec
 from msgspec import Meta
 
 from automaton.errors import InputError, nearest
-from automaton.scenario.document import quoted
 from automaton.scenario.durations import Distribution, MoveTicks
 from automaton.scenario.quantities import (
     LAST_TICK,
@@ -29,6 +28,7 @@ from automaton.scenario.quantities import (
     Tick,
     quantity,
 )
+from automaton.scenario.text_files import quoted
 
 Cell = tuple[int, int]
 Locations = Annotated[

@@ -8,31 +8,27 @@ Single values are replaced from the command line: `--set fleet.robots=5`.
 from __future__ import annotations
 
 import copy
-import hashlib
-import os
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, Final, NamedTuple
+from typing import Any, Final
 
 import yaml
 from yaml.reader import Reader
 
-from automaton.errors import InputError, nearest
+from automaton.errors import WHOLE_LIST, InputError, Keys
 from automaton.printable import cleaned_document
-from automaton.units import count
-
-Keys = tuple[str | int, ...]  # the way to a value: ("fleet", "start", 0)
+from automaton.scenario.text_files import ListFile
 
 MAX_NODES: Final = 100_000  # values after aliases are expanded: a bomb of aliases is refused unread
-MAX_DEPTH: Final = 40
-DEEP: Final = f"nested more than {MAX_DEPTH} levels deep"
+MAX_NESTING: Final = 40
+DEEP: Final = f"nested more than {MAX_NESTING} levels deep"
 LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 TAG: Final = "tag:yaml.org,2002:"
 TEXT_TAGS: Final = (TAG + "str", TAG + "timestamp", TAG + "value", TAG + "merge")
-WHOLE: Final = re.compile(r"[-+]?(0|[1-9][0-9]{0,30})")
-FRACTION: Final = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
+PLAIN_WHOLE: Final = re.compile(r"[-+]?(0|[1-9][0-9]{0,30})")
+PLAIN_FRACTION: Final = re.compile(r"[-+]?([0-9]+\.[0-9]*|\.[0-9]+)([eE][-+]?[0-9]+)?")
 LEADING_TAB: Final = re.compile(r"^ *\t[ \t]*[^\s#]", re.MULTILINE)
 CONTROL: Final = Reader.NON_PRINTABLE
 
@@ -44,14 +40,6 @@ class Override:
     argument: str  # as typed: "--set fleet.robots=5"
     keys: Keys
     value: Any
-
-
-class ListFile(NamedTuple):
-    """A file whose lines became the entries of a list or a mapping of a scenario."""
-
-    keys: Keys  # the way to that list
-    file: str  # as errors name it
-    lines: Any  # where each entry stands, from 1: of a list by its index, of a mapping by its key
 
 
 @dataclass(frozen=True)
@@ -70,7 +58,8 @@ class Document:
         """An error about the value at `keys`: placed at its line, or at the --set that gave it."""
         for listed in self.listed:
             if keys[: len(listed.keys)] == listed.keys < keys:
-                line = int(listed.lines[keys[len(listed.keys)]])
+                entry = keys[len(listed.keys)]
+                line = None if entry == WHOLE_LIST else int(listed.lines[entry])
                 return InputError(message, listed.file, line)
         for override in reversed(self.overrides):
             shared = min(len(keys), len(override.keys))
@@ -104,6 +93,10 @@ def find_node(root: yaml.Node, keys: Keys) -> tuple[yaml.Node, int, int]:
             node = node.value[key]
             line = node.start_mark.line + 1
         else:
+            if isinstance(node, yaml.ScalarNode) and node.style == "|" and isinstance(key, int):
+                line = (
+                    node.start_mark.line + 2 + key
+                )  # of a block, whose rows have lines of their own
             return node, line, depth
     return node, line, len(keys)
 
@@ -145,7 +138,7 @@ def _refuse_unbounded(text: str, file: str | None) -> None:
         depth -= isinstance(event, yaml.CollectionEndEvent)
         mark: Any = event.start_mark
         line = mark.line + 1
-        if depth > MAX_DEPTH:
+        if depth > MAX_NESTING:
             raise InputError(DEEP, file, line)
         if number > MAX_NODES:
             raise InputError(f"holds more than {MAX_NODES:,} values", file, line)
@@ -188,9 +181,9 @@ def _measure(
     for child in _children(node):
         child_size, child_depth = _measure(child, file, sizes)
         size, depth = size + child_size, max(depth, child_depth + 1)
-    if size > MAX_NODES or depth > MAX_DEPTH:
+    if size > MAX_NODES or depth > MAX_NESTING:
         raise InputError(
-            f"aliases expand to more than {MAX_NODES:,} values or {MAX_DEPTH} levels", file, line
+            f"aliases expand to more than {MAX_NODES:,} values or {MAX_NESTING} levels", file, line
         )
     sizes[id(node)] = (size, depth)
     return size, depth
@@ -240,9 +233,9 @@ def _scalar(node: yaml.ScalarNode, file: str | None) -> Any:
             file,
             line,
         )
-    if tag == TAG + "int" and WHOLE.fullmatch(text):
+    if tag == TAG + "int" and PLAIN_WHOLE.fullmatch(text):
         return int(text)
-    if tag == TAG + "float" and FRACTION.fullmatch(text):
+    if tag == TAG + "float" and PLAIN_FRACTION.fullmatch(text):
         return float(text)
     if tag in (TAG + "int", TAG + "float"):
         shown = text if len(text) <= 40 else text[:37] + "..."
@@ -260,6 +253,9 @@ def _unsupported(node: yaml.Node, file: str | None) -> InputError:
     return InputError(f"the tag {tag} has no meaning here", file, node.start_mark.line + 1)
 
 
+# Values from the command line in the place of those of the text.
+
+
 def override(document: Document, settings: Iterable[str | Override]) -> Document:
     """The document with each KEY=VALUE applied in turn; VALUE is YAML. Raises InputError."""
     overrides = tuple(
@@ -267,7 +263,7 @@ def override(document: Document, settings: Iterable[str | Override]) -> Document
     )
     if not overrides:
         return document
-    data = copy.deepcopy(document.data)
+    data = copy.copy(document.data)
     for setting in overrides:
         _put(data, setting)
     return replace(document, data=data, overrides=document.overrides + overrides)
@@ -291,6 +287,7 @@ def keys_of(name: str) -> Keys:
 
 
 def _put(data: dict[str, Any], setting: Override) -> None:
+    """Set a value; what lies on the way to it becomes a copy."""
     inner: Any = data
     for depth, key in enumerate(setting.keys):
         last = depth == len(setting.keys) - 1
@@ -299,12 +296,13 @@ def _put(data: dict[str, Any], setting: Override) -> None:
             if last:
                 inner[int(key)] = setting.value
             else:
-                inner = inner[int(key)]
+                inner[int(key)] = inner = copy.copy(inner[int(key)])
         elif isinstance(inner, dict):
             if last:
                 inner[str(key)] = setting.value
             else:
-                inner[str(key)] = inner = _opened(inner.get(str(key)), setting.keys[: depth + 1])
+                opened = _opened(inner.get(str(key)), setting.keys[: depth + 1])
+                inner[str(key)] = inner = copy.copy(opened)
         else:
             where = _dotted(setting.keys[:depth])
             raise InputError(f"{where} has no parts that could be set", setting.argument)
@@ -331,217 +329,3 @@ def _require_index(items: list[Any], key: str | int, depth: int, setting: Overri
 
 def _dotted(keys: Keys) -> str:
     return ".".join(map(str, keys))
-
-
-# Scenarios as files: found by path or by the name of a shipped one, read within limits.
-
-
-MAX_BYTES: Final = 8_000_000
-STUDY_KEYS: Final = frozenset(
-    ("scenario", "factors", "points", "replications", "analysis", "common_random_numbers")
-)
-SHIPPED_FOLDER: Final = Path(__file__).resolve().parent.parent.parent / "layouts"
-
-
-# What recordings begin with (automaton.recording.frames): scenarios know none.
-RECORDING_START: Final = b"\x93AUTOMATON\r\n"
-STUDIES_ARE_SWEPT: Final = "`automaton sweep STUDY --out FOLDER` does its runs"
-
-
-def shipped() -> dict[str, Path]:
-    """The scenarios that come with the package, by name."""
-    return {
-        path.stem: path
-        for path in sorted(SHIPPED_FOLDER.glob("*.yaml"), key=lambda path: path.stem)
-    }
-
-
-def find(name: str | Path) -> Path:
-    """The file of a scenario: a path, or the name of a shipped one. Raises InputError."""
-    path = Path(name)  # os.path takes a name that is too long for one that there is not
-    if os.path.isfile(path):
-        return path
-    known = shipped()
-    if str(name) in known:
-        return known[str(name)]
-    if os.path.isdir(path):
-        raise InputError("is a folder, not a scenario file", str(name))
-    if os.path.exists(path):
-        raise InputError("is not a regular file", str(name))
-    if os.sep in str(name) or path.suffix in (".yaml", ".yml"):
-        raise InputError("no such file", str(name))
-    if str(name) in {path.stem for path in (SHIPPED_FOLDER / "studies").glob("*.yaml")}:
-        raise InputError(f"'{name}' is a study; {STUDIES_ARE_SWEPT}")
-    hint = nearest(str(name), known) or f"; there are {', '.join(known)}"
-    raise InputError(f"no file and no shipped scenario is called '{name}'{hint}")
-
-
-def is_recording(path: Path) -> bool:
-    """Whether a file begins as recordings do. Raises OSError."""
-    if not os.path.isfile(path):
-        return False
-    with path.open("rb") as stream:
-        return stream.read(len(RECORDING_START)) == RECORDING_START
-
-
-def read_text(path: Path) -> str:
-    """The text of a file of at most MAX_BYTES bytes. Raises InputError."""
-    file = str(path)
-    try:
-        if is_recording(path):
-            raise InputError("is a recording, not a scenario; automaton replay shows it", file)
-        size = path.stat().st_size
-        if size > MAX_BYTES:
-            limit = MAX_BYTES // 1_000_000
-            message = f"has {size / 1e6:,.1f} MB; scenarios and floors may have {limit} MB at most"
-            raise InputError(message, file)
-        if not os.path.isfile(path):
-            raise InputError("is not a regular file", file)
-        with path.open("rb") as stream:
-            content = stream.read(MAX_BYTES)
-    except OSError as error:
-        reason = (error.strerror or str(error)).lower()
-        raise InputError(f"cannot be read: {reason}", file) from None
-    if content.startswith((b"\xff\xfe", b"\xfe\xff")):
-        raise InputError("is UTF-16 text; save it as UTF-8", file)
-    if b"\0" in content[:4096]:
-        raise InputError("is not a text file (it holds zero bytes)", file)
-    try:
-        return content.decode("utf-8-sig").replace("\r\n", "\n")
-    except UnicodeDecodeError as error:
-        line = content.count(b"\n", 0, error.start) + 1
-        byte = content[error.start]
-        raise InputError(f"is not UTF-8 text (byte {byte:#04x})", file, line) from None
-
-
-def content_hash(file: Path) -> str:
-    """16 hex digits of the content of a file; "" if it cannot be read, or is not a regular file."""
-    if not os.path.isfile(file):
-        return ""
-    try:
-        with file.open("rb") as stream:
-            return hashlib.file_digest(stream, "sha256").hexdigest()[:16]
-    except OSError:
-        return ""
-
-
-def is_study(data: dict[str, Any]) -> bool:
-    """Whether what a file says means to be a study and not a scenario."""
-    return "layout" not in data and not STUDY_KEYS.isdisjoint(data)
-
-
-def read(name: str | Path) -> Document:
-    """Read a scenario by path or by shipped name, without checking what it says."""
-    path = find(name)
-    text = read_text(path)
-    file = str(path)
-    data, root = parse(text, file)
-    if data is None:
-        raise InputError("is empty; a scenario needs at least name, layout and fleet", file)
-    if not isinstance(data, dict):
-        raise InputError("a scenario has keys such as name, layout and fleet; found none", file, 1)
-    return Document(data=data, file=file, folder=path.parent, text=text, root=root)
-
-
-# Lines of a text file, with the place of whatever is wrong in them.
-
-
-WHOLE_NUMBER: Final = re.compile(r"[+-]?[0-9]{1,10}")
-MAX_SHOWN: Final = 30  # characters of what is wrong
-
-
-class Line(NamedTuple):
-    """A line with content."""
-
-    number: int  # in its file, from 1
-    text: str  # without blanks at its end
-
-
-def lines_of(path: Path) -> list[str]:
-    """Return the lines of a text file, blanks at their ends included. Raises InputError."""
-    if not os.path.exists(path):
-        raise InputError("no such file", str(path))
-    return read_text(path).replace("\r", "\n").split("\n")
-
-
-def content_lines(path: Path) -> list[Line]:
-    """Return the lines of a file that are neither empty nor comments. Raises InputError."""
-    lines = (Line(number, text.rstrip()) for number, text in enumerate(lines_of(path), 1))
-    return [line for line in lines if line.text and not line.text.lstrip().startswith("#")]
-
-
-def quoted(text: str) -> str:
-    """Return a text as an error shows it, or 'nothing'."""
-    shown = text if len(text) <= MAX_SHOWN else text[: MAX_SHOWN - 3] + "..."
-    return repr(shown) if text else "nothing"
-
-
-def whole_number(text: str, what: str, file: str, line: int, column: int = 0) -> int:
-    """Return a text as a whole number. `column`: of its file, from 1; 0: not said.
-
-    Raises InputError.
-    """
-    word = text.strip()
-    if not WHOLE_NUMBER.fullmatch(word):
-        place = f"column {column}: " if column else ""
-        raise InputError(f"{place}{what} must be a whole number, found {quoted(word)}", file, line)
-    return int(word)
-
-
-def split_columns(text: str, separator: str) -> Iterator[tuple[int, str]]:
-    """Yield (column from 1, text) of what lies between separators, blanks included."""
-    column = 1
-    for part in text.split(separator):
-        yield column, part
-        column += len(part) + len(separator)
-
-
-def counted_lines(lines: Sequence[Line], what: str, file: str) -> Sequence[Line]:
-    """Return the lines below the count that comes first; `what`: "agent", "task".
-
-    Raises InputError where there are more or fewer lines than the count says.
-    """
-    if not lines:
-        raise InputError(f"is empty; its first line must be the number of {what}s", file)
-    stated = whole_number(lines[0].text, f"the number of {what}s", file, lines[0].number)
-    below = lines[1:]
-    if len(below) != stated or not stated:
-        line = below[stated].number if 0 <= stated < len(below) else lines[0].number
-        raise InputError(
-            f"line {lines[0].number} says {count(stated, what)}, the file has {len(below):,}",
-            file,
-            line,
-        )
-    return below
-
-
-# The files that a scenario consists of: its own, and those that its texts name.
-
-
-MAX_NAME: Final = 255  # characters of a file's name; pictures of floors are texts, too
-
-
-def named_files(scenario: str | Path) -> tuple[Path, ...]:
-    """The file of a scenario, and the files beside it that it names; its own first.
-
-    A scenario that cannot be read names no others. Raises InputError if there is no such scenario.
-    """
-    own = find(scenario)
-    try:
-        document = read(own)
-    except InputError:
-        return (own,)
-    paths = (document.folder / text for text in _texts(document.data))
-    return (own, *dict.fromkeys(path for path in paths if os.path.isfile(path) and path != own))
-
-
-def _texts(value: Any) -> Iterator[str]:
-    """The texts of a document that may be names of files."""
-    if isinstance(value, dict):
-        for inner in value.values():
-            yield from _texts(inner)
-    elif isinstance(value, list):
-        for inner in value:
-            yield from _texts(inner)
-    elif isinstance(value, str) and 0 < len(value) <= MAX_NAME and value.isprintable():
-        yield value

@@ -26,7 +26,6 @@ from numpy.typing import NDArray
 
 from automaton.errors import InputError
 from automaton.scenario.columns import TextColumn
-from automaton.scenario.document import quoted
 from automaton.scenario.quantities import (
     LAST_TICK,
     SECONDS_OF_DAY,
@@ -38,6 +37,7 @@ from automaton.scenario.quantities import (
     rounded,
 )
 from automaton.scenario.table_fields import DATE_CODES, NO_DUE, SERIAL
+from automaton.scenario.text_files import quoted
 from automaton.units import ticks_and_time
 
 MICRO: Final = 1_000_000

@@ -6,12 +6,12 @@ import importlib
 import os
 from collections.abc import Callable, Hashable
 from functools import lru_cache
+from pathlib import Path
 from typing import Any, NamedTuple, Protocol, cast
 
 import msgspec
-import yaml
 
-from automaton.errors import InputError, alternatives, nearest
+from automaton.errors import InputError, InvalidValueError, Keys, alternatives, nearest
 from automaton.floor.drawn_floors import (
     Legend,
     MatrixError,
@@ -22,7 +22,6 @@ from automaton.floor.drawn_floors import (
     symbol_of,
 )
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.document import Document, Keys, read_text
 from automaton.scenario.quantities import with_texts
 from automaton.scenario.schema import (
     LAYER_NAMES,
@@ -32,6 +31,7 @@ from automaton.scenario.schema import (
     PictureLayout,
     Scenario,
 )
+from automaton.scenario.text_files import read_text
 from automaton.scenario.validation import shown, validated
 
 LAYOUT: Keys = ("layout",)
@@ -50,14 +50,19 @@ class Generator(Hashable, Protocol):
 
 
 class Floor(NamedTuple):
-    """A floor and how to place an error about one of its rows."""
+    """A floor, and where its rows stand."""
 
     floor_plan: FloorPlan
-    error: RowError
+    rows: Keys = ()  # the way to the rows of its picture; (): it was generated
+    file: str = ""  # that they are read from
+
+    def row_keys(self, y: int) -> Keys:
+        """The way to the row y of the picture, or to the layout that has none."""
+        return (*self.rows, y) if self.rows else LAYOUT
 
 
-def floor_of(document: Document, layout: dict[str, Any]) -> Floor:
-    """The floor that the layout of a scenario describes. Raises InputError."""
+def floor_of(layout: dict[str, Any], folder: Path) -> Floor:
+    """The floor that the layout of a scenario describes; `folder`: of its file. Raises InputError."""
     forms = {
         "generator": _generated,
         "picture": _drawn,
@@ -67,8 +72,10 @@ def floor_of(document: Document, layout: dict[str, Any]) -> Floor:
     found = [form for form in forms if form in layout]
     if len(found) != 1:
         hint = next((nearest(key, forms) for key in layout if not found), "")
-        raise document.error(LAYOUT, f"layout must have exactly one of {alternatives(forms)}{hint}")
-    return forms[found[0]](document, layout)
+        raise InvalidValueError(
+            LAYOUT, f"layout must have exactly one of {alternatives(forms)}{hint}"
+        )
+    return forms[found[0]](layout, folder)
 
 
 def generators() -> dict[str, str]:
@@ -113,34 +120,30 @@ def point_names(layout: dict[str, Any]) -> dict[str, tuple[int, int]]:
         return {}
     wanted = generator_type(layout["generator"])
     parameters = {key: value for key, value in layout.items() if key != "generator"}
-    points = getattr(validated(Document({}), parameters, wanted, LAYOUT), "points", None)
+    points = getattr(validated(parameters, wanted, LAYOUT), "points", None)
     return dict(points()) if points else {}
 
 
-def _generated(document: Document, layout: dict[str, Any]) -> Floor:
+def _generated(layout: dict[str, Any], folder: Path) -> Floor:
     try:
         wanted = generator_type(layout["generator"])
     except InputError as error:
-        raise document.error(("layout", "generator"), error.message) from None
+        raise InvalidValueError(("layout", "generator"), error.message) from None
     parameters = {key: value for key, value in layout.items() if key != "generator"}
-    generator = cast(Generator, validated(document, parameters, wanted, LAYOUT))
-
-    def error_at(message: str, row: int) -> InputError:
-        return document.error(LAYOUT, message)
-
+    generator = cast(Generator, validated(parameters, wanted, LAYOUT))
     try:
         floor_plan = _built(generator)
     except InputError as error:
-        raise document.error(LAYOUT, error.message) from None
+        raise InvalidValueError(LAYOUT, error.message) from None
     except Exception as error:  # the generator is a user's code
         text = f"generator {layout['generator']!r} failed: {type(error).__name__}: {error}"
-        raise document.error(LAYOUT, text) from error
+        raise InvalidValueError(LAYOUT, text) from error
     if not isinstance(floor_plan, FloorPlan):
         text = (
             f"generator {layout['generator']!r} built {type(floor_plan).__name__}, not a FloorPlan"
         )
-        raise document.error(LAYOUT, text)
-    return Floor(floor_plan, error_at)
+        raise InvalidValueError(LAYOUT, text)
+    return Floor(floor_plan)
 
 
 @lru_cache(maxsize=64)
@@ -148,65 +151,67 @@ def _built(generator: Generator) -> FloorPlan:
     return generator.build()
 
 
-def _drawn(document: Document, layout: dict[str, Any]) -> Floor:
-    drawn = validated(document, layout, PictureLayout, LAYOUT)
+def _drawn(layout: dict[str, Any], folder: Path) -> Floor:
+    drawn = validated(layout, PictureLayout, LAYOUT)
     keys: Keys = ("layout", "picture")
-    node = document.node(keys)
-    # Only a block keeps its rows on lines of their own.
-    block = isinstance(node, yaml.ScalarNode) and node.style == "|"
 
     def error_at(message: str, row: int) -> InputError:
-        error = document.error(keys, message)
-        if block and node is not None and error.line is not None:
-            error.line = node.start_mark.line + 2 + row
-        return error
+        return InvalidValueError((*keys, row), message)
 
-    return _picture(drawn.picture, _legend(document, drawn.legend), error_at)
+    return Floor(_picture(drawn.picture, _legend(drawn.legend), error_at), keys)
 
 
-def _from_file(document: Document, layout: dict[str, Any]) -> Floor:
-    wanted = validated(document, layout, FileLayout, LAYOUT)
-    picture, error_at = _read_beside(document, "file", wanted.file)
-    return _picture(picture, _legend(document, wanted.legend), error_at)
+def _from_file(layout: dict[str, Any], folder: Path) -> Floor:
+    wanted = validated(layout, FileLayout, LAYOUT)
+    path = _floor_file(folder, "file", wanted.file)
+    picture = _picture(read_text(path), _legend(wanted.legend), _error_in(path))
+    return Floor(picture, ("layout", "file"), str(path))
 
 
-def _from_matrix(document: Document, layout: dict[str, Any]) -> Floor:
-    wanted = validated(document, layout, MatrixLayout, LAYOUT)
-    text, error_at = _read_beside(document, "matrix", wanted.matrix)
+def _from_matrix(layout: dict[str, Any], folder: Path) -> Floor:
+    wanted = validated(layout, MatrixLayout, LAYOUT)
+    path = _floor_file(folder, "matrix", wanted.matrix)
+    text = read_text(path)
     try:
-        return Floor(read_matrix(text, wanted.capacity), error_at)
+        return Floor(read_matrix(text, wanted.capacity), ("layout", "matrix"), str(path))
     except MatrixError as error:
-        raise error_at(error.message, error.row) from None
+        raise InputError(error.message, str(path), error.row + 1) from None
 
 
-def _read_beside(document: Document, key: str, name: str) -> tuple[str, RowError]:
-    """The text of a file beside the scenario, and how to place an error in it. Raises InputError."""
-    path = document.folder / name
+def _floor_file(folder: Path, key: str, name: str) -> Path:
+    """A file beside the scenario. Raises InvalidValueError."""
+    path = folder / name
     if not os.path.isfile(path):
-        raise document.error(("layout", key), f"there is no floor file '{name}'")
-    return read_text(path), lambda message, row: InputError(message, str(path), row + 1)
+        raise InvalidValueError(("layout", key), f"there is no floor file '{name}'")
+    return path
 
 
-def _picture(picture: str, legend: Legend, error_at: RowError) -> Floor:
+def _error_in(path: Path) -> RowError:
+    return lambda message, row: InputError(message, str(path), row + 1)
+
+
+def _picture(picture: str, legend: Legend, error_at: RowError) -> FloorPlan:
     tab = picture.find("\t")
     if tab >= 0:
         raise error_at("the picture holds a tab; use blanks or '#'", picture.count("\n", 0, tab))
     try:
-        return Floor(draw_floor(picture, legend), error_at)
+        return draw_floor(picture, legend)
     except PictureError as error:
         raise error_at(error.message, error.row) from None
 
 
-def _legend(document: Document, legend: dict[str, Any]) -> Legend:
+def _legend(legend: dict[str, Any]) -> Legend:
     symbols = []
     for character, value in legend.items():
         keys: Keys = ("layout", "legend", character)
         try:
             check_new_symbol(character)
-            entry = validated(document, value, LegendEntry, keys)
+            entry = validated(value, LegendEntry, keys)
             symbol = symbol_of(entry.kind, entry.capacity, entry.exits, entry.loaded, entry.opens)
+        except InvalidValueError:
+            raise
         except InputError as error:
-            raise error if error.file else document.error(keys, error.message) from None
+            raise InvalidValueError(keys, error.message) from None
         symbols.append((character, symbol))
     return tuple(symbols)
 

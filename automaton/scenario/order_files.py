@@ -22,20 +22,11 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.errors import InputError, nearest
+from automaton.errors import InputError, Keys, nearest
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.carried_pods import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.changing_floor import Cell
-from automaton.scenario.document import (
-    Document,
-    Keys,
-    content_hash,
-    content_lines,
-    counted_lines,
-    quoted,
-    split_columns,
-    whole_number,
-)
+from automaton.scenario.document import Document
 from automaton.scenario.order_lines import LineTable
 from automaton.scenario.orders import (
     MAX_STOPS,
@@ -56,6 +47,14 @@ from automaton.scenario.table_reader import (
     read_table,
     reading_notes,
     with_rows,
+)
+from automaton.scenario.text_files import (
+    content_hash,
+    content_lines,
+    counted_lines,
+    quoted,
+    split_columns,
+    whole_number,
 )
 
 TRANSPORTS_KEY: Final[Keys] = ("orders", "transports", "file")

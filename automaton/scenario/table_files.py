@@ -16,7 +16,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal, NamedTuple, cast, get_args
 
@@ -24,9 +23,9 @@ import numpy as np
 from msgspec import structs
 from numpy.typing import NDArray
 
-from automaton.errors import InputError, nearest
+from automaton.errors import InputError, InvalidValueError, Keys, nearest
 from automaton.scenario.changing_floor import Cell, Locations
-from automaton.scenario.document import Document, Keys, quoted
+from automaton.scenario.document import Document
 from automaton.scenario.durations import LONGEST, Distribution, Handling
 from automaton.scenario.fleet import StartFile
 from automaton.scenario.pods import PodColumns, Pods
@@ -53,6 +52,7 @@ from automaton.scenario.table_reader import (
     reading_notes,
     with_rows,
 )
+from automaton.scenario.text_files import quoted
 from automaton.scenario.validation import NumberRange, Place, convert, validated
 
 LOCATIONS_KEY: Final[Keys] = ("locations",)
@@ -82,8 +82,7 @@ def with_locations_of_file(document: Document) -> tuple[Document, ReadFile | Non
         return document, None
     path = named_file(document, LOCATIONS_KEY, LocationColumns.rows, named)
     cells, lines, content_hash = read_locations(path)
-    document = replace(document, data={**document.data, "locations": cells})
-    document = with_rows(document, LOCATIONS_KEY, str(path), lines)
+    document = with_rows(document, LOCATIONS_KEY, str(path), lines, locations=cells)
     return document, ReadFile(str(path.resolve()), content_hash)
 
 
@@ -132,9 +131,9 @@ def names_of_cells(document: Document) -> dict[str, Cell]:
             continue  # it is checked with the section where it stands
         if names.setdefault(name, cell) != cell:
             if kind == what[name]:
-                raise document.error(keys, f"two {kind}s are called {name}")
+                raise InvalidValueError(keys, f"two {kind}s are called {name}")
             other = f"the {what[name]} {name} is at {list(names[name])}"
-            raise document.error(keys, f"{other}, but the {kind} {name} is at {list(cell)}")
+            raise InvalidValueError(keys, f"{other}, but the {kind} {name} is at {list(cell)}")
         what.setdefault(name, kind)
     return names
 
@@ -160,9 +159,7 @@ def _cell(at: Any) -> Cell | None:
 
 def _locations(document: Document) -> dict[str, Cell] | str:
     value = document.data.get("locations", {})
-    locations: dict[str, Cell] | str = validated(
-        document, value, cast("type[Any]", Locations), LOCATIONS_KEY
-    )
+    locations: dict[str, Cell] | str = validated(value, cast("type[Any]", Locations), LOCATIONS_KEY)
     return locations
 
 
@@ -171,7 +168,7 @@ def with_pods_of_file(document: Document) -> tuple[Document, ReadFile | None]:
     section = document.data.get("pods")
     if not isinstance(section, dict) or section.get("file") is None:
         return document, None
-    pods = validated(document, section, Pods, PODS_KEY)
+    pods = validated(section, Pods, PODS_KEY)
     path = named_file(document, (*PODS_KEY, "file"), PodColumns.rows, str(pods.file))
     table = read_table(path, PodColumns, pods.options, pods.columns)
     rows = _sequence(table)
@@ -180,8 +177,8 @@ def with_pods_of_file(document: Document) -> tuple[Document, ReadFile | None]:
     of_file = ("file", "columns", "sheet", "encoding")  # keys that the list does without
     rest = {key: value for key, value in section.items() if key not in of_file}
     listed = {**rest, "list": _pods(table, rows)}
-    document = replace(document, data={**document.data, "pods": listed})
-    document = with_rows(document, (*PODS_KEY, "list"), str(path), table.lines[rows])
+    keys = (*PODS_KEY, "list")
+    document = with_rows(document, keys, str(path), table.lines[rows], pods=listed)
     notes = tuple(reading_notes(table, NO_TIMES))
     return document, ReadFile(str(path.resolve()), table.content_hash, notes)
 
@@ -294,15 +291,15 @@ def with_starts_of_file(
     starts = read_starts(path)
     if starts.headings is not None and scenario.fleet.heading is not None:
         text = f"the headings are in {start.file}; leave out fleet.heading, or that column"
-        raise document.error(("fleet", "heading"), text)
+        raise InvalidValueError(("fleet", "heading"), text)
     if len(starts.cells) != scenario.fleet.robots:
         text = f"fleet.robots is {scenario.fleet.robots:,}, but {start.file} has"
-        raise document.error(("fleet", "robots"), f"{text} {len(starts.cells):,} starts")
+        raise InvalidValueError(("fleet", "robots"), f"{text} {len(starts.cells):,} starts")
     if starts.headings is not None and "differential" not in scenario.fleet.all_kinematics:
         text = (
             f"{start.file} has headings, which belong to differential robots; leave out that column"
         )
-        raise document.error(("fleet", "start", "file"), text)
+        raise InvalidValueError(("fleet", "start", "file"), text)
     fleet = structs.replace(
         scenario.fleet, start=starts.cells, heading=starts.headings or scenario.fleet.heading
     )

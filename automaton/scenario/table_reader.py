@@ -23,7 +23,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.errors import InputError, alternatives, nearest
+from automaton.errors import InputError, InvalidValueError, Keys, alternatives, nearest
 from automaton.scenario.columns import (
     CsvColumns,
     RowErrors,
@@ -32,7 +32,7 @@ from automaton.scenario.columns import (
     read_csv_columns,
     read_sheet_columns,
 )
-from automaton.scenario.document import Document, Keys, ListFile, content_hash, quoted
+from automaton.scenario.document import Document
 from automaton.scenario.file_times import ReadingCounts, TimeReader
 from automaton.scenario.quantities import Scale
 from automaton.scenario.table_fields import (
@@ -49,6 +49,7 @@ from automaton.scenario.table_fields import (
     TextField,
     fields_of,
 )
+from automaton.scenario.text_files import ListFile, content_hash, quoted
 from automaton.units import count
 
 SELECTING: Final = "where "  # before the names of columns that only select rows
@@ -115,13 +116,17 @@ def named_file(document: Document, keys: Keys, rows: str, name: str) -> Path:
     """The file that a scenario names at `keys`; `rows`: what it holds. Raises InputError."""
     path = document.folder / name
     if not os.path.isfile(path):
-        raise document.error(keys, f"there is no file of {rows} '{name}'")
+        raise InvalidValueError(keys, f"there is no file of {rows} '{name}'")
     return path
 
 
-def with_rows(document: Document, keys: Keys, file: str, lines: Any) -> Document:
-    """The document, whose errors in the list or mapping at `keys` name lines of a file."""
-    return replace(document, listed=(*document.listed, ListFile(keys, file, lines)))
+def with_rows(document: Document, keys: Keys, file: str, lines: Any, **sections: Any) -> Document:
+    """The document, whose errors in the list or mapping at `keys` name lines of a file.
+
+    `sections`: that become others.
+    """
+    listed = (*document.listed, ListFile(keys, file, lines))
+    return replace(document, data={**document.data, **sections}, listed=listed)
 
 
 def read_table(

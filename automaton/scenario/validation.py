@@ -16,9 +16,8 @@ from typing import Any, Final, NamedTuple, TypeVar
 
 import msgspec
 
-from automaton.errors import InputError, alternatives, nearest
+from automaton.errors import InputError, InvalidValueError, Keys, alternatives, nearest
 from automaton.scenario.changing_floor import Cell, cell_named
-from automaton.scenario.document import Document, Keys
 from automaton.scenario.quantities import (
     PLACE_KEY,
     QUANTITY_KEY,
@@ -54,15 +53,15 @@ _OVER_TIME: Final = (
 )
 
 
-def validated(document: Document, value: Any, wanted: type[T], at: Keys = ()) -> T:
-    """`value`, found at the keys `at` of the document, as a struct. Raises InputError."""
+def validated(value: Any, wanted: type[T], at: Keys = ()) -> T:
+    """`value`, found at the keys `at`, as a struct. Raises InvalidValueError."""
     try:
         return msgspec.convert(value, wanted)
     except msgspec.ValidationError as error:
         match = AT.match(str(error))
         assert match is not None, "every text matches"
         inner = _keys(value, wanted, match["path"] or "")
-        raise _explained(document, value, wanted, at, inner, match["what"]) from None
+        raise _explained(value, wanted, at, inner, match["what"]) from None
 
 
 def _keys(value: Any, wanted: Any, path: str) -> Keys:
@@ -94,9 +93,7 @@ def _fits(value: Any, wanted: Any) -> bool:
     return True
 
 
-def _explained(
-    document: Document, value: Any, wanted: Any, at: Keys, inner: Keys, what: str
-) -> InputError:
+def _explained(value: Any, wanted: Any, at: Keys, inner: Keys, what: str) -> InvalidValueError:
     import msgspec.inspect  # only needed on the way to an error
 
     keys = at + inner
@@ -108,26 +105,26 @@ def _explained(
         refusals = [getattr(getattr(one, "cls", None), "refused", {}) for one in _options(expected)]
         if any(field[1] in one for one in refusals):
             said = next(one[field[1]] for one in refusals if field[1] in one)
-            return document.error((*keys, field[1]), f"{dotted((*keys, field[1]))}: {said}")
-        return document.error(
+            return InvalidValueError((*keys, field[1]), f"{dotted((*keys, field[1]))}: {said}")
+        return InvalidValueError(
             (*keys, field[1]),
             f"unknown key '{field[1]}'{_inside(keys)}{nearest(field[1], names)}; "
             + (f"allowed: {', '.join(names)}" if names else "there are no keys here"),
         )
     if field and what.startswith("Object missing"):
-        return document.error(keys, f"the key '{field[1]}' is missing{_inside(keys)}")
+        return InvalidValueError(keys, f"the key '{field[1]}' is missing{_inside(keys)}")
     if what.startswith(("Expected", "Invalid", "Integer value")):
         hint = nearest(found, _words(expected)) if isinstance(found, str) else ""
         if isinstance(found, bool):
             hint = _now_written(expected, found)
         sentence = f"{dotted(keys) or 'it'} must be {described(expected)}, found {shown(found)}"
-        return document.error(keys, sentence + hint)
+        return InvalidValueError(keys, sentence + hint)
     # A struct's own check; it begins with the key that is wrong, if it is one key.
     first = what.split(" ", 1)[0]
     if isinstance(found, dict) and first in found:
-        return document.error((*keys, first), f"{dotted((*keys, first))}{what[len(first) :]}")
+        return InvalidValueError((*keys, first), f"{dotted((*keys, first))}{what[len(first) :]}")
     missing = what.startswith("the key '") and what.endswith("is missing")
-    return document.error(keys, what + (_inside(keys) if missing else ""))
+    return InvalidValueError(keys, what + (_inside(keys) if missing else ""))
 
 
 def _now_written(expected: Any, value: bool) -> str:
@@ -401,7 +398,6 @@ def _items(described: Any) -> tuple[Plan, ...]:
 
 
 def with_numbers(
-    document: Document,
     value: Any,
     wanted: Any,
     scale: Scale,
@@ -410,12 +406,12 @@ def with_numbers(
 ) -> tuple[Any, tuple[Conversion, ...]]:
     """A value, found at the keys `at`, with numbers and cells for its texts.
 
-    `names`: of cells. Raises InputError with the line.
+    `names`: of cells. Raises InvalidValueError.
     """
     try:
         msgspec.convert(value, wanted)
     except msgspec.ValidationError:
-        reader = _Reader(document, scale, names, [])
+        reader = _Reader(scale, names, [])
         return reader.read(value, plan_of(wanted), at), tuple(reader.conversions)
     # Without texts nothing is inspected: `automaton check tabletop-1` takes 30 ms less.
     return value, ()
@@ -423,7 +419,6 @@ def with_numbers(
 
 @dataclass
 class _Reader:
-    document: Document
     scale: Scale
     names: Mapping[str, Cell]
     conversions: list[Conversion]
@@ -452,14 +447,14 @@ class _Reader:
         try:
             return list(cell_named(name, self.names))
         except InputError as error:
-            raise self.document.error(keys, f"{dotted(keys)}: {error.message}") from None
+            raise InvalidValueError(keys, f"{dotted(keys)}: {error.message}") from None
 
     def number(self, text: str, place: Place | None, keys: Keys) -> float | dict[str, float]:
         assert place is not None, "only such a plan takes a text"
         try:
             conversion = convert(dotted(keys), text, place, self.scale)
         except InputError as error:
-            raise self.document.error(keys, error.message) from None
+            raise InvalidValueError(keys, error.message) from None
         self.conversions.append(conversion)
         return conversion.held
 

@@ -66,7 +66,6 @@ from automaton.tables.columns import (
     where,
 )
 from automaton.world.resolve import Resolved
-from automaton.world.station_numbers import station_names
 
 Table = tuple[Form, Iterable[Rows]]
 
@@ -130,7 +129,7 @@ def _order_names(run: Measured, count: int) -> tuple[Array, Sequence[str]]:
 
 def line_table(run: Measured) -> Table:
     """One row for each line; none where orders have no lines."""
-    stations = list(station_names(run.resolved))
+    stations = list(run.resolved.station_names)
     lines = listed_lines(run.resolved.scenario.orders)
     places, skus = line_texts(lines, "sku") if lines else (None, [])
     sku = np.full(len(run.world.lines.order), NO_TEXT) if places is None else places
@@ -279,7 +278,7 @@ def station_table(run: Measured) -> Table:
     visits, work, lines = _of_pods(world) if to_pods else _of_parts(world)
     cells = world.pod_stations.cell if to_pods else world.slots.cell[world.stations.slot]
     x, y = columns_and_rows(resolved.floor_plan, cells)
-    names = list(station_names(resolved)) or [str(k + 1) for k in range(len(cells))]
+    names = list(resolved.station_names) or [str(k + 1) for k in range(len(cells))]
     rows = {
         "station": np.arange(len(cells)),
         "x": x,

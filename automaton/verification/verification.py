@@ -45,9 +45,9 @@ from automaton.recording.recording_reader import read_recording
 from automaton.runs.metrics import metrics_of
 from automaton.runs.provenance import file_hashes, source_hash
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import Document, content_hash
 from automaton.scenario.floor_section import floor_of, is_shipped
 from automaton.scenario.schema import Scenario
+from automaton.scenario.text_files import content_hash
 from automaton.strategy.lookup import files_of
 from automaton.verification.validator import ACTS, Report, validate_stored
 from automaton.world.floor_parts import with_shared_chargers, with_speed_limits
@@ -280,7 +280,7 @@ def drawn_otherwise(resolved: Resolved) -> bool:
     layout = resolved.scenario.layout
     if "picture" not in layout and not is_shipped(layout):
         return False
-    drawn = with_shared_chargers(floor_of(Document({}), layout).floor_plan)
+    drawn = with_shared_chargers(floor_of(layout, Path()).floor_plan)
     limits = resolved.scenario.floor.speed_limits
     return with_speed_limits(drawn, limits) != resolved.floor_plan
 

@@ -38,12 +38,15 @@ from automaton.scenario.orders import DRAWN_GENERATORS, ENDS, Orders, Parts
 from automaton.scenario.robot_types import RobotType, types_of
 from automaton.scenario.schema import Battery, ChargeRange, Scenario
 from automaton.units import count
+from automaton.world.capabilities import loaded_driving
 from automaton.world.floor_parts import places_of_chargers
 from automaton.world.resolve import Resolved
 
 MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
 LEAST_DRAWN: Final = 1  # ticks of work
 LOADLESS: Final = ("visits", "tours")  # generators of orders that drive no load
+
+Ticks = npt.NDArray[np.int64]
 
 
 class Bounds(NamedTuple):
@@ -335,11 +338,6 @@ def last_comes(kind: Parts) -> int:
 # moves of d.
 
 
-HOUR: float = 3600.0  # seconds
-
-Ticks = npt.NDArray[np.int64]
-
-
 class VisitBounds(NamedTuple):
     """Ticks of trips and visits with one line each."""
 
@@ -351,17 +349,6 @@ class VisitBounds(NamedTuple):
     def visits(self, ticks: float) -> tuple[float, float]:
         """How many visits all robots and all stations can make in some time."""
         return self.robots * ticks / self.trip, self.stations * ticks / self.visit
-
-
-def loaded_driving(robot_type: RobotType) -> Driving:
-    """How robots of a type drive with a load."""
-    return Driving(
-        headings=robot_type.headings,
-        move=robot_type.moves.loaded,
-        turn=robot_type.turns.loaded,
-        rail=robot_type.rail,
-        loaded=True,
-    )
 
 
 def round_trips(resolved: Resolved) -> Ticks:
@@ -448,7 +435,7 @@ def bounds_in_words(resolved: Resolved) -> list[str]:
     if bounds is None:
         return []
     seconds = resolved.scenario.units.scale.unit.seconds
-    ticks, each = (1000.0, "1,000 ticks") if seconds is None else (HOUR / seconds, "hour")
+    ticks, each = (1000.0, "1,000 ticks") if seconds is None else (3600.0 / seconds, "hour")
     robots, stations = bounds.visits(ticks)
     article = "in" if seconds is None else "an"
     return [

@@ -1,4 +1,4 @@
-"""The partition of a world at tick 0: its stations and roads, with nothing designed yet."""
+"""From a resolved scenario to the arrays of a world at tick 0, in its own ticks or in finer ones."""
 
 from __future__ import annotations
 
@@ -69,180 +69,10 @@ from automaton.world.draws import build_delays
 from automaton.world.floor_parts import places_of_chargers
 from automaton.world.gates import build_gates
 from automaton.world.pods import build_pods
-from automaton.world.prepared_floor import Floor, floor_for
+from automaton.world.prepared_floor import PreparedFloor, floor_for
 from automaton.world.resolve import Resolved
 from automaton.world.rules import rules_for
 from automaton.world.starts import first_charges, homes, occupy_starts, start_headings
-
-NO_STRATEGY = "none"
-
-
-class ZoneDesignError(InputError):
-    """A zone design that the fleet cannot serve."""
-
-
-def build_service_zones(
-    resolved: Resolved, floor: Floor, slots: Slots, stations: Stations, orders: int
-) -> ServiceZones:
-    """Stations and roads where the scenario has a zoning strategy, one zone for each robot."""
-    choice = resolved.strategies.get("zoning")  # a story has no strategies
-    robots = resolved.scenario.fleet.robots
-    if choice is None or choice.name == NO_STRATEGY:
-        return service_zones_of(no_roads(), 0, np.zeros(0, np.int32), 0, 0)
-
-    parameters = resolved.zoning
-    station_of = np.full(len(slots.cell), NIL, np.int32)
-    if len(stations.slot):
-        cells = floor.slot_cell[stations.slot]
-        station_of[: slots.first_spare] = stations.at[: slots.first_spare]
-    else:
-        cells, groups = grouped(resolved.floor_plan, parameters.groups)
-        station_of[: slots.first_spare] = groups
-    roads = roads_of(resolved.floor_plan, cells)
-    serves = served_stations(resolved, slots, station_of, len(cells))
-    # Room for one order at least: without any, there are zones all the same.
-    service_zones = service_zones_of(roads, robots, station_of, max(orders, 1), robots).replaced(
-        accessible=serves, has_priority=priorities(resolved, parameters.priority, len(cells))
-    )
-    if parameters.design is None:
-        return service_zones
-    names = point_names(resolved.scenario.layout)
-    design = zone_design_reader()(resolved.floor_plan, roads, parameters.design, names)
-    if len(design.transfer) != robots:
-        zones = count(len(design.transfer), "zone")
-        raise ZoneDesignError(
-            f"the zone design has {zones}, one for each robot; there are {robots}"
-        )
-    for station, zone in enumerate(design.zone.tolist()):
-        if not serves[zone, station]:
-            name = resolved.fleet.types[resolved.fleet.type_of[zone]].name
-            raise ZoneDesignError(
-                f"station {station + 1} is in zone {zone + 1} of the zone design, "
-                f"but robot {zone} ({name}) does not get there"
-            )
-    return service_zones.replaced(design=design)
-
-
-def roads_of(floor_plan: FloorPlan, station_cells: Sequence[int] | Array) -> Roads:
-    """station_cells: the drivable flat cell of each station. Raises InputError."""
-    return Roads(**road_network(floor_plan, station_cells)._asdict())
-
-
-def served_stations(resolved: Resolved, slots: Slots, station_of: Array, count: int) -> Array:
-    """(n, S) uint8: 1 = a robot gets to all slots of a station, of those to which any robot gets."""
-    by_type = np.ones((len(slots.accessible), count), np.uint8)
-    anybody = np.logical_or.reduce(slots.accessible)
-    for kind, serves in enumerate(slots.accessible):
-        out = station_of[anybody & (serves == 0)]
-        by_type[kind, out[out != NIL]] = 0
-    found: Array = by_type[resolved.fleet.type_of]
-    return found
-
-
-def priorities(resolved: Resolved, priority: dict[str, tuple[int, ...]], count: int) -> Array:
-    """(n, S) uint8: 1 = the type of a robot has priority at a station."""
-    kinds = resolved.fleet.types
-    by_type = np.zeros((len(kinds), count), np.uint8)
-    for number, robot_type in enumerate(kinds):
-        by_type[number, [station - 1 for station in priority.get(robot_type.name, ())]] = 1
-    found: Array = by_type[resolved.fleet.type_of]
-    return found
-
-
-def service_zones_of(
-    roads: Roads, zones: int, station_of: Array, orders: int, robots: int
-) -> ServiceZones:
-    """A partition over some roads in which no station has a zone."""
-
-    return ServiceZones.sized(
-        {"Z": zones, "S": len(roads.point), "m": orders, "n": robots},
-        roads=roads,
-        design=design_for(roads, zones),
-        station_of=station_of,
-        server=np.arange(zones, dtype=np.int32),
-    )
-
-
-def no_roads() -> Roads:
-    """The roads of a world without zoning."""
-    return Roads.sized({"P": 0, "S": 0})
-
-
-# A world in finer ticks, from the one in the ticks of its scenario.
-#
-# What is drawn for a run is drawn in coarse ticks and multiplied, so that all refinements have the
-# same day: demand, handling times, closings. What the engine draws meanwhile
-# (automaton.engine.random_numbers) keeps its chances, and the tables that it draws from are
-# multiplied here.
-
-
-def refined_world(coarse: World, resolved: Resolved) -> tuple[World, Floor]:
-    """The world at tick 0 of a refined scenario; `coarse`: that of its scenario as it was read."""
-    scenario, factor = resolved.scenario, resolved.scenario.refine
-    floor = floor_for(resolved.floor_plan, scenario.world.traffic_zones, resolved.fleet.types)
-    orders, lines, stations = coarse.orders, coarse.lines, coarse.stations
-    gates, delays, places = coarse.gates, coarse.delays, coarse.pod_stations
-    world = coarse.replaced(
-        grid=floor.grid,
-        rules=_rules(coarse.rules, resolved),
-        orders=orders.replaced(
-            release_tick=_begins(orders.release_tick, factor), due=_times(orders.due, factor)
-        ),
-        stops=coarse.stops.replaced(ticks=_times(coarse.stops.ticks, factor)),
-        stations=stations.replaced(
-            arrival_tick=_begins(stations.arrival_tick, factor),
-            processing_time=_times(stations.processing_time, factor),
-        ),
-        lines=lines.replaced(
-            release_tick=_begins(lines.release_tick, factor), due=_times(lines.due, factor)
-        ),
-        pod_stations=places.replaced(
-            ticks_from=_times(places.ticks_from, factor),
-            breaks=np.column_stack([places.breaks[:, :1], begin_of(places.breaks[:, 1:], factor)]),
-        ),
-        gates=gates.replaced(
-            closings=begin_of(gates.closings, factor),
-            replan_after=factor * gates.replan_after,
-            opening_ticks=factor * gates.opening_ticks,
-            hold_ticks=factor * gates.hold_ticks,
-            travel_ticks=factor * gates.travel_ticks,
-            cabin_ticks=_times(gates.cabin_ticks, factor),
-        ),
-        delays=delays.replaced(ticks=_times(delays.ticks, factor)),
-    )
-    return world, floor
-
-
-def _rules(coarse: Rules, resolved: Resolved) -> Rules:
-    """The constants of the scenario; chances stay those of a coarse tick, in which they are drawn."""
-    factor = resolved.scenario.refine
-    fine = rules_for(resolved.scenario, int(coarse.seed), coarse.loaded_types > 0)
-    return fine.replaced(
-        breakdown=coarse.breakdown,
-        repair_in_place=_times(coarse.repair_in_place, factor),
-        allocations=coarse.allocations,
-        allocation=coarse.allocation,
-    )
-
-
-def _times(ticks: Array, factor: int) -> Array:
-    """Ticks in fine ones; NEVER and NIL stay, and nothing is as late as NEVER."""
-    return _kept(ticks, factor * ticks.astype(np.int64))
-
-
-def _begins(ticks: Array, factor: int) -> Array:
-    """The same of ticks in which something is to happen."""
-    return _kept(ticks, begin_of(ticks.astype(np.int64), factor))
-
-
-def _kept(ticks: Array, fine: Any) -> Array:
-    special = (ticks == NEVER) | (ticks == NIL)
-    result: Array = np.where(special, ticks, np.minimum(fine, NEVER - 1)).astype(ticks.dtype)
-    return result
-
-
-# From a resolved scenario to the arrays of a world at tick 0.
-
 
 MAX_QUEUE_LENGTH = 64  # orders of a robot
 MAX_QUEUED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
@@ -256,30 +86,13 @@ DIGESTED_ARRAYS = [
 CROWDED = 12  # cells per robot below which each cell has its entry in the contest
 
 
-class Buffers(NamedTuple):
-    """What the loop passes to strategies besides the view."""
-
-    full_batch: Batch  # the robots concerned
-    batch: Batch  # those that one call of decide is about
-    decisions: Decisions
-
-
-def digest_interval(world: World) -> int:
-    """Ticks from one digest of a recording to the next, by how many values one is made of."""
-    values = 0
-    for part, name, declared in DIGESTED_ARRAYS:
-        array = getattr(getattr(world, part), name)
-        values += len(array) if declared.by else array.size
-    return min(1 + values // VALUES_DIGESTED, LONGEST_DIGEST_INTERVAL)
-
-
 def build_world(
     resolved: Resolved,
     seed: int,
     storage: Array | None = None,
     longest_route: int | None = None,
     in_convoy: bool = False,
-) -> tuple[World, Floor]:
+) -> tuple[World, PreparedFloor]:
     """The world at tick 0.
 
     `storage`: (n,) the identity stored at each index; default 0..n-1. `longest_route`: steps that a
@@ -298,7 +111,7 @@ def _build_coarse(
     storage: Array | None,
     longest_route: int | None,
     in_convoy: bool,
-) -> tuple[World, Floor]:
+) -> tuple[World, PreparedFloor]:
     """The world at tick 0 in the ticks of its scenario."""
     scenario = resolved.scenario
     types = resolved.fleet.types
@@ -379,7 +192,7 @@ def build_traffic(robots: int, occupancy: Array, zones: int, following: int) -> 
 
 def build_robots(
     resolved: Resolved,
-    floor: Floor,
+    floor: PreparedFloor,
     starts: tuple[Array, Array],
     occupancy: Array,
     seed: int,
@@ -420,6 +233,14 @@ def max_queue_length(robots: int, orders: int) -> int:
     return max(1, min(orders, MAX_QUEUE_LENGTH, MAX_QUEUED_ORDERS // robots))
 
 
+class Buffers(NamedTuple):
+    """What the loop passes to strategies besides the view."""
+
+    full_batch: Batch  # the robots concerned
+    batch: Batch  # those that one call of decide is about
+    decisions: Decisions
+
+
 def build_buffers(world: World) -> Buffers:
     """The batch and the decisions, sized for the world."""
     n, steps = world.robots.route.shape
@@ -441,7 +262,7 @@ def build_zoning_decisions(service_zones: ServiceZones, robots: int) -> ZoningDe
     return ZoningDecisions.sized(sizes, design=service_zones.design.copied())
 
 
-def build_sight(world: World, floor: Floor) -> World:
+def build_sight(world: World, floor: PreparedFloor) -> World:
     """What strategies see: the world itself, or, with limited sight, masked copies."""
     if world.rules.radius == NIL:
         return world
@@ -484,6 +305,15 @@ def build_record(world: World, ticks: int, arrays: int) -> Record:
     )
 
 
+def digest_interval(world: World) -> int:
+    """Ticks from one digest of a recording to the next, by how many values one is made of."""
+    values = 0
+    for part, name, declared in DIGESTED_ARRAYS:
+        array = getattr(getattr(world, part), name)
+        values += len(array) if declared.by else array.size
+    return min(1 + values // VALUES_DIGESTED, LONGEST_DIGEST_INTERVAL)
+
+
 def build_observation(world: World, ticks: int) -> Observation:
     """Room to observe so many ticks at a time; tiny when nothing is observed."""
     n, cells = (len(world.robots.cell), len(world.grid.kind)) if ticks else (1, 1)
@@ -502,3 +332,165 @@ def build_scratch(n: int, cells: int) -> ObservationScratch:
     words = np.zeros(-(-n // 8), np.uint64)
     sizes = {"n": n, "C": cells, "power of two": 1 << (4 * n).bit_length()}
     return ObservationScratch.sized(sizes, marks=words.view(np.uint8), words=words)
+
+
+# The partition of a world at tick 0: its stations and roads, with nothing designed yet.
+
+
+class ZoneDesignError(InputError):
+    """A zone design that the fleet cannot serve."""
+
+
+def build_service_zones(
+    resolved: Resolved, floor: PreparedFloor, slots: Slots, stations: Stations, orders: int
+) -> ServiceZones:
+    """Stations and roads where the scenario has a zoning strategy, one zone for each robot."""
+    choice = resolved.strategies.get("zoning")  # a story has no strategies
+    robots = resolved.scenario.fleet.robots
+    if choice is None or choice.name == "none":
+        no_roads = Roads.sized({"P": 0, "S": 0})
+        return service_zones_of(no_roads, 0, np.zeros(0, np.int32), 0, 0)
+
+    parameters = resolved.zoning
+    station_of = np.full(len(slots.cell), NIL, np.int32)
+    if len(stations.slot):
+        cells = floor.slot_cell[stations.slot]
+        station_of[: slots.first_spare] = stations.at[: slots.first_spare]
+    else:
+        cells, groups = grouped(resolved.floor_plan, parameters.groups)
+        station_of[: slots.first_spare] = groups
+    roads = roads_of(resolved.floor_plan, cells)
+    serves = served_stations(resolved, slots, station_of, len(cells))
+    # Room for one order at least: without any, there are zones all the same.
+    service_zones = service_zones_of(roads, robots, station_of, max(orders, 1), robots).replaced(
+        accessible=serves, has_priority=priorities(resolved, parameters.priority, len(cells))
+    )
+    if parameters.design is None:
+        return service_zones
+    names = point_names(resolved.scenario.layout)
+    design = zone_design_reader()(resolved.floor_plan, roads, parameters.design, names)
+    if len(design.transfer) != robots:
+        zones = count(len(design.transfer), "zone")
+        raise ZoneDesignError(
+            f"the zone design has {zones}, one for each robot; there are {robots}"
+        )
+    for station, zone in enumerate(design.zone.tolist()):
+        if not serves[zone, station]:
+            name = resolved.fleet.types[resolved.fleet.type_of[zone]].name
+            raise ZoneDesignError(
+                f"station {station + 1} is in zone {zone + 1} of the zone design, "
+                f"but robot {zone} ({name}) does not get there"
+            )
+    return service_zones.replaced(design=design)
+
+
+def roads_of(floor_plan: FloorPlan, station_cells: Sequence[int] | Array) -> Roads:
+    """station_cells: the drivable flat cell of each station. Raises InputError."""
+    return Roads(**road_network(floor_plan, station_cells)._asdict())
+
+
+def served_stations(resolved: Resolved, slots: Slots, station_of: Array, count: int) -> Array:
+    """(n, S) uint8: 1 = a robot gets to all slots of a station, of those to which any robot gets."""
+    by_type = np.ones((len(slots.accessible), count), np.uint8)
+    anybody = np.logical_or.reduce(slots.accessible)
+    for kind, serves in enumerate(slots.accessible):
+        out = station_of[anybody & (serves == 0)]
+        by_type[kind, out[out != NIL]] = 0
+    found: Array = by_type[resolved.fleet.type_of]
+    return found
+
+
+def priorities(resolved: Resolved, priority: dict[str, tuple[int, ...]], count: int) -> Array:
+    """(n, S) uint8: 1 = the type of a robot has priority at a station."""
+    kinds = resolved.fleet.types
+    by_type = np.zeros((len(kinds), count), np.uint8)
+    for number, robot_type in enumerate(kinds):
+        by_type[number, [station - 1 for station in priority.get(robot_type.name, ())]] = 1
+    found: Array = by_type[resolved.fleet.type_of]
+    return found
+
+
+def service_zones_of(
+    roads: Roads, zones: int, station_of: Array, orders: int, robots: int
+) -> ServiceZones:
+    """A partition over some roads in which no station has a zone."""
+    return ServiceZones.sized(
+        {"Z": zones, "S": len(roads.point), "m": orders, "n": robots},
+        roads=roads,
+        design=design_for(roads, zones),
+        station_of=station_of,
+        server=np.arange(zones, dtype=np.int32),
+    )
+
+
+# A world in finer ticks, from the one in the ticks of its scenario.
+#
+# What is drawn for a run is drawn in coarse ticks and multiplied, so that all refinements have the
+# same day: demand, handling times, closings. What the engine draws meanwhile
+# (automaton.engine.random_numbers) keeps its chances, and the tables that it draws from are
+# multiplied here.
+
+
+def refined_world(coarse: World, resolved: Resolved) -> tuple[World, PreparedFloor]:
+    """The world at tick 0 of a refined scenario; `coarse`: that of its scenario as it was read."""
+    scenario, factor = resolved.scenario, resolved.scenario.refine
+    floor = floor_for(resolved.floor_plan, scenario.world.traffic_zones, resolved.fleet.types)
+    orders, lines, stations = coarse.orders, coarse.lines, coarse.stations
+    gates, delays, places = coarse.gates, coarse.delays, coarse.pod_stations
+    world = coarse.replaced(
+        grid=floor.grid,
+        rules=_rules(coarse.rules, resolved),
+        orders=orders.replaced(
+            release_tick=_begins(orders.release_tick, factor), due=_times(orders.due, factor)
+        ),
+        stops=coarse.stops.replaced(ticks=_times(coarse.stops.ticks, factor)),
+        stations=stations.replaced(
+            arrival_tick=_begins(stations.arrival_tick, factor),
+            processing_time=_times(stations.processing_time, factor),
+        ),
+        lines=lines.replaced(
+            release_tick=_begins(lines.release_tick, factor), due=_times(lines.due, factor)
+        ),
+        pod_stations=places.replaced(
+            ticks_from=_times(places.ticks_from, factor),
+            breaks=np.column_stack([places.breaks[:, :1], begin_of(places.breaks[:, 1:], factor)]),
+        ),
+        gates=gates.replaced(
+            closings=begin_of(gates.closings, factor),
+            replan_after=factor * gates.replan_after,
+            opening_ticks=factor * gates.opening_ticks,
+            hold_ticks=factor * gates.hold_ticks,
+            travel_ticks=factor * gates.travel_ticks,
+            cabin_ticks=_times(gates.cabin_ticks, factor),
+        ),
+        delays=delays.replaced(ticks=_times(delays.ticks, factor)),
+    )
+    return world, floor
+
+
+def _rules(coarse: Rules, resolved: Resolved) -> Rules:
+    """The constants of the scenario; chances stay those of a coarse tick, in which they are drawn."""
+    factor = resolved.scenario.refine
+    fine = rules_for(resolved.scenario, int(coarse.seed), coarse.loaded_types > 0)
+    return fine.replaced(
+        breakdown=coarse.breakdown,
+        repair_in_place=_times(coarse.repair_in_place, factor),
+        allocations=coarse.allocations,
+        allocation=coarse.allocation,
+    )
+
+
+def _times(ticks: Array, factor: int) -> Array:
+    """Ticks in fine ones; NEVER and NIL stay, and nothing is as late as NEVER."""
+    return _kept(ticks, factor * ticks.astype(np.int64))
+
+
+def _begins(ticks: Array, factor: int) -> Array:
+    """The same of ticks in which something is to happen."""
+    return _kept(ticks, begin_of(ticks.astype(np.int64), factor))
+
+
+def _kept(ticks: Array, fine: Any) -> Array:
+    special = (ticks == NEVER) | (ticks == NIL)
+    result: Array = np.where(special, ticks, np.minimum(fine, NEVER - 1)).astype(ticks.dtype)
+    return result

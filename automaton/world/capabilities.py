@@ -1,9 +1,8 @@
-"""Where robots with a load get to: from where loads lie to where they go, over what is open to them.
+"""What the robots of a scenario can do on its floor: where they begin, what they reach and serve.
 
-Areas may be closed to robots with a load, or to those without one. Then a slot is served only from
-cells that a robot reaches without a load, from where it begins and back, and in which it may be with
-one; and from any such cell beside its slot an order has a way to any one beside its target.
-On a floor with storage that is: to all stations, and back.
+Each fact is found once for each type of robots. Of each order it is known where it begins and ends and
+how heavy it is; a type does it if it carries the weight and gets to both ends, and back. Orders that are
+drawn count as all that could be drawn.
 """
 
 from __future__ import annotations
@@ -18,9 +17,11 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.engine.state import NIL, Array
+from automaton.errors import Keys
 from automaton.floor.cells import STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import (
+    Driving,
     Mask,
     dead_ends_of,
     has_storage,
@@ -30,100 +31,15 @@ from automaton.floor.reachability import (
     to_and_from,
 )
 from automaton.scenario.carried_pods import transports_of
-from automaton.scenario.document import Keys
 from automaton.scenario.orders import ENDS
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of, type_of_each, types_of
 from automaton.scenario.schema import Scenario
 from automaton.strategy.lookup import ROUTED, SLOW_STEERED, STEERED, default_for, parameters_type
 from automaton.world.gate_cells import cells_to_start
 
-
-class LoadEnds(NamedTuple):
-    """Between which cells loads are carried."""
-
-    sources: Array  # flat cells of slots
-    targets: Array
-    stops: Array  # flat cells in which robots stand with a load on their way
-
-
-def has_closed_ways(floor_plan: FloorPlan, types: tuple[RobotType, ...]) -> bool:
-    """Whether robots with a load get to other cells than those without one."""
-    return has_storage(floor_plan) or any(one.closed_empty != one.closed_loaded for one in types)
-
-
-def reached_with_load(
-    floor_plan: FloorPlan, types: tuple[RobotType, ...], within: Mask, ends: LoadEnds
-) -> Mask:
-    """(K, C) the cells that robots of each type get to with a load, and on from there.
-
-    `within`: (K, C) those that they get to without one, from where they begin and back.
-    """
-    by_row = floor_by_type(floor_plan, rows_of(types, True))
-    result = within.copy()
-    for kind, rail in enumerate(one.rail for one in types):
-        plan = by_row.floor_plans[len(types) + kind]
-        result[kind] &= ~by_row.closed[len(types) + kind]
-        if has_storage(floor_plan):
-            for station in floor_plan.stations.tolist():
-                result[kind] &= to_and_from(plan, station, rail)
-            continue
-        begin, end = (stands(floor_plan, cells, ends.stops, result[kind]) for cells in ends[:2])
-        result[kind] &= reached(plan, begin, rail) & reached(plan, end, rail, backwards=True)
-    return result
-
-
-def stands(floor_plan: FloorPlan, slots: Array, stops: Array, usable: Mask) -> list[int]:
-    """The usable cells from which slots, by flat cell, are served, and the stops."""
-    number = np.full(floor_plan.kind.size, NIL, np.int64)
-    number[floor_plan.slots] = np.arange(len(floor_plan.slots))
-    access = slot_access(floor_plan)[number[slots]].reshape(-1)
-    cells = np.unique(np.concatenate([access[access != NIL], stops])).astype(np.int64)
-    result: list[int] = cells[usable[cells]].tolist()
-    return result
-
-
-def served_with_load(access: Array, loaded: Mask) -> Mask:
-    """(K, s) whether robots of each type serve a slot from a cell that they get to with a load too.
-
-    `access`: (s, 4) cells beside slots, or NIL.
-    """
-    served: Mask = ((access != NIL) & loaded[:, access]).any(axis=2)
-    return served
-
-
-def parted_ends(
-    plan: FloorPlan, begin: list[int], end: list[int], rail: bool, known: dict[int, Mask]
-) -> tuple[int, int]:
-    """A cell where loads are picked up and one where they are dropped, without a way; else (NIL, NIL).
-
-    `plan`: with the exits that are open to robots with a load. `known`: what is reached from cells, on
-    this plan; what is found is added.
-    """
-    left, ends = set(begin), np.array(end, np.int64)
-    while left and len(ends):
-        first = min(left)
-        if first not in known:
-            known[first] = reached(plan, [first], rail)
-        lost = ends[~known[first][ends]]
-        if lost.size:
-            return first, int(lost[0])
-        left.remove(first)
-        if not left:
-            break
-        # Whoever gets to that cell gets wherever one gets from there.
-        before = reached(plan, [first], rail, backwards=True)
-        left = {cell for cell in left if not before[cell]}
-    return NIL, NIL
-
-
-# What the robots of a scenario can do on its floor: where they begin, what they reach and serve.
-#
-# Each fact is found once for each type of robots. Of each order it is known where it begins and ends
-# and how heavy it is; a type does it if it carries the weight and gets to both ends, and back. Orders
-# that are drawn count as all that could be drawn.
-
-
-NO_ZONING = "none"
+DEFAULT_ROUTING: Final = "shortest"  # what it plans can be left out where robots are steered
+TWO_WAY_SHARE: Final = 0.5  # of pairs of cells; in one-way aisles neither planner is always ahead
+NO_ZONING: Final = "none"
 # Flat cells of robots 0, 1, ...
 Start = Literal["parking-bays", "random", "racks"] | tuple[int, ...]
 
@@ -371,11 +287,104 @@ class Way(NamedTuple):
     stays: bool = False  # each ends where it begins: a visit
 
 
+# Where robots with a load get to: from where loads lie to where they go, over what is open to them.
+#
+# Areas may be closed to robots with a load, or to those without one. Then a slot is served only from
+# cells that a robot reaches without a load, from where it begins and back, and in which it may be with
+# one; and from any such cell beside its slot an order has a way to any one beside its target.
+# On a floor with storage that is: to all stations, and back.
+
+
+class LoadEnds(NamedTuple):
+    """Between which cells loads are carried."""
+
+    sources: Array  # flat cells of slots
+    targets: Array
+    stops: Array  # flat cells in which robots stand with a load on their way
+
+
+def loaded_driving(robot_type: RobotType) -> Driving:
+    """How robots of a type drive with a load."""
+    return Driving(
+        headings=robot_type.headings,
+        move=robot_type.moves.loaded,
+        turn=robot_type.turns.loaded,
+        rail=robot_type.rail,
+        loaded=True,
+    )
+
+
+def has_closed_ways(floor_plan: FloorPlan, types: tuple[RobotType, ...]) -> bool:
+    """Whether robots with a load get to other cells than those without one."""
+    return has_storage(floor_plan) or any(one.closed_empty != one.closed_loaded for one in types)
+
+
+def reached_with_load(
+    floor_plan: FloorPlan, types: tuple[RobotType, ...], within: Mask, ends: LoadEnds
+) -> Mask:
+    """(K, C) the cells that robots of each type get to with a load, and on from there.
+
+    `within`: (K, C) those that they get to without one, from where they begin and back.
+    """
+    by_row = floor_by_type(floor_plan, rows_of(types, True))
+    result = within.copy()
+    for kind, rail in enumerate(one.rail for one in types):
+        plan = by_row.floor_plans[len(types) + kind]
+        result[kind] &= ~by_row.closed[len(types) + kind]
+        if has_storage(floor_plan):
+            for station in floor_plan.stations.tolist():
+                result[kind] &= to_and_from(plan, station, rail)
+            continue
+        begin, end = (stands(floor_plan, cells, ends.stops, result[kind]) for cells in ends[:2])
+        result[kind] &= reached(plan, begin, rail) & reached(plan, end, rail, backwards=True)
+    return result
+
+
+def stands(floor_plan: FloorPlan, slots: Array, stops: Array, usable: Mask) -> list[int]:
+    """The usable cells from which slots, by flat cell, are served, and the stops."""
+    number = np.full(floor_plan.kind.size, NIL, np.int64)
+    number[floor_plan.slots] = np.arange(len(floor_plan.slots))
+    access = slot_access(floor_plan)[number[slots]].reshape(-1)
+    cells = np.unique(np.concatenate([access[access != NIL], stops])).astype(np.int64)
+    result: list[int] = cells[usable[cells]].tolist()
+    return result
+
+
+def served_with_load(access: Array, loaded: Mask) -> Mask:
+    """(K, s) whether robots of each type serve a slot from a cell that they get to with a load too.
+
+    `access`: (s, 4) cells beside slots, or NIL.
+    """
+    served: Mask = ((access != NIL) & loaded[:, access]).any(axis=2)
+    return served
+
+
+def parted_ends(
+    plan: FloorPlan, begin: list[int], end: list[int], rail: bool, known: dict[int, Mask]
+) -> tuple[int, int]:
+    """A cell where loads are picked up and one where they are dropped, without a way; else (NIL, NIL).
+
+    `plan`: with the exits that are open to robots with a load. `known`: what is reached from cells, on
+    this plan; what is found is added.
+    """
+    left, ends = set(begin), np.array(end, np.int64)
+    while left and len(ends):
+        first = min(left)
+        if first not in known:
+            known[first] = reached(plan, [first], rail)
+        lost = ends[~known[first][ends]]
+        if lost.size:
+            return first, int(lost[0])
+        left.remove(first)
+        if not left:
+            break
+        # Whoever gets to that cell gets wherever one gets from there.
+        before = reached(plan, [first], rail, backwards=True)
+        left = {cell for cell in left if not before[cell]}
+    return NIL, NIL
+
+
 # The right of way of a scenario that names none: what serves its robots best, as strategies declare.
-
-
-DEFAULT_ROUTING: Final = "shortest"  # what it plans can be left out where robots are steered
-TWO_WAY_SHARE: Final = 0.5  # of pairs of cells; in one-way aisles neither planner is always ahead
 
 
 class Default(NamedTuple):

@@ -2,17 +2,23 @@
 
     durations.move 1.5 m/s: 1.6 ticks -> 2, 25 % slower
 
-Times and lengths become whole ticks and cells, rates of batteries whole units of charge.
+Times and lengths become whole ticks and cells, rates of batteries whole units of charge. Numbers without
+a unit are ticks, also where a tick is not a second: `check` says how they were read.
+
+    read in ticks of 0.5 s: durations.pick 30 (15 s), orders.mean_interarrival_time 60 (30 s)
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from fractions import Fraction
-from typing import Final, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from automaton.engine.state import BATTERY_PERCENT
-from automaton.scenario.quantities import Dimension, rounded
-from automaton.scenario.validation import Conversion
+from automaton.errors import InputError, Keys
+from automaton.scenario.quantities import Dimension, Scale, rounded
+from automaton.scenario.schema import Scenario
+from automaton.scenario.validation import Conversion, Plan, plan_of
 from automaton.units import Unit, duration, number
 from automaton.world.resolve import Resolved
 
@@ -20,7 +26,8 @@ TOLERANCE: Final = Fraction(2, 100)
 TICKS_TO_CHOOSE_FROM: Final = tuple(
     Fraction(text) for text in ("1", "0.5", "0.25", "0.2", "0.1", "0.05", "0.02", "0.01")
 )  # seconds
-MOST_SHOWN: Final = 20
+MOST_CONVERSIONS: Final = 20
+MOST_KEYS: Final = 12  # of plain numbers
 
 
 class Rounding(NamedTuple):
@@ -91,11 +98,13 @@ def conversion_lines(resolved: Resolved) -> list[str]:
     """A line for each conversion that is not exact, in the sequence of the keys; of many, the worst."""
     tick = resolved.scenario.units.scale.unit
     inexact = [one for one in roundings(resolved) if one.exact != one.value]
-    inexact_lines = [one.line(tick) for one in inexact[:MOST_SHOWN]]
-    if len(inexact) > MOST_SHOWN:
+    inexact_lines = [one.line(tick) for one in inexact[:MOST_CONVERSIONS]]
+    if len(inexact) > MOST_CONVERSIONS:
         inexact.sort(key=lambda one: -abs(one.error))
-        inexact_lines = [one.line(tick) for one in inexact[:MOST_SHOWN]]
-        inexact_lines.append(f"... and {len(inexact) - MOST_SHOWN:,} more that are off by less")
+        inexact_lines = [one.line(tick) for one in inexact[:MOST_CONVERSIONS]]
+        inexact_lines.append(
+            f"... and {len(inexact) - MOST_CONVERSIONS:,} more that are off by less"
+        )
     return inexact_lines
 
 
@@ -124,6 +133,42 @@ def _fitting_tick(group: list[Rounding], former: Fraction) -> str:
             return f"with units.tick: {shown(tick)} s all times are {within}"
     first, last = TICKS_TO_CHOOSE_FROM[0], TICKS_TO_CHOOSE_FROM[-1]
     return f"no tick from {shown(first)} to {shown(last)} s keeps all times {within}"
+
+
+def plain_number_line(data: dict[str, Any], scale: Scale) -> str:
+    """The keys whose numbers are ticks other than seconds, each with its first; or ""."""
+    try:
+        if scale.tick_seconds == 1:
+            return ""
+    except InputError:  # a tick is not a time
+        return ""
+    first: dict[str, float] = {}
+    for keys, value in _ticks_in(data, plan_of(Scenario), ()):
+        first.setdefault(".".join(key for key in keys if isinstance(key, str)), value)
+    words = []
+    for key, ticks in list(first.items())[:MOST_KEYS]:
+        time, unit = duration(ticks, scale.unit)
+        words.append(f"{key} {number(ticks)} ({number(time)} {unit})")
+    if not words:
+        return ""
+    more = f" and {len(first) - MOST_KEYS} more keys" if len(first) > MOST_KEYS else ""
+    return f"read in ticks of {scale.tick}: {', '.join(words)}{more}"
+
+
+def _ticks_in(value: Any, plan: Plan, keys: Keys) -> Iterator[tuple[Keys, float]]:
+    """The plain numbers above 1 that count ticks, with their keys."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        if plan.place is not None and plan.place.quantity.counted == "tick" and value > 1:
+            yield keys, value
+    elif isinstance(value, dict):
+        for name, inner in value.items():
+            following = plan.fields.get(name, plan.values)
+            if following is not None:
+                yield from _ticks_in(inner, following, (*keys, name))
+    elif isinstance(value, list | tuple) and plan.items:
+        for index, inner in enumerate(value):
+            following = plan.items[min(index, len(plan.items) - 1)]
+            yield from _ticks_in(inner, following, (*keys, index))
 
 
 def shown(value: Fraction) -> str:

@@ -1,6 +1,9 @@
-"""The stops of orders: as listed, of tasks, or drawn for the generator tours.
+"""The orders of a run at tick 0, the slots between which they are carried, and their stops.
 
-Draws are addressed by the seed, the number of the order and the place of the stop in it.
+They are released at once, one by one, in bursts, in a closed loop, or as listed; those of parts when the
+job before them is done. Draws are addressed by the seed and the number of an order or a burst alone, so
+that all fleets and strategies face the same demand; of a closed loop only the sequence is drawn, and its
+ticks follow from the deliveries.
 """
 
 from __future__ import annotations
@@ -20,107 +23,20 @@ from automaton.scenario.orders import DRAWN_GENERATORS, Bursts, Mean, MeanTime, 
 from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.schema import Scenario
 from automaton.world.capabilities import FleetOnFloor, Service, served_with_load, service_for
-from automaton.world.draws import geometric
-from automaton.world.prepared_floor import Floor
+from automaton.world.draws import geometric, integers
+from automaton.world.prepared_floor import PreparedFloor
 from automaton.world.resolve import Resolved
 from automaton.world.rules import may_fail
 from automaton.world.task_lists import assign_in_turn, cells_of_tasks, order_count
 
-DRAW_STOP_COUNT: Final = 4  # what is drawn of an order (automaton.world.demand)
+DRAW_RELEASE_SEQUENCE, DRAW_WEIGHT = 2, 3  # what is drawn of an order, beside its two ends
+SIZES, GAPS, PARTS = 1, 2, 3  # what is drawn of a burst; PARTS + k: gaps between parts of type k
+DRAW_STOP_COUNT: Final = 4
 DRAW_STOP: Final = 16  # and above: the first stop, the second one, ...
 
 
-def build_stops(
-    resolved: Resolved, service: Service, orders: int, seed: int
-) -> tuple[Array, Stops]:
-    """(orders + 1,) int32 where the stops of each order begin among all, and all stops."""
-    demand = resolved.scenario.orders
-    count = np.zeros(orders, np.int64)
-    cells = np.zeros(0, np.int64)
-    ticks = None
-    if demand.listed is not None:
-        listed = [line.stop_cells for line in demand.listed]
-        count = np.array([len(stops) for stops in listed], np.int64)
-        cell = resolved.floor_plan.cell
-        cells = np.array([cell(x, y) for stops in listed for x, y in stops], np.int64)
-        ticks = np.array([one for line in demand.listed for one in line.stop_ticks], np.int32)
-    elif demand.tasks is not None:
-        count, cells = stops_of_tasks(resolved, orders)
-    elif demand.generator == "tours":
-        count = stop_counts(demand, orders, seed)
-        cells = drawn_stops(cells_of_all(service), count, seed)
-    first = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
-    if ticks is None:
-        ticks = np.zeros(len(cells), np.int32)
-    return first, Stops.sized({"v": len(cells)}, cell=cells.astype(np.int32), ticks=ticks)
-
-
-def stops_of_tasks(resolved: Resolved, orders: int) -> tuple[Array, Array]:
-    """How many stops each order has, and the cells of them all: task k is line k modulo the lines."""
-    count, cells = cells_of_tasks(resolved.scenario.orders, resolved.floor_plan)
-    first = np.concatenate([[0], np.cumsum(count)])
-    line = np.arange(orders) % len(count)
-    begins = np.repeat(first[line], count[line])
-    within = np.arange(len(begins)) - np.repeat(np.cumsum(count[line]) - count[line], count[line])
-    return count[line], cells[begins + within]
-
-
-def cells_of_all(service: Service) -> Array:
-    """The cells that robots of every type reach, and come back from."""
-    cells: Array = np.flatnonzero(service.reachable.all(axis=0))
-    return cells
-
-
-def stop_counts(orders: OrdersGiven, count: int, seed: int) -> Array:
-    """(count,) int64: how many stops each order has."""
-    if not isinstance(orders.stops, StopRange):
-        return np.full(count, orders.stops, np.int64)
-    least, most = orders.stops.least, orders.stops.most
-    counts: Array = least + _drawn(most - least + 1, count, seed, DRAW_STOP_COUNT)
-    return counts
-
-
-def drawn_stops(cells: Array, count: Array, seed: int) -> Array:
-    """The stops of orders, one order after another: `count` of each, drawn from cells.
-
-    The first one is any of the cells, each further one any but the one before it.
-    """
-    most = int(count.max(initial=0))
-    places = np.zeros((len(count), most), np.int64)  # among `cells`
-    for stop in range(most):
-        if stop == 0:
-            places[:, 0] = _drawn(len(cells), len(count), seed, DRAW_STOP)
-        else:
-            others = _drawn(len(cells) - 1, len(count), seed, DRAW_STOP + stop)
-            places[:, stop] = (places[:, stop - 1] + 1 + others) % len(cells)
-    chosen: Array = cells[places[np.arange(most) < count[:, None]]]
-    return chosen
-
-
-def _drawn(below: int, count: int, seed: int, what: int) -> Array:
-    """(count,) int64 from 0 on, below a number; `what` tells the draws of an order apart."""
-    numbers = np.zeros(count, np.int64)
-    with np.errstate(over="ignore"):
-        random_numbers.random_integers(
-            numbers, below, np.uint64(seed), random_numbers.STREAM_ORDERS, what
-        )
-    return numbers
-
-
-# The orders of a run at tick 0: the slots between which they are carried, and when they are released.
-#
-# They are released at once, one by one, in bursts, in a closed loop, or as listed; those of parts
-# when the job before them is done. Draws are addressed by the seed and the number of an order or a
-# burst alone, so that all fleets and strategies face the same demand; of a closed loop only the
-# sequence is drawn, and its ticks follow from the deliveries.
-
-
-DRAW_RELEASE_SEQUENCE, DRAW_WEIGHT = 2, 3  # what is drawn of an order, beside its two ends
-SIZES, GAPS, PARTS = 1, 2, 3  # what is drawn of a burst; PARTS + k: gaps between parts of type k
-
-
 def build_orders(
-    resolved: Resolved, floor: Floor, seed: int, homes: Array
+    resolved: Resolved, floor: PreparedFloor, seed: int, homes: Array
 ) -> tuple[Orders, Slots, Stops]:
     """Orders by slot (table order), as listed, or as drawn, the slots, and the stops of orders.
 
@@ -158,13 +74,8 @@ def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
     if isinstance(orders.weight, int):
         return np.full(count, orders.weight, np.int32)
     least, most = orders.weight.least, orders.weight.most
-    above = np.zeros(count, np.int32)
-    with np.errstate(over="ignore"):
-        random_numbers.random_integers(
-            above, most - least + 1, np.uint64(seed), random_numbers.STREAM_ORDERS, DRAW_WEIGHT
-        )
-    heavy: Array = least + above
-    return heavy
+    above = integers(count, most - least + 1, seed, random_numbers.STREAM_ORDERS, DRAW_WEIGHT)
+    return (least + above).astype(np.int32)
 
 
 def due_ticks(listed: Iterable[OrderLine]) -> list[int]:
@@ -197,7 +108,7 @@ def orders_of(
     )
 
 
-def slots_of(resolved: Resolved, floor: Floor, service: Service, source: Array) -> Slots:
+def slots_of(resolved: Resolved, floor: PreparedFloor, service: Service, source: Array) -> Slots:
     """The slots of the floor with the loads of orders that begin at `source`, and spare ones."""
     spare = len(floor.slot_cell)
     more = resolved.scenario.fleet.robots if may_fail(resolved.scenario) else 0
@@ -232,7 +143,7 @@ def with_loaded_types(fleet: FleetOnFloor, service: Service) -> tuple[Array, Arr
 
 
 def sources_and_targets(
-    resolved: Resolved, floor: Floor, access: Array, seed: int
+    resolved: Resolved, floor: PreparedFloor, access: Array, seed: int
 ) -> tuple[Array, Array]:
     """(m,) slots where the orders begin and end; NIL for those without a load."""
     orders = resolved.scenario.orders
@@ -277,11 +188,7 @@ def among_stations(stations: Array, orders: Any, seed: int) -> tuple[Array, Arra
 
 def drawn(slots: Array, count: int, seed: int, what: int) -> Array:
     """(count,) int32: slots drawn uniformly, with replacement; `what` tells the draws apart."""
-    choice = np.zeros(count, np.int32)
-    with np.errstate(over="ignore"):
-        random_numbers.random_integers(
-            choice, len(slots), np.uint64(seed), random_numbers.STREAM_ORDERS, what
-        )
+    choice = integers(count, len(slots), seed, random_numbers.STREAM_ORDERS, what)
     chosen: Array = slots[choice].astype(np.int32)
     return chosen
 
@@ -432,3 +339,73 @@ def drawn_sequence(count: int, seed: int) -> Array:
             keys, np.uint64(seed), random_numbers.STREAM_ORDERS, what, numbers
         )
     return np.argsort(keys, kind="stable")
+
+
+# The stops of orders: as listed, of tasks, or drawn for the generator tours by order and place.
+
+
+def build_stops(
+    resolved: Resolved, service: Service, orders: int, seed: int
+) -> tuple[Array, Stops]:
+    """(orders + 1,) int32 where the stops of each order begin among all, and all stops."""
+    demand = resolved.scenario.orders
+    count = np.zeros(orders, np.int64)
+    cells = np.zeros(0, np.int64)
+    ticks = None
+    if demand.listed is not None:
+        listed = [line.stop_cells for line in demand.listed]
+        count = np.array([len(stops) for stops in listed], np.int64)
+        cell = resolved.floor_plan.cell
+        cells = np.array([cell(x, y) for stops in listed for x, y in stops], np.int64)
+        ticks = np.array([one for line in demand.listed for one in line.stop_ticks], np.int32)
+    elif demand.tasks is not None:
+        count, cells = stops_of_tasks(resolved, orders)
+    elif demand.generator == "tours":
+        count = stop_counts(demand, orders, seed)
+        cells = drawn_stops(cells_of_all(service), count, seed)
+    first = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
+    if ticks is None:
+        ticks = np.zeros(len(cells), np.int32)
+    return first, Stops.sized({"v": len(cells)}, cell=cells.astype(np.int32), ticks=ticks)
+
+
+def stops_of_tasks(resolved: Resolved, orders: int) -> tuple[Array, Array]:
+    """How many stops each order has, and the cells of them all: task k is line k modulo the lines."""
+    count, cells = cells_of_tasks(resolved.scenario.orders, resolved.floor_plan)
+    first = np.concatenate([[0], np.cumsum(count)])
+    line = np.arange(orders) % len(count)
+    begins = np.repeat(first[line], count[line])
+    within = np.arange(len(begins)) - np.repeat(np.cumsum(count[line]) - count[line], count[line])
+    return count[line], cells[begins + within]
+
+
+def cells_of_all(service: Service) -> Array:
+    """The cells that robots of every type reach, and come back from."""
+    cells: Array = np.flatnonzero(service.reachable.all(axis=0))
+    return cells
+
+
+def stop_counts(orders: OrdersGiven, count: int, seed: int) -> Array:
+    """(count,) int64: how many stops each order has."""
+    if not isinstance(orders.stops, StopRange):
+        return np.full(count, orders.stops, np.int64)
+    least, most = orders.stops.least, orders.stops.most
+    counts: Array = least + integers(
+        count, most - least + 1, seed, random_numbers.STREAM_ORDERS, DRAW_STOP_COUNT
+    )
+    return counts
+
+
+def drawn_stops(cells: Array, count: Array, seed: int) -> Array:
+    """The stops of orders, one order after another: `count` of each, drawn from cells.
+
+    The first one is any of the cells, each further one any but the one before it.
+    """
+    most = int(count.max(initial=0))
+    places = np.zeros((len(count), most), np.int64)  # among `cells`
+    for stop in range(most):
+        others = len(cells) - (stop > 0)
+        draws = integers(len(count), others, seed, random_numbers.STREAM_ORDERS, DRAW_STOP + stop)
+        places[:, stop] = (places[:, stop - 1] + 1 + draws) % len(cells) if stop else draws
+    chosen: Array = cells[places[np.arange(most) < count[:, None]]]
+    return chosen

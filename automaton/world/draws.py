@@ -1,4 +1,9 @@
-"""Durations in whole ticks that are memoryless: the geometric distribution."""
+"""Durations that are drawn: of handling, of delays, of repairs, and the gaps between random events.
+
+Draws are addressed by the seed and a number, so that all fleets and strategies face the same work. They
+are quantiles of numbers between 0 and 1. All arithmetic rounds alike on every machine: no function of a
+library of mathematics is used but the four operations and the square root.
+"""
 
 from __future__ import annotations
 
@@ -16,55 +21,15 @@ from automaton.scenario.durations import Distribution, Handling
 from automaton.scenario.fleet import Delays as DelayRules
 from automaton.scenario.fleet import Faults
 
-FINEST: Final = 2.0**-60  # no u is below 2^-54
-
-
-def geometric(
-    mean: float, seed: int, stream: int, ticks: npt.ArrayLike, robots: npt.ArrayLike
-) -> npt.NDArray[np.int64]:
-    """(k,) int64 from 1 on, geometric with this mean, addressed by (stream, ticks[i], robots[i]).
-
-    P(X > k) = q^k with q = 1 - 1/mean. A draw is 1 plus the greatest k with q^k > u, u uniform in
-    (0, 1).
-    """
-    where, who = np.broadcast_arrays(np.asarray(ticks, np.int64), np.asarray(robots, np.int64))
-    bits = np.zeros(len(where), np.uint64)
-    with np.errstate(over="ignore"):
-        random_numbers.random_bits_of_each(bits, np.uint64(seed), stream, where.copy(), who.copy())
-    return geometric_quantile(mean, ((bits >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53)
-
-
-def geometric_quantile(mean: float, u: npt.NDArray[np.float64]) -> npt.NDArray[np.int64]:
-    """(k,) int64: for u between 0 and 1, 1 plus the greatest k with q^k > u, where q = 1 - 1/mean.
-
-    It is found bit by bit from q, q^2, q^4, ... by multiplications alone, which round alike everywhere,
-    as logarithms do not.
-    """
-    powers = [1.0 - 1.0 / mean]  # q^(2^i)
-    while powers[-1] > FINEST:
-        powers.append(powers[-1] * powers[-1])
-    numbers = np.ones(len(u), np.int64)
-    left = np.ones(len(u))
-    for i in range(len(powers) - 1, -1, -1):
-        further = left * powers[i]
-        more = further > u
-        left[more] = further[more]
-        numbers[more] += 1 << i
-    return numbers
-
-
-# What each line takes at a station: drawn once, so that all fleets and strategies face the same work.
-#
-# Draws are addressed by the seed and the number of the line. All arithmetic rounds alike on every
-# machine: no function of a library of mathematics is used but the four operations and the square
-# root.
-
-
 Floats = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 
 Address = tuple[int, Whole, Whole]  # of draws: a stream, (count,) ticks and (count,) robots
 
+PLACES: Final = 65_536  # of quantiles in a table: a probability is right to 0.00002
+DRAWS: Final = 2**32  # of which a probability is a share
+EXPONENTIAL_DIGITS: Final = 40  # so that it rounds alike on every machine
+LEAST_POWER: Final = 2.0**-60  # no u is below 2^-54
 LN2_HIGH: Final = 6.93147180369123816490e-01  # its sum with the next one is log 2
 LN2_LOW: Final = 1.90821492927058770002e-10
 
@@ -107,6 +72,9 @@ FAR_TAIL: Final = (
 )
 
 
+# What lines take at stations, drawn by their numbers.
+
+
 def handling_of_lines(handling: Handling, units: Whole, seed: int) -> Whole:
     """(lines,) millionths of a tick that each line takes, by its number and its units."""
     line = np.zeros(len(units))
@@ -135,6 +103,79 @@ def drawn_durations(
     return duration_quantile(distribution, uniform_draws(seed, address))
 
 
+# Delays and repairs, as tables to draw from: all entries of a table of ticks are alike probable.
+
+
+def build_delays(rules: DelayRules | None, robots: int) -> Delays:
+    """The delays of a scenario; tiny without them."""
+    lengthens = np.zeros(ACTION_COUNT, np.uint8)
+    if rules is None:
+        return Delays.sized({"d": 0, "h": 0, "t": 1, "c": 0}, lengthens=lengthens)
+    lengthens[[ACTION_NAMES.index(name) for name in rules.of]] = 1
+    is_poisson = rules.events == "poisson"
+    return Delays.sized(
+        {"d": robots, "h": robots if is_poisson else 0},
+        probability=round(rules.probability * DRAWS),
+        poisson=int(is_poisson),
+        ticks=delay_ticks(rules),
+        counts=poisson_counts(rules.probability) if is_poisson else np.zeros(0, np.int64),
+        lengthens=lengthens,
+    )
+
+
+def delay_ticks(rules: DelayRules) -> Array:
+    """(t,) int32: how long delays last."""
+    least, most = rules.ticks.least, rules.ticks.most
+    if isinstance(rules.distribution, str):
+        return np.arange(least, most + 1, dtype=np.int32)
+    bell = rules.distribution.gaussian
+    share = bell.mean_ratio + bell.sd_ratio * normal_quantile(quantiles())
+    return whole_ticks(np.clip(least + (most - least) * share, least, most))
+
+
+def repair_ticks(faults: Faults) -> Array:
+    """(r,) int32: how long repairs in place take; (0,): robots are towed."""
+    duration = faults.repair_in_place
+    if duration is None:
+        return np.zeros(0, np.int32)
+    if isinstance(duration, int):
+        return np.array([duration], np.int32)
+    if isinstance(duration.empirical, tuple):
+        return whole_ticks(np.array(duration.empirical))
+    if duration.exponential is not None:
+        numbers: Array = geometric_quantile(duration.exponential, 1 - quantiles())
+        return numbers.astype(np.int32)
+    assert isinstance(duration, Distribution)
+    return whole_ticks(duration_quantile(duration, quantiles()))
+
+
+def quantiles() -> Floats:
+    """(PLACES,) numbers between 0 and 1, evenly spread."""
+    return (np.arange(PLACES) + 0.5) / PLACES
+
+
+def whole_ticks(ticks: Floats) -> Array:
+    """Whole ticks, half up, 1 at least."""
+    rounded: Array = np.maximum(np.floor(ticks + 0.5), 1).astype(np.int32)
+    return rounded
+
+
+def poisson_counts(mean: float) -> Array:
+    """(c,) int64: of 2**32 draws of a Poisson number, how many are at most 0, 1, ..."""
+    with decimal.localcontext(decimal.Context(prec=EXPONENTIAL_DIGITS)):
+        wanted = decimal.Decimal(mean)
+        term = total = (-wanted).exp()
+        counts: list[int] = []
+        while not counts or counts[-1] < DRAWS:
+            counts.append(round(total * DRAWS))
+            term = term * wanted / len(counts)
+            total += term
+    return np.array(counts[:-1], np.int64)
+
+
+# Distributions by their quantiles, the functions in these, and the draws.
+
+
 def duration_quantile(distribution: Distribution, u: Floats) -> Floats:
     """(k,) ticks, not rounded, for numbers between 0 and 1; not of an exponential distribution."""
     if distribution.uniform is not None:
@@ -152,6 +193,37 @@ def duration_quantile(distribution: Distribution, u: Floats) -> Floats:
     return result
 
 
+def geometric(
+    mean: float, seed: int, stream: int, ticks: npt.ArrayLike, robots: npt.ArrayLike
+) -> Whole:
+    """(k,) int64 from 1 on, geometric with this mean, addressed by (stream, ticks[i], robots[i]).
+
+    P(X > k) = q^k with q = 1 - 1/mean. A draw is 1 plus the greatest k with q^k > u, u uniform in
+    (0, 1).
+    """
+    where, who = np.broadcast_arrays(np.asarray(ticks, np.int64), np.asarray(robots, np.int64))
+    return geometric_quantile(mean, uniform_draws(seed, (stream, where.copy(), who.copy())))
+
+
+def geometric_quantile(mean: float, u: Floats) -> Whole:
+    """(k,) int64: for u between 0 and 1, 1 plus the greatest k with q^k > u, where q = 1 - 1/mean.
+
+    It is found bit by bit from q, q^2, q^4, ... by multiplications alone, which round alike everywhere,
+    as logarithms do not.
+    """
+    powers = [1.0 - 1.0 / mean]  # q^(2^i)
+    while powers[-1] > LEAST_POWER:
+        powers.append(powers[-1] * powers[-1])
+    numbers = np.ones(len(u), np.int64)
+    left = np.ones(len(u))
+    for i in range(len(powers) - 1, -1, -1):
+        further = left * powers[i]
+        more = further > u
+        left[more] = further[more]
+        numbers[more] += 1 << i
+    return numbers
+
+
 def uniform_draws(seed: int, address: Address) -> Floats:
     """(count,) numbers between 0 and 1, both left out."""
     bits = np.zeros(len(address[1]), np.uint64)
@@ -159,6 +231,14 @@ def uniform_draws(seed: int, address: Address) -> Floats:
         random_numbers.random_bits_of_each(bits, np.uint64(seed), *address)
     u: Floats = ((bits >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
     return u
+
+
+def integers(count: int, below: int, seed: int, stream: int, what: int = 0) -> Whole:
+    """(count,) from 0 on, below a number, addressed by (stream, what, 0), (stream, what, 1), ..."""
+    numbers = np.zeros(count, np.int64)
+    with np.errstate(over="ignore"):
+        random_numbers.random_integers(numbers, below, np.uint64(seed), stream, what)
+    return numbers
 
 
 def normal_quantile(u: Floats) -> Floats:
@@ -207,81 +287,3 @@ def logarithm(x: Floats) -> Floats:
         total = total * (s * s) + 1.0 / k
     result: Floats = power * LN2_HIGH + (2 * s * total + power * LN2_LOW)
     return result
-
-
-# How often robots are delayed and for how long, and how long repairs take, as tables to draw from.
-#
-# All entries of a table of ticks are alike probable. A distribution that is not a list of whole
-# numbers becomes its quantiles at 65,536 places: a probability is right to 0.00002.
-
-
-QUANTILES: Final = 65_536
-ONE: Final = 2**32  # draws
-DIGITS: Final = 40  # of the exponential function, so that it rounds alike on every machine
-
-
-def build_delays(rules: DelayRules | None, robots: int) -> Delays:
-    """The delays of a scenario; tiny without them."""
-    lengthens = np.zeros(ACTION_COUNT, np.uint8)
-    if rules is None:
-        return Delays.sized({"d": 0, "h": 0, "t": 1, "c": 0}, lengthens=lengthens)
-    lengthens[[ACTION_NAMES.index(name) for name in rules.of]] = 1
-    is_poisson = rules.events == "poisson"
-    return Delays.sized(
-        {"d": robots, "h": robots if is_poisson else 0},
-        probability=round(rules.probability * ONE),
-        poisson=int(is_poisson),
-        ticks=delay_ticks(rules),
-        counts=poisson_counts(rules.probability) if is_poisson else np.zeros(0, np.int64),
-        lengthens=lengthens,
-    )
-
-
-def delay_ticks(rules: DelayRules) -> Array:
-    """(t,) int32: how long delays last."""
-    least, most = rules.ticks.least, rules.ticks.most
-    if isinstance(rules.distribution, str):
-        return np.arange(least, most + 1, dtype=np.int32)
-    bell = rules.distribution.gaussian
-    share = bell.mean_ratio + bell.sd_ratio * normal_quantile(quantiles())
-    return whole_ticks(np.clip(least + (most - least) * share, least, most))
-
-
-def repair_ticks(faults: Faults) -> Array:
-    """(r,) int32: how long repairs in place take; (0,): robots are towed."""
-    duration = faults.repair_in_place
-    if duration is None:
-        return np.zeros(0, np.int32)
-    if isinstance(duration, int):
-        return np.array([duration], np.int32)
-    if isinstance(duration.empirical, tuple):
-        return whole_ticks(np.array(duration.empirical))
-    if duration.exponential is not None:
-        numbers: Array = geometric_quantile(duration.exponential, 1 - quantiles())
-        return numbers.astype(np.int32)
-    assert isinstance(duration, Distribution)
-    return whole_ticks(duration_quantile(duration, quantiles()))
-
-
-def quantiles() -> Floats:
-    """(QUANTILES,) numbers between 0 and 1, evenly spread."""
-    return (np.arange(QUANTILES) + 0.5) / QUANTILES
-
-
-def whole_ticks(ticks: Floats) -> Array:
-    """Whole ticks, half up, 1 at least."""
-    rounded: Array = np.maximum(np.floor(ticks + 0.5), 1).astype(np.int32)
-    return rounded
-
-
-def poisson_counts(mean: float) -> Array:
-    """(c,) int64: of 2**32 draws of a Poisson number, how many are at most 0, 1, ..."""
-    with decimal.localcontext(decimal.Context(prec=DIGITS)):
-        wanted = decimal.Decimal(mean)
-        term = total = (-wanted).exp()
-        counts: list[int] = []
-        while not counts or counts[-1] < ONE:
-            counts.append(round(total * ONE))
-            term = term * wanted / len(counts)
-            total += term
-    return np.array(counts[:-1], np.int64)

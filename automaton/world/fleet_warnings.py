@@ -1,4 +1,7 @@
-"""Warn about fleets that will not get through: dead ends, crowds, a right of way that jams there."""
+"""What lets robots wait, jam or run empty: dead ends, crowds, a rule, gates, stations and pods.
+
+Each warning is a sentence; `scenario_warnings` lists them all.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,6 @@ from automaton.world.capabilities import default_right_of_way, has_ringless_part
 from automaton.world.floor_parts import queue_path
 from automaton.world.gate_cells import Gate, cells_of, gates_of, mouths_of, moves_between, shares
 from automaton.world.resolve import Resolved
-from automaton.world.station_numbers import station_names
 
 # Both by `automaton sweep crowds`, shares of the cells for one robot each.
 JAM_SHARE: Final = 0.06  # half of 12 %, where retreat does 23 to 36 % of pibt's orders
@@ -29,6 +31,8 @@ POD_JAM_SHARE: Final = 0.03
 CROWD_SHARE: Final = 0.9  # at 98 % pibt and epibt do fewer orders than at 50 %, on all floors
 FEW_ROBOTS: Final = 10
 MOST_NAMED: Final = 3
+MOST_GATES: Final = 100  # of which each one is looked at alone
+FULL_BATTERY: Final = 100 + 1e-9  # percent
 
 
 def fleet_warnings(resolved: Resolved) -> list[str]:
@@ -140,11 +144,66 @@ def has_no_ring(resolved: Resolved) -> str:
     )
 
 
-# Warn about gates that are legal but keep robots from what they need.
+# Fleets that can never move, because a rule of the world refuses the first move.
+#
+# Robots that fill cells out of which no way leads but into each other's cells form rings and files
+# without a gap. A full ring rotates under `convoy`, and under `handover` if its moves take one tick.
+# Under `none`, and under `handover` with longer moves, a first robot would have to begin, and none
+# may.
 
 
-MAX_GATES = 100  # of which each one is looked at alone
-FULL = 100 + 1e-9  # percent of a battery
+def standstill_warnings(resolved: Resolved) -> list[str]:
+    """Return a sentence if robots stand still for ever where they begin."""
+    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+    rule, least = scenario.world.following, resolved.fleet.least_move
+    refuses = rule == "none" or (rule == "handover" and least >= 2)
+    if not refuses or scenario.fleet.when_idle == "leave":
+        return []  # robots that leave the floor make a gap
+    from automaton.world.rules import may_fail  # needs Numba, as most checks do not
+
+    if may_fail(scenario):
+        return []  # so do those that are towed
+    held = full_cells(floor_plan, filled_at_the_start(resolved))
+    cells = int(held.sum())
+    if cells < 2:
+        return []
+    x, y = floor_plan.xy(int(np.flatnonzero(held)[0]))
+    of_moves = "" if rule == "none" else f" of moves longer than one tick (here {least:g})"
+    most = count(cells - 1, "robot")
+    return [
+        f"stands still: {count(cells, 'robot')} fill the {count(cells, 'cell')} around [{x}, {y}], and "
+        f"under world.following: {rule} a full ring{of_moves} cannot start; at most {most} "
+        "can move there at all, or set world.following: convoy"
+    ]
+
+
+def filled_at_the_start(resolved: Resolved) -> Mask:
+    """(C,) bool: cells for one robot that are held at the start, whatever the seed."""
+    floor_plan, start = resolved.floor_plan, resolved.start
+    drivable = floor_plan.drivable.reshape(-1)
+    filled = np.zeros(drivable.size, np.bool_)
+    if isinstance(start, tuple):
+        filled[list(start)] = True
+    elif start == "random" and resolved.scenario.fleet.robots >= drivable.sum():
+        filled[drivable] = True
+    single: Mask = filled & (floor_plan.capacity.reshape(-1) == 1)
+    return single
+
+
+def full_cells(floor_plan: FloorPlan, filled: Mask) -> Mask:
+    """(C,) bool: the most filled cells whose exits, one at least, all lead into such cells."""
+    exits = floor_plan.exits.reshape(-1)
+    full: Mask = filled & (exits != 0)
+    while True:
+        leads_out = np.zeros(full.size, np.bool_)
+        for direction, offset in enumerate(floor_plan.offsets):
+            leads_out |= (exits >> direction & 1 != 0) & ~np.roll(full, -offset)
+        if not (full & leads_out).any():
+            return full
+        full = full & ~leads_out
+
+
+# Gates that keep robots from what they need.
 
 
 def gate_warnings(resolved: Resolved) -> list[str]:
@@ -168,7 +227,7 @@ def dear_rides(resolved: Resolved) -> list[str]:
             )
             for factor, load in ((1.0, ""), (drain.loaded_factor, " with a load")):
                 price = drain.move * factor * ticks
-                if price > FULL:
+                if price > FULL_BATTERY:
                     taken = f"{gate.name} takes {price:,.6g} % of a battery {how}"
                     return [f"{taken}, more than it holds: {robots}{load} run empty in it"]
     return []
@@ -196,7 +255,7 @@ def gated_chargers(resolved: Resolved) -> list[str]:
     inside = sorted({cell for cells in gated for cell in cells})
     if not is_cut_off(everywhere, reach_chargers(resolved, inside), inside):
         return []
-    for gate, cells in list(zip(gates, gated, strict=True))[:MAX_GATES]:
+    for gate, cells in list(zip(gates, gated, strict=True))[:MOST_GATES]:
         if is_cut_off(everywhere, reach_chargers(resolved, cells), cells):
             return [sentence_about(gate)]
     return [
@@ -230,7 +289,7 @@ def is_cut_off(before: Mask, after: Mask, inside: Iterable[int]) -> bool:
     return bool(lost.any())
 
 
-# Warn about stations and pods that are legal but keep robots waiting.
+# Stations and pods that keep robots waiting.
 
 
 def pod_warnings(resolved: Resolved) -> list[str]:
@@ -265,7 +324,7 @@ def crossed_queues(resolved: Resolved) -> Iterator[str]:
     kinds = floor_plan.kind.reshape(-1)
     used: Mask = (kinds == STORAGE) & (floor_plan.loads.reshape(-1) != 0) | (kinds == CHARGER)
     used[floor_plan.stations] = True
-    names = station_names(resolved)
+    names = resolved.station_names
     for name, station in resolved.scenario.stations.items():
         own = [floor_plan.cell(*station.at)]
         own += queue_path(floor_plan, station.at, station.queue)

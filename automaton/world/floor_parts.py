@@ -1,8 +1,8 @@
-"""The cells that a scenario means by corners of a path, or by the two corners of a rectangle."""
+"""Parts of a floor that a scenario names: sets of cells, chargers, speed limits, stations with queues."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -10,14 +10,13 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from automaton.errors import InputError
+from automaton.errors import Finding, InputError
 from automaton.floor.cells import CHARGER, STATION, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
-from automaton.scenario.changing_floor import Block, CellSet, Rectangle, SpeedLimit
-from automaton.scenario.document import Document
+from automaton.scenario.changing_floor import Block, Cell, CellSet, Rectangle, SpeedLimit
 from automaton.scenario.schema import Scenario
 
-Pair = tuple[int, int]
+MAX_SPEEDS: Final = 14  # of limits: distance tables have a queue for each, and for two more
 
 
 def cells_of_set(name: str, cells: CellSet, floor_plan: FloorPlan) -> list[int]:
@@ -37,7 +36,7 @@ def cells_of_set(name: str, cells: CellSet, floor_plan: FloorPlan) -> list[int]:
     return list(dict.fromkeys(cells_of_path(name, cells, floor_plan)))
 
 
-def cells_of_path(name: str, corners: Sequence[Pair], floor_plan: FloorPlan) -> list[int]:
+def cells_of_path(name: str, corners: Sequence[Cell], floor_plan: FloorPlan) -> list[int]:
     """The flat cells from corner to corner. Raises InputError where two are not in line."""
     x, y = corners[0]
     path = [floor_plan.cell(x, y)]
@@ -51,7 +50,7 @@ def cells_of_path(name: str, corners: Sequence[Pair], floor_plan: FloorPlan) -> 
     return path
 
 
-# How many robots charge at a charger at once: its capacity.
+# Chargers, at which as many robots charge at once as their capacity says.
 #
 # Elsewhere two robots share a cell only in opposite directions; at a charger of capacity 2 they stand
 # side by side, whichever way they came. So its cell is one without a limit, and a block of two.
@@ -100,11 +99,8 @@ def places_of_chargers(scenario: Scenario, floor_plan: FloorPlan) -> dict[int, i
 # Speed limits: moves between some cells of the floor take at least so many ticks.
 
 
-MAX_SPEEDS: Final = 14  # distance tables have a queue for each, and for two more
-
-
-def check_speed_limits(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
-    """Limits are of cells that robots drive on. Raises InputError."""
+def check_speed_limits(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """Limits are of cells that robots drive on."""
     for number, limit in enumerate(scenario.floor.speed_limits):
         name = f"speed limit {number + 1}"
         try:
@@ -112,12 +108,11 @@ def check_speed_limits(document: Document, scenario: Scenario, floor_plan: Floor
             if not DRIVABLE[floor_plan.kind.flat[cells]].any():
                 raise InputError(f"{name} has no cell on which robots drive")
         except InputError as error:
-            keys = ("floor", "speed_limits", number, "cells")
-            raise document.error(keys, error.message) from None
+            yield Finding(("floor", "speed_limits", number, "cells"), error.message)
     speeds = len({limit.max_speed for limit in scenario.floor.speed_limits})
     if speeds > MAX_SPEEDS:
         text = f"floor.speed_limits has {speeds} different speeds, at most {MAX_SPEEDS} are allowed"
-        raise document.error(("floor", "speed_limits"), text)
+        yield Finding(("floor", "speed_limits"), text)
 
 
 def with_speed_limits(floor_plan: FloorPlan, limits: tuple[SpeedLimit, ...]) -> FloorPlan:
@@ -136,12 +131,30 @@ def with_speed_limits(floor_plan: FloorPlan, limits: tuple[SpeedLimit, ...]) -> 
     return replace(floor_plan, min_move_ticks=ticks)
 
 
-# The cells of the queues of stations, and all that serve robots.
+# Stations: their names, their queues, and all cells that serve robots.
 
 
-def queue_path(
-    floor_plan: FloorPlan, at: tuple[int, int], corners: tuple[tuple[int, int], ...]
-) -> list[int]:
+def station_numbers(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, int]:
+    """The number of each station, from 0, by its name and by its number from 1 as text."""
+    cells = floor_plan.stations.tolist()
+    numbers = {str(k + 1): k for k in range(len(cells))}
+    named = {
+        name: cells.index(floor_plan.cell(*station.at))
+        for name, station in scenario.stations.items()
+    }
+    return numbers | named
+
+
+def all_station_names(scenario: Scenario, floor_plan: FloorPlan) -> tuple[str, ...]:
+    """The name of each station, with pods or without; its number from 1 where it has none."""
+    names = [str(k + 1) for k in range(len(floor_plan.stations))]
+    for name, number in station_numbers(scenario, floor_plan).items():
+        if name in scenario.stations:
+            names[number] = name
+    return tuple(names)
+
+
+def queue_path(floor_plan: FloorPlan, at: Cell, corners: Sequence[Cell]) -> list[int]:
     """Flat cells of a queue, the one next to the station first, by the corners of its path."""
     path: list[int] = []
     x, y = at

@@ -1,4 +1,4 @@
-"""The cells of gates on a floor: of closings, doors, blocks and lifts, with the keys of each."""
+"""The gates of a scenario: closings, doors, blocks and lifts; their cells, and when cells are closed."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.engine.state import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
-from automaton.errors import InputError
+from automaton.errors import Finding, InputError, Keys
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.changing_floor import Block, ChangingFloor, Closing, Door, Lift, MeanGap
-from automaton.scenario.document import Document, Keys
 from automaton.scenario.durations import Distribution
 from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario
 from automaton.units import ticks_and_time, unit
 from automaton.world.floor_parts import cells_of_set
 
-Pair = tuple[int, int]
+CELL_KEYS: Final = {GATE_CLOSING: "cells", GATE_DOOR: "at", GATE_BLOCK: "cells", GATE_LIFT: "shaft"}
+MAX_CLOSINGS: Final = 4_000_000  # of a run
+
+Array = npt.NDArray[Any]
 
 
 class Gate(NamedTuple):
@@ -40,9 +42,6 @@ def gates_of(floor: ChangingFloor) -> Iterator[Gate]:
         yield Gate(GATE_BLOCK, block, ("floor", "blocks", number), f"block {number + 1}")
     for number, lift in enumerate(floor.lifts):
         yield Gate(GATE_LIFT, lift, ("floor", "lifts", number), f"lift {number + 1}")
-
-
-CELL_KEYS: Final = {GATE_CLOSING: "cells", GATE_DOOR: "at", GATE_BLOCK: "cells", GATE_LIFT: "shaft"}
 
 
 def cells_of(gate: Gate, floor_plan: FloorPlan) -> list[int]:
@@ -124,11 +123,6 @@ def shares(travel_ticks: int, moves: int) -> tuple[int, int]:
 # The closings of cells: all of a run are known before it begins, those by chance by its seed.
 
 
-MAX_CLOSINGS: Final = 4_000_000  # of a run
-
-Array = npt.NDArray[Any]
-
-
 def closings_of(gate: Gate, number: int, scenario: Scenario, seed: int) -> Array:
     """(k, 2) int64: first tick and tick after the last of the closings of a gate until the run ends."""
     closing, end = gate.section, scenario.stop.max_duration
@@ -199,29 +193,25 @@ def too_many_closings(count: int) -> str:
 # Whether gates fit the floor: where their cells are, and how many robots begin in them.
 
 
-Cells = npt.NDArray[Any]
-
-
-def check_gates(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
-    """Gates lie on the floor, shafts are paths and share no cells. Raises InputError."""
+def check_gates(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """Gates lie on the floor, shafts are paths and share no cells."""
     owner: dict[int, Gate] = {}
     for gate in gates_of(scenario.floor):
         try:
             cells = cells_of(gate, floor_plan)
-            if isinstance(gate.section, Lift):
-                check_lift(gate, gate.section, cells, floor_plan, owner, scenario)
         except InputError as error:
-            raise document.error((*gate.keys, CELL_KEYS[gate.kind]), error.message) from None
+            yield Finding((*gate.keys, CELL_KEYS[gate.kind]), error.message)
+            continue
         if isinstance(gate.section, Lift):
-            check_shares(document, gate, gate.section, moves_of(cells, floor_plan))
+            yield from check_lift(gate, gate.section, cells, floor_plan, owner, scenario)
     if too_many := find_too_many_closings(scenario):
         gate, text = too_many
-        raise document.error((*gate.keys, CELL_KEYS[gate.kind]), text)
+        yield Finding((*gate.keys, CELL_KEYS[gate.kind]), text)
     for name, level in scenario.floor.levels.items():
         for key, (x, y) in (("from", level.first), ("to", level.last)):
             if not floor_plan.holds(x, y):
                 text = f"the corner [{x}, {y}] of the level {name} lies outside the floor"
-                raise document.error(("floor", "levels", name, key), f"{text} {floor_plan.extent}")
+                yield Finding(("floor", "levels", name, key), f"{text} {floor_plan.extent}")
 
 
 def check_lift(
@@ -231,46 +221,38 @@ def check_lift(
     floor_plan: FloorPlan,
     owner: dict[int, Gate],
     scenario: Scenario,
-) -> None:
-    """A lift has mouths at both ends, and its cells for itself. Raises InputError, without its place."""
+) -> Iterator[Finding]:
+    """A lift has mouths at both ends, its cells for itself, and moves between its mouths in its time.
+
+    `owner`: the lift of each cell; its own are added.
+    """
+    keys = (*gate.keys, CELL_KEYS[gate.kind])
     for cell in shaft:
         x, y = floor_plan.xy(cell)
         if cell in owner:
-            raise InputError(f"{gate.name} and {owner[cell].name} both have the cell [{x}, {y}]")
+            text = f"{gate.name} and {owner[cell].name} both have the cell [{x}, {y}]"
+            yield Finding(keys, text)
         owner[cell] = gate
     mouths = mouths_of(shaft, floor_plan)
     for end in (shaft[0], shaft[-1]):
         if end not in mouths:
             x, y = floor_plan.xy(end)
-            raise InputError(f"{gate.name} has no way out at its end [{x}, {y}]")
+            yield Finding(keys, f"{gate.name} has no way out at its end [{x}, {y}]")
     if len(mouths) < 2:
-        raise InputError(f"{gate.name} has one cell alone; a lift has a mouth at each end")
-    most = max(moves_between(shaft, mouths))
-    if lift.travel_time < most:
-        tick = unit(scenario.units.tick)
-        raise InputError(
-            f"{gate.name} takes {ticks_and_time(lift.travel_time, tick)} from one mouth to the next "
-            f"(travel_time), less than the {most} moves between them"
-        )
-
-
-def moves_of(shaft: list[int], floor_plan: FloorPlan) -> list[int]:
-    """How many moves it takes from each mouth of a shaft to the next one."""
-    return moves_between(shaft, mouths_of(shaft, floor_plan))
-
-
-def check_shares(document: Document, gate: Gate, lift: Lift, moves: list[int]) -> None:
-    """No move in a lift takes more ticks than a move may. Raises InputError."""
+        yield Finding(keys, f"{gate.name} has one cell alone; a lift has a mouth at each end")
+        return
+    moves = moves_between(shaft, mouths)
+    if lift.travel_time < max(moves):
+        time = ticks_and_time(lift.travel_time, unit(scenario.units.tick))
+        text = f"{gate.name} takes {time} from one mouth to the next (travel_time), less than the"
+        yield Finding(keys, f"{text} {max(moves)} moves between them")
     most = max(shares(lift.travel_time, count)[1] for count in moves)
     if most > MAX_MOVE_TICKS:
-        raise document.error(
-            (*gate.keys, "travel_time"),
-            f"a move in {gate.name} takes {most:,} ticks, its share of travel_time; "
-            f"at most {MAX_MOVE_TICKS:,} are allowed",
-        )
+        text = f"a move in {gate.name} takes {most:,} ticks, its share of travel_time; at most"
+        yield Finding((*gate.keys, "travel_time"), f"{text} {MAX_MOVE_TICKS:,} are allowed")
 
 
-def cells_to_start(scenario: Scenario, floor_plan: FloorPlan, cells: Cells) -> Cells:
+def cells_to_start(scenario: Scenario, floor_plan: FloorPlan, cells: Array) -> Array:
     """Those of a list of flat cells, in its order, in which robots may begin, one in each.
 
     No cell of a lift's shaft, and of a block no more than it holds.

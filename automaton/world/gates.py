@@ -28,7 +28,7 @@ from automaton.world.resolve import Resolved
 
 REPLAN_AFTER_S = 30  # where the scenario does not say
 
-NOTHING = dict.fromkeys("gcexarny", 0)
+NO_GATES = dict.fromkeys("gcexarny", 0)
 
 
 def build_gates(resolved: Resolved, starts: Array, seed: int, tick_us: int) -> Gates:
@@ -36,7 +36,7 @@ def build_gates(resolved: Resolved, starts: Array, seed: int, tick_us: int) -> G
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     gates = list(gates_of(scenario.floor))
     if not gates:
-        return Gates.sized(NOTHING)
+        return Gates.sized(NO_GATES)
     check_starts_at_gates(scenario, floor_plan, starts.tolist())
     cells = [cells_of(gate, floor_plan) for gate in gates]
     mouths = [  # of lifts; of other gates none

@@ -1,18 +1,14 @@
-"""Whether the pods of a list of orders come to stay in cells of their own.
-
-A cell of storage holds one pod. Where two would stay at the end, the robot with the second one would
-wait for ever before the cell.
-"""
+"""Whether pods, their stations with queues, and what orders want of them fit the floor."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
-from automaton.errors import InputError, nearest
+from automaton.errors import WHOLE_LIST, Finding, Keys, nearest
 from automaton.floor.cells import DIRECTIONS, STATION, STORAGE
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import Mask, to_and_from
@@ -25,7 +21,6 @@ from automaton.scenario.carried_pods import (
     skus_of,
 )
 from automaton.scenario.changing_floor import Cell
-from automaton.scenario.document import Document, Keys
 from automaton.scenario.orders import Line, OrderLine, Orders
 from automaton.scenario.pods import Pods, PodStation
 from automaton.scenario.schema import Scenario
@@ -36,8 +31,192 @@ from automaton.world.floor_parts import queue_path
 NO_ORDER: Final = -1
 
 
-def check_destinations(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
-    """No two pods come to stay in one cell. Raises InputError.
+def check_pods(
+    scenario: Scenario, floor_plan: FloorPlan, are_of_file: bool = False
+) -> Iterator[Finding]:
+    """Stations are stations, queues paths, and orders want pods that there are.
+
+    `are_of_file`: pods.list comes from a file.
+    """
+    if scenario.orders.parts is not None or scenario.orders.tasks is not None:
+        return
+    if not carries_pods(scenario, floor_plan):
+        for key, is_set in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
+            if is_set:
+                text = f"{key} belong to orders.lines, or to orders of a list that begin in storage"
+                yield Finding((key,), text)
+        return
+    yield from check_listed_pods(scenario, floor_plan, are_of_file)
+    yield from check_stations(scenario, floor_plan)
+    if scenario.orders.lines is None:
+        yield from check_pod_orders(scenario, floor_plan)
+        yield from check_destinations(scenario, floor_plan)
+        return
+    stations, pods = len(floor_plan.stations), len(pod_cells(scenario, floor_plan))
+    if not stations:
+        yield Finding(("layout",), "lines are done at stations, and the floor has none")
+    if not pods:
+        yield Finding(("layout",), "lines want pods, and the floor has none: draw them as p")
+    if isinstance(scenario.orders.lines, tuple):
+        numbers, skus = pod_numbers(scenario, pods), skus_of(scenario)
+        for index, line in enumerate(scenario.orders.lines):
+            keys: Keys = ("orders", "lines", index)
+            yield from check_wanted(line, keys, pods, numbers, skus)
+            yield from check_station(line, keys, list(scenario.stations), stations)
+    yield from check_classes(scenario.orders, list(scenario.pods.classes or ()))
+
+
+def check_listed_pods(
+    scenario: Scenario, floor_plan: FloorPlan, are_of_file: bool
+) -> Iterator[Finding]:
+    """Pods that are listed stand in storage, one in each cell, and all that are drawn are listed."""
+    listed, classes = scenario.pods.listed, list(scenario.pods.classes or ())
+    if listed is None:
+        return
+    standing: dict[int, str] = {}
+    names: set[str] = set()
+    for number, pod in enumerate(listed):
+        keys: Keys = ("pods", "list", number)
+        x, y = pod.at
+        who = f"pod {number + 1}" if pod.name is None else f"pod {pod.name}"
+        if other := _other_than(STORAGE, pod.at, floor_plan):
+            yield Finding(keys, f"{who} stands at [{x}, {y}], but {other}, not storage")
+            continue
+        cell = floor_plan.cell(x, y)
+        if cell in standing:
+            yield Finding(keys, f"{standing[cell]} and {who} both stand at [{x}, {y}]")
+        if pod.name in names:
+            yield Finding((*keys, "name"), f"two pods are called {pod.name}")
+        if pod.pod_class is not None and pod.pod_class not in classes:
+            yield Finding((*keys, "class"), no_class(pod.pod_class, classes))
+        if (pod.pod_class is None) != (listed[0].pod_class is None):
+            without = who if pod.pod_class is None else "pod 1"
+            yield Finding(keys, f"{without} has no class, and others have one")
+        standing[cell] = who
+        names |= set() if pod.name is None else {pod.name}
+    drawn = (floor_plan.kind.reshape(-1) == STORAGE) & (floor_plan.loads.reshape(-1) != 0)
+    drawn[list(standing)] = False
+    if not drawn.any():
+        return
+    x, y = floor_plan.xy(int(np.argmax(drawn)))
+    if are_of_file:
+        text = f"has no pod at [{x}, {y}], where the layout has one: add a row, or draw it as q"
+        yield Finding(("pods", "list", WHOLE_LIST), text)
+    else:
+        text = f"the layout has a pod at [{x}, {y}], and pods.list has none there: draw it as q"
+        yield Finding(("layout",), text)
+
+
+def _other_than(kind: int, at: Cell, floor_plan: FloorPlan) -> str:
+    """What is at a cell that should be of a kind; "" if it is."""
+    if not floor_plan.holds(*at):
+        return f"it lies outside the floor {floor_plan.extent}"
+    cell = floor_plan.cell(*at)
+    return (
+        "" if floor_plan.kind.flat[cell] == kind else f"a {floor_plan.kind_of(cell).name} is there"
+    )
+
+
+def check_stations(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """Names stand for stations, each for its own, and queues share no cells."""
+    owner: dict[int, str] = {int(cell): "" for cell in floor_plan.stations}
+    named: dict[int, str] = {}
+    for name, station in scenario.stations.items():
+        x, y = station.at
+        keys: Keys = ("stations", name, "at")
+        if other := _other_than(STATION, station.at, floor_plan):
+            yield Finding(keys, f"station {name} is at [{x}, {y}], but {other}, not a station")
+            continue
+        cell = floor_plan.cell(x, y)
+        if cell in named:
+            yield Finding(keys, f"stations {named[cell]} and {name} are both at [{x}, {y}]")
+        named[cell] = name
+        yield from check_queue(name, station, floor_plan, owner)
+
+
+def check_queue(
+    name: str, station: PodStation, floor_plan: FloorPlan, owner: dict[int, str]
+) -> Iterator[Finding]:
+    """The queue of a station is a path along which robots drive to it.
+
+    Modifies `owner`: by cell the name of the station that has it, "" where a station itself is.
+    """
+    keys: Keys = ("stations", name, "queue")
+    before, hint = station.at, outwards(station)
+    for number, (x, y) in enumerate(station.queue):
+        if (x != before[0]) == (y != before[1]):
+            text = f"the queue of {name} goes from {list(before)} to [{x}, {y}]"
+            yield Finding((*keys, number), f"{text}: along neither a row nor a column{hint}")
+            return
+        if not floor_plan.holds(x, y):
+            text = f"[{x}, {y}] lies outside the floor {floor_plan.extent}"
+            yield Finding((*keys, number), text)
+            return
+        before = (x, y)
+    ahead = floor_plan.cell(*station.at)
+    for cell in queue_path(floor_plan, station.at, station.queue):
+        x, y = floor_plan.xy(cell)
+        way = floor_plan.offsets.index(ahead - cell)
+        if cell in owner:
+            whose = f"that of {owner[cell]}" if owner[cell] else "a station"
+            text = f"the queue of {name} comes to [{x}, {y}], which is {whose}"
+            if owner[cell] == name:
+                text = f"the queue of {name} comes twice to [{x}, {y}]"
+            yield Finding(keys, text + hint)
+        if not floor_plan.exits.flat[cell] >> way & 1:
+            text = f"the queue of {name} breaks at [{x}, {y}]: from there no robot drives "
+            yield Finding(keys, text + DIRECTIONS[way] + hint)
+        if floor_plan.capacity.flat[cell] != 1:
+            text = f"[{x}, {y}] in the queue of {name} has room for more than one robot"
+            yield Finding(keys, text)
+        owner[cell] = name
+        ahead = cell
+
+
+def outwards(station: PodStation) -> str:
+    """The rule that a queue breaks whose last cell is nearer to the station than its first; or ""."""
+    if len(station.queue) < 2:
+        return ""
+    x, y = station.at
+    first, *_, last = (abs(u - x) + abs(v - y) for u, v in station.queue)
+    if last >= first:
+        return ""
+    return "; a queue is listed from the cell next to its station outwards: turn the list round"
+
+
+# Orders of a list that carry pods.
+
+
+def check_pod_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """Orders of a list carry pods that there are, into storage, and no other loads."""
+    standing = set(pod_cells(scenario, floor_plan).tolist())
+    for index, order in enumerate(scenario.orders.listed or ()):
+        if order.source is None:
+            continue
+        keys: Keys = ("orders", "list", index)
+        x, y = order.source
+        if not is_of_pod(order, floor_plan):
+            text = f"order {index} takes a load at [{x}, {y}], and other orders carry pods from storage"
+            yield Finding((*keys, "from"), f"{text}: a list has one or the other")
+            continue
+        if floor_plan.cell(x, y) not in standing:
+            yield Finding((*keys, "from"), f"no pod stands at [{x}, {y}] at the start")
+        if order.target is None:
+            continue
+        if order.target == order.source and order.stops is None:
+            yield Finding((*keys, "to"), "an order ends where it begins")
+        u, v = order.target
+        what = f"lies outside the floor {floor_plan.extent}"
+        if floor_plan.holds(u, v):
+            kind = floor_plan.kind_of(floor_plan.cell(u, v))
+            what = "" if kind.code == STORAGE else f"is a {kind.name}"
+        if what:
+            text = f"the order of a pod ends in storage, but [{u}, {v}] {what}"
+            yield Finding((*keys, "to"), text)
+
+
+def check_destinations(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """No two pods come to stay in one cell: the robot with the second one would wait before it for ever.
 
     Orders begin in cells in which pods stand. Where a pod goes whose last order has no `to` is not known.
     """
@@ -46,6 +225,7 @@ def check_destinations(document: Document, scenario: Scenario, floor_plan: Floor
     pod_at = {floor_plan.xy(cell): f"pod {name}" for cell, name in zip(cells, names, strict=True)}
     orders = scenario.orders.listed or ()
     last = last_orders(orders)
+    # By cell the pod that stays there, and the order that brings it.
     stays = {at: (name, NO_ORDER) for at, name in pod_at.items() if at not in last}
     for index, order in enumerate(orders):
         at, target = order.source, order.target
@@ -53,7 +233,14 @@ def check_destinations(document: Document, scenario: Scenario, floor_plan: Floor
             continue
         is_last = last[at] == index
         if target in stays and (is_last or stays[target][1] == NO_ORDER):
-            raise _taken(document, index, target, pod_at[at], stays[target])
+            other, earlier = stays[target]
+            why = "no order carries it away"
+            if earlier != NO_ORDER:
+                why = f"order {earlier} brings it there"
+            text = (
+                f"order {index} brings {pod_at[at]} to {list(target)}, where {other} stays: {why}"
+            )
+            yield Finding(("orders", "list", index, "to"), f"{text}; choose another cell")
         if is_last:
             stays[target] = pod_at[at], index
 
@@ -70,133 +257,40 @@ def last_orders(orders: Sequence[OrderLine]) -> dict[Cell, int]:
     return last
 
 
-def _taken(
-    document: Document, index: int, target: Cell, name: str, stays: tuple[str, int]
-) -> InputError:
-    """`stays`: the pod that stays at the target, and the order that brings it there."""
-    other, earlier = stays
-    text = f"order {index} brings {name} to {list(target)}, where {other} stays"
-    why = f"order {earlier} brings it there" if earlier != NO_ORDER else "no order carries it away"
-    return document.error(("orders", "list", index, "to"), f"{text}: {why}; choose another cell")
+# Lines, which want pods at stations.
 
 
-# Whether pods, stations, queues and lines fit the floor.
-
-
-def check_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
-    """Stations are stations, queues paths, and orders want pods that there are. Raises InputError."""
-    if not carries_pods(scenario, floor_plan):
-        for key, is_set in (("stations", scenario.stations), ("pods", scenario.pods != Pods())):
-            if is_set:
-                text = f"{key} belong to orders.lines, or to orders of a list that begin in storage"
-                raise document.error((key,), text)
-        return
-    check_listed_pods(document, scenario, floor_plan)
-    check_stations(document, scenario, floor_plan)
-    if scenario.orders.lines is None:
-        check_pod_orders(document, scenario, floor_plan)
-        check_destinations(document, scenario, floor_plan)
-        return
-    if not len(floor_plan.stations):
-        raise document.error(("layout",), "lines are done at stations, and the floor has none")
-    pods = len(pod_cells(scenario, floor_plan))
-    if not pods:
-        raise document.error(("layout",), "lines want pods, and the floor has none: draw them as p")
-    if isinstance(scenario.orders.lines, tuple):
-        known = pod_numbers(scenario, pods), skus_of(scenario)
-        stations = len(floor_plan.stations)
-        for index, line in enumerate(scenario.orders.lines):
-            keys: Keys = ("orders", "lines", index)
-            check_wanted(document, line, keys, pods, *known)
-            check_station(document, line, keys, list(scenario.stations), stations)
-    check_classes(document, scenario.orders, scenario)
-
-
-def check_pod_orders(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
-    """Orders of a list carry pods that there are, into storage, and no other loads. Raises InputError."""
-    standing = set(pod_cells(scenario, floor_plan).tolist())
-    for index, order in enumerate(scenario.orders.listed or ()):
-        if order.source is None:
-            continue
-        keys: Keys = ("orders", "list", index)
-        x, y = order.source
-        if not is_of_pod(order, floor_plan):
-            text = f"order {index} takes a load at [{x}, {y}], and other orders carry pods from storage"
-            raise document.error((*keys, "from"), f"{text}: a list has one or the other")
-        if floor_plan.cell(x, y) not in standing:
-            raise document.error((*keys, "from"), f"no pod stands at [{x}, {y}] at the start")
-        if order.target is None:
-            continue
-        if order.target == order.source and order.stops is None:
-            raise document.error((*keys, "to"), "an order ends where it begins")
-        u, v = order.target
-        inside = floor_plan.holds(u, v)
-        cell = floor_plan.cell(u, v) if inside else 0
-        if not inside or floor_plan.kind.flat[cell] != STORAGE:
-            what = (
-                f"is a {floor_plan.kind_of(cell).name}"
-                if inside
-                else f"lies outside the floor {floor_plan.extent}"
+def check_wanted(
+    line: Line, keys: Keys, pods: int, numbers: dict[str, int], skus: dict[str, int]
+) -> Iterator[Finding]:
+    """A line wants a pod, or a SKU, that there is."""
+    if line.pod is None:
+        if str(line.sku) not in skus:
+            like = (
+                nearest(str(line.sku), skus) if skus else ": pods have none; set skus in pods.list"
             )
-            text = f"the order of a pod ends in storage, but [{u}, {v}] {what}"
-            raise document.error((*keys, "to"), text)
+            yield Finding((*keys, "sku"), f"'{line.sku}' is not a SKU of a pod{like}")
+    elif str(line.pod) not in numbers:
+        like = nearest(str(line.pod), numbers) if isinstance(line.pod, str) else ""
+        there = f"there are {count(pods, 'pod')}, numbered from 1 as one reads the picture"
+        yield Finding((*keys, "pod"), f"'{line.pod}' is not a pod{like or f': {there}'}")
 
 
-def check_classes(document: Document, orders: Orders, scenario: Scenario) -> None:
-    """The classes by which lines are drawn are those of the pods. Raises InputError."""
-    wanted = getattr(orders.lines, "classes", None)
-    if wanted is None:
+def check_station(line: Line, keys: Keys, names: list[str], stations: int) -> Iterator[Finding]:
+    """A line wants its pod at a station that there is."""
+    if line.station is None or line.station in names:
         return
-    known = list(scenario.pods.classes or ())
-    for name in wanted:
+    if not isinstance(line.station, int) or not 1 <= line.station <= stations:
+        known = [*names, *(str(k + 1) for k in range(stations))]
+        text = f"'{line.station}' is not a station{nearest(str(line.station), names)}"
+        yield Finding((*keys, "station"), f"{text}; there are {', '.join(known)}")
+
+
+def check_classes(orders: Orders, known: list[str]) -> Iterator[Finding]:
+    """The classes by which lines are drawn are those of the pods."""
+    for name in getattr(orders.lines, "classes", None) or ():
         if name not in known:
-            raise document.error(("orders", "lines", "classes", name), no_class(name, known))
-
-
-def check_listed_pods(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
-    """Pods that are listed stand in storage, one in each cell, and all that are drawn are listed.
-
-    Raises InputError.
-    """
-    listed, classes = scenario.pods.listed, list(scenario.pods.classes or ())
-    if listed is None:
-        return
-    standing: dict[int, str] = {}
-    names: set[str] = set()
-    for number, pod in enumerate(listed):
-        keys: Keys = ("pods", "list", number)
-        x, y = pod.at
-        who = f"pod {number + 1}" if pod.name is None else f"pod {pod.name}"
-        inside = floor_plan.holds(x, y)
-        cell = floor_plan.cell(x, y) if inside else 0
-        if not inside or floor_plan.kind.flat[cell] != STORAGE:
-            there = (
-                f"a {floor_plan.kind_of(cell).name} is there"
-                if inside
-                else f"it lies outside the floor {floor_plan.extent}"
-            )
-            raise document.error(keys, f"{who} stands at [{x}, {y}], but {there}, not storage")
-        if cell in standing:
-            raise document.error(keys, f"{standing[cell]} and {who} both stand at [{x}, {y}]")
-        if pod.name in names:
-            raise document.error((*keys, "name"), f"two pods are called {pod.name}")
-        if pod.pod_class is not None and pod.pod_class not in classes:
-            raise document.error((*keys, "class"), no_class(pod.pod_class, classes))
-        if (pod.pod_class is None) != (listed[0].pod_class is None):
-            without = who if pod.pod_class is None else "pod 1"
-            raise document.error(keys, f"{without} has no class, and others have one")
-        standing[cell] = who
-        names |= set() if pod.name is None else {pod.name}
-    drawn = (floor_plan.kind.reshape(-1) == STORAGE) & (floor_plan.loads.reshape(-1) != 0)
-    drawn[list(standing)] = False
-    if drawn.any():
-        x, y = floor_plan.xy(int(np.argmax(drawn)))
-        file = next((one.file for one in document.listed if one.keys == ("pods", "list")), None)
-        if file is not None:
-            text = f"has no pod at [{x}, {y}], where the layout has one: add a row, or draw it as q"
-            raise InputError(text, file)
-        text = f"the layout has a pod at [{x}, {y}], and pods.list has none there: draw it as q"
-        raise document.error(("layout",), text)
+            yield Finding(("orders", "lines", "classes", name), no_class(name, known))
 
 
 def no_class(name: str, classes: list[str]) -> str:
@@ -205,133 +299,32 @@ def no_class(name: str, classes: list[str]) -> str:
     return f"'{name}' is not a class of pods{nearest(name, classes)}: {there}"
 
 
-def check_wanted(
-    document: Document,
-    line: Line,
-    keys: Keys,
-    pods: int,
-    numbers: dict[str, int],
-    skus: dict[str, int],
-) -> None:
-    """A line wants a pod, or a SKU, that there is. Raises InputError."""
-    if line.pod is None:
-        if str(line.sku) not in skus:
-            like = (
-                nearest(str(line.sku), skus) if skus else ": pods have none; set skus in pods.list"
-            )
-            raise document.error((*keys, "sku"), f"'{line.sku}' is not a SKU of a pod{like}")
-    elif str(line.pod) not in numbers:
-        like = nearest(str(line.pod), numbers) if isinstance(line.pod, str) else ""
-        there = f"there are {count(pods, 'pod')}, numbered from 1 as one reads the picture"
-        raise document.error((*keys, "pod"), f"'{line.pod}' is not a pod{like or f': {there}'}")
+# The ways of pods, over other storage not at all, and the robots that carry them.
 
 
-def check_station(
-    document: Document, line: Line, keys: Keys, names: list[str], stations: int
-) -> None:
-    """A line wants its pod at a station that there is. Raises InputError."""
-    if line.station is None or line.station in names:
+def check_pod_ways(fleet: FleetOnFloor) -> Iterator[Finding]:
+    """Some robot carries each pod, and gets with it to every station and back."""
+    scenario, floor_plan = fleet.scenario, fleet.floor_plan
+    if not carries_pods(scenario, floor_plan):
         return
-    if not isinstance(line.station, int) or not 1 <= line.station <= stations:
-        known = [*names, *(str(k + 1) for k in range(stations))]
-        text = f"'{line.station}' is not a station{nearest(str(line.station), names)}"
-        raise document.error((*keys, "station"), f"{text}; there are {', '.join(known)}")
-
-
-def check_stations(document: Document, scenario: Scenario, floor_plan: FloorPlan) -> None:
-    """Names stand for stations, each for its own, and queues share no cells. Raises InputError."""
-    owner: dict[int, str] = {int(cell): "" for cell in floor_plan.stations}
-    named: dict[int, str] = {}
-    for name, station in scenario.stations.items():
-        x, y = station.at
-        keys: Keys = ("stations", name)
-        inside = floor_plan.holds(x, y)
-        cell = floor_plan.cell(x, y) if inside else 0
-        if not inside or floor_plan.kind.flat[cell] != STATION:
-            there = (
-                f"a {floor_plan.kind_of(cell).name} is there"
-                if inside
-                else f"it lies outside the floor {floor_plan.extent}"
-            )
-            raise document.error(
-                (*keys, "at"), f"station {name} is at [{x}, {y}], but {there}, not a station"
-            )
-        if cell in named:
-            raise document.error(
-                (*keys, "at"), f"stations {named[cell]} and {name} are both at [{x}, {y}]"
-            )
-        named[cell] = name
-        check_queue(document, name, station, floor_plan, owner)
-
-
-def check_queue(
-    document: Document,
-    name: str,
-    station: PodStation,
-    floor_plan: FloorPlan,
-    owner: dict[int, str],
-) -> None:
-    """The queue of a station is a path along which robots drive to it. Raises InputError."""
-    keys: Keys = ("stations", name, "queue")
-    before, hint = station.at, outwards(station)
-    for number, (x, y) in enumerate(station.queue):
-        if (x != before[0]) == (y != before[1]):
-            text = f"the queue of {name} goes from {list(before)} to [{x}, {y}]"
-            raise document.error((*keys, number), f"{text}: along neither a row nor a column{hint}")
-        if not floor_plan.holds(x, y):
-            raise document.error(
-                (*keys, number), f"[{x}, {y}] lies outside the floor {floor_plan.extent}"
-            )
-        before = (x, y)
-    ahead = floor_plan.cell(*station.at)
-    for cell in queue_path(floor_plan, station.at, station.queue):
-        x, y = floor_plan.xy(cell)
-        way = floor_plan.offsets.index(ahead - cell)
-        if cell in owner:
-            whose = f"that of {owner[cell]}" if owner[cell] else "a station"
-            text = f"the queue of {name} comes to [{x}, {y}], which is {whose}"
-            if owner[cell] == name:
-                text = f"the queue of {name} comes twice to [{x}, {y}]"
-            raise document.error(keys, text + hint)
-        if not floor_plan.exits.flat[cell] >> way & 1:
-            text = f"the queue of {name} breaks at [{x}, {y}]: from there no robot drives "
-            raise document.error(keys, text + DIRECTIONS[way] + hint)
-        if floor_plan.capacity.flat[cell] != 1:
-            raise document.error(
-                keys, f"[{x}, {y}] in the queue of {name} has room for more than one robot"
-            )
-        owner[cell] = name
-        ahead = cell
-
-
-def outwards(station: PodStation) -> str:
-    """The rule that a queue breaks whose last cell is nearer to the station than its first; or ""."""
-    if len(station.queue) < 2:
-        return ""
-    x, y = station.at
-    first, *_, last = (abs(u - x) + abs(v - y) for u, v in station.queue)
-    if last >= first:
-        return ""
-    return "; a queue is listed from the cell next to its station outwards: turn the list round"
-
-
-def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
-    """Every pod gets to every station and back, over other storage not at all. Raises InputError."""
-    floor_plan = fleet.floor_plan
-    if not carries_pods(fleet.scenario, floor_plan):
-        return
-    cells = pod_cells(fleet.scenario, floor_plan)
-    names = pod_names(fleet.scenario, len(cells))
-    carried = carried_from(document, fleet, cells)
-    if fleet.scenario.orders.lines is None:
-        check_ways_of_orders(document, fleet, dict(zip(cells.tolist(), carried.T, strict=True)))
+    cells = pod_cells(scenario, floor_plan)
+    names = pod_names(scenario, len(cells))
+    weights = pod_weights(scenario, len(cells))
+    if (weights > fleet.payload).any():
+        # Of the least weight that is too much, the first pod.
+        pod = int(np.argmax(weights == weights[weights > fleet.payload].min()))
+        text = f"pod {names[pod]} weighs {weights[pod]:,}, but no robot carries more than"
+        yield Finding((*pod_place(scenario, pod), "weight"), f"{text} {fleet.payload:,}")
+    payloads = np.array([one.payload for one in fleet.types])
+    carried: Mask = fleet.loaded[:, cells] & (payloads[:, None] >= weights)
+    if scenario.orders.lines is None:
+        yield from check_ways_of_orders(fleet, dict(zip(cells.tolist(), carried.T, strict=True)))
         return
     within: Mask = np.logical_or.reduce(fleet.within)
     for number, station in enumerate(floor_plan.stations.tolist(), 1):
         x, y = floor_plan.xy(station)
         if not within[station]:
-            text = f"no robot gets to station {number} at ({x}, {y}) and back"
-            raise document.error(("layout",), text)
+            yield Finding(("layout",), f"no robot gets to station {number} at ({x}, {y}) and back")
         ways = [to_and_from(floor_plan, station, one.rail)[cells] for one in fleet.types]
         apart: Mask = ~np.logical_or.reduce(np.stack(ways) & carried)
         if apart.any():
@@ -339,11 +332,22 @@ def check_pod_ways(document: Document, fleet: FleetOnFloor) -> None:
             u, v = floor_plan.xy(int(cells[pod]))
             text = f"pod {names[pod]} at ({u}, {v}) has no way to station {number} at ({x}, {y})"
             text = f"{text} and back that leads through no other storage"
-            raise document.error(pod_place(fleet.scenario, pod), text)
+            yield Finding(pod_place(scenario, pod), text)
 
 
-def check_ways_of_orders(document: Document, fleet: FleetOnFloor, carried: dict[int, Mask]) -> None:
-    """The pods of listed orders get to all stops and to where they go. Raises InputError.
+def pod_weights(scenario: Scenario, pods: int) -> npt.NDArray[np.int64]:
+    """(p,) how heavy each pod is."""
+    listed = scenario.pods.listed
+    return np.array([1] * pods if listed is None else [pod.weight for pod in listed], np.int64)
+
+
+def pod_place(scenario: Scenario, pod: int) -> Keys:
+    """Where a scenario says of a pod where it stands."""
+    return ("layout",) if scenario.pods.listed is None else ("pods", "list", pod)
+
+
+def check_ways_of_orders(fleet: FleetOnFloor, carried: dict[int, Mask]) -> Iterator[Finding]:
+    """The pods of listed orders get to all stops and to where they go.
 
     `carried`: (K,) by cell of a pod, the types that carry it. One type does all of an order.
     """
@@ -362,7 +366,8 @@ def check_ways_of_orders(document: Document, fleet: FleetOnFloor, carried: dict[
                 able[kind] = ways[begin]
             if not able.any():
                 text = f"the pod at [{x}, {y}] has no way to [{u}, {v}] and back"
-                raise document.error(keys, f"{text} that leads through no other storage")
+                yield Finding(keys, f"{text} that leads through no other storage")
+                break
 
 
 def joined(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
@@ -376,27 +381,3 @@ def joined(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
             ways = to_and_from(floor_plan, cell + offset, rail)
             ways_in |= ways & ways[cell]
     return ways_in
-
-
-def pod_place(scenario: Scenario, pod: int) -> Keys:
-    """Where a scenario says of a pod where it stands."""
-    return ("layout",) if scenario.pods.listed is None else ("pods", "list", pod)
-
-
-def carried_from(document: Document, fleet: FleetOnFloor, cells: npt.NDArray[np.intp]) -> Mask:
-    """(K, p) whether robots of a type carry a pod and get to where it stands. Raises InputError."""
-    listed = fleet.scenario.pods.listed
-    weights: npt.NDArray[np.int64] = np.ones(len(cells), np.int64)
-    if listed is not None:
-        weights[:] = [pod.weight for pod in listed]
-    carried: Mask = np.zeros((len(fleet.types), len(cells)), np.bool_)
-    for weight in np.unique(weights).tolist():
-        here = weights == weight
-        carries = np.array([robot_type.payload >= weight for robot_type in fleet.types])
-        if not carries.any():
-            pod = int(np.argmax(here))
-            name = pod_names(fleet.scenario, len(cells))[pod]
-            text = f"pod {name} weighs {weight:,}, but no robot carries more than {fleet.payload:,}"
-            raise document.error((*pod_place(fleet.scenario, pod), "weight"), text)
-        carried[:, here] = fleet.loaded[:, cells[here]] & carries[:, None]
-    return carried

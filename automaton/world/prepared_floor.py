@@ -22,7 +22,7 @@ from automaton.units import memory
 KEPT_BYTES = 64 * 1024 * 1024  # of distance tables that stay for the next run
 
 
-class Floor(NamedTuple):
+class PreparedFloor(NamedTuple):
     """What runs on the same floor with robots that drive alike share."""
 
     grid: Grid
@@ -58,7 +58,7 @@ def floor_for(
     floor_plan: FloorPlan,
     mode: str,
     types: tuple[RobotType, ...] = (RobotType(),),
-) -> Floor:
+) -> PreparedFloor:
     """The floor for a plan, mode of zones and types; built once for all that drive alike."""
     return _floor_for(floor_plan, mode, tuple(one.driving for one in types))
 
@@ -68,7 +68,7 @@ def _floor_for(
     floor_plan: FloorPlan,
     mode: str,
     types: tuple[RobotType, ...],
-) -> Floor:
+) -> PreparedFloor:
     rows = rows_of(types, loads_differ(floor_plan, types))
     kind = floor_plan.kind.reshape(-1)
     cells = floor_plan.slots
@@ -99,7 +99,7 @@ def _floor_for(
     )
     room = np.where(DRIVABLE[kind], 96, 0).astype(np.uint16)
     longest_route = min(len(grid.drivable), 8 * (floor_plan.width + floor_plan.height)) + 8
-    return Floor(
+    return PreparedFloor(
         grid=grid,
         slot_cell=frozen(cells.astype(np.int32)),
         slot_endless=frozen(UNBOUNDED[kind[cells]].astype(np.uint8)),
@@ -144,7 +144,7 @@ def cell_flags_of(floor_plan: FloorPlan, rail: bool) -> Array:
     return rule
 
 
-def make_workspace(floor: Floor, table_bytes: int) -> Workspace:
+def make_workspace(floor: PreparedFloor, table_bytes: int) -> Workspace:
     """Scratch for the searches, and distance tables for each type of robots. Raises InputError."""
     grid = floor.grid
     cells = grid.kind.size

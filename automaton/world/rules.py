@@ -33,7 +33,7 @@ from automaton.scenario.schema import Battery, Faults, Scenario
 from automaton.units import bytes_of, unit
 from automaton.world.draws import repair_ticks
 
-STOPS = {"parked": 0, "delivered": 1, "never": 2}
+STOP_CODES = {"parked": 0, "delivered": 1, "never": 2}
 
 
 def rules_for(
@@ -57,7 +57,7 @@ def rules_for(
         seed=np.uint64(seed),
         following=following_of(scenario, in_convoy),
         nearest_access=int(rules.access_cell == "nearest"),
-        stop=STOPS[scenario.stop.when],
+        stop=STOP_CODES[scenario.stop.when],
         leave=int(scenario.fleet.when_idle == "leave"),
         radius=radius_of(scenario.information),
         circle=int(getattr(scenario.information, "shape", "square") == "circle"),

@@ -1,26 +1,257 @@
-"""Warn about due times that are legal but probably mistakes."""
+"""What is legal in a scenario and probably a mistake, one sentence each, as `check` warns of it."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from automaton.errors import alternatives
 from automaton.floor.cells import CHARGER, SHELF, STATION, UNLIMITED
-from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import steps_from
 from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.order_lines import has_due_times, line_column, listed_lines
 from automaton.scenario.orders import Mean, MeanTime
 from automaton.units import SECONDS_PER_UNIT, count, ticks_and_time, unit
 from automaton.world.conversion_table import coarse_conversions
-from automaton.world.fleet_warnings import fleet_warnings, gate_warnings, pod_warnings
+from automaton.world.fleet_warnings import (
+    fleet_warnings,
+    gate_warnings,
+    pod_warnings,
+    standstill_warnings,
+)
 from automaton.world.floor_parts import places_of_chargers, service_cells
 from automaton.world.resolve import Resolved
+
+AVOIDS_TRAFFIC: Final = ("traffic-avoidance", "congestion")  # routing strategies
+KEEPS_WAY_BACK: Final = ("insertion", "fill-up", "opportunity")  # charging strategies
+KEEPS_PLACE: Final = (
+    "wait",
+    "retreat",
+)  # strategies of right of way under which idle robots may stay
+NO_STRATEGY: Final = "none"
+MOST_STATIONS: Final = 100  # between which all ways are measured
+
+
+def scenario_warnings(resolved: Resolved) -> list[str]:
+    """Return a sentence for each warning."""
+    found = (
+        nothing_to_avoid(resolved),
+        parks_on_charger(resolved),
+        out_of_range(resolved),
+        never_charges(resolved),
+        stays_on_station(resolved),
+        resolved.fleet.handed_over(),
+        counts_as_seconds(resolved),
+        short_rows(resolved),
+        nothing_to_carry(resolved),
+    )
+    sentences = [sentence for sentence in found if sentence]
+    return [
+        *sentences,
+        *resolved.file_warnings,
+        *due_warnings(resolved),
+        *late_releases(resolved),
+        *coarse_conversions(resolved),
+        *fleet_warnings(resolved),
+        *standstill_warnings(resolved),
+        *pod_warnings(resolved),
+        *gate_warnings(resolved),
+    ]
+
+
+def nothing_to_avoid(resolved: Resolved) -> str:
+    """Warn about avoiding traffic where no robot slows another."""
+    world, routing = resolved.scenario.world, resolved.strategies["routing"].name
+    floor_plan = resolved.floor_plan
+    crowds = bool((floor_plan.capacity[floor_plan.drivable] == UNLIMITED).all())
+    if routing in AVOIDS_TRAFFIC and crowds and world.slowdown == "none":
+        return (
+            f"routing {routing} finds no traffic to avoid: every cell holds any number of robots "
+            "and world.slowdown is none, so no robot slows another; set world.slowdown: zones"
+        )
+    return ""
+
+
+def parks_on_charger(resolved: Resolved) -> str:
+    """Warn about robots that begin, and so park, on a charger that other robots need."""
+    scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
+    robots, places = scenario.fleet.robots, sum(places_of_chargers(scenario, floor_plan).values())
+    if resolved.strategies["charging"].name == NO_STRATEGY or not isinstance(start, tuple):
+        return ""
+    if scenario.fleet.when_idle != "park" or places >= robots:
+        return ""
+    for robot, cell in enumerate(start):
+        if floor_plan.kind.flat[cell] == CHARGER:
+            x, y = floor_plan.xy(cell)
+            return (
+                f"robot {robot} begins at [{x}, {y}], and so parks there, on a charger that others "
+                f"need: {robots} robots share {places}; start it next to the charger"
+            )
+    return ""
+
+
+def out_of_range(resolved: Resolved) -> str:
+    """Warn about an order that needs more than a full battery, from a charger and back to one.
+
+    Counted above the reserve and by the moves alone: with turns and handling it takes more.
+    """
+    scenario, floor_plan, choice = (
+        resolved.scenario,
+        resolved.floor_plan,
+        resolved.strategies["charging"],
+    )
+    battery = scenario.battery
+    if battery is None or choice.name not in KEEPS_WAY_BACK:
+        return ""
+    pairs = station_pairs(resolved)
+    if not pairs or not getattr(choice.parameters, "never_strand", True):
+        return ""
+    chargers = np.flatnonzero(floor_plan.kind == CHARGER).tolist()
+    there, back = steps_from(floor_plan, chargers), steps_from(floor_plan, chargers, backwards=True)
+    batteries = [one.battery for one in resolved.fleet.types if one.battery is not None]
+    move = min(one.drain.move for one in batteries) * resolved.fleet.least_move
+    dearest, way = 0.0, pairs[0]
+    for source in dict.fromkeys(source for source, _ in pairs):
+        ahead = steps_from(floor_plan, [source])
+        for target in (target for begin, target in pairs if begin == source):
+            empty, loaded = int(there[source] + back[target]), int(ahead[target])
+            cost = move * (empty + min(one.drain.loaded_factor for one in batteries) * loaded)
+            if cost > dearest:
+                dearest, way = cost, (source, target)
+    least = 100 - min(one.reserve for one in batteries)
+    if dearest <= least:
+        return ""
+    (x, y), (to_x, to_y) = (floor_plan.xy(cell) for cell in way)
+    return (
+        f"an order from [{x}, {y}] to [{to_x}, {to_y}] takes {dearest:g} % of a battery, from a charger "
+        f"and back to one, and above the reserve there are {least:g} %: a robot that comes from "
+        "a charger "
+        "will never take it"
+    )
+
+
+def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:
+    """Flat cells of stations between which orders may lead."""
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
+    if orders.listed is not None:
+        ends = [
+            (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
+            for _, line in transports_of(resolved.scenario, floor_plan)
+        ]
+        return [pair for pair in ends[:MOST_STATIONS] if set(pair) <= set(stations)]
+    if len(stations) > MOST_STATIONS:
+        return []
+    if orders.generator == "visits":
+        return [(cell, cell) for cell in stations]
+    if orders.generator == "stations":
+        return [(a, b) for a in stations for b in stations if a != b]
+    return []
+
+
+def never_charges(resolved: Resolved) -> str:
+    """Warn about batteries and chargers without a charging strategy."""
+    chargers = int(np.count_nonzero(resolved.floor_plan.kind == CHARGER))
+    none = resolved.strategies["charging"].name == NO_STRATEGY
+    if resolved.scenario.battery is None or not chargers or not none:
+        return ""
+    return (
+        f"robots have batteries and the floor has {count(chargers, 'charger')}, but strategy.charging "
+        "is none, so no robot will charge; set strategy.charging to insertion, fill-up, "
+        "threshold or opportunity"
+    )
+
+
+def stays_on_station(resolved: Resolved) -> str:
+    """Warn about idle robots that stand for ever on a station that other robots must reach."""
+    scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
+    right_of_way = resolved.strategies["right_of_way"]
+    settled = right_of_way.name in KEEPS_PLACE and not getattr(
+        right_of_way.parameters, "idle_give_way", False
+    )
+    used = {cell for cell in served_stations(resolved) if floor_plan.capacity.flat[cell] == 1}
+    if not settled or not used or scenario.fleet.robots < 2:
+        return ""
+    if resolved.may_stay:
+        who = "robots without an order stay where they dropped the last one (idle: stay)"
+    elif scenario.fleet.when_idle != "park" or start in ("parking-bays", "racks"):
+        return ""
+    elif start == "random":
+        drivable = floor_plan.drivable.reshape(-1)
+        free = int((drivable & ~service_cells(scenario, floor_plan)).sum())
+        if scenario.fleet.robots <= free:
+            return ""
+        who = f"only {free:,} cells are not stations, so robots begin and park on stations too"
+    else:
+        begun = [robot for robot, cell in enumerate(start) if cell in used]
+        if not begun:
+            return ""
+        who = f"robot {begun[0]} begins on a station, and so parks there"
+    return (
+        f"{who}, and a station holds one robot: others that must reach it may wait for ever; set "
+        "right_of_way: {name: retreat, idle_give_way: true}, or give robots places of their own "
+        "with fleet.start or parking bays"
+    )
+
+
+def served_stations(resolved: Resolved) -> set[int]:
+    """Flat cells of stations where orders begin or end."""
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    stations = floor_plan.stations.tolist()
+    if orders.parts is not None:
+        return {stations[number - 1] for kind in orders.parts for number in kind.route}
+    if orders.listed is not None:
+        ends = {
+            floor_plan.cell(*cell)
+            for line in orders.listed
+            for cell in (*line.stop_cells, line.source, line.target)
+            if cell is not None
+        }
+        return ends & set(stations)
+    return set(stations) if orders.generator in ("stations", "visits") else set()
+
+
+def counts_as_seconds(resolved: Resolved) -> str:
+    """Warn about zoning, whose parameters are times, where units.tick is not a time."""
+    text = resolved.scenario.units.tick
+    tick = unit(text)
+    if resolved.strategies["zoning"].name == NO_STRATEGY or tick.seconds is not None:
+        return ""
+    if tick.name in ("tick", "ticks"):
+        return ""
+    return (
+        f"units.tick is {text!r}, which is not a time: for the seconds and minutes of zoning a "
+        "tick counts "
+        f"as a second; use {alternatives(SECONDS_PER_UNIT)}"
+    )
+
+
+def short_rows(resolved: Resolved) -> str:
+    """Warn about rows of a picture that end on a cell that robots drive on, before others do."""
+    rows = str(resolved.scenario.layout.get("picture", "")).rstrip().split("\n")
+    width = max(map(len, rows))
+    for number, row in enumerate(rows, 1):
+        if row and len(row) < width and row[-1] not in "# ":
+            return (
+                f"row {number} of the picture ends with {row[-1]!r} after "
+                f"{count(len(row), 'character')}, and others have {width:,}: the rest "
+                "of the row is wall; write # there if that is meant"
+            )
+    return ""
+
+
+def nothing_to_carry(resolved: Resolved) -> str:
+    """Warn about a picture that holds no loads where its loads are the orders."""
+    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
+    if orders.generator == "picture-loads" and not (floor_plan.loads == 1).any():
+        return "there is nothing to carry: orders are the loads of the picture, and it shows none"
+    return ""
+
+
+# Due times.
 
 
 def due_warnings(resolved: Resolved) -> list[str]:
@@ -61,7 +292,7 @@ def nothing_due(resolved: Resolved) -> str:
     )
 
 
-# Warn about orders and parts that are released when the run is over.
+# Orders and parts that are released when the run is over.
 
 
 class Stream(NamedTuple):
@@ -131,293 +362,3 @@ def generated_orders(resolved: Resolved) -> int:
 def mean_of(number: int | Mean | MeanTime) -> float:
     """A number given, or the mean of those drawn."""
     return number if isinstance(number, int) else number.mean
-
-
-# Warn about fleets that can never move, because a rule of the world refuses the first move.
-#
-# Robots that fill cells out of which no way leads but into each other's cells form rings and files
-# without a gap. A full ring rotates under `convoy`, and under `handover` if its moves take one tick.
-# Under `none`, and under `handover` with longer moves, a first robot would have to begin, and none
-# may.
-
-
-Mask = npt.NDArray[np.bool_]
-
-
-def standstill_warnings(resolved: Resolved) -> list[str]:
-    """Return a sentence if robots stand still for ever where they begin."""
-    scenario, floor_plan = resolved.scenario, resolved.floor_plan
-    rule, least = scenario.world.following, resolved.fleet.least_move
-    refuses = rule == "none" or (rule == "handover" and least >= 2)
-    if not refuses or scenario.fleet.when_idle == "leave":
-        return []  # robots that leave the floor make a gap
-    from automaton.world.rules import may_fail  # needs Numba, as most checks do not
-
-    if may_fail(scenario):
-        return []  # so do those that are towed
-    held = full_cells(floor_plan, filled_at_the_start(resolved))
-    cells = int(held.sum())
-    if cells < 2:
-        return []
-    x, y = floor_plan.xy(int(np.flatnonzero(held)[0]))
-    of_moves = "" if rule == "none" else f" of moves longer than one tick (here {least:g})"
-    most = count(cells - 1, "robot")
-    return [
-        f"stands still: {count(cells, 'robot')} fill the {count(cells, 'cell')} around [{x}, {y}], and "
-        f"under world.following: {rule} a full ring{of_moves} cannot start; at most {most} "
-        "can move there at all, or set world.following: convoy"
-    ]
-
-
-def filled_at_the_start(resolved: Resolved) -> Mask:
-    """(C,) bool: cells for one robot that are held at the start, whatever the seed."""
-    floor_plan, start = resolved.floor_plan, resolved.start
-    drivable = floor_plan.drivable.reshape(-1)
-    filled = np.zeros(drivable.size, np.bool_)
-    if isinstance(start, tuple):
-        filled[list(start)] = True
-    elif start == "random" and resolved.scenario.fleet.robots >= drivable.sum():
-        filled[drivable] = True
-    single: Mask = filled & (floor_plan.capacity.reshape(-1) == 1)
-    return single
-
-
-def full_cells(floor_plan: FloorPlan, filled: Mask) -> Mask:
-    """(C,) bool: the most filled cells whose exits, one at least, all lead into such cells."""
-    exits = floor_plan.exits.reshape(-1)
-    full: Mask = filled & (exits != 0)
-    while True:
-        leads_out = np.zeros(full.size, np.bool_)
-        for direction, offset in enumerate(floor_plan.offsets):
-            leads_out |= (exits >> direction & 1 != 0) & ~np.roll(full, -offset)
-        if not (full & leads_out).any():
-            return full
-        full = full & ~leads_out
-
-
-# Warn about scenario settings that are legal but probably mistakes.
-
-
-AVOIDS_TRAFFIC = ("traffic-avoidance", "congestion")  # routing strategies
-
-
-NO_STRATEGY = "none"
-KEEPS_WAY_BACK = ("insertion", "fill-up", "opportunity")  # charging strategies
-KEEPS_PLACE = ("wait", "retreat")  # strategies of right of way under which idle robots may stay
-MOST_STATIONS = 100  # between which all ways are measured
-
-
-def scenario_warnings(resolved: Resolved) -> list[str]:
-    """Return a sentence for each warning."""
-    found = (
-        nothing_to_avoid(resolved),
-        parks_on_charger(resolved),
-        out_of_range(resolved),
-        never_charges(resolved),
-        stays_on_station(resolved),
-        resolved.fleet.handed_over(),
-        counts_as_seconds(resolved),
-        short_rows(resolved),
-        nothing_to_carry(resolved),
-    )
-    sentences = [sentence for sentence in found if sentence]
-    return [
-        *sentences,
-        *resolved.file_warnings,
-        *due_warnings(resolved),
-        *late_releases(resolved),
-        *coarse_conversions(resolved),
-        *fleet_warnings(resolved),
-        *standstill_warnings(resolved),
-        *pod_warnings(resolved),
-        *gate_warnings(resolved),
-    ]
-
-
-def nothing_to_avoid(resolved: Resolved) -> str:
-    """Warn about avoiding traffic where no robot slows another."""
-    world, routing = resolved.scenario.world, resolved.strategies["routing"].name
-    floor_plan = resolved.floor_plan
-    crowds = bool((floor_plan.capacity[floor_plan.drivable] == UNLIMITED).all())
-    if routing in AVOIDS_TRAFFIC and crowds and world.slowdown == "none":
-        return (
-            f"routing {routing} finds no traffic to avoid: every cell holds any number of robots "
-            "and world.slowdown is none, so no robot slows another; set world.slowdown: zones"
-        )
-    return ""
-
-
-def short_rows(resolved: Resolved) -> str:
-    """Warn about rows of a picture that end on a cell that robots drive on, before others do."""
-    rows = str(resolved.scenario.layout.get("picture", "")).rstrip().split("\n")
-    width = max(map(len, rows))
-    for number, row in enumerate(rows, 1):
-        if row and len(row) < width and row[-1] not in "# ":
-            return (
-                f"row {number} of the picture ends with {row[-1]!r} after "
-                f"{count(len(row), 'character')}, and others have {width:,}: the rest "
-                "of the row is wall; write # there if that is meant"
-            )
-    return ""
-
-
-def nothing_to_carry(resolved: Resolved) -> str:
-    """Warn about a picture that holds no loads where its loads are the orders."""
-    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
-    if orders.generator == "picture-loads" and not (floor_plan.loads == 1).any():
-        return "there is nothing to carry: orders are the loads of the picture, and it shows none"
-    return ""
-
-
-def parks_on_charger(resolved: Resolved) -> str:
-    """Warn about robots that begin, and so park, on a charger that other robots need."""
-    scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
-    robots, places = scenario.fleet.robots, sum(places_of_chargers(scenario, floor_plan).values())
-    if resolved.strategies["charging"].name == NO_STRATEGY or not isinstance(start, tuple):
-        return ""
-    if scenario.fleet.when_idle != "park" or places >= robots:
-        return ""
-    for robot, cell in enumerate(start):
-        if floor_plan.kind.flat[cell] == CHARGER:
-            x, y = floor_plan.xy(cell)
-            return (
-                f"robot {robot} begins at [{x}, {y}], and so parks there, on a charger that others "
-                f"need: {robots} robots share {places}; start it next to the charger"
-            )
-    return ""
-
-
-def out_of_range(resolved: Resolved) -> str:
-    """Warn about an order that needs more than a full battery, from a charger and back to one.
-
-    Counted above the reserve and by the moves alone: with turns and handling it takes more.
-    """
-    scenario, floor_plan, choice = (
-        resolved.scenario,
-        resolved.floor_plan,
-        resolved.strategies["charging"],
-    )
-    battery = scenario.battery
-    if battery is None or choice.name not in KEEPS_WAY_BACK:
-        return ""
-    pairs = station_pairs(resolved)
-    if not pairs or not getattr(choice.parameters, "never_strand", True):
-        return ""
-    chargers = np.flatnonzero(floor_plan.kind == CHARGER).tolist()
-    there, back = steps_from(floor_plan, chargers), steps_from(floor_plan, chargers, backwards=True)
-    batteries = [one.battery for one in resolved.fleet.types if one.battery is not None]
-    move = min(one.drain.move for one in batteries) * resolved.fleet.least_move
-    dearest, way = 0.0, pairs[0]
-    for source in dict.fromkeys(source for source, _ in pairs):
-        ahead = steps_from(floor_plan, [source])
-        for target in (target for begin, target in pairs if begin == source):
-            empty, loaded = int(there[source] + back[target]), int(ahead[target])
-            cost = move * (empty + min(one.drain.loaded_factor for one in batteries) * loaded)
-            if cost > dearest:
-                dearest, way = cost, (source, target)
-    least = 100 - min(one.reserve for one in batteries)
-    if dearest <= least:
-        return ""
-    (x, y), (to_x, to_y) = (floor_plan.xy(cell) for cell in way)
-    return (
-        f"an order from [{x}, {y}] to [{to_x}, {to_y}] takes {dearest:g} % of a battery, from a charger "
-        f"and back to one, and above the reserve there are {least:g} %: a robot that comes from "
-        "a charger "
-        "will never take it"
-    )
-
-
-def never_charges(resolved: Resolved) -> str:
-    """Warn about batteries and chargers without a charging strategy."""
-    chargers = int(np.count_nonzero(resolved.floor_plan.kind == CHARGER))
-    none = resolved.strategies["charging"].name == NO_STRATEGY
-    if resolved.scenario.battery is None or not chargers or not none:
-        return ""
-    return (
-        f"robots have batteries and the floor has {count(chargers, 'charger')}, but strategy.charging "
-        "is none, so no robot will charge; set strategy.charging to insertion, fill-up, "
-        "threshold or opportunity"
-    )
-
-
-def stays_on_station(resolved: Resolved) -> str:
-    """Warn about idle robots that stand for ever on a station that other robots must reach."""
-    scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
-    right_of_way = resolved.strategies["right_of_way"]
-    settled = right_of_way.name in KEEPS_PLACE and not getattr(
-        right_of_way.parameters, "idle_give_way", False
-    )
-    used = {cell for cell in served_stations(resolved) if floor_plan.capacity.flat[cell] == 1}
-    if not settled or not used or scenario.fleet.robots < 2:
-        return ""
-    if resolved.may_stay:
-        who = "robots without an order stay where they dropped the last one (idle: stay)"
-    elif scenario.fleet.when_idle != "park" or start in ("parking-bays", "racks"):
-        return ""
-    elif start == "random":
-        drivable = floor_plan.drivable.reshape(-1)
-        free = int((drivable & ~service_cells(scenario, floor_plan)).sum())
-        if scenario.fleet.robots <= free:
-            return ""
-        who = f"only {free:,} cells are not stations, so robots begin and park on stations too"
-    else:
-        begun = [robot for robot, cell in enumerate(start) if cell in used]
-        if not begun:
-            return ""
-        who = f"robot {begun[0]} begins on a station, and so parks there"
-    return (
-        f"{who}, and a station holds one robot: others that must reach it may wait for ever; set "
-        "right_of_way: {name: retreat, idle_give_way: true}, or give robots places of their own "
-        "with fleet.start or parking bays"
-    )
-
-
-def counts_as_seconds(resolved: Resolved) -> str:
-    """Warn about zoning, whose parameters are times, where units.tick is not a time."""
-    text = resolved.scenario.units.tick
-    tick = unit(text)
-    if resolved.strategies["zoning"].name == NO_STRATEGY or tick.seconds is not None:
-        return ""
-    if tick.name in ("tick", "ticks"):
-        return ""
-    return (
-        f"units.tick is {text!r}, which is not a time: for the seconds and minutes of zoning a "
-        "tick counts "
-        f"as a second; use {alternatives(SECONDS_PER_UNIT)}"
-    )
-
-
-def served_stations(resolved: Resolved) -> set[int]:
-    """Flat cells of stations where orders begin or end."""
-    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
-    stations = floor_plan.stations.tolist()
-    if orders.parts is not None:
-        return {stations[number - 1] for kind in orders.parts for number in kind.route}
-    if orders.listed is not None:
-        ends = {
-            floor_plan.cell(*cell)
-            for line in orders.listed
-            for cell in (*line.stop_cells, line.source, line.target)
-            if cell is not None
-        }
-        return ends & set(stations)
-    return set(stations) if orders.generator in ("stations", "visits") else set()
-
-
-def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:
-    """Flat cells of stations between which orders may lead."""
-    orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
-    stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
-    if orders.listed is not None:
-        ends = [
-            (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
-            for _, line in transports_of(resolved.scenario, floor_plan)
-        ]
-        return [pair for pair in ends[:MOST_STATIONS] if set(pair) <= set(stations)]
-    if len(stations) > MOST_STATIONS:
-        return []
-    if orders.generator == "visits":
-        return [(cell, cell) for cell in stations]
-    if orders.generator == "stations":
-        return [(a, b) for a in stations for b in stations if a != b]
-    return []

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine import random_numbers
+from automaton.engine.random_numbers import STREAM_CHARGES, STREAM_STARTS
 from automaton.engine.state import BATTERY_FULL, NIL, Array, Grid
 from automaton.floor.cells import DIRECTIONS, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan
@@ -12,6 +12,7 @@ from automaton.floor.reachability import rack_stands
 from automaton.scenario.robot_types import type_of_each, types_of
 from automaton.scenario.schema import Battery, Scenario
 from automaton.world.capabilities import FleetOnFloor
+from automaton.world.draws import integers
 from automaton.world.floor_parts import service_cells
 from automaton.world.gate_cells import cells_to_start
 from automaton.world.resolve import Resolved
@@ -38,11 +39,7 @@ def homes(resolved: Resolved, seed: int) -> tuple[Array, Array]:
 def random_cells(floor_plan: FloorPlan, seed: int, last: Array | None = None) -> Array:
     """The drivable cells in the order of their draws, the least first; `last`: (C,) bool, at the end."""
     cells = np.flatnonzero(floor_plan.drivable)
-    keys = np.zeros(len(cells), np.int64)
-    with np.errstate(over="ignore"):
-        random_numbers.random_integers(
-            keys, 2**31, np.uint64(seed), random_numbers.STREAM_STARTS, 0
-        )
+    keys = integers(len(cells), 2**31, seed, STREAM_STARTS)
     drawn: Array = cells[np.argsort(keys, kind="stable")].astype(np.int32)
     if last is None:
         return drawn
@@ -73,18 +70,10 @@ def random_stands(floor_plan: FloorPlan, n: int, seed: int, closed: Array | None
     stands = rack_stands(floor_plan)
     if closed is not None:
         stands = stands[~closed[stands]]
-    choice = np.zeros(n, np.int64)
-    with np.errstate(over="ignore"):
-        if has_room_for_all(floor_plan):
-            random_numbers.random_integers(
-                choice, len(stands), np.uint64(seed), random_numbers.STREAM_STARTS, 0
-            )
-            return stands[choice]
-        stands = np.unique(stands)
-        keys = np.zeros(len(stands), np.int64)
-        random_numbers.random_integers(
-            keys, 2**31, np.uint64(seed), random_numbers.STREAM_STARTS, 0
-        )
+    if has_room_for_all(floor_plan):
+        return stands[integers(n, len(stands), seed, STREAM_STARTS)]
+    stands = np.unique(stands)
+    keys = integers(len(stands), 2**31, seed, STREAM_STARTS)
     chosen: Array = stands[np.argsort(keys, kind="stable")[:n]]
     return chosen
 
@@ -128,17 +117,11 @@ def first_charges(scenario: Scenario, seed: int) -> Array:
 
 def _charges(battery: Battery, n: int, seed: int) -> Array:
     """(n,) int32 by identity: what robots with these batteries have at the start."""
-    charges = np.full(n, BATTERY_FULL, np.int32)
     start = battery.initial_charge
     if isinstance(start, tuple):
         return np.array([charge_units(percent) for percent in start], np.int32)
     if isinstance(start, float):
-        charges[:] = charge_units(start)
-        return charges
+        return np.full(n, charge_units(start), np.int32)
     low, high = charge_units(start.least), charge_units(start.most)
-    with np.errstate(over="ignore"):
-        random_numbers.random_integers(
-            charges, high - low + 1, np.uint64(seed), random_numbers.STREAM_CHARGES, 0
-        )
-    drawn: Array = charges + np.int32(low)
-    return drawn
+    drawn: Array = low + integers(n, high - low + 1, seed, STREAM_CHARGES)
+    return drawn.astype(np.int32)

@@ -20,7 +20,7 @@ from automaton.scenario.orders import Orders
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 
-MAX_ORDERS: Final = 10_000_000  # of a list that repeats: half a gigabyte
+MAX_TASK_ORDERS: Final = 10_000_000  # of a list that repeats: half a gigabyte
 
 
 def cells_of_tasks(orders: Orders, floor_plan: FloorPlan) -> tuple[Array, Array]:
@@ -78,11 +78,11 @@ def _dealt_out(scenario: Scenario, floor_plan: FloorPlan) -> int:
     idle = np.zeros(robots, np.int64)  # rounds in which a robot passed over its tasks
     rounds, period = 0, len(count) // gcd(len(count), robots)
     before: list[tuple[Array, Array]] = []  # here and spent, one and two periods ago
-    while (spent <= ticks).any() and rounds * robots <= MAX_ORDERS:
+    while (spent <= ticks).any() and rounds * robots <= MAX_TASK_ORDERS:
         if rounds % period == 0:
             for periods, (place, sum_then) in enumerate(before, 1):
                 if (place == here).all():
-                    most = max(0, (MAX_ORDERS // robots - rounds) // (periods * period))
+                    most = max(0, (MAX_TASK_ORDERS // robots - rounds) // (periods * period))
                     times = min(most, _repetitions(ticks - spent, spent - sum_then))
                     spent += times * (spent - sum_then)
                     rounds += times * periods * period

@@ -15,9 +15,11 @@ import msgspec
 import pytest
 
 from automaton.commands import COMMANDS, main
-from automaton.scenario.document import override, read, shipped
+from automaton.scenario.document import override
 from automaton.scenario.floor_section import generators, json_schema
+from automaton.scenario.reading import read
 from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.text_files import shipped
 from automaton.strategy import lookup
 from automaton.world.resolve import resolve
 

@@ -11,7 +11,6 @@ from automaton.engine.state import BATTERY_PERCENT
 from automaton.errors import InputError
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import Document
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
 from automaton.verification.validator import validate_stored
@@ -135,5 +134,5 @@ def test_bounds_count_the_batteries_that_serve_best() -> None:
 )
 def test_what_types_cannot_say(parts: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError) as caught:
-        validated(Document({}), scene(**parts), Scenario)
+        validated(scene(**parts), Scenario)
     assert sentence in caught.value.message

@@ -21,7 +21,6 @@ from automaton.recording.contents import FRAME_KIND_TICKS, Frame
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import Document
 from automaton.scenario.durations import Distribution, Lognormal, Uniform
 from automaton.scenario.fleet import Faults
 from automaton.scenario.schema import Scenario
@@ -330,5 +329,5 @@ def test_a_delay_that_is_left_out_or_altered_breaks_a_rule() -> None:
 )
 def test_what_cannot_be(faults: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError) as caught:
-        validated(Document({}), scene(faults=faults), Scenario)
+        validated(scene(faults=faults), Scenario)
     assert sentence in caught.value.message

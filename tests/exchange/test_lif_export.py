@@ -25,9 +25,9 @@ from automaton.exchange.lif_export import LIF_VERSIONS, floor_graph, lif_file
 from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.document import shipped
+from automaton.scenario.text_files import shipped
+from automaton.world.floor_parts import all_station_names
 from automaton.world.resolve import Resolved, resolve
-from automaton.world.station_numbers import all_station_names
 
 SITE = """\
 name: site

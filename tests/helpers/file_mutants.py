@@ -27,7 +27,7 @@ from docs_pages import pages
 from lif_layouts import LAYOUTS
 
 from automaton.commands import main
-from automaton.scenario.document import SHIPPED_FOLDER, shipped
+from automaton.scenario.text_files import SHIPPED_FOLDER, shipped
 from automaton.studies.sweeps.study import shipped_studies
 
 TICKS: Final = "100"  # of a run, to see that it begins

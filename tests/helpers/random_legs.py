@@ -13,7 +13,7 @@ from automaton.engine.state import ACTION_COUNT, ACTION_MOVE, ACTION_TURN, Array
 from automaton.floor.drawn_floors import draw_floor
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Durations
-from automaton.world.prepared_floor import Floor, floor_for
+from automaton.world.prepared_floor import PreparedFloor, floor_for
 from strategies.routing.astar import RouteSpace, route_space
 
 SYMBOLS = ".......++--||==~><v^##"
@@ -28,7 +28,7 @@ class Case(NamedTuple):
     mode: str = "undirected"
     beside: str | None = None  # kinematics of another type of robots on the floor
 
-    def built(self) -> tuple[Floor, Array, RouteSpace]:
+    def built(self) -> tuple[PreparedFloor, Array, RouteSpace]:
         ways = self.ways
         durations = Durations(move=ways.move, turn=ways.turn)
         types = tuple(RobotType(durations=durations, kinematics=one) for one in self.kinematics)  # type: ignore[arg-type]

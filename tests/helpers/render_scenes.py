@@ -12,7 +12,7 @@ from automaton.engine.state import BATTERY_FULL, NIL
 from automaton.floor.cells import DESTINATION, FLOOR
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan, make_floor_plan
-from automaton.world.gates import NOTHING
+from automaton.world.gates import NO_GATES
 from automaton.world.resolve import resolve
 from tui.render import styles
 from tui.render.camera import Camera
@@ -67,7 +67,7 @@ def make_scene(
             reserved_by=np.full(len(cells) + len(left), NIL),
         ),
         pods=SimpleNamespace(slot=np.zeros(0, np.int32)),
-        gates=Gates.sized(NOTHING),
+        gates=Gates.sized(NO_GATES),
         orders=SimpleNamespace(
             current_slot=np.flatnonzero(loaded),
             target=np.full(orders, len(cells) - 1),

@@ -37,8 +37,8 @@ from automaton.runs.headless import run_to_end
 from automaton.runs.metrics import illegal_by_layer
 from automaton.runs.run_diagnosis import blockers_of, describe_unfinished_run, stalled_robots
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import shipped
 from automaton.scenario.schema import LAYER_NAMES
+from automaton.scenario.text_files import shipped
 from automaton.strategy.lookup import names
 from automaton.world.resolve import Resolved, resolve
 

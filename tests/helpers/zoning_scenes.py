@@ -12,7 +12,7 @@ import yaml
 from automaton.engine.facilities import Design, Roads
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.document import SHIPPED_FOLDER
+from automaton.scenario.text_files import SHIPPED_FOLDER
 from automaton.world.building import roads_of
 from layouts.factory import Factory
 from strategies.zoning.design_files import read_design

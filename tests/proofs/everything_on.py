@@ -51,10 +51,11 @@ from automaton.runs.headless import run_once
 from automaton.runs.run_diagnosis import JamWatch
 from automaton.runs.run_report import print_report
 from automaton.runs.simulation import Simulation
+from automaton.scenario.reading import document_of
 from automaton.verification.verification import verify_recording
 from automaton.world.bounds import bounds_in_words
 from automaton.world.conversion_table import conversion_lines
-from automaton.world.resolve import Resolved, document_of
+from automaton.world.resolve import Resolved
 from automaton.world.scenario_warnings import scenario_warnings
 
 LENGTHS = (200, 400, 400, 1000, 2000)  # ticks of runs

@@ -29,7 +29,7 @@ from automaton.errors import InputError
 from automaton.runs.headless import run_to_end
 from automaton.runs.progress import asked_orders
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import shipped
+from automaton.scenario.text_files import shipped
 from automaton.studies.inference.intervals import mean_interval
 from automaton.studies.sweeps.run_keys import seed_of
 from automaton.world.resolve import resolve

@@ -20,7 +20,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import IO, Any, NamedTuple
 
-from automaton.scenario.document import shipped
+from automaton.scenario.text_files import shipped
 
 SEEDS = (1, 2, 3)
 HEADLINE = "scenario             seed    ticks  robots     run  verify       run    verify"

@@ -16,7 +16,7 @@ import pytest
 import yaml
 
 from automaton.commands import main
-from automaton.scenario.document import shipped
+from automaton.scenario.text_files import shipped
 from automaton.studies.sweeps.study import shipped_studies
 
 COUNT = int(os.environ.get("AUTOMATON_MUTATIONS", "150"))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from automaton.errors import InputError
-from automaton.scenario.document import named_files
+from automaton.scenario.reading import named_files
 
 
 def test_a_scenario_and_the_files_beside_it_that_it_names(tmp_path: Path) -> None:

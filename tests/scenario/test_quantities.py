@@ -12,7 +12,6 @@ import pytest
 import yaml
 
 from automaton.errors import InputError
-from automaton.scenario.document import Document
 from automaton.scenario.floor_section import json_schema
 from automaton.scenario.quantities import (
     CELLS,
@@ -345,7 +344,7 @@ class OwnParameters(msgspec.Struct, forbid_unknown_fields=True, kw_only=True):
 
 def test_parameters_of_a_plug_in_take_texts_too() -> None:
     given = {"patience": "10 s", "limits": {"east": "2 min", "west": 3.5}}
-    numbers, conversions = with_numbers(Document({}), given, OwnParameters, HALF_SECONDS)
+    numbers, conversions = with_numbers(given, OwnParameters, HALF_SECONDS)
     assert numbers == {"patience": 20, "limits": {"east": 120.0, "west": 3.5}}
     assert [one.key for one in conversions] == ["patience", "limits.east"]
 

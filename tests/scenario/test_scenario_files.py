@@ -10,8 +10,9 @@ import msgspec
 import pytest
 
 from automaton.errors import InputError
-from automaton.scenario.document import read, shipped
+from automaton.scenario.reading import read
 from automaton.scenario.schema import LAYER_NAMES, Durations, Radius, Scenario
+from automaton.scenario.text_files import shipped
 from automaton.world.resolve import resolve
 
 SMALL = """

@@ -9,7 +9,7 @@ import pytest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import shipped
+from automaton.scenario.text_files import shipped
 from automaton.scenario.unavailable_metrics import not_measured
 from automaton.world.resolve import resolve
 

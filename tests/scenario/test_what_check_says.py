@@ -8,8 +8,9 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.world.plain_numbers import plain_number_line
-from automaton.world.resolve import Resolved, document_of, resolve
+from automaton.scenario.reading import document_of
+from automaton.world.conversion_table import plain_number_line
+from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import scenario_warnings
 
 SCENARIO = """\
@@ -51,12 +52,12 @@ def refused(folder: Path, **files: str) -> str:
 def test_numbers_without_a_unit_are_named_with_their_times(tmp_path: Path) -> None:
     resolved = shift(tmp_path)
     document = document_of(tmp_path / "shift.yaml")
-    assert plain_number_line(document, resolved.scenario.units.scale) == (
+    assert plain_number_line(document.data, resolved.scenario.units.scale) == (
         "read in ticks of 0.5 s: durations.pick 30 (15 s), durations.handling.line 20 (10 s), "
         "stop.max_duration 1,000 (8.333 min)"
     )
     resolved = resolve(tmp_path / "shift.yaml", ["units.tick=1 s"])
-    assert plain_number_line(document, resolved.scenario.units.scale) == ""
+    assert plain_number_line(document.data, resolved.scenario.units.scale) == ""
 
 
 def test_columns_of_pods_that_are_not_read_are_named(tmp_path: Path) -> None:

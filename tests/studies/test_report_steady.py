@@ -17,7 +17,7 @@ from automaton.engine.state import ORDER_DELIVERED
 from automaton.runs.metrics import metrics_of
 from automaton.runs.report_document import Listed
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import find
+from automaton.scenario.text_files import find
 from automaton.studies.reports.build_report import compose
 from automaton.studies.reports.metric_tables import bound, steady_section
 from automaton.studies.reports.study_results import Results, cut_of

@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.scenario.document import SHIPPED_FOLDER, shipped
+from automaton.scenario.text_files import SHIPPED_FOLDER, shipped
 from automaton.studies.sweeps.study import (
     Analysis,
     Study,

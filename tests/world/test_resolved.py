@@ -17,13 +17,13 @@ from automaton.world.resolve import resolve
 
 def test_the_fleet_of_the_checks_is_that_of_the_scenario(monkeypatch: pytest.MonkeyPatch) -> None:
     checked: list[FleetOnFloor] = []
-    check = resolving.check_feasible
+    check = resolving.feasible_fleet
 
-    def keep(*given: Any) -> FleetOnFloor:
-        checked.append(check(*given))
+    def keep(*given: Any, **named: Any) -> FleetOnFloor:
+        checked.append(check(*given, **named))
         return checked[-1]
 
-    monkeypatch.setattr(resolving, "check_feasible", keep)
+    monkeypatch.setattr(resolving, "feasible_fleet", keep)
     resolved = resolve("tabletop-mini")
     assert [resolved.fleet] == checked
 

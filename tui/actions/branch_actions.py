@@ -14,7 +14,7 @@ from textual.app import App
 from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.recording.recording_reader import short, title_of
-from automaton.scenario.document import named_files
+from automaton.scenario.reading import named_files
 from tui.actions import Command
 from tui.playback.run_source import Opening, beside, comparing_command, give_up_unused, short_path
 from tui.screens.dialogs import ReloadErrorScreen

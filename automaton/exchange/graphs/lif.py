@@ -37,7 +37,7 @@ from automaton.exchange.graphs.graph import (
     single_line,
 )
 from automaton.exchange.imported_floor import BYTE_ORDER_MARK, read_bytes
-from automaton.scenario.document import quoted
+from automaton.scenario.text_files import quoted
 
 MAX_DEGREE: Final = 20
 MAX_CONTROL_POINTS: Final = 200

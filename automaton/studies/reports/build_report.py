@@ -17,7 +17,7 @@ from automaton.floor.floor_plan import DRIVABLE
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.report_document import Document, Folded, Heading, HeatMap, PageBreak, Text
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import shipped
+from automaton.scenario.text_files import shipped
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.studies.reports.comparison_tables import (
     comparison_section,

@@ -17,19 +17,14 @@ from typing import Annotated, Any, Final, Literal, NamedTuple
 import msgspec
 from msgspec import Meta
 
-from automaton.errors import InputError, nearest
+from automaton.errors import InputError, InvalidValueError, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.metric_sums import SUMS
-from automaton.scenario.document import (
-    SHIPPED_FOLDER,
-    STUDY_KEYS,
-    Document,
-    parse,
-    read_text,
-    shipped,
-)
+from automaton.scenario.document import Document, parse
 from automaton.scenario.floor_section import SCHEMA_REFERENCE
+from automaton.scenario.reading import STUDY_KEYS
 from automaton.scenario.schema import ConfigSection, NonEmptyText, Scenario, SingleLine
+from automaton.scenario.text_files import SHIPPED_FOLDER, read_text, shipped
 from automaton.scenario.validation import MSER_OR_TIME, TIME_PATTERN, shown, validated
 from automaton.units import count
 
@@ -441,7 +436,10 @@ def checked_study(document: Document) -> Study:
     """The study that a document holds. Raises InputError with its place."""
     if "layout" in document.data and STUDY_KEYS.isdisjoint(document.data):
         raise InputError(f"this is a scenario; {STUDY_WANTED}", document.file)
-    study = validated(document, document.data, Study)
+    try:
+        study = validated(document.data, Study)
+    except InvalidValueError as error:
+        raise document.error(error.keys, error.message) from None
     for where, levels in _declared(study):
         for key, value in levels.items():
             objection = check_factor(key)

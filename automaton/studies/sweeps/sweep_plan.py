@@ -21,8 +21,9 @@ import yaml
 from automaton.errors import InputError, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.provenance import versions
-from automaton.scenario.document import SHIPPED_FOLDER, Document, Override, find, keys_of
+from automaton.scenario.document import Document, Override, keys_of
 from automaton.scenario.quantities import TIME
+from automaton.scenario.text_files import SHIPPED_FOLDER, find
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.scenario.validation import NumberRange, Place, convert
 from automaton.strategy import lookup

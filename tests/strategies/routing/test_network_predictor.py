@@ -13,7 +13,7 @@ from automaton.errors import InputError
 from automaton.papers.leg_samples import members
 from automaton.runs import provenance
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import SHIPPED_FOLDER
+from automaton.scenario.text_files import SHIPPED_FOLDER
 from automaton.world.building import build_world
 from automaton.world.resolve import branched, resolve
 from strategies.routing.routing_parameters import (

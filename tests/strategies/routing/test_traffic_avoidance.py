@@ -21,8 +21,9 @@ from automaton.floor.traffic_zones import ZONE_MODES
 from automaton.papers.traffic_trials import TRIAL_ROBOTS, tasks_of, warehouse
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.scenario.document import read, shipped
+from automaton.scenario.reading import read
 from automaton.scenario.schema import ROUTE_FOLLOWERS
+from automaton.scenario.text_files import shipped
 from automaton.scenario.unavailable_metrics import name_of
 from automaton.world.resolve import Resolved, resolve
 from strategies.routing import monte_carlo, predicted_paths, traffic_avoidance

@@ -25,10 +25,11 @@ from automaton.engine.state import (
 from automaton.errors import InputError
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.scenario.reading import document_of
 from automaton.strategy.contract import Strategy
 from automaton.verification.validator import validate_stored
 from automaton.verification.verification import verify_recording
-from automaton.world.resolve import document_of, resolve
+from automaton.world.resolve import resolve
 from strategies.zoning.decentralized import DEGREES, REDESIGN
 from strategies.zoning.monitored import AnnealedZones
 

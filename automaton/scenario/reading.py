@@ -1,0 +1,166 @@
+"""A scenario and the files that it names, read step by step; where errors get their file and line."""
+
+from __future__ import annotations
+
+import copy
+import os
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Final
+
+from automaton.errors import InputError, InvalidValueError
+from automaton.scenario.document import Document, Override, override, parse
+from automaton.scenario.floor_section import Floor, floor_of
+from automaton.scenario.order_files import (
+    with_lines_of_file,
+    with_orders_of_file,
+    with_tasks_of_file,
+)
+from automaton.scenario.order_lines import plain_data
+from automaton.scenario.schema import Scenario, Units
+from automaton.scenario.table_files import (
+    names_of_cells,
+    with_durations_of_files,
+    with_locations_of_file,
+    with_pods_of_file,
+    with_starts_of_file,
+)
+from automaton.scenario.table_reader import ReadFile, with_rows
+from automaton.scenario.text_files import SHIPPED_FOLDER, STUDIES_ARE_SWEPT, find, read_text
+from automaton.scenario.validation import Conversion, validated, with_numbers
+
+STUDY_KEYS: Final = frozenset(
+    ("scenario", "factors", "points", "replications", "analysis", "common_random_numbers")
+)
+LONGEST_FILE_NAME: Final = 255  # characters of a file's name; pictures of floors are texts, too
+
+
+class Reading:
+    """A scenario while it is read. Methods raise InputError or, without its place, InvalidValueError.
+
+    What is read of files becomes a part of the document, which knows the line of each value.
+    """
+
+    def __init__(self, document: Document) -> None:
+        self.document = document
+        self.conversions: tuple[Conversion, ...] = ()  # of texts with units
+        self.location_file: ReadFile | None = None
+        self.pod_file: ReadFile | None = None
+        self.order_file: ReadFile | None = None  # of orders, or of their lines
+        self.start_file: ReadFile | None = None
+        self.task_file: ReadFile | None = None
+        self.duration_files: list[ReadFile] = []
+
+    @contextmanager
+    def placing_errors(self) -> Iterator[None]:
+        """Give what is wrong with a value inside its file and line. Raises InputError."""
+        try:
+            yield
+        except InvalidValueError as error:
+            raise self.document.error(error.keys, error.message) from None
+
+    def scenario(self) -> Scenario:
+        """What the document says, with numbers and cells for its texts."""
+        data = self.document.data
+        units = validated(data.get("units", {}), Units, ("units",))
+        names = names_of_cells(self.document)
+        data, self.conversions = with_numbers(data, Scenario, units.scale, names=names)
+        self.document = replace(self.document, data=data)
+        return validated(data, Scenario)
+
+    def scenario_with_files(self) -> Scenario:
+        """The scenario with what its files say; without those of tasks and lines."""
+        self.document, self.location_file = with_locations_of_file(self.document)
+        self.document, self.pod_file = with_pods_of_file(self.document)
+        scenario = self.scenario()
+        self.document, scenario, self.order_file = with_orders_of_file(self.document, scenario)
+        self.document, scenario, self.start_file = with_starts_of_file(self.document, scenario)
+        scenario, self.duration_files = with_durations_of_files(self.document, scenario)
+        return scenario
+
+    def floor(self, layout: dict[str, Any]) -> Floor:
+        """The floor that a layout describes."""
+        floor = floor_of(layout, self.document.folder)
+        if floor.file:
+            lines = range(1, floor.floor_plan.height + 1)
+            self.document = with_rows(self.document, floor.rows, floor.file, lines)
+        return floor
+
+    def with_files_on_floor(self, scenario: Scenario, floor: Floor) -> Scenario:
+        """The scenario with its files of tasks and lines, whose cells and pods are on a floor."""
+        plan = floor.floor_plan
+        self.document, scenario, self.task_file = with_tasks_of_file(self.document, scenario, plan)
+        self.document, scenario, lines = with_lines_of_file(self.document, scenario, plan)
+        self.order_file = self.order_file or lines
+        return scenario
+
+    @property
+    def folder(self) -> Path:
+        """From where strategies name files: the folder of the scenario, unless it is a shipped one."""
+        folder = self.document.folder
+        return Path() if folder.resolve() == SHIPPED_FOLDER else folder
+
+    @property
+    def files(self) -> tuple[tuple[str, str], ...]:
+        """The files that were read: path, 16 hex digits of content."""
+        files = (self.location_file, self.pod_file, self.order_file, self.start_file)
+        every = (*files, self.task_file, *self.duration_files)
+        return tuple((file.path, file.content_hash) for file in every if file is not None)
+
+
+def document_of(
+    scenario: str | Path | Mapping[str, Any] | Scenario, settings: Iterable[str | Override] = ()
+) -> Document:
+    """What a scenario says, unchecked, with KEY=VALUE texts over it. Raises InputError."""
+    if isinstance(scenario, Scenario | Mapping):
+        data = plain_data(scenario) if isinstance(scenario, Scenario) else dict(scenario)
+        document = Document(copy.deepcopy(data))
+    elif is_study((document := read(scenario)).data):
+        raise InputError(f"this is a study; {STUDIES_ARE_SWEPT}", document.file)
+    return override(document, settings)
+
+
+def read(name: str | Path) -> Document:
+    """Read a scenario by path or by shipped name, without checking what it says."""
+    path = find(name)
+    text = read_text(path)
+    file = str(path)
+    data, root = parse(text, file)
+    if data is None:
+        raise InputError("is empty; a scenario needs at least name, layout and fleet", file)
+    if not isinstance(data, dict):
+        raise InputError("a scenario has keys such as name, layout and fleet; found none", file, 1)
+    return Document(data=data, file=file, folder=path.parent, text=text, root=root)
+
+
+def is_study(data: dict[str, Any]) -> bool:
+    """Whether what a file says means to be a study and not a scenario."""
+    return "layout" not in data and not STUDY_KEYS.isdisjoint(data)
+
+
+def named_files(scenario: str | Path) -> tuple[Path, ...]:
+    """The file of a scenario, and the files beside it that it names; its own first.
+
+    A scenario that cannot be read names no others. Raises InputError if there is no such scenario.
+    """
+    own = find(scenario)
+    try:
+        document = read(own)
+    except InputError:
+        return (own,)
+    paths = (document.folder / text for text in _texts(document.data))
+    return (own, *dict.fromkeys(path for path in paths if os.path.isfile(path) and path != own))
+
+
+def _texts(value: Any) -> Iterator[str]:
+    """The texts of a document that may be names of files."""
+    if isinstance(value, dict):
+        for inner in value.values():
+            yield from _texts(inner)
+    elif isinstance(value, list):
+        for inner in value:
+            yield from _texts(inner)
+    elif isinstance(value, str) and 0 < len(value) <= LONGEST_FILE_NAME and value.isprintable():
+        yield value

@@ -1,0 +1,335 @@
+"""Whether orders fit a floor: loads lie and go where robots get to, with them and back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from automaton.engine.state import NIL
+from automaton.errors import Finding, Keys, alternatives
+from automaton.floor.cells import (
+    ANY_LOADS,
+    CELL_KINDS,
+    DESTINATION,
+    DIRECTIONS,
+    DOCK,
+    RACK,
+    SHELF,
+    STATION,
+)
+from automaton.floor.floor_plan import DRIVABLE, FloorPlan
+from automaton.floor.reachability import (
+    closed_step,
+    reached,
+    slot_access,
+    slots_beside,
+)
+from automaton.scenario.carried_pods import transports_of
+from automaton.scenario.floor_section import Floor
+from automaton.scenario.orders import OrderLine
+from automaton.scenario.robot_types import RobotType
+from automaton.scenario.schema import Scenario
+from automaton.scenario.validation import dotted
+from automaton.units import ticks_and_time, unit
+from automaton.world.capabilities import FleetOnFloor
+from automaton.world.task_lists import MAX_TASK_ORDERS, order_count
+
+REQUIRED_KINDS = {  # kinds of cells without which a generator has nothing to draw
+    "dock-to-rack": (DOCK, RACK),
+    "stations": (STATION,),
+    "visits": (STATION,),
+}
+REMOTE = np.array([kind.remote for kind in CELL_KINDS])  # (kinds,) bool
+
+
+def check_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """Orders lead from slots that supply loads to slots that take them."""
+    generator = scenario.orders.generator
+    if scenario.orders.parts is not None:
+        yield from check_parts(scenario, floor_plan)
+        return
+    if scenario.orders.tasks is not None:
+        yield from check_tasks(scenario, floor_plan)
+        return
+    if generator == "tours" or scenario.orders.lines is not None:
+        return
+    if scenario.orders.listed is None:
+        for kind in REQUIRED_KINDS.get(generator or "", (SHELF, DESTINATION)):
+            if not np.any(floor_plan.kind == kind):
+                name = CELL_KINDS[kind].name
+                text = f"the orders {generator} need a {name}, the floor has none"
+                yield Finding(("layout",), text)
+        if generator == "stations" and np.count_nonzero(floor_plan.kind == STATION) < 2:
+            text = "the orders stations lead from a station to another, there is only one"
+            yield Finding(("layout",), text)
+        return
+    taken: dict[tuple[int, int], int] = {}
+    begins: dict[tuple[int, int], bool] = {}  # by cell, whether several orders may begin there
+    ends: set[tuple[int, int]] = set()
+    for index, order in enumerate(scenario.orders.listed):
+        if order.stops is not None:
+            keys: Keys = ("orders", "list", index, "stops")
+            yield from check_stops(order.stop_cells, keys, floor_plan)
+    for index, order in transports_of(scenario, floor_plan):
+        keys = ("orders", "list", index)
+        if order.target is None:
+            text = f"the key 'to' is missing in {dotted(keys)}"
+            hint = "only the order of a pod, from storage, may leave it out"
+            yield Finding(keys, f"{text}; {hint}")
+            continue
+        source, target = order.ends
+        if order.stops is not None and source == target:
+            text = (
+                "an order with from and to brings a load from one to the other; leave both out if "
+                "a robot has only to come to its stops"
+            )
+            yield Finding(keys, text)
+        if source not in begins or target not in ends or source == target:
+            yield from _check_order(order, keys, floor_plan)
+            slot_kind = floor_plan.kind_of(floor_plan.cell(*source))
+            begins[source] = slot_kind.holds == ANY_LOADS
+            ends.add(target)
+        if begins[source]:
+            continue
+        if source in taken:
+            x, y = source
+            name = floor_plan.kind_of(floor_plan.cell(x, y)).name
+            yield Finding(
+                (*keys, "from"),
+                f"order {index} takes the load of [{x}, {y}], as order {taken[source]} does; "
+                f"a {name} holds one load",
+            )
+        taken[source] = index
+
+
+def check_parts(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """Parts go through stations that there are, and work is done there."""
+    count = len(floor_plan.stations)
+    if not count:
+        yield Finding(("layout",), "parts need stations, and the floor has none")
+    there = f"the floor has the stations 1 to {count}"
+    for row, kind in enumerate(scenario.orders.parts or ()):
+        for place, number in enumerate(kind.route):
+            if number > count:
+                keys: Keys = ("orders", "parts", row, "route", place)
+                yield Finding(keys, f"a part goes to station {number}, but {there}")
+    times = scenario.orders.processing_time
+    if isinstance(times, tuple) and len(times) != count:
+        listed = f"{len(times)} station{'' if len(times) == 1 else 's'}"
+        text = f"orders.processing_time lists {listed}, but {there}"
+        yield Finding(("orders", "processing_time"), text)
+
+
+def check_tasks(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """The cells of tasks are drivable, and the list does not become too long."""
+    keys: Keys = ("orders", "tasks")
+    tasks = scenario.orders.tasks or ()
+    for number, task in enumerate(tasks):
+        yield from check_stops(task, (*keys, number), floor_plan)
+    count = order_count(scenario, floor_plan)
+    if count > MAX_TASK_ORDERS:
+        text = (
+            f"in {ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))} the robots "
+            f"could do {count:,} tasks, more than a run holds ({MAX_TASK_ORDERS:,}); set a lower "
+            "stop.max_duration"
+        )
+        yield Finding(("stop", "max_duration"), text)
+
+
+def check_stops(stops: Iterable[Any], keys: Keys, floor_plan: FloorPlan) -> Iterator[Finding]:
+    """The stops of an order are cells that robots drive on."""
+    for number, (x, y) in enumerate(stops):
+        stop = f"{dotted((*keys, number))}: the stop [{x}, {y}]"
+        if not floor_plan.holds(x, y):
+            text = f"{stop} lies outside the floor {floor_plan.extent}"
+            yield Finding((*keys, number), text)
+            continue
+        kind = floor_plan.kind.flat[floor_plan.cell(x, y)]
+        if not DRIVABLE[kind]:
+            text = f"{stop} is a {CELL_KINDS[kind].name}: robots do not drive there"
+            yield Finding((*keys, number), text)
+
+
+def _check_order(order: OrderLine, keys: Keys, floor_plan: FloorPlan) -> Iterator[Finding]:
+    source, target = order.ends
+    for name, (x, y) in (("from", source), ("to", target)):
+        if not floor_plan.holds(x, y):
+            text = f"[{x}, {y}] lies outside the floor {floor_plan.extent}"
+            yield Finding((*keys, name), text)
+            return
+        kind = floor_plan.kind_of(floor_plan.cell(x, y))
+        verb, allowed = ("begins", kind.gives) if name == "from" else ("ends", kind.takes)
+        if not allowed:
+            others = (k for k in CELL_KINDS if (k.gives if name == "from" else k.takes))
+            names = alternatives(f"a {other.name}" for other in others)
+            text = f"an order {verb} at {names}; [{x}, {y}] is a {kind.name}"
+            yield Finding((*keys, name), text)
+    visit = floor_plan.kind_of(floor_plan.cell(*source)).code == STATION
+    if source == target and not visit:
+        yield Finding((*keys, "to"), "an order ends where it begins")
+
+
+def check_floor(floor: Floor, fleet: FleetOnFloor) -> Iterator[Finding]:
+    """Every robot can serve every shelf and destination and come home again.
+
+    Slots of remote kinds may be out of reach: orders are given to the others alone.
+    """
+    floor_plan, kind = floor.floor_plan, floor.floor_plan.kind.reshape(-1)
+    for slots, why in (
+        (
+            slots_beside(floor_plan, ~floor_plan.drivable.reshape(-1)),
+            "has no cell beside it that robots drive on",
+        ),
+        (
+            slots_beside(floor_plan, ~np.logical_or.reduce(fleet.within)),
+            "cannot be served: a robot must get beside it from its start, and back",
+        ),
+    ):
+        unserved = slots[~REMOTE[kind[slots]]].tolist()
+        if unserved:
+            x, y = floor_plan.xy(unserved[0])
+            name = CELL_KINDS[kind[unserved[0]]].name
+            why += closed_way(fleet, unserved[0])
+            yield Finding(floor.row_keys(y), f"the {name} at ({x}, {y}) {why}")
+    for robot_type, cells, within in zip(fleet.types, fleet.starts, fleet.within, strict=True):
+        apart = cells[~within[cells]]
+        if apart.size:
+            (x, y), (x0, y0) = floor_plan.xy(int(apart[0])), floor_plan.xy(int(cells[0]))
+            who = f"robots ({robot_type.name})" if robot_type.name else "robots"
+            text = f"{who} start in parts of the floor that are not connected both ways: "
+            yield Finding(floor.row_keys(y), f"{text}({x0}, {y0}) and ({x}, {y})")
+
+
+def closed_way(fleet: FleetOnFloor, cell: int) -> str:
+    """Which direction is closed on the way to a slot or back, and what would open it; "" if none is."""
+    floor_plan, rail = fleet.floor_plan, fleet.types[0].rail
+    homes = fleet.starts[0][:1].tolist()
+    access = slot_access(floor_plan)[fleet.slot_of[cell]]
+    beside = access[access != NIL].tolist()
+    there = [c for c in beside if reached(floor_plan, homes, rail)[c]]
+    found = (
+        closed_step(floor_plan, there, homes) if there else closed_step(floor_plan, homes, beside)
+    )
+    if found is None:
+        return ""
+    a, b, direction = found
+    against = floor_plan.exits.flat[b] == 1 << (direction ^ 2)  # its one way leads out towards a
+    (x, y), (x1, y1), (x2, y2) = (
+        floor_plan.xy(a),
+        floor_plan.xy(b),
+        floor_plan.xy(b if against else a),
+    )
+    step = f"{DIRECTIONS[direction]} from ({x}, {y}) into ({x1}, {y1})"
+    return (
+        f"; the way {'back' if there else 'there'} leads {step}, which is closed: "
+        f"let robots drive both ways at ({x2}, {y2})"
+    )
+
+
+def check_service(fleet: FleetOnFloor) -> Iterator[Finding]:
+    """Robots reach the docks and racks that orders name, and some of each."""
+    orders, floor_plan = fleet.scenario.orders, fleet.floor_plan
+    served = np.logical_or.reduce(fleet.served)
+    why = "a robot must get in front of it from its start, and back"
+    kinds = floor_plan.kind.reshape(-1)[floor_plan.slots]
+    for kind in REQUIRED_KINDS.get(orders.generator or "", ()):
+        few = 2 if orders.generator == "stations" else 1
+        if np.count_nonzero(served[kinds == kind]) < few:
+            name = CELL_KINDS[kind].name
+            found = f"no {name}" if few == 1 else f"fewer than two {name}s"
+            yield Finding(("layout",), f"{found} can be served: {why}")
+
+    if orders.generator == "tours" and np.count_nonzero(fleet.within.all(axis=0)) < 2:
+        text = "the orders tours lead from cell to cell, and robots reach only one"
+        yield Finding(("layout",), text)
+
+    def because(cell: int) -> str:
+        if fleet.service.accessible[:, fleet.slot_of[cell]].any():
+            return "areas cut off robots with its load"
+        return why + closed_way(fleet, cell)
+
+    for number in sorted({number for kind in orders.parts or () for number in kind.route}):
+        cell = int(floor_plan.stations[number - 1])
+        if not served[fleet.slot_of[cell]]:
+            yield Finding(("layout",), f"station {number} cannot be served: {because(cell)}")
+    tasks: Sequence[Any] = orders.tasks or ()
+    for number, task in enumerate(tasks):
+        if all(fleet.within[:, floor_plan.cell(x, y)].all() for x, y in task):
+            continue
+        yield from check_reached(fleet, task, 1, ("orders", "tasks", number))
+    is_served: set[tuple[int, int]] = set()  # cells that have been looked at
+    for index, order in enumerate(orders.listed or ()):
+        if order.stops is not None:
+            keys: Keys = ("orders", "list", index)
+            yield from check_reached(fleet, order.stop_cells, order.weight, keys, order.has_load)
+        if order.target is None or is_served.issuperset(order.ends):
+            continue
+        for name, (x, y) in zip(("from", "to"), order.ends, strict=True):
+            cell = floor_plan.cell(x, y)
+            if not served[fleet.slot_of[cell]]:
+                kind_name = floor_plan.kind_of(cell).name
+                yield Finding(
+                    ("orders", "list", index, name),
+                    f"the {kind_name} at [{x}, {y}] cannot be served: {because(cell)}",
+                )
+        is_served.update(order.ends)
+
+
+def check_reached(
+    fleet: FleetOnFloor,
+    stops: Sequence[Any],
+    weight: int,
+    keys: Keys,
+    has_load: bool = False,
+) -> Iterator[Finding]:
+    """Some type of robots gets to all stops of an order, and carries its weight."""
+    floor_plan = fleet.floor_plan
+    carries = np.array([robot_type.payload >= weight for robot_type in fleet.types])
+    if not carries.any():
+        text = f"the order weighs {weight:,}, but no robot carries more than {fleet.payload:,}"
+        yield Finding(keys, text)
+        return
+    cells = [floor_plan.cell(x, y) for x, y in stops]
+    reached_by = (fleet.loaded if has_load else fleet.within)[carries][:, cells]
+    if reached_by.all(axis=1).any():
+        return
+    lost = int(np.argmin(reached_by.any(axis=0)))
+    x, y = stops[lost]
+    text = f"no robot that can do the order gets to its stop [{x}, {y}] from its start, and back"
+    if reached_by.any(axis=0).all():
+        text = "no type of robots gets to all stops of the order"
+    of_stop: Keys = (*keys, lost) if keys[1] == "tasks" else (*keys, "stops", lost)
+    yield Finding(of_stop, f"{dotted(of_stop)}: {text}")
+
+
+def check_abilities(fleet: FleetOnFloor) -> Iterator[Finding]:
+    """Every order can be picked up by some robot, and delivered by some."""
+    impossible = fleet.impossible()
+    if impossible is None:
+        return
+    (way, verb, cell), floor_plan, most = impossible, fleet.floor_plan, fleet.payload
+    if not verb:
+        text = f"{way.what} weighs {way.weight:,}, but no robot carries more than {most:,}"
+        yield Finding(way.keys, text)
+        return
+    x, y = floor_plan.xy(cell)
+    weight = f", of weight {way.weight:,}," if most < RobotType().payload else ""
+    name = floor_plan.kind_of(cell).name
+    text = f"{way.what}{weight} {verb} at the {name} [{x}, {y}]"
+    yield Finding(way.keys, f"{text}, where no robot that carries it may go")
+
+
+def check_loaded_ways(fleet: FleetOnFloor) -> Iterator[Finding]:
+    """No area cuts robots off from where they are to bring their loads."""
+    parted = fleet.parted()
+    if parted is None:
+        return
+    name, begin, end = parted
+    (x, y), (u, v) = fleet.floor_plan.xy(begin), fleet.floor_plan.xy(end)
+    who = f"robots of the type {name}" if name else "robots"
+    yield Finding(
+        ("areas",),
+        f"{who} with a load do not get from [{x}, {y}] to [{u}, {v}]: areas are closed to them",
+    )

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from automaton.strategy.lookup import (
     DYNAMIC,
+    IMPORTED,
     MANUFACTURING,
     METHOD_PROPERTIES,
     MULTIPLE,
@@ -33,7 +34,12 @@ from strategies.right_of_way.right_of_way_parameters import (
     RetreatParameters,
     Waits,
 )
-from strategies.routing.routing_parameters import Avoidance, SharedPlans, TieBreaking
+from strategies.routing.routing_parameters import (
+    Avoidance,
+    SharedPlans,
+    ShortestRoutes,
+    TieBreaking,
+)
 from strategies.zoning.zoning_parameters import Annealing, Decentralized, Genetic, Monitoring
 
 # What reads zone designs: (floor plan, roads, data, names of points) -> Design.
@@ -112,6 +118,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
             "strategies.allocation.greedy.greedy:Greedy",
             GreedyParameters,
             "cheapest pair of robot and order first; what is not begun may be matched again",
+            default_for=IMPORTED,
         ),
         "shortest-job": CatalogueEntry(
             "strategies.allocation.shortest_job:ShortestJob",
@@ -132,7 +139,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
     "routing": {
         "shortest": CatalogueEntry(
             "strategies.routing.shortest:Shortest",
-            NoParameters,
+            ShortestRoutes,
             "the path of least ticks, turns included",
         ),
         "astar": CatalogueEntry(

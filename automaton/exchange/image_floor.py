@@ -22,7 +22,6 @@ import numpy.typing as npt
 
 from automaton.errors import InputError
 from automaton.exchange.imported_floor import (
-    ALLOCATION,
     FREE,
     ROUTING,
     WALL,
@@ -34,6 +33,7 @@ from automaton.exchange.imported_floor import (
 from automaton.exchange.problem import connected_parts
 from automaton.exchange.ros_map import Mask, RosMap, read_ros_map
 from automaton.floor.cells import DIRECTIONS, EXIT_EAST, EXIT_NORTH, EXIT_SOUTH, EXIT_WEST
+from automaton.strategy.lookup import IMPORTED, default_for
 from automaton.units import count
 
 FORMAT: Final = "map of ROS"
@@ -67,7 +67,7 @@ def read_image_floor(path: Path, options: ImportOptions) -> ImportedFloor:
         "fleet": {"robots": len(robots), "kinematics": "omni", "start": robots},
         **_times(cell, options, file),
         "orders": TOUR_ORDERS if exits.any() else {"list": [{"stops": [robots[0]]}]},
-        "strategy": {"allocation": ALLOCATION, "routing": ROUTING},
+        "strategy": {"allocation": default_for("allocation", IMPORTED), "routing": ROUTING},
         "stop": {"when": "delivered", "max_duration": options.ticks or RUN_TIME},
         "seed": 1,
     }

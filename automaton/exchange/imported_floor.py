@@ -25,6 +25,7 @@ from automaton.errors import InputError
 from automaton.exchange.problem import Problem
 from automaton.floor.drawn_floors import MAX_FLOOR_SIDE
 from automaton.scenario.document import MAX_NODES
+from automaton.strategy.lookup import IMPORTED, STEERED, default_for
 from automaton.units import count, number
 
 MAX_FLOOR_FILE_BYTES: Final = 64 * 2**20
@@ -65,9 +66,7 @@ BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 
 MAX_PICTURE: Final = (200, 120)  # columns and rows of a floor that a terminal still shows
 RED: Final = "bold red"
-ALLOCATION: Final = "greedy"
 ROUTING: Final = "shortest"
-RIGHT_OF_WAY: Final = "pibt"
 FREE, WALL = ".", "#"
 MAX_WRITTEN_CELLS: Final = 2_000_000  # of a floor that is written: a scenario has 8 MB at most
 MAX_WRITTEN_VALUES: Final = MAX_NODES - 10_000  # of sections; the rest is for names and the legend
@@ -265,7 +264,11 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
     if problem.skip_reached:
         orders["skip_reached"] = True
     fleet = {"robots": problem.robots, "kinematics": "differential", "start": {"file": starts}}
-    strategy = {"allocation": ALLOCATION, "routing": ROUTING, "right_of_way": RIGHT_OF_WAY}
+    strategy = {
+        "allocation": default_for("allocation", IMPORTED),
+        "routing": ROUTING,
+        "right_of_way": default_for("right_of_way", STEERED),
+    }
     sections = {
         "name": problem.name[:200],
         "summary": f"{size}, {count(len(problem.tasks), 'task')}, imported.",

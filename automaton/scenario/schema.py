@@ -65,7 +65,6 @@ MAX_REFINEMENT = 1000  # fine ticks in a tick
 INSTEAD = "instead"  # in Meta.extra: what is now written for a value that was allowed before
 
 LAYER_NAMES = ("zoning", "charging", "allocation", "routing", "right_of_way")
-ROUTE_FOLLOWERS = ("retreat", "wait")  # rights of way under which robots follow routes
 
 
 class Units(ConfigSection, frozen=True, kw_only=True):

@@ -9,7 +9,8 @@ from typing import Any, Final
 
 from automaton.scenario.order_lines import has_due_times, line_column, listed_lines
 from automaton.scenario.robot_types import follows_in_convoy
-from automaton.scenario.schema import ROUTE_FOLLOWERS, Scenario
+from automaton.scenario.schema import Scenario
+from automaton.strategy.lookup import STEERS, declares
 
 TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "throughput_per_robot")
 OF_TIMES: Final = ("lead_time", "lead_time_p95", "lead_time_p99", "lead_time_max")
@@ -78,7 +79,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         (OF_STATIONS, orders.parts is not None, "orders.parts"),
         (
             ("lost_held_back",),
-            name_of(scenario.strategy.right_of_way) not in ROUTE_FOLLOWERS,
+            declares("right_of_way", name_of(scenario.strategy.right_of_way), STEERS),
             "a right of way that steers",
         ),
         (

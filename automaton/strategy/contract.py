@@ -20,6 +20,11 @@ Where types of robots have allocations of their own, each of these is asked abou
 after another; `batch.strategy[0]` is its number, `view.rules.allocation` that of each type. A charging
 strategy with `watches_chargers` is also asked about idle robots as soon as a place at a charger is free.
 
+What others ask of a strategy that they do not know, it declares, as an attribute of its class or of its
+Parameters: `steers` (right of way), `avoids_traffic`, `searches_by_astar`, `takes_shortest_routes`
+(routing), `keeps_way_back` (charging); see automaton.strategy.lookup. Warnings, metrics and defaults
+follow from these, for plug-ins as for what is shipped.
+
 A right of way that steers (`steers` = True) is asked in every tick (`period` = 1) about all robots
 that are free. It answers CMD_GO with a direction, CMD_HOLD, or KEEP for what a robot came for at its
 goal cell. Then robots keep no routes, and routing is not asked.

@@ -63,6 +63,7 @@ STEERED: Final = "robots that are steered"
 SLOW_STEERED: Final = (
     "robots that are steered, turn or move for several ticks, and mostly both ways"
 )
+IMPORTED: Final = "robots on floors of other programs"
 
 
 class CatalogueEntry(NamedTuple):
@@ -159,6 +160,33 @@ def properties(layer: str, name: str) -> dict[str, bool]:
     if entry is None or entry.properties is None:
         return {}
     return {one: one in entry.properties for one in METHOD_PROPERTIES}
+
+
+# What a strategy may declare of itself, as an attribute of its class or of its Parameters.
+STEERS: Final = "steers"  # right of way: robots go where it says, without routes
+AVOIDS_TRAFFIC: Final = "avoids_traffic"  # routing: routes go around other robots
+SEARCHES_BY_ASTAR: Final = "searches_by_astar"  # routing: a route is the path of an A* search
+KEEPS_WAY_BACK: Final = "keeps_way_back"  # charging: a charger stays within reach
+# Routing: where robots are steered instead, nothing is missing.
+TAKES_SHORTEST_ROUTES: Final = "takes_shortest_routes"
+DECLARATIONS: Final = (
+    STEERS,
+    AVOIDS_TRAFFIC,
+    SEARCHES_BY_ASTAR,
+    TAKES_SHORTEST_ROUTES,
+    KEEPS_WAY_BACK,
+)
+
+
+def declares(layer: str, name: str, what: str) -> bool:
+    """Whether a strategy declares one of DECLARATIONS; False for one that cannot be loaded here."""
+    if is_built_in(layer, name):  # its parameters say so, which are read without Numba
+        return bool(getattr(parameters_type(layer, name), what, False))
+    try:
+        kind = load(layer, name)
+    except InputError:  # a recording is read without its strategies
+        return False
+    return bool(getattr(kind, what, False) or getattr(kind.Parameters, what, False))
 
 
 def default_for(layer: str, robots: str) -> str:

@@ -34,10 +34,17 @@ from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.orders import ENDS
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of, type_of_each, types_of
 from automaton.scenario.schema import Scenario
-from automaton.strategy.lookup import ROUTED, SLOW_STEERED, STEERED, default_for, parameters_type
+from automaton.strategy.lookup import (
+    ROUTED,
+    SLOW_STEERED,
+    STEERED,
+    TAKES_SHORTEST_ROUTES,
+    declares,
+    default_for,
+    parameters_type,
+)
 from automaton.world.gate_cells import cells_to_start
 
-DEFAULT_ROUTING: Final = "shortest"  # what it plans can be left out where robots are steered
 TWO_WAY_SHARE: Final = 0.5  # of pairs of cells; in one-way aisles neither planner is always ahead
 NO_ZONING: Final = "none"
 # Flat cells of robots 0, 1, ...
@@ -424,8 +431,8 @@ def default_right_of_way(scenario: Scenario, fleet: FleetOnFloor) -> Default:
 def why_not_steered(scenario: Scenario, fleet: FleetOnFloor) -> str:
     """Why robots follow routes unless right of way is named; "" where they are steered."""
     routing: Any = scenario.strategy.routing
-    name = routing.get("name") if isinstance(routing, dict) else routing
-    if name != DEFAULT_ROUTING:
+    name = str(routing["name"] if isinstance(routing, dict) else routing)
+    if not declares("routing", name, TAKES_SHORTEST_ROUTES):
         return f"routing {name} plans their routes"
     if scenario.information != "everything":
         return "robots do not see all others"

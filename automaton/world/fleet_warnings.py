@@ -17,7 +17,7 @@ from automaton.floor.reachability import DeadEnds, Mask, dead_ends_of, reached, 
 from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.changing_floor import Lift
 from automaton.scenario.pods import PodStation
-from automaton.scenario.schema import ROUTE_FOLLOWERS
+from automaton.strategy.lookup import ROUTED, STEERS, declares, default_for
 from automaton.units import count
 from automaton.world.capabilities import default_right_of_way, has_ringless_part, why_not_steered
 from automaton.world.floor_parts import queue_path
@@ -118,7 +118,7 @@ def jams_under_retreat(resolved: Resolved) -> str:
     cells = int(drivable.sum())
     single = int((floor_plan.capacity[drivable] == 1).sum())
     if (
-        name not in ROUTE_FOLLOWERS
+        declares("right_of_way", name, STEERS)
         or 2 * single < cells
         or robots <= max(FEW_ROBOTS, share * cells)
     ):
@@ -136,11 +136,12 @@ def jams_under_retreat(resolved: Resolved) -> str:
 def has_no_ring(resolved: Resolved) -> str:
     """Warn about a right of way that steers where robots cannot pass each other."""
     name = resolved.strategies["right_of_way"].name
-    if name in ROUTE_FOLLOWERS or not has_ringless_part(resolved.fleet):
+    if not declares("right_of_way", name, STEERS) or not has_ringless_part(resolved.fleet):
         return ""
+    routed = default_for("right_of_way", ROUTED)
     return (
         "the floor has no ring of cells, so two robots that meet cannot pass each other, and "
-        f"right_of_way {name} jams there; choose retreat, or join the ends of the tracks"
+        f"right_of_way {name} jams there; choose {routed}, or join the ends of the tracks"
     )
 
 

@@ -14,6 +14,7 @@ from automaton.floor.reachability import steps_from
 from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.order_lines import has_due_times, line_column, listed_lines
 from automaton.scenario.orders import Mean, MeanTime
+from automaton.strategy.lookup import AVOIDS_TRAFFIC, KEEPS_WAY_BACK, STEERS, declares
 from automaton.units import SECONDS_PER_UNIT, count, ticks_and_time, unit
 from automaton.world.conversion_table import coarse_conversions
 from automaton.world.fleet_warnings import (
@@ -25,12 +26,6 @@ from automaton.world.fleet_warnings import (
 from automaton.world.floor_parts import places_of_chargers, service_cells
 from automaton.world.resolve import Resolved
 
-AVOIDS_TRAFFIC: Final = ("traffic-avoidance", "congestion")  # routing strategies
-KEEPS_WAY_BACK: Final = ("insertion", "fill-up", "opportunity")  # charging strategies
-KEEPS_PLACE: Final = (
-    "wait",
-    "retreat",
-)  # strategies of right of way under which idle robots may stay
 NO_STRATEGY: Final = "none"
 MOST_STATIONS: Final = 100  # between which all ways are measured
 
@@ -67,7 +62,7 @@ def nothing_to_avoid(resolved: Resolved) -> str:
     world, routing = resolved.scenario.world, resolved.strategies["routing"].name
     floor_plan = resolved.floor_plan
     crowds = bool((floor_plan.capacity[floor_plan.drivable] == UNLIMITED).all())
-    if routing in AVOIDS_TRAFFIC and crowds and world.slowdown == "none":
+    if declares("routing", routing, AVOIDS_TRAFFIC) and crowds and world.slowdown == "none":
         return (
             f"routing {routing} finds no traffic to avoid: every cell holds any number of robots "
             "and world.slowdown is none, so no robot slows another; set world.slowdown: zones"
@@ -104,7 +99,7 @@ def out_of_range(resolved: Resolved) -> str:
         resolved.strategies["charging"],
     )
     battery = scenario.battery
-    if battery is None or choice.name not in KEEPS_WAY_BACK:
+    if battery is None or not declares("charging", choice.name, KEEPS_WAY_BACK):
         return ""
     pairs = station_pairs(resolved)
     if not pairs or not getattr(choice.parameters, "never_strand", True):
@@ -169,9 +164,8 @@ def stays_on_station(resolved: Resolved) -> str:
     """Warn about idle robots that stand for ever on a station that other robots must reach."""
     scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
     right_of_way = resolved.strategies["right_of_way"]
-    settled = right_of_way.name in KEEPS_PLACE and not getattr(
-        right_of_way.parameters, "idle_give_way", False
-    )
+    gives_way = declares("right_of_way", right_of_way.name, STEERS)
+    settled = not (gives_way or getattr(right_of_way.parameters, "idle_give_way", False))
     used = {cell for cell in served_stations(resolved) if floor_plan.capacity.flat[cell] == 1}
     if not settled or not used or scenario.fleet.robots < 2:
         return ""

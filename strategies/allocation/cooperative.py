@@ -41,6 +41,7 @@ from automaton.strategy.kernels import (
     take_order,
     takes_load,
 )
+from strategies.allocation.allocation_parameters import Alleys
 
 MOVES_PER_PASS = 4  # along the alley, from one load to the next
 PRIOR_TICKS = 200  # driven ticks that a robot starts with
@@ -80,6 +81,7 @@ class Cooperative(Strategy):
     """Bucket brigade: robots reserve alleys and pass loads to the next table on the right."""
 
     layer = "allocation"
+    Parameters = Alleys
     compiled = decide
 
     def reset(self, view):
@@ -251,6 +253,7 @@ class Adaptive(Strategy):
     """Each robot passes a load on or carries it, whichever costs less by its own experience."""
 
     layer = "allocation"
+    Parameters = Alleys
     compiled = decide_adaptive
 
     def reset(self, view):

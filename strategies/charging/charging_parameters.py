@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import msgspec
 from msgspec import Meta
@@ -18,6 +18,8 @@ Percent = Annotated[float, Meta(ge=0, le=100)]
 
 class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """What estimates of charging take into account: the ways and the loads of orders."""
+
+    keeps_way_back: ClassVar[bool] = True  # no order is taken from which no charger is reached
 
     count_queues: Annotated[
         bool, Meta(description="robots that were sent to a charger earlier make it cost more")
@@ -63,6 +65,8 @@ class FillUp(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
 
 class Threshold(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """When a battery counts as low."""
+
+    keeps_way_back: ClassVar[bool] = False
 
     threshold: Annotated[Percent, Meta(description="percent")] = 20.0
     mode: Annotated[

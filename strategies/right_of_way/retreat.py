@@ -39,6 +39,7 @@ from automaton.strategy.kernels import (
     random_between,
     random_ticks,
 )
+from strategies.right_of_way.right_of_way_parameters import RetreatParameters, Waits
 
 LINK_FREE = 1
 LINK_PRESSED = 2
@@ -108,6 +109,7 @@ class Retreat(Strategy):
     """Wait, retry, and retreat by a random number of moves when that does not help."""
 
     layer = "right_of_way"
+    Parameters = RetreatParameters
     compiled = decide
     holders = True
 
@@ -148,6 +150,7 @@ class Wait(Strategy):
     """Wait and retry for ever; robots that meet head-on stay there."""
 
     layer = "right_of_way"
+    Parameters = Waits
     compiled = decide_to_wait
 
     def wait_ranges(self):

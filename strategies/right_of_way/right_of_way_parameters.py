@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import msgspec
 import numpy as np
@@ -13,6 +13,7 @@ from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario
+from automaton.strategy.lookup import TAKES_SHORTEST_ROUTES, declares
 
 MAX_GUIDED_SPEEDS = 7  # tables have a queue for 16 costs: two for each speed, and turns
 MOST_TICKS: Final = 256  # each cell needs a word for each: 1 KiB at most
@@ -73,6 +74,8 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
 class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Of a right of way that says in each tick where robots go: it goes with no routes."""
 
+    steers: ClassVar[bool] = True
+
     deadlock_patience: Annotated[
         int,
         quantity(
@@ -93,7 +96,7 @@ class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
             )
         routing = scenario.strategy.routing
         name = routing if isinstance(routing, str) else routing.get("name")
-        if name == "shortest":
+        if declares("routing", name, TAKES_SHORTEST_ROUTES):
             return None
         return (
             f"it steers the robots, which follow no routes, so routing '{name}' would never be asked;"

@@ -31,6 +31,7 @@ from automaton.strategy.kernels import (
     splitmix64,
     ways_on,
 )
+from strategies.routing.routing_parameters import TieBreaking
 from strategies.routing.shortest import around_closed, around_what
 
 FIFO = 0
@@ -106,6 +107,7 @@ class AStar(Strategy):
     """A shortest path of A*; which one of several is settled by a tie rule."""
 
     layer = "routing"
+    Parameters = TieBreaking
     compiled = decide
 
     def reset(self, view):

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from importlib import resources
 from pathlib import Path
-from typing import Annotated, Any, Final, Literal
+from typing import Annotated, Any, ClassVar, Final, Literal
 
 import msgspec
 import numpy as np
@@ -34,8 +34,16 @@ NO_TASKS_OF_PODS = (
 MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 0.9 GB
 
 
+class ShortestRoutes(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
+    """A strategy without parameters."""
+
+    takes_shortest_routes: ClassVar[bool] = True
+
+
 class TieBreaking(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Which of several paths of equal cost A* returns."""
+
+    searches_by_astar: ClassVar[bool] = True
 
     tie_break: Annotated[
         Literal["fifo", "larger_g", "random"],
@@ -49,6 +57,8 @@ class TieBreaking(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 
 class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How far routes go around the traffic that is predicted from the plans of all robots."""
+
+    avoids_traffic: ClassVar[bool] = True
 
     beta: Annotated[
         float,
@@ -107,6 +117,8 @@ class NetworkFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 
 class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """What is predicted of other robots, and how many of them in a zone are too many."""
+
+    avoids_traffic: ClassVar[bool] = True
 
     predictor: Annotated[
         Literal["exact", "noisy", "network"] | NetworkFile,

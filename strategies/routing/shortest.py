@@ -27,6 +27,7 @@ from automaton.strategy.kernels import (
     kernel,
     position,
 )
+from strategies.routing.routing_parameters import ShortestRoutes
 
 
 @kernel
@@ -52,6 +53,7 @@ class Shortest(Strategy):
     """The path of least ticks, turns included."""
 
     layer = "routing"
+    Parameters = ShortestRoutes
     compiled = decide
 
 

@@ -46,7 +46,7 @@ from strategies.routing.predicted_paths import (
     no_network,
     words,
 )
-from strategies.routing.routing_parameters import network_for
+from strategies.routing.routing_parameters import Avoidance, network_for
 
 PLAIN_ASTAR = 0  # in place of A: nothing is closed
 
@@ -98,6 +98,7 @@ class TrafficAvoidance(Strategy):
     """A* around the zones in which many others are predicted."""
 
     layer = "routing"
+    Parameters = Avoidance
     compiled = decide
     counters: ClassVar = {"alternative_routes": "alternatives"}
 

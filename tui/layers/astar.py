@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from automaton.engine.operations import first_cell
 from automaton.engine.state import NIL, Array, World
 from automaton.scenario.schema import Scenario
+from automaton.strategy.lookup import SEARCHES_BY_ASTAR, declares
 from strategies.routing.astar import LARGER_G, OPEN_STAMP, TIES, astar, route_space
 from strategies.routing.predicted_paths import count_predicted
 from tui.render.layer import Layer, ScaleLine
@@ -113,7 +114,6 @@ EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its pat
 PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
 MAX_RUNS: Final = 2  # that are shown beside each other
 MAX_PREDICTED_PATHS: Final = 5  # paths through a cell
-ASTAR_ROUTERS: Final = ("astar", "traffic-avoidance")  # routing strategies that search so
 
 
 class AstarLayer(Layer):
@@ -217,7 +217,8 @@ class Explored(AstarLayer):
 
 def is_hypothetical(scene: Scene) -> bool:
     """Whether the scenario is known to route by something else than A*."""
-    return scene.floor.routing not in ("", *ASTAR_ROUTERS)
+    routing = scene.floor.routing
+    return bool(routing) and not declares("routing", routing, SEARCHES_BY_ASTAR)
 
 
 class Predicted(AstarLayer):

@@ -33,6 +33,7 @@ from automaton.exchange.imported_floor import (
     check_values,
 )
 from automaton.floor.cells import DIRECTION_VECTORS, STATION
+from automaton.strategy.lookup import IMPORTED, default_for
 from automaton.units import count
 
 LEAST_ORDERS: Final = 20  # of a scenario, at least
@@ -208,7 +209,7 @@ class GraphScenario:
             "areas": self.areas,
             "floor": {key: value for key, value in floor.items() if value},
             "orders": self._orders(robots),
-            "strategy": {"allocation": "greedy", "routing": "shortest"},
+            "strategy": {"allocation": default_for("allocation", IMPORTED), "routing": "shortest"},
             "stop": {"when": "delivered", "max_duration": self._duration()},
             "seed": 1,
         }

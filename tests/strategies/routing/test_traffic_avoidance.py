@@ -22,9 +22,9 @@ from automaton.papers.traffic_trials import TRIAL_ROBOTS, tasks_of, warehouse
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.reading import read
-from automaton.scenario.schema import ROUTE_FOLLOWERS
 from automaton.scenario.text_files import shipped
 from automaton.scenario.unavailable_metrics import name_of
+from automaton.strategy.lookup import STEERS, declares
 from automaton.world.resolve import Resolved, resolve
 from strategies.routing import monte_carlo, predicted_paths, traffic_avoidance
 from strategies.routing.astar import LARGER_G
@@ -290,7 +290,7 @@ def test_both_legs_are_planned_when_the_task_begins(tmp_path: Path) -> None:
 ROUTED = [
     name
     for name in shipped()
-    if name_of(read(name).data["strategy"]["right_of_way"]) in ROUTE_FOLLOWERS
+    if not declares("right_of_way", name_of(read(name).data["strategy"]["right_of_way"]), STEERS)
 ]
 
 

@@ -8,7 +8,11 @@ import gc
 import os
 import sys
 
-INTERRUPTED = 130
+BAD_INPUT, INTERRUPTED = 2, 130
+REPLACED = (
+    "another distribution, probably 'automaton' of PyPI, has replaced a file of fleet-automaton; "
+    "remove it, and install fleet-automaton again, in an environment of its own"
+)
 
 
 def main() -> int:
@@ -19,6 +23,11 @@ def main() -> int:
         usual = signal.getsignal(signal.SIGINT)
         if usual is signal.default_int_handler:  # not where Ctrl-C is ignored
             signal.signal(signal.SIGINT, _end_at_once)
+        import automaton
+
+        if not hasattr(automaton, "OFFERED"):
+            print(f"automaton: {REPLACED}", file=sys.stderr)
+            return BAD_INPUT
         from automaton.garbage import suspend_while_starting
 
         suspend_while_starting()

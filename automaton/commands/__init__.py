@@ -12,6 +12,7 @@ import os
 import re
 import sys
 from collections.abc import Sequence
+from pathlib import Path
 from typing import NoReturn
 
 from automaton.engine.jit.compile_progress import COMPILING, UnfitNumbaError
@@ -125,7 +126,7 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
         return DONE
     name, *rest = arguments
     if name == "--version":
-        print(f"automaton {version()}")
+        print(f"automaton {version()}{commit_of(Path(__file__).parents[2])}")
         if "--verbose" in rest:
             print(surroundings())
         return DONE
@@ -195,6 +196,24 @@ def surroundings() -> str:
         f"compiled code in {cache_root()}\n"
         f"kernels are compiled {way}"
     )
+
+
+def commit_of(root: Path) -> str:
+    """ ", commit 1a2b3c4d" in a clone, "" elsewhere; from the files of Git, which may be absent."""
+    folder = root / ".git"
+    try:
+        head = (folder / "HEAD").read_text("utf-8").strip()
+        name = head.removeprefix("ref: ")
+        if name == head:  # no branch
+            found = head
+        elif (folder / name).exists():
+            found = (folder / name).read_text("utf-8").strip()
+        else:
+            packed = (folder / "packed-refs").read_text("utf-8").splitlines()
+            found = next((line.split()[0] for line in packed if line.endswith(f" {name}")), "")
+    except OSError:
+        return ""
+    return f", commit {found[:8]}" if found else ""
 
 
 def version() -> str:

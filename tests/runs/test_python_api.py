@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import pickle
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -15,9 +16,9 @@ from docs_pages import page
 from everything_on import scenario_of
 
 import automaton
-from automaton.commands import main
+from automaton.commands import commit_of, main
 from automaton.errors import InputError
-from automaton.scenario import document
+from automaton.scenario.reading import read
 from automaton.strategy.per_robot import Decision, LocalView, Me, deliver, park, take
 from automaton.verification.verification import verify
 
@@ -94,10 +95,43 @@ def test_a_branch_is_what_the_command_makes(tmp_path: Path, capsys: Any) -> None
     assert again.run().digest == branch.digest
 
 
+def test_the_version_says_which_commit_a_clone_is_of(tmp_path: Path, capsys: Any) -> None:
+    assert main(["--version"]) == 0
+    assert re.fullmatch(
+        rf"automaton {re.escape(automaton.__version__)}(, commit [0-9a-f]{{8}})?\n",
+        capsys.readouterr().out,
+    )
+    assert commit_of(tmp_path) == ""
+    (tmp_path / ".git").mkdir()
+    (tmp_path / ".git" / "HEAD").write_text("ref: refs/heads/main\n")
+    (tmp_path / ".git" / "packed-refs").write_text(
+        "# pack-refs\n0123456789abcdef refs/heads/main\n"
+    )
+    assert commit_of(tmp_path) == ", commit 01234567"
+    (tmp_path / ".git" / "refs" / "heads").mkdir(parents=True)
+    (tmp_path / ".git" / "refs" / "heads" / "main").write_text("fedcba9876543210\n")
+    assert commit_of(tmp_path) == ", commit fedcba98"
+    (tmp_path / ".git" / "HEAD").write_text("89abcdef01234567\n")
+    assert commit_of(tmp_path) == ", commit 89abcdef"
+
+
+def test_a_package_of_that_name_that_has_replaced_ours_is_named(tmp_path: Path) -> None:
+    shutil.copytree(Path(automaton.__file__).parent, tmp_path / "automaton")
+    (tmp_path / "automaton" / "__init__.py").write_text('"""Theirs."""\n')
+    command = [sys.executable, "-P", "-m", "automaton", "list"]
+    done = subprocess.run(
+        command, capture_output=True, text=True, env=os.environ | {"PYTHONPATH": str(tmp_path)}
+    )
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "another distribution" in done.stderr
+
+
 def test_a_scenario_is_a_path_a_dict_or_a_scenario() -> None:
-    read = automaton.load("tabletop-mini", seed=4)
-    in_a_file = document.read("tabletop-mini").data
-    digests = {automaton.simulate(one, seed=4).digest for one in ("tabletop-mini", read, in_a_file)}
+    checked = automaton.load("tabletop-mini", seed=4)
+    in_a_file = read("tabletop-mini").data
+    digests = {
+        automaton.simulate(one, seed=4).digest for one in ("tabletop-mini", checked, in_a_file)
+    }
     assert len(digests) == 1
 
 

@@ -23,9 +23,8 @@ def main() -> int:
         usual = signal.getsignal(signal.SIGINT)
         if usual is signal.default_int_handler:  # not where Ctrl-C is ignored
             signal.signal(signal.SIGINT, _end_at_once)
-        import automaton
 
-        if not hasattr(automaton, "OFFERED"):
+        if not hasattr(sys.modules["automaton"], "OFFERED"):
             print(f"automaton: {REPLACED}", file=sys.stderr)
             return BAD_INPUT
         from automaton.garbage import suspend_while_starting

@@ -12,12 +12,10 @@ from functools import cache, partial
 import numpy as np
 
 from automaton.bench.measurement import Measurement, Sample, cpu_seconds
+from automaton.bench.table_look_ups import compute, rank_options
 from automaton.engine.distance_tables import DistanceTables
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import NIL
 from automaton.engine.state import Array, Grid
 from automaton.engine.table_building import Costs, build_tables
-from automaton.engine.table_rows import cost_in, forget, row_to
 from automaton.floor.cells import ALL_EXITS, FLOOR
 from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
 from automaton.world.prepared_floor import cell_flags_of, floor_for
@@ -29,33 +27,6 @@ SHELF, MARGIN = 10, 5  # cells in a row without a gap; free columns on both side
 ASKING_ROBOTS = 1000
 ROUNDS = 100
 TABLE_BYTES = 256 * 2**20
-
-
-@kernel
-def compute(tables: DistanceTables, goals: Array) -> None:
-    """Compute the tables to some goals, whether they are there or not."""
-    for k in range(goals.shape[0]):
-        row = tables.row_of[goals[k]]
-        if row != NIL:
-            forget(tables, row)
-        row_to(tables, 0, goals[k], 0, False)
-
-
-@kernel
-def rank_options(
-    tables: DistanceTables, goals: Array, cells: Array, headings: Array, rounds: int
-) -> np.int64:
-    """For robots with a goal each: what staying and each neighbour costs; the sum."""
-    total = np.int64(0)
-    for _ in range(rounds):
-        for k in range(goals.shape[0]):
-            row = row_to(tables, 0, goals[k], 0, True)
-            total += cost_in(tables, row, cells[k], headings[k])
-            for direction in range(4):
-                after = cells[k] + tables.offset[direction]
-                if tables.number[after] != NIL:
-                    total += cost_in(tables, row, after, direction)
-    return total
 
 
 def measurements() -> list[Measurement]:

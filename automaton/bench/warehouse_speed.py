@@ -19,94 +19,26 @@ from functools import partial
 
 import numpy as np
 
+from automaton.bench.leg_plans import plan_avoiding, plan_in_time, plan_legs
 from automaton.bench.measurement import NS_PER_ROBOT_AND_TICK, US, Measurement, Sample, cpu_seconds
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.state import LAYER_ROUTING, NIL, Array, Grid, Memory, Workspace, World
+from automaton.engine.state import LAYER_ROUTING, Memory, Workspace, World
 from automaton.papers.traffic_trials import WAREHOUSE_SCENARIO, exact, tasks_of, warehouse
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from strategies.routing.astar import FIFO, LARGER_G, RouteSpace, astar, search, write_steps
-from strategies.routing.congestion import time_dependent_path
+from strategies.routing.astar import FIFO, LARGER_G
 from strategies.routing.forecasts import (
-    CongestionState,
     forecast_all,
-    forecast_one,
-    forget,
     forget_all,
 )
 from strategies.routing.predicted_paths import kernel_network, predict_legs
 from strategies.routing.routing_parameters import network_for, shipped
-from strategies.routing.traffic_avoidance import (
-    LEAST_TIME,
-    PLAIN_ASTAR,
-    choose_threshold,
-    close_zones,
-)
 
-MOST = 6  # the largest A
-FEWEST = 1  # others that close a zone, where A = 1
 PLANS_BY_SIDE = {100: 1000, 300: 200, 1000: 40}  # of a sample, by the side of the floor
 TASKS_SEED = 1
 FLEET_ROBOTS = 100
 TICKS_BEFORE = 30  # before the measurement, so that some are in each other's way
 DRIVEN_TICKS = 1000
 LEGS = 1000
-
-
-@kernel
-def plan_legs(
-    grid: Grid, duration: Array, workspace: RouteSpace, ties: int, tasks: Array, steps: Array
-) -> None:
-    """Plan both legs of each task, (n, 3) int32, by plain A*."""
-    seed = np.uint64(1)
-    for number in range(tasks.shape[0]):
-        for leg in range(2):
-            start, target = np.int64(tasks[number, leg]), np.int64(tasks[number, leg + 1])
-            astar(grid, 0, duration, workspace, ties, seed, start, target, False, steps)
-
-
-@kernel
-def plan_avoiding(
-    grid: Grid, duration: Array, workspace: RouteSpace, tasks: Array, foreseen: Array, steps: Array
-) -> None:
-    """Plan both legs of robot 0 of each task, (n, r, 3) int32, with others foreseen, (n, Z) int32."""
-    seed = np.uint64(1)
-    for number in range(tasks.shape[0]):
-        for zone in range(workspace.count.shape[0]):
-            workspace.count[zone] = foreseen[number, zone]
-        start, pick, drop = tasks[number, 0, 0], tasks[number, 0, 1], tasks[number, 0, 2]
-        threshold = choose_threshold(
-            grid,
-            0,
-            duration,
-            workspace,
-            LARGER_G,
-            seed,
-            start,
-            pick,
-            drop,
-            MOST,
-            FEWEST,
-            LEAST_TIME,
-        )
-        close_zones(grid, workspace, threshold, start, pick, drop)
-        pose = np.int64(start)
-        for target in (pick, drop):
-            pose = search(
-                grid, 0, duration, workspace, LARGER_G, seed, pose, target, threshold != PLAIN_ASTAR
-            )
-            if pose != NIL:
-                write_steps(grid, workspace, pose, steps)
-
-
-@kernel
-def plan_in_time(view: World, workspace: Workspace, state: CongestionState) -> None:
-    """Plan the way of every robot to its goal cell again, each seeing the plans of those before it."""
-    for i in range(view.robots.cell.shape[0]):
-        if view.robots.goal_cell[i] != NIL:
-            forget(state, i)
-            length = time_dependent_path(view, workspace, state, i, False, workspace.steps)
-            forecast_one(view, workspace, state, i, workspace.steps, length)
 
 
 def measurements() -> list[Measurement]:

@@ -205,15 +205,15 @@ def commit_of(root: Path) -> str:
         head = (folder / "HEAD").read_text("utf-8").strip()
         name = head.removeprefix("ref: ")
         if name == head:  # no branch
-            found = head
+            commit = head
         elif (folder / name).exists():
-            found = (folder / name).read_text("utf-8").strip()
+            commit = (folder / name).read_text("utf-8").strip()
         else:
             packed = (folder / "packed-refs").read_text("utf-8").splitlines()
-            found = next((line.split()[0] for line in packed if line.endswith(f" {name}")), "")
+            commit = next((line.split()[0] for line in packed if line.endswith(f" {name}")), "")
     except OSError:
         return ""
-    return f", commit {found[:8]}" if found else ""
+    return f", commit {commit[:8]}" if commit else ""
 
 
 def version() -> str:

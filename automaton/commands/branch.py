@@ -28,7 +28,7 @@ from automaton.scenario.schema import Units
 from automaton.units import count, unit
 
 if TYPE_CHECKING:
-    from automaton.history.live_run import Divergence
+    from automaton.history.divergence import Divergence
     from automaton.history.watched_run import Run
     from automaton.runs.simulation import Simulation
 
@@ -66,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--out is the recording itself: give another file", str(out))
     branch, missing = branched_off(recording, args, out)
     original = original_until(recording, args.until)
-    from automaton.history.live_run import first_difference
+    from automaton.history.divergence import first_difference
 
     # Where the branch could not be written, a file of another one may lie there.
     difference = None if missing else first_difference(recording, read_recording(out))

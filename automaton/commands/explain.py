@@ -102,7 +102,7 @@ def chain_lines(found: Explanation) -> list[str]:
 def due_lines(snapshot: Snapshot, robot: int, scale: Scale) -> list[str]:
     """When the order of a robot is due, and how late it is; nothing without a due time."""
     from automaton.engine.state import NIL
-    from automaton.history.explanation import due_words, has_due_time, has_trips
+    from automaton.history.state_words import due_words, has_due_time, has_trips
 
     order = int(snapshot.robots.order[robot])
     if order == NIL or not has_due_time(snapshot.orders, order):
@@ -146,7 +146,7 @@ def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) ->
     """The explanation as one object; times are in ticks."""
     from automaton.engine.observation import CAUSES
     from automaton.engine.state import NIL
-    from automaton.history.explanation import has_due_time, has_trips, ticks_late
+    from automaton.history.state_words import has_due_time, has_trips, ticks_late
 
     order = int(snapshot.robots.order[args.robot])
     is_due = order != NIL and has_due_time(snapshot.orders, order)

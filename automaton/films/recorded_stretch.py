@@ -26,8 +26,8 @@ from automaton.drawings.moment import (
 from automaton.engine.observation import CAUSES, waited_ticks
 from automaton.engine.state import BATTERY_PERCENT, NIL
 from automaton.errors import InputError
+from automaton.history.fleet_summary import summary_of
 from automaton.history.playback import Playback
-from automaton.history.snapshot import summary_of
 from automaton.recording.frames import MAGIC, Recording
 from automaton.recording.header import resolved_of
 from automaton.recording.recording_reader import title_of

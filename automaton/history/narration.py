@@ -17,15 +17,14 @@ from automaton.engine.observation import EVENT_DEADLOCK, is_waiting, waited_tick
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError, nearest
 from automaton.history.event_history import EVENT_GROUPS, Event, event_of, event_words
-from automaton.history.explanation import (
+from automaton.history.explanation import explain, link_of
+from automaton.history.snapshot import Snapshot, take_snapshot
+from automaton.history.state_words import (
     break_begins,
     break_begun_words,
-    explain,
     gate_states,
     gate_words_of,
-    link_of,
 )
-from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.watched_run import Run
 from automaton.runs.progress import largest_jam
 from automaton.runs.run_diagnosis import describe_jam

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final, NamedTuple, TypeVar
+from typing import TYPE_CHECKING, Final, TypeVar
 
 import numpy as np
 
@@ -19,9 +19,8 @@ from automaton.engine.facilities import (
     Trips,
 )
 from automaton.engine.jit.structs import CARRIED, Struct
-from automaton.engine.observation import CAUSE_NOT_WAITING, Observation, is_waiting
+from automaton.engine.observation import Observation
 from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
-from automaton.runs.progress import done_count
 from automaton.runs.simulation import Simulation
 
 S = TypeVar("S", bound=Struct)
@@ -162,44 +161,3 @@ def _plan(simulation: Simulation, selected: int) -> Array:
 
 
 # How a fleet does at a moment, in a few numbers.
-
-
-class FleetSummary(NamedTuple):
-    """Robots that work, are held up, and form a wait cycle; orders, and lines of which they consist."""
-
-    working: int
-    waiting: int
-    circling: int  # some of those who wait
-    delivered: int
-    orders: int
-    lines_done: int = 0
-    lines: int = 0  # 0: orders do not consist of lines
-
-
-def summarize(snapshot: Snapshot) -> FleetSummary:
-    """Count them. Who is parked or has no order neither works nor waits."""
-    robots = snapshot.robots
-    return _summary(
-        robots.cause, robots.parked, robots.wait_cycle_ticks, snapshot.orders, snapshot.lines
-    )
-
-
-def summary_of(simulation: Simulation) -> FleetSummary:
-    """The same of an observed simulation."""
-    world, observation = simulation.world, simulation.observation
-    cycle = observation.wait_cycle_ticks
-    return _summary(observation.cause, world.robots.parked, cycle, world.orders, world.lines)
-
-
-def _summary(
-    cause: Array, parked: Array, ring: Array, orders: Orders, lines: Lines
-) -> FleetSummary:
-    return FleetSummary(
-        working=int(np.count_nonzero((cause == CAUSE_NOT_WAITING) & (parked == 0))),
-        waiting=int(np.count_nonzero(is_waiting(cause))),
-        circling=int(np.count_nonzero(ring)),
-        delivered=done_count(orders, lines),
-        orders=len(lines.left) if len(lines.order) else len(orders.state),
-        lines_done=int(np.count_nonzero(lines.done != NIL)),
-        lines=len(lines.order),
-    )

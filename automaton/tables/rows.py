@@ -43,7 +43,8 @@ from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.metrics import busy_ticks, metrics_by_robot
 from automaton.runs.progress import asked_count, asked_orders, has_lines
 from automaton.runs.simulation import Simulation
-from automaton.runs.task_metrics import Measured, least_way_ticks
+from automaton.runs.task_lower_bounds import least_way_ticks
+from automaton.runs.task_metrics import Measured
 from automaton.scenario.carried_pods import pod_names
 from automaton.scenario.order_lines import line_column, line_texts, listed_lines
 from automaton.scenario.table_fields import NOTHING

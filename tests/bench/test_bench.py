@@ -30,16 +30,15 @@ from automaton.bench.measurement import (
     scene,
     take,
 )
+from automaton.bench.random_walk import random_walk, random_walk_in_spans
 from automaton.bench.step_speed import (
     ONE_TO_A_CELL,
     WalkingFleet,
     prepare,
-    random_walk,
-    random_walk_in_spans,
     storage_of,
     walking_fleet,
 )
-from automaton.bench.table_speed import compute
+from automaton.bench.table_look_ups import compute
 from automaton.commands import bench_command, main
 from automaton.commands.bench_command import chosen, measurements
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_ZONING, NIL, World

@@ -12,7 +12,7 @@ from viewer_harness import branch, record
 
 from automaton.commands import main
 from automaton.floor.cells import DESTINATION
-from automaton.history.live_run import first_difference
+from automaton.history.divergence import first_difference
 from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.recording.frames import FRAME, PREAMBLE
 from automaton.recording.recording_reader import read_recording

@@ -11,7 +11,7 @@ from automaton.history.live_run import LiveRun
 from automaton.history.watched_run import RecordedRun, Run
 from automaton.recording.recording_reader import read_recording
 from automaton.world.resolve import resolve
-from tui.playback.panel_view import PlaybackState
+from tui.playback.playback_state import PlaybackState
 from tui.playback.player import IDLE_S, Player
 
 FLEET = ("fleet.robots=4",)

@@ -5,8 +5,9 @@ from __future__ import annotations
 from pod_scenes import pod_scene
 
 from automaton.history.event_history import EventHistory
-from automaton.history.explanation import explain, station_queue
+from automaton.history.explanation import explain
 from automaton.history.snapshot import Snapshot, take_snapshot
+from automaton.history.state_words import station_queue
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved, resolve
 

@@ -18,9 +18,9 @@ SHORT = 60  # lines
 
 # What there is. A change that makes one of these larger needs a reason; one that makes it smaller
 # writes the new number here.
-MOST_FILES = 423
+MOST_FILES = 433
 MOST_FOLDERS = 50
-MOST_SHORT_FILES = 28
+MOST_SHORT_FILES = 32
 LONGEST_FILE = 650
 LONGEST_CHAIN = 36  # of files that import each other in a row
 IMPORTS_A_FILE = 6.0  # of ours

@@ -17,7 +17,6 @@ from automaton.recording.recording_reader import short, title_of
 from automaton.scenario.reading import named_files
 from tui.actions import Command
 from tui.playback.run_source import Opening, beside, comparing_command, give_up_unused, short_path
-from tui.screens.dialogs import ReloadErrorScreen
 from tui.session.display import Display
 from tui.session.session import Session
 from tui.widgets.styled_lines import signs_of
@@ -27,7 +26,7 @@ if TYPE_CHECKING:
     from automaton.history.watched_run import Run
     from automaton.world.resolve import Resolved
     from tui.playback.player import Player
-    from tui.screens.dialogs import Stop
+    from tui.screens.breakpoint_dialog import Stop
 
 
 class Branched(NamedTuple):
@@ -58,7 +57,7 @@ class BranchActions:
     def _edit_stops(self) -> None:
         if not self._session.ready():
             return
-        from tui.screens.dialogs import BreakpointsScreen
+        from tui.screens.breakpoint_dialog import BreakpointsScreen
 
         screen = BreakpointsScreen(self.stops, signs_of(self._session.glyphs))
         self._app.push_screen(screen, self._take_stops)
@@ -268,6 +267,8 @@ class Reloading:
         self._app.call_later(*call)  # type: ignore[arg-type]
 
     def _loaded(self, opening: Opening, player: Player) -> None:
+        from tui.screens.dialogs import ReloadErrorScreen
+
         if isinstance(self._app.screen, ReloadErrorScreen):
             self._app.screen.dismiss()
         before = self._session.reopen(opening, player)
@@ -280,6 +281,8 @@ class Reloading:
         self._session.changed()
 
     def _failed(self, sentence: str) -> None:
+        from tui.screens.dialogs import ReloadErrorScreen
+
         screen = self._app.screen
         if isinstance(screen, ReloadErrorScreen):
             screen.complain(sentence)

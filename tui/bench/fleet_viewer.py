@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.bench.measurement import open_floor, scene
+from automaton.bench.random_walk import random_walk
 from automaton.bench.steering_speed import BUSY_CROWD, busy_fleet
-from automaton.bench.step_speed import random_walk
 from automaton.engine.state import CLOCK_TICK
 from automaton.floor.cells import DIRECTION_VECTORS, FLOOR, WALL
 from automaton.floor.floor_plan import make_floor_plan

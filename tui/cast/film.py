@@ -13,7 +13,7 @@ import numpy as np
 from automaton.engine.state import NIL
 from automaton.errors import InputError, alternatives
 from automaton.floor.floor_plan import FloorPlan
-from automaton.history.snapshot import summarize
+from automaton.history.fleet_summary import summarize
 from automaton.recording.recording_reader import title_of
 from automaton.units import Unit, number, unit
 from tui.playback.frame_cache import Pictures
@@ -27,7 +27,7 @@ from tui.render.styles import DEPTHS, Depth, Look, Theme, style
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
-    from tui.playback.panel_view import PlaybackState
+    from tui.playback.playback_state import PlaybackState
 
 
 @dataclass(frozen=True)
@@ -272,7 +272,7 @@ class Film:
         return np.vstack((floor, self._status.codes(snapshot, self.columns)))
 
     def _playback(self, snapshot: Snapshot) -> PlaybackState:
-        from tui.playback.panel_view import PlaybackState
+        from tui.playback.playback_state import PlaybackState
 
         return PlaybackState(
             runs=(),

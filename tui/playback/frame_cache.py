@@ -20,7 +20,7 @@ from tui.render.styles import style
 
 if TYPE_CHECKING:
     from automaton.world.resolve import Resolved
-    from tui.playback.panel_view import PlaybackState
+    from tui.playback.playback_state import PlaybackState
 
 MINIMAP_SHARE: Final = 3  # at most a third of the map's rows and columns
 MINIMAP_ROWS: Final = 12

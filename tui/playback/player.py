@@ -16,11 +16,12 @@ import numpy as np
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.history.breakpoints import Breakpoint
-from automaton.history.live_run import Divergence, LiveDivergence, LiveRun
+from automaton.history.divergence import Divergence, LiveDivergence
+from automaton.history.live_run import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.watched_run import COMPUTE_SLICE_S, Run
 from automaton.runs.simulation import Simulation
-from tui.playback.panel_view import Figures, LongTick, PlaybackState, figures_of
+from tui.playback.playback_state import Figures, LongTick, PlaybackState, figures_of
 from tui.registration import layer_named
 
 RUN_LETTERS = "AB"  # of two runs beside each other

@@ -29,7 +29,7 @@ from automaton.floor.cells import (
     FLOOR,
     TRACK,
 )
-from automaton.history.explanation import (
+from automaton.history.state_words import (
     carries_pods,
     gates_in,
     has_trips,

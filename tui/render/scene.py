@@ -18,7 +18,7 @@ from automaton.engine.state import GOAL_STOP, NIL
 from automaton.floor.cells import FLOOR, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.floor.traffic_zones import TrafficZones
-from automaton.history.explanation import shut_cells
+from automaton.history.state_words import shut_cells
 from tui.registration import layer_named, layers
 
 if TYPE_CHECKING:

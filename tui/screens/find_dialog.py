@@ -19,7 +19,7 @@ from automaton.engine.state import NIL, Array
 from automaton.errors import InputError, nearest
 from automaton.floor.cells import KIND_BY_NAME, WALL
 from automaton.history.breakpoints import robots_where
-from automaton.history.explanation import load_words
+from automaton.history.state_words import load_words
 from automaton.scenario.order_lines import line_texts, listed_lines
 from automaton.units import count
 from automaton.world.gate_cells import cells_of, gates_of

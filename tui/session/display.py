@@ -40,7 +40,7 @@ from tui.widgets.status import (
 from tui.widgets.timeline import Mark, Past, Timeline
 
 if TYPE_CHECKING:
-    from tui.playback.panel_view import PlaybackState
+    from tui.playback.playback_state import PlaybackState
 
 
 NOTICE_S: Final = 5.0

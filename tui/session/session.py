@@ -16,7 +16,7 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.history.live_run import Divergence, first_difference
+from automaton.history.divergence import Divergence, first_difference
 from tui.playback.frame_cache import Pictures, robot_cell
 from tui.playback.run_source import Opening
 from tui.render.scene import NO_CELLS, Choice, Scene
@@ -26,7 +26,8 @@ from tui.widgets.timeline import Mark
 
 if TYPE_CHECKING:
     from automaton.history.watched_run import Run
-    from tui.playback.panel_view import PlaybackState, View
+    from tui.playback.panel_view import View
+    from tui.playback.playback_state import PlaybackState
     from tui.playback.player import Player
 
 

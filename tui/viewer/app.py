@@ -35,16 +35,15 @@ from tui.registration import layers, panels
 from tui.render import styles
 from tui.render.glyphs import ASCII, to_ascii
 from tui.render.styles import COLOURS, Depth, Look, Theme
-from tui.screens.dialogs import HelpScreen
 from tui.session.display import Display
 from tui.session.session import Session
 from tui.terminal.frame_pacing import quiet_collector
 from tui.terminal.options import Options
 from tui.widgets.bindings import ACTIONS, COMPARING, bindings, key_text
 from tui.widgets.map_view import MapView
-from tui.widgets.rows import ACROSS, DOWN, TooSmall, size_classes
 from tui.widgets.status import Keys
 from tui.widgets.timeline import Timeline
+from tui.widgets.too_small import ACROSS, DOWN, TooSmall, size_classes
 
 if TYPE_CHECKING:
     from tui.playback.panel_view import CellChosen, JamChosen, RobotChosen, TickChosen, ZoneChosen
@@ -430,6 +429,8 @@ class Viewer(App[None]):
         }
 
     def _show_help(self) -> None:
+        from tui.screens.dialogs import HelpScreen  # after the first picture
+
         self.push_screen(HelpScreen(self._keys()))
 
     def _change_theme(self) -> None:

@@ -8,9 +8,10 @@ from typing import Final
 import numpy as np
 
 from automaton.engine.state import NIL
-from automaton.history.live_run import LiveDivergence, LiveRun, first_difference
+from automaton.history.divergence import LiveDivergence, first_difference
+from automaton.history.fleet_summary import summary_of
+from automaton.history.live_run import LiveRun
 from automaton.history.narration import SENTENCES, Scope, kinds_named, narrate
-from automaton.history.snapshot import summary_of
 from automaton.history.watched_run import Run
 from automaton.recording.header import changed, resolved_of
 from automaton.recording.recording_reader import branches_of

@@ -20,7 +20,6 @@ from automaton.units import count
 from automaton.world.floor_parts import places_of_chargers
 from tui.playback.panel_view import OrderChosen, View
 from tui.registration import layer_named
-from tui.widgets.panel import TextPanel
 from tui.widgets.pod_facts import (
     due_facts,
     has_pods,
@@ -46,6 +45,7 @@ from tui.widgets.styled_lines import (
     title,
     wrapped,
 )
+from tui.widgets.text_panel import TextPanel
 from tui.widgets.zone_facts import order_zone, part_of_order, station_facts, zone_facts, zone_lines
 
 Parts = list[str | Span]

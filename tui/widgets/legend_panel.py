@@ -6,8 +6,8 @@ from tui.playback.panel_view import Picture, View
 from tui.render.glyphs import GLYPH_BITS, GLYPHS
 from tui.render.map_legend import Entry, legend, worst_cells
 from tui.render.scene import Scene
-from tui.widgets.panel import TextPanel
 from tui.widgets.styled_lines import Line, Span, cell_link, line, title, wrapped
+from tui.widgets.text_panel import TextPanel
 
 SIGN_COLUMNS = 9  # columns for the signs
 

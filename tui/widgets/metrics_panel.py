@@ -23,12 +23,11 @@ from automaton.engine.state import (
     STATUS_TOWED,
 )
 from automaton.history.event_history import Curve
-from automaton.history.snapshot import FleetSummary, summarize
+from automaton.history.fleet_summary import FleetSummary, summarize
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import count, number, percent
 from tui.playback.panel_view import JamChosen, TickChosen, View, middle_robot
 from tui.widgets import lost_time, metric_curve
-from tui.widgets.panel import TextPanel
 from tui.widgets.robot_facts import battery_figures, may_fail
 from tui.widgets.styled_lines import (
     Line,
@@ -44,6 +43,7 @@ from tui.widgets.styled_lines import (
     title,
     wrapped,
 )
+from tui.widgets.text_panel import TextPanel
 from tui.widgets.zone_facts import partition_of, parts_finished, zone_link
 
 GREATER_IS_BETTER: Final = {"delivered", "throughput", "utilization", "throughput_per_robot"}

@@ -14,7 +14,7 @@ from automaton.engine.state import (
     ORDER_UNRELEASED,
     ORDER_WAITING,
 )
-from automaton.history.explanation import (
+from automaton.history.state_words import (
     break_end,
     carries_pods,
     has_due_time,

@@ -43,13 +43,12 @@ from automaton.history.event_history import (
     Event,
     event_words,
 )
-from automaton.history.explanation import (
+from automaton.history.explanation import doing, out_of_order
+from automaton.history.state_words import (
     charger_queue,
     charging_at,
-    doing,
     gate_words,
     is_kept_by_gate,
-    out_of_order,
     sent_to,
     station_of,
     up_to,

@@ -21,8 +21,8 @@ from automaton.engine.state import (
     STATUS_TOWED,
     Array,
 )
-from automaton.history.explanation import carries_pods
 from automaton.history.snapshot import Fleet
+from automaton.history.state_words import carries_pods
 from automaton.units import percent
 from tui.playback.panel_view import RobotChosen, View
 from tui.widgets.panel import PanelWidget

@@ -11,7 +11,7 @@ from textual.app import ComposeResult
 from textual.widgets import Footer
 
 from automaton.engine.state import NIL
-from automaton.history.snapshot import summarize
+from automaton.history.fleet_summary import summarize
 from automaton.units import Unit, number
 from tui.render import styles
 from tui.render.glyphs import ASCII, GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, text
@@ -23,7 +23,7 @@ from tui.widgets.map_view import MapView
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
-    from tui.playback.panel_view import Figures, PlaybackState
+    from tui.playback.playback_state import Figures, PlaybackState
     from tui.terminal.frame_pacing import Figures as LinkFigures
 
 

@@ -12,7 +12,6 @@ from automaton.history.explanation import Explanation, explain
 from automaton.units import count, percent
 from tui.playback.panel_view import View
 from tui.widgets import lost_time
-from tui.widgets.panel import TextPanel
 from tui.widgets.styled_lines import (
     Line,
     Link,
@@ -25,6 +24,7 @@ from tui.widgets.styled_lines import (
     title,
     wrapped,
 )
+from tui.widgets.text_panel import TextPanel
 
 MAX_WAITING_LISTED: Final = 40  # robots in the list to pick from
 NAME_WIDTH: Final = 21  # columns for the letter and the name of a cause

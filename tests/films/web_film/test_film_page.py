@@ -23,8 +23,9 @@ from automaton.films import recorded_stretch
 from automaton.films.film_page import page_of
 from automaton.floor.cells import CELL_KINDS, SHELF
 from automaton.history.explanation import link_of
+from automaton.history.fleet_summary import summarize
 from automaton.history.playback import Playback
-from automaton.history.snapshot import Snapshot, summarize, take_snapshot
+from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.recording.recorder import Recorder
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation

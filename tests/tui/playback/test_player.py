@@ -15,7 +15,7 @@ from manual_clock import FLEET, ManualClock, clock, live, manual_player, recorde
 from automaton.history.live_run import LiveRun, branch_of
 from automaton.history.watched_run import Run
 from automaton.verification.verification import verify
-from tui.playback.panel_view import PlaybackState
+from tui.playback.playback_state import PlaybackState
 from tui.playback.player import IDLE_S, REWIND, TICKS_PER_S, Player
 from tui.registration import layer_named, layers
 from tui.terminal.options import SPEEDS

@@ -7,13 +7,20 @@ import pytest
 from render_scenes import at, bg, camera_at, fg, make_scene, open_floor
 from zone_pictures import two_zones
 
-from automaton.drawings.looks import DRAW_FAULT, STATE_COLOURS
+from automaton.drawings.looks import DRAW_FAULT
 from automaton.engine.observation import CAUSE_NO_ORDER
 from automaton.engine.state import BATTERY_FULL
 from tui.render import styles
 from tui.render.glyphs import UNICODE
 from tui.render.map_legend import legend
-from tui.render.robot_marks import COLOURINGS, DRAW_CLASS, DRAW_LEVEL, is_possible, robots_of
+from tui.render.robot_marks import (
+    BODY_COLOURS,
+    COLOURINGS,
+    DRAW_CLASS,
+    DRAW_LEVEL,
+    is_possible,
+    robots_of,
+)
 from tui.render.scene import Scene
 
 FLOOR = open_floor(6, 3)
@@ -83,8 +90,8 @@ def test_where_robots_share_a_character_one_in_a_wait_cycle_gives_it_its_colour(
 
 
 def test_the_table_of_colours_begins_with_those_of_states() -> None:
-    assert STATE_COLOURS[DRAW_FAULT] == styles.COLOUR_FAULT and DRAW_FAULT + 1 == DRAW_CLASS
-    assert STATE_COLOURS[DRAW_CLASS:DRAW_LEVEL].tolist() == list(styles.CLASSES)
+    assert BODY_COLOURS[DRAW_FAULT] == styles.COLOUR_FAULT and DRAW_FAULT + 1 == DRAW_CLASS
+    assert BODY_COLOURS[DRAW_CLASS:DRAW_LEVEL].tolist() == list(styles.CLASSES)
 
 
 @pytest.mark.parametrize("zoom", ["1x1", "braille 1"])

@@ -14,12 +14,11 @@ import pytest
 from render_scenes import ALL, DRAWN, composed, drawn, make_scene
 from zone_pictures import two_zones
 
-from automaton.drawings.looks import STATE_COLOURS
 from automaton.engine.state import ACTION_CHARGE, BATTERY_FULL, GOAL_CHARGE, STATUS_FAILED
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.render import styles
 from tui.render.glyphs import GLYPHS, UNICODE
-from tui.render.robot_marks import DRAW_CLASS
+from tui.render.robot_marks import BODY_COLOURS, DRAW_CLASS
 from tui.render.scene import Scene
 from tui.render.styles import COLOURS, STYLE_COUNT, Depth, Look, contrast
 
@@ -136,7 +135,7 @@ def test_there_are_styles_of_every_kind_in_the_pictures_that_are_measured() -> N
     pictures = [drawn_styles(layer, zoom) for layer in LAYERS for zoom in LADDER]
     seen = {styles.style(fg, bg) for picture in pictures for fg, bg, _ in picture}
     foregrounds, backgrounds = zip(*(divmod(one, len(COLOURS)) for one in seen), strict=True)
-    states = {*STATE_COLOURS[:DRAW_CLASS].tolist()}
+    states = {*BODY_COLOURS[:DRAW_CLASS].tolist()}
     assert states <= {*foregrounds, *backgrounds}
     assert {styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8, styles.COLOUR_ZONE_0} <= {*backgrounds}
     assert len(seen) > 110 and max(seen) < STYLE_COUNT

@@ -18,19 +18,17 @@ from automaton.errors import InputError
 from automaton.floor.cells import TURNTABLE
 from automaton.history.breakpoints import FIELDS
 from automaton.scenario.quantities import Scale, read_clock
+from tui.screens.breakpoint_dialog import BreakpointsScreen, Stop, StopList
 from tui.screens.dialogs import (
     BranchScreen,
-    BreakpointsScreen,
     GoToScreen,
     SettingField,
     SettingList,
-    Stop,
-    StopList,
     settings_of,
     tick_of,
 )
 from tui.screens.find_dialog import FindScreen, Found, MatchList, find
-from tui.widgets.rows import MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS
+from tui.widgets.too_small import MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS
 
 
 class Stage(App[None]):

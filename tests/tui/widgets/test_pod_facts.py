@@ -6,7 +6,7 @@ import pytest
 from panel_harness import WIDE, moment, of_cell, of_robot, shown
 
 from automaton.errors import InputError
-from automaton.history.snapshot import summarize
+from automaton.history.fleet_summary import summarize
 from tui.playback.panel_view import View
 from tui.playback.run_source import floor_of
 from tui.render.describe import describe

@@ -20,7 +20,8 @@ from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSE_REDUCED_SPEED
 from automaton.history.snapshot import Fleet
-from tui.playback.panel_view import Figures, View
+from tui.playback.panel_view import View
+from tui.playback.playback_state import Figures
 from tui.widgets.robot_table import ROBOT_TABLE_COLUMNS, Column, Robots, ordered
 
 PLAIN = [

@@ -26,15 +26,10 @@ from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSES
 from automaton.engine.state import BATTERY_PERCENT, NIL, STATUS_FAILED, STATUS_TOWED
-from automaton.history.explanation import (
-    charger_queue,
-    charging_at,
-    explain,
-    sent_to,
-    ticks_to_charge,
-)
+from automaton.history.explanation import explain
 from automaton.history.live_run import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
+from automaton.history.state_words import charger_queue, charging_at, sent_to, ticks_to_charge
 from automaton.world.resolve import resolve
 from tui.playback.panel_view import View
 from tui.screens.find_dialog import find

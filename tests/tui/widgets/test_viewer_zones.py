@@ -23,7 +23,7 @@ from automaton.world.resolve import resolve
 from strategies.routing.astar import FIFO, LARGER_G, TIES
 from tui.cast.film import Request
 from tui.cast.film_making import make_picture
-from tui.layers.astar import Paths, driven, explored, ties_of
+from tui.layers.astar_paths import Paths, driven, explored, ties_of
 from tui.layers.traffic_zones import tints_of
 from tui.playback.panel_view import View
 from tui.playback.player import Overlays

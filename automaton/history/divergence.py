@@ -1,0 +1,163 @@
+"""Where two runs part, recorded or live: the first tick at which they did something else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.errors import InputError
+from automaton.recording.contents import Content
+from automaton.recording.frames import Recording, StoredFrames
+
+if TYPE_CHECKING:  # they need Numba
+    from automaton.history.live_run import LiveRun
+    from automaton.runs.simulation import Simulation
+
+DIFFERENT_START = "the runs differ from the start: another fleet, floor or order list"
+
+
+class Divergence(NamedTuple):
+    """The outcome of a comparison."""
+
+    tick: int | None  # the first that differs; None: none does
+    text: str
+
+
+def first_difference(one: Recording, other: Recording) -> Divergence:
+    """Compare what the robots did, tick by tick; if that is equal, the states, as far as digests tell.
+
+    Raises InputError for a recording in which ticks are missing.
+    """
+    if not _same_start(one.header, other.header):
+        return Divergence(0, DIFFERENT_START)
+    # Frames of their own: the player decodes the others in its thread.
+    mine, its = (StoredFrames(recording.stored().payloads) for recording in (one, other))
+    return _compared(mine, its)
+
+
+def _compared(mine: StoredFrames, its: StoredFrames) -> Divergence:
+    state: int | None = None  # the first tick whose digests differ
+    for begin, end, left, right in _common_stretches(mine, its, 1):
+        acted = _first_action(left, right, begin, end)
+        if acted is not None:
+            return acted
+        state = _first_state(left, right, begin, end) if state is None else state
+    if state is not None:
+        text = "all robots do the same, and only state that shows in no action differs"
+        return Divergence(state, f"{text}, first by tick {state:,}")
+    ends = mine.last_tick, its.last_tick
+    if ends[0] != ends[1]:
+        tick = min(ends) + 1
+        return Divergence(tick, f"the runs are equal up to tick {min(ends):,}, where one ends")
+    return Divergence(None, f"the runs are equal in all {ends[0]:,} ticks")
+
+
+def _same_start(one: Content, other: Content) -> bool:
+    for part in ("robots", "orders", "slots"):
+        if any(not np.array_equal(one[part][name], other[part][name]) for name in one[part]):
+            return False
+    return all(
+        np.array_equal(one["floor"][name], other["floor"][name])
+        for name in ("kind", "exits", "capacity", "bays")
+    )
+
+
+def _common_stretches(
+    one: StoredFrames, other: StoredFrames, tick: int
+) -> Iterator[tuple[int, int, Content, Content]]:
+    """First and last tick of what a frame of the one shares with a frame of the other, from `tick`."""
+    while True:
+        left, right = one.ticks_with(tick), other.ticks_with(tick)
+        if left is None or right is None:
+            return
+        for name, frame in zip("AB", (left, right), strict=True):
+            if frame["first"] > tick:
+                raise InputError(
+                    f"recording {name} has fewer ticks than it says: the file was altered"
+                )
+        end = min(frame["first"] + len(frame["executed"]) - 1 for frame in (left, right))
+        yield tick, end, left, right
+        tick = end + 1
+
+
+def _first_action(one: Content, other: Content, begin: int, end: int) -> Divergence | None:
+    """The first of some ticks in which robots did something else."""
+    did = _rows(one, "executed", begin, end) != _rows(other, "executed", begin, end)
+    acted = np.flatnonzero(did.any(axis=1))
+    if not acted.size:
+        return None
+    return _acted(begin + int(acted[0]), np.flatnonzero(did[acted[0]]))
+
+
+def _acted(tick: int, robots: NDArray[np.intp]) -> Divergence:
+    who = f"robot {robots[0]}" + (f" and {len(robots) - 1} more" if len(robots) > 1 else "")
+    return Divergence(tick, f"the runs differ first at tick {tick:,}: {who}; x goes there")
+
+
+def _first_state(one: Content, other: Content, begin: int, end: int) -> int | None:
+    """The first tick for which both have digests, and these differ."""
+    mine, its = _rows(one, "digests", begin, end), _rows(other, "digests", begin, end)
+    both = mine.any(axis=1) & its.any(axis=1)
+    differ = np.flatnonzero(both & (mine != its).any(axis=1))
+    return begin + int(differ[0]) if differ.size else None
+
+
+def _rows(frame: Content, name: str, begin: int, end: int) -> NDArray[np.uint64]:
+    first = frame["first"]
+    rows: NDArray[np.uint64] = frame[name][begin - first : end + 1 - first]
+    return rows
+
+
+class LiveDivergence:
+    """Looks for the tick at which two live runs part, as far as both are computed.
+
+    As long as positions and operations are the same, no frame is compared, since that would write
+    short frames into the recordings.
+    """
+
+    def __init__(self, one: LiveRun, other: LiveRun) -> None:
+        self._runs = (one, other)
+        same = _same_start(one.header, other.header)
+        self._settled = not same
+        self.result: Divergence | None = None if same else Divergence(0, DIFFERENT_START)
+        self._compared_until = 0
+
+    def look(self) -> Divergence | None:
+        """Compare what is new; None as long as the runs are equal and one goes on."""
+        one, other = (run.leading_simulation for run in self._runs)
+        ended = all(run.end is not None for run in self._runs)
+        tick = min(one.tick, other.tick)
+        if self._settled or not (ended or (tick > self._compared_until and _differ(one, other))):
+            return self.result
+        for run in self._runs:
+            run.recorder.flush()
+        frames = [run.frames for run in self._runs]
+        try:
+            self.result = _compared(*frames) if ended else self._first_new(*frames)
+        except InputError:
+            text = "the runs differ, first in a tick that is not kept any more"
+            self.result = Divergence(None, text)
+        self._settled = self.result is not None
+        self._compared_until = tick
+        return self.result
+
+    def _first_new(self, one: StoredFrames, other: StoredFrames) -> Divergence | None:
+        for begin, end, left, right in _common_stretches(one, other, self._compared_until + 1):
+            acted = _first_action(left, right, begin, end)
+            if acted is not None:
+                return acted
+        return None
+
+
+def _differ(one: Simulation, other: Simulation) -> bool:
+    """Whether robots are elsewhere, or have done something else so far."""
+    if one.tick != other.tick:
+        return False
+    first, second = (simulation.world for simulation in (one, other))
+    mine, its = (world.robots.at_index for world in (first, second))
+    same = np.array_equal(first.robots.cell[mine], second.robots.cell[its])
+    operations = first.tally.operations[mine], second.tally.operations[its]
+    return not (same and np.array_equal(*operations))

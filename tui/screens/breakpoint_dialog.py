@@ -1,0 +1,135 @@
+"""Breakpoints: a list of conditions that can be switched on and off, and a line to add one."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar, Final, NamedTuple
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.widgets import Input, Static
+
+from automaton.errors import InputError
+from automaton.history.breakpoints import FIELDS, breakpoint_of
+from tui.screens.dialogs import Dialog
+from tui.widgets.rows import Rows, TypedInput
+from tui.widgets.styled_lines import UNICODE, Line, Link, Signs, Span, dim, line
+
+GRAMMAR: Final = (
+    "deadlock, wait cycle, zones redesigned, delivered 7, stalled > 50, or a condition on "
+    "a robot, such as waiting > 20 and loaded, cause == 'head-on'"
+)
+
+
+WAYS: Final = (
+    "Play, ticks on, go to, end and the timeline stop at it; "
+    "going back and jumps from lists do not."
+)
+
+
+class Stop(NamedTuple):
+    """A breakpoint as the user keeps it."""
+
+    text: str
+    on: bool = True
+
+
+class StopList(Rows):
+    """The breakpoints; a click or enter switches one on or off, delete removes it."""
+
+    DEFAULT_CSS = "StopList { height: 6; }"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("space", "follow_cursor", "On or off", show=False),
+        Binding("delete,backspace", "remove", "Remove", show=False),
+    ]
+
+    def __init__(self, stops: Sequence[Stop], signs: Signs) -> None:
+        super().__init__(signs)
+        self.stops = list(stops)
+
+    def on_mount(self) -> None:
+        self.set_content()
+
+    def set_content(self) -> None:
+        """Show the list as it is now."""
+        self.update_rows(max(1, len(self.stops)))
+        self.refresh()
+
+    def row(self, index: int) -> Line:
+        if not self.stops:
+            return line(dim("no breakpoints yet"))
+        stop = self.stops[index]
+        sign = self.signs.on if stop.on else self.signs.off
+        room = " " * max(1, self.width - len(stop.text) - 2 - len("delete"))
+        look = "plain" if stop.on else "dim"
+        return line(
+            Span(f"{sign} {stop.text}", look), room, Span("delete", "link", ("delete", index))
+        )
+
+    def chosen(self, index: int) -> None:
+        """Switch it on or off."""
+        if self.stops:
+            stop = self.stops[index]
+            self.stops[index] = stop._replace(on=not stop.on)
+            self.set_content()
+
+    def follow(self, link: Link, column: int = 0) -> None:
+        self.remove_at(link[1])
+
+    def action_remove(self) -> None:
+        """Remove the one under the cursor."""
+        self.remove_at(self.cursor)
+
+    def remove_at(self, index: int) -> None:
+        if index < len(self.stops):
+            del self.stops[index]
+            self.set_content()
+
+
+class BreakpointsScreen(Dialog[tuple[Stop, ...]]):
+    """The result is the list as it was left, however the dialog is closed."""
+
+    HEADING = "Breakpoints: the run stops where one begins to hold"
+    ACCEPT = "Done"
+    CANCEL = ""
+
+    def __init__(self, stops: Sequence[Stop], signs: Signs = UNICODE) -> None:
+        super().__init__()
+        self._list = StopList(stops, signs)
+
+    def inside(self) -> ComposeResult:
+        yield TypedInput(placeholder="add one: stalled > 50", compact=True)
+        yield Static(f"Write {GRAMMAR}.", classes="hint", markup=False)
+        yield Static(f"A robot has {', '.join(FIELDS)}.", classes="hint", markup=False)
+        yield Static(WAYS, classes="hint spare", markup=False)
+        yield self._list
+
+    def on_input_changed(self) -> None:
+        self.complain("")
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        """Add what is written; nothing written means that all is done."""
+        if not event.value.strip():
+            self.accept()
+        elif self._added(event.value):
+            event.input.clear()
+
+    def _added(self, text: str) -> bool:
+        try:
+            read = breakpoint_of(text)
+        except InputError as error:
+            self.complain(str(error))
+            return False
+        if read.text not in [stop.text for stop in self._list.stops]:
+            self._list.stops.append(Stop(read.text))
+            self._list.set_content()
+        return True
+
+    def accept(self) -> None:
+        """Close with the list; what is still in the field is added."""
+        text = self.query_one(Input).value
+        if not text.strip() or self._added(text):
+            self.dismiss(tuple(self._list.stops))
+
+    def action_leave(self) -> None:
+        self.dismiss(tuple(self._list.stops))

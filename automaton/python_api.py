@@ -185,8 +185,7 @@ def sweep(
 
         with open("fleets.yaml", "w") as file:
             file.write(
-                "{name: two, scenario: tabletop-mini, replications: 3, "
-                "factors: {fleet.robots: [1, 2]}}"
+                "{name: two, scenario: tabletop-mini, replications: 3, factors: {fleet.robots: [1, 2]}}"
             )
         automaton.sweep("fleets.yaml", workers=1).select(["fleet.robots", "makespan"])
     """

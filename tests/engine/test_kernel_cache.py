@@ -46,7 +46,7 @@ def made_of(edited: str) -> set[str]:
 
 def test_an_edit_in_a_strategy_concerns_nobody_else() -> None:
     assert made_of("strategies/right_of_way/retreat.py") == {"strategies.right_of_way.retreat"}
-    measured = "automaton.bench.warehouse_speed"
+    measured = "automaton.bench.leg_plans"
     assert made_of("strategies/routing/congestion.py") == {
         "strategies.routing.congestion",
         measured,

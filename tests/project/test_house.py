@@ -20,7 +20,7 @@ SHORT = 60  # lines
 # writes the new number here.
 MOST_FILES = 435
 MOST_FOLDERS = 50
-MOST_SHORT_FILES = 32
+MOST_SHORT_FILES = 33
 LONGEST_FILE = 650
 LONGEST_CHAIN = 36  # of files that import each other in a row
 IMPORTS_A_FILE = 6.0  # of ours

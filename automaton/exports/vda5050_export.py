@@ -1,4 +1,5 @@
-"""What robots report of themselves, period by period, as a recorded run is played again.
+"""A recorded run as messages of VDA 5050: orders and, period by period, what robots report of
+themselves.
 
 Each sample has the state after a tick, by identity, and what a state alone does not hold: the moves
 that a robot has begun for its order, and the ticks in which its move and its operation began.

@@ -1,4 +1,6 @@
-"""From a recording to a page: its columns, the floor and its words, and the player, in one file."""
+"""A film as one HTML file: its columns, the floor and its words, and the player; and the same in a
+notebook.
+"""
 
 from __future__ import annotations
 

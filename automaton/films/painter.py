@@ -1,4 +1,4 @@
-"""Where things stand in a picture of pixels: the title above, the floor, and below it the words."""
+"""Pictures of pixels: the title above, the floor with its robots, and below it the words."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A table of at most 255 colours for the frames of a film, and the number of each pixel's colour."""
+"""Films as GIF, PNG and MP4: at most 255 colours, and of each frame only what has changed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a film may be written."""
+"""The ticks of a recording that a film shows, as columns; and where the film may be written."""
 
 from __future__ import annotations
 

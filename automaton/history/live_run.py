@@ -1,4 +1,6 @@
-"""A recorder that keeps its frames at hand, so that one can go back while the run goes on."""
+"""A run that is computed while it is shown: its frames stay at hand, so that one can go back and
+branch off.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How many processes can compute at once."""
+"""What a first run needs compiled, halved between two processes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What to say when a strategy raises: which one, what, and where in its file."""
+"""One run without a screen, to its end or its limit; and what to say when a strategy raises."""
 
 from __future__ import annotations
 

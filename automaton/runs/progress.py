@@ -1,4 +1,5 @@
-"""The orders that were asked for, whatever the world makes of them: those of lines, or its own.
+"""How far a run is: the orders that were asked for, those that are done, and robots that get
+nothing done.
 
 Where pods are carried, the orders of the world are trips; an order is done with the last of its lines.
 """

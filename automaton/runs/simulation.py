@@ -1,4 +1,4 @@
-"""The picture of a run as it stands: its floor and robots, and a line below."""
+"""A run: a world, its strategies, and the compiled loop that carries it from tick to tick."""
 
 from __future__ import annotations
 
@@ -129,9 +129,6 @@ def tables_in(structs: Iterable[Struct]) -> Iterator[DistanceTables]:
         else:
             parts = (getattr(one, name) for name in one._fields)
             yield from tables_in(part for part in parts if isinstance(part, Struct))
-
-
-# A run: a world, its strategies, and the compiled loop that carries it from tick to tick.
 
 
 RECORD_TICKS = 256  # ticks in the buffers of a recording

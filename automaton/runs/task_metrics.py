@@ -1,4 +1,4 @@
-"""The least time that a task takes: its legs driven on the empty floor."""
+"""Metrics of tasks and of stations: times beside the least ones, delays, lateness."""
 
 from __future__ import annotations
 

@@ -1,4 +1,5 @@
-"""Orders, their lines, and trips, read off the arrays of a run that is over.
+"""Rows of the tables: orders, lines, trips and robots of a run that is over, events and states as
+they are observed.
 
 Rows come in pieces: of a million orders a whole table would be as large as all that the run keeps of
 them.

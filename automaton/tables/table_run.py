@@ -1,4 +1,4 @@
-"""What belongs to a run as a whole, beside its tables: its metrics, and its scenario as it was run."""
+"""A run of which tables are made, and what belongs to it as a whole: its metrics and its scenario."""
 
 from __future__ import annotations
 

@@ -1,4 +1,6 @@
-"""Where the pod of a robot goes that is towed: its ways, worked out a second time."""
+"""The rules of pods: who carries one, where it stands, and the ways of robots that are towed with
+one.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the screen shows, row by row, for a drawing of it."""
+"""Actions that keep what the screen shows: drawings, pictures and text."""
 
 from __future__ import annotations
 

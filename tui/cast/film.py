@@ -1,4 +1,6 @@
-"""What is to be shown of a recording, and how."""
+"""A film of a recording: what is asked for, and its frames with a status line, drawn without a
+terminal.
+"""
 
 from __future__ import annotations
 

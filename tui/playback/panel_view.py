@@ -1,4 +1,4 @@
-"""What the player shows: a moment of one or two runs, how it goes on, and the metrics so far."""
+"""What panels show at a moment, and the messages by which they choose robots, cells, ticks and zones."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where breakpoints stop the clock: at the first tick at which one begins to hold in any run."""
+"""The player: plays, steps and jumps in its thread, and stops where a breakpoint begins to hold."""
 
 from __future__ import annotations
 

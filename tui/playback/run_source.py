@@ -1,4 +1,4 @@
-"""Where recordings and screenshots go: the user's state folder, as the XDG rules name it."""
+"""Where a viewer gets its runs: live, recorded or reloaded; and where recordings and screenshots go."""
 
 from __future__ import annotations
 

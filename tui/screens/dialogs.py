@@ -1,4 +1,4 @@
-"""What all dialogs have in common: a box in the middle, a sentence for errors, buttons, escape."""
+"""Dialogs: branch, go to, help, and the error of a file that was changed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The environment of a session's process: what it needs, and nothing else of the server's."""
+"""A session of a browser: the process of its viewer, and the environment that this needs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sentences to the user: a short one in the line above the status line, a long one over the map."""
+"""What is on the screen: map, panels and status line, and sentences to the user."""
 
 from __future__ import annotations
 

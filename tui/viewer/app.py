@@ -1,4 +1,4 @@
-"""The colours of everything but the map, made from the map's own."""
+"""The app: its screen, its themes, and the objects that act on both."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which events are listed, as boxes to be ticked: by mouse, or by keys when they have the focus."""
+"""The panel of events: which kinds are listed, and the list."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the inspector says about a cell, with what it holds, and about an order."""
+"""The inspector: what there is to say about a cell, an order or a robot that is chosen."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the inspector says about the due time of an order."""
+"""What the inspector says about pods, stations with queues, lines and due times."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the inspector says about batteries: of a robot, and of a charger."""
+"""What the inspector says about a robot: its state, battery, type and last events."""
 
 from __future__ import annotations
 

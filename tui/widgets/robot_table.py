@@ -1,4 +1,4 @@
-"""The columns of the table of robots: what they sort by and what they say."""
+"""The table of robots: its columns, what they sort by, and its rows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A row of words: only the characters that change are written, and words can be clicked."""
+"""The status line, and rows of words of which only the changed characters are written."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the inspector says about stations, and about zones that robots serve."""
+"""What the inspector says about stations and zones, of robots and of traffic."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Facts as English: one table of phrases, used in both directions.
+"""The lines below a picture: robots and orders in English, written and read by one table of phrases.
 
 A phrase is a template such as "turns for {busy} more tick(s)" and the values that it fixes. It is
 written when its fixed values hold and none of its named values is the default; read, it gives back

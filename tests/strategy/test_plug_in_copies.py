@@ -74,7 +74,7 @@ def test_a_copy_is_warned_of_measured_and_defaulted_as_the_original(layer: str, 
 def test_a_copy_does_the_same(layer: str, name: str) -> None:
     """On the first of some scenarios that it goes with."""
     ends = []
-    for scenario in ("tabletop-mini", "depots", "factory", "goods-mini"):
+    for scenario in ("tabletop-mini", "depots", "factory", "sorting"):
         for one in (name, copy_name(layer, name)):
             try:
                 run = Simulation(resolve(scenario, [f"strategy.{layer}={one}"]))

@@ -29,7 +29,7 @@ import numpy as np
 from tui.render.layer import Layer
 from tui.widgets.panel import Panel
 from tui.widgets.styled_lines import line
-from tui.widgets.panel import TextPanel
+from tui.widgets.text_panel import TextPanel
 
 
 class Dust(Layer):
@@ -172,7 +172,7 @@ FAILING = """
 import numpy as np
 from tui.render.layer import Layer
 from tui.widgets.panel import Panel
-from tui.widgets.panel import TextPanel
+from tui.widgets.text_panel import TextPanel
 
 
 class Rust(Layer):

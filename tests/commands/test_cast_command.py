@@ -25,16 +25,13 @@ from automaton.recording.recorder import Recorder
 from automaton.runs.simulation import Simulation
 from automaton.units import unit
 from automaton.world.resolve import Resolved, resolve
-from tui.cast.film import Status
-from tui.cast.film_making import schedule
+from tui.cast.film import Status, schedule
 from tui.playback.player import Overlays
-from tui.playback.run_source import floor_of
 from tui.render.camera import Camera
 from tui.render.compose import compose
 from tui.render.encode import as_svg, as_text
-from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet
-from tui.render.scene import Scene
-from tui.render.styles import DEPTHS, Look
+from tui.render.scene import Scene, floor_of
+from tui.render.styles import ASCII, DEPTHS, UNICODE, Codes, GlyphSet, Look
 
 LAST = 205  # tick of the scenario crossing
 

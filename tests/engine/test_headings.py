@@ -21,9 +21,8 @@ from automaton.tables.columns import NO_TEXT
 from automaton.tables.rows import heading_texts, state_form
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve
-from tui.playback.run_source import floor_of
-from tui.render.robot_marks import robots_of
-from tui.render.scene import Scene
+from tui.render.drawn_robots import robots_of
+from tui.render.scene import Scene, floor_of
 
 MIXED = tuple(
     FleetType(name=kinematics, robots=1, kinematics=kinematics)

@@ -25,20 +25,19 @@ from textual.widgets import Footer, Header, Input, Static
 from textual.widgets._toast import Toast
 from textual.widgets._tooltip import Tooltip
 
-from tui.render.glyphs import Codes, code
 from tui.render.styles import (
     COLOUR_FLOOR,
     COLOUR_LOADED,
     COLOUR_ROBOT,
     COLOUR_TRACK,
+    Codes,
     Look,
-    depth_of,
-    glyphs_of,
+    code,
     style,
 )
 from tui.terminal.frame_pacing import FrameClock, FramePacer, quiet_collector
-from tui.terminal.presenter import Presenter
-from tui.widgets.map_view import MapView
+from tui.terminal.options import depth_of, glyphs_of
+from tui.widgets.map_view import MapView, Presenter
 
 STEPS = np.array([(0, 1), (1, 0), (0, -1), (-1, 0)])
 

@@ -19,7 +19,8 @@ import pyte
 from pyte.screens import Char
 
 from tui.render.encode import encode
-from tui.render.styles import Look, depth_of, glyphs_of
+from tui.render.styles import Look
+from tui.terminal.options import depth_of, glyphs_of
 from tui.terminal.terminal_host import Link, Resized, TerminalHost
 
 # Sequences that pyte 0.8 prints as text: kitty's keyboard protocol and questions about modes.

@@ -17,8 +17,8 @@ from automaton.world.resolve import resolve
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import compose
-from tui.render.glyphs import UNICODE, Codes, GlyphSet
 from tui.render.scene import Floor, Scene
+from tui.render.styles import UNICODE, Codes, GlyphSet
 
 NEAR = ["3x1", "2x1", "1x1"]  # steps of the ladder
 DRAWN = ["4x2", "6x3", "8x4"]  # at which robots are drawn

@@ -21,8 +21,7 @@ from numpy.typing import NDArray
 from pyte import graphics
 from pyte.screens import Char
 
-from tui.render.glyphs import GlyphSet
-from tui.render.styles import Depth, Look
+from tui.render.styles import Depth, GlyphSet, Look
 
 # Sequences that pyte 0.8.2 does not know and prints as text: kitty's keyboard protocol, questions
 # about modes and their answers, synchronized output.

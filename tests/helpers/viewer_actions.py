@@ -15,10 +15,9 @@ from viewer_harness import PATIENCE_S, Watched, compared, mini, viewing
 from automaton.engine.state import NIL
 from tui.registration import layers
 from tui.render import styles
-from tui.render.glyphs import GLYPH_BITS
-from tui.screens.dialogs import HelpScreen
+from tui.render.styles import GLYPH_BITS
 from tui.viewer.app import Viewer
-from tui.widgets.bindings import COMPARING
+from tui.widgets.bindings import COMPARING, HelpScreen
 
 __all__ = ["map_cases"]
 

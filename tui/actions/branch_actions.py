@@ -17,9 +17,9 @@ from automaton.recording.recording_reader import short, title_of
 from automaton.scenario.reading import named_files
 from tui.actions import Command
 from tui.playback.run_source import Opening, beside, comparing_command, give_up_unused, short_path
-from tui.session.display import Display
-from tui.session.session import Session
-from tui.widgets.styled_lines import signs_of
+from tui.screens.dialogs import ReloadErrorScreen
+from tui.viewer.session import Display, Session
+from tui.widgets.panel import signs_of
 from tui.widgets.timeline import Mark
 
 if TYPE_CHECKING:
@@ -267,8 +267,6 @@ class Reloading:
         self._app.call_later(*call)  # type: ignore[arg-type]
 
     def _loaded(self, opening: Opening, player: Player) -> None:
-        from tui.screens.dialogs import ReloadErrorScreen
-
         if isinstance(self._app.screen, ReloadErrorScreen):
             self._app.screen.dismiss()
         before = self._session.reopen(opening, player)
@@ -281,8 +279,6 @@ class Reloading:
         self._session.changed()
 
     def _failed(self, sentence: str) -> None:
-        from tui.screens.dialogs import ReloadErrorScreen
-
         screen = self._app.screen
         if isinstance(screen, ReloadErrorScreen):
             screen.complain(sentence)

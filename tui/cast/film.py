@@ -4,28 +4,45 @@ terminal.
 
 from __future__ import annotations
 
+import json
+import math
+import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import TYPE_CHECKING, BinaryIO, Final, NamedTuple
 
 import numpy as np
 
+from automaton.atomic_write import atomic_writer
 from automaton.engine.state import NIL
 from automaton.errors import InputError, alternatives
+from automaton.films.recorded_stretch import checked
 from automaton.floor.floor_plan import FloorPlan
 from automaton.history.fleet_summary import summarize
 from automaton.recording.recording_reader import title_of
-from automaton.units import Unit, number, unit
+from automaton.units import Unit, count, number, unit
 from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import recorded
 from tui.registration import failure, layer_named, layers
 from tui.render import styles
 from tui.render.camera import Camera
-from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes, code, text
+from tui.render.encode import as_svg, as_text, encode
 from tui.render.scene import Choice
-from tui.render.styles import DEPTHS, Depth, Look, Theme, style
+from tui.render.styles import (
+    ASCII,
+    DEPTHS,
+    SHADED,
+    UNICODE,
+    Codes,
+    Depth,
+    Look,
+    Theme,
+    code,
+    style,
+    text,
+)
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
@@ -326,3 +343,133 @@ class Film:
         scene = self._pictures.scene(None, self._choice, 0)
         key = layer_named(request.layer).key_words(scene, self._resolved, self.glyphs)
         return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)
+
+
+# The file format asciicast v2: a header, then what a terminal is sent and when, a line each.
+#
+# {"version": 2, "width": 80, "height": 24, "title": "...", "env": {"TERM": "xterm-256color"}} [0.0,
+# "o", "[?25l..."] all of the first picture [0.1, "o", "..."] what is different in the next one [3.7,
+# "o", "[24;1H..."] after a last pause the cursor is back
+
+
+TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
+LAST_PAUSE: Final = 2  # seconds in which the last picture is seen
+HIDE_CURSOR: Final = "\x1b[?25l"
+SHOW_CURSOR: Final = "\x1b[?25h"
+CLEAR: Final = "\x1b[0m\x1b[2J"  # a terminal may be larger than the film
+
+
+class Frame(NamedTuple):
+    """A tick, and when it is shown."""
+
+    time: Fraction  # seconds
+    tick: int
+
+
+def schedule(first: int, last: int, speed: Fraction, fps: int) -> list[Frame]:
+    """The frames that bring a new tick, the last one included."""
+    frames = [Frame(Fraction(0), first)]
+    rate = TICKS_PER_S * speed / fps  # ticks for each frame
+    while (shown := frames[-1].tick) < last:
+        number = math.ceil((shown + 1 - first) / rate)
+        tick = min(first + math.floor(number * rate), last)
+        frames.append(Frame(Fraction(number, fps), tick))
+    return frames
+
+
+def asciicast(film: Film, frames: list[Frame]) -> Iterator[str]:
+    """The lines of the file; the same recording and request give the same lines."""
+    yield _json_line(_header(film))
+    shown = None
+    pictures = film.codes_at(frame.tick for frame in frames)
+    for (time, _), codes in zip(frames, pictures, strict=True):
+        sent = encode(codes, shown, film.look, film.glyphs)
+        if shown is None:
+            sent = HIDE_CURSOR + CLEAR + sent
+        yield _event(time, sent)
+        shown = codes
+    yield _event(duration(frames), f"\x1b[{film.rows};1H{SHOW_CURSOR}")
+
+
+def duration(frames: list[Frame]) -> Fraction:
+    """Seconds, with the last pause."""
+    return frames[-1].time + LAST_PAUSE
+
+
+def _header(film: Film) -> dict[str, object]:
+    """No time stamp: it would make every file another one."""
+    return {
+        "version": 2,
+        "width": film.columns,
+        "height": film.rows,
+        "title": f"automaton: {film.title}",
+        "env": {"TERM": "xterm-256color"},
+    }
+
+
+def _event(time: Fraction, sent: str) -> str:
+    return _json_line([round(float(time), 6), "o", sent])
+
+
+def _json_line(content: object) -> str:
+    return json.dumps(content, ensure_ascii=False) + "\n"
+
+
+# From a recording to a file: a film of it, or a picture of one tick.
+
+
+STANDARD_OUTPUT: Final = Path("-")
+SUFFIX: Final = ".cast"
+
+
+def make_film(recording: Path, request: Request, out: Path | None) -> None:
+    """Write an asciicast, and say how large it is. Raises InputError."""
+    path = out or recording.with_suffix(SUFFIX)
+    target = path if path == STANDARD_OUTPUT else checked(path)
+    if target != STANDARD_OUTPUT and path.suffix != SUFFIX:
+        raise InputError(
+            f"{str(path)!r} names no film: allowed are FILE.gif, FILE.mp4, FILE.png and FILE.cast; "
+            "--html makes a page"
+        )
+    film = Film(recording, request)
+    first = film.checked(request.first)
+    last = film.last if request.last is None else film.checked(request.last)
+    if first > last:
+        raise InputError(f"there is nothing from tick {first:,} to tick {last:,}")
+    frames = schedule(first, last, request.speed, request.fps)
+    if target == STANDARD_OUTPUT:
+        said = _write(film, frames, sys.stdout.buffer)
+        print(f"automaton: {said}", file=sys.stderr)
+        return
+    with atomic_writer(target) as file:
+        said = _write(film, frames, file)
+    print(f"{path}: {said}")
+
+
+def _write(film: Film, frames: list[Frame], file: BinaryIO) -> str:
+    """Write the lines, and say how large it has become."""
+    events, size = -1, 0  # the header is none
+    for line in asciicast(film, frames):
+        size += file.write(line.encode())
+        events += 1
+    seconds = f"{float(duration(frames)):,.1f} s"
+    return f"{count(events, 'event')}, {count(size, 'byte')}, {seconds} of {film.size}"
+
+
+def make_picture(recording: Path, request: Request, out: Path, tick: int | None) -> str:
+    """Write a still, as an SVG or as text by the file's suffix; its size. Raises InputError."""
+    if out.suffix not in (".svg", ".txt"):
+        raise InputError(
+            f"{str(out)!r} names no picture: allowed are FILE.png, FILE.svg and FILE.txt"
+        )
+    path = checked(out)
+    film = Film(recording, request)
+    tick = film.checked(film.last if tick is None else tick)
+    (codes,) = film.codes_at([tick])
+    if out.suffix == ".txt":
+        drawn = as_text(codes, film.glyphs).encode()
+    else:
+        drawn = as_svg(codes, film.look, film.glyphs, film.title).encode()
+    with atomic_writer(path) as file:
+        file.write(drawn)
+    return f"tick {tick:,}, {film.size}, {count(len(drawn), 'byte')}"

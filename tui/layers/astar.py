@@ -3,8 +3,7 @@
 explored     1 in the cells that the search for the selected robot finds, 2 on the path it finds
 predicted    how many robots besides the selected one are going to drive through each cell
 
-A robot's predicted path is the rest of its route and, if it picks up an order with a target of its
-own, the path of A* from there to where it sets its load down. Both ignore other robots and closed zones.
+tui.layers.astar_paths computes both.
 """
 
 from __future__ import annotations
@@ -16,15 +15,16 @@ from numpy.typing import NDArray
 
 from automaton.engine.state import NIL, Array
 from automaton.strategy.lookup import SEARCHES_BY_ASTAR, declares
+from tui.render.cell_looks import heat_codes
 from tui.render.layer import Layer, ScaleLine
 
 if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
     from tui.layers.astar_paths import Paths
-    from tui.render.glyphs import Entries, GlyphSet
     from tui.render.scene import Choice, Scene
+    from tui.render.styles import Entries, GlyphSet
 
-PAUSE_S: Final = 0.25  # between two computations while ticks go by
+
 EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its path among them
 PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
 MAX_RUNS: Final = 2  # that are shown beside each other
@@ -34,13 +34,13 @@ MAX_PREDICTED_PATHS: Final = 5  # paths through a cell
 class AstarLayer(Layer):
     """Paths of A* on the empty floor of the world that is shown; scratch is kept between pictures."""
 
-    pause_s = PAUSE_S
+    pause_s = 0.25
 
     def __init__(self) -> None:
         self._paths: list[Paths] = []  # of the runs that were shown last
 
     def numbers(self, simulation: Simulation, selected: int) -> Array:
-        from tui.layers.astar_paths import Paths, ties_of
+        from tui.layers.astar_paths import Paths, ties_of  # with Numba
 
         world, ties = simulation.world, ties_of(simulation.resolved.scenario)
         fitting = [paths for paths in self._paths if paths.fit(world, ties)]
@@ -53,15 +53,11 @@ class AstarLayer(Layer):
         raise NotImplementedError
 
     def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries:
-        from tui.render.cell_view import heat_codes
-
         heat = heat_codes(glyphs)
         said = self.meanings(scene)
         return [((int(heat[level]),) if level else (), text) for level, text in said]
 
     def scale(self, scene: Scene, glyphs: GlyphSet) -> ScaleLine:
-        from tui.render.cell_view import heat_codes
-
         heat, line = heat_codes(glyphs), ScaleLine()
         for level, words in self.short_meanings(scene):
             line += [(int(heat[level]),)] if level else []
@@ -87,7 +83,6 @@ class Explored(AstarLayer):
     meaning = "what A* looks at for the selected robot, or would"
 
     def field(self, simulation: Simulation, paths: Paths, selected: int) -> Array:
-
         from tui.layers.astar_paths import explored
 
         return explored(simulation.world, paths, selected)

@@ -1,4 +1,4 @@
-"""What A* looks at, and where robots are going to drive: figures 3 and 4 of Bhattathiri, Li & Kuhl.
+"""The paths of the layers of A*, with Numba.
 
 explored     1 in the cells that the search for the selected robot finds, 2 on the path it finds
 predicted    how many robots besides the selected one are going to drive through each cell

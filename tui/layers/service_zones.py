@@ -1,8 +1,11 @@
-"""Which of six tints each zone has that robots serve: zones between which a way leads differ.
+"""The layer of the zones that robots serve: their ways as tints, letters where there are no colours.
 
-Up to six zones have a tint each, by their numbers. Of more, each has its own number's tint where it can:
-zones are coloured in the order that the one with fewest neighbours left is the last (Matula & Beck), so
-that on a floor without bridges six are enough.
+    fffT+++ddt     T a transfer station, t another one; ways of no zone stay as they are
+    f       d
+
+Zones between which a way leads differ. Up to six zones have a tint each, by their numbers. Of more,
+each has its own number's tint where it can: zones are coloured in the order that the one with fewest
+neighbours left is the last (Matula & Beck), so that on a floor without bridges six are enough.
 """
 
 from __future__ import annotations
@@ -19,31 +22,158 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.strategy.lookup import NO_STRATEGY
 from strategies.zoning.service_zone_lines import stations_of, ways_of
 from tui.render import styles
-from tui.render.cell_looks import Canvas
-from tui.render.cell_view import TINT_CODES, TINTS, TRANSFER_COLOUR
-from tui.render.compose import Pixels
-from tui.render.glyphs import Entries, GlyphSet, code
+from tui.render.cell_looks import TINT_CODES, TINTS, TRANSFER_COLOUR, Canvas, Pixels
 from tui.render.layer import Layer, ScaleLine
 from tui.render.scene import Scene
-from tui.render.styles import style
+from tui.render.styles import Entries, GlyphSet, code, style
 
 if TYPE_CHECKING:
     from automaton.world.resolve import Resolved
 
 
-def tints_shared(zones: int) -> bool:
-    """Whether some zones have the same tint."""
-    return zones > len(TINTS)
+NO_ZONES_TEXT: Final = "zones: robots have none here, or none yet"
+SHARED_TINTS_TEXT: Final = "zones may share a tint; touching ones differ"
+STATION_DIGITS: Final = 2  # of the number of a station, beside its sign
 
 
-def service_zone_tints(service_zones: ServiceZones) -> NDArray[np.int8]:
-    """(Z,) the tint of each zone, an index of TINTS."""
-    zones = len(service_zones.server)
-    if not tints_shared(zones):
-        return np.arange(zones, dtype=np.int8)
-    ways = np.ascontiguousarray(service_zones.roads.next, np.int32).tobytes()
-    held = np.ascontiguousarray(service_zones.design.held, np.int32).tobytes()
-    return _tints_of(ways, held, zones)
+class ServiceZoneLayer(Layer):
+    """Zones that robots serve, where they serve any."""
+
+    key, label, position, action = "f7", "Zones", 50, "layer_zones"
+    meaning = "zones of robots; again: of the floor"
+    words = "service zones"
+    absent = "robots serve no zones here, or none yet"
+    heat, whole_floor = False, True
+
+    def is_there(self, scene: Scene) -> bool:
+        return scene.service_zones is not None
+
+    def tints(self, scene: Scene) -> NDArray[np.int8] | None:
+        if scene.service_zones is None:
+            return None
+        return design_tints(scene.floor.floor_plan, scene.floor.slots_cell, scene.service_zones)
+
+    def draw_signs(self, canvas: Canvas, tints: NDArray[np.int8], looks: NDArray[np.uint8]) -> None:
+        if canvas.scene.service_zones is not None:
+            draw_stations(canvas, canvas.scene.service_zones)
+
+    def paint_pixels(self, pixels: Pixels, scene: Scene) -> bool:
+        if scene.service_zones is None:
+            return False
+        cells, _, shared = stations_of(scene.service_zones.roads, scene.service_zones.design)
+        pixels.paint(cells[~shared].astype(np.int32), styles.COLOUR_DIM)
+        pixels.paint(cells[shared].astype(np.int32), TRANSFER_COLOUR)
+        return True
+
+    def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries:
+        service_zones = scene.service_zones
+        if service_zones is None:
+            return [((), NO_ZONES_TEXT)]
+        entries: Entries = []
+        if tints_shared(len(service_zones.server)):
+            entries.append(((), SHARED_TINTS_TEXT))
+        for zone, tint in enumerate(service_zone_tints(service_zones).tolist()):
+            sign = int(code(style(TINTS[tint], TINTS[tint]), TINT_CODES[tint]))
+            entries.append(((sign,), f"zone {zone + 1}: {_served(service_zones, zone)}"))
+        shared = int(code(style(TRANSFER_COLOUR, styles.COLOUR_FLOOR), glyphs.transfer))
+        entries.append(((shared,), "transfer station: parts change robots"))
+        return entries
+
+    def scale(self, scene: Scene, glyphs: GlyphSet) -> ScaleLine:
+        if scene.service_zones is None:
+            return [NO_ZONES_TEXT]
+        tints = np.array(TINTS)[np.unique(service_zone_tints(scene.service_zones))]
+        codes = code(style(tints, tints), np.array(TINT_CODES)[: len(tints)])
+        zones = len(scene.service_zones.server)
+        shared = "; touching ones differ" if tints_shared(zones) else ""
+        return ["zone 1", tuple(codes.tolist()), f"{zones}{shared}"]
+
+    def key_words(self, scene: Scene, resolved: Resolved, glyphs: GlyphSet) -> list[str]:
+        zones = 0 if scene.service_zones is None else len(scene.service_zones.server)
+        if scene.snapshot is None and resolved.strategies["zoning"].name != NO_STRATEGY:
+            zones = resolved.scenario.fleet.robots
+        return design_key(zones, glyphs)
+
+    def cell_words(self, scene: Scene, cell: int) -> list[str]:
+        """The number and the zone of the station in a cell, or the zone of a way."""
+        service_zones = scene.service_zones
+        if service_zones is None:
+            return []
+        station = station_in(scene, service_zones, cell)
+        if station == NIL:
+            cells, zones = ways_of(
+                service_zones.roads, service_zones.design, scene.floor.floor_plan.stride
+            )
+            return [f"zone {zone + 1}" for zone in np.unique(zones[cells == cell]).tolist()]
+        zone = int(service_zones.design.zone[station])
+        words = [f"station {station + 1}", *([f"zone {zone + 1}"] if zone != NIL else [])]
+        pairs = np.argwhere(np.triu(service_zones.design.transfer[:, :, station], 1)).tolist()
+        return words + [f"transfers between zones {a + 1} and {b + 1}" for a, b in pairs]
+
+    def zone_cells(self, scene: Scene, zone: int) -> NDArray[np.int32] | None:
+        service_zones = scene.service_zones
+        if service_zones is None:
+            return None
+        ways, ways_zone = ways_of(
+            service_zones.roads, service_zones.design, scene.floor.floor_plan.stride
+        )
+        cells, cells_zone, _ = stations_of(service_zones.roads, service_zones.design)
+        found = np.concatenate((ways[ways_zone == zone], cells[cells_zone == zone]))
+        return np.unique(found).astype(np.int32)
+
+
+def draw_stations(canvas: Canvas, service_zones: ServiceZones) -> None:
+    """Stations that robots serve, with their numbers where there is room."""
+    cells, zones, shared = stations_of(service_zones.roads, service_zones.design)
+    served = np.flatnonzero(zones != NIL)
+    index, seen = canvas.at(cells[served].astype(np.int32))
+    which = served[seen]
+    bg = np.array(TINTS)[service_zone_tints(service_zones)[zones[which]]]
+    fg = np.where(shared[which], TRANSFER_COLOUR, styles.COLOUR_STATION)
+    sign = np.where(shared[which], canvas.glyphs.transfer, canvas.glyphs.station)
+    row, column = divmod(canvas.sign, canvas.width)
+    numbered = canvas.width > STATION_DIGITS
+    # The sign goes to the left as far as its number needs the room.
+    first = row * canvas.width + (
+        min(column, canvas.width - 1 - STATION_DIGITS) if numbered else column
+    )
+    canvas.flat[index, first] = code(style(fg, bg), sign)
+    if numbered:
+        numbers = np.char.ljust((which + 1).astype(str), STATION_DIGITS)
+        for place in range(STATION_DIGITS):
+            digit = np.array([ord(number[place]) for number in numbers], np.uint32)
+            digit[digit == ord(" ")] = canvas.glyphs.blank
+            canvas.flat[index, first + 1 + place] = code(style(fg, bg), digit)
+
+
+def _served(service_zones: ServiceZones, zone: int) -> str:
+    who = "no robot" if service_zones.server[zone] == NIL else f"robot {service_zones.server[zone]}"
+    many = int(np.count_nonzero(service_zones.design.zone == zone))
+    return f"{who}, {many} station{'s' * (many != 1)}"
+
+
+def design_key(zones: int, glyphs: GlyphSet) -> list[str]:
+    """What a picture of them without a legend beside it has to say, in a few words each."""
+    if not zones:
+        return [NO_ZONES_TEXT]
+    letters = [f"{chr(TINT_CODES[zone])} zone {zone + 1}" for zone in range(min(zones, len(TINTS)))]
+    if tints_shared(zones):
+        letters = [
+            f"{chr(TINT_CODES[0])} to {chr(TINT_CODES[len(TINTS) - 1])} zones; {SHARED_TINTS_TEXT}"
+        ]
+    return [*letters, f"{glyphs.characters[glyphs.transfer]} transfer station"]
+
+
+def station_in(scene: Scene, service_zones: ServiceZones, cell: int) -> int:
+    """The station in a cell, or to which its slot counts, or NIL."""
+    points = np.flatnonzero(service_zones.roads.cell[service_zones.roads.point] == cell)
+    if len(points):
+        return int(points[0])
+    slot = int(scene.floor.slot_in[cell])
+    return NIL if slot == NIL else int(service_zones.station_of[slot])
+
+
+# Which cells are of which zone, and in which of the tints it is shown.
 
 
 def design_tints(
@@ -71,14 +201,19 @@ def _slots(
     return cells[there], service_zones.design.zone[station[there]]
 
 
-def zone_cells_of(
-    floor_plan: FloorPlan, service_zones: ServiceZones, zone: int
-) -> NDArray[np.int32]:
-    """(k,) the cells of one zone's ways and stations."""
-    ways, ways_zone = ways_of(service_zones.roads, service_zones.design, floor_plan.stride)
-    cells, cells_zone, _ = stations_of(service_zones.roads, service_zones.design)
-    found = np.concatenate((ways[ways_zone == zone], cells[cells_zone == zone]))
-    return np.unique(found).astype(np.int32)
+def service_zone_tints(service_zones: ServiceZones) -> NDArray[np.int8]:
+    """(Z,) the tint of each zone, an index of TINTS."""
+    zones = len(service_zones.server)
+    if not tints_shared(zones):
+        return np.arange(zones, dtype=np.int8)
+    ways = np.ascontiguousarray(service_zones.roads.next, np.int32).tobytes()
+    held = np.ascontiguousarray(service_zones.design.held, np.int32).tobytes()
+    return _tints_of(ways, held, zones)
+
+
+def tints_shared(zones: int) -> bool:
+    """Whether some zones have the same tint."""
+    return zones > len(TINTS)
 
 
 @lru_cache(maxsize=8)  # a design stays for many frames
@@ -128,164 +263,3 @@ def sparest_first(near: list[set[int]]) -> list[int]:
         left.remove(zone)
         order.append(zone)
     return order
-
-
-# The layer of the zones that robots serve: their ways as tints, letters where there are no colours.
-#
-# fffT+++ddt T a transfer station, t another one; ways of no zone stay as they are f d
-
-
-NO_ZONES_TEXT: Final = "zones: robots have none here, or none yet"
-SHARED_TINTS_TEXT: Final = "zones may share a tint; touching ones differ"
-STATION_DIGITS: Final = 2  # of the number of a station, beside its sign
-
-
-class ServiceZoneLayer(Layer):
-    """Zones that robots serve, where they serve any."""
-
-    key, label, position, action = "f7", "Zones", 50, "layer_zones"
-    meaning = "zones of robots; again: of the floor"
-    words = "service zones"
-    absent = "robots serve no zones here, or none yet"
-    heat, whole_floor = False, True
-
-    def is_there(self, scene: Scene) -> bool:
-        return scene.service_zones is not None
-
-    def tints(self, scene: Scene) -> NDArray[np.int8] | None:
-        if scene.service_zones is None:
-            return None
-        return design_tints(scene.floor.floor_plan, scene.floor.slots_cell, scene.service_zones)
-
-    def draw_signs(self, canvas: Canvas, tints: NDArray[np.int8], looks: NDArray[np.uint8]) -> None:
-        if canvas.scene.service_zones is not None:
-            draw_stations(canvas, canvas.scene.service_zones)
-
-    def paint_pixels(self, pixels: Pixels, scene: Scene) -> bool:
-        if scene.service_zones is None:
-            return False
-        cells, _, shared = stations_of(scene.service_zones.roads, scene.service_zones.design)
-        pixels.paint(cells[~shared].astype(np.int32), styles.COLOUR_DIM)
-        pixels.paint(cells[shared].astype(np.int32), TRANSFER_COLOUR)
-        return True
-
-    def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries:
-        return design_entries(scene, glyphs)
-
-    def scale(self, scene: Scene, glyphs: GlyphSet) -> ScaleLine:
-        if scene.service_zones is None:
-            return [NO_ZONES_TEXT]
-        tints = np.array(TINTS)[np.unique(service_zone_tints(scene.service_zones))]
-        codes = code(style(tints, tints), np.array(TINT_CODES)[: len(tints)])
-        zones = len(scene.service_zones.server)
-        shared = "; touching ones differ" if tints_shared(zones) else ""
-        return ["zone 1", tuple(codes.tolist()), f"{zones}{shared}"]
-
-    def key_words(self, scene: Scene, resolved: Resolved, glyphs: GlyphSet) -> list[str]:
-        zones = 0 if scene.service_zones is None else len(scene.service_zones.server)
-        if scene.snapshot is None and resolved.strategies["zoning"].name != NO_STRATEGY:
-            zones = resolved.scenario.fleet.robots
-        return design_key(zones, glyphs)
-
-    def cell_words(self, scene: Scene, cell: int) -> list[str]:
-        return station_words(scene, cell)
-
-    def zone_cells(self, scene: Scene, zone: int) -> NDArray[np.int32] | None:
-        if scene.service_zones is None:
-            return None
-        return zone_cells_of(scene.floor.floor_plan, scene.service_zones, zone)
-
-
-def draw_stations(canvas: Canvas, service_zones: ServiceZones) -> None:
-    """Stations that robots serve, with their numbers where there is room."""
-    cells, zones, shared = stations_of(service_zones.roads, service_zones.design)
-    served = np.flatnonzero(zones != NIL)
-    index, seen = canvas.at(cells[served].astype(np.int32))
-    which = served[seen]
-    bg = np.array(TINTS)[service_zone_tints(service_zones)[zones[which]]]
-    fg = np.where(shared[which], TRANSFER_COLOUR, styles.COLOUR_STATION)
-    sign = np.where(shared[which], canvas.glyphs.transfer, canvas.glyphs.station)
-    row, column = divmod(canvas.sign, canvas.width)
-    numbered = canvas.width > STATION_DIGITS
-    # The sign goes to the left as far as its number needs the room.
-    first = row * canvas.width + (
-        min(column, canvas.width - 1 - STATION_DIGITS) if numbered else column
-    )
-    canvas.flat[index, first] = code(style(fg, bg), sign)
-    if numbered:
-        numbers = np.char.ljust((which + 1).astype(str), STATION_DIGITS)
-        for place in range(STATION_DIGITS):
-            digit = np.array([ord(number[place]) for number in numbers], np.uint32)
-            digit[digit == ord(" ")] = canvas.glyphs.blank
-            canvas.flat[index, first + 1 + place] = code(style(fg, bg), digit)
-
-
-def design_entries(scene: Scene, glyphs: GlyphSet) -> Entries:
-    """Signs and meanings of the layer "service-zones"."""
-    service_zones = scene.service_zones
-    if service_zones is None:
-        return [((), NO_ZONES_TEXT)]
-    entries: Entries = []
-    if tints_shared(len(service_zones.server)):
-        entries.append(((), SHARED_TINTS_TEXT))
-    for zone, tint in enumerate(service_zone_tints(service_zones).tolist()):
-        sign = int(code(style(TINTS[tint], TINTS[tint]), TINT_CODES[tint]))
-        entries.append(((sign,), f"zone {zone + 1}: {_served(service_zones, zone)}"))
-    shared = int(code(style(TRANSFER_COLOUR, styles.COLOUR_FLOOR), glyphs.transfer))
-    entries.append(((shared,), "transfer station: parts change robots"))
-    return entries
-
-
-def _served(service_zones: ServiceZones, zone: int) -> str:
-    who = "no robot" if service_zones.server[zone] == NIL else f"robot {service_zones.server[zone]}"
-    many = int(np.count_nonzero(service_zones.design.zone == zone))
-    return f"{who}, {many} station{'s' * (many != 1)}"
-
-
-def design_key(zones: int, glyphs: GlyphSet) -> list[str]:
-    """What a picture of them without a legend beside it has to say, in a few words each."""
-    if not zones:
-        return [NO_ZONES_TEXT]
-    letters = [f"{chr(TINT_CODES[zone])} zone {zone + 1}" for zone in range(min(zones, len(TINTS)))]
-    if tints_shared(zones):
-        letters = [
-            f"{chr(TINT_CODES[0])} to {chr(TINT_CODES[len(TINTS) - 1])} zones; {SHARED_TINTS_TEXT}"
-        ]
-    return [*letters, f"{glyphs.characters[glyphs.transfer]} transfer station"]
-
-
-def station_words(scene: Scene, cell: int) -> list[str]:
-    """The number and the zone of the station in a cell, and the zone of a way."""
-    service_zones = scene.service_zones
-    if service_zones is None:
-        return []
-    station = station_in(scene, service_zones, cell)
-    if station == NIL:
-        tint_zone = np.flatnonzero(_ways_here(scene, service_zones, cell))
-        return [f"zone {zone + 1}" for zone in tint_zone.tolist()]
-    zone = int(service_zones.design.zone[station])
-    words = [f"station {station + 1}", *([f"zone {zone + 1}"] if zone != NIL else [])]
-    pairs = transfer_pairs(service_zones, station)
-    return words + [f"transfers between zones {a + 1} and {b + 1}" for a, b in pairs]
-
-
-def station_in(scene: Scene, service_zones: ServiceZones, cell: int) -> int:
-    """The station in a cell, or to which its slot counts, or NIL."""
-    points = np.flatnonzero(service_zones.roads.cell[service_zones.roads.point] == cell)
-    if len(points):
-        return int(points[0])
-    slot = int(scene.floor.slot_in[cell])
-    return NIL if slot == NIL else int(service_zones.station_of[slot])
-
-
-def transfer_pairs(service_zones: ServiceZones, station: int) -> list[tuple[int, int]]:
-    """The pairs of zones between which parts change robots at a station."""
-    pairs = np.argwhere(service_zones.design.transfer[:, :, station])
-    return [(int(a), int(b)) for a, b in pairs if a < b]
-
-
-def _ways_here(scene: Scene, service_zones: ServiceZones, cell: int) -> NDArray[np.bool_]:
-    cells, zones = ways_of(service_zones.roads, service_zones.design, scene.floor.floor_plan.stride)
-    here = np.zeros(len(service_zones.server), bool)
-    here[zones[cells == cell]] = True
-    return here

@@ -10,13 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
-from tui.playback.run_source import Opening, floor_of
+from tui.playback.run_source import Opening
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import Minimap, compose
-from tui.render.glyphs import Codes, GlyphSet, code
-from tui.render.scene import NO_CELLS, Choice, Scene
-from tui.render.styles import style
+from tui.render.scene import NO_CELLS, Choice, Scene, floor_of
+from tui.render.styles import Codes, GlyphSet, code, style
 
 if TYPE_CHECKING:
     from automaton.world.resolve import Resolved

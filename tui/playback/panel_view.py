@@ -4,23 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from textual.message import Message
 
 from automaton.engine.state import NIL
-from automaton.floor.floor_plan import FloorPlan
-from automaton.history.snapshot import Snapshot
-from automaton.history.watched_run import Run
-from automaton.runs.progress import Jam
-from tui.playback.playback_state import PlaybackState
-from tui.render.camera import Zoom
-from tui.render.glyphs import GlyphSet
-from tui.render.scene import Scene
-from tui.render.styles import Look
 
-# What every panel is given to show, and what panels ask of the app.
+if TYPE_CHECKING:  # most of them need Numba
+    from automaton.floor.floor_plan import FloorPlan
+    from automaton.history.snapshot import Snapshot
+    from automaton.history.watched_run import Run
+    from automaton.runs.progress import Jam
+    from tui.playback.playback_state import PlaybackState
+    from tui.render.camera import Zoom
+    from tui.render.scene import Scene
+    from tui.render.styles import GlyphSet, Look
 
 
 class Picture(NamedTuple):
@@ -34,8 +33,9 @@ class Picture(NamedTuple):
 
 @dataclass(frozen=True)
 class View:
-    """A playback state with what the user has chosen. Of a run only plan, header and event_history
-    may be read.
+    """A playback state with what the user has chosen.
+
+    Of a run only plan, header and event_history may be read.
     """
 
     playback: PlaybackState
@@ -116,9 +116,6 @@ class OrderChosen(Message):
     def __init__(self, order: int) -> None:
         self.order = order
         super().__init__()
-
-
-# Where a jam is: the robot in the middle of it.
 
 
 def middle_robot(jam: Jam, snapshot: Snapshot, floor_plan: FloorPlan) -> int:

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from automaton.errors import InputError
-from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.recording.frames import MAGIC, Recording
 from automaton.recording.header import resolved_of
 from automaton.recording.recording_reader import (
@@ -26,7 +25,6 @@ from automaton.recording.recording_reader import (
 )
 from automaton.units import SECONDS_PER_UNIT
 from automaton.world.resolve import Resolved
-from tui.render.scene import Floor
 
 if TYPE_CHECKING:
     from automaton.history.watched_run import Run
@@ -258,20 +256,3 @@ def _check_sizes(resolved: Sequence[Resolved], second: str) -> None:
     """Raises InputError, at what named the second run, if one camera cannot show both floors."""
     if len({one.floor_plan.kind.shape for one in resolved}) > 1:
         raise InputError("floors of different sizes cannot be compared", second)
-
-
-def floor_of(resolved: Resolved) -> Floor:
-    """The floor for the pictures."""
-    traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.traffic_zones)
-    scenario = resolved.scenario
-    routing = scenario.strategy.routing
-    return Floor(
-        resolved.floor_plan,
-        resolved.floor_plan.slots,
-        tuple(one.headings for one in resolved.fleet.types),
-        traffic_zones,
-        battery=scenario.battery is not None,
-        faults=bool(scenario.faults.listed or scenario.faults.probability),
-        routing=routing if isinstance(routing, str) else str(routing.get("name", "")),
-        type_names=tuple(kind.name for kind in scenario.fleet.types),
-    )

@@ -1,4 +1,8 @@
-"""The steps of zooming, from cells in which robots are drawn to dots that hold many cells.
+"""Which part of a floor is on the screen, and how large: zooming, panning, cell <-> screen.
+
+The whole floor, drawn at one step of the ladder of zooms, is a picture of so many characters; the
+camera is a window on it. The steps go from cells in which robots are drawn to dots that hold many
+cells.
 
     8x4 6x3 4x2   columns x rows of characters for a cell: robots are drawn, and so are cells
     3x1 2x1 1x1   one row for a cell: a sign for each, with a number where there is room
@@ -22,6 +26,10 @@ from automaton.floor.cells import WALL
 from automaton.floor.floor_plan import FloorPlan
 
 Place = tuple[int, int]  # row, column of the screen
+
+ALWAYS_DRAWN: Final = 4  # rows of a cell up to which steps exist for floors of any size
+ENOUGH: Final = 0.6  # of the screen: square cells that cover so much are not stretched
+MAX_STRETCH: Final = 1.5  # how many times as wide as high a cell may be, or as high as wide
 
 
 class Zoom(NamedTuple):
@@ -58,10 +66,6 @@ class Zoom(NamedTuple):
 ZOOM_SQUARE: Final = Zoom("2x1", "cells", 2)
 ZOOM_ONE_TO_ONE: Final = Zoom("1x1", "cells")
 ZOOM_HALF: Final = Zoom("half", "pixels", 1, 1, 2)
-
-ALWAYS_DRAWN: Final = 4  # rows of a cell up to which steps exist for floors of any size
-ENOUGH: Final = 0.6  # of the screen: square cells that cover so much are not stretched
-MAX_STRETCH: Final = 1.5  # how many times as wide as high a cell may be, or as high as wide
 
 
 def drawn(width: int, height: int) -> Zoom:
@@ -147,12 +151,6 @@ def _braille(floor: Place, screen: Place) -> list[Zoom]:
         steps.append(dots(k))
         k, after = after, k + after
     return [*steps, dots(last)]
-
-
-# Which part of a floor is on the screen, and how large: zooming, panning, cell <-> screen.
-#
-# The whole floor, drawn at one step of the zoom ladder, is a picture of `size()` characters; the
-# camera is a window on it whose upper left corner is character (top, left).
 
 
 class Rectangle(NamedTuple):

@@ -1,6 +1,8 @@
-"""Cells drawn in thin lines, where a cell is several rows high: quiet, so that robots stand out.
+"""How cells look, and the surfaces on which they are painted.
 
-The lines are dots of braille, 2 x 4 in a character, on a grid of 2 width x 4 height dots.
+Where a cell is several rows high it is drawn in thin lines, quiet, so that robots stand out: dots of
+braille, 2 x 4 in a character, on a grid of 2 width x 4 height dots. Where it is one row high it is a
+sign, and from afar a block of dots or a pixel.
 """
 
 from __future__ import annotations
@@ -39,30 +41,160 @@ from automaton.floor.cells import (
     WALL,
 )
 from tui.render import styles
-from tui.render.camera import Camera, Rectangle
-from tui.render.glyphs import ASCII, DOT_BITS, Codes, GlyphSet, code
+from tui.render.camera import Camera, Part, Rectangle, blocks
 from tui.render.scene import (
     DETAIL_FULL_SHELF,
     DETAIL_PASSING,
     DETAIL_POD,
     DETAIL_UNLIMITED,
+    HEAT_LEVELS,
     Floor,
     Scene,
 )
-from tui.render.styles import style
+from tui.render.styles import ASCII, DOT_BITS, GLYPHS, Codes, GlyphSet, code, style
 
-Dots = NDArray[np.bool_]  # (4 height, 2 width)
+KIND_COLOURS = {  # of a kind of cell
+    WALL: styles.COLOUR_WALL,
+    FLOOR: styles.COLOUR_FLOOR_MARK,
+    TRACK: styles.COLOUR_TRACK,
+    TURNTABLE: styles.COLOUR_TURNTABLE,
+    SHELF: styles.COLOUR_SHELF,
+    DESTINATION: styles.COLOUR_DESTINATION,
+    CHARGER: styles.COLOUR_CHARGER,
+    BAY: styles.COLOUR_BAY,
+    RACK: styles.COLOUR_RACK,
+    DOCK: styles.COLOUR_DOCK,
+    STATION: styles.COLOUR_STATION,
+    STORAGE: styles.COLOUR_FLOOR_MARK,
+}
+
+
+# From afar a cell is a block of dots, which has more ink than a sign: shelves take the colours of
+# marks there, so that robots stand out. So do storage cells.
+STORING_KINDS = (SHELF, RACK, STORAGE)
+FAR_SHELF = styles.COLOUR_FLOOR_MARK
+FAR_LOAD = styles.COLOUR_RACK
+
+
 UNSIGNED: Final = (SHELF, RACK, STORAGE, BAY, TRACK, TURNTABLE)  # the lines say what it is
 
 
-def line_glyphs(glyphs: GlyphSet, dots: Dots) -> NDArray[np.uint32]:
-    """(height x width) the characters that show these dots, and blanks."""
-    rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
-    grid = dots.reshape(rows, 4, columns, 2)
-    pattern = (grid * DOT_BITS[None, :, None, :]).sum(axis=(1, 3))
-    lines = np.array([glyphs.blank, *glyphs.lines[1:]], np.uint32)
-    cells: NDArray[np.uint32] = lines[pattern].reshape(-1)
+# The six that stay farthest apart under all three kinds of colour blindness, in both themes; the
+# last one is rarely needed.
+TINTS: Final = (
+    *(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_1, styles.COLOUR_ZONE_2),
+    *(styles.COLOUR_ZONE_5, styles.COLOUR_ZONE_7, styles.COLOUR_ZONE_4),
+)
+TINT_CODES: Final = tuple(map(ord, "defghi"))  # by tint, for no colours; none is a sign in ASCII
+TINT_COLOURS: Final = np.array(TINTS, np.uint32)
+TINT_LETTERS: Final = np.array(TINT_CODES, np.uint32)
+TRANSFER_COLOUR: Final = styles.COLOUR_TEXT  # of a station between two zones
+
+
+FLOW_LEVELS = (0, 5, 5, 5, 5, 6, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
+
+
+Dots = NDArray[np.bool_]  # (4 height, 2 width)
+Cells = NDArray[np.int32]
+
+
+# The characters of a cell of the empty floor, for every look and every number of characters.
+
+
+def look(kind: int, detail: int = 0) -> int:
+    """The number of a look."""
+    return kind | detail << DETAIL_SHIFT
+
+
+def colour_of(number: int) -> int:
+    """The colour of a look."""
+    kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
+    if kind == SHELF and detail == DETAIL_FULL_SHELF:
+        return styles.COLOUR_LOAD
+    if kind == STORAGE and detail == DETAIL_POD:
+        return styles.COLOUR_LOAD
+    if kind == WALL and detail == DETAIL_OUTSIDE:
+        return styles.COLOUR_FLOOR
+    if kind == FLOOR and detail:
+        return styles.COLOUR_FLOW
+    return KIND_COLOURS[kind]
+
+
+def sign_place(width: int, height: int) -> int:
+    """The character of a cell that bears its sign, in reading order."""
+    return 0 if height == 1 else (height - 1) // 2 * width + (width - 1) // 2
+
+
+@lru_cache(maxsize=16)
+def cell_codes(glyphs: GlyphSet, width: int, height: int = 1) -> NDArray[np.uint32]:
+    """(LOOK_COUNT, height x width) codes. In a cell of one row a robot stands where its sign does."""
+    table = np.zeros((LOOK_COUNT, height * width), np.uint32)
+    for number in range(LOOK_COUNT):
+        kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
+        if kind not in KIND_COLOURS:
+            continue  # more numbers than kinds
+        first, rest = _characters(glyphs, kind, detail)
+        fg = style(colour_of(number), styles.COLOUR_FLOOR)
+        if height > 1:
+            table[number] = code(fg, drawn_cell(glyphs, width, height, kind, detail, first, rest))
+        else:
+            table[number] = [code(fg, glyph) for glyph in [first] + [rest] * (width - 1)]
+    return table
+
+
+def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
+    """The first character of a cell, and what fills the others."""
+    blank, line = glyphs.blank, glyphs.track[0]
+    if kind == WALL:
+        return (blank, blank) if detail == DETAIL_OUTSIDE else (glyphs.wall, glyphs.wall)
+    if kind == FLOOR:
+        marks = {DETAIL_PASSING: glyphs.passing, DETAIL_UNLIMITED: glyphs.unlimited}
+        marks |= {DETAIL_ONE_WAY + d: glyphs.one_way[d] for d in range(4)}
+        return marks.get(detail, glyphs.floor), blank
+    if kind == TRACK and not detail & ALONG_X:
+        return glyphs.track[1], blank
+    if kind in (TRACK, TURNTABLE):
+        sign = glyphs.crossing if detail & ALONG_Y else line
+        sign = glyphs.turntable if kind == TURNTABLE else sign
+        return sign, line if detail & EXIT_EAST else blank
+    if kind == SHELF:
+        return glyphs.load if detail == DETAIL_FULL_SHELF else glyphs.shelf, blank
+    if kind == STORAGE:
+        return glyphs.pod if detail == DETAIL_POD else glyphs.storage, blank
+    signs = {
+        DESTINATION: glyphs.destination,
+        CHARGER: glyphs.charger,
+        BAY: glyphs.bay,
+        RACK: glyphs.rack,
+        DOCK: glyphs.dock,
+        STATION: glyphs.station,
+    }
+    return signs[kind], blank
+
+
+def drawn_cell(
+    glyphs: GlyphSet, width: int, height: int, kind: int, detail: int, first: int, rest: int
+) -> NDArray[np.uint32]:
+    """(height x width) glyphs of a cell of several rows: an outline, and its sign where it has room."""
+    if kind == WALL:
+        return np.full(height * width, rest, np.uint32)
+    if glyphs is ASCII and kind in STORING_KINDS:
+        return filled(glyphs, width, height, first)
+    frames = glyphs is not ASCII  # letters make none
+    cells = line_glyphs(glyphs, outline(kind, detail, width, height, frames))
+    if kind not in UNSIGNED or glyphs is ASCII or (kind == TURNTABLE and height > 2):
+        cells[sign_place(width, height)] = first
     return cells
+
+
+def filled(glyphs: GlyphSet, width: int, height: int, sign: int) -> NDArray[np.uint32]:
+    """(height x width) a cell full of its sign, but for its edges."""
+    cells = np.full((height, width), glyphs.blank, np.uint32)
+    cells[: max(height - 1, 2), 1:-1] = sign
+    return cells.reshape(-1)
+
+
+# Outlines, as dots.
 
 
 def outline(kind: int, detail: int, width: int, height: int, frames: bool = True) -> Dots:
@@ -138,132 +270,36 @@ def fill(dots: Dots) -> None:
     dots[3:-3, 3:-3] = True
 
 
-# The characters of a cell of the empty floor, for every look and every number of characters.
-
-
-KIND_COLOURS = {  # of a kind of cell
-    WALL: styles.COLOUR_WALL,
-    FLOOR: styles.COLOUR_FLOOR_MARK,
-    TRACK: styles.COLOUR_TRACK,
-    TURNTABLE: styles.COLOUR_TURNTABLE,
-    SHELF: styles.COLOUR_SHELF,
-    DESTINATION: styles.COLOUR_DESTINATION,
-    CHARGER: styles.COLOUR_CHARGER,
-    BAY: styles.COLOUR_BAY,
-    RACK: styles.COLOUR_RACK,
-    DOCK: styles.COLOUR_DOCK,
-    STATION: styles.COLOUR_STATION,
-    STORAGE: styles.COLOUR_FLOOR_MARK,
-}
-
-
-# From afar a cell is a block of dots, which has more ink than a sign: shelves take the colours of
-# marks there, so that robots stand out. So do storage cells.
-STORING_KINDS = (SHELF, RACK, STORAGE)
-FAR_SHELF = styles.COLOUR_FLOOR_MARK
-FAR_LOAD = styles.COLOUR_RACK
-
-
-def look(kind: int, detail: int = 0) -> int:
-    """The number of a look."""
-    return kind | detail << DETAIL_SHIFT
-
-
-def colour_of(number: int) -> int:
-    """The colour of a look."""
-    kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
-    if kind == SHELF and detail == DETAIL_FULL_SHELF:
-        return styles.COLOUR_LOAD
-    if kind == STORAGE and detail == DETAIL_POD:
-        return styles.COLOUR_LOAD
-    if kind == WALL and detail == DETAIL_OUTSIDE:
-        return styles.COLOUR_FLOOR
-    if kind == FLOOR and detail:
-        return styles.COLOUR_FLOW
-    return KIND_COLOURS[kind]
-
-
-def sign_place(width: int, height: int) -> int:
-    """The character of a cell that bears its sign, in reading order."""
-    return 0 if height == 1 else (height - 1) // 2 * width + (width - 1) // 2
-
-
-@lru_cache(maxsize=16)
-def cell_codes(glyphs: GlyphSet, width: int, height: int = 1) -> NDArray[np.uint32]:
-    """(LOOK_COUNT, height x width) codes. In a cell of one row a robot stands where its sign does."""
-    table = np.zeros((LOOK_COUNT, height * width), np.uint32)
-    for number in range(LOOK_COUNT):
-        kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
-        if kind not in KIND_COLOURS:
-            continue  # more numbers than kinds
-        first, rest = _characters(glyphs, kind, detail)
-        fg = style(colour_of(number), styles.COLOUR_FLOOR)
-        if height > 1:
-            table[number] = code(fg, drawn_cell(glyphs, width, height, kind, detail, first, rest))
-        else:
-            table[number] = [code(fg, glyph) for glyph in [first] + [rest] * (width - 1)]
-    return table
-
-
-def drawn_cell(
-    glyphs: GlyphSet, width: int, height: int, kind: int, detail: int, first: int, rest: int
-) -> NDArray[np.uint32]:
-    """(height x width) glyphs of a cell of several rows: an outline, and its sign where it has room."""
-    if kind == WALL:
-        return np.full(height * width, rest, np.uint32)
-    if glyphs is ASCII and kind in STORING_KINDS:
-        return filled(glyphs, width, height, first)
-    frames = glyphs is not ASCII  # letters make none
-    cells = line_glyphs(glyphs, outline(kind, detail, width, height, frames))
-    if kind not in UNSIGNED or glyphs is ASCII or (kind == TURNTABLE and height > 2):
-        cells[sign_place(width, height)] = first
+def line_glyphs(glyphs: GlyphSet, dots: Dots) -> NDArray[np.uint32]:
+    """(height x width) the characters that show these dots, and blanks."""
+    rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
+    grid = dots.reshape(rows, 4, columns, 2)
+    pattern = (grid * DOT_BITS[None, :, None, :]).sum(axis=(1, 3))
+    lines = np.array([glyphs.blank, *glyphs.lines[1:]], np.uint32)
+    cells: NDArray[np.uint32] = lines[pattern].reshape(-1)
     return cells
 
 
-def filled(glyphs: GlyphSet, width: int, height: int, sign: int) -> NDArray[np.uint32]:
-    """(height x width) a cell full of its sign, but for its edges."""
-    cells = np.full((height, width), glyphs.blank, np.uint32)
-    cells[: max(height - 1, 2), 1:-1] = sign
-    return cells.reshape(-1)
+# Levels of a layer.
 
 
-def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
-    """The first character of a cell, and what fills the others."""
-    blank, line = glyphs.blank, glyphs.track[0]
-    if kind == WALL:
-        return (blank, blank) if detail == DETAIL_OUTSIDE else (glyphs.wall, glyphs.wall)
-    if kind == FLOOR:
-        marks = {DETAIL_PASSING: glyphs.passing, DETAIL_UNLIMITED: glyphs.unlimited}
-        marks |= {DETAIL_ONE_WAY + d: glyphs.one_way[d] for d in range(4)}
-        return marks.get(detail, glyphs.floor), blank
-    if kind == TRACK and not detail & ALONG_X:
-        return glyphs.track[1], blank
-    if kind in (TRACK, TURNTABLE):
-        sign = glyphs.crossing if detail & ALONG_Y else line
-        sign = glyphs.turntable if kind == TURNTABLE else sign
-        return sign, line if detail & EXIT_EAST else blank
-    if kind == SHELF:
-        return glyphs.load if detail == DETAIL_FULL_SHELF else glyphs.shelf, blank
-    if kind == STORAGE:
-        return glyphs.pod if detail == DETAIL_POD else glyphs.storage, blank
-    signs = {
-        DESTINATION: glyphs.destination,
-        CHARGER: glyphs.charger,
-        BAY: glyphs.bay,
-        RACK: glyphs.rack,
-        DOCK: glyphs.dock,
-        STATION: glyphs.station,
-    }
-    return signs[kind], blank
+@lru_cache(maxsize=2)
+def heat_codes(glyphs: GlyphSet) -> Codes:
+    """(HEAT_LEVELS,) foreground and background are equal: the shade is seen only where there are no
+    colours.
+    """
+    foregrounds = styles.COLOUR_HEAT_0 + np.arange(HEAT_LEVELS)
+    return np.array(code(style(foregrounds, foregrounds), np.array(glyphs.ramp)), np.uint32)
 
 
-# The cells on the screen while they are painted: (rows, columns, characters of a cell) codes.
-#
-# The characters of a cell are in reading order. Its sign stands in one of them: in the first where a
-# cell is one row high, else in the middle.
+@lru_cache(maxsize=2)
+def flow_codes(glyphs: GlyphSet) -> Codes:
+    """(HEAT_LEVELS, 4) arrows."""
+    foregrounds = style(styles.COLOUR_HEAT_0 + np.array(FLOW_LEVELS), styles.COLOUR_FLOOR)
+    return np.array(code(foregrounds[:, None], np.array(glyphs.arrow)[None, :]), np.uint32)
 
 
-Cells = NDArray[np.int32]
+# The cells on the screen while they are painted.
 
 
 @lru_cache(maxsize=8)
@@ -274,7 +310,11 @@ def empty_floor(floor: Floor, seen: Rectangle, width: int, height: int, glyphs: 
 
 
 class Canvas:
-    """The cells on the screen, while they are painted."""
+    """Cells that have characters of their own: (rows, columns, characters of a cell) codes.
+
+    The characters of a cell are in reading order. Its sign stands in one of them: in the first where
+    a cell is one row high, else in the middle.
+    """
 
     def __init__(self, scene: Scene, camera: Camera, glyphs: GlyphSet) -> None:
         self.scene, self.glyphs = scene, glyphs
@@ -315,5 +355,41 @@ class Canvas:
 
     def set_foreground(self, index: Cells, fg: int) -> None:
         """Give cells another colour on the plain background."""
-        glyph = self.flat[index] & np.uint32(0xFFFF)
+        glyph = self.flat[index] & GLYPHS
         self.flat[index] = code(style(fg, styles.COLOUR_FLOOR), glyph)
+
+
+class Pixels:
+    """Cells as pixels, two in a character, each with a colour; k x k cells in a pixel."""
+
+    def __init__(self, pixels: NDArray[np.uint8], part: Part, camera: Camera) -> None:
+        self.pixels, self.part, self.camera = pixels, part, camera
+        self.k = camera.zoom.across
+        self.flat = pixels.reshape(-1)
+
+    def at(self, cells: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
+        """Index of the pixel of those cells that are on the screen, and which of them they are."""
+        y, x = np.divmod(cells, np.int32(self.camera.floor_plan.stride))
+        shown, (rows, columns) = self.camera.shown, self.pixels.shape
+        y = (y - shown.top) // self.k - 2 * self.part.top
+        x = (x - shown.left) // self.k - self.part.left
+        inside = (cells >= 0) & (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
+        which = np.flatnonzero(inside)
+        return (y * columns + x)[which], which
+
+    def paint(self, cells: NDArray[np.int32], fg: int) -> None:
+        self.flat[self.at(cells)[0]] = fg
+
+    def reduced(self, values: NDArray[Any], rest: int) -> NDArray[Any]:
+        """(rows, columns of pixels) the largest value in each pixel, `rest` beyond the floor."""
+        camera, part, k = self.camera, self.part, self.k
+        top, left = camera.shown.top, camera.shown.left
+        rows, columns = self.pixels.shape
+        y, x = top + 2 * part.top * k, left + part.left * k
+        values = values.reshape(camera.floor_plan.kind.shape)
+        values = values[
+            y : min(y + rows * k, camera.shown.bottom), x : min(x + columns * k, camera.shown.right)
+        ]
+        values = values if k == 1 else blocks(values, k, over=np.maximum)
+        missing = rows - len(values)
+        return np.pad(values, ((0, missing), (0, 0)), constant_values=rest)

@@ -1,6 +1,16 @@
-"""Zones as tints and letters, whatever layer they are of.
+"""Pictures in which every cell has one or more characters of its own.
 
-Where there are no colours, or the same ones, a letter tells touching zones apart: ddd+ee
+They are painted from below: the empty floor, loads, the layer, the selected robot's route, claims
+of long moves, robots, the cursor.
+
+    -+-}12     in cells of one row a robot stands in the first column, its number in the others
+     |         in cells of several rows it is drawn, see tui.render.drawn_robots
+
+Trails and lines to goals are dim:
+
+    . . o o >       a trail behind a robot, the cell where it is left out
+    > - - \\ . .
+          . \\ O     a line from a robot to the cell of its goal; it leads through shelves and walls
 """
 
 from __future__ import annotations
@@ -23,25 +33,143 @@ from automaton.floor.cells import (
     STORAGE,
     TRACK,
 )
-from tui.render import robot_marks as fleet
+from tui.render import drawn_robots as fleet
 from tui.render import styles
 from tui.render.camera import Camera, Rectangle
-from tui.render.cell_looks import Canvas, Cells, cell_codes, draw_box, draw_exits, line_glyphs, look
-from tui.render.drawn_robots import drawn_robots
-from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code
-from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, HEAT_LEVELS, NO_CELLS, Floor, Scene
-from tui.render.styles import style
-
-# The six that stay farthest apart under all three kinds of colour blindness, in both themes; the
-# last one is rarely needed.
-TINTS: Final = (
-    *(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_1, styles.COLOUR_ZONE_2),
-    *(styles.COLOUR_ZONE_5, styles.COLOUR_ZONE_7, styles.COLOUR_ZONE_4),
+from tui.render.cell_looks import (
+    TINT_COLOURS,
+    TINT_LETTERS,
+    TRANSFER_COLOUR,
+    Canvas,
+    Cells,
+    cell_codes,
+    draw_box,
+    draw_exits,
+    flow_codes,
+    heat_codes,
+    line_glyphs,
+    look,
 )
-TINT_CODES: Final = tuple(map(ord, "defghi"))  # by tint, for no colours; none is a sign in ASCII
-TINT_COLOURS: Final = np.array(TINTS, np.uint32)
-TINT_LETTERS: Final = np.array(TINT_CODES, np.uint32)
-TRANSFER_COLOUR: Final = styles.COLOUR_TEXT  # of a station between two zones
+from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, NO_CELLS, Floor, Scene
+from tui.render.styles import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style
+
+MAX_LINE_CELLS: Final = 100_000  # of all lines together: 8 ms; the robots that follow have none
+LINES: Final = ("", "selected", "all")  # whose goals lines lead to
+
+BodyAndInk = tuple[NDArray[np.uint32], NDArray[np.uint32]]  # (n,) each
+
+
+def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
+    """(rows, columns of characters) the visible cells, whole ones."""
+    canvas = Canvas(scene, camera, glyphs)
+    draw_loads(canvas)
+    draw_layer(canvas)
+    ground = canvas.flat.copy()
+    if scene.snapshot is not None:
+        draw_left_loads(canvas)
+        draw_gates(canvas)
+        draw_paths(canvas)
+        draw_route(canvas)
+        draw_claims(canvas)
+    if len(scene.zone_cells):
+        canvas.set_background(canvas.at(scene.zone_cells)[0], styles.COLOUR_MARKED)
+    if scene.snapshot is not None:
+        draw_robots(canvas)
+    if scene.shaded:
+        keep_heat(canvas, ground)
+    if scene.cursor is not None:
+        index, _ = canvas.at(np.array([scene.cursor], np.int32))
+        canvas.flat[index] = fleet.with_cursor(canvas.flat[index])
+    return canvas.picture()
+
+
+# Loads: shelves and storage cells on the screen that hold a load or a pod.
+
+
+def draw_loads(canvas: Canvas) -> None:
+    """Shelves that hold a load, and pods in storage."""
+    codes = cell_codes(canvas.glyphs, canvas.width, canvas.height)
+    full = full_shelves(canvas.scene, canvas.seen)
+    canvas.flat[full] = codes[look(SHELF, DETAIL_FULL_SHELF)]
+    canvas.flat[pods_in(canvas.scene, canvas.seen)] = codes[look(STORAGE, DETAIL_POD)]
+
+
+def full_shelves(scene: Scene, visible: Rectangle, kind: int = SHELF) -> NDArray[np.intp]:
+    """Those with a load, in cells of the rectangle; before the run begins, as they are drawn."""
+    shelves = shelves_in(scene.floor, visible, kind)
+    if scene.snapshot is not None:
+        full = scene.snapshot.slots.content[shelves.slot] != NIL
+    else:
+        full = scene.floor.floor_plan.loads.reshape(-1)[scene.floor.slots_cell[shelves.slot]] != 0
+    at: NDArray[np.intp] = shelves.at[full]
+    return at
+
+
+def pods_in(scene: Scene, visible: Rectangle) -> NDArray[np.intp]:
+    """The storage cells in which a pod stands, in cells of the rectangle."""
+    return full_shelves(scene, visible, STORAGE)
+
+
+class Shelves(NamedTuple):
+    """Shelves, or storage cells, within a rectangle of cells."""
+
+    slot: NDArray[np.int32]
+    at: NDArray[np.intp]  # index into the cells of the rectangle
+
+
+@lru_cache(maxsize=8)
+def shelves_in(floor: Floor, visible: Rectangle, kind: int = SHELF) -> Shelves:
+    """Those of one kind; kept until the camera moves."""
+    rows, columns = slice(visible.top, visible.bottom), slice(visible.left, visible.right)
+    slots = floor.slot_in.reshape(floor.looks.shape)[rows, columns].reshape(-1)
+    index = np.flatnonzero(floor.floor_plan.kind[rows, columns].reshape(-1) == kind)
+    index = index[slots[index] != NIL]
+    return Shelves(slots[index], index)
+
+
+# Layers.
+
+
+def draw_layer(canvas: Canvas) -> None:
+    """The layer of the scene on the cells that robots drive on."""
+    scene = canvas.scene
+    if scene.tints is not None:
+        draw_tints(canvas, scene.tints)
+    elif scene.values is not None:
+        levels = scene.levels(canvas.cells(scene.values)).reshape(-1)
+        index = np.flatnonzero(levels)
+        if scene.shaded:
+            canvas.flat[index] = heat_codes(canvas.glyphs)[levels[index], None]
+        else:
+            draw_flow(canvas, index, levels[index])
+
+
+def draw_flow(canvas: Canvas, index: NDArray[np.intp], levels: NDArray[np.uint8]) -> None:
+    """An arrow in the direction in which most robots left a cell, the brighter the more did."""
+    snapshot = canvas.scene.snapshot
+    assert snapshot is not None and snapshot.flow is not None
+    flow = canvas.cells(snapshot.flow).reshape(-1, 4)
+    canvas.flat[index, canvas.sign] = flow_codes(canvas.glyphs)[levels, flow[index].argmax(axis=1)]
+
+
+def keep_heat(canvas: Canvas, ground: Codes) -> None:
+    """What is drawn on a hot or a tinted cell stands on it; without colours its sign fills the rest.
+
+    A sign has the foreground of its background; other characters, such as a station's number, fill
+    nothing.
+    """
+    fg, heat = np.divmod(ground >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOURS)))
+    hot = (heat > styles.COLOUR_HEAT_0) & (heat < styles.COLOUR_FLOOR_MARK)
+    bg = (canvas.flat >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOURS))
+    over = hot & (canvas.flat != ground) & (bg == styles.COLOUR_FLOOR)
+    blank = over & (fg == heat) & (canvas.flat & GLYPHS == canvas.glyphs.blank)
+    canvas.flat[over] = styles.with_background(canvas.flat[over], heat[over])
+    canvas.flat[blank] = ground[blank]
+
+
+# Zones as tints and letters, whatever layer they are of.
+#
+# Where there are no colours, or the same ones, a letter tells touching zones apart: ddd+ee
 
 
 def draw_tints(canvas: Canvas, zone_tints: NDArray[np.int8]) -> None:
@@ -101,14 +229,30 @@ def sign_tints(codes: Codes, pixels: NDArray[np.uint8], thin: bool = False) -> C
     return signed
 
 
-# Where robots came from and where they are going: trails of cells, and lines to goals, all dim.
-#
-# . . o o > a trail behind a robot, the cell where it is left out > - - \ . . . \ O a line from a
-# robot to the cell of its goal; it leads through shelves and walls
+# What lies on the floor, and where robots came from and are going.
 
 
-MAX_LINE_CELLS: Final = 100_000  # of all lines together: 8 ms; the robots that follow have none
-LINES: Final = ("", "selected", "all")  # whose goals lines lead to
+def draw_left_loads(canvas: Canvas) -> None:
+    """Loads that lie on the floor where robots had to leave them."""
+    index, _ = canvas.at(canvas.scene.left_loads)
+    draw_sign(canvas, index, styles.COLOUR_LOADED, canvas.glyphs.left_load)
+
+
+def draw_gates(canvas: Canvas) -> None:
+    """Cells that are closed now, and doors that are shut."""
+    signs = (canvas.glyphs.closed, canvas.glyphs.door)
+    for cells, sign in zip(canvas.scene.shut_cells, signs, strict=True):
+        index, _ = canvas.at(cells)
+        draw_sign(canvas, index, styles.COLOUR_FAULT, sign)
+
+
+def draw_sign(canvas: Canvas, index: Cells, fg: int, sign: int) -> None:
+    """A sign in some cells; where they are several rows high it has a frame."""
+    if canvas.height > 1:
+        dots = np.zeros((4 * canvas.height, 2 * canvas.width), bool)
+        draw_box(dots)
+        canvas.flat[index] = code(style(fg, styles.COLOUR_FLOOR), line_glyphs(canvas.glyphs, dots))
+    canvas.flat[index, canvas.sign] = code(style(fg, styles.COLOUR_FLOOR), sign)
 
 
 def draw_paths(canvas: Canvas) -> None:
@@ -147,154 +291,6 @@ def goal_lines(scene: Scene) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
     along = np.abs(dx) > 2 * np.abs(dy), np.abs(dy) > 2 * np.abs(dx)
     way = np.select(along, [0, 1], np.where(dx * dy > 0, 2, 3)).astype(np.int8)
     return cells.astype(np.int32), way[line]
-
-
-# The shelves and storage cells on the screen, and which of them hold a load or a pod.
-
-
-class Shelves(NamedTuple):
-    """Shelves, or storage cells, within a rectangle of cells."""
-
-    slot: NDArray[np.int32]
-    at: NDArray[np.intp]  # index into the cells of the rectangle
-
-
-@lru_cache(maxsize=8)
-def shelves_in(floor: Floor, visible: Rectangle, kind: int = SHELF) -> Shelves:
-    """Those of one kind; kept until the camera moves."""
-    rows, columns = slice(visible.top, visible.bottom), slice(visible.left, visible.right)
-    slots = floor.slot_in.reshape(floor.looks.shape)[rows, columns].reshape(-1)
-    index = np.flatnonzero(floor.floor_plan.kind[rows, columns].reshape(-1) == kind)
-    index = index[slots[index] != NIL]
-    return Shelves(slots[index], index)
-
-
-def pods_in(scene: Scene, visible: Rectangle) -> NDArray[np.intp]:
-    """The storage cells in which a pod stands, in cells of the rectangle."""
-    return full_shelves(scene, visible, STORAGE)
-
-
-def full_shelves(scene: Scene, visible: Rectangle, kind: int = SHELF) -> NDArray[np.intp]:
-    """Those with a load, in cells of the rectangle; before the run begins, as they are drawn."""
-    shelves = shelves_in(scene.floor, visible, kind)
-    if scene.snapshot is not None:
-        full = scene.snapshot.slots.content[shelves.slot] != NIL
-    else:
-        full = scene.floor.floor_plan.loads.reshape(-1)[scene.floor.slots_cell[shelves.slot]] != 0
-    at: NDArray[np.intp] = shelves.at[full]
-    return at
-
-
-# Pictures in which every cell has one or more characters of its own.
-#
-# They are painted from below: the empty floor, loads, the layer, the selected robot's route, claims
-# of long moves, robots, the cursor.
-#
-# -+-}12 in cells of one row a robot stands in the first column, its number in the others | in cells
-# of several rows it is drawn, see tui.render.drawn_robots
-
-
-BodyAndInk = tuple[NDArray[np.uint32], NDArray[np.uint32]]  # (n,) each
-FLOW_LEVELS = (0, 5, 5, 5, 5, 6, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
-
-
-def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
-    """(rows, columns of characters) the visible cells, whole ones."""
-    canvas = Canvas(scene, camera, glyphs)
-    draw_loads(canvas)
-    draw_layer(canvas)
-    ground = canvas.flat.copy()
-    if scene.snapshot is not None:
-        draw_left_loads(canvas)
-        draw_gates(canvas)
-        draw_paths(canvas)
-        draw_route(canvas)
-        draw_claims(canvas)
-    if len(scene.zone_cells):
-        canvas.set_background(canvas.at(scene.zone_cells)[0], styles.COLOUR_MARKED)
-    if scene.snapshot is not None:
-        draw_robots(canvas)
-    if scene.shaded:
-        keep_heat(canvas, ground)
-    if scene.cursor is not None:
-        index, _ = canvas.at(np.array([scene.cursor], np.int32))
-        canvas.flat[index] = fleet.with_cursor(canvas.flat[index])
-    return canvas.picture()
-
-
-def draw_loads(canvas: Canvas) -> None:
-    """Shelves that hold a load, and pods in storage."""
-    codes = cell_codes(canvas.glyphs, canvas.width, canvas.height)
-    full = full_shelves(canvas.scene, canvas.seen)
-    canvas.flat[full] = codes[look(SHELF, DETAIL_FULL_SHELF)]
-    canvas.flat[pods_in(canvas.scene, canvas.seen)] = codes[look(STORAGE, DETAIL_POD)]
-
-
-# Layers.
-
-
-def draw_layer(canvas: Canvas) -> None:
-    """The layer of the scene on the cells that robots drive on."""
-    scene = canvas.scene
-    if scene.tints is not None:
-        draw_tints(canvas, scene.tints)
-    elif scene.values is not None:
-        levels = scene.levels(canvas.cells(scene.values)).reshape(-1)
-        index = np.flatnonzero(levels)
-        if scene.shaded:
-            canvas.flat[index] = heat_codes(canvas.glyphs)[levels[index], None]
-        else:
-            draw_flow(canvas, index, levels[index])
-
-
-def draw_flow(canvas: Canvas, index: NDArray[np.intp], levels: NDArray[np.uint8]) -> None:
-    """An arrow in the direction in which most robots left a cell, the brighter the more did."""
-    snapshot = canvas.scene.snapshot
-    assert snapshot is not None and snapshot.flow is not None
-    flow = canvas.cells(snapshot.flow).reshape(-1, 4)
-    canvas.flat[index, canvas.sign] = flow_codes(canvas.glyphs)[levels, flow[index].argmax(axis=1)]
-
-
-@lru_cache(maxsize=2)
-def heat_codes(glyphs: GlyphSet) -> Codes:
-    """(HEAT_LEVELS,) foreground and background are equal: the shade is seen only where there are no
-    colours.
-    """
-    foregrounds = styles.COLOUR_HEAT_0 + np.arange(HEAT_LEVELS)
-    return np.array(code(style(foregrounds, foregrounds), np.array(glyphs.ramp)), np.uint32)
-
-
-@lru_cache(maxsize=2)
-def flow_codes(glyphs: GlyphSet) -> Codes:
-    """(HEAT_LEVELS, 4) arrows."""
-    foregrounds = style(styles.COLOUR_HEAT_0 + np.array(FLOW_LEVELS), styles.COLOUR_FLOOR)
-    return np.array(code(foregrounds[:, None], np.array(glyphs.arrow)[None, :]), np.uint32)
-
-
-# Robots.
-
-
-def draw_left_loads(canvas: Canvas) -> None:
-    """Loads that lie on the floor where robots had to leave them."""
-    index, _ = canvas.at(canvas.scene.left_loads)
-    draw_sign(canvas, index, styles.COLOUR_LOADED, canvas.glyphs.left_load)
-
-
-def draw_gates(canvas: Canvas) -> None:
-    """Cells that are closed now, and doors that are shut."""
-    signs = (canvas.glyphs.closed, canvas.glyphs.door)
-    for cells, sign in zip(canvas.scene.shut_cells, signs, strict=True):
-        index, _ = canvas.at(cells)
-        draw_sign(canvas, index, styles.COLOUR_FAULT, sign)
-
-
-def draw_sign(canvas: Canvas, index: Cells, fg: int, sign: int) -> None:
-    """A sign in some cells; where they are several rows high it has a frame."""
-    if canvas.height > 1:
-        dots = np.zeros((4 * canvas.height, 2 * canvas.width), bool)
-        draw_box(dots)
-        canvas.flat[index] = code(style(fg, styles.COLOUR_FLOOR), line_glyphs(canvas.glyphs, dots))
-    canvas.flat[index, canvas.sign] = code(style(fg, styles.COLOUR_FLOOR), sign)
 
 
 def draw_route(canvas: Canvas) -> None:
@@ -362,6 +358,9 @@ def draw_claims(canvas: Canvas) -> None:
     canvas.flat[index, canvas.sign] = code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), arrows)
 
 
+# Robots.
+
+
 def draw_robots(canvas: Canvas) -> None:
     """Each robot in the cell where it is; a number where there are several."""
     scene = canvas.scene
@@ -369,7 +368,7 @@ def draw_robots(canvas: Canvas) -> None:
     index, which = canvas.at(robots.cell)
     if canvas.height > 1:
         body, ink = chosen_colours(scene, fleet.body_colours(scene, robots))
-        canvas.flat[index] = drawn_robots(canvas, robots, which, body[which], ink[which])
+        canvas.flat[index] = fleet.drawn_robots(canvas, robots, which, body[which], ink[which])
     else:
         body, ink = chosen_colours(scene, robots.colour)
         draw_signs(canvas, robots, index, which, style(ink, body)[which])
@@ -385,14 +384,14 @@ def draw_signs(
 ) -> None:
     """Robots in cells of one row: a sign, and a mark for the load or the number beside it."""
     scene, glyphs = canvas.scene, canvas.glyphs
-    glyph = fleet.shapes(glyphs)[robots.shape[which], robots.direction[which]]
+    glyph = fleet.shape_glyphs(glyphs)[robots.shape[which], robots.direction[which]]
     canvas.flat[index, 0] = code(robot_styles, glyph)
     if canvas.width == 2:
         assert scene.snapshot is not None
         mark = np.where(scene.snapshot.robots.load[which] != NIL, glyphs.cargo, glyphs.blank)
         canvas.flat[index, 1] = code(robot_styles, mark)
     elif canvas.width > 2:
-        names = fleet.names(glyphs, len(robots.cell), canvas.width - 1)
+        names = fleet.number_glyphs(glyphs, len(robots.cell), canvas.width - 1)
         canvas.flat[index, 1:] = code(robot_styles[:, None], names[which])
 
 
@@ -407,21 +406,6 @@ def chosen_colours(scene: Scene, colour: NDArray[np.uint32]) -> BodyAndInk:
         chosen = chosen[chosen != NIL]
         body[chosen], ink[chosen] = bg, colour[chosen]
     return body, ink
-
-
-def keep_heat(canvas: Canvas, ground: Codes) -> None:
-    """What is drawn on a hot or a tinted cell stands on it; without colours its sign fills the rest.
-
-    A sign has the foreground of its background; other characters, such as a station's number, fill
-    nothing.
-    """
-    fg, heat = np.divmod(ground >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOURS)))
-    hot = (heat > styles.COLOUR_HEAT_0) & (heat < styles.COLOUR_FLOOR_MARK)
-    bg = (canvas.flat >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOURS))
-    over = hot & (canvas.flat != ground) & (bg == styles.COLOUR_FLOOR)
-    blank = over & (fg == heat) & (canvas.flat & GLYPHS == canvas.glyphs.blank)
-    canvas.flat[over] = styles.with_background(canvas.flat[over], heat[over])
-    canvas.flat[blank] = ground[blank]
 
 
 def draw_crowds(

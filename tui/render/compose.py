@@ -1,15 +1,22 @@
-"""Pictures in braille: k x k cells in each dot, 2 x 4 dots in a character.
+"""A scene and a camera made a picture: one code for each character of the screen.
 
-A character has one colour. Where robots are, it shows them alone, in the colour of the worst: a few
-robots fill their characters or a half of them, many are dots. Elsewhere it shows the structure of the
-floor in faint colours: a dot of which half the cells are shelves or walls is set, and stations stand
-out of what surrounds them.
+Where a cell has characters of its own, tui.render.cell_view draws it. Pictures of many cells are here.
+
+Half blocks: two pixels in a character, each with a colour of its own. A pixel is one cell on the step
+"half" of the ladder. The steps beyond are drawn so while a layer colours the floor; a pixel is then as
+large as half a character of braille, so that switching the layer on moves nothing. On a layer robots
+are dots, and between them its colour is still seen.
+
+Braille: k x k cells in each dot, 2 x 4 dots in a character, which has one colour. Where robots are, it
+shows them alone, in the colour of the worst: a few robots fill their characters or a half of them, many
+are dots. Elsewhere it shows the structure of the floor in faint colours: a dot of which half the cells
+are shelves or walls is set, and stations stand out of what surrounds them.
 """
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import Any, Final
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,63 +34,91 @@ from automaton.floor.cells import (
     TURNTABLE,
     WALL,
 )
-from tui.render import robot_marks as fleet
+from tui.render import drawn_robots as fleet
 from tui.render import styles
 from tui.render.camera import Camera, Part, Rectangle, blocks, part_of
-from tui.render.cell_looks import FAR_LOAD, FAR_SHELF, KIND_COLOURS, STORING_KINDS, colour_of, look
+from tui.render.cell_looks import (
+    FAR_LOAD,
+    FAR_SHELF,
+    KIND_COLOURS,
+    STORING_KINDS,
+    Pixels,
+    colour_of,
+    flow_codes,
+    heat_codes,
+    look,
+)
 from tui.render.cell_view import (
     full_shelves,
     goal_lines,
-    heat_codes,
     near_picture,
     paint_tints,
     pods_in,
     sign_tints,
 )
-from tui.render.glyphs import DOT_BITS, Codes, GlyphSet, code
 from tui.render.scene import NO_CELLS, Floor, Scene
-from tui.render.styles import style
+from tui.render.styles import DOT_BITS, Codes, GlyphSet, code, style
 
-Backgrounds = int | NDArray[np.uint8]  # one for all characters of a part, or one for each
-HALVES = np.array([0x1B, 0xE4], np.uint8)  # the dots of the upper and the lower half of a character
-STATION_COLOURS = (
-    (BAY, styles.COLOUR_BAY),
-    (CHARGER, styles.COLOUR_CHARGER),
-    (DESTINATION, styles.COLOUR_DESTINATION),
-    (DOCK, styles.COLOUR_DOCK),
-    (STATION, styles.COLOUR_STATION),
+Colours = NDArray[np.uint8]  # by pixel, or by character
+
+# These show in a pixel or a dot of many cells, the last one first.
+STATION_KINDS = (BAY, CHARGER, DESTINATION, DOCK, STATION)
+DRIVEN = (FLOOR, TRACK, TURNTABLE)
+
+HEATS = range(styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8 + 1)
+LAYER_COLOURS = (*HEATS, *range(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_7 + 1))
+
+# Colours of what stands on the floor, and the braille dots of its upper and lower half.
+DOTTED = (
+    *(FAR_SHELF, FAR_LOAD, styles.COLOUR_WALL, styles.COLOUR_BAY, styles.COLOUR_CHARGER),
+    *(styles.COLOUR_DESTINATION, styles.COLOUR_DOCK, styles.COLOUR_STATION),
 )
+TOP_DOTS, BOTTOM_DOTS = 0x1B, 0xE4
+TOP_PAIR, BOTTOM_PAIR = 0x11, 0x84  # of an empty shelf
+
+HALVES = np.array([0x1B, 0xE4], np.uint8)  # the dots of the upper and the lower half of a character
+
+BLANK: Final = np.uint32(0xFFFFFFFF)  # no code: nothing of the frame
+
+
+def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = None) -> Codes:
+    """(camera.rows, camera.columns) codes; `out` is overwritten and returned if it is given."""
+    if out is None or out.shape != (camera.rows, camera.columns):
+        out = np.empty((camera.rows, camera.columns), np.uint32)
+    kind, top, left = camera.zoom.kind, max(-camera.top, 0), max(-camera.left, 0)
+    if kind == "cells":
+        part = near_picture(scene, camera, glyphs)
+        zoom = camera.zoom
+        above = camera.top % zoom.height if camera.top > 0 else 0  # rows cut off
+        before = camera.left % zoom.width if camera.left > 0 else 0  # and columns
+        part = part[above : above + camera.rows, before : before + camera.columns]
+    elif kind == "pixels" or scene.shaded:
+        part = pixel_picture(scene, camera, glyphs)
+    else:
+        part = far_picture(scene, camera, glyphs)
+    rows = min(part.shape[0], camera.rows - top)
+    columns = min(part.shape[1], camera.columns - left)
+    if (rows, columns) != out.shape:
+        out[:] = code(style(styles.COLOUR_VOID, styles.COLOUR_VOID), glyphs.blank)
+    out[top : top + rows, left : left + columns] = part[:rows, :columns]
+    return out
+
+
+# Pictures in braille.
 
 
 def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     """(rows, columns) the characters that show some of the floor."""
     part = part_of(camera)
     base = floor_in_dots(scene.floor, camera.shown, camera.zoom.across // 2, glyphs)
-    codes = base[part.top : part.bottom, part.left : part.right].copy()
+    canvas = DotCanvas(
+        base[part.top : part.bottom, part.left : part.right].copy(), part, camera, glyphs
+    )
     if scene.map_layer.arrows and scene.values is not None:
-        draw_flow(codes, part, scene, scene.values, camera, glyphs)
-    draw_dots(codes, part, camera, glyphs, scene.zone_cells, styles.COLOUR_MARKED)
-    draw_over(codes, part, scene, camera, glyphs)
-    return codes
-
-
-def draw_over(
-    codes: Codes,
-    part: Part,
-    scene: Scene,
-    camera: Camera,
-    glyphs: GlyphSet,
-    backgrounds: Backgrounds = styles.COLOUR_FLOOR,
-) -> None:
-    """The route, the robots and the cursor, on these backgrounds."""
-    if scene.snapshot is not None:
-        draw_paths(codes, part, scene, camera, glyphs, backgrounds)
-        route = np.asarray(scene.route, np.int32)
-        draw_dots(codes, part, camera, glyphs, route, styles.COLOUR_ROUTE, backgrounds)
-        draw_robots(codes, part, scene, camera, glyphs, backgrounds)
-    if scene.cursor is not None:
-        spots = Dots(np.array([scene.cursor], np.int32), part, camera).index
-        codes.reshape(-1)[spots] = fleet.with_cursor(codes.reshape(-1)[spots])
+        draw_flow(canvas, scene, scene.values)
+    canvas.draw(scene.zone_cells, styles.COLOUR_MARKED)
+    draw_over(canvas, scene)
+    return canvas.codes
 
 
 @lru_cache(maxsize=16)
@@ -98,9 +133,9 @@ def floor_in_dots(floor: Floor, shown: Rectangle, k: int, glyphs: GlyphSet) -> C
     across, down = 2 * k, 4 * k
     more_walls = blocks(walls, across, down) > blocks(shelves, across, down)
     fg = np.where(more_walls, styles.COLOUR_WALL, FAR_SHELF)
-    for station, its_fg in STATION_COLOURS:
+    for station in STATION_KINDS:
         dots = _patterns(blocks(kind == station, k) > 0)
-        fg = np.where(dots, its_fg, fg)
+        fg = np.where(dots, KIND_COLOURS[station], fg)
         pattern = np.where(dots, dots, pattern)
     codes: Codes = code(style(fg, styles.COLOUR_FLOOR), np.array(glyphs.braille)[pattern])
     return np.asarray(codes, np.uint32)
@@ -112,6 +147,35 @@ def _patterns(dots: NDArray[np.bool_]) -> NDArray[np.uint8]:
     padded = np.pad(dots, ((0, -rows % 4), (0, -columns % 2)))
     cells = padded.reshape(padded.shape[0] // 4, 4, padded.shape[1] // 2, 2)
     return np.asarray((cells * DOT_BITS[None, :, None, :]).sum(axis=(1, 3)), np.uint8)
+
+
+class DotCanvas:
+    """Characters of many cells each, while they are painted."""
+
+    def __init__(
+        self,
+        codes: Codes,
+        part: Part,
+        camera: Camera,
+        glyphs: GlyphSet,
+        backgrounds: Colours | None = None,
+    ) -> None:
+        """`backgrounds`: of each character, where a layer is shown; None: the plain floor."""
+        self.codes, self.part, self.camera, self.glyphs = codes, part, camera, glyphs
+        self.flat = codes.reshape(-1)
+        self.on_layer = backgrounds is not None
+        plain = np.full(self.flat.size, styles.COLOUR_FLOOR, np.uint8)
+        self.backgrounds = plain if backgrounds is None else backgrounds.reshape(-1)
+
+    def dots(self, cells: NDArray[np.int32]) -> Dots:
+        """Where cells are on it."""
+        return Dots(cells, self.part, self.camera)
+
+    def draw(self, cells: NDArray[np.int32], fg: int) -> None:
+        """Cells as dots of one colour; what else their characters showed gives way."""
+        dots = self.dots(cells)
+        signs = np.array(self.glyphs.braille)[dots.patterns(self.flat.size)]
+        self.flat[dots.index] = code(style(fg, self.backgrounds[dots.index]), signs)
 
 
 class Dots:
@@ -140,41 +204,31 @@ class Dots:
         return found
 
 
-def draw_paths(
-    codes: Codes,
-    part: Part,
-    scene: Scene,
-    camera: Camera,
-    glyphs: GlyphSet,
-    backgrounds: Backgrounds = styles.COLOUR_FLOOR,
-) -> None:
-    """Trails of robots and lines to their goals."""
-    trails, (cells, _) = scene.trails.reshape(-1), goal_lines(scene)
-    draw_dots(codes, part, camera, glyphs, trails, styles.COLOUR_TRAIL, backgrounds)
-    draw_dots(codes, part, camera, glyphs, cells, styles.COLOUR_GOAL_LINE, backgrounds)
+def draw_over(canvas: DotCanvas, scene: Scene) -> None:
+    """Trails, lines to goals, the route, the robots and the cursor."""
+    if scene.snapshot is not None:
+        canvas.draw(scene.trails.reshape(-1), styles.COLOUR_TRAIL)
+        canvas.draw(goal_lines(scene)[0], styles.COLOUR_GOAL_LINE)
+        canvas.draw(np.asarray(scene.route, np.int32), styles.COLOUR_ROUTE)
+        draw_robots(canvas, scene)
+    if scene.cursor is not None:
+        spots = canvas.dots(np.array([scene.cursor], np.int32)).index
+        canvas.flat[spots] = fleet.with_cursor(canvas.flat[spots])
 
 
-def draw_robots(
-    codes: Codes,
-    part: Part,
-    scene: Scene,
-    camera: Camera,
-    glyphs: GlyphSet,
-    backgrounds: Backgrounds = styles.COLOUR_FLOOR,
-) -> None:
+def draw_robots(canvas: DotCanvas, scene: Scene) -> None:
     """The robots; marked ones and the selected one on backgrounds of their own."""
-    seen = fleet.robots_of(scene)
-    dots = Dots(seen.cell, part, camera)
-    flat = codes.reshape(-1)
+    seen, flat = fleet.robots_of(scene), canvas.flat
+    dots = canvas.dots(seen.cell)
     order = np.argsort(seen.state[dots.which], kind="stable")  # the worst is written last
     colours = np.zeros(flat.size, np.uint32)
     colours[dots.index[order]] = seen.colour[dots.which[order]]
-    on_layer = camera.zoom.kind == "pixels" or not isinstance(backgrounds, int)
-    rows, columns = camera.size()
+    on_layer = canvas.camera.zoom.kind == "pixels" or canvas.on_layer
+    rows, columns = canvas.camera.size()
     mark = fleet.far_mark(len(seen.cell), rows * columns, on_layer)
-    signs, solid = robot_signs(glyphs, dots.patterns(flat.size), mark)
+    signs, solid = robot_signs(canvas.glyphs, dots.patterns(flat.size), mark)
     fg = colours[dots.index]
-    plain = style(fg, _at(backgrounds, dots))
+    plain = style(fg, canvas.backgrounds[dots.index])
     flat[dots.index] = code(np.where(solid, style(styles.COLOUR_FLOOR, fg), plain), signs)
     for robots, bg in (
         (scene.marked, styles.COLOUR_MARKED),
@@ -182,9 +236,8 @@ def draw_robots(
     ):
         chosen = np.asarray(robots, np.int32)
         chosen = chosen[chosen != NIL]
-        if chosen.size:
-            spots = Dots(seen.cell[chosen], part, camera).index
-            flat[spots] = styles.with_background(flat[spots], bg)
+        spots = canvas.dots(seen.cell[chosen]).index
+        flat[spots] = styles.with_background(flat[spots], bg)
 
 
 def robot_signs(
@@ -201,77 +254,23 @@ def robot_signs(
     return np.where(solid, glyphs.fleet_full, halves).astype(np.uint32), solid
 
 
-def draw_dots(
-    codes: Codes,
-    part: Part,
-    camera: Camera,
-    glyphs: GlyphSet,
-    cells: NDArray[np.int32],
-    fg: int,
-    backgrounds: Backgrounds = styles.COLOUR_FLOOR,
-) -> None:
-    """Cells as dots of one colour; what else their characters showed gives way."""
-    if not cells.size:
-        return
-    dots = Dots(cells, part, camera)
-    flat = codes.reshape(-1)
-    signs = np.array(glyphs.braille)[dots.patterns(flat.size)]
-    flat[dots.index] = code(style(fg, _at(backgrounds, dots)), signs)
-
-
-def _at(backgrounds: Backgrounds, dots: Dots) -> Backgrounds:
-    """The backgrounds of these characters."""
-    return backgrounds if isinstance(backgrounds, int) else backgrounds.reshape(-1)[dots.index]
-
-
-def draw_flow(
-    codes: Codes,
-    part: Part,
-    scene: Scene,
-    strongest: NDArray[np.int32],
-    camera: Camera,
-    glyphs: GlyphSet,
-) -> None:
+def draw_flow(canvas: DotCanvas, scene: Scene, strongest: NDArray[np.int32]) -> None:
     """An arrow for each character: where most robots of its cells went."""
-    from tui.render.cell_view import flow_codes
-
     assert scene.snapshot is not None and scene.snapshot.flow is not None
-    zoom, shown = camera.zoom, camera.shown
+    zoom, shown, part = canvas.camera.zoom, canvas.camera.shown, canvas.part
     values = np.column_stack([scene.snapshot.flow, strongest])
     rows = slice(shown.top + part.top * zoom.down, shown.top + part.bottom * zoom.down)
     columns = slice(shown.left + part.left * zoom.across, shown.left + part.right * zoom.across)
-    values = values.reshape(*scene.floor.looks.shape, 5)[: shown.bottom, : shown.right][
-        rows, columns
-    ]
+    whole = values.reshape(*scene.floor.looks.shape, 5)[: shown.bottom, : shown.right]
+    values = whole[rows, columns]
     moves = blocks(values[..., :4], zoom.across, zoom.down)
     levels = scene.levels(blocks(values[..., 4], zoom.across, zoom.down, np.maximum))
     here = levels > 0
     directions = moves[here].argmax(axis=1)
-    codes[here] = flow_codes(glyphs)[levels[here], directions]
+    canvas.codes[here] = flow_codes(canvas.glyphs)[levels[here], directions]
 
 
-# Pictures in half blocks: two pixels in a character, each with a colour of its own.
-#
-# A pixel is one cell on the step "half" of the ladder. The steps beyond are drawn so while a layer
-# colours the floor; a pixel is then as large as half a character of braille, so that switching the
-# layer on moves nothing. On a layer robots are dots, and between them its colour is still seen.
-
-
-Colours = NDArray[np.uint8]
-# These show in a pixel of many cells, the last one first.
-STATION_KINDS = (BAY, CHARGER, DESTINATION, DOCK, STATION)
-DRIVEN = (FLOOR, TRACK, TURNTABLE)
-
-
-HEATS = range(styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8 + 1)
-LAYER_COLOURS = (*HEATS, *range(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_7 + 1))
-# Colours of what stands on the floor, and the braille dots of its upper and lower half.
-DOTTED = (
-    *(FAR_SHELF, FAR_LOAD, styles.COLOUR_WALL, styles.COLOUR_BAY, styles.COLOUR_CHARGER),
-    *(styles.COLOUR_DESTINATION, styles.COLOUR_DOCK, styles.COLOUR_STATION),
-)
-TOP_DOTS, BOTTOM_DOTS = 0x1B, 0xE4
-TOP_PAIR, BOTTOM_PAIR = 0x11, 0x84  # of an empty shelf
+# Pictures in half blocks.
 
 
 def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
@@ -289,7 +288,7 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
         codes = paired(pixels, glyphs)
         if scene.tints is not None:
             codes = sign_tints(codes, pixels, thin=signed and glyphs.shaded)
-        draw_over(codes, part, scene, camera, glyphs, grounds(pixels))
+        draw_over(DotCanvas(codes, part, camera, glyphs, grounds(pixels)), scene)
         return codes
     if scene.snapshot is not None:
         for cells in scene.shut_cells:
@@ -303,17 +302,61 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     return paired(pixels, glyphs)
 
 
+def draw_layer(canvas: Pixels, scene: Scene) -> bool:
+    """Heat, or zones; whether these have signs of their own."""
+    if scene.tints is not None:
+        paint_tints(canvas.pixels, canvas.reduced(scene.tints, NIL))
+    elif scene.values is not None:
+        levels = scene.levels(canvas.reduced(scene.values, 0))
+        hot = levels > 0
+        canvas.pixels[hot] = styles.COLOUR_HEAT_0 + levels[hot]
+    return bool(scene.map_layer.paint_pixels(canvas, scene))
+
+
+def draw_robot_pixels(canvas: Pixels, scene: Scene) -> None:
+    """Each robot as a pixel in the colour of its state, of several in that of the worst."""
+    seen = fleet.robots_of(scene)
+    index, which = canvas.at(seen.cell)
+    order = np.argsort(seen.state[which], kind="stable")
+    canvas.flat[index[order]] = seen.colour[which[order]]
+    chosen = np.asarray(scene.marked, np.int32)
+    canvas.paint(seen.cell[chosen], styles.COLOUR_MARKED)
+    if scene.selected != NIL:
+        canvas.paint(seen.cell[[scene.selected]], styles.COLOUR_SELECTED)
+
+
+@lru_cache(maxsize=16)
+def floor_in_pixels(floor: Floor, shown: Rectangle, k: int) -> Colours:
+    """The whole floor without robots and loads, k x k cells in a pixel, whole characters."""
+    rows, columns = slice(shown.top, shown.bottom), slice(shown.left, shown.right)
+    kind = floor.floor_plan.kind[rows, columns]
+    if k == 1:
+        foregrounds = np.array([_pixel_colour(number) for number in range(LOOK_COUNT)], np.uint8)
+        pixels = foregrounds[floor.looks[rows, columns]]
+    else:
+        area = blocks(np.ones(kind.shape, np.uint8), k)
+        pixels = np.full(area.shape, styles.COLOUR_FLOOR, np.uint8)
+        inner = floor.looks[rows, columns] == look(WALL)
+        solid = np.isin(kind, STORING_KINDS) | inner
+        pixels[2 * blocks(solid, k) >= area] = FAR_SHELF
+        for station in STATION_KINDS:
+            pixels[blocks(kind == station, k) > 0] = KIND_COLOURS[station]
+    return np.pad(pixels, ((0, len(pixels) % 2), (0, 0)), constant_values=styles.COLOUR_FLOOR)
+
+
+def _pixel_colour(number: int) -> int:
+    """Floor and rails are dark: only what stands on the floor has a colour."""
+    kind = number & KIND_MASK
+    if kind in DRIVEN or kind not in KIND_COLOURS:
+        return styles.COLOUR_FLOOR
+    return FAR_SHELF if kind in STORING_KINDS else colour_of(number)
+
+
 def paired(pixels: Colours, glyphs: GlyphSet) -> Codes:
     """(rows / 2, columns) the characters of these pixels."""
     upper, lower = pixels[0::2].astype(np.intp), pixels[1::2]
     codes: Codes = pairs(glyphs)[upper * len(styles.COLOURS) + lower]
     return codes
-
-
-def grounds(pixels: Colours) -> Colours:
-    """(rows / 2, columns) the background for what stands on a layer: of two heats the greater."""
-    backgrounds = np.where(np.isin(pixels, LAYER_COLOURS), pixels, np.uint8(styles.COLOUR_FLOOR))
-    return np.maximum(backgrounds[0::2], backgrounds[1::2])
 
 
 @lru_cache(maxsize=3)
@@ -358,122 +401,13 @@ def _dots(full: int, pair: int) -> NDArray[np.uint8]:
     return dots
 
 
-@lru_cache(maxsize=16)
-def floor_in_pixels(floor: Floor, shown: Rectangle, k: int) -> Colours:
-    """The whole floor without robots and loads, k x k cells in a pixel, whole characters."""
-    rows, columns = slice(shown.top, shown.bottom), slice(shown.left, shown.right)
-    kind = floor.floor_plan.kind[rows, columns]
-    if k == 1:
-        foregrounds = np.array([_pixel_colour(number) for number in range(LOOK_COUNT)], np.uint8)
-        pixels = foregrounds[floor.looks[rows, columns]]
-    else:
-        area = blocks(np.ones(kind.shape, np.uint8), k)
-        pixels = np.full(area.shape, styles.COLOUR_FLOOR, np.uint8)
-        inner = floor.looks[rows, columns] == look(WALL)
-        solid = np.isin(kind, STORING_KINDS) | inner
-        pixels[2 * blocks(solid, k) >= area] = FAR_SHELF
-        for station in STATION_KINDS:
-            pixels[blocks(kind == station, k) > 0] = KIND_COLOURS[station]
-    return np.pad(pixels, ((0, len(pixels) % 2), (0, 0)), constant_values=styles.COLOUR_FLOOR)
-
-
-def _pixel_colour(number: int) -> int:
-    """Floor and rails are dark: only what stands on the floor has a colour."""
-    kind = number & KIND_MASK
-    if kind in DRIVEN or kind not in KIND_COLOURS:
-        return styles.COLOUR_FLOOR
-    return FAR_SHELF if kind in STORING_KINDS else colour_of(number)
-
-
-class Pixels:
-    """The pixels on the screen, while they are painted."""
-
-    def __init__(self, pixels: Colours, part: Part, camera: Camera) -> None:
-        self.pixels, self.part, self.camera = pixels, part, camera
-        self.k = camera.zoom.across
-        self.flat = pixels.reshape(-1)
-
-    def at(self, cells: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
-        """Index of the pixel of those cells that are on the screen, and which of them they are."""
-        y, x = np.divmod(cells, np.int32(self.camera.floor_plan.stride))
-        shown, (rows, columns) = self.camera.shown, self.pixels.shape
-        y = (y - shown.top) // self.k - 2 * self.part.top
-        x = (x - shown.left) // self.k - self.part.left
-        inside = (cells >= 0) & (y >= 0) & (y < rows) & (x >= 0) & (x < columns)
-        which = np.flatnonzero(inside)
-        return (y * columns + x)[which], which
-
-    def paint(self, cells: NDArray[np.int32], fg: int) -> None:
-        self.flat[self.at(cells)[0]] = fg
-
-    def reduced(self, values: NDArray[Any], rest: int) -> NDArray[Any]:
-        """(rows, columns of pixels) the largest value in each pixel, `rest` beyond the floor."""
-        camera, part, k = self.camera, self.part, self.k
-        top, left = camera.shown.top, camera.shown.left
-        rows, columns = self.pixels.shape
-        y, x = top + 2 * part.top * k, left + part.left * k
-        values = values.reshape(camera.floor_plan.kind.shape)
-        values = values[
-            y : min(y + rows * k, camera.shown.bottom), x : min(x + columns * k, camera.shown.right)
-        ]
-        values = values if k == 1 else blocks(values, k, over=np.maximum)
-        missing = rows - len(values)
-        return np.pad(values, ((0, missing), (0, 0)), constant_values=rest)
-
-
-def draw_layer(canvas: Pixels, scene: Scene) -> bool:
-    """Heat, or zones; whether these have signs of their own."""
-    if scene.tints is not None:
-        paint_tints(canvas.pixels, canvas.reduced(scene.tints, NIL))
-    elif scene.values is not None:
-        levels = scene.levels(canvas.reduced(scene.values, 0))
-        hot = levels > 0
-        canvas.pixels[hot] = styles.COLOUR_HEAT_0 + levels[hot]
-    return bool(scene.map_layer.paint_pixels(canvas, scene))
-
-
-def draw_robot_pixels(canvas: Pixels, scene: Scene) -> None:
-    """Each robot as a pixel in the colour of its state, of several in that of the worst."""
-    seen = fleet.robots_of(scene)
-    index, which = canvas.at(seen.cell)
-    order = np.argsort(seen.state[which], kind="stable")
-    canvas.flat[index[order]] = seen.colour[which[order]]
-    chosen = np.asarray(scene.marked, np.int32)
-    canvas.paint(seen.cell[chosen], styles.COLOUR_MARKED)
-    if scene.selected != NIL:
-        canvas.paint(seen.cell[[scene.selected]], styles.COLOUR_SELECTED)
-
-
-# A scene and a camera made a picture: one code for each character of the screen.
-
-
-def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = None) -> Codes:
-    """(camera.rows, camera.columns) codes; `out` is overwritten and returned if it is given."""
-    if out is None or out.shape != (camera.rows, camera.columns):
-        out = np.empty((camera.rows, camera.columns), np.uint32)
-    kind, top, left = camera.zoom.kind, max(-camera.top, 0), max(-camera.left, 0)
-    if kind == "cells":
-        part = near_picture(scene, camera, glyphs)
-        zoom = camera.zoom
-        above = camera.top % zoom.height if camera.top > 0 else 0  # rows cut off
-        before = camera.left % zoom.width if camera.left > 0 else 0  # and columns
-        part = part[above : above + camera.rows, before : before + camera.columns]
-    elif kind == "pixels" or scene.shaded:
-        part = pixel_picture(scene, camera, glyphs)
-    else:
-        part = far_picture(scene, camera, glyphs)
-    rows = min(part.shape[0], camera.rows - top)
-    columns = min(part.shape[1], camera.columns - left)
-    if (rows, columns) != out.shape:
-        out[:] = code(style(styles.COLOUR_VOID, styles.COLOUR_VOID), glyphs.blank)
-    out[top : top + rows, left : left + columns] = part[:rows, :columns]
-    return out
+def grounds(pixels: Colours) -> Colours:
+    """(rows / 2, columns) the background for what stands on a layer: of two heats the greater."""
+    backgrounds = np.where(np.isin(pixels, LAYER_COLOURS), pixels, np.uint8(styles.COLOUR_FLOOR))
+    return np.maximum(backgrounds[0::2], backgrounds[1::2])
 
 
 # The whole floor in a few characters, with a frame round the part that is on the screen.
-
-
-BLANK: Final = np.uint32(0xFFFFFFFF)  # no code: nothing of the frame
 
 
 class Minimap:
@@ -498,9 +432,8 @@ class Minimap:
         """The frame alone."""
         part = part_of(self.camera)
         inside = np.full((part.bottom - part.top, part.right - part.left), BLANK, np.uint32)
-        draw_dots(
-            inside, part, self.camera, glyphs, edge(main.visible(), main), styles.COLOUR_CURSOR
-        )
+        canvas = DotCanvas(inside, part, self.camera, glyphs)
+        canvas.draw(edge(main.visible(), main), styles.COLOUR_CURSOR)
         frame = np.full(shape, BLANK, np.uint32)
         top, left = part.top - self.camera.top, part.left - self.camera.left
         frame[top : top + inside.shape[0], left : left + inside.shape[1]] = inside

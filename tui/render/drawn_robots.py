@@ -1,9 +1,14 @@
-"""Robots as they are drawn where a cell is several rows high.
+"""How robots are drawn: where each is, which way it looks, in which colour, and as a sprite.
 
-A character is two pixels, one above the other, so that a cell of 6 x 3 characters has 6 x 6 of them.
-The front of a robot that drives is pointed, that of one that waits is flat, and one that is parked,
-charges or is down has no front. Its sign is near the front, its number in the middle, its load lies
-behind in a colour of its own, and where it has a battery a bar shows the charge.
+Robots have the colours of their states, or of something else: order, type, service zone, battery,
+wait. Shapes go on to show the state then, and robots in wait cycles or down keep the colour of that.
+Kinds have eight colours in turn, amounts five that grow brighter (darker in the light theme).
+
+Where a cell is several rows high, a character is two pixels, one above the other, so that a cell of
+6 x 3 characters has 6 x 6 of them. The front of a robot that drives is pointed, that of one that waits
+is flat, and one that is parked, charges or is down has no front. Its sign is near the front, its number
+in the middle, its load lies behind in a colour of its own, and where it has a battery a bar shows the
+charge.
 
     ####..     drives east      ######     waits       .####.     is parked
     #####.                      ######                 ######
@@ -16,21 +21,73 @@ behind in a colour of its own, and where it has a battery a bar shows the charge
 from __future__ import annotations
 
 from functools import lru_cache
+from itertools import pairwise
 from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from automaton.drawings import looks
+from automaton.drawings.looks import (
+    DRAW_EMPTY,
+    DRAW_FAULT,
+    DRAW_LOADED,
+    DRAW_PARKED,
+    STATE_COLOURS,
+    cell_of,
+    robot_looks,
+)
+from automaton.engine.observation import is_waiting, waited_ticks
 from automaton.engine.state import BATTERY_FULL, NIL
-from tui.render import robot_marks as fleet
 from tui.render import styles
-from tui.render.glyphs import Codes, code
-from tui.render.styles import style
+from tui.render.scene import Scene
+from tui.render.styles import GLYPH_BITS, GLYPHS, Codes, Entries, GlyphSet, code, style
 
 if TYPE_CHECKING:
     from tui.render.cell_looks import Canvas
 
+
+COLOURINGS: Final = {  # by name, and what it is called in the palette and in messages
+    "state": "what they do",
+    "order": "the order they work on",
+    "type": "their type",
+    "zone": "their service zone",
+    "battery": "the charge of their battery",
+    "waiting": "how long they have waited",
+}
+
+WAITED: Final = (1, 10, 50, 200)  # ticks from which on levels 1 to 4 of a wait begin
+
+CLASS_COUNT: Final = len(styles.CLASSES)
+LEVEL_COUNT: Final = len(styles.LEVELS)
+
+# Rows of BODY_COLOURS behind those of the states.
+DRAW_CLASS: Final = len(STATE_COLOURS)
+DRAW_LEVEL: Final = DRAW_CLASS + CLASS_COUNT
+DRAW_ALARM: Final = DRAW_LEVEL + LEVEL_COUNT  # in a wait cycle, or down
+
+# By state, the worse the higher: the worst one gives a shared character its colour.
+BODY_COLOURS: Final = np.array(
+    [
+        *(
+            styles.COLOUR_PARKED,
+            styles.COLOUR_CHARGING,
+            styles.COLOUR_ROBOT,
+            styles.COLOUR_LOADED,
+            styles.COLOUR_LOW_BATTERY,
+        ),
+        *(styles.COLOUR_WAITING, styles.COLOUR_FAULT),
+        *(*styles.CLASSES, *styles.LEVELS, styles.COLOUR_FAULT),
+    ],
+    np.uint32,
+)
+
+# What a robot is from afar, where a character holds many cells.
+MARK_FULL: Final = 0  # a whole character
+MARK_HALF: Final = 1  # half of one
+MARK_DOT: Final = 2  # a dot of braille
+FEW: Final = 16  # characters of the picture for each robot from which on it takes a whole one
+SOME: Final = 4  # and half of one
 
 # What a pixel shows; BAR + j is pixel j of the bar of the battery.
 OUTSIDE: Final = 0
@@ -44,9 +101,247 @@ FLAT: Final = 1
 ROUND: Final = 2  # without a front
 
 EAST, SOUTH, WEST, NORTH = range(4)
+
 MARGIN_HEIGHT: Final = 5  # rows of a cell from which on robots leave a pixel above and below
 BAR_HEIGHT: Final = 3  # rows of a cell from which on there is room for the bar
 POINT: Final = 3  # pixels that a pointed front is deep, at most; a quarter of large robots
+
+HEADLESS: Final = (looks.SHAPE_SQUARE, looks.SHAPE_PLUG, looks.SHAPE_VOID, looks.SHAPE_CROSS)
+GAP: Final = styles.COLOUR_VOID  # foreground of blanks, which are never underlined as signs are
+
+Colours = NDArray[np.uint32]
+
+
+class Robots(NamedTuple):
+    """The fleet as it is drawn; all (n,), by identity."""
+
+    cell: NDArray[np.int32]  # its parking bay's if it is there; NIL: it cannot be drawn
+    state: NDArray[np.uint8]
+    direction: NDArray[np.uint8]
+    shape: NDArray[np.uint8]
+    colour: NDArray[np.uint32]
+
+
+def robots_of(scene: Scene) -> Robots:
+    """The robots of a scene's snapshot."""
+    assert scene.snapshot is not None
+    fleet, floor = scene.snapshot.robots, scene.floor
+    looks = robot_looks(fleet, floor.headings, floor.battery, floor.faults)
+    colour = colours_of(scene, looks.state)
+    return Robots(cell_of(fleet), looks.state, looks.direction, looks.shape, colour)
+
+
+def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
+    """(n,) the colour of each robot of the scene: that of its state, or of what colours robots."""
+    return BODY_COLOURS[coloured(scene, state)]
+
+
+def body_colours(scene: Scene, robots: Robots) -> NDArray[np.uint32]:
+    """(n,) the same where a robot's load has a colour of its own."""
+    state = np.where(robots.state == DRAW_LOADED, np.uint8(DRAW_EMPTY), robots.state)
+    return colours_of(scene, state)
+
+
+def shape_glyphs(glyphs: GlyphSet) -> NDArray[np.uint32]:
+    """(shapes, 4) glyphs by shape and direction."""
+    still = (glyphs.parked, glyphs.charging, glyphs.drained, glyphs.fault)
+    return np.array(
+        [
+            *(glyphs.robot, glyphs.loaded, *([one] * 4 for one in still)),
+            *(glyphs.low, glyphs.low_loaded),
+        ],
+        np.uint32,
+    )
+
+
+@lru_cache(maxsize=4)
+def number_glyphs(glyphs: GlyphSet, robots: int, width: int) -> NDArray[np.uint32]:
+    """(robots, width) the digits of each identity, blanks behind."""
+    table = np.full((robots, width), glyphs.blank, np.uint32)
+    for identity in range(robots):
+        for column, digit in enumerate(str(identity)[:width]):
+            table[identity, column] = glyphs.digits[int(digit)]
+    return table
+
+
+def with_cursor(codes: Codes) -> Codes:
+    """The same on the background of the cursor; a robot's colour becomes that of its signs."""
+    fg, bg = np.divmod(codes >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOURS)))
+    on_robot = (bg >= styles.COLOUR_PARKED) & (fg < styles.COLOUR_TRACK)
+    foregrounds = style(np.where(on_robot, bg, fg), styles.COLOUR_CURSOR)
+    return np.asarray(code(foregrounds, codes & GLYPHS), np.uint32)
+
+
+def far_mark(robots: int, characters: int, on_layer: bool) -> int:
+    """How a fleet is drawn on a picture of the whole floor with so many characters.
+
+    On a layer a robot is half a character at most, so that the layer is seen beside it.
+    """
+    if robots * FEW <= characters and not on_layer:
+        return MARK_FULL
+    return MARK_HALF if robots * SOME <= characters else MARK_DOT
+
+
+# Other colours than those of states.
+
+
+def is_possible(scene: Scene, colouring: str) -> bool:
+    """Whether the robots of a floor differ in it."""
+    if colouring == "type":
+        return bool(scene.floor.type_names)
+    if colouring == "zone":
+        return scene.service_zones is not None
+    return colouring != "battery" or scene.floor.battery
+
+
+def coloured(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """(n,) what gives each robot its colour, an index of BODY_COLOURS."""
+    if scene.colouring == "state" or not is_possible(scene, scene.colouring):
+        return state
+    values = _values(scene)
+    first = DRAW_LEVEL if scene.colouring in ("battery", "waiting") else DRAW_CLASS
+    drawn = np.where(values == NIL, DRAW_PARKED, first + values).astype(np.uint8)
+    drawn[state == DRAW_FAULT] = DRAW_ALARM
+    return drawn
+
+
+def _values(scene: Scene) -> NDArray[np.int64]:
+    """(n,) the colour of each robot among those of its kind, or NIL."""
+    assert scene.snapshot is not None
+    fleet = scene.snapshot.robots
+    if scene.colouring == "battery":
+        return np.clip(
+            fleet.charge.astype(np.int64) * LEVEL_COUNT // BATTERY_FULL, 0, LEVEL_COUNT - 1
+        )
+    if scene.colouring == "waiting":
+        waited = waited_ticks(fleet.cause, fleet.since, scene.snapshot.tick)
+        waited = np.where(is_waiting(fleet.cause), waited, 0)
+        return np.searchsorted(WAITED, waited, "right").astype(np.int64)
+    if scene.colouring == "type":  # a robot with a load has another row of durations
+        return (fleet.type.astype(np.int64) % len(scene.floor.type_names)) % CLASS_COUNT
+    number = fleet.order if scene.colouring == "order" else fleet.service_zone
+    return np.where(number == NIL, NIL, number % CLASS_COUNT).astype(np.int64)
+
+
+def colour_entries(scene: Scene, sign: int) -> Entries:
+    """What the colours mean, for the legend; each is shown with this glyph."""
+
+    def shown(colours: range) -> tuple[int, ...]:
+        return tuple(int(code(style(one, styles.COLOUR_FLOOR), sign)) for one in colours)
+
+    if scene.colouring in ("order", "zone"):
+        half = CLASS_COUNT // 2
+        none = shown(range(styles.COLOUR_PARKED, styles.COLOUR_PARKED + 1))
+        return [
+            (shown(styles.CLASSES[:half]), f"by {scene.colouring}: {CLASS_COUNT} colours in turn,"),
+            (shown(styles.CLASSES[half:]), "those of one number always the same"),
+            (none, f"no {scene.colouring}"),
+        ]
+    if scene.colouring == "type":
+        names = [*enumerate(scene.floor.type_names)]
+        return [(shown(styles.CLASSES[n % CLASS_COUNT :][:1]), f"type {name}") for n, name in names]
+    return [(shown(styles.LEVELS[n : n + 1]), words) for n, words in enumerate(_level_words(scene))]
+
+
+def _level_words(scene: Scene) -> list[str]:
+    """What each of the levels means."""
+    if scene.colouring == "battery":
+        step = 100 // LEVEL_COUNT
+        return [f"battery {step * n} to {step * (n + 1)} %" for n in range(LEVEL_COUNT)]
+    ends = [f"{begin} to {end - 1}" for begin, end in pairwise(WAITED)]
+    waited = [*ends, f"{WAITED[-1]} or more"]
+    return ["does not wait", *(f"has waited {ticks} ticks" for ticks in waited)]
+
+
+# The characters of robots that are drawn, from their sprites, colours, numbers and charge.
+
+
+def drawn_robots(
+    canvas: Canvas, robots: Robots, which: NDArray[np.intp], body: Colours, ink: Colours
+) -> Codes:
+    """(k, characters of a cell) codes of the robots `which`, (k,), in these colours, (k,) each."""
+    snapshot = canvas.scene.snapshot
+    assert snapshot is not None
+    drawings = sprites(canvas.width, canvas.height, canvas.scene.floor.battery)
+    shape, direction = robots.shape[which], robots.direction[which].astype(np.intp)
+    waits = snapshot.robots.cause[which] != 0
+    outline = np.where(np.isin(shape, HEADLESS), ROUND, np.where(waits, FLAT, POINTED))
+    load = (snapshot.robots.load[which] != NIL).astype(np.intp)
+    colours = pixel_colours(canvas, which, body, drawings.bar[outline, direction])
+    robot = np.arange(len(which))[:, None]
+    above = drawings.upper[outline, load, direction]
+    below = drawings.lower[outline, load, direction]
+    upper, lower = colours[robot, above], colours[robot, below]
+    codes = paired(canvas, upper, lower)
+    if canvas.glyphs.shaded:  # without colours signs show the load
+        cargo = (above == LOAD) & (below == LOAD)
+        codes[cargo] = code(style(styles.COLOUR_FLOOR, lower[cargo]), canvas.glyphs.cargo)
+    sign = drawings.sign[outline, direction]
+    glyph = shape_glyphs(canvas.glyphs)[shape, direction]
+    row = np.arange(len(which))
+    codes[row, sign] = code(style(ink, ground(upper[row, sign], lower[row, sign])), glyph)
+    starts, room = drawings.number[outline, direction], drawings.room[outline, direction]
+    draw_numbers(canvas, codes, len(robots.cell), which, (starts, room), (upper, lower, ink))
+    return codes
+
+
+def pixel_colours(
+    canvas: Canvas, which: NDArray[np.intp], body: Colours, bar: NDArray[np.intp]
+) -> Colours:
+    """(k, BAR + width) the colour of each robot's pixels, by what they show.
+
+    bar: (k,) the pixels of the bar of a full battery.
+    """
+    colours = np.full((len(body), BAR + canvas.width), styles.COLOUR_FLOOR, np.uint32)
+    colours[:, BODY] = body
+    on_load = body == styles.COLOUR_LOADED
+    colours[:, LOAD] = np.where(on_load, styles.COLOUR_TEXT, styles.COLOUR_LOADED)
+    if canvas.scene.floor.battery:
+        assert canvas.scene.snapshot is not None
+        charge = canvas.scene.snapshot.robots.charge[which]
+        pixels = -(-charge.astype(np.int64) * bar // BATTERY_FULL)
+        full = np.where(charge < looks.LOW_CHARGE, styles.COLOUR_LOW_BATTERY, styles.COLOUR_DONE)
+        lit = np.arange(canvas.width) < pixels[:, None]
+        colours[:, BAR:] = np.where(lit, full[:, None], styles.COLOUR_FLOOR)
+    return colours
+
+
+def paired(canvas: Canvas, upper: Colours, lower: Colours) -> Codes:
+    """The characters of pairs of pixels. One of one colour is a background, also in ASCII."""
+    glyphs, floor = canvas.glyphs, styles.COLOUR_FLOOR
+    codes = code(style(upper, lower), glyphs.upper_half)
+    codes = np.where(upper == floor, code(style(lower, floor), glyphs.lower_half), codes)
+    plain = np.where(upper == floor, floor, GAP)
+    codes = np.where(upper == lower, code(style(plain, lower), glyphs.blank), codes)
+    return np.asarray(codes, np.uint32)
+
+
+def ground(upper: Colours, lower: Colours) -> Colours:
+    """The background for what is written on pairs of pixels."""
+    return np.where(lower == styles.COLOUR_FLOOR, upper, lower)
+
+
+def draw_numbers(
+    canvas: Canvas,
+    codes: Codes,
+    fleet_size: int,
+    which: NDArray[np.intp],
+    places: tuple[NDArray[np.intp], NDArray[np.intp]],
+    colours: tuple[Colours, Colours, Colours],
+) -> None:
+    """Write the numbers of robots where they have room, in the middle of it."""
+    digits = len(str(max(fleet_size - 1, 0)))
+    (starts, room), (upper, lower, ink) = places, colours
+    names = number_glyphs(canvas.glyphs, fleet_size, digits)[which]
+    first = starts + (room - digits + 1) // 2
+    for column in range(digits):
+        here = np.flatnonzero((room >= digits) & (names[:, column] != canvas.glyphs.blank))
+        place = first[here] + column
+        bg = ground(upper[here, place], lower[here, place])
+        codes[here, place] = code(style(ink[here], bg), names[here, column])
+
+
+# Sprites.
 
 
 class Sprites(NamedTuple):
@@ -179,96 +474,3 @@ def _load(width: int, height: int, direction: int) -> tuple[slice, slice]:
     left = first + (last - first - wide) // 2
     rows = slice(row - high, row) if direction == SOUTH else slice(row + 1, row + 1 + high)
     return rows, slice(left, left + wide)
-
-
-# The characters of robots that are drawn, from their sprites, colours, numbers and charge.
-
-
-Colours = NDArray[np.uint32]
-HEADLESS: Final = (looks.SHAPE_SQUARE, looks.SHAPE_PLUG, looks.SHAPE_VOID, looks.SHAPE_CROSS)
-GAP: Final = styles.COLOUR_VOID  # foreground of blanks, which are never underlined as signs are
-
-
-def drawn_robots(
-    canvas: Canvas, robots: fleet.Robots, which: NDArray[np.intp], body: Colours, ink: Colours
-) -> Codes:
-    """(k, characters of a cell) codes of the robots `which`, (k,), in these colours, (k,) each."""
-    snapshot = canvas.scene.snapshot
-    assert snapshot is not None
-    drawings = sprites(canvas.width, canvas.height, canvas.scene.floor.battery)
-    shape, direction = robots.shape[which], robots.direction[which].astype(np.intp)
-    waits = snapshot.robots.cause[which] != 0
-    outline = np.where(np.isin(shape, HEADLESS), ROUND, np.where(waits, FLAT, POINTED))
-    load = (snapshot.robots.load[which] != NIL).astype(np.intp)
-    colours = pixel_colours(canvas, which, body, drawings.bar[outline, direction])
-    robot = np.arange(len(which))[:, None]
-    above = drawings.upper[outline, load, direction]
-    below = drawings.lower[outline, load, direction]
-    upper, lower = colours[robot, above], colours[robot, below]
-    codes = paired(canvas, upper, lower)
-    if canvas.glyphs.shaded:  # without colours signs show the load
-        cargo = (above == LOAD) & (below == LOAD)
-        codes[cargo] = code(style(styles.COLOUR_FLOOR, lower[cargo]), canvas.glyphs.cargo)
-    sign = drawings.sign[outline, direction]
-    glyph = fleet.shapes(canvas.glyphs)[shape, direction]
-    row = np.arange(len(which))
-    codes[row, sign] = code(style(ink, ground(upper[row, sign], lower[row, sign])), glyph)
-    starts, room = drawings.number[outline, direction], drawings.room[outline, direction]
-    draw_numbers(canvas, codes, len(robots.cell), which, (starts, room), (upper, lower, ink))
-    return codes
-
-
-def pixel_colours(
-    canvas: Canvas, which: NDArray[np.intp], body: Colours, bar: NDArray[np.intp]
-) -> Colours:
-    """(k, BAR + width) the colour of each robot's pixels, by what they show.
-
-    bar: (k,) the pixels of the bar of a full battery.
-    """
-    colours = np.full((len(body), BAR + canvas.width), styles.COLOUR_FLOOR, np.uint32)
-    colours[:, BODY] = body
-    on_load = body == styles.COLOUR_LOADED
-    colours[:, LOAD] = np.where(on_load, styles.COLOUR_TEXT, styles.COLOUR_LOADED)
-    if canvas.scene.floor.battery:
-        assert canvas.scene.snapshot is not None
-        charge = canvas.scene.snapshot.robots.charge[which]
-        pixels = -(-charge.astype(np.int64) * bar // BATTERY_FULL)
-        full = np.where(charge < looks.LOW_CHARGE, styles.COLOUR_LOW_BATTERY, styles.COLOUR_DONE)
-        lit = np.arange(canvas.width) < pixels[:, None]
-        colours[:, BAR:] = np.where(lit, full[:, None], styles.COLOUR_FLOOR)
-    return colours
-
-
-def paired(canvas: Canvas, upper: Colours, lower: Colours) -> Codes:
-    """The characters of pairs of pixels. One of one colour is a background, also in ASCII."""
-    glyphs, floor = canvas.glyphs, styles.COLOUR_FLOOR
-    codes = code(style(upper, lower), glyphs.upper_half)
-    codes = np.where(upper == floor, code(style(lower, floor), glyphs.lower_half), codes)
-    plain = np.where(upper == floor, floor, GAP)
-    codes = np.where(upper == lower, code(style(plain, lower), glyphs.blank), codes)
-    return np.asarray(codes, np.uint32)
-
-
-def ground(upper: Colours, lower: Colours) -> Colours:
-    """The background for what is written on pairs of pixels."""
-    return np.where(lower == styles.COLOUR_FLOOR, upper, lower)
-
-
-def draw_numbers(
-    canvas: Canvas,
-    codes: Codes,
-    fleet_size: int,
-    which: NDArray[np.intp],
-    places: tuple[NDArray[np.intp], NDArray[np.intp]],
-    colours: tuple[Colours, Colours, Colours],
-) -> None:
-    """Write the numbers of robots where they have room, in the middle of it."""
-    digits = len(str(max(fleet_size - 1, 0)))
-    (starts, room), (upper, lower, ink) = places, colours
-    names = fleet.names(canvas.glyphs, fleet_size, digits)[which]
-    first = starts + (room - digits + 1) // 2
-    for column in range(digits):
-        here = np.flatnonzero((room >= digits) & (names[:, column] != canvas.glyphs.blank))
-        place = first[here] + column
-        bg = ground(upper[here, place], lower[here, place])
-        codes[here, place] = code(style(ink[here], bg), names[here, column])

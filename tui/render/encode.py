@@ -1,4 +1,6 @@
-"""The difference of two pictures as bytes for a terminal.
+"""Pictures as bytes for a terminal, as text, and as a drawing.
+
+A terminal is sent the difference of two pictures:
 
     SGR of the selection  move cell  SGR of loaded robots  move cell cell move cell ...  SGR of floor ...
 
@@ -23,8 +25,16 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.cells import cell_len
 
-from tui.render.glyphs import GLYPH_BITS, GLYPHS, Codes, GlyphSet
-from tui.render.styles import COLOUR_TEXT, COLOUR_VOID, Look, style
+from tui.render.styles import (
+    COLOUR_TEXT,
+    COLOUR_VOID,
+    GLYPH_BITS,
+    GLYPHS,
+    Codes,
+    GlyphSet,
+    Look,
+    style,
+)
 
 RESET: Final = "\x1b[0m"
 ZERO: Final = b"\0"
@@ -186,7 +196,7 @@ def _characters(characters: str) -> Words:
     return _words(list(characters))
 
 
-# A picture that stands still: as text, as a drawing.
+# A picture that stands still.
 
 
 def runs(row: NDArray[np.uint32], glyphs: GlyphSet) -> list[tuple[str, int]]:

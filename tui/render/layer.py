@@ -12,17 +12,16 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from tui.render.cell_view import flow_codes, heat_codes
-from tui.render.glyphs import GlyphSet
+from tui.render.cell_looks import flow_codes, heat_codes
 from tui.render.scene import HEAT_LEVELS, Scene, levels_of
+from tui.render.styles import GlyphSet
 
 if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
     from automaton.world.resolve import Resolved
-    from tui.render.cell_looks import Canvas
-    from tui.render.compose import Pixels
-    from tui.render.glyphs import Entries
+    from tui.render.cell_looks import Canvas, Pixels
     from tui.render.scene import Choice
+    from tui.render.styles import Entries
 
 
 ScaleLine = list[str | tuple[int, ...]]  # words, and signs, which are codes, from the left
@@ -152,13 +151,11 @@ def _check(method: str, array: Any, shape: tuple[int, ...]) -> None:
 CHECKS: Final = {"numbers": check_numbers, "tints": check_tints}
 
 
-# The scale of a layer in one line: from which number to which, of what, in which colours.
-#
-# visits 1 ▪▪▪▪▪▪▪▪ 120 or, while there is nothing to be seen: no visits yet
-
-
 def scale_line(scene: Scene, glyphs: GlyphSet) -> ScaleLine:
-    """Words and signs, from the left; [] where no layer is shown, or its numbers are not there yet."""
+    """The scale of the layer in words and signs, from the left: visits 1 ▪▪▪▪▪▪▪▪ 120.
+
+    [] where no layer is shown, or its numbers are not there yet.
+    """
     layer = scene.map_layer
     own: ScaleLine | None = layer.scale(scene, glyphs)
     if own is not None:

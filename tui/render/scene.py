@@ -1,7 +1,8 @@
-"""Numbers on a floor as nine levels, on a scale that stays put while the numbers grow.
+"""What a picture is made of: the static floor, a snapshot of the run, and what the user wants to see.
 
-Traffic is uneven: main aisles carry many times what side aisles do. The levels therefore grow with
-the square of their number: level n of a scale that ends at 1000 begins at 1000 ((n - 1) / 8)^2.
+What a layer counts is shown in nine levels, on a scale that stays put while the numbers grow. Traffic
+is uneven: main aisles carry many times what side aisles do. The levels therefore grow with the square
+of their number: level n of a scale that ends at 1000 begins at 1000 ((n - 1) / 8)^2.
 """
 
 from __future__ import annotations
@@ -17,63 +18,14 @@ from automaton.drawings.looks import DETAIL_SHIFT, Looks, looks_of
 from automaton.engine.state import GOAL_STOP, NIL
 from automaton.floor.cells import FLOOR, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
-from automaton.floor.traffic_zones import TrafficZones
+from automaton.floor.traffic_zones import TrafficZones, traffic_zones_of
 from automaton.history.state_words import shut_cells
 from tui.registration import layer_named, layers
 
 if TYPE_CHECKING:
     from automaton.engine.facilities import ServiceZones
     from automaton.history.snapshot import Snapshot
-
-
-HEAT_LEVELS: Final = 9  # level 0 is nothing at all
-SCALE_ENDS: Final = (10, 12, 15, 20, 25, 30, 40, 50, 60, 80)  # times a power of ten
-
-
-class Scale(NamedTuple):
-    """The numbers at which levels 1 to 8 begin, and where the scale ends."""
-
-    begins: tuple[int, ...]
-    end: int
-
-    def words(self, first: int, last: int) -> str:
-        """The numbers of levels 1 to 8 from the first to the last, for a legend."""
-        low = self.begins[first - 1]
-        high = self.end if last == HEAT_LEVELS - 1 else self.begins[last] - 1
-        return f"{low}" if high <= low else f"{low} to {high}"
-
-
-def scale_for(largest: int) -> Scale:
-    """The scale up to the next of SCALE_ENDS: the largest number is of the last level."""
-    power = 1
-    while SCALE_ENDS[-1] * power < largest and 10 * SCALE_ENDS[0] * power < largest:
-        power *= 10
-    end = next(
-        (end * power for end in SCALE_ENDS if end * power >= largest), 10 * SCALE_ENDS[0] * power
-    )
-    begins = [
-        max(n, _rounded(end * ((n - 1) / (HEAT_LEVELS - 1)) ** 2)) for n in range(1, HEAT_LEVELS)
-    ]
-    return Scale(tuple(begins), end)
-
-
-def levels_of(values: NDArray[np.int32], scale: Scale) -> NDArray[np.uint8]:
-    """The level of each value."""
-    begins = np.array(scale.begins, values.dtype)
-    return (
-        np.searchsorted(begins, values.reshape(-1), "right").astype(np.uint8).reshape(values.shape)
-    )
-
-
-def _rounded(number: float) -> int:
-    """To two digits, which a reader can remember."""
-    digits = len(str(int(number)))
-    unit: int = 10 ** max(digits - 2, 0)
-    return round(number / unit) * unit
-
-
-# What a picture is made of: the static floor, a snapshot of the run, and what is laid over it.
-
+    from automaton.world.resolve import Resolved
 
 # Details of cells that drawings do not tell apart, see automaton.drawings.cell_looks.
 DETAIL_PASSING: Final = 5
@@ -81,19 +33,8 @@ DETAIL_UNLIMITED: Final = 6  # any number of robots
 DETAIL_FULL_SHELF: Final = 1  # detail of a shelf: it holds a load
 DETAIL_POD: Final = 1  # detail of a storage cell: a pod stands there
 NO_CELLS: Final = np.zeros(0, np.int32)
-
-
-def looks_with_capacity(floor_plan: FloorPlan) -> Looks:
-    """(height + 2, width + 2) kind and detail of each cell; shelves are empty.
-
-    How many robots a cell of floor holds is a detail only where cells differ in it.
-    """
-    looks = looks_of(floor_plan)
-    plain, capacity = looks == FLOOR, floor_plan.capacity
-    if len(np.unique(capacity[floor_plan.kind == FLOOR])) > 1:
-        looks[plain & (capacity == 2)] |= DETAIL_PASSING << DETAIL_SHIFT
-        looks[plain & (capacity == UNLIMITED)] |= DETAIL_UNLIMITED << DETAIL_SHIFT
-    return looks
+HEAT_LEVELS: Final = 9  # level 0 is nothing at all
+SCALE_ENDS: Final = (10, 12, 15, 20, 25, 30, 40, 50, 60, 80)  # times a power of ten
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,6 +72,36 @@ class Floor:
         return self.battery or self.faults
 
 
+def floor_of(resolved: Resolved) -> Floor:
+    """The floor for the pictures."""
+    traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.traffic_zones)
+    scenario = resolved.scenario
+    routing = scenario.strategy.routing
+    return Floor(
+        resolved.floor_plan,
+        resolved.floor_plan.slots,
+        tuple(one.headings for one in resolved.fleet.types),
+        traffic_zones,
+        battery=scenario.battery is not None,
+        faults=bool(scenario.faults.listed or scenario.faults.probability),
+        routing=routing if isinstance(routing, str) else str(routing.get("name", "")),
+        type_names=tuple(kind.name for kind in scenario.fleet.types),
+    )
+
+
+def looks_with_capacity(floor_plan: FloorPlan) -> Looks:
+    """(height + 2, width + 2) kind and detail of each cell; shelves are empty.
+
+    How many robots a cell of floor holds is a detail only where cells differ in it.
+    """
+    looks = looks_of(floor_plan)
+    plain, capacity = looks == FLOOR, floor_plan.capacity
+    if len(np.unique(capacity[floor_plan.kind == FLOOR])) > 1:
+        looks[plain & (capacity == 2)] |= DETAIL_PASSING << DETAIL_SHIFT
+        looks[plain & (capacity == UNLIMITED)] |= DETAIL_UNLIMITED << DETAIL_SHIFT
+    return looks
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """One moment of a run, and what the user wants to see of it."""
@@ -145,7 +116,7 @@ class Scene:
     # Cells, marked like a zone.
     marked_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
     zone: int = NIL  # whose cells are marked
-    colouring: str = "state"  # of robots, of tui.render.robot_marks.COLOURINGS
+    colouring: str = "state"  # of robots, of tui.render.drawn_robots.COLOURINGS
     trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL
     lines: str = ""  # whose goals lines lead to, of tui.render.cell_view.LINES
     least: int = 2  # paths that lead through a cell of the overlay "predicted"
@@ -244,9 +215,6 @@ class Scene:
         return next((cells for cells in of_layers if cells is not None), NO_CELLS)
 
 
-# What the user has chosen to see: a robot, a cell, a zone, a layer.
-
-
 @dataclass
 class Choice:
     """What the user has chosen to see."""
@@ -262,7 +230,7 @@ class Choice:
     minimap: bool = True
     matches: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots that were found,
     match_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # or cells
-    colouring: str = "state"  # of robots, of tui.render.robot_marks.COLOURINGS
+    colouring: str = "state"  # of robots, of tui.render.drawn_robots.COLOURINGS
     trails: bool = False
     lines: str = ""  # whose goals lines lead to, of tui.render.cell_view.LINES
 
@@ -270,3 +238,48 @@ class Choice:
     def laid(self) -> str:
         """The layer, as it is said."""
         return str(layer_named(self.layer).title(self))
+
+
+# The scale of what a layer counts.
+
+
+class Scale(NamedTuple):
+    """The numbers at which levels 1 to 8 begin, and where the scale ends."""
+
+    begins: tuple[int, ...]
+    end: int
+
+    def words(self, first: int, last: int) -> str:
+        """The numbers of levels 1 to 8 from the first to the last, for a legend."""
+        low = self.begins[first - 1]
+        high = self.end if last == HEAT_LEVELS - 1 else self.begins[last] - 1
+        return f"{low}" if high <= low else f"{low} to {high}"
+
+
+def scale_for(largest: int) -> Scale:
+    """The scale up to the next of SCALE_ENDS: the largest number is of the last level."""
+    power = 1
+    while SCALE_ENDS[-1] * power < largest and 10 * SCALE_ENDS[0] * power < largest:
+        power *= 10
+    end = next(
+        (end * power for end in SCALE_ENDS if end * power >= largest), 10 * SCALE_ENDS[0] * power
+    )
+    begins = [
+        max(n, _rounded(end * ((n - 1) / (HEAT_LEVELS - 1)) ** 2)) for n in range(1, HEAT_LEVELS)
+    ]
+    return Scale(tuple(begins), end)
+
+
+def levels_of(values: NDArray[np.int32], scale: Scale) -> NDArray[np.uint8]:
+    """The level of each value."""
+    begins = np.array(scale.begins, values.dtype)
+    return (
+        np.searchsorted(begins, values.reshape(-1), "right").astype(np.uint8).reshape(values.shape)
+    )
+
+
+def _rounded(number: float) -> int:
+    """To two digits, which a reader can remember."""
+    digits = len(str(int(number)))
+    unit: int = 10 ** max(digits - 2, 0)
+    return round(number / unit) * unit

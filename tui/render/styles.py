@@ -1,8 +1,29 @@
-"""How many colours and which characters a terminal shows, as far as its environment tells."""
+"""What stands in a character of the screen: a glyph in a style, both in one number, its code.
+
+A glyph is an index into the characters of one of two sets of the same shapes, so that a picture can
+be shown in Unicode or in ASCII. Glyphs 32 to 126 are the printable ASCII characters themselves; 0 is
+the blank.
+
+    unicode   ▹▿◃▵ empty  ▸▾◂▴ loaded  ⊡ parked  ▯▮ shelf  ⊔ destination  ◊ turntable  ↯ charger
+              ◫ rack  ⊏ dock  ⌂ station  ⋈ transfer station  ⊓ pod  ▫ storage without
+              ≻⋎≺⋏ battery low  ⍄⍌⍃⍓ the same, loaded  ⊞ charges  ∅ battery empty  ✗ broken  ▬ load
+    ascii     >v<^ empty  }V{A loaded  p parked  #$ shelf  = destination  @ turntable  c charger
+              H rack  [ dock  t station  T transfer station  P pod  _ storage without
+              ! battery low  & the same, loaded  C charges  E battery empty  X broken  * load
+
+Every character is one column wide. None but the blocks ▀ ▄ █ is "ambiguous" in Unicode's table of
+East Asian widths, and so drawn two columns wide by some terminals (▲ ▶ ● ─ and → are).
+
+A style is a foreground on a background, both rows of one table of colours. These are those of Okabe
+and Ito, which colour-blind people tell apart; floor, walls and shelves are greys; heat has the hues
+of cividis. Every colour has a value for dark and for light themes, in true colour, among 256 and
+among 16, chosen by hand: an automatic choice would merge orange with vermillion. Shape is always the
+second channel.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import unicodedata
 from enum import IntEnum
 from functools import cache
 from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, overload
@@ -10,10 +31,193 @@ from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from tui.render.glyphs import ASCII, GLYPH_BITS, GLYPHS, UNICODE, Codes, GlyphSet
-
 if TYPE_CHECKING:
     from rich.style import Style
+
+Codes = NDArray[np.uint32]  # (rows, columns) style << GLYPH_BITS | glyph
+Entries = list[tuple[tuple[int, ...], str]]  # lines of a legend: codes and what they mean
+GLYPH_BITS: Final = 16
+GLYPHS: Final = np.uint32((1 << GLYPH_BITS) - 1)
+
+_PRINTABLE: Final = " " * 32 + "".join(map(chr, range(32, 127))) + " "
+BRAILLE: Final = "".join(map(chr, range(0x2800, 0x2900)))
+# Of the dots of a character, row and column: its place in BRAILLE is the sum of those that are set.
+DOT_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint8)
+_unicode = list(_PRINTABLE)
+_ascii = list(_PRINTABLE)
+
+
+def _shapes(unicode: str, ascii: str) -> tuple[int, ...]:
+    """Add shapes to both sets; their glyphs."""
+    first = len(_unicode)
+    _unicode.extend(unicode)
+    _ascii.extend(ascii)
+    assert len(_unicode) == len(_ascii), unicode
+    return tuple(range(first, len(_unicode)))
+
+
+def _shape(unicode: str, ascii: str) -> int:
+    (glyph,) = _shapes(unicode, ascii)
+    return glyph
+
+
+def _by_dots(ramp: str) -> str:
+    """The character of each braille pattern: the more dots, the darker."""
+    return "".join(ramp[pattern.bit_count()] for pattern in range(256))
+
+
+def _by_lines() -> str:
+    """The character that looks most like the line of each braille pattern."""
+    rows = (0x09, 0x12, 0x24, 0xC0)
+    signs = [" "] * 256
+    for pattern in range(1, 256):
+        across = sum(pattern & row != 0 for row in rows)  # rows with a dot
+        both = any(pattern & row == row for row in rows)
+        signs[pattern] = "-" if across == 1 else "+" if both else "|"
+    return "".join(signs)
+
+
+class GlyphSet:
+    """Names of the glyphs, and the characters that draw them. Directions are E, S, W, N."""
+
+    blank: Final = 0
+    digits: Final = tuple(range(ord("0"), ord("9") + 1))
+    # Robots, by direction.
+    robot: Final = _shapes("▹▿◃▵", ">v<^")
+    loaded: Final = _shapes("▸▾◂▴", "}V{A")
+    parked: Final = _shape("⊡", "p")
+    low: Final = _shapes("≻⋎≺⋏", "!!!!")  # with a battery that is nearly empty
+    low_loaded: Final = _shapes("⍄⍌⍃⍓", "&&&&")
+    charging: Final = _shape("⊞", "C")
+    drained: Final = _shape("∅", "E")  # down, without charge
+    fault: Final = _shape("✗", "X")  # down because of a fault
+    cargo: Final = _shape("▪", "$")  # beside a robot that carries a load
+    # Cells.
+    floor: Final = ord(".")  # a byte, where ⋅ has three: robots that move uncover much floor
+    wall: Final = _shape("░", "%")
+    track: Final = _shapes("╌╎", "-|")  # by axis
+    crossing: Final = ord("+")  # of tracks, where no robot turns
+    turntable: Final = _shape("◊", "@")  # in the fonts of all systems
+    # ›⌄‹⌃, by direction; ASCII arrows are robots.
+    one_way: Final = _shapes("\u203a⌄\u2039⌃", ")u(n")
+    passing: Final = _shape("⇄", ":")
+    unlimited: Final = ord("~")  # floor for any number of robots
+    shelf: Final = _shape("▯", "#")
+    load: Final = _shape("▮", "$")  # a shelf that holds a load
+    destination: Final = _shape("⊔", "=")
+    charger: Final = _shape("↯", "c")
+    bay: Final = _shape("▢", "b")
+    rack: Final = _shape("◫", "H")
+    dock: Final = _shape("⊏", "[")
+    station: Final = _shape("⌂", "t")
+    transfer: Final = _shape("⋈", "T")  # a station between two zones
+    pod: Final = _shape("⊓", "P")  # in a storage cell
+    storage: Final = _shape("▫", "_")  # without a pod
+    left_load: Final = _shape("▬", "*")  # on the floor, where a robot had to leave it
+    closed: Final = _shape("⊠", "x")  # no robot enters
+    door: Final = _shape("⊟", "D")  # that is shut
+    # What is laid over them.
+    route: Final = _shape("∙", "o")
+    trail: Final = _shape("∘", ",")
+    stand: Final = _shape("⊗", "O")  # where the route ends
+    arrow: Final = _shapes("⇢⇣⇠⇡", ")u(n")  # flow, by direction
+    ramp: Final = tuple(map(ord, " .:-=+*#@"))  # nine levels, for heat without colours
+    # Several cells in a character.
+    upper_half: Final = _shape("▀", "'")
+    lower_half: Final = _shape("▄", ".")
+    full: Final = _shape("█", ":")
+    braille: Final = _shapes(BRAILLE, _by_dots(" .:-=+*#@"))
+    fleet: Final = _shapes(BRAILLE, _by_dots(" rrrRRRRR"))  # the dots of robots
+    fleet_full: Final = _shape(" ", "R")  # a character filled by robots: their colour is behind it
+    fleet_half: Final = _shapes("▀▄", "rr")  # its upper and its lower half
+    lines: Final = _shapes(BRAILLE, _by_lines())  # outlines of cells that are drawn
+
+    def __init__(self, name: str, characters: str, shaded: bool) -> None:
+        self.name = name
+        self.characters = characters  # by glyph
+        self.shaded = shaded  # heat is told by shades, half blocks cannot be told apart
+
+    def __repr__(self) -> str:
+        return f"GlyphSet({self.name!r})"
+
+
+UNICODE: Final = GlyphSet("unicode", "".join(_unicode), shaded=False)
+SHADED: Final = GlyphSet("unicode", "".join(_unicode), shaded=True)  # for terminals without colours
+ASCII: Final = GlyphSet("ascii", "".join(_ascii), shaded=True)
+
+
+@overload
+def code(style: int, glyph: int) -> np.uint32: ...
+@overload
+def code(style: NDArray[Any], glyph: int | NDArray[Any]) -> Codes: ...
+@overload
+def code(style: int, glyph: NDArray[Any]) -> Codes: ...
+def code(style: int | NDArray[Any], glyph: int | NDArray[Any]) -> np.uint32 | Codes:
+    """What stands in a cell: a style and a glyph, as one number."""
+    shifted = np.asarray(style, np.uint32) << np.uint32(GLYPH_BITS)
+    codes: np.uint32 | Codes = shifted | np.asarray(glyph, np.uint32)
+    return codes
+
+
+# Any text in ASCII: each character becomes what looks most like it, as many columns wide.
+LOOKALIKES: Final = {
+    " ": "\N{NO-BREAK SPACE}▁▂▔░\N{BRAILLE PATTERN BLANK}",
+    "-": "─━┄┅┈┉╌╍═‐‑‒–—−▬⎯╸╺",  # noqa: RUF001
+    "|": "│┃┆┇┊┋╎╏║▏▎▍▌▕▐╹╻",
+    "_": "▃▄",
+    "'": "‘’▀",  # noqa: RUF001
+    '"': "“”",
+    "#": "█▉▊▋▅▆▇▓▒■",
+    ">": "▶▸►→▹›",  # noqa: RUF001
+    "<": "◀◂◄←◃‹",  # noqa: RUF001
+    "^": "▲▴↑⌃⇧",
+    "v": "▼▾↓⌄",
+    "x": "✓✔×",  # noqa: RUF001
+    "X": "✗✖✘⭘",
+    "*": "•●◉★",
+    "o": "○◌◯",
+    ".": "·⋅∙",
+    "~": "…",
+    "/": "╱🔎",  # noqa: RUF001
+    "\\": "╲",
+}
+UNKNOWN_CHARACTER: Final = "?"
+# Corners and crossings of frames become +, as far as they are not above.
+FRAMES: Final = range(0x2500, 0x2580)
+
+
+class AsciiFallback(dict[int, str]):
+    """By code point; made for a character when it is met for the first time."""
+
+    def __missing__(self, point: int) -> str:
+        spelled = self[point] = _fallback(chr(point))
+        return spelled
+
+
+def _fallback(character: str) -> str:
+    from rich.cells import cell_len  # pictures of plain floors do without it
+
+    if character.isascii():
+        return character
+    columns = cell_len(character)
+    alike = next((sign for sign, many in LOOKALIKES.items() if character in many), "")
+    if not alike and ord(character) in FRAMES:
+        alike = "+"
+    plain = "".join(c for c in unicodedata.normalize("NFKD", character) if c.isascii())
+    return ((alike or plain)[:columns] or UNKNOWN_CHARACTER * columns).ljust(columns)
+
+
+ASCII_FALLBACK: Final = AsciiFallback()
+
+
+def to_ascii(text: str) -> str:
+    """The text in ASCII; no line gets longer or shorter on the screen."""
+    return text if text.isascii() else text.translate(ASCII_FALLBACK)
+
+
+def text(words: str) -> tuple[int, ...]:
+    """The glyphs of a text, which are those of ASCII."""
+    return tuple(to_ascii(words).encode("ascii"))
 
 
 class Depth(IntEnum):
@@ -31,58 +235,6 @@ DEPTHS: Final = {
     "256": Depth.INDEXED,
     "true": Depth.TRUE,
 }
-GLYPH_SETS: Final = {"unicode": UNICODE, "ascii": ASCII}
-
-# Terminals that do not name their colours, but are known to have all of them.
-TRUE_COLOUR_TERMS: Final = ("kitty", "alacritty", "ghostty", "wezterm", "foot", "contour")
-# The console of Linux has a font of 256 or 512 characters; "dumb" promises nothing at all.
-PLAIN_TERMS: Final = ("linux", "dumb")
-
-
-def depth_of(environ: Mapping[str, str], option: str = "auto") -> Depth:
-    """The colours to use; `option` is "auto" or a key of DEPTHS and has the last word."""
-    if option != "auto":
-        return DEPTHS[option]
-    term = environ.get("TERM", "")
-    if environ.get("NO_COLOR") or term == "dumb":
-        return Depth.NONE
-    if environ.get("COLORTERM", "").lower() in ("truecolor", "24bit"):
-        return Depth.TRUE
-    if term.endswith("-direct") or any(name in term for name in TRUE_COLOUR_TERMS):
-        return Depth.TRUE
-    return Depth.INDEXED if "256color" in term else Depth.SIXTEEN
-
-
-def glyphs_of(environ: Mapping[str, str], option: str = "auto") -> GlyphSet:
-    """The characters to use; `option` is "auto" or a key of GLYPH_SETS and has the last word."""
-    if option != "auto":
-        return GLYPH_SETS[option]
-    if environ.get("TERM") in PLAIN_TERMS:
-        return ASCII
-    locale = _locale(environ).lower().replace("-", "")
-    return UNICODE if not locale or "utf8" in locale else ASCII
-
-
-def _locale(environ: Mapping[str, str]) -> str:
-    """The locale of characters: the first that is set of LC_ALL, LC_CTYPE, LANG.
-
-    In the locale C, Python itself sets LC_CTYPE to C.UTF-8 (PEP 538): that says nothing.
-    """
-    of_type = environ.get("LC_CTYPE", "")
-    if of_type == "C.UTF-8" and environ.get("LANG"):
-        of_type = ""
-    return environ.get("LC_ALL") or of_type or environ.get("LANG", "")
-
-
-# Colours with a meaning, and how a terminal is told to show a pair of them.
-#
-# A style is a foreground on a background, both rows of one table. Colours are those of Okabe and Ito,
-# which colour-blind people tell apart; floor, walls and shelves are greys; heat has the hues of
-# cividis. Every colour has a value for dark and for light themes, in true colour, among 256 and among
-# 16, chosen by hand: an automatic choice would merge orange with vermillion. Shape is always the
-# second channel.
-
-
 Theme = Literal["dark", "light"]
 
 

@@ -12,8 +12,7 @@ from textual.widgets import Input, Static
 from automaton.errors import InputError
 from automaton.history.breakpoints import FIELDS, breakpoint_of
 from tui.screens.dialogs import Dialog
-from tui.widgets.rows import Rows, TypedInput
-from tui.widgets.styled_lines import UNICODE, Line, Link, Signs, Span, dim, line
+from tui.widgets.panel import UNICODE, Line, Link, Rows, Signs, Span, TypedInput, dim, line
 
 GRAMMAR: Final = (
     "deadlock, wait cycle, zones redesigned, delivered 7, stalled > 50, or a condition on "

@@ -1,19 +1,19 @@
-"""Dialogs: branch, go to, help, and the error of a file that was changed."""
+"""Dialogs: what all of them have in common, branch, go to, and the error of a file that was changed.
+
+A dialog is a box in the middle with a sentence for errors and buttons; escape closes it.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Final, TypeVar
 
-from rich.table import Table
-from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.containers import Horizontal, Vertical
 from textual.screen import ModalScreen
-from textual.widgets import Button, Footer, Input, Static
+from textual.widgets import Button, Input, Static
 
 from automaton.errors import InputError
 from automaton.scenario.order_lines import plain_data
@@ -21,15 +21,40 @@ from automaton.scenario.quantities import Scale, clock_text, is_clock_time
 from automaton.scenario.schema import Scenario
 from automaton.units import Unit
 from automaton.world.resolve import CHANGEABLE, branched
-from tui.widgets.bindings import TOPICS, Action, Topic, key_text
-from tui.widgets.rows import Rows, TypedInput, TypedText
-from tui.widgets.styled_lines import Line, Span
-from tui.widgets.too_small import ACROSS, DOWN
+from tui.widgets.panel import (
+    Line,
+    Rows,
+    Span,
+    TypedInput,
+    TypedText,
+)
 
 if TYPE_CHECKING:
     from tui.playback.panel_view import View
 
+
 T = TypeVar("T")
+
+MIN_TERMINAL_COLUMNS: Final = 60
+MIN_TERMINAL_ROWS: Final = 16
+# From how many columns and rows on a screen bears which class: one of each.
+ACROSS: Final = [(0, "-tight"), (MIN_TERMINAL_COLUMNS, "-narrow"), (100, "-normal"), (160, "-wide")]
+DOWN: Final = [(0, "-flat"), (MIN_TERMINAL_ROWS, "-short"), (24, "-low"), (30, "-high")]
+
+TICK_AMOUNT = re.compile(r"([+-]?)\s*(\d[\d,]{0,17}(?:\.\d+)?)\s*(%|[^\W\d]\w*)?")
+
+RELOAD_HINT = (
+    "Below is the floor as it was. Save the file again to load it; escape hides this, q quits."
+)
+
+
+def size_classes(columns: int, rows: int) -> dict[str, bool]:
+    """Which of the classes a screen of this size bears."""
+    bears: dict[str, bool] = {}
+    for cells, table in ((columns, ACROSS), (rows, DOWN)):
+        own = max(step for step in table if step[0] <= cells)
+        bears |= {step[1]: step == own for step in table}
+    return bears
 
 
 class Dialog(ModalScreen[T]):
@@ -105,6 +130,46 @@ class Dialog(ModalScreen[T]):
 # Branch: other settings from the present tick on; they are checked before the dialog closes.
 
 
+class BranchScreen(Dialog[tuple[str, ...]]):
+    """The result are the settings, which fit the run."""
+
+    ACCEPT = "Branch here (ctrl+s)"
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+s", "accept", "Branch", priority=True)]
+
+    def __init__(self, view: View) -> None:
+        super().__init__()
+        self._view = view
+
+    def heading(self) -> str:
+        return f"Branch at tick {self._view.playback.tick:,}: the same past, another future"
+
+    def inside(self) -> ComposeResult:
+        yield Static("New settings, one KEY=VALUE in each line:", classes="hint")
+        yield SettingField(compact=True, tab_behavior="focus", show_line_numbers=False)
+        yield Static("What may change, as it is now (click or enter to edit it):", classes="hint")
+        yield SettingList(settings_of(self._view.run.resolved.scenario))
+
+    def on_text_area_changed(self) -> None:
+        self.complain("")
+
+    def action_accept(self) -> None:
+        """Check the settings and close."""
+        self.accept()
+
+    def accept(self) -> None:
+        lines = self.query_one(SettingField).text.splitlines()
+        settings = tuple(one.strip() for one in lines if one.strip())
+        if not settings:
+            self.complain("write at least one setting, such as strategy.right_of_way=wait")
+            return
+        try:
+            branched(self._view.run.resolved, settings)
+        except InputError as error:
+            self.complain(str(error).removeprefix("--set "))
+            return
+        self.dismiss(settings)
+
+
 def settings_of(scenario: Scenario) -> list[str]:
     """KEY=VALUE of everything that may change while a run goes on, as it is."""
     data = plain_data(scenario)
@@ -151,86 +216,7 @@ class SettingField(TypedText):
         self.focus()
 
 
-class BranchScreen(Dialog[tuple[str, ...]]):
-    """The result are the settings, which fit the run."""
-
-    ACCEPT = "Branch here (ctrl+s)"
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+s", "accept", "Branch", priority=True)]
-
-    def __init__(self, view: View) -> None:
-        super().__init__()
-        self._view = view
-
-    def heading(self) -> str:
-        return f"Branch at tick {self._view.playback.tick:,}: the same past, another future"
-
-    def inside(self) -> ComposeResult:
-        yield Static("New settings, one KEY=VALUE in each line:", classes="hint")
-        yield SettingField(compact=True, tab_behavior="focus", show_line_numbers=False)
-        yield Static("What may change, as it is now (click or enter to edit it):", classes="hint")
-        yield SettingList(settings_of(self._view.run.resolved.scenario))
-
-    def on_text_area_changed(self) -> None:
-        self.complain("")
-
-    def action_accept(self) -> None:
-        """Check the settings and close."""
-        self.accept()
-
-    def accept(self) -> None:
-        lines = self.query_one(SettingField).text.splitlines()
-        settings = tuple(one.strip() for one in lines if one.strip())
-        if not settings:
-            self.complain("write at least one setting, such as strategy.right_of_way=wait")
-            return
-        try:
-            branched(self._view.run.resolved, settings)
-        except InputError as error:
-            self.complain(str(error).removeprefix("--set "))
-            return
-        self.dismiss(settings)
-
-
 # Go to a tick: by number, relative to the present, as a share of the run, or by its time.
-
-
-AMOUNT = re.compile(r"([+-]?)\s*(\d[\d,]{0,17}(?:\.\d+)?)\s*(%|[^\W\d]\w*)?")
-
-
-def tick_of(text: str, now: int, head: int, end: int | None, scale: Scale) -> int:
-    """The tick that a text means, be it after the end; `head` is the last so far. Raises InputError."""
-    if is_clock_time(text.strip()):
-        return scale.tick_at(text.strip())
-    of = scale.unit
-    found = AMOUNT.fullmatch(text.strip())
-    if found is None:
-        raise InputError(f"'{text.strip()}' is not a tick; expected {examples(scale)}")
-    sign, amount, name = found[1], float(found[2].replace(",", "")), found[3] or "ticks"
-    ticks = round(_ticks(amount, name, head if end is None else end, of))
-    if sign:
-        return max(0, now + (ticks if sign == "+" else -ticks))
-    return ticks
-
-
-def _ticks(amount: float, name: str, last: int, of: Unit) -> float:
-    if name == "%":
-        if amount > 100:
-            raise InputError(f"{amount:g} % lies after the end; a run goes from 0 % to 100 %")
-        return last * amount / 100
-    if name in ("tick", "ticks"):
-        return amount
-    if name in (of.name, of.plural):
-        return amount / of.size
-    known = "ticks" if of.name == "tick" else f"ticks or {of.plural}"
-    raise InputError(f"there is no unit '{name}' here; time is counted in {known}")
-
-
-def examples(scale: Scale) -> str:
-    """What can be written."""
-    of = scale.unit
-    time = "" if scale.clock is None else f", {clock_text(scale.clock, Fraction(3600))}"
-    timed = "" if of.name == "tick" else f", {30 * of.size:g} {of.plural}"
-    return f"1200, +100, -50, 50 %{timed}{time}"
 
 
 class GoToScreen(Dialog[int]):
@@ -276,101 +262,43 @@ class GoToScreen(Dialog[int]):
         self.dismiss(tick)
 
 
-# All keys by topic, made from the table of actions and the keys that are bound to them now.
+def tick_of(text: str, now: int, head: int, end: int | None, scale: Scale) -> int:
+    """The tick that a text means, be it after the end; `head` is the last so far. Raises InputError."""
+    if is_clock_time(text.strip()):
+        return scale.tick_at(text.strip())
+    of = scale.unit
+    found = TICK_AMOUNT.fullmatch(text.strip())
+    if found is None:
+        raise InputError(f"'{text.strip()}' is not a tick; expected {examples(scale)}")
+    sign, amount, name = found[1], float(found[2].replace(",", "")), found[3] or "ticks"
+    ticks = round(_ticks(amount, name, head if end is None else end, of))
+    if sign:
+        return max(0, now + (ticks if sign == "+" else -ticks))
+    return ticks
 
 
-MOUSE = (
-    ("click", "select a robot or a cell"),
-    ("double click", "follow the robot"),
-    ("drag", "move the map, or the timeline's tick"),
-    ("wheel", "zoom the map, or the timeline"),
-    ("shift+wheel", "pan the map, or go by single ticks"),
-)
+def _ticks(amount: float, name: str, last: int, of: Unit) -> float:
+    if name == "%":
+        if amount > 100:
+            raise InputError(f"{amount:g} % lies after the end; a run goes from 0 % to 100 %")
+        return last * amount / 100
+    if name in ("tick", "ticks"):
+        return amount
+    if name in (of.name, of.plural):
+        return amount / of.size
+    known = "ticks" if of.name == "tick" else f"ticks or {of.plural}"
+    raise InputError(f"there is no unit '{name}' here; time is counted in {known}")
 
 
-class HelpScreen(ModalScreen[None]):
-    """Closed by escape, q, ? or F1."""
-
-    DEFAULT_CSS = """
-    HelpScreen { align: center middle; }
-    HelpScreen > VerticalScroll {
-        width: 100%; max-width: 118; height: 100%; padding: 0 1; background: $surface;
-        border: round $border;
-    }
-    HelpScreen Static { height: auto; }
-    """
-    BINDINGS: ClassVar = [Binding("escape,q,question_mark,f1", "dismiss", "Close")]
-
-    def __init__(self, keys: Mapping[str, Sequence[str]]) -> None:
-        super().__init__()
-        self._keys = keys  # by id of the action
-
-    def compose(self) -> ComposeResult:
-        with VerticalScroll():
-            yield Static(id="keys")
-        yield Footer(show_command_palette=False)
-
-    def on_resize(self) -> None:
-        self.query_one("#keys", Static).update(self._page(self.size.width))
-
-    def _page(self, width: int) -> Table:
-        columns = 2 if width >= 76 else 1
-        page = Table.grid(expand=True, padding=(0, 2))
-        parts = [self._table(topic) for topic in TOPICS] + [_mouse()]
-        heights = [part.row_count for part in parts]
-        left: list[Table] = []
-        right: list[Table] = []
-        for part, height in zip(parts, heights, strict=True):
-            tall = sum(p.row_count for p in left) + height > (sum(heights) + 1) // columns
-            (right if tall and columns == 2 else left).append(part)
-        for _ in range(columns):
-            page.add_column(ratio=1)
-        page.add_row(*(_stacked(part) for part in (left, right)[:columns]))
-        return page
-
-    def _table(self, topic: Topic) -> Table:
-        table = _topic(topic.name)
-        for action in topic.actions:
-            table.add_row(self._keys_of(action), _meaning(action))
-        return table
-
-    def _keys_of(self, action: Action) -> Text:
-        keys = self._keys.get(action.id, action.keys.split(","))
-        return Text(" ".join(key_text(key) for key in keys), style="bold")
-
-
-def _meaning(action: Action) -> str:
-    text = action.meaning or action.label
-    return text[0].upper() + text[1:]
-
-
-def _topic(name: str) -> Table:
-    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 1), title=name)
-    table.title_justify, table.title_style = "left", "bold underline"
-    table.add_column(width=len("double click"), no_wrap=True)
-    table.add_column(overflow="fold")
-    return table
-
-
-def _mouse() -> Table:
-    table = _topic("Mouse")
-    for what, does in (*MOUSE, ("ctrl+p", "every action by name"), ("tab", "to the next panel")):
-        table.add_row(Text(what, style="bold"), does)
-    return table
-
-
-def _stacked(parts: Sequence[Table]) -> Table:
-    stack = Table.grid(padding=(0, 0, 1, 0), collapse_padding=False)
-    stack.add_column()
-    for part in parts:
-        stack.add_row(part)
-    return stack
+def examples(scale: Scale) -> str:
+    """What can be written."""
+    of = scale.unit
+    time = "" if scale.clock is None else f", {clock_text(scale.clock, Fraction(3600))}"
+    timed = "" if of.name == "tick" else f", {30 * of.size:g} {of.plural}"
+    return f"1200, +100, -50, 50 %{timed}{time}"
 
 
 # What is wrong with a file that was changed, over the floor that was there before.
-
-
-HINT = "Below is the floor as it was. Save the file again to load it; escape hides this, q quits."
 
 
 class ReloadErrorScreen(ModalScreen[None]):
@@ -397,7 +325,7 @@ class ReloadErrorScreen(ModalScreen[None]):
     def compose(self) -> ComposeResult:
         with Vertical():
             yield Static(self._sentence, classes="error", markup=False)
-            yield Static(HINT, classes="hint", markup=False)
+            yield Static(RELOAD_HINT, classes="hint", markup=False)
 
     def complain(self, sentence: str) -> None:
         """Show another sentence."""

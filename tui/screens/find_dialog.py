@@ -25,10 +25,9 @@ from automaton.units import count
 from automaton.world.gate_cells import cells_of, gates_of
 from tui.playback.panel_view import View, middle_robot
 from tui.screens.dialogs import Dialog
+from tui.widgets.panel import Line, Rows, TypedInput, cell_link, dim, line
 from tui.widgets.pod_facts import has_pods, makes_trips
-from tui.widgets.robot_table import doing
-from tui.widgets.rows import Rows, TypedInput
-from tui.widgets.styled_lines import Line, cell_link, dim, line
+from tui.widgets.robot_facts import doing_word
 from tui.widgets.zone_facts import checked_station, checked_zone, partition_of, robots_in
 
 GATES: Final = re.compile(r"(door|lift|block|closing)(?:s| (\d{1,9}))")
@@ -305,7 +304,7 @@ class MatchList(Rows, can_focus=False):
         words = "" if load == NIL else f", {load_words(view.snapshot, load)}"
         return line(
             f"robot {robot}  ",
-            dim(f"{doing(fleet, robot)} at {view.floor_plan.xy(int(cell))}{words}"),
+            dim(f"{doing_word(fleet, robot)} at {view.floor_plan.xy(int(cell))}{words}"),
         )
 
     def chosen(self, index: int) -> None:

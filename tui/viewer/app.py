@@ -1,4 +1,4 @@
-"""The app: its screen, its themes, and the objects that act on both."""
+"""The viewer: its widgets, the mouse, and how it begins and ends."""
 
 from __future__ import annotations
 
@@ -21,100 +21,35 @@ from textual.screen import Screen
 from textual.scrollbar import ScrollBar, ScrollBarRender
 from textual.theme import Theme as TextualTheme
 from textual.widget import Widget
+from textual.widgets import Static
 
 from automaton.engine.state import NIL
 from tui.actions import Actions, Command
-from tui.actions.branch_actions import BranchActions
-from tui.actions.capture_actions import CaptureActions
-from tui.actions.clock_actions import ClockActions
-from tui.actions.find_actions import FindActions
-from tui.actions.map_actions import LayerActions, MapActions
-from tui.actions.panel_actions import PanelActions
+from tui.actions.branch_actions import BranchActions, Reloading
+from tui.actions.seek_actions import ClockActions, FindActions
+from tui.actions.view_actions import CaptureActions, LayerActions, MapActions, PanelActions
 from tui.playback.run_source import Opening
 from tui.registration import layers, panels
 from tui.render import styles
-from tui.render.glyphs import ASCII, to_ascii
-from tui.render.styles import COLOURS, Depth, Look, Theme
-from tui.session.display import Display
-from tui.session.session import Session
+from tui.render.styles import ASCII, COLOURS, Depth, Look, Theme, to_ascii
+from tui.screens.dialogs import ACROSS, DOWN, MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS, size_classes
 from tui.terminal.frame_pacing import quiet_collector
 from tui.terminal.options import Options
-from tui.widgets.bindings import ACTIONS, COMPARING, bindings, key_text
+from tui.viewer.session import Display, Session
+from tui.widgets.bindings import ACTIONS, COMPARING, HelpScreen, bindings, key_text
 from tui.widgets.map_view import MapView
 from tui.widgets.status import Keys
 from tui.widgets.timeline import Timeline
-from tui.widgets.too_small import ACROSS, DOWN, TooSmall, size_classes
 
 if TYPE_CHECKING:
     from tui.playback.panel_view import CellChosen, JamChosen, RobotChosen, TickChosen, ZoneChosen
 
 
-def themes() -> list[TextualTheme]:
-    """One for dark and one for light terminals."""
-    return [_theme("dark"), _theme("light")]
-
-
-def _theme(theme: Theme) -> TextualTheme:
-    def colour(row: int) -> str:
-        shades = COLOURS[row].dark if theme == "dark" else COLOURS[row].light
-        return f"#{shades.true:06x}"
-
-    return TextualTheme(
-        name=f"automaton-{theme}",
-        dark=theme == "dark",
-        primary=colour(styles.COLOUR_DESTINATION),
-        secondary=colour(styles.COLOUR_ROBOT),
-        accent=colour(styles.COLOUR_LOADED),
-        warning=colour(styles.COLOUR_LOADED),
-        error=colour(styles.COLOUR_FAULT),
-        success=colour(styles.COLOUR_DONE),
-        foreground=colour(styles.COLOUR_TEXT),
-        background=colour(styles.COLOUR_VOID),
-        surface=colour(styles.COLOUR_FLOOR),
-        panel="#262626" if theme == "dark" else "#dadada",
-        variables={
-            "footer-background": colour(styles.COLOUR_VOID),
-            "footer-key-foreground": colour(styles.COLOUR_LOADED),
-            "footer-description-foreground": colour(styles.COLOUR_DIM),
-            "text-disabled": colour(styles.COLOUR_DIM),  # of placeholders
-            "block-cursor-blurred-background": "#303030" if theme == "dark" else "#dadada",
-            "border": colour(styles.COLOUR_WALL),
-            "border-blurred": colour(styles.COLOUR_WALL),
-        },
-    )
-
-
-# Everything beside the maps in ASCII: frames, scroll bars, ellipses and what a name may hold.
-#
-# Textual draws with characters that some terminals and fonts do not have. On its way to the terminal
-# each of them is replaced by what looks most like it.
-
-
-class AsciiOnly(LineFilter):
-    """Replaces what is not ASCII; no line gets longer or shorter."""
-
-    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
-        return [
-            segment if segment.control else segment._replace(text=to_ascii(segment.text))
-            for segment in segments
-        ]
-
-
-class WholeCells(ScrollBarRender):
-    """Scroll bars whose ends lie between two characters, so that none has to be cut in eighths."""
-
-    VERTICAL_BARS: ClassVar = [" "]
-    HORIZONTAL_BARS: ClassVar = [" "]
-
-
-# The viewer: its widgets, the mouse, and how it begins and ends.
-
-
 SETTLED_S = 1.5  # after the world is there, when the garbage collector is told to leave it alone
 INTERRUPTED = 130
+PROBLEMS_S = 20.0  # in which it is said what could not be loaded
 LABELS = {action.id: action.label for action in ACTIONS}
 OF_THE_WORLD = ("layer_none", "next_layer", "trails")  # as all layers and panels are
-PROBLEMS_S = 20.0  # in which it is said what could not be loaded
 
 
 class Viewer(App[None]):
@@ -157,8 +92,6 @@ class Viewer(App[None]):
         )
         self.reloading = None
         if opening.reload is not None:
-            from tui.actions.branch_actions import Reloading
-
             self.reloading = Reloading(self, self.session, self.main_display, self.branches)
         self._commands = {
             id: does for group in self.groups for id, does in group.commands().items()
@@ -219,7 +152,7 @@ class Viewer(App[None]):
 
     def _open(self) -> None:
         """In a thread of its own."""
-        if self.session.open(self.main_display.frames.on_published):
+        if self.session.open(self.main_display.frames.on_published, _import_panels):
             self.call_later(self._opened)
             if self.session.opening.comparing:
                 self.session.compare()
@@ -429,8 +362,6 @@ class Viewer(App[None]):
         }
 
     def _show_help(self) -> None:
-        from tui.screens.dialogs import HelpScreen  # after the first picture
-
         self.push_screen(HelpScreen(self._keys()))
 
     def _change_theme(self) -> None:
@@ -449,3 +380,85 @@ class Viewer(App[None]):
         if self.loop is None:
             raise SystemExit(code)
         self.loop.call_soon_threadsafe(lambda: self.exit(return_code=code))
+
+
+def _import_panels() -> None:
+    """They take a while."""
+    from tui.widgets.panel_column import panel_widgets
+
+    panel_widgets()
+
+
+class TooSmall(Static):
+    """Says what is needed; goes away when the terminal grows."""
+
+    DEFAULT_CSS = (
+        "TooSmall { display: none; width: 1fr; height: 1fr; content-align: center middle; }"
+    )
+
+    def measure(self, columns: int, rows: int) -> None:
+        """Say how large the terminal is."""
+        self.update(
+            f"automaton needs {MIN_TERMINAL_COLUMNS}x{MIN_TERMINAL_ROWS}, has {columns}x{rows}"
+        )
+
+
+# The colours of everything but the map, made from the map's own.
+
+
+def themes() -> list[TextualTheme]:
+    """One for dark and one for light terminals."""
+    return [_theme("dark"), _theme("light")]
+
+
+def _theme(theme: Theme) -> TextualTheme:
+    def colour(row: int) -> str:
+        shades = COLOURS[row].dark if theme == "dark" else COLOURS[row].light
+        return f"#{shades.true:06x}"
+
+    return TextualTheme(
+        name=f"automaton-{theme}",
+        dark=theme == "dark",
+        primary=colour(styles.COLOUR_DESTINATION),
+        secondary=colour(styles.COLOUR_ROBOT),
+        accent=colour(styles.COLOUR_LOADED),
+        warning=colour(styles.COLOUR_LOADED),
+        error=colour(styles.COLOUR_FAULT),
+        success=colour(styles.COLOUR_DONE),
+        foreground=colour(styles.COLOUR_TEXT),
+        background=colour(styles.COLOUR_VOID),
+        surface=colour(styles.COLOUR_FLOOR),
+        panel="#262626" if theme == "dark" else "#dadada",
+        variables={
+            "footer-background": colour(styles.COLOUR_VOID),
+            "footer-key-foreground": colour(styles.COLOUR_LOADED),
+            "footer-description-foreground": colour(styles.COLOUR_DIM),
+            "text-disabled": colour(styles.COLOUR_DIM),  # of placeholders
+            "block-cursor-blurred-background": "#303030" if theme == "dark" else "#dadada",
+            "border": colour(styles.COLOUR_WALL),
+            "border-blurred": colour(styles.COLOUR_WALL),
+        },
+    )
+
+
+# Everything beside the maps in ASCII: frames, scroll bars, ellipses and what a name may hold.
+#
+# Textual draws with characters that some terminals and fonts do not have. On its way to the terminal
+# each of them is replaced by what looks most like it.
+
+
+class AsciiOnly(LineFilter):
+    """Replaces what is not ASCII; no line gets longer or shorter."""
+
+    def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
+        return [
+            segment if segment.control else segment._replace(text=to_ascii(segment.text))
+            for segment in segments
+        ]
+
+
+class WholeCells(ScrollBarRender):
+    """Scroll bars whose ends lie between two characters, so that none has to be cut in eighths."""
+
+    VERTICAL_BARS: ClassVar = [" "]
+    HORIZONTAL_BARS: ClassVar = [" "]

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
-from typing import ClassVar, Final
+from typing import ClassVar, Final, NamedTuple
 
 import numpy as np
 from textual.app import ComposeResult
@@ -12,15 +13,36 @@ from textual.containers import Vertical
 from textual.message import Message
 from textual.widgets import Input
 
+from automaton.engine.observation import EVENT_NAMES
 from automaton.engine.state import NIL, Array
-from automaton.history.event_history import EVENT_COLUMNS, EVENT_GROUPS, EventHistory, Log, event_of
+from automaton.history.event_history import (
+    EVENT_COLUMNS,
+    EVENT_GROUPS,
+    SUBJECTS,
+    TEXTS,
+    TRIP_TEXTS,
+    EventHistory,
+    Log,
+    event_of,
+)
 from automaton.units import count
 from tui.playback.panel_view import RobotChosen, TickChosen, View
-from tui.widgets.panel import PanelWidget
+from tui.widgets.panel import (
+    UNICODE,
+    Line,
+    Link,
+    PanelWidget,
+    Rows,
+    Signs,
+    Span,
+    TypedInput,
+    dim,
+    line,
+    title,
+    wrapped,
+)
 from tui.widgets.pod_facts import makes_trips
-from tui.widgets.robot_facts import ROBOT_COLUMN_WIDTH, Wanted, event_line
-from tui.widgets.rows import Rows, TypedInput
-from tui.widgets.styled_lines import UNICODE, Line, Link, Signs, Span, dim, line, title, wrapped
+from tui.widgets.robot_facts import ROBOT_COLUMN_WIDTH, event_line
 from tui.widgets.zone_facts import partition_of, parts_finished
 
 
@@ -90,6 +112,45 @@ class KindBoxes(Rows):
     def on_resize(self) -> None:
         super().on_resize()
         self.set_content(self._boxes)
+
+
+class Wanted(NamedTuple):
+    """Which events are asked for."""
+
+    kinds: frozenset[str] = frozenset(EVENT_GROUPS)
+    robot: int = NIL  # NIL: any
+    words: str = ""  # as typed: robot 3, load 7, and parts of what an event is called
+
+    def mask(self, events: Array) -> Array:
+        """(N,) bool: whether each of (N, 5) events is asked for."""
+        holds: Array = np.isin(events[:, 1], [c for kind in self.kinds for c in EVENT_GROUPS[kind]])
+        if self.robot != NIL:
+            holds &= events[:, 2] == self.robot
+        rest = self.words.lower()
+        for name, number in re.findall(r"(robot|load|order|trip|part)\s*(\d+)", rest):
+            column = 2 if name == "robot" else 3
+            holds &= events[:, column] == int(number)
+            if column == 3:
+                holds &= np.isin(
+                    events[:, 1], EVENT_GROUPS["parts"] if name == "part" else SUBJECTS
+                )
+        for word in re.sub(r"(robot|load|order|trip|part)\s*\d+", " ", rest).split():
+            holds &= self._called(word, events)
+        return holds
+
+    def _called(self, word: str, events: Array) -> Array:
+        """Events of a robot with this number, or with the word in one of their names."""
+        if word.isdigit():
+            numbered: Array = events[:, 2] == int(word)
+            return numbered
+        kinds = {code: name for name, several in EVENT_GROUPS.items() for code in several}
+        hits = [
+            code
+            for code, text in TEXTS.items()
+            if word in f"{text} {TRIP_TEXTS[code]} {EVENT_NAMES[code]} {kinds[code]}"
+        ]
+        called: Array = np.isin(events[:, 1], hits)
+        return called
 
 
 # The log of events: filtered, as long as the run, of which only the rows in sight are written.

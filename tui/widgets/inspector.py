@@ -1,4 +1,4 @@
-"""The inspector: what there is to say about a cell, an order or a robot that is chosen."""
+"""What the inspector says about a cell, with what it holds, and about an order."""
 
 from __future__ import annotations
 
@@ -20,20 +20,11 @@ from automaton.units import count
 from automaton.world.floor_parts import places_of_chargers
 from tui.playback.panel_view import OrderChosen, View
 from tui.registration import layer_named
-from tui.widgets.pod_facts import (
-    due_facts,
-    has_pods,
-    makes_trips,
-    ordered_pod,
-    pod_station_facts,
-    storage_facts,
-    trip_lines,
-)
-from tui.widgets.robot_facts import charger_lines, closed_to, robot_lines
-from tui.widgets.styled_lines import (
+from tui.widgets.panel import (
     Line,
     Link,
     Span,
+    TextPanel,
     cell_link,
     dim,
     fact,
@@ -45,7 +36,16 @@ from tui.widgets.styled_lines import (
     title,
     wrapped,
 )
-from tui.widgets.text_panel import TextPanel
+from tui.widgets.pod_facts import (
+    due_facts,
+    has_pods,
+    makes_trips,
+    ordered_pod,
+    pod_station_facts,
+    storage_facts,
+    trip_lines,
+)
+from tui.widgets.robot_facts import charger_lines, closed_to, robot_lines
 from tui.widgets.zone_facts import order_zone, part_of_order, station_facts, zone_facts, zone_lines
 
 Parts = list[str | Span]

@@ -1,13 +1,279 @@
-"""The legend: what the signs of the map mean, in the colours of the map."""
+"""What the signs of a picture mean: those that can occur on this floor, with this layer."""
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
+import numpy as np
+
+from automaton.drawings import looks
+from automaton.drawings.looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
+from automaton.engine.state import BATTERY_PERCENT, GATE_CLOSING, GATE_DOOR
+from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
 from tui.playback.panel_view import Picture, View
-from tui.render.glyphs import GLYPH_BITS, GLYPHS
-from tui.render.map_legend import Entry, legend, worst_cells
-from tui.render.scene import Scene
-from tui.widgets.styled_lines import Line, Span, cell_link, line, title, wrapped
-from tui.widgets.text_panel import TextPanel
+from tui.render import drawn_robots as fleet
+from tui.render import styles
+from tui.render.camera import Zoom, shown_rectangle
+from tui.render.cell_looks import (
+    FAR_SHELF,
+    STORING_KINDS,
+    cell_codes,
+    colour_of,
+    flow_codes,
+    heat_codes,
+    look,
+)
+from tui.render.compose import DRIVEN
+from tui.render.drawn_robots import BAR_HEIGHT, colour_entries, is_possible
+from tui.render.layer import nothing_yet
+from tui.render.scene import (
+    DETAIL_FULL_SHELF,
+    DETAIL_PASSING,
+    DETAIL_POD,
+    DETAIL_UNLIMITED,
+    HEAT_LEVELS,
+    Scene,
+)
+from tui.render.styles import GLYPH_BITS, GLYPHS, GlyphSet, code, style
+from tui.widgets.panel import Line, Span, TextPanel, cell_link, line, title, wrapped
+
+STROKE = 0x24  # dots of a line from left to right
+MAX_WORST_CELLS = 10  # cells of a layer that are listed
+
+
+class Entry(NamedTuple):
+    """One line of a legend."""
+
+    signs: tuple[int, ...]  # codes
+    meaning: str
+
+
+def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
+    """The layer, the robots, what lies over the floor, and the floor."""
+    near = zoom.kind == "cells"
+    entries = _robots(scene, zoom, glyphs) if near else _far_robots(scene, zoom, glyphs)
+    if scene.colouring != "state" and is_possible(scene, scene.colouring):
+        sign = glyphs.loaded[0] if near else glyphs.fleet[255]
+        colours = [Entry(*entry) for entry in colour_entries(scene, sign)]
+        entries = colours + _without_colours(entries, near)
+    entries = _layer(scene, glyphs) + entries + _overlays(scene, zoom, glyphs)
+    return entries + (_cells(scene, glyphs) if near else _far_cells(scene, glyphs))
+
+
+def _without_colours(entries: list[Entry], near: bool) -> list[Entry]:
+    """The signs of robots where colours say something else than the state: shapes in one colour.
+
+    From afar there are no shapes; only robots in wait cycles or down keep their colour.
+    """
+    bodies = {style(styles.COLOUR_FLOOR, int(colour)): colour for colour in fleet.BODY_COLOURS}
+    plain = style(styles.COLOUR_FLOOR, styles.COLOUR_TEXT)
+    shown = []
+    for signs, meaning in entries:
+        alarms = styles.COLOUR_FAULT in divmod(signs[0] >> GLYPH_BITS, len(styles.COLOURS))
+        body = bodies.get(signs[0] >> GLYPH_BITS)
+        if alarms or (near and body is None):
+            shown.append(Entry(signs, meaning))
+        elif near and body != styles.COLOUR_WAITING:
+            shapes = [int(code(plain, one & int(GLYPHS))) for one in signs if one & int(GLYPHS)]
+            shown.append(Entry(tuple(shapes), meaning))
+    return shown
+
+
+def worst_cells(scene: Scene) -> list[tuple[int, int]]:
+    """Cells with the greatest numbers of a heat layer, and the numbers."""
+    if not scene.map_layer.ranked or scene.values is None:
+        return []
+    order = np.argsort(-scene.values, kind="stable")[:MAX_WORST_CELLS]
+    return [(int(cell), int(scene.values[cell])) for cell in order if scene.values[cell] > 0]
+
+
+def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
+    shapes = fleet.shape_glyphs(glyphs)
+
+    def signs(state: int, shape: int, directions: tuple[int, ...]) -> tuple[int, ...]:
+        loaded = zoom.is_drawn and state == looks.DRAW_LOADED
+        body = int(fleet.BODY_COLOURS[looks.DRAW_EMPTY if loaded else state])
+        written = style(styles.COLOUR_FLOOR, body)
+        drawn = tuple(int(code(written, shapes[shape, d])) for d in directions)
+        cargo = style(styles.COLOUR_FLOOR, styles.COLOUR_LOADED)
+        return (*drawn, int(code(cargo, glyphs.blank))) if loaded else drawn
+
+    ways = (0, 1, 2, 3)
+    waits = "waits: flat in front" if zoom.is_drawn else "waits"
+    load = "pod" if (scene.floor.floor_plan.kind == STORAGE).any() else "load"
+    entries = [
+        Entry(signs(looks.DRAW_EMPTY, looks.SHAPE_HOLLOW, ways), "robot, and the way it faces"),
+        Entry(signs(looks.DRAW_LOADED, looks.SHAPE_FILLED, ways), f"robot with a {load}"),
+        Entry(signs(looks.DRAW_WAITING, looks.SHAPE_HOLLOW, (0,)), waits),
+        Entry(signs(looks.DRAW_FAULT, looks.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
+        Entry(signs(looks.DRAW_PARKED, looks.SHAPE_SQUARE, (0,)), "parked"),
+    ]
+    if scene.floor.battery:
+        low = f"battery below {looks.LOW_CHARGE // BATTERY_PERCENT} %"
+        entries += [
+            Entry(signs(looks.DRAW_CHARGING, looks.SHAPE_PLUG, (0,)), "charges"),
+            Entry(signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_THIN, ways), low),
+            Entry(signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_BOXED, ways), f"{low}, with a load"),
+            Entry(signs(looks.DRAW_FAULT, looks.SHAPE_VOID, (0,)), "battery empty, down"),
+        ]
+        if zoom.height >= BAR_HEIGHT:
+            bar = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
+            entries.append(Entry((int(code(bar, glyphs.lower_half)),), "charge of its battery"))
+    if scene.floor.faults:
+        entries.append(Entry(signs(looks.DRAW_FAULT, looks.SHAPE_CROSS, (0,)), "broken down"))
+    if scene.floor.loads_may_lie:
+        left = int(code(style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), glyphs.left_load))
+        entries.append(Entry((left,), "load that a robot had to leave"))
+    gates = () if scene.snapshot is None else scene.snapshot.gates.kind
+    for kind, sign, name in (
+        (GATE_CLOSING, glyphs.closed, "closed cell"),
+        (GATE_DOOR, glyphs.door, "door that is shut"),
+    ):
+        if kind in gates:
+            shut = int(code(style(styles.COLOUR_FAULT, styles.COLOUR_FLOOR), sign))
+            entries.append(Entry((shut,), name))
+    if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable] != 1).any():
+        several = style(styles.COLOUR_FLOOR, styles.COLOUR_ROBOT)
+        entries.append(Entry((int(code(several, glyphs.digits[2])),), "so many robots in one cell"))
+    claim = int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), glyphs.arrow[0]))
+    return [*entries, Entry((claim,), "held by a robot that is moving in")]
+
+
+def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
+    worst = "waiting in a wait cycle" + (", down" if scene.floor.loads_may_lie else "")
+    names = {
+        looks.DRAW_FAULT: worst,
+        looks.DRAW_WAITING: "waiting",
+        looks.DRAW_LOW_BATTERY: f"battery below {looks.LOW_CHARGE // BATTERY_PERCENT} %",
+        looks.DRAW_LOADED: "with a load",
+        looks.DRAW_EMPTY: "empty",
+        looks.DRAW_CHARGING: "charging",
+        looks.DRAW_PARKED: "parked robots",
+    }
+    entries = []
+    for state in names:
+        if state not in (looks.DRAW_CHARGING, looks.DRAW_LOW_BATTERY) or scene.floor.battery:
+            shown = _far_sign(scene, zoom, glyphs, int(fleet.BODY_COLOURS[state]))
+            entries.append(Entry((shown,), names[state]))
+    return entries
+
+
+def _far_sign(scene: Scene, zoom: Zoom, glyphs: GlyphSet, colour: int) -> int:
+    """A robot from afar."""
+    floor = shown_rectangle(scene.floor.floor_plan)
+    rows, columns = zoom.size((floor.bottom - floor.top, floor.right - floor.left))
+    robots = 0 if scene.snapshot is None else len(scene.snapshot.robots.cell)
+    on_layer = scene.values is not None or scene.tints is not None
+    if zoom.kind == "pixels" and not on_layer:
+        return int(code(style(colour, styles.COLOUR_FLOOR), glyphs.upper_half))
+    mark = fleet.far_mark(robots, rows * columns, on_layer or zoom.kind == "pixels")
+    if mark == fleet.MARK_FULL:
+        return int(code(style(styles.COLOUR_FLOOR, colour), glyphs.fleet_full))
+    sign = glyphs.fleet_half[0] if mark == fleet.MARK_HALF else glyphs.fleet[255]
+    return int(code(style(colour, styles.COLOUR_FLOOR), sign))
+
+
+def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
+    def bg(fg: int) -> tuple[int, ...]:
+        return (int(code(style(styles.COLOUR_ROBOT, fg), glyphs.robot[0])),)
+
+    entries = []
+    if scene.selected >= 0:
+        entries.append(Entry(bg(styles.COLOUR_SELECTED), f"robot {scene.selected}, selected"))
+        route = style(styles.COLOUR_ROUTE, styles.COLOUR_FLOOR)
+        sign = glyphs.lines[STROKE] if zoom.is_drawn else glyphs.route
+        entries.append(Entry((int(code(route, sign)),), "its route"))
+        if zoom.kind == "cells":
+            entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
+    entries += path_entries(scene, glyphs)
+    if scene.zone >= 0:
+        entries.append(
+            Entry(
+                (int(code(style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED), glyphs.blank)),),
+                scene.zone_name,
+            )
+        )
+    if len(scene.marked) or len(scene.marked_cells):
+        entries.append(Entry(bg(styles.COLOUR_MARKED), "found"))
+    return entries
+
+
+def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    """Levels with their numbers, or the zones."""
+    own = scene.map_layer.entries(scene, glyphs)
+    if own is not None:
+        return [Entry(*entry) for entry in own]
+    if scene.values is None:
+        return []
+    if not scene.values.any():
+        return [Entry((), nothing_yet(scene))]
+    lines: dict[tuple[int, ...], list[int]] = {}
+    for level in range(1, HEAT_LEVELS):
+        heat = (int(heat_codes(glyphs)[level]),)
+        arrows = tuple(flow_codes(glyphs)[level].tolist())
+        lines.setdefault(arrows if scene.map_layer.arrows else heat, []).append(level)
+    return [
+        Entry(codes, f"{scene.map_layer.unit}: {scene.scale.words(levels[0], levels[-1])}")
+        for codes, levels in lines.items()
+    ]
+
+
+def _cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    """The looks of this floor; those that differ in direction alone share a line."""
+    codes = cell_codes(glyphs, 1)
+    lines: dict[str, list[int]] = {}
+    numbers = set(np.unique(scene.floor.looks).tolist())
+    if look(SHELF) in numbers:
+        numbers.add(look(SHELF, DETAIL_FULL_SHELF))
+    if look(STORAGE) in numbers:
+        numbers.add(look(STORAGE, DETAIL_POD))
+    for number in sorted(numbers - {look(WALL, DETAIL_OUTSIDE)}):
+        signs = lines.setdefault(_meaning(number), [])
+        if int(codes[number, 0]) not in signs:
+            signs.append(int(codes[number, 0]))
+    return [Entry(tuple(signs), meaning) for meaning, signs in lines.items()]
+
+
+def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    kinds = [kind for kind in np.unique(scene.floor.floor_plan.kind).tolist() if kind not in DRIVEN]
+
+    def sign(kind: int) -> int:
+        fg = FAR_SHELF if kind in STORING_KINDS else colour_of(look(kind))
+        return int(code(style(fg, styles.COLOUR_FLOOR), glyphs.braille[255]))
+
+    return [Entry((sign(kind),), CELL_KINDS[kind].name.replace("-", " ")) for kind in kinds]
+
+
+def _meaning(number: int) -> str:
+    kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
+    if kind == SHELF:
+        return "shelf with a load" if detail == DETAIL_FULL_SHELF else "empty shelf"
+    if kind == STORAGE:
+        return "pod in storage" if detail == DETAIL_POD else "storage without a pod"
+    if kind == TRACK:
+        return "track, driven along"
+    if kind == FLOOR and detail:
+        return {
+            DETAIL_PASSING: "two robots pass here",
+            DETAIL_UNLIMITED: "any number of robots",
+        }.get(detail, "one-way floor")
+    return {"turntable": "turntable: robots turn here"}.get(
+        CELL_KINDS[kind].name, CELL_KINDS[kind].name.replace("-", " ")
+    )
+
+
+def path_entries(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    """Trails of robots and lines to their goals."""
+    trail = int(code(style(styles.COLOUR_TRAIL, styles.COLOUR_FLOOR), glyphs.trail))
+    line = style(styles.COLOUR_GOAL_LINE, styles.COLOUR_FLOOR)
+    signs = tuple(int(code(line, ord(sign))) for sign in "-/")
+    whose = "the selected robot" if scene.lines == "selected" else "each robot"
+    entries = [Entry((trail,), "where robots came from")] if scene.trails.size else []
+    return entries + ([Entry(signs, f"from {whose} straight to its goal")] if scene.lines else [])
+
+
+# The legend: what the signs of the map mean, in the colours of the map.
+
 
 SIGN_COLUMNS = 9  # columns for the signs
 
@@ -27,9 +293,9 @@ class Legend(TextPanel):
 def _entry(entry: Entry, picture: Picture, width: int) -> list[Line]:
     """The signs, and the meaning beside them."""
     signs: list[Span | str] = []
-    for code in entry.signs[: SIGN_COLUMNS // 2]:
-        style, glyph = code >> GLYPH_BITS, code & int(GLYPHS)
-        signs += [Span(picture.glyphs.characters[glyph], picture.look.rich(style)), " "]
+    for sign in entry.signs[: SIGN_COLUMNS // 2]:
+        character = picture.glyphs.characters[sign & int(GLYPHS)]
+        signs += [Span(character, picture.look.rich(sign >> GLYPH_BITS)), " "]
     gap = " " * (SIGN_COLUMNS - len(signs))
     meaning = wrapped(line(entry.meaning), width - SIGN_COLUMNS)
     first = (*line(*signs, gap), *meaning[0])

@@ -11,9 +11,17 @@ from itertools import accumulate
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from automaton.drawings.looks import LOW_CHARGE
-from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUSES, is_waiting
+from automaton.engine.observation import (
+    CAUSE_NO_ORDER,
+    CAUSE_NOT_WAITING,
+    CAUSES,
+    DELIVERED_ORDERS,
+    WAITING_ROBOTS,
+    is_waiting,
+)
 from automaton.engine.robot_states import is_charging, is_queueing
 from automaton.engine.state import (
     BATTERY_FULL,
@@ -27,13 +35,13 @@ from automaton.history.fleet_summary import FleetSummary, summarize
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import count, number, percent
 from tui.playback.panel_view import JamChosen, TickChosen, View, middle_robot
-from tui.widgets import lost_time, metric_curve
-from tui.widgets.robot_facts import battery_figures, may_fail
-from tui.widgets.styled_lines import (
+from tui.widgets import why_panel
+from tui.widgets.panel import (
     Line,
     Link,
     Signs,
     Span,
+    TextPanel,
     bar,
     dim,
     fact,
@@ -43,7 +51,7 @@ from tui.widgets.styled_lines import (
     title,
     wrapped,
 )
-from tui.widgets.text_panel import TextPanel
+from tui.widgets.robot_facts import battery_figures, may_fail
 from tui.widgets.zone_facts import partition_of, parts_finished, zone_link
 
 GREATER_IS_BETTER: Final = {"delivered", "throughput", "utilization", "throughput_per_robot"}
@@ -175,14 +183,14 @@ class Figures(TextPanel):
         of_all = f"{done:,} of {fleet.orders:,} "
         of_all = of_all if len(of_all) <= width - NAME_COLUMNS else f"{done:,} "
         room = max(0, width - NAME_COLUMNS - len(of_all))
-        rate, now = float(metrics["throughput"]), metric_curve.now_throughput(curve_now)
+        rate, now = float(metrics["throughput"]), now_throughput(curve_now)
         longest = max(len(_short(value)) for value in (rate, now))
         unit = UNIT if width >= NAME_COLUMNS + longest + 1 + len(UNIT) else SHORT_UNIT
         return [
             _figure("delivered", of_all, bar(share, room, self.signs)),
             *_lines(fleet, view),
             _figure("throughput", f"{_short(rate)} {unit}"),
-            _figure(f"  last {metric_curve.NOW_TICKS}", f"{_short(now)} {unit}"),
+            _figure(f"  last {NOW_TICKS}", f"{_short(now)} {unit}"),
             *self._share("utilization", "utilization", view, width),
             *self._share("blocked_share", "blocked", view, width),
             *_robots(view, width),
@@ -268,23 +276,21 @@ class Figures(TextPanel):
     def _curves(self, view: View, width: int) -> tuple[list[Line], list[Line]]:
         """Throughput and waiting robots over time; the axis is below the second."""
         known = _known(view)
-        points = metric_curve.points_for(width, self.signs.dots)
+        points = points_for(width, self.signs.dots)
         rate = "throughput, orders/1000 ticks"
         name = rate if width >= len(rate) else "orders/1000 ticks"
-        throughput = self._curve(name, metric_curve.throughput(known, points), known.ticks)
-        mean = metric_curve.waiting(known, points)
+        throughput = self._curve(name, throughput_over_time(known, points), known.ticks)
+        mean = waiting_over_time(known, points)
         waiting = self._curve("waiting robots", mean, known.ticks, filled=False)
         last = f"tick {known.ticks:,}"
-        axis = "0".ljust(max(1, width - metric_curve.LABEL_WIDTH - len(last))) + last
-        return throughput, [*waiting, line(dim(" " * metric_curve.LABEL_WIDTH + axis))]
+        axis = "0".ljust(max(1, width - LABEL_WIDTH - len(last))) + last
+        return throughput, [*waiting, line(dim(" " * LABEL_WIDTH + axis))]
 
-    def _curve(
-        self, name: str, values: metric_curve.Values, ticks: int, filled: bool = True
-    ) -> list[Line]:
+    def _curve(self, name: str, values: Values, ticks: int, filled: bool = True) -> list[Line]:
         """One colour for each curve: one for each character would cost ten times the bytes."""
         lines, look = [line(title(name))], "good" if filled else "warn"
-        for text in metric_curve.drawn(values, CURVE_ROWS, self.signs.dots, filled):
-            label, body = text[: metric_curve.LABEL_WIDTH], text[metric_curve.LABEL_WIDTH :]
+        for text in drawn_curve(values, CURVE_ROWS, self.signs.dots, filled):
+            label, body = text[:LABEL_WIDTH], text[LABEL_WIDTH:]
             lines.append(line(dim(label), Span(body, look, ("curve", ticks))))
         return lines
 
@@ -299,12 +305,12 @@ class Figures(TextPanel):
         room = max(0, width - CAUSE - 10)
         causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
         for cause in causes:
-            drawn = lost_time.drawn(cause, int(lost[cause]) / int(lost.max()), room, self.signs)
+            drawn = why_panel.cause_bar(cause, int(lost[cause]) / int(lost.max()), room, self.signs)
             link = ("cause", cause)
-            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, CAUSE))
+            name = (why_panel.cause_letter(cause), *term(CAUSES[cause].name, link, CAUSE))
             lines.append(line(*name, drawn, f"{percent(int(lost[cause]) / whole):>8}"))
             lines += self.explanation(link, CAUSES[cause].meaning, width)
-        return [*lines, lost_time.key(causes, self.signs)]
+        return [*lines, why_panel.pattern_key(causes, self.signs)]
 
     def _all(self, view: View, width: int) -> list[Line]:
         """Every metric with its unit."""
@@ -329,7 +335,7 @@ class Figures(TextPanel):
         """A click on a curve leads to its tick."""
         kind, ticks = link
         if kind == "curve":
-            room = max(1, self.width - metric_curve.LABEL_WIDTH - 1)
+            room = max(1, self.width - LABEL_WIDTH - 1)
             self.post_message(TickChosen(round(ticks * min(1.0, column / room))))
         elif kind in ("cause", "metric", "share"):
             self.explain(link)
@@ -412,3 +418,106 @@ def _robots(view: View, width: int) -> list[Line]:
         (dim(name.ljust(NAME_COLUMNS)), *[part for span in row for part in (span, Span(", "))][:-1])
         for name, row in zip(names, rows, strict=True)
     ]
+
+
+# A metric over time, drawn in braille: two points of time and four levels in each character.
+#
+# A curve is filled, or a line where two of them have to differ by more than their colours.
+#
+# 24 ⡀ ⢀⣀⡀ The label of the greatest value is above, 0 below; the last column but the 0 ⣷⣶⣶⣿⣿⣷ labels
+# is the last tick. Without braille one point in each character.
+
+
+Values = NDArray[np.float64]
+LABEL_WIDTH: Final = 7  # columns for labels, the blank behind them included
+SAMPLES: Final = 64  # of the rows between two points, at most so many are looked at
+NOW_TICKS: Final = 500  # "now" in throughput: the deliveries of the last so many ticks
+# Bits of a braille pattern, from the lowest dot up, of the left and the right column.
+RISING: Final = np.array([[0x40, 0x44, 0x46, 0x47], [0x80, 0xA0, 0xB0, 0xB8]])
+STEPS_OF_TEN: Final = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)  # where an axis may end
+CURVE_CHARACTERS: Final = " .:|"  # the filling of a character in ASCII
+LINE_CHARACTERS: Final = " .-'"  # the height of a line in it
+
+
+def edges(ticks: int, points: int) -> NDArray[np.int64]:
+    """(points + 1,) ticks at which the points of a curve begin and end."""
+    return np.linspace(0, ticks, points + 1).astype(np.int64)
+
+
+def throughput_over_time(curve: Curve, points: int) -> Values:
+    """(points,) deliveries per 1,000 ticks, each over the last NOW_TICKS or longer."""
+    bounds = edges(curve.ticks, points)
+    return _rate(curve, np.minimum(bounds[:-1], bounds[1:] - NOW_TICKS), bounds[1:])
+
+
+def _rate(curve: Curve, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Values:
+    """Deliveries per 1,000 ticks, between ticks of which the curve has rows."""
+    end = end - end % curve.every
+    begin = np.clip(begin - begin % curve.every, 0, np.maximum(0, end - curve.every))
+    made = curve.at(end, DELIVERED_ORDERS) - curve.at(begin, DELIVERED_ORDERS)
+    rate: Values = 1000.0 * made / np.maximum(1, end - begin)
+    return rate
+
+
+def waiting_over_time(curve: Curve, points: int) -> Values:
+    """(points,) mean number of robots that wait."""
+    bounds = edges(curve.ticks, points)
+    width = np.maximum(1, np.diff(bounds))
+    steps = np.arange(SAMPLES) / SAMPLES
+    ticks = (bounds[:-1, None] + (width[:, None] * steps)).astype(np.int64) + 1
+    mean: Values = curve.at(ticks, WAITING_ROBOTS).mean(axis=1)
+    return mean
+
+
+def now_throughput(curve: Curve) -> float:
+    """Deliveries per 1,000 ticks over the last NOW_TICKS."""
+    last = np.array([curve.ticks])
+    return float(_rate(curve, last - NOW_TICKS, last)[0])
+
+
+def points_for(width: int, dots: bool) -> int:
+    """How many points a curve of so many columns has."""
+    return max(1, (width - LABEL_WIDTH) * (2 if dots else 1))
+
+
+def drawn_curve(values: Values, rows: int, dots: bool, filled: bool = True) -> list[str]:
+    """Rows of characters, labels included; the greatest value is as high as all rows."""
+    top = nice(float(values.max(initial=0.0)))
+    levels = 4 if dots else len(CURVE_CHARACTERS) - 1
+    heights = np.round(values / top * rows * levels).astype(np.int64)
+    heights = np.maximum(heights, (values > 0).astype(np.int64))
+    below = np.zeros_like(heights) if filled else _below_line(heights)
+    signs = CURVE_CHARACTERS if filled else LINE_CHARACTERS
+    lifted = [(rows - 1 - row) * levels for row in range(rows)]
+    bodies = [_curve_row(heights - lift, below - lift, "" if dots else signs) for lift in lifted]
+    labels = [number(top), *[""] * (rows - 2), "0"]
+    return [
+        f"{label:>{LABEL_WIDTH - 1}} {body}" for label, body in zip(labels, bodies, strict=True)
+    ]
+
+
+def _below_line(heights: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(points,) what is left out under a line: it rises from the point before, and is never broken."""
+    before = np.concatenate((heights[:1], heights[:-1]))
+    return np.maximum(0, np.minimum(heights - 1, before))
+
+
+def _curve_row(heights: NDArray[np.int64], below: NDArray[np.int64], signs: str) -> str:
+    """One row from what reaches into it, without what is below: in these signs, or in braille."""
+    if signs:
+        levels = np.clip(heights, 0, len(signs) - 1)
+        levels = np.where(below >= len(signs) - 1, 0, levels)
+        return "".join(signs[level] for level in levels)
+    filled = np.concatenate((np.zeros((2, 1), np.int64), RISING), axis=1)
+    top, bottom = (np.clip(one, 0, 4).reshape(-1, 2) for one in (heights, below))
+    patterns = filled[0, top[:, 0]] | filled[1, top[:, 1]]
+    patterns &= ~(filled[0, bottom[:, 0]] | filled[1, bottom[:, 1]])
+    return "".join(chr(0x2800 + pattern) for pattern in patterns.tolist())
+
+
+def nice(value: float) -> float:
+    """The next of STEPS_OF_TEN times a power of ten."""
+    if value <= 0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(next(step * power for step in STEPS_OF_TEN if value <= step * power * 1.000001))

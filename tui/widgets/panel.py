@@ -1,18 +1,429 @@
-"""What a panel is: a tab beside the map, its key, and the widget behind it.
+"""The few signs of the panels beside letters, in Unicode and in ASCII.
 
-Each panel is registered as an entry point of the group `automaton.panels`; the name of the entry is
-that of the panel. The entry point is loaded before the first picture, the widget after it: so the
-former should import little.
+None is "ambiguous" in Unicode's table of East Asian widths: some terminals draw those two columns wide.
 """
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, ClassVar, Final, NamedTuple
+
+from rich.segment import Segment
+from rich.style import Style
+from textual import events
+from textual.binding import Binding, BindingType
+from textual.geometry import Region, Size
+from textual.screen import ModalScreen
+from textual.scroll_view import ScrollView
+from textual.strip import Strip
+from textual.widgets import Input, TextArea
+
+from automaton.engine.state import NIL
+from automaton.floor.floor_plan import FloorPlan
+from tui.playback.panel_view import CellChosen, RobotChosen, TickChosen, View, ZoneChosen
+from tui.render.styles import GlyphSet
 
 if TYPE_CHECKING:
     from automaton.engine.state import Array
-    from tui.playback.panel_view import View
+
+
+class Signs(NamedTuple):
+    """What panels draw with."""
+
+    rising: str  # the order of a column
+    falling: str
+    before: str  # there is more on the left
+    beyond: str
+    here: str  # the present, the current choice
+    on: str
+    off: str
+    better: str  # the better of two metrics
+    full: str  # of a bar
+    half: str
+    thin: str  # of a bar of the second kind
+    thin_half: str
+    dots: bool  # whether there are braille patterns
+
+
+UNICODE: Final = Signs("▴", "▾", "◃", "▹", "▸", "✓", "⋅", "◂", "⣿", "⡇", "⠶", "⠆", True)
+ASCII: Final = Signs("^", "v", "<", ">", ">", "+", "-", "*", "#", "", "=", "", False)
+
+
+def signs_of(glyphs: GlyphSet) -> Signs:
+    """Those that go with the characters of the map."""
+    return ASCII if glyphs.name == "ascii" else UNICODE
+
+
+def bar(share: float, width: int, signs: Signs, thin: bool = False) -> str:
+    """A bar of at most `width` columns; something that is not nothing shows."""
+    full, half = (signs.thin, signs.thin_half) if thin else (signs.full, signs.half)
+    steps = 2 if half else 1
+    long = min(width * steps, max(round(share * width * steps), int(share > 0)))
+    return (full * (long // steps) + half * (long % steps)).ljust(width)
+
+
+# Lines of styled text, parts of which lead somewhere; what the panels are made of.
+
+
+Link = tuple[str, int]  # ("robot" | "cell" | "order" | "tick" or a panel's own word, number)
+SPAN_LOOKS = ("plain", "dim", "title", "link", "term", "warn", "fault", "good", "cursor", "focus")
+MENTION = re.compile(r"robot (\d+)|\((-?\d+), (-?\d+)\)")
+PIECES = re.compile(r"\s+|\S+(?: %)?")  # "15 %" stays together
+LABEL = 11  # columns of the name of a fact
+MAX_LISTED_LINKS = 12  # links that are named one by one
+
+
+class Span(NamedTuple):
+    """Some text in one look."""
+
+    text: str
+    look: str | Style = "plain"  # of SPAN_LOOKS, or a style of its own
+    link: Link | None = None
+
+
+Line = tuple[Span, ...]
+
+
+def line(*parts: str | Span) -> Line:
+    """A line of plain texts and spans."""
+    return tuple(Span(part) if isinstance(part, str) else part for part in parts)
+
+
+def dim(text: str) -> Span:
+    return Span(text, "dim")
+
+
+def title(text: str) -> Span:
+    return Span(text, "title")
+
+
+def term(text: str, link: Link, width: int) -> tuple[Span, ...]:
+    """A word that can be explained, in a column."""
+    return Span(text, "term", link), Span(" " * max(0, width - len(text)))
+
+
+def robot_link(robot: int) -> Span:
+    return Span(f"robot {robot}", "link", ("robot", robot))
+
+
+def order_link(order: int, name: str = "order") -> Span:
+    return Span(f"{name} {order}", "link", ("order", order))
+
+
+def tick_link(tick: int) -> Span:
+    """A tick to go to; one before the run is plain."""
+    return Span(f"tick {tick:,}", "link", ("tick", tick)) if tick >= 0 else Span(f"tick {tick:,}")
+
+
+def cell_link(floor_plan: FloorPlan, cell: int) -> Span:
+    x, y = floor_plan.xy(cell)
+    return Span(f"({x}, {y})", "link", ("cell", cell))
+
+
+def linked(text: str, floor_plan: FloorPlan, look: str = "plain") -> Line:
+    """A sentence in which every robot and every cell can be clicked."""
+    spans: list[Span] = []
+    at = 0
+    for found in MENTION.finditer(text):
+        spans.append(Span(text[at : found.start()], look))
+        robot, x, y = found.groups()
+        spans.append(
+            robot_link(int(robot))
+            if robot is not None
+            else cell_link(floor_plan, floor_plan.cell(int(x), int(y)))
+        )
+        at = found.end()
+    return tuple(span for span in (*spans, Span(text[at:], look)) if span.text)
+
+
+def several(links: list[Span]) -> list[str | Span]:
+    """Links as a list; beyond MAX_LISTED_LINKS only how many."""
+    parts: list[str | Span] = []
+    for link in links[:MAX_LISTED_LINKS]:
+        parts += [link, ", "]
+    if len(links) > MAX_LISTED_LINKS:
+        return [*parts[:-1], f" and {len(links) - MAX_LISTED_LINKS:,} more"]
+    return parts[:-1]
+
+
+def length(spans: Iterable[Span]) -> int:
+    """Columns of a line."""
+    return sum(len(span.text) for span in spans)
+
+
+def wrapped(spans: Line, width: int, indent: int = 0, first: int = 0) -> list[Line]:
+    """The line broken between words, so that it fits; what leads somewhere is never broken.
+
+    The first line is indented by `first`, the others by `indent`.
+    """
+    lines: list[list[Span]] = [[Span(" " * first)] if first else []]
+    for word in _words(spans):
+        gap = Span(" ", word[0].look if not word[0].link else "plain")
+        fits = length(lines[-1]) + 1 + length(word) <= width
+        if length(lines[-1]) <= (indent if len(lines) > 1 else first):
+            lines[-1].extend(word)
+        elif fits:
+            lines[-1].extend((gap, *word))
+        else:
+            lines.append([Span(" " * indent), *word] if indent else list(word))
+    return [tuple(one) for one in lines]
+
+
+def _words(spans: Line) -> list[list[Span]]:
+    """The pieces between blanks; a word can consist of several spans."""
+    words: list[list[Span]] = []
+    glued = False
+    for span in spans:
+        pieces = [span.text] if span.link else PIECES.findall(span.text)
+        for piece in pieces:
+            if piece.isspace():
+                glued = False
+                continue
+            part = span._replace(text=piece)
+            if glued:
+                words[-1].append(part)
+            else:
+                words.append([part])
+            glued = True
+    return words
+
+
+def fact(name: str, *parts: str | Span, width: int, label: int = LABEL) -> list[Line]:
+    """A name and what is to be said under it, in two columns."""
+    value = wrapped(line(*parts), width - label)
+    labels = [name, *[""] * (len(value) - 1)]
+    return [(dim(one.ljust(label)), *spans) for one, spans in zip(labels, value, strict=True)]
+
+
+# A scrolled list of lines under a fixed heading, of which only those in sight are ever made.
+
+
+MESSAGE_CLASSES = {"robot": RobotChosen, "cell": CellChosen, "tick": TickChosen, "zone": ZoneChosen}
+
+
+NARROWEST = 20  # columns for which lines are made
+
+
+class Rows(ScrollView, can_focus=True, inherit_bindings=False):
+    """Subclasses say what is in a row, and what choosing one means."""
+
+    ALLOW_SELECT = False
+    COMPONENT_CLASSES: ClassVar[set[str]] = {f"rows--{look}" for look in SPAN_LOOKS}
+    DEFAULT_CSS = """
+    Rows {
+        height: 1fr; padding: 0 0 0 1; scrollbar-size-vertical: 1; scrollbar-gutter: stable;
+        overflow-x: hidden; overflow-y: auto; background: $background; color: $foreground;
+        & > .rows--plain { color: $foreground; }
+        & > .rows--dim { color: $foreground 70%; }
+        & > .rows--title { text-style: bold; color: $foreground; }
+        & > .rows--link { text-style: underline; color: $text-primary; }
+        & > .rows--term { color: $foreground 70%; text-style: underline; }
+        & > .rows--warn { color: $text-warning; }
+        & > .rows--fault { text-style: bold; color: $text-error; }
+        & > .rows--good { color: $text-success; }
+        & > .rows--focus { text-style: reverse bold underline; color: $foreground; }
+        & > .rows--cursor { text-style: reverse; color: $foreground; }
+    }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "move(-1)", "Up", show=False),
+        Binding("down", "move(1)", "Down", show=False),
+        Binding("pageup", "page(-1)", "Page up", show=False),
+        Binding("pagedown", "page(1)", "Page down", show=False),
+        Binding("enter", "follow_cursor", "Open", show=False),
+    ]
+
+    def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self.signs = signs
+        self.heading: list[Line] = []
+        self.cursor = 0  # a row
+        self._count = 0
+        self._seen: dict[int, Line] = {}  # by line of the widget, as it was painted last
+
+    def row(self, index: int) -> Line:
+        """What a row says."""
+        raise NotImplementedError
+
+    def chosen(self, index: int) -> None:
+        """A row was clicked, or enter pressed on it."""
+
+    def follow(self, link: Link, column: int = 0) -> None:
+        """A part of a line that leads somewhere was clicked, so many columns from its left end."""
+        kind, number = link
+        self.post_message(MESSAGE_CLASSES[kind](number))
+
+    @property
+    def width(self) -> int:
+        """Columns for text."""
+        return max(NARROWEST, self.scrollable_content_region.width)  # also while it is hidden
+
+    @property
+    def lines_for_rows(self) -> int:
+        """Rows that are in sight at a time."""
+        return max(1, self.scrollable_content_region.height - len(self.heading))
+
+    def update_rows(self, count: int) -> None:
+        """There are so many rows now; paint those in sight that say something else than before."""
+        self._count = count
+        self.cursor = max(0, min(self.cursor, count - 1))
+        size = Size(self.width, len(self.heading) + count)
+        if size != self.virtual_size:
+            self.virtual_size = size
+        for y, before in list(self._seen.items()):
+            if self._line(y) != before:
+                self.refresh(Region(0, y, self.width, 1))
+
+    def _line(self, y: int) -> Line:
+        """What stands in a line of the widget."""
+        if y < len(self.heading):
+            return self.heading[y]
+        index = self._index(y)
+        if index == NIL:
+            return ()
+        made = self.row(index)
+        return self.marked(made) if index == self.cursor and self.shows_cursor else made
+
+    @property
+    def shows_cursor(self) -> bool:
+        """Whether the row under the cursor stands out."""
+        return self.has_focus
+
+    def marked(self, made: Line) -> Line:
+        """The row under the cursor."""
+        rest = Span(" " * max(0, self.width - length(made)))
+        return tuple(span._replace(look="cursor") for span in (*made, rest))
+
+    def _index(self, y: int) -> int:
+        """The row in a line of the widget, or NIL."""
+        index = self.scroll_offset.y + y - len(self.heading)
+        return index if y >= len(self.heading) and index < self._count else NIL
+
+    def render_line(self, y: int) -> Strip:
+        made = self._seen[y] = self._line(y)
+        base = self.style_of("plain")
+        strip = Strip([Segment(span.text, self.style_of(span.look)) for span in made])
+        return strip.simplify().adjust_cell_length(self.width, base)
+
+    def style_of(self, look: str | Style) -> Style:
+        """A look in the colours of the theme."""
+        if isinstance(look, Style):
+            return look
+        return self.get_component_rich_style(f"rows--{look}")
+
+    def span_at(self, x: int, y: int) -> tuple[Span | None, int]:
+        """What stands in a place of the widget, and how far from its left end the place is."""
+        for span in self._line(y):
+            if x < len(span.text):
+                return span, x
+            x -= len(span.text)
+        return None, 0
+
+    def on_click(self, event: events.Click) -> None:
+        """Follow a link, or choose a row."""
+        offset = event.get_content_offset(self)
+        if offset is None:
+            return
+        event.stop()
+        index = self._index(offset.y)
+        if index != NIL:
+            self.cursor = index
+            self.update_rows(self._count)
+        span, column = self.span_at(offset.x, offset.y)
+        if span is not None and span.link is not None:
+            self.follow(span.link, column)
+        elif index != NIL:
+            self.chosen(index)
+
+    def on_focus(self) -> None:
+        self.update_rows(self._count)
+
+    def on_blur(self) -> None:
+        self.update_rows(self._count)
+
+    def on_unmount(self) -> None:
+        self._seen.clear()
+
+    def on_resize(self) -> None:
+        self._seen.clear()
+        self.refresh()  # what Textual keeps of the old size would not ask for lines again
+
+    def action_move(self, rows: int) -> None:
+        """Move the cursor."""
+        if self._count:
+            self.cursor = max(0, min(self.cursor + rows, self._count - 1))
+            self.keep_in_sight(self.cursor)
+            self.update_rows(self._count)
+
+    def action_page(self, pages: int) -> None:
+        """Move the cursor by as many rows as are in sight."""
+        self.action_move(pages * self.lines_for_rows)
+
+    def action_follow_cursor(self) -> None:
+        """Choose the row under the cursor."""
+        if self._count:
+            self.chosen(self.cursor)
+
+    def keep_in_sight(self, index: int) -> None:
+        """Scroll no farther than needed to show a row."""
+        top = self.scroll_offset.y
+        nearest = max(index - self.lines_for_rows + 1, min(top, index))
+        if nearest != top:
+            self.scroll_to(y=nearest, animate=False, force=True)
+
+    def in_sight(self, index: int) -> bool:
+        """Whether a row is shown."""
+        return 0 <= index - self.scroll_offset.y < self.lines_for_rows
+
+
+# Fields of text in which keys take effect in the order in which they are typed.
+#
+# Textual 8.2 gives a printable character to the field at once, and a key that is bound, such as
+# backspace, to what it is bound to only after it has gone through the queues of all parents:
+# characters that come in the same read are entered before it, and it deletes the last of them. Here
+# the field carries out what is bound, in itself or around it, before it takes the next key.
+
+
+if TYPE_CHECKING:
+    from textual.dom import DOMNode as _Node
+else:
+    _Node = object
+
+
+class KeysInOrder(_Node):
+    """Comes before a widget of Textual among the bases of a field."""
+
+    async def _on_key(self, event: events.Key) -> None:
+        if event.is_printable:
+            return
+        for node in self.ancestors_with_self:
+            for binding in node._bindings.key_to_bindings.get(event.key, ()):
+                if await self.app.run_action(binding.action, node):
+                    event.stop()
+                    event.prevent_default()
+                    return
+            if isinstance(node, ModalScreen):
+                return
+
+
+class TypedInput(KeysInOrder, Input):
+    """A line."""
+
+
+class TypedText(KeysInOrder, TextArea):
+    """Several lines."""
+
+
+# What a terminal that is too small shows in place of everything else, and the classes of sizes.
+
+
+# What a panel is: a tab beside the map, its key, and the widget behind it.
+#
+# Each panel is registered as an entry point of the group `automaton.panels`; the name of the entry is
+# that of the panel. The entry point is loaded before the first picture, the widget after it: so the
+# former should import little.
 
 
 @dataclass
@@ -53,3 +464,102 @@ class PanelWidget:
 
 
 # A panel that tells something in lines; up and down go from link to link.
+
+
+class TextPanel(Rows, PanelWidget):
+    """Subclasses write the lines for a width; they are made again only when something changed."""
+
+    def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
+        super().__init__(signs, id=id)
+        self.view: View | None = None
+        self.lines: list[Line] = []
+        self.explained: Link | None = None  # a word of the panel's own that was clicked
+        self._key: tuple[object, ...] = ()
+        self._link = 0  # index of the link under the cursor, among all links
+
+    def panel_lines(self, view: View, width: int) -> list[Line]:
+        """What there is to be said."""
+        raise NotImplementedError
+
+    def cache_key(self, view: View) -> tuple[object, ...]:
+        """What the lines depend on."""
+        return view.key
+
+    def show(self, view: View) -> None:
+        """Tell of this."""
+        self.view = view
+        key = (*self.cache_key(view), self.width)
+        if key != self._key:
+            self._key = key
+            self.write(self.panel_lines(view, self.width))
+
+    def write(self, lines: list[Line]) -> None:
+        """Show these lines."""
+        self.lines = lines
+        self._place_cursor()
+        self.update_rows(len(lines))
+
+    def explain(self, link: Link) -> None:
+        """Explain a word where it stands, or no more."""
+        self.explained = None if link == self.explained else link
+        if self.view is not None:
+            self.write(self.panel_lines(self.view, self.width))
+
+    def explanation(self, link: Link, text: str, width: int) -> list[Line]:
+        """Lines for below a word, if it is to be explained."""
+        told = wrapped(line(dim(text)), width, indent=2, first=2)
+        return told if link == self.explained else []
+
+    def row(self, index: int) -> Line:
+        return self.lines[index]
+
+    def marked(self, made: Line) -> Line:
+        """The link under the cursor stands out."""
+        place = self._place()
+        return tuple(
+            span._replace(look="cursor") if at == place[1] else span for at, span in enumerate(made)
+        )
+
+    def links(self) -> list[tuple[int, int, Span]]:
+        """Row, place in it and span of each part that leads somewhere; bars and curves do not count."""
+        return [
+            (row, at, span)
+            for row, made in enumerate(self.lines)
+            for at, span in enumerate(made)
+            if span.link is not None and span.look in ("link", "term")
+        ]
+
+    def _place(self) -> tuple[int, int]:
+        places = self.links()
+        return places[self._link][:2] if places else (0, -1)
+
+    def _place_cursor(self) -> None:
+        self._link = max(0, min(self._link, len(self.links()) - 1))
+        self.cursor = self._place()[0]
+
+    def action_move(self, rows: int) -> None:
+        """Go to another link; without one farther on, scroll."""
+        before = self._link
+        self._link += rows
+        self._place_cursor()
+        if self._link == before or not self.in_sight(self.cursor):
+            self.scroll_relative(y=rows, animate=False, force=True)
+        if self._link != before:
+            self.keep_in_sight(self.cursor)
+        self.update_rows(len(self.lines))
+
+    def action_page(self, pages: int) -> None:
+        """Scroll by what is in sight."""
+        self.scroll_relative(y=pages * self.lines_for_rows, animate=False, force=True)
+
+    def action_follow_cursor(self) -> None:
+        """Follow the link under the cursor."""
+        places = self.links()
+        link = places[self._link][2].link if places else None
+        if link is not None:
+            self.follow(link)
+
+    def on_resize(self) -> None:
+        super().on_resize()
+        if self.view is not None:
+            self.show(self.view)

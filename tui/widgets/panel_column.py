@@ -26,12 +26,10 @@ from textual.widgets import ContentSwitcher
 from automaton.engine.state import NIL, Array
 from tui.playback.panel_view import OrderChosen, View
 from tui.registration import guard, left_out, load, panels
-from tui.render.glyphs import GlyphSet
+from tui.render.styles import GlyphSet
 from tui.widgets.bindings import key_text
 from tui.widgets.metrics_panel import Figures
-from tui.widgets.panel import PanelWidget
-from tui.widgets.rows import Rows
-from tui.widgets.styled_lines import Line, Link, Signs, Span, signs_of
+from tui.widgets.panel import Line, Link, PanelWidget, Rows, Signs, Span, signs_of
 
 FIGURES_SHARE: Final = 0.55  # of the height at most: both curves are seen in a terminal of 36 rows
 WITH_KEYS: Final = 40  # columns from which the tabs name their keys

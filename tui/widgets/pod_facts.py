@@ -30,7 +30,7 @@ from automaton.history.state_words import (
 )
 from automaton.units import count, percent
 from tui.playback.panel_view import View
-from tui.widgets.styled_lines import (
+from tui.widgets.panel import (
     Line,
     Span,
     cell_link,

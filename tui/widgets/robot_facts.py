@@ -1,9 +1,8 @@
-"""What the inspector says about a robot: its state, battery, type and last events."""
+"""What the inspector says about batteries: of a robot, and of a charger."""
 
 from __future__ import annotations
 
-import re
-from typing import Final, NamedTuple
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -14,12 +13,12 @@ from automaton.engine.observation import (
     CAUSE_NOT_WAITING,
     CAUSE_REDUCED_SPEED,
     CAUSES,
-    EVENT_NAMES,
     is_waiting,
     waited_ticks,
 )
-from automaton.engine.robot_states import is_charging
+from automaton.engine.robot_states import is_charging, is_queueing
 from automaton.engine.state import (
+    ACTION_SERVE,
     BATTERY_FULL,
     GOAL_CHARGE,
     GOAL_DROP,
@@ -31,19 +30,17 @@ from automaton.engine.state import (
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_FAILING,
+    STATUS_REMOVED,
     STATUS_TOWED,
     Array,
 )
 from automaton.floor.cells import CELL_KINDS, DIRECTIONS
 from automaton.history.event_history import (
-    EVENT_GROUPS,
-    SUBJECTS,
-    TEXTS,
-    TRIP_TEXTS,
     Event,
     event_words,
 )
 from automaton.history.explanation import doing, out_of_order
+from automaton.history.snapshot import Fleet
 from automaton.history.state_words import (
     charger_queue,
     charging_at,
@@ -56,15 +53,7 @@ from automaton.history.state_words import (
 from automaton.scenario.fleet import FleetType, TypeBattery
 from automaton.units import count, percent
 from tui.playback.panel_view import View
-from tui.widgets.pod_facts import (
-    carried_pod,
-    due_facts,
-    has_pods,
-    makes_trips,
-    robot_trip,
-    station_link,
-)
-from tui.widgets.styled_lines import (
+from tui.widgets.panel import (
     UNICODE,
     Line,
     Signs,
@@ -79,6 +68,14 @@ from tui.widgets.styled_lines import (
     several,
     title,
     wrapped,
+)
+from tui.widgets.pod_facts import (
+    carried_pod,
+    due_facts,
+    has_pods,
+    makes_trips,
+    robot_trip,
+    station_link,
 )
 from tui.widgets.zone_facts import robot_zone
 
@@ -236,45 +233,6 @@ def event_line(event: Event, who: bool = True, tick_width: int = 7, trips: bool 
     robot = f"{number:>{ROBOT_COLUMN_WIDTH}}" if who else ""
     look = EVENT_LOOKS.get(event.code, "plain")
     return line(gap, tick, robot, Span(f" {event_words(event, trips)}", look))
-
-
-class Wanted(NamedTuple):
-    """Which events are asked for."""
-
-    kinds: frozenset[str] = frozenset(EVENT_GROUPS)
-    robot: int = NIL  # NIL: any
-    words: str = ""  # as typed: robot 3, load 7, and parts of what an event is called
-
-    def mask(self, events: Array) -> Array:
-        """(N,) bool: whether each of (N, 5) events is asked for."""
-        holds: Array = np.isin(events[:, 1], [c for kind in self.kinds for c in EVENT_GROUPS[kind]])
-        if self.robot != NIL:
-            holds &= events[:, 2] == self.robot
-        rest = self.words.lower()
-        for name, number in re.findall(r"(robot|load|order|trip|part)\s*(\d+)", rest):
-            column = 2 if name == "robot" else 3
-            holds &= events[:, column] == int(number)
-            if column == 3:
-                holds &= np.isin(
-                    events[:, 1], EVENT_GROUPS["parts"] if name == "part" else SUBJECTS
-                )
-        for word in re.sub(r"(robot|load|order|trip|part)\s*\d+", " ", rest).split():
-            holds &= self._called(word, events)
-        return holds
-
-    def _called(self, word: str, events: Array) -> Array:
-        """Events of a robot with this number, or with the word in one of their names."""
-        if word.isdigit():
-            numbered: Array = events[:, 2] == int(word)
-            return numbered
-        kinds = {code: name for name, several in EVENT_GROUPS.items() for code in several}
-        hits = [
-            code
-            for code, text in TEXTS.items()
-            if word in f"{text} {TRIP_TEXTS[code]} {EVENT_NAMES[code]} {kinds[code]}"
-        ]
-        called: Array = np.isin(events[:, 1], hits)
-        return called
 
 
 # What the inspector says about a robot.
@@ -513,3 +471,35 @@ def last_of(events: Array, robot: int, most: int) -> Array:
             last: Array = found[-most:]
             return last
         reach *= 4
+
+
+DOWN_WORDS: Final = {
+    STATUS_DEPLETED: "empty",
+    STATUS_FAILED: "broken",
+    STATUS_TOWED: "towed",
+    STATUS_REMOVED: "towed",
+}
+
+
+ACTION_WORDS: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
+
+
+SERVED_WORD: Final = "served"
+
+
+PARKED_WORD: Final = "parked"
+
+
+def doing_word(fleet: Fleet, robot: int) -> str:
+    """What a robot does, in a word."""
+    if int(fleet.status[robot]) in DOWN_WORDS:
+        return DOWN_WORDS[int(fleet.status[robot])]
+    if fleet.parked[robot]:
+        return PARKED_WORD
+    if is_queueing(fleet)[robot]:
+        return "queues"
+    if is_waiting(fleet.cause[robot]):
+        return "waits"
+    if fleet.action[robot] == ACTION_SERVE:
+        return SERVED_WORD
+    return ACTION_WORDS[min(int(fleet.action[robot]), len(ACTION_WORDS) - 1)]

@@ -1,4 +1,4 @@
-"""The table of robots: its columns, what they sort by, and its rows."""
+"""The columns of the table of robots: what they sort by and what they say."""
 
 from __future__ import annotations
 
@@ -17,29 +17,15 @@ from automaton.engine.state import (
     NIL,
     STATUS_DEPLETED,
     STATUS_FAILED,
-    STATUS_REMOVED,
-    STATUS_TOWED,
     Array,
 )
-from automaton.history.snapshot import Fleet
 from automaton.history.state_words import carries_pods
 from automaton.units import percent
 from tui.playback.panel_view import RobotChosen, View
-from tui.widgets.panel import PanelWidget
-from tui.widgets.robot_facts import has_batteries, has_types, type_of
-from tui.widgets.rows import Rows
-from tui.widgets.styled_lines import UNICODE, Line, Link, Signs, Span, line
+from tui.widgets.panel import UNICODE, Line, Link, PanelWidget, Rows, Signs, Span, line
+from tui.widgets.robot_facts import ACTION_WORDS, doing_word, has_batteries, has_types, type_of
 from tui.widgets.zone_facts import partition_of, queued
 
-DOWN_WORDS: Final = {
-    STATUS_DEPLETED: "empty",
-    STATUS_FAILED: "broken",
-    STATUS_TOWED: "towed",
-    STATUS_REMOVED: "towed",
-}
-ACTION_WORDS: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
-SERVED_WORD: Final = "served"
-PARKED_WORD: Final = "parked"
 SHORT_CAUSES: Final = {
     "driving ahead": "driving",
     "following conflict": "following",
@@ -64,21 +50,6 @@ class Column(NamedTuple):
     greatest_first: bool  # at the first click
     right: bool = True
     there: Callable[[View], bool] = lambda view: True  # whether it has anything to say
-
-
-def doing(fleet: Fleet, robot: int) -> str:
-    """What a robot does, in a word."""
-    if int(fleet.status[robot]) in DOWN_WORDS:
-        return DOWN_WORDS[int(fleet.status[robot])]
-    if fleet.parked[robot]:
-        return PARKED_WORD
-    if is_queueing(fleet)[robot]:
-        return "queues"
-    if is_waiting(fleet.cause[robot]):
-        return "waits"
-    if fleet.action[robot] == ACTION_SERVE:
-        return SERVED_WORD
-    return ACTION_WORDS[min(int(fleet.action[robot]), len(ACTION_WORDS) - 1)]
 
 
 def _doing_keys(view: View) -> Array:
@@ -144,7 +115,9 @@ ROBOT_TABLE_COLUMNS: Final = (
         right=False,
         there=has_types,
     ),
-    Column("doing", 6, _doing_keys, lambda v, r: doing(v.snapshot.robots, r), False, right=False),
+    Column(
+        "doing", 6, _doing_keys, lambda v, r: doing_word(v.snapshot.robots, r), False, right=False
+    ),
     Column("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
     Column("cause", 12, lambda v: v.snapshot.robots.cause, _cause, True, right=False),
     Column(

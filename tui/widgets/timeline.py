@@ -17,8 +17,7 @@ from textual.message import Message
 
 from automaton.engine.observation import DELIVERED_ORDERS
 from tui.render import styles
-from tui.render.glyphs import Codes, GlyphSet, code, text
-from tui.render.styles import style
+from tui.render.styles import Codes, GlyphSet, code, style, text
 from tui.widgets.bindings import do
 from tui.widgets.map_view import MapView
 

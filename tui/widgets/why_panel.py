@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Final
 
 import numpy as np
@@ -11,11 +12,13 @@ from automaton.engine.state import NIL
 from automaton.history.explanation import Explanation, explain
 from automaton.units import count, percent
 from tui.playback.panel_view import View
-from tui.widgets import lost_time
-from tui.widgets.styled_lines import (
+from tui.widgets.panel import (
     Line,
     Link,
+    Signs,
     Span,
+    TextPanel,
+    bar,
     dim,
     line,
     linked,
@@ -24,7 +27,6 @@ from tui.widgets.styled_lines import (
     title,
     wrapped,
 )
-from tui.widgets.text_panel import TextPanel
 
 MAX_WAITING_LISTED: Final = 40  # robots in the list to pick from
 NAME_WIDTH: Final = 21  # columns for the letter and the name of a cause
@@ -55,16 +57,16 @@ class Why(TextPanel):
         head = f"time lost: {percent(total / ticks, 0)} of {count(ticks, 'tick')}"
         causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
         shares = [(cause, int(lost[cause]) / ticks) for cause in causes]
-        lines = [*wrapped(line(title(head)), width), lost_time.split(shares, width)]
+        lines = [*wrapped(line(title(head)), width), shares_bar(shares, width)]
         digits = len(f"{total:,}") + 1
         room = max(0, width - NAME_WIDTH - digits - PERCENT_WIDTH)
         for cause, share in shares:
             link = ("cause", cause)
-            name = (lost_time.letter(cause), *term(CAUSES[cause].name, link, NAME_WIDTH - 2))
+            name = (cause_letter(cause), *term(CAUSES[cause].name, link, NAME_WIDTH - 2))
             figures = f"{int(lost[cause]):>{digits},}{percent(share, 0):>{PERCENT_WIDTH}}"
-            lines.append(line(*name, lost_time.drawn(cause, share, room, self.signs), figures))
+            lines.append(line(*name, cause_bar(cause, share, room, self.signs), figures))
             lines += self.explanation(link, CAUSES[cause].meaning, width)
-        return [*lines, lost_time.key(causes, self.signs)]
+        return [*lines, pattern_key(causes, self.signs)]
 
     def follow(self, link: Link, column: int = 0) -> None:
         """A cause is explained."""
@@ -127,3 +129,47 @@ def longest_waits(view: View, width: int) -> list[Line]:
         gap = " " * max(1, 11 - len(name.text))
         lines.append(line(name, gap, f"{ticks:>6,}  ", Span(cause, look)))
     return lines
+
+
+# How lost time is drawn: every cause has a letter, and what counts as blocked a pattern of its own.
+#
+# HHHQ.................... all of the time: a letter for each share of it, dots for the rest H head-on
+# ⣿⣿⣿⣿⣿⣿⡇ a full bar: another robot is in the way, which counts as blocked w random wait ⠶⠆ a thin
+# one, and a small letter: it waits for something else
+
+
+CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnl"  # by cause; capitals count as blocked
+BLOCKED_LOOK: Final = "warn"
+OTHER_LOOK: Final = "plain"
+
+
+def look_of(cause: int) -> str:
+    """Its colour."""
+    return BLOCKED_LOOK if CAUSES[cause].blocked else OTHER_LOOK
+
+
+def cause_letter(cause: int) -> Span:
+    """The letter of a cause, and a blank."""
+    return Span(f"{CAUSE_LETTERS[cause]} ", look_of(cause))
+
+
+def cause_bar(cause: int, share: float, width: int, signs: Signs) -> Span:
+    """Its bar."""
+    return Span(bar(share, width, signs, thin=not CAUSES[cause].blocked), look_of(cause))
+
+
+def shares_bar(shares: Sequence[tuple[int, float]], width: int) -> Line:
+    """A bar of the whole time: (cause, share of it) in this order; every cause shows."""
+    spans, left = [], width
+    for cause, share in shares:
+        columns = min(left, max(1, round(share * width)))
+        spans.append(Span(CAUSE_LETTERS[cause] * columns, look_of(cause)))
+        left -= columns
+    return (*spans, dim("." * left))
+
+
+def pattern_key(causes: Sequence[int], signs: Signs) -> Line:
+    """What the patterns mean, of those that occur."""
+    told = {CAUSES[cause].blocked for cause in causes}
+    words = {True: f"{signs.full} another robot in the way", False: f"{signs.thin} other causes"}
+    return line(dim("   ".join(text for blocked, text in words.items() if blocked in told)))

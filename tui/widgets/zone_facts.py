@@ -1,4 +1,4 @@
-"""What the inspector says about stations and zones, of robots and of traffic."""
+"""What the inspector says about stations, and about zones that robots serve."""
 
 from __future__ import annotations
 
@@ -17,9 +17,8 @@ from automaton.scenario.robot_types import RobotType
 from automaton.units import count
 from automaton.world.rules import duration_table, tick_length
 from strategies.zoning.service_zone_lines import minutes_of_zones
-from tui.layers.service_zones import transfer_pairs
 from tui.playback.panel_view import View
-from tui.widgets.styled_lines import (
+from tui.widgets.panel import (
     Line,
     Span,
     cell_link,
@@ -82,7 +81,8 @@ def station_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
         zone = int(service_zones.design.zone[station])
         facts[0][1].extend([] if zone == NIL else [", in ", served_link(zone)])
         told: Parts = []
-        for a, b in transfer_pairs(service_zones, station):
+        pairs = np.argwhere(np.triu(service_zones.design.transfer[:, :, station], 1)).tolist()
+        for a, b in pairs:
             told += [" and " if told else "between ", served_link(a), " - ", served_link(b)]
         facts.append(("transfers", told))
     if len(view.snapshot.stations.slot):

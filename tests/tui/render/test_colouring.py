@@ -11,9 +11,7 @@ from automaton.drawings.looks import DRAW_FAULT
 from automaton.engine.observation import CAUSE_NO_ORDER
 from automaton.engine.state import BATTERY_FULL
 from tui.render import styles
-from tui.render.glyphs import UNICODE
-from tui.render.map_legend import legend
-from tui.render.robot_marks import (
+from tui.render.drawn_robots import (
     BODY_COLOURS,
     COLOURINGS,
     DRAW_CLASS,
@@ -22,6 +20,8 @@ from tui.render.robot_marks import (
     robots_of,
 )
 from tui.render.scene import Scene
+from tui.render.styles import UNICODE
+from tui.widgets.legend_panel import legend
 
 FLOOR = open_floor(6, 3)
 

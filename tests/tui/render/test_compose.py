@@ -28,8 +28,8 @@ from render_scenes import (
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import compose
-from tui.render.glyphs import ASCII, UNICODE
 from tui.render.scene import Scene, levels_of, scale_for
+from tui.render.styles import ASCII, UNICODE
 
 # Goldens.
 

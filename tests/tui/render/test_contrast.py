@@ -17,10 +17,9 @@ from zone_pictures import two_zones
 from automaton.engine.state import ACTION_CHARGE, BATTERY_FULL, GOAL_CHARGE, STATUS_FAILED
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.render import styles
-from tui.render.glyphs import GLYPHS, UNICODE
-from tui.render.robot_marks import BODY_COLOURS, DRAW_CLASS
+from tui.render.drawn_robots import BODY_COLOURS, DRAW_CLASS
 from tui.render.scene import Scene
-from tui.render.styles import COLOURS, STYLE_COUNT, Depth, Look, contrast
+from tui.render.styles import COLOURS, GLYPHS, STYLE_COUNT, UNICODE, Depth, Look, contrast
 
 COLOURED = [
     Look(depth, theme)

@@ -9,10 +9,9 @@ from automaton.floor.cells import CELL_KINDS
 from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from tui.playback.run_source import floor_of
 from tui.render import cell_looks as viewer
-from tui.render.robot_marks import robots_of
-from tui.render.scene import Scene
+from tui.render.drawn_robots import robots_of
+from tui.render.scene import Scene, floor_of
 
 
 def test_a_snapshot_and_the_state_have_the_same_robots_in_the_same_order() -> None:

@@ -25,9 +25,8 @@ from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import compose
 from tui.render.encode import encode
-from tui.render.glyphs import ASCII, GLYPHS, UNICODE, Codes, GlyphSet
 from tui.render.scene import Scene
-from tui.render.styles import Depth, Look
+from tui.render.styles import ASCII, GLYPHS, UNICODE, Codes, Depth, GlyphSet, Look
 
 ROW = open_floor(4, 1)
 

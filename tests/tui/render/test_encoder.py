@@ -13,16 +13,20 @@ from hypothesis import strategies as st
 from terminal_replay import cell_at, screen_of, wrong_cells
 
 from tui.render.encode import encode
-from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet, code
 from tui.render.styles import (
+    ASCII,
     COLOUR_FLOOR,
     COLOUR_FLOOR_MARK,
     COLOUR_LOADED,
     COLOUR_ROBOT,
     COLOUR_SHELF,
     STYLE_COUNT,
+    UNICODE,
+    Codes,
     Depth,
+    GlyphSet,
     Look,
+    code,
     style,
 )
 

@@ -10,10 +10,10 @@ from render_scenes import text as picture
 from automaton.engine.state import BATTERY_FULL
 from automaton.floor.cells import STATION
 from tui.render.compose import compose
-from tui.render.describe import describe
-from tui.render.glyphs import ASCII, UNICODE, GlyphSet
-from tui.render.map_legend import legend
 from tui.render.scene import Scene
+from tui.render.styles import ASCII, UNICODE, GlyphSet
+from tui.widgets.legend_panel import legend
+from tui.widgets.status import describe
 
 EMPTY_AT = BATTERY_FULL // 5 - 1  # just below what counts as low
 

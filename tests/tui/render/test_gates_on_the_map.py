@@ -6,7 +6,7 @@ import numpy as np
 from render_scenes import composed, drawn, make_scene, text
 
 from tui.render.compose import compose
-from tui.render.glyphs import ASCII
+from tui.render.styles import ASCII
 
 
 def test_closed_cells_and_shut_doors_have_signs_of_their_own() -> None:

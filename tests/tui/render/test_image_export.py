@@ -8,8 +8,8 @@ import xml.etree.ElementTree as ET
 import numpy as np
 
 from tui.render.encode import as_svg, as_text, runs
-from tui.render.glyphs import ASCII, UNICODE, Codes, GlyphSet, code, text
 from tui.render.styles import (
+    ASCII,
     COLOUR_FAULT,
     COLOUR_FLOOR,
     COLOUR_FLOOR_MARK,
@@ -19,9 +19,14 @@ from tui.render.styles import (
     COLOUR_SHELF,
     COLOUR_TEXT,
     COLOURS,
+    UNICODE,
+    Codes,
     Depth,
+    GlyphSet,
     Look,
+    code,
     style,
+    text,
 )
 
 SVG = "{http://www.w3.org/2000/svg}"

@@ -10,10 +10,10 @@ from zone_pictures import two_zones
 from automaton.floor.traffic_zones import traffic_zones_of
 from tui.registration import layers
 from tui.render import styles
-from tui.render.glyphs import ASCII, UNICODE
 from tui.render.layer import scale_line
-from tui.render.map_legend import legend
 from tui.render.scene import Scene
+from tui.render.styles import ASCII, UNICODE
+from tui.widgets.legend_panel import legend
 from tui.widgets.status import scale_words
 
 FLOOR = open_floor(5, 5)

@@ -18,9 +18,9 @@ from render_scenes import (
 )
 
 from automaton.floor.traffic_zones import traffic_zones_of
-from tui.render.describe import describe
-from tui.render.glyphs import UNICODE
-from tui.render.map_legend import legend, worst_cells
+from tui.render.styles import UNICODE
+from tui.widgets.legend_panel import legend, worst_cells
+from tui.widgets.status import describe
 
 
 @pytest.mark.parametrize("zoom", ["1x1", "braille 1"])

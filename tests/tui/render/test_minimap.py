@@ -13,8 +13,8 @@ from tui.playback.run_source import live
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import Minimap
-from tui.render.glyphs import UNICODE
 from tui.render.scene import Choice
+from tui.render.styles import UNICODE
 
 
 def framed(minimap: Minimap, camera: Camera) -> list[str]:

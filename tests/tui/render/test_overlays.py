@@ -22,8 +22,8 @@ from render_scenes import (
 from automaton.floor.traffic_zones import TrafficZones
 from tui.render import styles
 from tui.render.compose import compose
-from tui.render.glyphs import ASCII, SHADED, UNICODE, GlyphSet
 from tui.render.scene import Scene
+from tui.render.styles import ASCII, SHADED, UNICODE, GlyphSet
 
 FAR = [zoom for zoom in ALL if zoom not in NEAR]
 

@@ -20,12 +20,12 @@ from tui.layers.service_zones import (
     sparest_first,
 )
 from tui.render import styles
-from tui.render.cell_view import TINTS, TRANSFER_COLOUR
+from tui.render.cell_looks import TINTS, TRANSFER_COLOUR
 from tui.render.compose import compose
-from tui.render.describe import describe
-from tui.render.glyphs import ASCII
-from tui.render.map_legend import legend
 from tui.render.scene import Scene
+from tui.render.styles import ASCII
+from tui.widgets.legend_panel import legend
+from tui.widgets.status import describe
 
 
 def rows(scene: Scene, zoom: str) -> list[str]:

@@ -12,12 +12,12 @@ from automaton.floor.cells import DOCK, RACK
 from layouts.racks import Racks
 from tui.render import styles
 from tui.render.compose import compose
-from tui.render.describe import describe
-from tui.render.glyphs import ASCII, UNICODE
-from tui.render.map_legend import legend
+from tui.render.styles import ASCII, UNICODE
 from tui.widgets.inspector import Inspector
+from tui.widgets.legend_panel import legend
 from tui.widgets.metrics_panel import Figures
 from tui.widgets.robot_table import Robots
+from tui.widgets.status import describe
 
 SMALL = (
     *("layout.rows=9", "layout.columns=16", "layout.block=3", "layout.last_row=0"),

@@ -8,8 +8,8 @@ from render_scenes import composed, drawn, fg, make_scene, text
 from tui.render import styles
 from tui.render.cell_looks import FAR_LOAD, FAR_SHELF
 from tui.render.compose import compose
-from tui.render.glyphs import ASCII, UNICODE
-from tui.render.map_legend import legend
+from tui.render.styles import ASCII, UNICODE
+from tui.widgets.legend_panel import legend
 
 AISLE = ">>>>>v\n^pqpqv\n^<<<<<"
 

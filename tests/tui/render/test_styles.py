@@ -9,20 +9,23 @@ import numpy as np
 import pytest
 
 from tui.render import styles
-from tui.render.glyphs import ASCII, UNICODE, GlyphSet, code, text
 from tui.render.styles import (
+    ASCII,
     COLOUR_FLOOR,
     COLOUR_HEAT_0,
     COLOUR_ZONE_0,
     COLOURS,
     STYLE_COUNT,
+    UNICODE,
     Depth,
+    GlyphSet,
     Look,
+    code,
     contrast,
-    depth_of,
-    glyphs_of,
     style,
+    text,
 )
+from tui.terminal.options import depth_of, glyphs_of
 
 COLOURED = [
     Look(depth, theme)

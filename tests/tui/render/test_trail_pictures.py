@@ -9,9 +9,9 @@ from render_scenes import ALL, NEAR, at, bg, camera_at, composed, drawn, fg, mak
 from automaton.engine.state import NIL
 from tui.render import styles
 from tui.render.cell_view import MAX_LINE_CELLS, goal_lines
-from tui.render.glyphs import ASCII, UNICODE
-from tui.render.map_legend import legend
 from tui.render.scene import Scene
+from tui.render.styles import ASCII, UNICODE
+from tui.widgets.legend_panel import legend
 
 FLOOR = drawn("........\n" * 4)
 

@@ -14,7 +14,7 @@ from rich.cells import cell_len
 from rich.segment import ControlType, Segment
 from textual.color import Color
 
-from tui.render.glyphs import to_ascii
+from tui.render.styles import to_ascii
 from tui.viewer.app import AsciiOnly
 
 NAMED = """\

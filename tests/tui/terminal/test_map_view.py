@@ -13,11 +13,19 @@ from textual.geometry import Region
 from textual.pilot import Pilot
 from textual.widgets import Static
 
-from tui.render.glyphs import UNICODE, Codes, code
-from tui.render.styles import COLOUR_FLOOR, COLOUR_ROBOT, COLOUR_TRACK, Depth, Look, style
+from tui.render.styles import (
+    COLOUR_FLOOR,
+    COLOUR_ROBOT,
+    COLOUR_TRACK,
+    UNICODE,
+    Codes,
+    Depth,
+    Look,
+    code,
+    style,
+)
 from tui.terminal.frame_pacing import FrameClock, FramePacer
-from tui.terminal.presenter import Presenter
-from tui.widgets.map_view import MapView
+from tui.widgets.map_view import MapView, Presenter
 
 BLANK = np.uint32(code(style(COLOUR_TRACK, COLOUR_FLOOR), UNICODE.characters.index(" ")))
 CROSS = np.uint32(code(style(COLOUR_ROBOT, COLOUR_FLOOR), UNICODE.characters.index("#")))

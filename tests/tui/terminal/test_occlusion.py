@@ -18,12 +18,20 @@ from textual.screen import ModalScreen
 from textual.widgets import Static
 from viewer_harness import viewing
 
-from tui.render.glyphs import UNICODE, Codes, code
-from tui.render.styles import COLOUR_FLOOR, COLOUR_ROBOT, COLOUR_TRACK, Depth, Look, style
+from tui.render.styles import (
+    COLOUR_FLOOR,
+    COLOUR_ROBOT,
+    COLOUR_TRACK,
+    UNICODE,
+    Codes,
+    Depth,
+    Look,
+    code,
+    style,
+)
 from tui.terminal.frame_pacing import FrameClock, FramePacer
-from tui.terminal.presenter import Presenter, Renderer
 from tui.widgets import map_view
-from tui.widgets.map_view import MapView
+from tui.widgets.map_view import MapView, Presenter, Renderer
 
 WRITTEN: list[str] = []
 

@@ -19,7 +19,7 @@ from automaton.recording.recording_reader import read_recording
 from automaton.world.resolve import resolve
 from tui.playback.frame_cache import Pictures
 from tui.playback.run_source import Opening, live, recorded
-from tui.render.glyphs import UNICODE
+from tui.render.styles import UNICODE
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
 from tui.widgets.status import head_words

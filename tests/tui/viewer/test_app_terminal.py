@@ -23,13 +23,12 @@ from automaton.recording.frames import encoded
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from tui.playback.run_source import floor_of
 from tui.render.camera import Camera
 from tui.render.compose import compose
 from tui.render.encode import encode
-from tui.render.glyphs import ASCII, SHADED, UNICODE, Codes, GlyphSet
-from tui.render.scene import Scene
-from tui.render.styles import Depth, Look, depth_of
+from tui.render.scene import Scene, floor_of
+from tui.render.styles import ASCII, SHADED, UNICODE, Codes, Depth, GlyphSet, Look
+from tui.terminal.options import depth_of
 from tui.terminal.terminal_host import TerminalHost
 
 RESTORED = {
@@ -112,7 +111,7 @@ def test_an_error_inside_restores_the_terminal(tmp_path: Path) -> None:
     program = tmp_path / "fails.py"
     program.write_text(
         "import sys\n"
-        "from tui.actions.map_actions import LayerActions\n"
+        "from tui.actions.view_actions import LayerActions\n"
         "def fail(self): raise RuntimeError('made to fail')\n"
         "LayerActions._next = fail\n"
         "from automaton.commands import main\n"

@@ -15,7 +15,7 @@ from viewer_harness import record
 
 from automaton.errors import InputError
 from tui import registration
-from tui.actions import capture_actions
+from tui.actions import view_actions
 from tui.cast import film
 from tui.cast.film import Request
 from tui.registration import LAYERS, PANELS, RESERVED, layers, panels
@@ -27,9 +27,7 @@ from tui.widgets.panel import Panel
 MODULE = """
 import numpy as np
 from tui.render.layer import Layer
-from tui.widgets.panel import Panel
-from tui.widgets.styled_lines import line
-from tui.widgets.text_panel import TextPanel
+from tui.widgets.panel import Panel, TextPanel, line
 
 
 class Dust(Layer):
@@ -58,7 +56,7 @@ wrong = my_viewer:WRONG
 """
 RECORDED = """
 import asyncio
-from tui.session.display import Notices
+from tui.viewer.session import Notices
 from tui.viewer.app import Viewer
 from viewer_harness import screen_text, viewing
 
@@ -149,7 +147,7 @@ my.notes = my_viewer:NOTES
 """
 TABLE = """
 from collections import Counter
-from tui.actions.find_actions import FindActions
+from tui.actions.seek_actions import FindActions
 from tui.registration import layers, panels
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
@@ -171,8 +169,7 @@ print("follow is of", type(viewer._commands["follow"].__self__).__name__)
 FAILING = """
 import numpy as np
 from tui.render.layer import Layer
-from tui.widgets.panel import Panel
-from tui.widgets.text_panel import TextPanel
+from tui.widgets.panel import Panel, TextPanel
 
 
 class Rust(Layer):
@@ -370,7 +367,7 @@ def test_a_copied_text_says_the_zones_of_the_branch(monkeypatch: pytest.MonkeyPa
         def key_words(self, scene: Any, resolved: Any, glyphs: Any) -> list[str]:
             return [resolved]
 
-    monkeypatch.setattr(capture_actions, "layer_named", lambda name: Telling())
+    monkeypatch.setattr(view_actions, "layer_named", lambda name: Telling())
     session: Any = SimpleNamespace(
         choice=Choice(),
         opening=SimpleNamespace(resolved=["before"]),
@@ -378,7 +375,7 @@ def test_a_copied_text_says_the_zones_of_the_branch(monkeypatch: pytest.MonkeyPa
         scene=lambda side: None,
         glyphs=None,
     )
-    capture = capture_actions.CaptureActions(cast(Any, None), session, cast(Any, None))
+    capture = view_actions.CaptureActions(cast(Any, None), session, cast(Any, None))
     assert capture._key(0) == "before\n"
     session.runs = [SimpleNamespace(resolved="branched")]
     assert capture._key(0) == "branched\n"

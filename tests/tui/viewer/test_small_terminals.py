@@ -8,7 +8,7 @@ from collections.abc import Awaitable, Callable
 import pytest
 from viewer_harness import Watched, screen_text, viewing
 
-from tui.widgets.too_small import MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS, size_classes
+from tui.screens.dialogs import MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS, size_classes
 
 OVER = {"slash": ("Find", (50, 20)), "ctrl+p": ("10 ticks", (80, 12))}  # key: a word, a size
 

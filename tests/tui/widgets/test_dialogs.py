@@ -20,6 +20,8 @@ from automaton.history.breakpoints import FIELDS
 from automaton.scenario.quantities import Scale, read_clock
 from tui.screens.breakpoint_dialog import BreakpointsScreen, Stop, StopList
 from tui.screens.dialogs import (
+    MIN_TERMINAL_COLUMNS,
+    MIN_TERMINAL_ROWS,
     BranchScreen,
     GoToScreen,
     SettingField,
@@ -28,7 +30,6 @@ from tui.screens.dialogs import (
     tick_of,
 )
 from tui.screens.find_dialog import FindScreen, Found, MatchList, find
-from tui.widgets.too_small import MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS
 
 
 class Stage(App[None]):

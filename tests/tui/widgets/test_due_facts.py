@@ -10,8 +10,8 @@ from panel_harness import NARROW, WIDE, moment, of_robot, shown
 from tui.playback.panel_view import View
 from tui.widgets.inspector import Inspector, order_lines
 from tui.widgets.metrics_panel import Figures
+from tui.widgets.panel import Line
 from tui.widgets.pod_facts import due_facts
-from tui.widgets.styled_lines import Line
 
 SCENARIO = """name: late
 layout:

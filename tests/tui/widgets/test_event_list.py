@@ -35,8 +35,7 @@ from automaton.history.event_history import (
     event_words,
 )
 from tui.playback.panel_view import View
-from tui.widgets.event_list import Events, Filter
-from tui.widgets.robot_facts import Wanted
+from tui.widgets.event_list import Events, Filter, Wanted
 
 
 def earlier(tick: int) -> View:

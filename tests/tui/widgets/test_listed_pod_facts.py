@@ -7,12 +7,11 @@ from panel_harness import WIDE, moment, of_cell, of_robot, shown
 
 from automaton.errors import InputError
 from tui.playback.panel_view import View
-from tui.playback.run_source import floor_of
-from tui.render.describe import describe
-from tui.render.scene import Scene
+from tui.render.scene import Scene, floor_of
 from tui.screens.find_dialog import find
 from tui.widgets.event_list import Events
 from tui.widgets.inspector import Inspector
+from tui.widgets.status import describe
 
 VISIT = "stops: [{at: [5, 3], for: 20}]"
 LISTED = (

@@ -23,11 +23,11 @@ from automaton.engine.observation import CAUSE_NO_ORDER, CAUSE_NOT_WAITING, CAUS
 from automaton.history.event_history import Curve
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import Unit, percent
-from tui.render.glyphs import ASCII
-from tui.widgets import metric_curve
-from tui.widgets.lost_time import CAUSE_LETTERS
+from tui.render.styles import ASCII
+from tui.widgets import metrics_panel
 from tui.widgets.metrics_panel import Figures
 from tui.widgets.status import Word, _fitting, fleet_words, time_words
+from tui.widgets.why_panel import CAUSE_LETTERS
 
 
 @pytest.mark.parametrize("width", [NARROW, WIDE])
@@ -143,7 +143,7 @@ def test_a_click_on_a_curve_leads_to_its_tick() -> None:
         figures.show(busy())
         await pilot.pause()
         row = said(figures).index("waiting robots") + 3
-        await pilot.click(figures, offset=(1 + metric_curve.LABEL_WIDTH, row))
+        await pilot.click(figures, offset=(1 + metrics_panel.LABEL_WIDTH, row))
         await pilot.click(figures, offset=(figures.width, row))
         (_, first), (_, last) = stage.wishes()
         assert first == 0 and last == 600
@@ -153,16 +153,24 @@ def test_a_click_on_a_curve_leads_to_its_tick() -> None:
 
 def test_a_curve_fills_its_rows_up_to_the_label() -> None:
     values = np.array([0.0, 0.0, 10.0, 10.0, 5.0, 5.0])
-    assert metric_curve.drawn(values, 2, dots=True) == ["    10 \u2800⣿\u2800", "     0 \u2800⣿⣿"]
-    assert metric_curve.drawn(values, 2, dots=False) == ["    10   ||  ", "     0   ||||"]
+    filled = metrics_panel.drawn_curve(values, 2, dots=True)
+    assert filled == [
+        "    10 \u2800⣿\u2800",
+        "     0 \u2800⣿⣿",
+    ]
+    assert metrics_panel.drawn_curve(values, 2, dots=False) == ["    10   ||  ", "     0   ||||"]
 
 
 def test_a_line_differs_from_a_filled_curve_by_more_than_its_colour_and_has_no_gap() -> None:
     values = np.array([0.0, 0, 4, 8, 8, 8, 4, 0])
-    assert metric_curve.drawn(values, 2, dots=True) == ["     8 \u2800⢸⣿\u2800", "     0 \u2800⣿⣿⡇"]
-    line = metric_curve.drawn(values, 2, dots=True, filled=False)
+    filled = metrics_panel.drawn_curve(values, 2, dots=True)
+    assert filled == [
+        "     8 \u2800⢸⣿\u2800",
+        "     0 \u2800⣿⣿⡇",
+    ]
+    line = metrics_panel.drawn_curve(values, 2, dots=True, filled=False)
     assert line == ["     8 \u2800⢸⠉\u2800", "     0 \u2800⡇\u2800⠁"]
-    rows = metric_curve.drawn(values, 2, dots=False, filled=False)
+    rows = metrics_panel.drawn_curve(values, 2, dots=False, filled=False)
     assert rows == ["     8    '''  ", "     0   '   ' "]
 
 
@@ -170,10 +178,10 @@ def test_throughput_counts_the_deliveries_of_each_stretch() -> None:
     rows = np.zeros((4000, 3), np.int32)
     rows[:, 2] = np.arange(4000) // 100  # a delivery every 100 ticks
     known = Curve(rows, 1, 4000)
-    assert np.allclose(metric_curve.throughput(known, 4)[1:], 10)
+    assert np.allclose(metrics_panel.throughput_over_time(known, 4)[1:], 10)
     rows[2000:, 0] = 6
-    assert metric_curve.waiting(known, 4).tolist() == [0, 0, 6, 6]
-    assert metric_curve.now_throughput(known) == 10
+    assert metrics_panel.waiting_over_time(known, 4).tolist() == [0, 0, 6, 6]
+    assert metrics_panel.now_throughput(known) == 10
 
 
 @pytest.mark.parametrize("every", [2, 16, 512])
@@ -182,9 +190,9 @@ def test_of_a_thinned_curve_the_rates_stay_right(every: int) -> None:
     rows = np.zeros((ticks // every, 3), np.int32)
     rows[:, 2] = np.arange(1, len(rows) + 1) * every // 10  # a delivery every 10 ticks
     known = Curve(rows, every, ticks)
-    assert np.allclose(metric_curve.throughput(known, 40), 100, atol=2)
-    assert abs(metric_curve.now_throughput(known) - 100) < 2
-    assert abs(metric_curve.now_throughput(known.until(20_000)) - 100) < 2
+    assert np.allclose(metrics_panel.throughput_over_time(known, 40), 100, atol=2)
+    assert abs(metrics_panel.now_throughput(known) - 100) < 2
+    assert abs(metrics_panel.now_throughput(known.until(20_000)) - 100) < 2
 
 
 def test_no_unit_is_cut_where_there_is_little_room() -> None:

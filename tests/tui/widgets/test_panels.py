@@ -23,15 +23,14 @@ from textual.pilot import Pilot
 from tui.playback.panel_view import Picture, View
 from tui.registration import panels
 from tui.render.camera import Camera
-from tui.render.glyphs import ASCII, UNICODE, GlyphSet
 from tui.render.scene import Floor, Scene
-from tui.render.styles import Depth, Look
+from tui.render.styles import ASCII, UNICODE, Depth, GlyphSet, Look
 from tui.widgets.inspector import Inspector
 from tui.widgets.legend_panel import Legend
 from tui.widgets.metrics_panel import Figures
+from tui.widgets.panel import UNICODE as SIGNS
+from tui.widgets.panel import bar, line, linked, robot_link, signs_of, wrapped
 from tui.widgets.panel_column import PanelColumn, panel_widgets
-from tui.widgets.styled_lines import UNICODE as SIGNS
-from tui.widgets.styled_lines import bar, line, linked, robot_link, signs_of, wrapped
 
 LOOK = Look(Depth.TRUE)
 

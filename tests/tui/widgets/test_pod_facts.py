@@ -8,13 +8,12 @@ from panel_harness import WIDE, moment, of_cell, of_robot, shown
 from automaton.errors import InputError
 from automaton.history.fleet_summary import summarize
 from tui.playback.panel_view import View
-from tui.playback.run_source import floor_of
-from tui.render.describe import describe
-from tui.render.scene import Scene
+from tui.render.scene import Scene, floor_of
 from tui.screens.find_dialog import find
 from tui.widgets.event_list import Events
 from tui.widgets.inspector import Inspector
 from tui.widgets.metrics_panel import Figures
+from tui.widgets.status import describe
 
 
 def goods(tick: int) -> View:

@@ -11,8 +11,7 @@ from automaton.engine.observation import CURVE_COLUMNS
 from automaton.history.event_history import Curve
 from tui.render import styles
 from tui.render.encode import as_text
-from tui.render.glyphs import ASCII, UNICODE, GlyphSet
-from tui.render.styles import Depth, Look
+from tui.render.styles import ASCII, UNICODE, Depth, GlyphSet, Look
 from tui.widgets.timeline import MIN_TICKS_SHOWN, Mark, Part, Past, picture, span, track_of
 
 NOTHING_HAPPENS = Curve(np.zeros((50_000, CURVE_COLUMNS), np.int32), 1, 50_000)

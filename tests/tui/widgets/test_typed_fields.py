@@ -11,7 +11,7 @@ from textual.pilot import Pilot
 from textual.widget import Widget
 from textual.widgets import Input, TextArea
 
-from tui.widgets.rows import TypedInput, TypedText
+from tui.widgets.panel import TypedInput, TypedText
 
 NAMES = {"<": "backspace", "^": "home", ">": "end", "\n": "enter"}
 
@@ -56,7 +56,7 @@ def test_enter_takes_the_line_as_it_was_when_it_was_pressed() -> None:
 
 
 def test_the_fields_of_textual_still_need_this() -> None:
-    """Once they do not, tui.widgets.rows can go."""
+    """Once they do not, tui.widgets.panel can go."""
     line, area = Input(), TextArea()
     asyncio.run(typed(line, "ab<cd"))
     asyncio.run(typed(area, "ab<cd"))

@@ -34,11 +34,10 @@ from automaton.world.resolve import resolve
 from tui.playback.panel_view import View
 from tui.screens.find_dialog import find
 from tui.widgets.inspector import Inspector
-from tui.widgets.lost_time import CAUSE_LETTERS
 from tui.widgets.metrics_panel import Figures
+from tui.widgets.panel import ASCII as PLAIN_SIGNS
 from tui.widgets.robot_table import Robots
-from tui.widgets.styled_lines import ASCII as PLAIN_SIGNS
-from tui.widgets.why_panel import Why
+from tui.widgets.why_panel import CAUSE_LETTERS, Why
 
 FAULTS = "faults={failure_probability: 0.0003, tow_after: 60, repair_time: 100}"
 CHARGER_CELL = resolve("depots").floor_plan.cell(4, 0)

@@ -29,14 +29,12 @@ from automaton.world.resolve import resolve
 from strategies.zoning.loads_and_transfers import load_of
 from strategies.zoning.service_zone_lines import coloured, partition_picture
 from strategies.zoning.zone_workspace import space_for, zone_rules
-from tui.cast.film import Request
-from tui.cast.film_making import make_picture
+from tui.cast.film import Request, make_picture
 from tui.playback.panel_view import View
 from tui.screens.find_dialog import find
-from tui.widgets.event_list import kinds_of
+from tui.widgets.event_list import Wanted, kinds_of
 from tui.widgets.inspector import Inspector
 from tui.widgets.metrics_panel import Figures
-from tui.widgets.robot_facts import Wanted
 from tui.widgets.robot_table import ROBOT_TABLE_COLUMNS
 
 DDZ = "strategy.zoning={name: decentralized, design: factory-ddz, adjacency: 300}"

@@ -23,9 +23,8 @@ from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSES
 from automaton.history.snapshot import Fleet
-from tui.widgets.lost_time import CAUSE_LETTERS, drawn, key, split
-from tui.widgets.styled_lines import ASCII, UNICODE, Signs
-from tui.widgets.why_panel import Why
+from tui.widgets.panel import ASCII, UNICODE, Signs
+from tui.widgets.why_panel import CAUSE_LETTERS, Why, cause_bar, pattern_key, shares_bar
 
 WAIT = ("tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
 
@@ -105,15 +104,15 @@ def test_every_cause_has_a_letter_and_those_that_count_as_blocked_have_capitals(
 
 
 def test_the_whole_time_is_one_bar_in_which_no_cause_is_lost() -> None:
-    bar = split([(2, 0.5), (1, 0.25), (9, 0.001)], 20)
+    bar = shares_bar([(2, 0.5), (1, 0.25), (9, 0.001)], 20)
     assert "".join(span.text for span in bar) == "HHHHHHHHHHQQQQQw...."
 
 
 @pytest.mark.parametrize("signs", [UNICODE, ASCII], ids=["unicode", "ascii"])
 def test_bars_of_blocked_and_of_other_time_differ_without_colours(signs: Signs) -> None:
-    queue, drawn_wait = (drawn(cause, 0.5, 8, signs).text for cause in (1, 9))
+    queue, drawn_wait = (cause_bar(cause, 0.5, 8, signs).text for cause in (1, 9))
     assert len(queue) == len(drawn_wait) == 8 and queue != drawn_wait
-    told = "".join(span.text for span in key([1, 9], signs))
+    told = "".join(span.text for span in pattern_key([1, 9], signs))
     assert queue[0] in told and drawn_wait[0] in told
 
 

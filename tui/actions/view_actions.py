@@ -1,0 +1,507 @@
+"""Actions on the view of the floor: panning, zooming, following."""
+
+from __future__ import annotations
+
+import io
+import os
+from collections.abc import Callable
+from functools import partial
+from typing import Final
+
+import numpy as np
+from rich.color import Color, blend_rgb
+from rich.color_triplet import ColorTriplet
+from rich.console import Console
+from rich.segment import Segment
+from rich.style import Style
+from rich.terminal_theme import DEFAULT_TERMINAL_THEME
+from textual.app import App
+
+from automaton.atomic_write import replacing
+from automaton.engine.observation import is_waiting
+from automaton.engine.state import NIL
+from tui.actions import Command
+from tui.playback.frame_cache import robot_cell
+from tui.playback.run_source import capture_file, short_path
+from tui.registration import layer_named, layers, panels
+from tui.render.cell_view import LINES
+from tui.render.drawn_robots import COLOURINGS, is_possible
+from tui.render.encode import Run, as_text, svg_of
+from tui.render.styles import COLOUR_TEXT, COLOUR_VOID, Depth, Look, style
+from tui.viewer.session import Display, Notices, Session
+
+STEP_COLUMNS: Final = 4
+STEP_ROWS: Final = 2
+
+
+class MapActions:
+    """The map."""
+
+    def __init__(self, app: App[None], session: Session) -> None:
+        self._app, self._session = app, session
+        self._choice, self._pictures = session.choice, session.pictures
+
+    def commands(self) -> dict[str, Command]:
+        ways = {"left": (-1, 0), "right": (1, 0), "up": (0, -1), "down": (0, 1)}
+        pans: dict[str, Command] = {
+            f"pan_{name}": partial(self._step, x, y) for name, (x, y) in ways.items()
+        }
+        pages = {f"page_{name}": partial(self._page, *way) for name, way in ways.items()}
+        return {
+            **pans,
+            **pages,
+            "zoom_in": partial(self.zoom, 1),
+            "zoom_out": partial(self.zoom, -1),
+            "zoom_fit": self._fit,
+            "zoom_cell": self._one_to_one,
+            "follow": self.follow,
+            "maximise": self._maximise,
+            "minimap": self._minimap,
+        }
+
+    def pan(self, columns: int, rows: int) -> None:
+        """Move the view by so many characters; no robot is followed any more."""
+        self._choice.following = self._pictures.fitted = False
+        self._pictures.camera.pan_characters(columns, rows)
+        self._session.changed()
+
+    def zoom(self, steps: int, at: tuple[int, int] | None = None) -> None:
+        """A step nearer or farther; what is at the place (row, column) of the map stays there."""
+        camera = self._pictures.camera
+        self._pictures.fitted = False
+        if at is None and self._session.playback is not None:
+            cell = robot_cell(self._session.playback, self._choice)
+            at = None if cell == NIL else camera.place_of(cell)
+        if steps > 0:
+            camera.zoom_in(at)
+        else:
+            camera.zoom_out(at)
+        self._session.changed()
+
+    def follow(self) -> None:
+        """Keep the selected robot on the screen, or no more."""
+        choice, session = self._choice, self._session
+        if choice.robot == NIL:
+            session.notify("choose a robot first: click it, or press )")
+            return
+        choice.following = not choice.following
+        if choice.following and session.playback is not None:
+            self._pictures.fitted = False
+            self._pictures.follow(session.playback, choice)
+        session.changed()
+
+    def _step(self, across: int, down: int) -> None:
+        """Some characters, and at least a cell: the view moves by whole cells."""
+        zoom = self._pictures.camera.zoom
+        self.pan(across * max(STEP_COLUMNS, zoom.width), down * max(STEP_ROWS, zoom.height))
+
+    def _page(self, across: int, down: int) -> None:
+        camera = self._pictures.camera
+        columns = max(camera.columns // 2, camera.zoom.width)
+        self.pan(across * columns, down * max(camera.rows // 2, camera.zoom.height))
+
+    def _fit(self) -> None:
+        self._pictures.fitted = True
+        self._pictures.camera.fit()
+        self._session.changed()
+
+    def _one_to_one(self) -> None:
+        """About what is selected, if some of the floor is off the screen then."""
+        session, camera = self._session, self._pictures.camera
+        self._pictures.fitted = False
+        camera.one_to_one()
+        cell = self._choice.cell
+        if session.playback is not None and self._choice.robot != NIL:
+            cell = robot_cell(session.playback, self._choice)
+        if cell != NIL and camera.exceeds():
+            camera.centre_on(cell)
+        session.changed()
+
+    def _maximise(self) -> None:
+        self._app.screen.toggle_class("-map-alone")
+        self._session.changed()
+
+    def _minimap(self) -> None:
+        self._choice.minimap = not self._choice.minimap
+        self._session.changed()
+
+
+# Actions on what is laid over the floor.
+
+
+class LayerActions:
+    """Layers: those that are registered."""
+
+    def __init__(self, session: Session, notices: Notices) -> None:
+        self._session, self._notices, self._choice = session, notices, session.choice
+
+    def commands(self) -> dict[str, Command]:
+        ids: dict[str, list[str]] = {}
+        for name, layer in layers().by_name.items():
+            ids.setdefault(layer.action, []).append(name)
+        return {
+            "layer_none": partial(self.show, ""),
+            **{id: partial(self._press, names) for id, names in ids.items()},
+            "layer_route": self._turn_route,
+            "next_layer": self._next,
+            "next_colouring": self._next_colouring,
+            "trails": self._turn_trails,
+            "goal_lines": self._next_lines,
+        }
+
+    def show(self, name: str) -> None:
+        """A layer by its name; "" for the plain floor."""
+        session = self._session
+        if session.ready() and session.player is not None:
+            again = bool(name) and name == self._choice.layer
+            self._choice.layer = name
+            said = layer_named(name).shown(self._choice, again)
+            session.player.show_layer(name)
+            session.ordered()
+            session.changed()
+            if said:
+                self._notices.say_of_layer(said)
+
+    def colour_by(self, name: str) -> None:
+        """Robots get their colours by one of COLOURINGS, if there are colours and they differ in it."""
+        session = self._session
+        if session.look.depth == Depth.NONE:
+            session.notify("there are no colours here: shapes alone distinguish robots")
+        elif not is_possible(session.scene(), name):
+            session.notify(f"robots cannot be coloured by {name} here: they have none")
+        else:
+            self._choice.colouring = name
+            self._notices.say(f"robots are coloured by {COLOURINGS[name]}", timeout=2)
+            session.changed()
+
+    def colourings(self) -> list[tuple[str, str, Command]]:
+        """What the palette has beside the table of bindings: names, meanings, and what is done."""
+        scene = self._session.scene()
+        return [
+            (f"Colours: {name}", f"robots coloured by {words}", partial(self.colour_by, name))
+            for name, words in COLOURINGS.items()
+            if is_possible(scene, name)
+        ]
+
+    def _next_colouring(self) -> None:
+        there = [name for name in COLOURINGS if is_possible(self._session.scene(), name)]
+        now = self._choice.colouring
+        self.colour_by(there[(there.index(now) + 1) % len(there)] if now in there else there[0])
+
+    def _turn_trails(self) -> None:
+        session = self._session
+        if session.ready() and session.player is not None:
+            self._choice.trails = not self._choice.trails
+            session.player.show_trails(self._choice.trails)
+            session.ordered()
+            session.changed()
+            shown = "shown" if self._choice.trails else "hidden"
+            self._notices.say(f"trails are {shown}", timeout=2)
+
+    def _next_lines(self) -> None:
+        at = LINES.index(self._choice.lines) + 1
+        self._choice.lines = LINES[at % len(LINES)]
+        whose = {"": "none", "selected": "the selected robot's", "all": "all robots'"}
+        self._notices.say(f"lines to goals: {whose[self._choice.lines]}", timeout=2)
+        self._session.changed()
+
+    def _press(self, names: list[str]) -> None:
+        """The key of layers that take turns: the first that is there, or the one after that shown."""
+        there = [name for name in names if self._is_there(name)]
+        if not there:
+            self._session.notify(layer_named(names[-1]).absent)
+            return
+        shown = self._choice.layer
+        if there == [shown] != names:
+            self._session.notify(layer_named(names[-1]).absent)
+            return
+        self.show(there[(there.index(shown) + 1) % len(there)] if shown in there else there[0])
+
+    def _turn_route(self) -> None:
+        self._choice.route = not self._choice.route
+        shown = "shown" if self._choice.route else "hidden"
+        self._notices.say(f"routes are {shown}", timeout=2)
+        self._session.changed()
+
+    def _next(self) -> None:
+        there = ["", *(name for name in layers().by_name if self._is_there(name))]
+        shown = self._choice.layer
+        self.show(there[(there.index(shown) + 1) % len(there)] if shown in there else "")
+
+    def _is_there(self, name: str) -> bool:
+        return bool(layer_named(name).is_there(self._session.scene()))
+
+
+# Actions on the panels: off, beside or below the map, or in its place; and which one is open.
+
+
+WIDE: Final = 100  # columns from which panels have room beside the map
+BESIDE_COLUMNS: Final = 36  # of a panel beside the map on a narrow screen,
+BELOW_SHARE: Final = 0.45  # or the part of the rows that it has below it,
+LEAST_ROWS: Final = 6  # and how many these are at least
+ABOUT_CHOICE: Final = ("inspector", "why")  # panels about what is selected on the map
+
+
+class PanelActions:
+    """Panels."""
+
+    def __init__(self, app: App[None], session: Session, display: Display) -> None:
+        self._app, self._session, self._display = app, session, display
+        self.shown = "side"  # off, side or full; on a narrow screen "side" counts as off,
+        self.opened = False  # unless a panel was opened there, beside or below the map
+        # Before a panel is opened by its key; False: there is nothing to open it for.
+        self.before: dict[str, Callable[[], bool]] = {
+            "why": self._choose_waiting,
+            "inspector": self._choose_pointed,
+        }
+
+    def commands(self) -> dict[str, Command]:
+        opening: dict[str, Command] = {
+            panel.action: partial(self._open_by_key, name)
+            for name, panel in panels().by_name.items()
+        }
+        return {**opening, "panels": self._turn, "compare_side": self._change_side}
+
+    def _open_by_key(self, name: str) -> None:
+        before = self.before.get(name)
+        if before is None or (self._session.ready() and before()):
+            self.open(name)
+
+    def show(self, panels: str) -> None:
+        """Off, side or full; on a narrow screen the side is where it leaves more of the map."""
+        self.shown, column = panels, self._display.column
+        self.opened = panels == "side" and self._is_narrow
+        self.fit()
+        for name in ("off", "side", "full"):
+            self._app.screen_stack[0].set_class(name == panels, f"-panels-{name}")
+        if column is not None:
+            column.set_class(panels == "full", "full")
+        if panels != "full" or column is None:
+            self._display.maps[0].focus()
+        self._display.refresh_panels()
+
+    def fit(self) -> None:
+        """Put an open panel of a narrow screen beside or below the map."""
+        screen, pictures = self._app.screen_stack[0], self._session.pictures
+        body, side = screen.query_one("#body"), screen.query_one("#side")
+        opened, room = self.opened and self._is_narrow, body.size
+        rows = max(LEAST_ROWS, round(BELOW_SHARE * room.height))
+        beside = len(self._display.maps) == 1 and pictures.larger_beside(
+            room.height, room.width, rows, BESIDE_COLUMNS
+        )
+        screen.set_class(opened, "-panels-open")
+        screen.set_class(opened and not beside, "-panels-below")
+        side.styles.height = rows if opened and not beside else None
+
+    def open(self, name: str, focus: bool = True) -> None:
+        """Show this panel; on a narrow screen, and in place of the map, its key closes it again.
+
+        With `focus` it gets the keys, unless there is room for all panels beside the map.
+        """
+        column = self._display.column
+        if not self._session.ready() or column is None:
+            return
+        if (self._seen == "full" or self.opened) and column.name_open == name:
+            self.leave()
+            return
+        self._app.screen.remove_class("-map-alone")
+        if self._seen == "off":
+            self.show("side")
+        column.open(name, focus=focus and (self.opened or self.shown == "full"))
+        self._display.refresh_panels()
+        if name in ABOUT_CHOICE:
+            self._app.call_after_refresh(self._session.show_choice)
+
+    def open_for_click(self) -> None:
+        """Something on the map was clicked: open the inspector, unless a panel shows it already."""
+        column, is_robot = self._display.column, self._session.choice.robot != NIL
+        if column is None or self._app.screen.has_class("-map-alone"):
+            return
+        is_shown = column.name_open == "inspector" or (
+            is_robot and column.name_open in ABOUT_CHOICE
+        )
+        if self._seen == "off" or not is_shown:
+            self.open("inspector", focus=False)
+
+    def leave_full(self) -> None:
+        """Show the map again."""
+        if self.shown == "full":
+            self.show("side")
+
+    def leave(self) -> None:
+        """The map as it is without having opened a panel."""
+        self.leave_full()
+        if self.opened:
+            self.opened = False
+            self.fit()
+            self._display.maps[0].focus()
+
+    @property
+    def _is_narrow(self) -> bool:
+        return self._app.size.width < WIDE
+
+    @property
+    def _seen(self) -> str:
+        is_hidden = self.shown == "side" and self._is_narrow and not self.opened
+        return "off" if is_hidden else self.shown
+
+    def _turn(self) -> None:
+        self.show({"off": "side", "side": "full", "full": "off"}[self._seen])
+
+    def _change_side(self) -> None:
+        session, choice = self._session, self._session.choice
+        if session.is_alone():
+            return
+        choice.side = (choice.side + 1) % len(self._display.maps)
+        session.changed()
+        own = session.opening.heads[choice.side].own
+        self._display.notices.say(f"panels tell of {'AB'[choice.side]} {own}", timeout=3)
+
+    def _choose_waiting(self) -> bool:
+        """Select the robot that has waited longest, if none is selected."""
+        session = self._session
+        if session.playback is None:
+            return False
+        if session.choice.robot == NIL:
+            longest = self._longest_waiting()
+            if longest == NIL:
+                session.notify("no robot waits; click one to select it")
+                return False
+            session.choose(longest)
+            session.show_robot()
+        return True
+
+    def _longest_waiting(self) -> int:
+        playback = self._session.playback
+        assert playback is not None
+        robots = playback.snapshots[self._session.choice.side].robots
+        kept = np.flatnonzero(is_waiting(robots.cause))
+        return int(kept[np.argmin(robots.since[kept])]) if len(kept) else NIL
+
+    def _choose_pointed(self) -> bool:
+        """Select what the mouse points at, or something if nothing is selected."""
+        session, choice = self._session, self._session.choice
+        if session.pointing and session.hovered != NIL:
+            choice.side = session.hovered_side
+            session.choose_at(session.hovered)
+        elif choice.robot == choice.cell == choice.zone == NIL:
+            self._choose_middle()
+        return True
+
+    def _choose_middle(self) -> None:
+        """Of the map: something has to be inspected."""
+        camera = self._session.pictures.camera
+        middle = camera.cell_at(camera.rows // 2, camera.columns // 2)
+        cell = middle if self._session.hovered == NIL else self._session.hovered
+        if cell is not None:
+            self._session.choose_at(cell)
+
+
+# What the screen shows, row by row, for a drawing of it.
+
+
+DIMMED = 0.4  # of the way to the background
+
+
+def screen_rows(app: App[None], look: Look) -> list[list[Run]]:
+    """The characters of a running app in their colours; where they have none, those of the map."""
+    update = app.screen._compositor.render_update(full=True, screen_stack=app._background_screens)
+    console = Console(
+        file=io.StringIO(),
+        width=app.size.width,
+        height=app.size.height,
+        force_terminal=True,
+        color_system="truecolor",
+        legacy_windows=False,
+    )
+    assert update is not None  # it is a full one
+    segments = (segment for segment in console.render(update) if not segment.control)
+    plain = look.css(style(COLOUR_TEXT, COLOUR_VOID))
+    return [
+        [_run(text, shown or Style.null(), plain) for text, shown, _ in row if text]
+        for row in Segment.split_lines(segments)
+    ]
+
+
+def _run(text: str, shown: Style, plain: tuple[str, str, bool]) -> Run:
+    fg = _rgb(shown.color, plain[0])
+    bg = _rgb(shown.bgcolor, plain[1])
+    if shown.reverse:
+        fg, bg = bg, fg
+    if shown.dim:
+        fg = blend_rgb(fg, bg, DIMMED)
+    return Run(text, fg.hex, bg.hex, bool(shown.bold))
+
+
+def _rgb(colour: Color | None, plain: str) -> ColorTriplet:
+    if colour is None or colour.is_default:
+        return Color.parse(plain).get_truecolor()
+    return colour.get_truecolor(DEFAULT_TERMINAL_THEME)
+
+
+# Actions that take the picture with them, as a drawing or as text.
+
+
+class CaptureActions:
+    """Captures."""
+
+    def __init__(self, app: App[None], session: Session, display: Display) -> None:
+        self._app, self._session, self._display = app, session, display
+
+    def commands(self) -> dict[str, Command]:
+        return {"screenshot": self._take_screenshot, "copy_text": self._copy_text}
+
+    def _take_screenshot(self) -> None:
+        rows, look = screen_rows(self._app, self._session.look), self._session.look
+        # It has painted everything, and with that forgot what was still to be painted.
+        self._app.screen.refresh()
+        width, height = self._app.size
+        title = f"automaton: {self._session.opening.name}"
+        self._save(svg_of(rows, (height, width), look, title), ".svg")
+
+    def _copy_text(self) -> None:
+        glyphs = self._session.glyphs
+        texts = [
+            f"{title}, tick {self._tick_of(side):,}\n"
+            f"{as_text(self._display.codes_of(side), glyphs)}{self._key(side)}"
+            for side, title in enumerate(self._session.titles)
+        ]
+        text = "\n".join(texts)
+        self._app.copy_to_clipboard(text)
+        self._save(text, ".txt")
+
+    def _key(self, side: int) -> str:
+        """What the letters of zones mean, if they are shown: there is no legend beside a text."""
+        session = self._session
+        layer, resolved = layer_named(session.choice.layer), session.opening.resolved[side]
+        if session.runs:  # after a branch another one
+            resolved = session.runs[side].resolved
+        words = layer.key_words(session.scene(side), resolved, session.glyphs)
+        return f"{'; '.join(words)}\n" if words else ""
+
+    def _tick_of(self, side: int) -> int:
+        playback = self._session.playback
+        return 0 if playback is None else playback.snapshots[side].tick
+
+    def _save(self, text: str, suffix: str) -> None:
+        session = self._session
+        tick = 0 if session.playback is None else session.playback.tick
+        name = f"{session.opening.name}-{tick}"
+        if self._app.is_web:
+            self._deliver(text, f"{name}{suffix}")
+            return
+        try:
+            path = capture_file(name, suffix, os.environ, here=not session.options.read_only)
+            with replacing(path, path.with_name(f"{path.name}.part")) as file:
+                file.write(text.encode())
+        except OSError as error:
+            self._display.notices.say(f"cannot save the picture: {error.strerror}", "error")
+            return
+        session.notify(f"saved {short_path(path)}")
+
+    def _deliver(self, text: str, name: str) -> None:
+        """To the browser."""
+        if self._session.options.read_only:
+            self._display.notices.say("this viewer is read-only: it hands out no files", "warning")
+        else:
+            self._app.deliver_text(io.StringIO(text), save_filename=name)

@@ -1,0 +1,600 @@
+"""What the viewer shows: one or two runs, what is chosen of them, and how they are looked at.
+
+Groups of actions change the session, the display shows it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import os
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
+
+import numpy as np
+from textual.app import App
+from textual.notifications import SeverityLevel
+
+from automaton.engine.jit.compile_progress import COMPILING
+from automaton.engine.state import NIL
+from automaton.errors import InputError
+from automaton.history.divergence import Divergence, first_difference
+from automaton.units import unit
+from tui.playback.frame_cache import Pictures, robot_cell
+from tui.playback.run_source import Opening
+from tui.registration import failure, layer_named
+from tui.render import styles
+from tui.render.scene import NO_CELLS, Choice, Scene
+from tui.render.styles import Codes, Look
+from tui.terminal.frame_pacing import FrameClock, FramePacer
+from tui.terminal.options import Options
+from tui.widgets.map_view import MapView, Presenter
+from tui.widgets.status import (
+    Line,
+    Word,
+    choice_words,
+    describe,
+    end_words,
+    fleet_words,
+    head_words,
+    link_words,
+    long_tick_words,
+    mode_word,
+    scale_words,
+    time_words,
+    word,
+)
+from tui.widgets.timeline import Mark, Past, Timeline
+
+if TYPE_CHECKING:
+    from automaton.history.watched_run import Run
+    from tui.playback.panel_view import View
+    from tui.playback.playback_state import PlaybackState
+    from tui.playback.player import Player
+
+
+LINES_S: Final = 0.1  # between two updates of the lines under the map
+PANELS_S: Final = 0.25  # between two updates of the panels
+STRAINED_S: Final = 1.0  # the same over a slow link
+
+NOTICE_S: Final = 5.0
+FAILURE_S: Final = 20.0
+NOTICE_COLOURS: Final = {
+    "information": styles.COLOUR_TEXT,
+    "warning": styles.COLOUR_LOADED,
+    "error": styles.COLOUR_FAULT,
+}
+
+HINTS: Final = (  # what there is to be done, what a click on it does, and its rank
+    ("? help", "help", 0),
+    ("space play", "play_pause", 1),
+    ("click a robot or a cell", "", 2),
+    ("ctrl+p all commands", "command_palette", 3),
+)
+
+
+class Session:
+    """The runs, the choice, and the pictures of both; it knows no widget."""
+
+    def __init__(self, opening: Opening, options: Options, notify: Callable[[str], None]) -> None:
+        """`notify` says a sentence to the user."""
+        self.opening, self.options, self.notify = opening, options, notify
+        self.player: Player | None = None
+        self.playback: PlaybackState | None = None
+        self.choice = Choice()
+        self.speed = options.speed
+        self.live = opening.live  # or branched off a recording
+        self.titles = list(opening.titles)
+        self.goal = options.at  # a tick on the way to which the run may end
+        self.error = ""  # why there is nothing to be played
+        self.broken = ""  # why two runs cannot be compared
+        self.hovered = NIL  # the cell under the mouse
+        self.hovered_side = 0
+        self.pointing = False  # the mouse has been moved since something was chosen
+        self.marks: list[Mark] = []  # breakpoints met, branches
+        self.divergence: Divergence | None = None
+        self.recordings: list[Path] = list(opening.paths)
+        self.glyphs = options.glyphs(os.environ)
+        self.look = Look(options.depth(os.environ), options.theme)
+        self.pictures = Pictures(opening, self.glyphs)
+        self.changed: Callable[[], None] = lambda: None  # something else is chosen: draw it
+        self.published: Callable[[], None] = lambda: None  # there is a new state
+        # The player got a request: its result is to be seen as soon as it is there.
+        self.ordered: Callable[[], None] = lambda: None
+        self._ending = threading.Lock()
+        self._ended = False
+
+    @property
+    def runs(self) -> Sequence[Run]:
+        """The runs, once they are there. Of a run read plan, header, resolved and event_history only."""
+        return () if self.playback is None else self.playback.runs
+
+    # Beginning and end; the runs come after the first picture, in a thread of their own.
+
+    def open(self, published: Callable[[], None], prepare: Callable[[], object]) -> bool:
+        """Import Numba and begin the runs; whether the viewer still waits for them.
+
+        `published` is called in the player's thread for each new state, `prepare` before there are
+        runs.
+        """
+        player: Player | None = None
+        self.published = published
+        try:
+            from tui.playback.player import Player
+
+            prepare()
+            player = self._playing(Player(self.opening.begin()))
+            player.published = published
+        except InputError as wrong:
+            self.error = str(wrong)
+        except Exception as wrong:
+            self.error = f"internal error, {type(wrong).__name__}: {wrong}"
+        with self._ending:
+            if self._ended and player is not None:
+                player.close()
+            elif not self._ended:
+                self.player = player
+        return not self._ended
+
+    def _playing(self, player: Player) -> Player:
+        player.set_speed(self.options.speed)
+        if self.options.at is not None:
+            player.seek(self.options.at)
+        elif not self.options.paused:
+            player.play()
+        return player
+
+    def reopen(self, opening: Opening, player: Player) -> Player | None:
+        """Show a scenario that was loaded again, from tick 0; the player to be closed, if there is one.
+
+        Camera, layers and the selected robot stay as far as the new floor has them.
+        """
+        with self._ending:
+            before, self.player = self.player, player
+            if self._ended:
+                return player
+        choice = self.choice
+        if not self.pictures.take_floor(opening):
+            choice.cell = NIL
+        if choice.robot >= opening.resolved[0].scenario.fleet.robots:
+            choice.robot = NIL
+        choice.zone, choice.matches = NIL, NO_CELLS
+        self.opening, self.titles, self.marks, self.goal = opening, list(opening.titles), [], None
+        self.error, self.divergence, self.hovered = "", None, NIL
+        player.published = self.published
+        player.set_speed(self.speed)
+        player.select(choice.robot)
+        player.show_layer(choice.layer)
+        if self.playback is None or self.playback.playing:
+            player.play()
+        self.playback = player.latest()
+        return before
+
+    def compare(self) -> None:
+        """Find where two recorded runs part; of live ones the player does."""
+        if self.opening.live:
+            return
+        from tui.playback.player import sentence
+
+        try:
+            self.divergence = first_difference(*self.opening.recordings)
+        except Exception as wrong:
+            self.broken = sentence(wrong)
+
+    def close(self) -> None:
+        """Nothing is computed any more, and what was recorded is whole; from any thread."""
+        with self._ending:
+            if not self._ended and self.player is not None:
+                self.player.close()
+            self._ended = True
+
+    # What is chosen.
+
+    def ready(self) -> bool:
+        """Whether there is a run; if not yet, says so."""
+        if self.player is None:
+            self.notify(self.error or "the world is not built yet")
+        return self.player is not None
+
+    def is_alone(self) -> bool:
+        """Whether no other run is beside this one; if so, says how to compare two."""
+        if not self.opening.comparing:
+            self.notify("two recordings are compared by: automaton replay A B")
+        return not self.opening.comparing
+
+    def view(self) -> View:
+        """What panels and dialogs get; there has to be a playback state."""
+        from tui.playback.panel_view import Picture, View
+
+        assert self.playback is not None
+        choice = self.choice
+        side = choice.side
+        robot = choice.robot if choice.robot < len(self.playback.snapshots[side].robots) else NIL
+        picture = Picture(self.scene(), self.pictures.camera.zoom, self.look, self.glyphs)
+        chosen = (robot, choice.cell, choice.layer, side, choice.zone, picture)
+        return View(self.playback, self.playback.runs, *chosen)
+
+    def scene(self, side: int | None = None) -> Scene:
+        """What the picture of a run is made of; without a side, of the chosen run."""
+        side = self.choice.side if side is None else side
+        return self.pictures.scene(self.playback, self.choice, side)
+
+    def choose(self, robot: int = NIL, cell: int = NIL, zone: int = NIL) -> None:
+        """Select a robot, a cell, a zone, or nothing."""
+        if robot != self.choice.robot:
+            self.choice.following = self.choice.following and robot != NIL
+            if self.player is not None:
+                self.player.select(robot)
+                self.ordered()
+        self.choice.robot, self.choice.cell, self.choice.zone = robot, cell, zone
+        self.pointing = False
+        self.changed()
+
+    def choose_zone(self, zone: int) -> None:
+        """Select a zone, and bring its middle on the screen unless some of it is there."""
+        self.choose(zone=zone)
+        cells = self.pictures.zone_cells(self.playback, zone, self.choice.side)
+        if cells and not any(self.pictures.camera.place_of(cell) is not None for cell in cells):
+            self.show_cell(cells[len(cells) // 2])
+
+    def choose_at(self, cell: int) -> None:
+        """Select the robot in a cell, or the cell if it is empty."""
+        if self.playback is None:
+            self.choose(cell=cell)
+            return
+        robots = self.playback.snapshots[self.choice.side].robots
+        at = np.where(robots.cell == NIL, robots.bay, robots.cell)
+        here = np.flatnonzero(at == cell)
+        self.choose(int(here[0]) if len(here) else NIL, NIL if len(here) else cell)
+
+    def show_cell(self, cell: int) -> None:
+        """Bring a cell on the screen if it is not on it."""
+        if cell != NIL and self.pictures.camera.place_of(cell) is None:
+            self.pictures.fitted = False
+            self.pictures.camera.centre_on(cell)
+        self.changed()
+
+    @contextmanager
+    def kept_in_sight(self) -> Iterator[None]:
+        """While inside, the map gets another size: what is selected stays on it."""
+        camera, cell = self.pictures.camera, self.choice.cell
+        if self.playback is not None and self.choice.robot != NIL:
+            cell = robot_cell(self.playback, self.choice)
+        was_shown = cell != NIL and camera.place_of(cell) is not None
+        yield
+        if was_shown:
+            self.show_cell(cell)
+
+    def show_choice(self) -> None:
+        """Bring what is selected on the screen."""
+        if self.choice.robot != NIL:
+            self.show_robot()
+        else:
+            self.show_cell(self.choice.cell)
+
+    def show_robot(self) -> None:
+        """Bring the selected robot on the screen."""
+        if self.playback is not None:
+            self.show_cell(robot_cell(self.playback, self.choice))
+
+
+class Display:
+    """The widgets of the viewer, and the path of a frame from the player to them.
+
+    Player -> PlaybackState -> Scene -> codes -> MapView        whenever something has changed
+                   -> View -> panels, lines            at most some times a second
+    """
+
+    def __init__(self, app: App[None], session: Session) -> None:
+        options, opening = session.options, session.opening
+        self._session = session
+        self.presenter = Presenter(app, options.renderer)
+        pacer = FramePacer(options.fps, options.max_kbit)
+        self.frames = FrameClock(self.presenter, self.draw, pacer)
+        self.maps = [self._made(MapView, f"map-{n}") for n in range(len(opening.resolved))]
+        self.heads = [self._made(Line, f"head-{n}") for n in range(len(self.maps))]
+        self.title_line = self._made(Line, "title")
+        self.status = self._made(Line, "status")
+        self.info = self._made(Line, "info")
+        self.timeline = self._made(Timeline, "timeline")
+        self.notices = Notices(app, session, self.info, self.refresh_lines_soon)
+        self.column: Any = None  # the panels, once they are imported
+        self.link_shown = False
+        self._unit = unit(opening.resolved[0].scenario.units.tick)
+        self._stale = self._texts_stale = True
+        self._texts_updated_at = self._panels_at = -math.inf
+        self._panels_know: object = None
+        session.changed, session.ordered = self.changed, self.ordered
+
+    def _made(self, kind: type[Any], id: str) -> Any:
+        return kind(self.presenter, self._session.look, self._session.glyphs, id=id)
+
+    def changed(self) -> None:
+        """Something else is chosen: draw it."""
+        self._stale = True
+        self.refresh_lines_soon()
+
+    def ordered(self) -> None:
+        """The player got a request: its result is to be seen as soon as it is there."""
+        self._texts_stale = True
+        self.frames.expect()
+
+    def refresh_lines_soon(self) -> None:
+        """The lines under the map have something new to say."""
+        self._texts_stale = True
+        self.frames.wake()
+
+    def refresh_panels(self) -> None:
+        """Panels are shown in another way: write them again."""
+        self._panels_know = None
+        self.changed()
+
+    def set_look(self, look: Look) -> None:
+        """Other colours."""
+        self._session.look = look
+        lines = (self.title_line, self.info, self.status, self.timeline)
+        for view in (*self.maps, *self.heads, *lines):
+            view.set_appearance(look, self._session.glyphs)
+        self.changed()
+
+    def toggle_link(self) -> None:
+        """Show what the connection carries, or no more."""
+        self.link_shown = not self.link_shown
+        self.changed()
+
+    def draw(self) -> bool:
+        """Present what has changed; False if nothing had, and then nothing was written."""
+        session = self._session
+        before = session.playback
+        if session.player is not None:
+            session.playback = session.player.latest()
+        if session.playback is not before:
+            self._texts_stale = True
+            self._follow_playback(before)
+        if COMPILING.now() or (session.player is not None and session.player.computing()):
+            self._texts_stale = True  # the seconds go on
+        drawn = False
+        if session.playback is not before or self._stale:
+            drawn = self._draw_maps()
+        is_said = self._update_texts()
+        if failed := failure():
+            self._leave_failed_layer()
+            self.notices.say_switched_off(failed)
+        return drawn or is_said
+
+    def _leave_failed_layer(self) -> None:
+        """Show the plain floor, if the layer that is shown was switched off."""
+        session = self._session
+        layer = layer_named(session.choice.layer)
+        if not layer.is_there(session.scene()):
+            session.choice.layer = ""
+            if session.player is not None:
+                session.player.show_layer("")
+                self.ordered()
+            self.changed()
+
+    def _follow_playback(self, before: PlaybackState | None) -> None:
+        """Follow the selected robot, and go where a breakpoint stopped the run."""
+        session = self._session
+        playback = session.playback
+        assert playback is not None
+        session.pictures.follow(playback, session.choice)
+        if playback.failed and (before is None or not before.failed):
+            self.notices.say_failure()
+        self._report_unreachable_tick(playback)
+        session.divergence = playback.divergence or session.divergence
+        if playback.stops > (0 if before is None else before.stops):
+            session.marks.append(Mark(playback.tick, "stop"))
+            session.goal = None  # it is not on the way there any more
+            session.choice.side = playback.side
+            if playback.breakpoint_robots:
+                session.choose(playback.breakpoint_robots[0])
+                session.show_robot()
+
+    def _report_unreachable_tick(self, playback: PlaybackState) -> None:
+        """A tick was asked for that there is not."""
+        goal, end = self._session.goal, playback.end
+        if goal is None or playback.tick < min(goal, playback.head):
+            return
+        if end is not None and playback.tick == end < goal and not playback.failed:
+            self._session.notify(f"the run ends at tick {end:,}; there is no tick {goal:,}")
+        if playback.tick >= goal or playback.tick == end:
+            self._session.goal = None
+
+    def _draw_maps(self) -> bool:
+        drawn = self._stale = False
+        for side, view in enumerate(self.maps):
+            rows, columns = view.size.height, view.size.width
+            if not rows or not columns or not view.is_on_screen:
+                continue
+            codes = self.codes_of(side)
+            if view.shown is None or not np.array_equal(codes, view.shown):
+                view.present(codes)
+                drawn = True
+        return drawn
+
+    def codes_of(self, side: int) -> Codes:
+        """The picture of a run at the tick that is shown, also while its map is hidden."""
+        session, size = self._session, self.maps[side].size
+        camera = session.pictures.camera
+        rows, columns = size.height or camera.rows, size.width or camera.columns
+        return session.pictures.picture(session.scene(side), session.choice, rows, columns)
+
+    def _update_texts(self) -> bool:
+        """Lines and panels, if there is news and it is time for it."""
+        now = asyncio.get_running_loop().time()
+        pause = PANELS_S if self.frames.pace.strained else LINES_S
+        said = False
+        if self._texts_stale and now - self._texts_updated_at >= pause:
+            self._texts_updated_at, self._texts_stale = now, False
+            said = self._update_lines()
+        self._update_panels(now)
+        return said
+
+    def _update_lines(self) -> bool:
+        session = self._session
+        playback, choice = session.playback, session.choice
+        right = scale_words(session.scene(), session.glyphs)
+        right += link_words(self.frames.figures()) if self.link_shown else []
+        changed: bool = self.info.set_words(self._message(), right)
+        if playback is None:
+            compiling = COMPILING.now()
+            building = compiling.words if compiling else "the world is being built ..."
+            state = "cannot run" if session.error else building
+            changed |= self.status.set_words([word(state, styles.COLOUR_DIM)])
+            return changed
+        words = time_words(playback, choice.side, session.speed, self._unit, session.glyphs)
+        words += fleet_words(playback.snapshots[choice.side], playback.figures[choice.side])
+        words += choice_words(choice.robot, choice.following, choice.laid)
+        changed |= self.status.set_words(words, [self.mode(playback)])
+        changed |= self.timeline.set_content(self._past(playback))
+        changed |= self.show_titles()
+        return changed
+
+    def show_titles(self) -> bool:
+        """What the runs are called, and which of two has ended; whether anything changed."""
+        session = self._session
+        changed: bool = self.title_line.set_words([word("automaton"), word(session.titles[0])])
+        for side, (own, common) in enumerate(session.opening.heads):
+            head, end = self.heads[side], end_words(session.playback, side)
+            room = head.size.width - sum(len(one.glyphs) + Line.GAP for one in end)
+            changed |= head.set_words(head_words(f"{'AB'[side]} {own}", common, room), end)
+        return changed
+
+    def mode(self, playback: PlaybackState) -> Word:
+        """Live, in the past of a live run, or recorded; and how the run ended."""
+        session = self._session
+        side = session.choice.side
+        if session.live:
+            return mode_word(playback, side, "live REC" if session.recordings else "live")
+        name = "compare" if session.opening.comparing else "replay"
+        complete = session.opening.recordings[side].complete
+        return mode_word(playback, side, name, recorded=True, whole=complete)
+
+    def _past(self, playback: PlaybackState) -> Past:
+        """What the timeline shows."""
+        session = self._session
+        event_history = session.runs[session.choice.side].event_history
+        marks = [Mark(tick, "deadlock") for tick in event_history.deadlocks.tolist()]
+        marks += [Mark(tick, "redesign") for tick in event_history.redesigns.tolist()]
+        marks += session.marks
+        if session.divergence is not None and session.divergence.tick is not None:
+            marks.append(Mark(session.divergence.tick, "difference"))
+        return Past(playback.tick, playback.head, playback.end, event_history.curve, tuple(marks))
+
+    def _message(self) -> list[Word]:
+        """The most important of what there is to say."""
+        session = self._session
+        playback, choice = session.playback, session.choice
+        if (notice := self.notices.current()) is not None:
+            return [notice]
+        error = session.error or session.broken or (playback.error if playback is not None else "")
+        if error:
+            return [word(error, styles.COLOUR_FAULT, "play_pause")]
+        if playback is not None and (compiling := COMPILING.now()):  # for a branch
+            return [word(compiling.words, styles.COLOUR_CURSOR)]
+        if session.player is not None and (slow := session.player.computing()):
+            return [word(long_tick_words(*slow), styles.COLOUR_CURSOR)]
+        if playback is not None and playback.stopped:
+            return [word(f"stopped: {playback.stopped}", styles.COLOUR_CURSOR, "breakpoints")]
+        if session.hovered != NIL:
+            return [word(describe(session.scene(session.hovered_side), session.hovered))]
+        if playback is not None and playback.failed:
+            return [word(playback.failed, styles.COLOUR_FAULT, "play_pause")]
+        if choice.cell != NIL:
+            return [word(describe(session.scene(), choice.cell))]
+        if session.divergence is not None:
+            return [word(session.divergence.text, styles.COLOUR_TEXT, "next_difference")]
+        return [word(text, styles.COLOUR_DIM, action, rank) for text, action, rank in HINTS]
+
+    def _update_panels(self, now: float) -> None:
+        session, pause = self._session, STRAINED_S if self.frames.pace.strained else PANELS_S
+        if self.column is None or session.playback is None or now - self._panels_at < pause:
+            return
+        choice, pictures = session.choice, session.pictures
+        chosen = (choice.robot, choice.cell, choice.zone, choice.layer, choice.least, choice.side)
+        looks = (choice.colouring, choice.trails, choice.lines)
+        drawn = (session.look, pictures.camera.zoom, pictures.glyphs)
+        know = (session.playback, chosen, looks, drawn)
+        if self._panels_know == know or not self.column.is_on_screen:
+            return
+        self._panels_at, self._panels_know = now, know
+        self.column.show(session.view())
+
+
+# Sentences to the user: a short one in the line above the status line, a long one over the map.
+
+
+class Notice(NamedTuple):
+    """A sentence in the line above the status line, for a while."""
+
+    words: Word
+    until: float
+    layer: str | None = None  # with another one it goes sooner, as it does
+    robot: int | None = None  # with another robot selected
+
+
+class Notices:
+    """What was said last in the line, and the way over the map for what does not fit."""
+
+    def __init__(
+        self, app: App[None], session: Session, line: Any, refresh: Callable[[], None]
+    ) -> None:
+        """`line` is the widget of the line, `refresh` writes it again."""
+        self._app, self._session, self._line, self._refresh = app, session, line, refresh
+        self.notice: Notice | None = None
+
+    def say(
+        self, message: str, severity: SeverityLevel = "information", timeout: float | None = None
+    ) -> None:
+        """Say it for so many seconds."""
+        seconds = NOTICE_S if timeout is None else timeout
+        if not self._fits_line(message):
+            self._toast(message, severity, seconds)
+            return
+        until = asyncio.get_running_loop().time() + seconds
+        self.notice = Notice(word(message, NOTICE_COLOURS[severity]), until)
+        self._refresh()
+        self._app.set_timer(seconds + LINES_S, self._refresh)
+
+    def say_of_layer(self, message: str) -> None:
+        """Say what holds as long as this layer is shown and this robot selected."""
+        self.say(message)
+        choice = self._session.choice
+        self._let_go(message, layer=choice.layer, robot=choice.robot)
+
+    def say_switched_off(self, message: str) -> None:
+        """Say it until another layer is shown: its scale is in the same line."""
+        self.say(message, "warning", FAILURE_S)
+        self._let_go(message, layer=self._session.choice.layer)
+
+    def say_failure(self) -> None:
+        """The whole sentence, with the strategy's file and line."""
+        if self._session.playback is not None:
+            self._toast(self._session.playback.failed, "error", FAILURE_S)
+
+    def current(self) -> Word | None:
+        """What the line has still to say."""
+        notice, choice = self.notice, self._session.choice
+        if notice is not None:
+            late = notice.until <= asyncio.get_running_loop().time()
+            other_layer = notice.layer not in (None, choice.layer)
+            if late or other_layer or notice.robot not in (None, choice.robot):
+                self.notice = None
+        return None if self.notice is None else self.notice.words
+
+    def _let_go(self, message: str, layer: str, robot: int | None = None) -> None:
+        """Of this sentence, if the line has it: with another layer or robot it goes."""
+        if self.notice is not None and self.notice.words.text == message:
+            self.notice = self.notice._replace(layer=layer, robot=robot)
+
+    def _toast(self, message: str, severity: SeverityLevel, seconds: float) -> None:
+        self._app.clear_notifications()  # one at a time: many would cover the status line
+        App.notify(self._app, message, severity=severity, timeout=seconds, markup=False)
+
+    def _fits_line(self, message: str) -> bool:
+        fits = message.isascii() and len(message) <= self._line.size.width
+        return fits and len(self._app.screen_stack) == 1 and bool(self._line.is_on_screen)

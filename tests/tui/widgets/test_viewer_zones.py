@@ -16,14 +16,13 @@ from viewer_harness import mini, record, viewing
 from automaton.engine.observation import CAUSE_REDUCED_SPEED
 from automaton.engine.state import GOAL_PICK, NIL
 from automaton.errors import InputError
-from automaton.floor.traffic_zones import MODES, traffic_zones_of
+from automaton.floor.traffic_zones import ZONE_MODES, traffic_zones_of
 from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.routing.astar import FIFO, LARGER_G, TIES
 from tui.cast.film import Request, make_picture
-from tui.layers.astar_paths import driven
-from tui.layers.astar_paths import Paths, explored, ties_of
+from tui.layers.astar_paths import Paths, driven, explored, ties_of
 from tui.layers.traffic_zones import tints_of
 from tui.playback.panel_view import View
 from tui.playback.player import Overlays
@@ -78,7 +77,7 @@ def test_zones_bear_letters_where_touching_ones_differ_and_crossings_a_sign() ->
     assert [row.strip() for row in picture if row.strip()] == ZONES_PICTURE
 
 
-@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("mode", ZONE_MODES)
 @pytest.mark.parametrize("name", ["tabletop-1", "warehouse-100"])
 def test_touching_zones_have_other_tints(name: str, mode: str) -> None:
     floor_plan = shipped(name)

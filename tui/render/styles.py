@@ -498,7 +498,7 @@ class Look:
         bold, underline, reverse = self.attributes(style)
         colours: list[Color | None] = [None, None]
         if self.depth == Depth.TRUE:
-            colours = [Color.from_rgb(*_bytes(value)) for value in self.pair(style)]
+            colours = [Color.from_rgb(*channels(value)) for value in self.pair(style)]
         elif self.depth != Depth.NONE:
             colours = [Color.from_ansi(value) for value in self.pair(style)]
         fg, bg = colours
@@ -512,13 +512,14 @@ def _own(colour: Colour, theme: Theme) -> Shades:
 def _parameters(value: int, depth: Depth, place: int) -> list[int]:
     """The numbers that set a colour; place 38 is the foreground, 48 the background."""
     if depth == Depth.TRUE:
-        return [place, 2, *_bytes(value)]
+        return [place, 2, *channels(value)]
     if depth == Depth.INDEXED:
         return [place, 5, value]
     return [place - 8 + value if value < 8 else place + 52 + value - 8]
 
 
-def _bytes(value: int) -> tuple[int, int, int]:
+def channels(value: int) -> tuple[int, int, int]:
+    """Red, green and blue, 0 to 255."""
     return value >> 16, value >> 8 & 255, value & 255
 
 
@@ -544,6 +545,6 @@ def contrast(one: int, other: int, depth: Depth) -> float:
 
 
 def _luminance(value: int) -> float:
-    channels = (channel / 255 for channel in _bytes(value))
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    shares = (channel / 255 for channel in channels(value))
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in shares]
     return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]

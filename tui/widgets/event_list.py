@@ -1,4 +1,7 @@
-"""The panel of events: which kinds are listed, and the list."""
+"""The panel of events: the log, as long as the run, filtered by kinds, by a robot and by words.
+
+Only the rows in sight are written.
+"""
 
 from __future__ import annotations
 
@@ -45,162 +48,60 @@ from tui.widgets.pod_facts import makes_trips
 from tui.widgets.robot_facts import ROBOT_COLUMN_WIDTH, event_line
 from tui.widgets.zone_facts import partition_of, parts_finished
 
-
-class KindBoxes(Rows):
-    """Words behind boxes, in as many lines as they need."""
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("left,up", "move(-1)", "Previous box", show=False),
-        Binding("right,down", "move(1)", "Next box", show=False),
-        Binding("space,enter", "follow_cursor", "Tick it or not", show=False),
-    ]
-
-    class Ticked(Message):
-        """A box was ticked, or its tick taken away."""
-
-        def __init__(self, box: int) -> None:
-            super().__init__()
-            self.box = box
-
-    def __init__(self, signs: Signs) -> None:
-        super().__init__(signs)
-        self.box = 0  # under the cursor
-        self._boxes: list[tuple[str, bool]] = []
-        self._lines: list[Line] = []
-
-    def set_content(self, boxes: Sequence[tuple[str, bool]]) -> None:
-        """These words, each ticked or not."""
-        self._boxes = list(boxes)
-        spans: list[Span | str] = []
-        for at, (name, ticked) in enumerate(self._boxes):
-            sign, look = (self.signs.on, "plain") if ticked else (self.signs.off, "dim")
-            spans += [Span(f"{sign}{name}", look, ("box", at)), " "]
-        self._lines = wrapped(line(*spans), self.width)
-        self.styles.height = len(self._lines)
-        self._place()
-
-    def _place(self) -> None:
-        places = (at for at, made in enumerate(self._lines) if self._under_cursor(made))
-        self.cursor = next(places, 0)
-        self.update_rows(len(self._lines))
-
-    def _under_cursor(self, made: Line) -> bool:
-        return any(span.link == ("box", self.box) for span in made)
-
-    def row(self, index: int) -> Line:
-        return self._lines[index]
-
-    def marked(self, made: Line) -> Line:
-        return tuple(
-            span._replace(look="cursor") if span.link == ("box", self.box) else span
-            for span in made
-        )
-
-    def follow(self, link: Link, column: int = 0) -> None:
-        self.box = link[1]
-        self.post_message(self.Ticked(self.box))
-
-    def action_move(self, rows: int) -> None:
-        """Go to another box."""
-        self.box = max(0, min(self.box + rows, len(self._boxes) - 1))
-        self._place()
-
-    def action_follow_cursor(self) -> None:
-        """Tick the box under the cursor, or take its tick away."""
-        self.follow(("box", self.box))
-
-    def on_resize(self) -> None:
-        super().on_resize()
-        self.set_content(self._boxes)
-
-
-class Wanted(NamedTuple):
-    """Which events are asked for."""
-
-    kinds: frozenset[str] = frozenset(EVENT_GROUPS)
-    robot: int = NIL  # NIL: any
-    words: str = ""  # as typed: robot 3, load 7, and parts of what an event is called
-
-    def mask(self, events: Array) -> Array:
-        """(N,) bool: whether each of (N, 5) events is asked for."""
-        holds: Array = np.isin(events[:, 1], [c for kind in self.kinds for c in EVENT_GROUPS[kind]])
-        if self.robot != NIL:
-            holds &= events[:, 2] == self.robot
-        rest = self.words.lower()
-        for name, number in re.findall(r"(robot|load|order|trip|part)\s*(\d+)", rest):
-            column = 2 if name == "robot" else 3
-            holds &= events[:, column] == int(number)
-            if column == 3:
-                holds &= np.isin(
-                    events[:, 1], EVENT_GROUPS["parts"] if name == "part" else SUBJECTS
-                )
-        for word in re.sub(r"(robot|load|order|trip|part)\s*\d+", " ", rest).split():
-            holds &= self._called(word, events)
-        return holds
-
-    def _called(self, word: str, events: Array) -> Array:
-        """Events of a robot with this number, or with the word in one of their names."""
-        if word.isdigit():
-            numbered: Array = events[:, 2] == int(word)
-            return numbered
-        kinds = {code: name for name, several in EVENT_GROUPS.items() for code in several}
-        hits = [
-            code
-            for code, text in TEXTS.items()
-            if word in f"{text} {TRIP_TEXTS[code]} {EVENT_NAMES[code]} {kinds[code]}"
-        ]
-        called: Array = np.isin(events[:, 1], hits)
-        return called
-
-
-# The log of events: filtered, as long as the run, of which only the rows in sight are written.
-
-
 NO_ROWS: Final = np.zeros(0, np.int64)
 
 
-class Matches:
-    """Which events of a run match the filter; events that were tested are not tested again."""
+class Events(Vertical, PanelWidget):
+    """The filter's words and boxes above the list; tab goes to them from the list."""
 
-    def __init__(self) -> None:
-        self._of: tuple[EventHistory | None, Wanted, int] = (None, Wanted(), 0)
-        self._seen = 0
-        self._found: Array = NO_ROWS
+    DEFAULT_CSS = """
+    Events {
+        height: 1fr;
+        & > Vertical { dock: top; height: auto; }
+        & Filter.-textual-compact { padding: 0 1; }
+        & Filter:focus { background: $panel; text-style: underline; }
+    }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("F", "filter", "Filter", show=False)]
 
-    def of(self, event_history: EventHistory, log: Log, wanted: Wanted) -> Array:
-        """(M,) int64 indices of events in the event history's log, ascending."""
-        of = (event_history, wanted, log.dropped)
-        if event_history is not self._of[0] or of[1:] != self._of[1:]:
-            self._of, self._seen, self._found = of, 0, NO_ROWS
-        events = log.rows
-        if len(events) > self._seen:
-            fresh = self._seen + np.flatnonzero(wanted.mask(events[self._seen :]))
-            self._found = np.concatenate((self._found, fresh))
-            self._seen = len(events)
-        return self._found
+    def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
+        super().__init__(id=id)
+        self.boxes = KindBoxes(signs)
+        self.list = EventList(signs, self.boxes)
 
+    def compose(self) -> ComposeResult:
+        yield self.list
+        with Vertical():
+            yield Filter()
+            yield self.boxes
 
-class Filter(TypedInput):
-    """Words that events must match."""
+    def action_filter(self) -> None:
+        """Write what events must match."""
+        self.query_one(Filter).focus()
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("escape,down", "leave", "To the list", show=False)
-    ]
+    def on_kind_boxes_ticked(self, event: KindBoxes.Ticked) -> None:
+        event.stop()
+        self.list.tick(event.box)
 
-    def __init__(self) -> None:
-        super().__init__(
-            placeholder="F filters: robot 3, parked", compact=True, select_on_focus=False
-        )
+    def show(self, view: View) -> None:
+        """List the events of this run."""
+        self.list.show(view)
 
-    def action_leave(self) -> None:
-        self.screen.focus_next(EventList)
+    def listed_events(self, view: View) -> Array:
+        """Those that are asked for; shown or not."""
+        return self.list.matching(view)
 
+    @property
+    def focused_part(self) -> EventList:
+        return self.list
 
-def kinds_of(view: View) -> list[str]:
-    """The kinds of events that can be picked: of parts and of zones only where there are any."""
-    absent = {"parts"} if parts_finished(view) is None else set()
-    absent |= {"zones"} if partition_of(view) is None else set()
-    return [name for name in EVENT_GROUPS if name not in absent]
+    def on_input_changed(self, event: Input.Changed) -> None:
+        event.stop()
+        self.list.ask_for(self.list.kinds, event.value)
+
+    def on_input_submitted(self, event: Input.Submitted) -> None:
+        event.stop()
+        self.list.focus()
 
 
 class EventList(Rows):
@@ -338,54 +239,152 @@ class EventList(Rows):
                 self.keep_in_sight(max(0, self._present - 1))
 
 
-class Events(Vertical, PanelWidget):
-    """The filter's words and boxes above the list; tab goes to them from the list."""
+def kinds_of(view: View) -> list[str]:
+    """The kinds of events that can be picked: of parts and of zones only where there are any."""
+    absent = {"parts"} if parts_finished(view) is None else set()
+    absent |= {"zones"} if partition_of(view) is None else set()
+    return [name for name in EVENT_GROUPS if name not in absent]
 
-    DEFAULT_CSS = """
-    Events {
-        height: 1fr;
-        & > Vertical { dock: top; height: auto; }
-        & Filter.-textual-compact { padding: 0 1; }
-        & Filter:focus { background: $panel; text-style: underline; }
-    }
-    """
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("F", "filter", "Filter", show=False)]
 
-    def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
-        super().__init__(id=id)
-        self.boxes = KindBoxes(signs)
-        self.list = EventList(signs, self.boxes)
+class Wanted(NamedTuple):
+    """Which events are asked for."""
 
-    def compose(self) -> ComposeResult:
-        yield self.list
-        with Vertical():
-            yield Filter()
-            yield self.boxes
+    kinds: frozenset[str] = frozenset(EVENT_GROUPS)
+    robot: int = NIL  # NIL: any
+    words: str = ""  # as typed: robot 3, load 7, and parts of what an event is called
 
-    def action_filter(self) -> None:
-        """Write what events must match."""
-        self.query_one(Filter).focus()
+    def mask(self, events: Array) -> Array:
+        """(N,) bool: whether each of (N, 5) events is asked for."""
+        holds: Array = np.isin(events[:, 1], [c for kind in self.kinds for c in EVENT_GROUPS[kind]])
+        if self.robot != NIL:
+            holds &= events[:, 2] == self.robot
+        rest = self.words.lower()
+        for name, number in re.findall(r"(robot|load|order|trip|part)\s*(\d+)", rest):
+            column = 2 if name == "robot" else 3
+            holds &= events[:, column] == int(number)
+            if column == 3:
+                holds &= np.isin(
+                    events[:, 1], EVENT_GROUPS["parts"] if name == "part" else SUBJECTS
+                )
+        for word in re.sub(r"(robot|load|order|trip|part)\s*\d+", " ", rest).split():
+            holds &= self._called(word, events)
+        return holds
 
-    def on_kind_boxes_ticked(self, event: KindBoxes.Ticked) -> None:
-        event.stop()
-        self.list.tick(event.box)
+    def _called(self, word: str, events: Array) -> Array:
+        """Events of a robot with this number, or with the word in one of their names."""
+        if word.isdigit():
+            numbered: Array = events[:, 2] == int(word)
+            return numbered
+        kinds = {code: name for name, several in EVENT_GROUPS.items() for code in several}
+        hits = [
+            code
+            for code, text in TEXTS.items()
+            if word in f"{text} {TRIP_TEXTS[code]} {EVENT_NAMES[code]} {kinds[code]}"
+        ]
+        called: Array = np.isin(events[:, 1], hits)
+        return called
 
-    def show(self, view: View) -> None:
-        """List the events of this run."""
-        self.list.show(view)
 
-    def listed_events(self, view: View) -> Array:
-        """Those that are asked for; shown or not."""
-        return self.list.matching(view)
+class Matches:
+    """Which events of a run match the filter; events that were tested are not tested again."""
 
-    @property
-    def focused_part(self) -> EventList:
-        return self.list
+    def __init__(self) -> None:
+        self._of: tuple[EventHistory | None, Wanted, int] = (None, Wanted(), 0)
+        self._seen = 0
+        self._found: Array = NO_ROWS
 
-    def on_input_changed(self, event: Input.Changed) -> None:
-        event.stop()
-        self.list.ask_for(self.list.kinds, event.value)
+    def of(self, event_history: EventHistory, log: Log, wanted: Wanted) -> Array:
+        """(M,) int64 indices of events in the event history's log, ascending."""
+        of = (event_history, wanted, log.dropped)
+        if event_history is not self._of[0] or of[1:] != self._of[1:]:
+            self._of, self._seen, self._found = of, 0, NO_ROWS
+        events = log.rows
+        if len(events) > self._seen:
+            fresh = self._seen + np.flatnonzero(wanted.mask(events[self._seen :]))
+            self._found = np.concatenate((self._found, fresh))
+            self._seen = len(events)
+        return self._found
 
-    def on_input_submitted(self, event: Input.Submitted) -> None:
-        event.stop()
-        self.list.focus()
+
+class Filter(TypedInput):
+    """Words that events must match."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("escape,down", "leave", "To the list", show=False)
+    ]
+
+    def __init__(self) -> None:
+        super().__init__(
+            placeholder="F filters: robot 3, parked", compact=True, select_on_focus=False
+        )
+
+    def action_leave(self) -> None:
+        self.screen.focus_next(EventList)
+
+
+class KindBoxes(Rows):
+    """Words behind boxes, in as many lines as they need; ticked by mouse, or by keys in the focus."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("left,up", "move(-1)", "Previous box", show=False),
+        Binding("right,down", "move(1)", "Next box", show=False),
+        Binding("space,enter", "follow_cursor", "Tick it or not", show=False),
+    ]
+
+    class Ticked(Message):
+        """A box was ticked, or its tick taken away."""
+
+        def __init__(self, box: int) -> None:
+            super().__init__()
+            self.box = box
+
+    def __init__(self, signs: Signs) -> None:
+        super().__init__(signs)
+        self.box = 0  # under the cursor
+        self._boxes: list[tuple[str, bool]] = []
+        self._lines: list[Line] = []
+
+    def set_content(self, boxes: Sequence[tuple[str, bool]]) -> None:
+        """These words, each ticked or not."""
+        self._boxes = list(boxes)
+        spans: list[Span | str] = []
+        for at, (name, ticked) in enumerate(self._boxes):
+            sign, look = (self.signs.on, "plain") if ticked else (self.signs.off, "dim")
+            spans += [Span(f"{sign}{name}", look, ("box", at)), " "]
+        self._lines = wrapped(line(*spans), self.width)
+        self.styles.height = len(self._lines)
+        self._place()
+
+    def _place(self) -> None:
+        places = (at for at, made in enumerate(self._lines) if self._under_cursor(made))
+        self.cursor = next(places, 0)
+        self.update_rows(len(self._lines))
+
+    def _under_cursor(self, made: Line) -> bool:
+        return any(span.link == ("box", self.box) for span in made)
+
+    def row(self, index: int) -> Line:
+        return self._lines[index]
+
+    def marked(self, made: Line) -> Line:
+        return tuple(
+            span._replace(look="cursor") if span.link == ("box", self.box) else span
+            for span in made
+        )
+
+    def follow(self, link: Link, column: int = 0) -> None:
+        self.box = link[1]
+        self.post_message(self.Ticked(self.box))
+
+    def action_move(self, rows: int) -> None:
+        """Go to another box."""
+        self.box = max(0, min(self.box + rows, len(self._boxes) - 1))
+        self._place()
+
+    def action_follow_cursor(self) -> None:
+        """Tick the box under the cursor, or take its tick away."""
+        self.follow(("box", self.box))
+
+    def on_resize(self) -> None:
+        super().on_resize()
+        self.set_content(self._boxes)

@@ -1,4 +1,4 @@
-"""What the inspector says about a cell, with what it holds, and about an order."""
+"""The inspector: everything about the robot, the cell, the zone or the order that was chosen last."""
 
 from __future__ import annotations
 
@@ -21,13 +21,14 @@ from automaton.world.floor_parts import places_of_chargers
 from tui.playback.panel_view import OrderChosen, View
 from tui.registration import layer_named
 from tui.widgets.panel import (
+    Facts,
     Line,
     Link,
-    Span,
+    Parts,
     TextPanel,
     cell_link,
     dim,
-    fact,
+    fact_lines,
     line,
     order_link,
     robot_link,
@@ -42,13 +43,13 @@ from tui.widgets.pod_facts import (
     makes_trips,
     ordered_pod,
     pod_station_facts,
+    slot_place,
     storage_facts,
     trip_lines,
 )
 from tui.widgets.robot_facts import charger_lines, closed_to, robot_lines
 from tui.widgets.zone_facts import order_zone, part_of_order, station_facts, zone_facts, zone_lines
 
-Parts = list[str | Span]
 ORDER_STATE_WORDS: Final = {
     ORDER_WAITING: "waits to be picked up",
     ORDER_CARRIED: "under way",
@@ -57,27 +58,83 @@ ORDER_STATE_WORDS: Final = {
     ORDER_STARTED: "under way",
 }
 
+GUIDE = (
+    "Click a robot, a shelf or any other cell of the map.",
+    "/ finds robots, loads, cells and zones; ( and ) go to the previous and the next robot.",
+    "i looks at the cell under the cursor, or in the middle of the map.",
+    "What is underlined leads on: click it, or go to it with up and down and press enter.",
+)
+
+
+class Inspector(TextPanel):
+    """Everything about the robot, the cell or the order that was chosen last.
+
+    A zone or a robot goes before a cell; an order that was asked for goes before all, until then.
+    """
+
+    order = NIL
+    _chosen = (NIL, NIL, NIL)
+
+    def panel_lines(self, view: View, width: int) -> list[Line]:
+        chosen = (view.robot, view.cell, view.zone)
+        if chosen != self._chosen:
+            self._chosen, self.order = chosen, NIL
+        if self.order != NIL:
+            back = [line("back to ", robot_link(view.robot))] if view.robot != NIL else []
+            return [*order_lines(view, self.order, width), (), *back]
+        if view.zone != NIL:
+            return zone_lines(view, view.zone, width)
+        if view.robot != NIL:
+            return robot_lines(view, view.robot, width, self.signs)
+        if view.cell != NIL:
+            return cell_lines(view, view.cell, width)
+        told = [made for text in GUIDE for made in wrapped(line(dim(text)), width)]
+        return [line(title("nothing is selected")), *told]
+
+    def cache_key(self, view: View) -> tuple[object, ...]:
+        return (*super().cache_key(view), self.order)
+
+    def show_order(self, order: int) -> bool:
+        """Show an order, until another robot or cell is chosen."""
+        self.order = order
+        if self.view is not None:
+            self.show(self.view)
+        return True
+
+    def follow(self, link: Link, column: int = 0) -> None:
+        """An order is shown here; a robot or cell that is chosen already comes back."""
+        kind, number = link
+        if kind == "order":
+            self.show_order(number)
+            self.post_message(OrderChosen(number))
+            return
+        if kind in ("robot", "cell", "zone"):
+            self.show_order(NIL)
+        super().follow(link, column)
+
+
+# A cell.
+
 
 def cell_lines(view: View, cell: int, width: int) -> list[Line]:
     """Everything about one cell."""
     kind = view.floor_plan.kind_of(cell)
     x, y = view.floor_plan.xy(cell)
     lines = [line(title(f"cell ({x}, {y}) "), kind.name.replace("-", " ")), line(dim(kind.meaning))]
-    facts = [
+    facts: Facts = [
         *_ground(view, cell),
         *(pod_station_facts if has_pods(view) else station_facts)(view, cell),
         *zone_facts(view, cell),
         *_traffic(view, cell),
         *_stored(view, cell),
     ]
-    for name, parts in facts:
-        lines += fact(name, *parts, width=width) if parts else []
+    lines += fact_lines(facts, width)
     if kind.code == CHARGER:
         lines += charger_lines(view, cell, width)
     return lines
 
 
-def _ground(view: View, cell: int) -> list[tuple[str, Parts]]:
+def _ground(view: View, cell: int) -> Facts:
     floor_plan = view.floor_plan
     kind = int(floor_plan.kind.reshape(-1)[cell])
     if kind == BAY:
@@ -116,7 +173,7 @@ def _limits(view: View, cell: int) -> Parts:
     return ["a move takes at least: " + ", ".join(ways)]
 
 
-def _traffic(view: View, cell: int) -> list[tuple[str, Parts]]:
+def _traffic(view: View, cell: int) -> Facts:
     """Who is there, who comes and who would like to; what the layer counts."""
     fleet, snapshot = view.snapshot.robots, view.snapshot
     at = np.where(fleet.cell == NIL, fleet.bay, fleet.cell)
@@ -141,7 +198,7 @@ def _robots(robots: list[int]) -> Parts:
     return several([robot_link(robot) for robot in robots])
 
 
-def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
+def _stored(view: View, cell: int) -> Facts:
     """What a slot holds."""
     slots, orders = view.snapshot.slots, view.snapshot.orders
     kind = view.floor_plan.kind_of(cell)
@@ -154,7 +211,7 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
     keeper: Parts = (
         [] if slots.reserved_by[slot] == NIL else [robot_link(int(slots.reserved_by[slot]))]
     )
-    facts: list[tuple[str, Parts]] = []
+    facts: Facts = []
     if kind.holds == ANY_LOADS and kind.gives:
         waiting = np.flatnonzero(
             (orders.current_slot == slot) & (orders.state == ORDER_WAITING)
@@ -185,14 +242,13 @@ def _stored(view: View, cell: int) -> list[tuple[str, Parts]]:
     fetcher = NIL if load == NIL else int(orders.reserved_by[load])
     return [
         ("holds", held),
-        ("for", [] if load == NIL else _place(view, int(orders.target[load]))),
+        ("for", [] if load == NIL else slot_place(view, int(orders.target[load]))),
         ("fetched by", [] if fetcher == NIL else [robot_link(fetcher)]),
         ("kept for", keeper),
     ]
 
 
-def _place(view: View, slot: int) -> Parts:
-    return [] if slot == NIL else [cell_link(view.floor_plan, int(view.snapshot.slots.cell[slot]))]
+# An order.
 
 
 def order_lines(view: View, order: int, width: int) -> list[Line]:
@@ -206,11 +262,11 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
     words = "waits" if no_load and state == ORDER_WAITING else ORDER_STATE_WORDS[state]
     lines = [line(title(f"order {order} "), words)]
     done = state == ORDER_DELIVERED
-    facts: list[tuple[str, Parts]] = [
+    facts: Facts = [
         ("pod", ordered_pod(view, order)),
-        ("from", _place(view, int(orders.source[order]))),
-        ("to", _place(view, int(orders.target[order]))),
-        ("lies at", [] if done else _place(view, int(orders.current_slot[order]))),
+        ("from", slot_place(view, int(orders.source[order]))),
+        ("to", slot_place(view, int(orders.target[order]))),
+        ("lies at", [] if done else slot_place(view, int(orders.current_slot[order]))),
         (
             "carried by" if state == ORDER_CARRIED else "taken by",
             [] if reserved_by == NIL else [robot_link(reserved_by)],
@@ -224,9 +280,7 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
         *part_of_order(view, order),
         *order_zone(view, order),
     ]
-    for name, parts in facts:
-        lines += fact(name, *parts, width=width) if parts else []
-    return lines
+    return [*lines, *fact_lines(facts, width)]
 
 
 def _lead_time(view: View, order: int) -> Parts:
@@ -238,63 +292,3 @@ def _lead_time(view: View, order: int) -> Parts:
     if state == ORDER_DELIVERED:
         return [count(int(orders.delivered[order]) - known, "tick")]
     return [f"{count(view.snapshot.tick - known, 'tick')} so far"]
-
-
-# The inspector: everything about the robot, the cell or the order that was chosen last.
-
-
-GUIDE = (
-    "Click a robot, a shelf or any other cell of the map.",
-    "/ finds robots, loads, cells and zones; ( and ) go to the previous and the next robot.",
-    "i looks at the cell under the cursor, or in the middle of the map.",
-    "What is underlined leads on: click it, or go to it with up and down and press enter.",
-)
-
-
-class Inspector(TextPanel):
-    """A zone or a robot goes before a cell; an order that was asked for goes before all, until then."""
-
-    order = NIL
-    _chosen = (NIL, NIL, NIL)
-
-    def panel_lines(self, view: View, width: int) -> list[Line]:
-        chosen = (view.robot, view.cell, view.zone)
-        if chosen != self._chosen:
-            self._chosen, self.order = chosen, NIL
-        if self.order != NIL:
-            return [*order_lines(view, self.order, width), (), *_way_back(view)]
-        if view.zone != NIL:
-            return zone_lines(view, view.zone, width)
-        if view.robot != NIL:
-            return robot_lines(view, view.robot, width, self.signs)
-        if view.cell != NIL:
-            return cell_lines(view, view.cell, width)
-        told = [made for text in GUIDE for made in wrapped(line(dim(text)), width)]
-        return [line(title("nothing is selected")), *told]
-
-    def cache_key(self, view: View) -> tuple[object, ...]:
-        return (*super().cache_key(view), self.order)
-
-    def show_order(self, order: int) -> bool:
-        """Show an order, until another robot or cell is chosen."""
-        self.order = order
-        if self.view is not None:
-            self.show(self.view)
-        return True
-
-    def follow(self, link: Link, column: int = 0) -> None:
-        """An order is shown here; a robot or cell that is chosen already comes back."""
-        kind, number = link
-        if kind == "order":
-            self.show_order(number)
-            self.post_message(OrderChosen(number))
-            return
-        if kind in ("robot", "cell", "zone"):
-            self.show_order(NIL)
-        super().follow(link, column)
-
-
-def _way_back(view: View) -> list[Line]:
-    if view.robot == NIL:
-        return []
-    return [line("back to ", robot_link(view.robot))]

@@ -1,4 +1,7 @@
-"""What the signs of a picture mean: those that can occur on this floor, with this layer."""
+"""The legend: what the signs of the map mean, in the colours of the map.
+
+Those signs are in it that can occur on this floor, at this zoom, with this layer.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,45 @@ from tui.render.styles import GLYPH_BITS, GLYPHS, GlyphSet, code, style
 from tui.widgets.panel import Line, Span, TextPanel, cell_link, line, title, wrapped
 
 STROKE = 0x24  # dots of a line from left to right
+
 MAX_WORST_CELLS = 10  # cells of a layer that are listed
+SIGN_COLUMNS = 9  # columns for the signs
+
+
+class Legend(TextPanel):
+    """The panel."""
+
+    def panel_lines(self, view: View, width: int) -> list[Line]:
+        picture = view.picture
+        if picture is None:
+            return []
+        entries = legend(picture.scene, picture.zoom, picture.glyphs)
+        signs = [made for entry in entries for made in _entry(entry, picture, width)]
+        return [*signs, *_worst(picture.scene)]
+
+
+def _entry(entry: Entry, picture: Picture, width: int) -> list[Line]:
+    """The signs, and the meaning beside them."""
+    signs: list[Span | str] = []
+    for sign in entry.signs[: SIGN_COLUMNS // 2]:
+        character = picture.glyphs.characters[sign & int(GLYPHS)]
+        signs += [Span(character, picture.look.rich(sign >> GLYPH_BITS)), " "]
+    gap = " " * (SIGN_COLUMNS - len(signs))
+    meaning = wrapped(line(entry.meaning), width - SIGN_COLUMNS)
+    first = (*line(*signs, gap), *meaning[0])
+    return [first, *((Span(" " * SIGN_COLUMNS), *rest) for rest in meaning[1:])]
+
+
+def _worst(scene: Scene) -> list[Line]:
+    """The cells with the greatest numbers of the layer; a click leads there."""
+    cells = [
+        (cell_link(scene.floor.floor_plan, cell), number) for cell, number in worst_cells(scene)
+    ]
+    if not cells:
+        return []
+    wide = max(len(link.text) for link, _ in cells)
+    rows = [line(link, f"{' ' * (wide - len(link.text))}{n:>9,}") for link, n in cells]
+    return [(), line(title(f"most {scene.map_layer.unit}")), *rows]
 
 
 class Entry(NamedTuple):
@@ -60,23 +101,24 @@ def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     return entries + (_cells(scene, glyphs) if near else _far_cells(scene, glyphs))
 
 
-def _without_colours(entries: list[Entry], near: bool) -> list[Entry]:
-    """The signs of robots where colours say something else than the state: shapes in one colour.
-
-    From afar there are no shapes; only robots in wait cycles or down keep their colour.
-    """
-    bodies = {style(styles.COLOUR_FLOOR, int(colour)): colour for colour in fleet.BODY_COLOURS}
-    plain = style(styles.COLOUR_FLOOR, styles.COLOUR_TEXT)
-    shown = []
-    for signs, meaning in entries:
-        alarms = styles.COLOUR_FAULT in divmod(signs[0] >> GLYPH_BITS, len(styles.COLOURS))
-        body = bodies.get(signs[0] >> GLYPH_BITS)
-        if alarms or (near and body is None):
-            shown.append(Entry(signs, meaning))
-        elif near and body != styles.COLOUR_WAITING:
-            shapes = [int(code(plain, one & int(GLYPHS))) for one in signs if one & int(GLYPHS)]
-            shown.append(Entry(tuple(shapes), meaning))
-    return shown
+def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    """Levels with their numbers, or the zones."""
+    own = scene.map_layer.entries(scene, glyphs)
+    if own is not None:
+        return [Entry(*entry) for entry in own]
+    if scene.values is None:
+        return []
+    if not scene.values.any():
+        return [Entry((), nothing_yet(scene))]
+    lines: dict[tuple[int, ...], list[int]] = {}
+    for level in range(1, HEAT_LEVELS):
+        heat = (int(heat_codes(glyphs)[level]),)
+        arrows = tuple(flow_codes(glyphs)[level].tolist())
+        lines.setdefault(arrows if scene.map_layer.arrows else heat, []).append(level)
+    return [
+        Entry(codes, f"{scene.map_layer.unit}: {scene.scale.words(levels[0], levels[-1])}")
+        for codes, levels in lines.items()
+    ]
 
 
 def worst_cells(scene: Scene) -> list[tuple[int, int]]:
@@ -85,6 +127,9 @@ def worst_cells(scene: Scene) -> list[tuple[int, int]]:
         return []
     order = np.argsort(-scene.values, kind="stable")[:MAX_WORST_CELLS]
     return [(int(cell), int(scene.values[cell])) for cell in order if scene.values[cell] > 0]
+
+
+# Robots.
 
 
 def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
@@ -173,6 +218,28 @@ def _far_sign(scene: Scene, zoom: Zoom, glyphs: GlyphSet, colour: int) -> int:
     return int(code(style(colour, styles.COLOUR_FLOOR), sign))
 
 
+def _without_colours(entries: list[Entry], near: bool) -> list[Entry]:
+    """The signs of robots where colours say something else than the state: shapes in one colour.
+
+    From afar there are no shapes; only robots in wait cycles or down keep their colour.
+    """
+    bodies = {style(styles.COLOUR_FLOOR, int(colour)): colour for colour in fleet.BODY_COLOURS}
+    plain = style(styles.COLOUR_FLOOR, styles.COLOUR_TEXT)
+    shown = []
+    for signs, meaning in entries:
+        alarms = styles.COLOUR_FAULT in divmod(signs[0] >> GLYPH_BITS, len(styles.COLOURS))
+        body = bodies.get(signs[0] >> GLYPH_BITS)
+        if alarms or (near and body is None):
+            shown.append(Entry(signs, meaning))
+        elif near and body != styles.COLOUR_WAITING:
+            shapes = [int(code(plain, one & int(GLYPHS))) for one in signs if one & int(GLYPHS)]
+            shown.append(Entry(tuple(shapes), meaning))
+    return shown
+
+
+# What lies over the floor, and the floor.
+
+
 def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     def bg(fg: int) -> tuple[int, ...]:
         return (int(code(style(styles.COLOUR_ROBOT, fg), glyphs.robot[0])),)
@@ -198,24 +265,14 @@ def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     return entries
 
 
-def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
-    """Levels with their numbers, or the zones."""
-    own = scene.map_layer.entries(scene, glyphs)
-    if own is not None:
-        return [Entry(*entry) for entry in own]
-    if scene.values is None:
-        return []
-    if not scene.values.any():
-        return [Entry((), nothing_yet(scene))]
-    lines: dict[tuple[int, ...], list[int]] = {}
-    for level in range(1, HEAT_LEVELS):
-        heat = (int(heat_codes(glyphs)[level]),)
-        arrows = tuple(flow_codes(glyphs)[level].tolist())
-        lines.setdefault(arrows if scene.map_layer.arrows else heat, []).append(level)
-    return [
-        Entry(codes, f"{scene.map_layer.unit}: {scene.scale.words(levels[0], levels[-1])}")
-        for codes, levels in lines.items()
-    ]
+def path_entries(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+    """Trails of robots and lines to their goals."""
+    trail = int(code(style(styles.COLOUR_TRAIL, styles.COLOUR_FLOOR), glyphs.trail))
+    line = style(styles.COLOUR_GOAL_LINE, styles.COLOUR_FLOOR)
+    signs = tuple(int(code(line, ord(sign))) for sign in "-/")
+    whose = "the selected robot" if scene.lines == "selected" else "each robot"
+    entries = [Entry((trail,), "where robots came from")] if scene.trails.size else []
+    return entries + ([Entry(signs, f"from {whose} straight to its goal")] if scene.lines else [])
 
 
 def _cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
@@ -260,55 +317,3 @@ def _meaning(number: int) -> str:
     return {"turntable": "turntable: robots turn here"}.get(
         CELL_KINDS[kind].name, CELL_KINDS[kind].name.replace("-", " ")
     )
-
-
-def path_entries(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
-    """Trails of robots and lines to their goals."""
-    trail = int(code(style(styles.COLOUR_TRAIL, styles.COLOUR_FLOOR), glyphs.trail))
-    line = style(styles.COLOUR_GOAL_LINE, styles.COLOUR_FLOOR)
-    signs = tuple(int(code(line, ord(sign))) for sign in "-/")
-    whose = "the selected robot" if scene.lines == "selected" else "each robot"
-    entries = [Entry((trail,), "where robots came from")] if scene.trails.size else []
-    return entries + ([Entry(signs, f"from {whose} straight to its goal")] if scene.lines else [])
-
-
-# The legend: what the signs of the map mean, in the colours of the map.
-
-
-SIGN_COLUMNS = 9  # columns for the signs
-
-
-class Legend(TextPanel):
-    """Those signs that can occur on this floor, at this zoom, with this layer."""
-
-    def panel_lines(self, view: View, width: int) -> list[Line]:
-        picture = view.picture
-        if picture is None:
-            return []
-        entries = legend(picture.scene, picture.zoom, picture.glyphs)
-        signs = [made for entry in entries for made in _entry(entry, picture, width)]
-        return [*signs, *_worst(picture.scene)]
-
-
-def _entry(entry: Entry, picture: Picture, width: int) -> list[Line]:
-    """The signs, and the meaning beside them."""
-    signs: list[Span | str] = []
-    for sign in entry.signs[: SIGN_COLUMNS // 2]:
-        character = picture.glyphs.characters[sign & int(GLYPHS)]
-        signs += [Span(character, picture.look.rich(sign >> GLYPH_BITS)), " "]
-    gap = " " * (SIGN_COLUMNS - len(signs))
-    meaning = wrapped(line(entry.meaning), width - SIGN_COLUMNS)
-    first = (*line(*signs, gap), *meaning[0])
-    return [first, *((Span(" " * SIGN_COLUMNS), *rest) for rest in meaning[1:])]
-
-
-def _worst(scene: Scene) -> list[Line]:
-    """The cells with the greatest numbers of the layer; a click leads there."""
-    cells = [
-        (cell_link(scene.floor.floor_plan, cell), number) for cell, number in worst_cells(scene)
-    ]
-    if not cells:
-        return []
-    wide = max(len(link.text) for link, _ in cells)
-    rows = [line(link, f"{' ' * (wide - len(link.text))}{n:>9,}") for link, n in cells]
-    return [(), line(title(f"most {scene.map_layer.unit}")), *rows]

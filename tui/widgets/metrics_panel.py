@@ -1,7 +1,13 @@
-"""The metrics of two runs beside each other, with the difference and which is better.
+"""The metrics of a run, and of two runs beside each other, with the difference and which is better.
 
 Only metrics of the same tick are judged, or those of two runs that have both delivered everything:
 after one has ended the other goes on, and what it does then is no merit and no fault.
+
+A metric over time is drawn in braille: two points of time and four levels in each character. A curve
+is filled, or a line where two of them have to differ by more than their colours.
+
+    24 ⡀   ⢀⣀⡀        The label of the greatest value is above, 0 below; the last column but the
+     0 ⣷⣶⣶⣿⣿⣷         labels is the last tick. Without braille one point in each character.
 """
 
 from __future__ import annotations
@@ -54,102 +60,22 @@ from tui.widgets.panel import (
 from tui.widgets.robot_facts import battery_figures, may_fail
 from tui.widgets.zone_facts import partition_of, parts_finished, zone_link
 
-GREATER_IS_BETTER: Final = {"delivered", "throughput", "utilization", "throughput_per_robot"}
-HEADLINES: Final = ("delivered", "throughput", "blocked_share", "utilization", "makespan")
-NEITHER: Final = {"legs_per_order", "retreats", "ticks_per_operation"}
-METRIC_COLUMNS: Final = 28
-UNEQUAL: Final = "not compared: one run has ended before this tick"
-ONE_LINE: Final = 52  # columns that a metric needs for its name and values
-
-
-def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
-    """A table of all metrics, the most telling first; narrow panels give each metric two lines."""
-    first, second = (figures.metrics for figures in view.playback.figures)
-    judged = comparable(view)
-    narrow = width < ONE_LINE
-    # a hidden panel has no width
-    column = max(1, (width - (0 if narrow else METRIC_COLUMNS)) // 3 - 1)
-    names = [signs.here * (at == view.side) + name for at, name in enumerate("AB")]
-    heads = [f"{name:>{column}} " for name in names]
-    last = "B - A" if judged else ""
-    head = line(
-        title(("" if narrow else " " * METRIC_COLUMNS) + "".join(heads) + f"{last:>{column}}")
-    )
-    lines = [head, *([] if _together(view) else [_ticks(view, narrow, column)])]
-    rest = [name for name in METRIC_CATALOGUE if name not in HEADLINES]
-    for name in (name for name in (*HEADLINES, *rest) if name in first and name in second):
-        unit = METRIC_CATALOGUE[name][0]
-        a, b = float(first[name]), float(second[name])
-        best = better(name, a, b) if judged else ""
-        values = line(
-            _value(a, unit, column, signs.better if best == "A" else " "),
-            _value(b, unit, column, signs.better if best == "B" else " "),
-            dim(f"{_difference(b - a, unit) if judged else '':>{column}}"),
-        )
-        if narrow:
-            said = f" {unit}" if unit != "share" else ""
-            lines += [line(name, dim(said)), values]
-        else:
-            lines.append((Span(name.ljust(METRIC_COLUMNS)), *values))
-    told = f"{signs.better} better; shares in %" if judged else "shares in %"
-    return [
-        *lines,
-        *([] if judged else wrapped(line(dim(UNEQUAL)), width)),
-        line(dim(told)),
-        line(dim(f"{signs.here} the run that is told of")),
-    ]
-
-
-def comparable(view: View) -> bool:
-    """Whether one run can be called better than the other now."""
-    both = zip(view.playback.snapshots, view.playback.figures, strict=True)
-    finished = all(shown.finished and shown.tick == figures.tick for shown, figures in both)
-    return finished or _together(view)
-
-
-def _together(view: View) -> bool:
-    one, other = (figures.tick for figures in view.playback.figures)
-    return one == other
-
-
-def _ticks(view: View, narrow: bool, column: int) -> Line:
-    """Of which ticks the metrics are."""
-    ticks = "".join(f"{figures.tick:>{column},} " for figures in view.playback.figures)
-    return line(dim(("" if narrow else "at tick".ljust(METRIC_COLUMNS)) + ticks))
-
-
-def _value(value: float, unit: str, column: int, sign: str) -> Span:
-    text = f"{100 * value:.1f}" if unit == "share" else number(value)
-    return Span(f"{text:>{column}}{sign}", "plain" if sign == " " else "title")
-
-
-def _difference(value: float, unit: str) -> str:
-    if value == 0:
-        return "="
-    return f"{100 * value:+.1f}" if unit == "share" else ("+" if value > 0 else "") + number(value)
-
-
-def better(name: str, a: float, b: float) -> str:
-    """Which of two runs has the better value, A or B; "" if neither."""
-    if a == b or name in NEITHER:
-        return ""
-    return "A" if (a > b) == (name in GREATER_IS_BETTER) else "B"
-
-
-# The metrics of the run: now, so far, and over time; of two runs side by side.
-
-
 NAME_COLUMNS: Final = 13  # columns for the name of a metric
 VALUE_COLUMNS: Final = 5  # columns of a metric, one digit behind the point
 CAUSE: Final = 19  # columns for the name of a cause
-CURVE_ROWS: Final = 3  # of a curve
-MAX_SLOW_ZONES_LISTED: Final = 5  # that are listed
+
 UNIT: Final = "/1000 ticks"
 SHORT_UNIT: Final = "/kt"  # the same where there is little room
 
+CURVE_ROWS: Final = 3  # of a curve
+MAX_SLOW_ZONES_LISTED: Final = 5  # that are listed
+
 
 class Figures(TextPanel):
-    """What matters most comes first: the panel may have little room."""
+    """The metrics of the run: now, so far, and over time; of two runs side by side.
+
+    What matters most comes first: the panel may have little room.
+    """
 
     ends: Sequence[int] = ()  # after which lines the panel may end
 
@@ -420,43 +346,112 @@ def _robots(view: View, width: int) -> list[Line]:
     ]
 
 
-# A metric over time, drawn in braille: two points of time and four levels in each character.
-#
-# A curve is filled, or a line where two of them have to differ by more than their colours.
-#
-# 24 ⡀ ⢀⣀⡀ The label of the greatest value is above, 0 below; the last column but the 0 ⣷⣶⣶⣿⣿⣷ labels
-# is the last tick. Without braille one point in each character.
+# Two runs.
+
+
+GREATER_IS_BETTER: Final = {"delivered", "throughput", "utilization", "throughput_per_robot"}
+HEADLINES: Final = ("delivered", "throughput", "blocked_share", "utilization", "makespan")
+NEITHER: Final = {"legs_per_order", "retreats", "ticks_per_operation"}
+METRIC_COLUMNS: Final = 28
+UNEQUAL: Final = "not compared: one run has ended before this tick"
+ONE_LINE: Final = 52  # columns that a metric needs for its name and values
+
+
+def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
+    """A table of all metrics, the most telling first; narrow panels give each metric two lines."""
+    first, second = (figures.metrics for figures in view.playback.figures)
+    judged = comparable(view)
+    narrow = width < ONE_LINE
+    # a hidden panel has no width
+    column = max(1, (width - (0 if narrow else METRIC_COLUMNS)) // 3 - 1)
+    names = [signs.here * (at == view.side) + name for at, name in enumerate("AB")]
+    heads = [f"{name:>{column}} " for name in names]
+    last = "B - A" if judged else ""
+    head = line(
+        title(("" if narrow else " " * METRIC_COLUMNS) + "".join(heads) + f"{last:>{column}}")
+    )
+    lines = [head, *([] if _together(view) else [_ticks(view, narrow, column)])]
+    rest = [name for name in METRIC_CATALOGUE if name not in HEADLINES]
+    for name in (name for name in (*HEADLINES, *rest) if name in first and name in second):
+        unit = METRIC_CATALOGUE[name][0]
+        a, b = float(first[name]), float(second[name])
+        best = better(name, a, b) if judged else ""
+        values = line(
+            _value(a, unit, column, signs.better if best == "A" else " "),
+            _value(b, unit, column, signs.better if best == "B" else " "),
+            dim(f"{_difference(b - a, unit) if judged else '':>{column}}"),
+        )
+        if narrow:
+            said = f" {unit}" if unit != "share" else ""
+            lines += [line(name, dim(said)), values]
+        else:
+            lines.append((Span(name.ljust(METRIC_COLUMNS)), *values))
+    told = f"{signs.better} better; shares in %" if judged else "shares in %"
+    return [
+        *lines,
+        *([] if judged else wrapped(line(dim(UNEQUAL)), width)),
+        line(dim(told)),
+        line(dim(f"{signs.here} the run that is told of")),
+    ]
+
+
+def comparable(view: View) -> bool:
+    """Whether one run can be called better than the other now."""
+    both = zip(view.playback.snapshots, view.playback.figures, strict=True)
+    finished = all(shown.finished and shown.tick == figures.tick for shown, figures in both)
+    return finished or _together(view)
+
+
+def _together(view: View) -> bool:
+    one, other = (figures.tick for figures in view.playback.figures)
+    return one == other
+
+
+def _ticks(view: View, narrow: bool, column: int) -> Line:
+    """Of which ticks the metrics are."""
+    ticks = "".join(f"{figures.tick:>{column},} " for figures in view.playback.figures)
+    return line(dim(("" if narrow else "at tick".ljust(METRIC_COLUMNS)) + ticks))
+
+
+def _value(value: float, unit: str, column: int, sign: str) -> Span:
+    text = f"{100 * value:.1f}" if unit == "share" else number(value)
+    return Span(f"{text:>{column}}{sign}", "plain" if sign == " " else "title")
+
+
+def _difference(value: float, unit: str) -> str:
+    if value == 0:
+        return "="
+    return f"{100 * value:+.1f}" if unit == "share" else ("+" if value > 0 else "") + number(value)
+
+
+def better(name: str, a: float, b: float) -> str:
+    """Which of two runs has the better value, A or B; "" if neither."""
+    if a == b or name in NEITHER:
+        return ""
+    return "A" if (a > b) == (name in GREATER_IS_BETTER) else "B"
+
+
+# Curves.
 
 
 Values = NDArray[np.float64]
+
 LABEL_WIDTH: Final = 7  # columns for labels, the blank behind them included
 SAMPLES: Final = 64  # of the rows between two points, at most so many are looked at
 NOW_TICKS: Final = 500  # "now" in throughput: the deliveries of the last so many ticks
+
 # Bits of a braille pattern, from the lowest dot up, of the left and the right column.
 RISING: Final = np.array([[0x40, 0x44, 0x46, 0x47], [0x80, 0xA0, 0xB0, 0xB8]])
+
 STEPS_OF_TEN: Final = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)  # where an axis may end
 CURVE_CHARACTERS: Final = " .:|"  # the filling of a character in ASCII
 LINE_CHARACTERS: Final = " .-'"  # the height of a line in it
-
-
-def edges(ticks: int, points: int) -> NDArray[np.int64]:
-    """(points + 1,) ticks at which the points of a curve begin and end."""
-    return np.linspace(0, ticks, points + 1).astype(np.int64)
 
 
 def throughput_over_time(curve: Curve, points: int) -> Values:
     """(points,) deliveries per 1,000 ticks, each over the last NOW_TICKS or longer."""
     bounds = edges(curve.ticks, points)
     return _rate(curve, np.minimum(bounds[:-1], bounds[1:] - NOW_TICKS), bounds[1:])
-
-
-def _rate(curve: Curve, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Values:
-    """Deliveries per 1,000 ticks, between ticks of which the curve has rows."""
-    end = end - end % curve.every
-    begin = np.clip(begin - begin % curve.every, 0, np.maximum(0, end - curve.every))
-    made = curve.at(end, DELIVERED_ORDERS) - curve.at(begin, DELIVERED_ORDERS)
-    rate: Values = 1000.0 * made / np.maximum(1, end - begin)
-    return rate
 
 
 def waiting_over_time(curve: Curve, points: int) -> Values:
@@ -473,6 +468,20 @@ def now_throughput(curve: Curve) -> float:
     """Deliveries per 1,000 ticks over the last NOW_TICKS."""
     last = np.array([curve.ticks])
     return float(_rate(curve, last - NOW_TICKS, last)[0])
+
+
+def _rate(curve: Curve, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Values:
+    """Deliveries per 1,000 ticks, between ticks of which the curve has rows."""
+    end = end - end % curve.every
+    begin = np.clip(begin - begin % curve.every, 0, np.maximum(0, end - curve.every))
+    made = curve.at(end, DELIVERED_ORDERS) - curve.at(begin, DELIVERED_ORDERS)
+    rate: Values = 1000.0 * made / np.maximum(1, end - begin)
+    return rate
+
+
+def edges(ticks: int, points: int) -> NDArray[np.int64]:
+    """(points + 1,) ticks at which the points of a curve begin and end."""
+    return np.linspace(0, ticks, points + 1).astype(np.int64)
 
 
 def points_for(width: int, dots: bool) -> int:

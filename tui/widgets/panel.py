@@ -1,6 +1,8 @@
-"""The few signs of the panels beside letters, in Unicode and in ASCII.
+"""What panels and dialogs are made of: a panel and its widget, lines of styled text, lists, fields.
 
-None is "ambiguous" in Unicode's table of East Asian widths: some terminals draw those two columns wide.
+Each panel is registered as an entry point of the group `automaton.panels`; the name of the entry is
+that of the panel. The entry point is loaded before the first picture, the widget after it: so the
+former should import little.
 """
 
 from __future__ import annotations
@@ -27,6 +29,63 @@ from tui.render.styles import GlyphSet
 
 if TYPE_CHECKING:
     from automaton.engine.state import Array
+
+
+Link = tuple[str, int]  # ("robot" | "cell" | "order" | "tick" or a panel's own word, number)
+
+Line = tuple["Span", ...]
+Parts = list["str | Span"]
+Facts = list[tuple[str, Parts]]  # names, and what there is to be said under them
+
+SPAN_LOOKS = ("plain", "dim", "title", "link", "term", "warn", "fault", "good", "cursor", "focus")
+
+MENTION = re.compile(r"robot (\d+)|\((-?\d+), (-?\d+)\)")
+PIECES = re.compile(r"\s+|\S+(?: %)?")  # "15 %" stays together
+
+LABEL = 11  # columns of the name of a fact
+MAX_LISTED_LINKS = 12  # links that are named one by one
+NARROWEST = 20  # columns for which lines are made
+
+
+@dataclass
+class Panel:
+    """A tab and how to get there."""
+
+    tab: str  # on the tab
+    widget: str  # "module:Class" of a PanelWidget, built by Class(signs, id=...)
+    key: str = ""  # as Textual names keys
+    label: str = ""  # in footer, palette and help
+    meaning: str = ""  # in the help
+    position: int = 1000  # where its tab stands: ours are below 100
+    listed: int = 1000  # where its key stands in the help: ours are below 100
+    shown: bool = False  # in the footer
+    action: str = ""  # of ours in the table of bindings; of others it is "panel_" and the name
+    name: str = ""  # that of its entry point
+
+
+class PanelWidget:
+    """What the viewer asks of the widget of a panel; a widget of Textual as well."""
+
+    def show(self, view: View) -> None:
+        """Show this, which is something else than before."""
+        raise NotImplementedError
+
+    def show_order(self, order: int) -> bool:
+        """An order was clicked: show it; whether this panel does."""
+        return False
+
+    def listed_events(self, view: View) -> Array | None:
+        """(M,) int64 indices of the events that it lists, ascending; None: it lists none."""
+        return None
+
+    @property
+    def focused_part(self) -> Any:
+        """What gets the focus when the panel is opened in place of the map."""
+        return self
+
+
+# The few signs beside letters. None is "ambiguous" in Unicode's table of East Asian widths: some
+# terminals draw those two columns wide.
 
 
 class Signs(NamedTuple):
@@ -64,15 +123,7 @@ def bar(share: float, width: int, signs: Signs, thin: bool = False) -> str:
     return (full * (long // steps) + half * (long % steps)).ljust(width)
 
 
-# Lines of styled text, parts of which lead somewhere; what the panels are made of.
-
-
-Link = tuple[str, int]  # ("robot" | "cell" | "order" | "tick" or a panel's own word, number)
-SPAN_LOOKS = ("plain", "dim", "title", "link", "term", "warn", "fault", "good", "cursor", "focus")
-MENTION = re.compile(r"robot (\d+)|\((-?\d+), (-?\d+)\)")
-PIECES = re.compile(r"\s+|\S+(?: %)?")  # "15 %" stays together
-LABEL = 11  # columns of the name of a fact
-MAX_LISTED_LINKS = 12  # links that are named one by one
+# Lines of styled text, parts of which lead somewhere.
 
 
 class Span(NamedTuple):
@@ -81,9 +132,6 @@ class Span(NamedTuple):
     text: str
     look: str | Style = "plain"  # of SPAN_LOOKS, or a style of its own
     link: Link | None = None
-
-
-Line = tuple[Span, ...]
 
 
 def line(*parts: str | Span) -> Line:
@@ -138,9 +186,9 @@ def linked(text: str, floor_plan: FloorPlan, look: str = "plain") -> Line:
     return tuple(span for span in (*spans, Span(text[at:], look)) if span.text)
 
 
-def several(links: list[Span]) -> list[str | Span]:
+def several(links: list[Span]) -> Parts:
     """Links as a list; beyond MAX_LISTED_LINKS only how many."""
-    parts: list[str | Span] = []
+    parts: Parts = []
     for link in links[:MAX_LISTED_LINKS]:
         parts += [link, ", "]
     if len(links) > MAX_LISTED_LINKS:
@@ -190,6 +238,11 @@ def _words(spans: Line) -> list[list[Span]]:
     return words
 
 
+def fact_lines(facts: Iterable[tuple[str, Parts]], width: int) -> list[Line]:
+    """Those facts under which there is something to be said."""
+    return [made for name, parts in facts if parts for made in fact(name, *parts, width=width)]
+
+
 def fact(name: str, *parts: str | Span, width: int, label: int = LABEL) -> list[Line]:
     """A name and what is to be said under it, in two columns."""
     value = wrapped(line(*parts), width - label)
@@ -197,17 +250,14 @@ def fact(name: str, *parts: str | Span, width: int, label: int = LABEL) -> list[
     return [(dim(one.ljust(label)), *spans) for one, spans in zip(labels, value, strict=True)]
 
 
-# A scrolled list of lines under a fixed heading, of which only those in sight are ever made.
-
-
-MESSAGE_CLASSES = {"robot": RobotChosen, "cell": CellChosen, "tick": TickChosen, "zone": ZoneChosen}
-
-
-NARROWEST = 20  # columns for which lines are made
+# Lists.
 
 
 class Rows(ScrollView, can_focus=True, inherit_bindings=False):
-    """Subclasses say what is in a row, and what choosing one means."""
+    """A scrolled list of lines under a fixed heading, of which only those in sight are ever made.
+
+    Subclasses say what is in a row, and what choosing one means.
+    """
 
     ALLOW_SELECT = False
     COMPONENT_CLASSES: ClassVar[set[str]] = {f"rows--{look}" for look in SPAN_LOOKS}
@@ -253,7 +303,13 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
     def follow(self, link: Link, column: int = 0) -> None:
         """A part of a line that leads somewhere was clicked, so many columns from its left end."""
         kind, number = link
-        self.post_message(MESSAGE_CLASSES[kind](number))
+        messages = {
+            "robot": RobotChosen,
+            "cell": CellChosen,
+            "tick": TickChosen,
+            "zone": ZoneChosen,
+        }
+        self.post_message(messages[kind](number))
 
     @property
     def width(self) -> int:
@@ -378,96 +434,11 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
         return 0 <= index - self.scroll_offset.y < self.lines_for_rows
 
 
-# Fields of text in which keys take effect in the order in which they are typed.
-#
-# Textual 8.2 gives a printable character to the field at once, and a key that is bound, such as
-# backspace, to what it is bound to only after it has gone through the queues of all parents:
-# characters that come in the same read are entered before it, and it deletes the last of them. Here
-# the field carries out what is bound, in itself or around it, before it takes the next key.
-
-
-if TYPE_CHECKING:
-    from textual.dom import DOMNode as _Node
-else:
-    _Node = object
-
-
-class KeysInOrder(_Node):
-    """Comes before a widget of Textual among the bases of a field."""
-
-    async def _on_key(self, event: events.Key) -> None:
-        if event.is_printable:
-            return
-        for node in self.ancestors_with_self:
-            for binding in node._bindings.key_to_bindings.get(event.key, ()):
-                if await self.app.run_action(binding.action, node):
-                    event.stop()
-                    event.prevent_default()
-                    return
-            if isinstance(node, ModalScreen):
-                return
-
-
-class TypedInput(KeysInOrder, Input):
-    """A line."""
-
-
-class TypedText(KeysInOrder, TextArea):
-    """Several lines."""
-
-
-# What a terminal that is too small shows in place of everything else, and the classes of sizes.
-
-
-# What a panel is: a tab beside the map, its key, and the widget behind it.
-#
-# Each panel is registered as an entry point of the group `automaton.panels`; the name of the entry is
-# that of the panel. The entry point is loaded before the first picture, the widget after it: so the
-# former should import little.
-
-
-@dataclass
-class Panel:
-    """A tab and how to get there."""
-
-    tab: str  # on the tab
-    widget: str  # "module:Class" of a PanelWidget, built by Class(signs, id=...)
-    key: str = ""  # as Textual names keys
-    label: str = ""  # in footer, palette and help
-    meaning: str = ""  # in the help
-    position: int = 1000  # where its tab stands: ours are below 100
-    listed: int = 1000  # where its key stands in the help: ours are below 100
-    shown: bool = False  # in the footer
-    action: str = ""  # of ours in the table of bindings; of others it is "panel_" and the name
-    name: str = ""  # that of its entry point
-
-
-class PanelWidget:
-    """What the viewer asks of the widget of a panel; a widget of Textual as well."""
-
-    def show(self, view: View) -> None:
-        """Show this, which is something else than before."""
-        raise NotImplementedError
-
-    def show_order(self, order: int) -> bool:
-        """An order was clicked: show it; whether this panel does."""
-        return False
-
-    def listed_events(self, view: View) -> Array | None:
-        """(M,) int64 indices of the events that it lists, ascending; None: it lists none."""
-        return None
-
-    @property
-    def focused_part(self) -> Any:
-        """What gets the focus when the panel is opened in place of the map."""
-        return self
-
-
-# A panel that tells something in lines; up and down go from link to link.
-
-
 class TextPanel(Rows, PanelWidget):
-    """Subclasses write the lines for a width; they are made again only when something changed."""
+    """A panel that tells something in lines; up and down go from link to link.
+
+    Subclasses write the lines for a width; they are made again only when something changed.
+    """
 
     def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
         super().__init__(signs, id=id)
@@ -563,3 +534,40 @@ class TextPanel(Rows, PanelWidget):
         super().on_resize()
         if self.view is not None:
             self.show(self.view)
+
+
+# Fields of text in which keys take effect in the order in which they are typed.
+#
+# Textual 8.2 gives a printable character to the field at once, and a key that is bound, such as
+# backspace, to what it is bound to only after it has gone through the queues of all parents:
+# characters that come in the same read are entered before it, and it deletes the last of them. Here
+# the field carries out what is bound, in itself or around it, before it takes the next key.
+
+if TYPE_CHECKING:
+    from textual.dom import DOMNode as _Node
+else:
+    _Node = object
+
+
+class KeysInOrder(_Node):
+    """Comes before a widget of Textual among the bases of a field."""
+
+    async def _on_key(self, event: events.Key) -> None:
+        if event.is_printable:
+            return
+        for node in self.ancestors_with_self:
+            for binding in node._bindings.key_to_bindings.get(event.key, ()):
+                if await self.app.run_action(binding.action, node):
+                    event.stop()
+                    event.prevent_default()
+                    return
+            if isinstance(node, ModalScreen):
+                return
+
+
+class TypedInput(KeysInOrder, Input):
+    """A line."""
+
+
+class TypedText(KeysInOrder, TextArea):
+    """Several lines."""

@@ -1,4 +1,4 @@
-"""What the inspector says about pods, stations with queues, lines and due times."""
+"""What the inspector says about pods, of a storage cell, a station, a trip and a robot; and due times."""
 
 from __future__ import annotations
 
@@ -31,10 +31,12 @@ from automaton.history.state_words import (
 from automaton.units import count, percent
 from tui.playback.panel_view import View
 from tui.widgets.panel import (
+    Facts,
     Line,
+    Parts,
     Span,
     cell_link,
-    fact,
+    fact_lines,
     line,
     order_link,
     robot_link,
@@ -43,26 +45,6 @@ from tui.widgets.panel import (
     title,
 )
 
-
-def due_facts(view: View, order: int) -> list[str | Span]:
-    """When an order is due, in ticks and in time, and how late it is; nothing without a due time."""
-    orders, now = view.snapshot.orders, view.snapshot.tick
-    if order == NIL or not has_due_time(orders, order):
-        return []
-    scale, due = view.run.resolved.scenario.units.scale, int(orders.due[order])
-    look = "warn" if ticks_late(orders, order, now) > 0 else "plain"
-    return [
-        tick_link(due),
-        f"{tick_in_words(due, scale)}: ",
-        Span(lateness_words(orders, order, now, scale), look),
-    ]
-
-
-# What the inspector says about pods: of a storage cell, a station, a trip and a robot.
-
-
-Parts = list[str | Span]
-Facts = list[tuple[str, Parts]]
 TRIP_STATE_WORDS: Final = {
     ORDER_WAITING: "waits for a robot",
     ORDER_CARRIED: "under way",
@@ -81,6 +63,25 @@ def makes_trips(view: View) -> bool:
     return has_trips(view.snapshot)
 
 
+def due_facts(view: View, order: int) -> Parts:
+    """When an order is due, in ticks and in time, and how late it is; nothing without a due time."""
+    orders, now = view.snapshot.orders, view.snapshot.tick
+    if order == NIL or not has_due_time(orders, order):
+        return []
+    scale, due = view.run.resolved.scenario.units.scale, int(orders.due[order])
+    look = "warn" if ticks_late(orders, order, now) > 0 else "plain"
+    return [
+        tick_link(due),
+        f"{tick_in_words(due, scale)}: ",
+        Span(lateness_words(orders, order, now, scale), look),
+    ]
+
+
+def slot_place(view: View, slot: int) -> Parts:
+    """The cell of a slot; nothing without one."""
+    return [] if slot == NIL else [cell_link(view.floor_plan, int(view.snapshot.slots.cell[slot]))]
+
+
 def trip_link(view: View, trip: int) -> Span:
     """A trip, which is an order of the world, or an order of a list."""
     return order_link(trip, "trip" if makes_trips(view) else "order")
@@ -92,21 +93,7 @@ def station_link(view: View, station: int) -> Span:
     return Span(view.snapshot.station_names[station], "link", ("cell", cell))
 
 
-def chained_lines(view: View, first: int) -> list[int]:
-    """The lines from one on: of a stop, or that wait for a pod; or orders of a list that do."""
-    snapshot = view.snapshot
-    following = snapshot.lines.following if makes_trips(view) else snapshot.trips.following
-    lines = []
-    while first != NIL:
-        lines.append(first)
-        first = int(following[first])
-    return lines
-
-
-def pod_in(view: View, cell: int) -> int:
-    """The pod that stands in a storage cell, or NIL."""
-    slots = np.flatnonzero(view.snapshot.slots.cell == cell)
-    return int(view.snapshot.slots.content[slots[0]]) if len(slots) else NIL
+# Cells.
 
 
 def storage_facts(view: View, cell: int) -> Facts:
@@ -153,25 +140,21 @@ def _pod_facts(view: View, pod: int) -> Facts:
     ]
 
 
-def stops_of(view: View, trip: int) -> range:
-    """The stops of a trip that are planned, done or not."""
-    orders, stations = view.snapshot.orders, view.snapshot.trips.station
-    first, end = int(orders.first_stop[trip]), int(orders.first_stop[trip + 1])
-    while end > first and stations[end - 1] == NIL:
-        end -= 1
-    return range(first, end)
+def pod_in(view: View, cell: int) -> int:
+    """The pod that stands in a storage cell, or NIL."""
+    slots = np.flatnonzero(view.snapshot.slots.cell == cell)
+    return int(view.snapshot.slots.content[slots[0]]) if len(slots) else NIL
 
 
-def _stops_left(view: View, trip: int) -> str:
-    """Where a trip goes next, and for how many lines: "P1 (2 lines), then P3 (1 line)"."""
-    names, trips = view.snapshot.station_names, view.snapshot.trips
-    left = stops_of(view, trip)[int(view.snapshot.orders.stops_done[trip]) :]
-    parts_said = [
-        f"{names[trips.station[stop]]} "
-        f"({count(len(chained_lines(view, int(trips.first_line[stop]))), 'line')})"
-        for stop in left
-    ]
-    return ", then ".join(parts_said) if parts_said else "to storage"
+def chained_lines(view: View, first: int) -> list[int]:
+    """The lines from one on: of a stop, or that wait for a pod; or orders of a list that do."""
+    snapshot = view.snapshot
+    following = snapshot.lines.following if makes_trips(view) else snapshot.trips.following
+    lines = []
+    while first != NIL:
+        lines.append(first)
+        first = int(following[first])
+    return lines
 
 
 def pod_station_facts(view: View, cell: int) -> Facts:
@@ -236,6 +219,9 @@ def _break(view: View, station: int) -> Parts:
     return ["from ", tick_link(int(coming[0, 1]))] if len(coming) else []
 
 
+# Robots, orders and trips.
+
+
 def carried_pod(view: View, robot: int) -> Parts:
     """The pod on a robot."""
     trip = int(view.snapshot.robots.load[robot])
@@ -292,8 +278,8 @@ def trip_lines(view: View, trip: int, width: int) -> list[Line]:
     ]
     facts: Facts = [
         ("pod", _pod(view, pod)),
-        ("from", _place(view, int(orders.source[trip]))),
-        ("stored at" if done else "lies at", _place(view, int(orders.current_slot[trip]))),
+        ("from", slot_place(view, int(orders.source[trip]))),
+        ("stored at" if done else "lies at", slot_place(view, int(orders.current_slot[trip]))),
         (
             "carried by" if state == ORDER_CARRIED else "taken by",
             [] if robot == NIL else [robot_link(robot)],
@@ -303,9 +289,16 @@ def trip_lines(view: View, trip: int, width: int) -> list[Line]:
         ("due", [] if done else due_facts(view, trip)),
         ("stored", [tick_link(int(orders.delivered[trip]))] if done else []),
     ]
-    for name, parts in facts:
-        lines += fact(name, *parts, width=width) if parts else []
-    return lines
+    return [*lines, *fact_lines(facts, width)]
+
+
+def stops_of(view: View, trip: int) -> range:
+    """The stops of a trip that are planned, done or not."""
+    orders, stations = view.snapshot.orders, view.snapshot.trips.station
+    first, end = int(orders.first_stop[trip]), int(orders.first_stop[trip + 1])
+    while end > first and stations[end - 1] == NIL:
+        end -= 1
+    return range(first, end)
 
 
 def _stop(view: View, stop: int) -> Parts:
@@ -318,5 +311,13 @@ def _stop(view: View, stop: int) -> Parts:
     return parts_said if when == NIL else [*parts_said, ", done in ", tick_link(when)]
 
 
-def _place(view: View, slot: int) -> Parts:
-    return [] if slot == NIL else [cell_link(view.floor_plan, int(view.snapshot.slots.cell[slot]))]
+def _stops_left(view: View, trip: int) -> str:
+    """Where a trip goes next, and for how many lines: "P1 (2 lines), then P3 (1 line)"."""
+    names, trips = view.snapshot.station_names, view.snapshot.trips
+    left = stops_of(view, trip)[int(view.snapshot.orders.stops_done[trip]) :]
+    parts_said = [
+        f"{names[trips.station[stop]]} "
+        f"({count(len(chained_lines(view, int(trips.first_line[stop]))), 'line')})"
+        for stop in left
+    ]
+    return ", then ".join(parts_said) if parts_said else "to storage"

@@ -1,4 +1,8 @@
-"""A row of words: only the characters that change are written, and words can be clicked."""
+"""What the lines under the map say: how time goes, how the fleet does, what is chosen, what a cell holds.
+
+> x4 40/s  tick 1,234 of 2,616  617 s  4 work  1 waits  23/50 delivered  visits  robot 3  recorded
+(12, 4) shelf with load 7                                       link 48 KB/s  rtt 52 ms  fps 30
+"""
 
 from __future__ import annotations
 
@@ -55,6 +59,13 @@ if TYPE_CHECKING:
     from tui.terminal.frame_pacing import Figures as LinkFigures
 
 
+NEARLY_DONE = 0.9  # of the speed that was asked for counts as reached
+SCALE_RANK = 1  # where there is not room for all, hints go before it, and it before messages
+MAX_NAMED_ROBOTS = 3  # named in one line
+
+STAY: Final = (do("help"), do("quit"))  # of the others the last ones go first
+
+
 class Word(NamedTuple):
     """Something said in a line."""
 
@@ -76,7 +87,10 @@ def word(words: str, fg: int = styles.COLOUR_TEXT, action: str = "", rank: int =
 
 
 class Line(MapView, can_focus=False):
-    """Words from the left, and words from the right."""
+    """Words from the left, and words from the right; each can be clicked.
+
+    Only the characters that change are written.
+    """
 
     DEFAULT_CSS = "Line { height: 1; width: 1fr; }"
     GAP = 2
@@ -136,66 +150,7 @@ def _fitting(
     return kept, end
 
 
-# The scale of the layer that is shown, for the line under the map.
-
-
-SCALE_RANK = 1  # where there is not room for all, hints go before it, and it before messages
-
-
-def scale_words(scene: Scene, glyphs: GlyphSet) -> list[Word]:
-    """One word, so that it is there as a whole or not at all; [] without a scale."""
-    codes: list[int] = []
-    plain = style(styles.COLOUR_DIM, styles.COLOUR_VOID)
-    for part in scale_line(scene, glyphs):
-        blank = [int(code(plain, glyphs.blank))] if codes else []
-        signs = [int(code(plain, glyph)) for glyph in text(part)] if isinstance(part, str) else part
-        after_sign = isinstance(part, tuple) and codes and _is_sign(codes[-1], plain)
-        codes += [*([] if after_sign else blank), *signs]
-    if not codes:
-        return []
-    shown = tuple(one & int(GLYPHS) for one in codes)
-    return [Word(shown, styles.COLOUR_DIM, rank=SCALE_RANK, codes=tuple(codes))]
-
-
-def _is_sign(one: int, plain: int) -> bool:
-    """Whether a code is a sign: those follow each other without a blank."""
-    return one >> GLYPH_BITS != plain
-
-
-# The keys at the foot of the screen: as many as there is room for, help and the way out always.
-
-
-STAY: Final = (do("help"), do("quit"))  # of the others the last ones go first
-
-
-class Keys(Footer):
-    """A footer of whole words."""
-
-    def compose(self) -> ComposeResult:
-        keys: list[Any] = list(super().compose())
-        while _columns(keys) > self.app.size.width:
-            others = [key for key in keys if key.action not in STAY]
-            if not others:
-                break
-            keys.remove(others[-1])
-        yield from keys
-
-    def on_resize(self) -> None:
-        self.refresh(recompose=True)
-
-
-def _columns(keys: list[Any]) -> int:
-    """What they take in a row, one blank between two."""
-    return sum(len(f"{key.key_display} {key.description}") + 1 for key in keys) - 1
-
-
-# What the two lines under the map say: how time goes, how the fleet does, what is chosen.
-#
-# > x4 40/s tick 1,234 of 2,616 617 s 4 work 1 waits 23/50 delivered visits robot 3 recorded (12, 4)
-# shelf with load 7 link 48 KB/s rtt 52 ms fps 30
-
-
-NEARLY_DONE = 0.9  # of the speed that was asked for counts as reached
+# The status line.
 
 
 def time_words(
@@ -215,6 +170,23 @@ def time_words(
         *([word(rest, styles.COLOUR_DIM, "go_end", 3)] if rest else []),
         *_time(shown, tick),
     ]
+
+
+def _speed(playback: PlaybackState, factor: float) -> str:
+    """Asked and, if it is less, achieved."""
+    achieved = f"{playback.achieved:,.0f}/s"
+    if math.isinf(factor):
+        return f"max {achieved}" if playback.achieved else "max"
+    asked = f"x{factor:g} {playback.asked:g}/s"
+    late = playback.playing and 0 < playback.achieved < NEARLY_DONE * playback.asked
+    return f"{asked} ({achieved})" if late else asked
+
+
+def _time(ticks: int, tick: Unit) -> list[Word]:
+    """The time in the scenario's unit, unless a tick is that unit."""
+    if tick.size == 1:
+        return []
+    return [word(f"{number(tick.of(ticks))} {tick.plural}", styles.COLOUR_DIM, rank=6)]
 
 
 def mode_word(
@@ -248,23 +220,6 @@ def end_of(playback: PlaybackState, side: int, recorded: bool, whole: bool) -> s
     return "ended" if recorded else "limit reached"
 
 
-def _speed(playback: PlaybackState, factor: float) -> str:
-    """Asked and, if it is less, achieved."""
-    achieved = f"{playback.achieved:,.0f}/s"
-    if math.isinf(factor):
-        return f"max {achieved}" if playback.achieved else "max"
-    asked = f"x{factor:g} {playback.asked:g}/s"
-    late = playback.playing and 0 < playback.achieved < NEARLY_DONE * playback.asked
-    return f"{asked} ({achieved})" if late else asked
-
-
-def _time(ticks: int, tick: Unit) -> list[Word]:
-    """The time in the scenario's unit, unless a tick is that unit."""
-    if tick.size == 1:
-        return []
-    return [word(f"{number(tick.of(ticks))} {tick.plural}", styles.COLOUR_DIM, rank=6)]
-
-
 def fleet_words(snapshot: Snapshot, figures: Figures) -> list[Word]:
     """How many robots work, wait and finish nothing, and how many orders are done."""
     now, starved, jam = summarize(snapshot), len(figures.starved), figures.jam
@@ -290,6 +245,19 @@ def fleet_words(snapshot: Snapshot, figures: Figures) -> list[Word]:
     return said
 
 
+def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list[Word]:
+    """What is selected, and what is laid over the map."""
+    said = []
+    if robot != NIL:
+        text = f"{'follows ' if following else ''}robot {robot}"
+        said.append(
+            word(text, styles.COLOUR_CURSOR if following else styles.COLOUR_TEXT, "follow", rank)
+        )
+    if layer:
+        said.append(word(layer, styles.COLOUR_LOADED, "next_layer", rank + 1))
+    return said
+
+
 def head_words(own: str, common: str, width: int) -> list[Word]:
     """Over one of two maps: what is its own, and if there is room what both have."""
     words = own if len(own) <= width else f"{own[: max(0, width - 3)]}..."
@@ -306,17 +274,7 @@ def end_words(playback: PlaybackState | None, side: int) -> list[Word]:
     return [*([word(text, styles.COLOUR_WAITING)] if text else []), word("")]
 
 
-def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list[Word]:
-    """What is selected, and what is laid over the map."""
-    said = []
-    if robot != NIL:
-        text = f"{'follows ' if following else ''}robot {robot}"
-        said.append(
-            word(text, styles.COLOUR_CURSOR if following else styles.COLOUR_TEXT, "follow", rank)
-        )
-    if layer:
-        said.append(word(layer, styles.COLOUR_LOADED, "next_layer", rank + 1))
-    return said
+# The line above it.
 
 
 def long_tick_words(tick: int, seconds: float, waited: bool) -> str:
@@ -337,13 +295,31 @@ def link_words(figures: LinkFigures) -> list[Word]:
     ]
 
 
-# What a cell holds, in one line.
+def scale_words(scene: Scene, glyphs: GlyphSet) -> list[Word]:
+    """The scale of the layer in one word, so that it is there as a whole or not at all; or []."""
+    codes: list[int] = []
+    plain = style(styles.COLOUR_DIM, styles.COLOUR_VOID)
+    for part in scale_line(scene, glyphs):
+        blank = [int(code(plain, glyphs.blank))] if codes else []
+        signs = [int(code(plain, glyph)) for glyph in text(part)] if isinstance(part, str) else part
+        after_sign = isinstance(part, tuple) and codes and _is_sign(codes[-1], plain)
+        codes += [*([] if after_sign else blank), *signs]
+    if not codes:
+        return []
+    shown = tuple(one & int(GLYPHS) for one in codes)
+    return [Word(shown, styles.COLOUR_DIM, rank=SCALE_RANK, codes=tuple(codes))]
+
+
+def _is_sign(one: int, plain: int) -> bool:
+    """Whether a code is a sign: those follow each other without a blank."""
+    return one >> GLYPH_BITS != plain
+
+
+# A cell in one line.
 #
-# (12, 4) shelf with load 7 for (20, 3), reserved by robot 2 (3, 0) track along x, robot 1 with load
-# 4, waits: head-on (5, 3) station P1 with 2 open lines, 1 in its queue, robot 1 with pod 2 (serve)
-
-
-MAX_NAMED_ROBOTS = 3  # named in one line
+# (12, 4) shelf with load 7 for (20, 3), reserved by robot 2
+# (3, 0) track along x, robot 1 with load 4, waits: head-on
+# (5, 3) station P1 with 2 open lines, 1 in its queue, robot 1 with pod 2 (serve)
 
 
 def describe(scene: Scene, cell: int) -> str:
@@ -476,3 +452,27 @@ def _robot(scene: Scene, robot: int) -> str:
     if robots.action[robot] != ACTION_IDLE:
         words.append(f"({ACTION_NAMES[robots.action[robot]]})")
     return " ".join(words)
+
+
+# The keys at the foot of the screen.
+
+
+class Keys(Footer):
+    """A footer of whole words: as many as there is room for, help and the way out always."""
+
+    def compose(self) -> ComposeResult:
+        keys: list[Any] = list(super().compose())
+        while _columns(keys) > self.app.size.width:
+            others = [key for key in keys if key.action not in STAY]
+            if not others:
+                break
+            keys.remove(others[-1])
+        yield from keys
+
+    def on_resize(self) -> None:
+        self.refresh(recompose=True)
+
+
+def _columns(keys: list[Any]) -> int:
+    """What they take in a row, one blank between two."""
+    return sum(len(f"{key.key_display} {key.description}") + 1 for key in keys) - 1

@@ -1,4 +1,11 @@
-"""Why is this robot waiting? The chain of causes with their rules, and where its time went."""
+"""Why is this robot waiting? The chain of causes with their rules, and where its time went.
+
+Every cause of lost time has a letter, and what counts as blocked a pattern of its own:
+
+    HHHQ....................     all of the time: a letter for each share of it, dots for the rest
+    H head-on       ⣿⣿⣿⣿⣿⣿⡇      a full bar: another robot is in the way, which counts as blocked
+    w random wait   ⠶⠆           a thin one, and a small letter: it waits for something else
+"""
 
 from __future__ import annotations
 
@@ -28,9 +35,12 @@ from tui.widgets.panel import (
     wrapped,
 )
 
+CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnl"  # by cause; capitals count as blocked
+
 MAX_WAITING_LISTED: Final = 40  # robots in the list to pick from
 NAME_WIDTH: Final = 21  # columns for the letter and the name of a cause
 PERCENT_WIDTH: Final = 6
+
 FIRST_LINKS: Final = 12  # links of a chain that are told from its beginning
 LAST_LINKS: Final = 4
 
@@ -44,7 +54,8 @@ class Why(TextPanel):
         found = explain(view.snapshot, view.floor_plan, view.robot)
         lines = [made for at in _told(len(found.chain)) for made in _step(view, found, at, width)]
         if found.cycle != NIL:
-            lines += _circle(view, found, width)
+            circle = linked(found.lines[-1], view.floor_plan, "fault")
+            lines += [(), *wrapped(circle, width, indent=2)]
         return [*lines, (), *self._lost(view, width)]
 
     def _lost(self, view: View, width: int) -> list[Line]:
@@ -105,10 +116,6 @@ def _step(view: View, found: Explanation, at: int, width: int) -> list[Line]:
     ]
 
 
-def _circle(view: View, found: Explanation, width: int) -> list[Line]:
-    return [(), *wrapped(linked(found.lines[-1], view.floor_plan, "fault"), width, indent=2)]
-
-
 def longest_waits(view: View, width: int) -> list[Line]:
     """Robots that wait now, by how long they have."""
     fleet, now = view.snapshot.robots, view.snapshot.tick
@@ -131,21 +138,12 @@ def longest_waits(view: View, width: int) -> list[Line]:
     return lines
 
 
-# How lost time is drawn: every cause has a letter, and what counts as blocked a pattern of its own.
-#
-# HHHQ.................... all of the time: a letter for each share of it, dots for the rest H head-on
-# ⣿⣿⣿⣿⣿⣿⡇ a full bar: another robot is in the way, which counts as blocked w random wait ⠶⠆ a thin
-# one, and a small letter: it waits for something else
-
-
-CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnl"  # by cause; capitals count as blocked
-BLOCKED_LOOK: Final = "warn"
-OTHER_LOOK: Final = "plain"
+# Lost time.
 
 
 def look_of(cause: int) -> str:
     """Its colour."""
-    return BLOCKED_LOOK if CAUSES[cause].blocked else OTHER_LOOK
+    return "warn" if CAUSES[cause].blocked else "plain"
 
 
 def cause_letter(cause: int) -> Span:

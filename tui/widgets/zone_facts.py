@@ -1,4 +1,7 @@
-"""What the inspector says about stations, and about zones that robots serve."""
+"""What the inspector says about zones and stations: of those that robots serve, and of the floor's own.
+
+Zones that robots serve are counted from 1, those of the floor from 0; the former go before.
+"""
 
 from __future__ import annotations
 
@@ -19,11 +22,13 @@ from automaton.world.rules import duration_table, tick_length
 from strategies.zoning.service_zone_lines import minutes_of_zones
 from tui.playback.panel_view import View
 from tui.widgets.panel import (
+    Facts,
     Line,
+    Parts,
     Span,
     cell_link,
     dim,
-    fact,
+    fact_lines,
     line,
     order_link,
     robot_link,
@@ -31,8 +36,8 @@ from tui.widgets.panel import (
     title,
 )
 
-Parts = list[str | Span]
 MOST_PARTS: Final = 12  # of a line that are named
+MAX_ROBOTS_LISTED = 24  # robots that are named one by one
 
 
 def partition_of(view: View) -> ServiceZones | None:
@@ -41,97 +46,105 @@ def partition_of(view: View) -> ServiceZones | None:
     return service_zones if len(service_zones.roads.cell) else None
 
 
+def zone_lines(view: View, zone: int, width: int) -> list[Line]:
+    """Everything about one zone: of those that robots serve, if they do."""
+    service_zones = partition_of(view)
+    if service_zones is not None:
+        return served_zone_lines(view, service_zones, zone, width)
+    traffic_zones = zones_in(view)
+    if zone >= traffic_zones.count:  # of the other of two runs
+        return [line(title(f"zone {zone} "), "is not on this floor")]
+    cells = np.flatnonzero((traffic_zones.of == zone).any(axis=1))
+    robots = robots_in(view, zone)
+    ends: Parts = [cell_link(view.floor_plan, int(cells[0]))]
+    ends += [" to ", cell_link(view.floor_plan, int(cells[-1]))] if len(cells) > 1 else []
+    named: Parts = []
+    for robot in robots[:MAX_ROBOTS_LISTED].tolist():
+        named += [", "] * bool(named) + [robot_link(robot)]
+    if len(robots) > MAX_ROBOTS_LISTED:
+        named.append(f" and {len(robots) - MAX_ROBOTS_LISTED:,} more")
+    lines = [line(title(f"zone {zone} "), dim(f"of {traffic_zones.count:,}, {traffic_zones.mode}"))]
+    crossing = bool(traffic_zones.intersection[cells[0]])
+    facts: Facts = [
+        ("is", ["an intersection" if crossing else "a stretch between intersections"]),
+        ("cells", [f"{len(cells):,}, ", *ends]),
+        ("driven", _ways(view, traffic_zones, int(cells[0]), zone)),
+        ("a move", _pace(view, zone)),
+        ("so far", _cost(view, zone)),
+        ("robots", [f"{len(robots):,}"]),
+        ("here", named),
+    ]
+    return [*lines, *fact_lines(facts, width)]
+
+
+def checked_zone(view: View, zone: int) -> int:
+    """A zone of this floor, or by its number one that robots serve. Raises InputError."""
+    service_zones = partition_of(view)
+    if service_zones is not None:
+        return checked_served(service_zones, zone)
+    many = zones_in(view).count
+    if zone >= many:
+        numbers = f"zones are numbered from 0 to {many - 1}" if many else "this floor has none"
+        raise InputError(f"there is no zone {zone}; {numbers}")
+    return zone
+
+
+# Zones that robots serve.
+
+
+def served_zone_lines(view: View, service_zones: ServiceZones, zone: int, width: int) -> list[Line]:
+    """Everything about one zone that a robot serves."""
+    if zone >= len(service_zones.server):  # of the other of two runs
+        return [line(title(f"zone {zone + 1} "), "is not in this run")]
+    design, server = service_zones.design, int(service_zones.server[zone])
+    waiting = queued(view, [zone])
+    lines = [
+        line(title(f"zone {zone + 1} "), dim(f"of {len(service_zones.server)} that robots serve"))
+    ]
+    facts: Facts = [
+        ("served by", ["no robot" if server == NIL else robot_link(server)]),
+        ("stations", several(_stations(view, design.zone == zone))),
+    ]
+    for other in range(len(service_zones.server)):
+        shared = design.transfer[zone, other].astype(bool)
+        if shared.any():
+            links = several(_stations(view, shared))
+            facts.append((f"to zone {other + 1}", ["through ", *links]))
+    facts += [
+        ("waiting", [count(len(waiting), "order")]),
+        ("the oldest", several([order_link(order) for order in waiting])),
+        ("being done", [f"{_under_way(view, zone)}"]),
+        ("work", [work_words(view, [zone])]),
+    ]
+    return [*lines, *fact_lines(facts, width)]
+
+
 def served_link(zone: int) -> Span:
     """A zone under its number, counted from 1."""
     return Span(f"zone {zone + 1}", "link", ("zone", zone))
 
 
-def station_link(view: View, station: int) -> Span:
-    """A station under its number, counted from 1; it leads to its cell."""
-    return Span(str(station + 1), "link", ("cell", int(station_cells(view)[station])))
+def _stations(view: View, mask: NDArray[np.bool_]) -> list[Span]:
+    return [station_link(view, station) for station in np.flatnonzero(mask).tolist()]
 
 
-def station_cells(view: View) -> NDArray[np.int32]:
-    """(S,) the cell of each station: where parts are worked on, or what robots' zones are made of."""
-    service_zones, stations, slots = partition_of(view), view.snapshot.stations, view.snapshot.slots
-    cells: NDArray[np.int32] = slots.cell[stations.slot]
-    return (
-        service_zones.roads.cell[service_zones.roads.point] if service_zones is not None else cells
-    )
+def _under_way(view: View, zone: int) -> str:
+    """Orders of its queue that robots have taken or carry."""
+    orders, mine = view.snapshot.orders, view.snapshot.service_zones.queue == zone
+    fetched = mine & (orders.state == ORDER_WAITING) & (orders.reserved_by != NIL)
+    carried = mine & (orders.state == ORDER_CARRIED)
+    return f"{np.count_nonzero(carried)} carried, {np.count_nonzero(fetched)} to be fetched"
 
 
-def checked_station(view: View, number: int) -> int:
-    """The cell of a station by its number. Raises InputError."""
-    cells = station_cells(view)
-    if not 1 <= number <= len(cells):
-        numbers = f"stations are numbered from 1 to {len(cells)}" if len(cells) else "there is none"
-        raise InputError(f"there is no station {number}; {numbers}")
-    return int(cells[number - 1])
+def checked_served(service_zones: ServiceZones, number: int) -> int:
+    """A zone that robots serve, by its number. Raises InputError."""
+    if not 1 <= number <= len(service_zones.server):
+        numbers = f"zones are numbered from 1 to {len(service_zones.server)}"
+        raise InputError(f"there is no zone {number}; {numbers}")
+    return number - 1
 
 
-def station_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
-    """The station in a cell: its zone, whose transfer station it is, and its work."""
-    station = station_at(view, cell)
-    if station == NIL:
-        return []
-    service_zones = partition_of(view)
-    of = f"{station + 1} of {len(station_cells(view))}"
-    facts: list[tuple[str, Parts]] = [("station", [of])]
-    if service_zones is not None:
-        zone = int(service_zones.design.zone[station])
-        facts[0][1].extend([] if zone == NIL else [", in ", served_link(zone)])
-        told: Parts = []
-        pairs = np.argwhere(np.triu(service_zones.design.transfer[:, :, station], 1)).tolist()
-        for a, b in pairs:
-            told += [" and " if told else "between ", served_link(a), " - ", served_link(b)]
-        facts.append(("transfers", told))
-    if len(view.snapshot.stations.slot):
-        facts += _work(view, station)
-    return facts
-
-
-def station_at(view: View, cell: int) -> int:
-    """The station in a cell, or to which the slot in it counts, or NIL."""
-    points = np.flatnonzero(station_cells(view) == cell)
-    if len(points):
-        return int(points[0])
-    service_zones = partition_of(view)
-    slots = np.flatnonzero(view.snapshot.slots.cell == cell)
-    return (
-        NIL if service_zones is None or not len(slots) else int(service_zones.station_of[slots[0]])
-    )
-
-
-def line_at(view: View, station: int) -> list[int]:
-    """Return the jobs of a station that are not done, the one in service first."""
-    stations, works = view.snapshot.stations, []
-    work = int(stations.in_service[station])
-    while work != NIL:
-        works.append(work)
-        work = int(stations.next_in_queue[work])
-    return works
-
-
-def _work(view: View, station: int) -> list[tuple[str, Parts]]:
-    stations, tick = view.snapshot.stations, view.snapshot.tick
-    works = line_at(view, station)
-    mine = stations.station == station
-    done = int(np.count_nonzero(mine & (stations.completion_tick != NIL)))
-    now = "nothing"
-    if works:
-        left = int(stations.job_done_tick[station]) - tick
-        now = f"part {stations.part[works[0]]}, {count(left, 'tick')} left"
-    waiting = [str(stations.part[work]) for work in works[1:]]
-    named = ", ".join(waiting[:MOST_PARTS]) + (", ..." if len(waiting) > MOST_PARTS else "")
-    busy = int(stations.processing_time[mine & (stations.completion_tick != NIL)].sum())
-    return [
-        ("works on", [now]),
-        ("queue", [f"{count(len(waiting), 'part')}: {named}"] if waiting else ["no part"]),
-        ("so far", [f"{count(done, 'part')} in {count(busy, 'tick')} of work"]),
-    ]
-
-
-def robot_zone(view: View, robot: int) -> list[tuple[str, Parts]]:
+def robot_zone(view: View, robot: int) -> Facts:
     """The zone of a robot, the zones that it serves, its queue, and whether it is halted."""
     service_zones = partition_of(view)
     own = int(view.snapshot.robots.service_zone[robot])
@@ -174,13 +187,13 @@ def work_words(view: View, zones: list[int]) -> str:
     return f"{minutes:.1f} minutes of driving and handling"
 
 
-def order_zone(view: View, order: int) -> list[tuple[str, Parts]]:
+def order_zone(view: View, order: int) -> Facts:
     """The queue that an order is in, where it is dropped next, and whether it goes there directly."""
     service_zones, orders = partition_of(view), view.snapshot.orders
     if service_zones is None or orders.state[order] not in (ORDER_WAITING, ORDER_CARRIED):
         return []
     queue, next_slot = int(service_zones.queue[order]), int(service_zones.next_slot[order])
-    facts: list[tuple[str, Parts]] = [("queue", ["of ", served_link(queue)] if queue >= 0 else [])]
+    facts: Facts = [("queue", ["of ", served_link(queue)] if queue >= 0 else [])]
     if next_slot != NIL:
         station = int(service_zones.station_of[next_slot])
         last = next_slot == orders.target[order]
@@ -195,7 +208,95 @@ def order_zone(view: View, order: int) -> list[tuple[str, Parts]]:
     return facts
 
 
-def part_of_order(view: View, order: int) -> list[tuple[str, Parts]]:
+# Stations.
+
+
+def station_facts(view: View, cell: int) -> Facts:
+    """The station in a cell: its zone, whose transfer station it is, and its work."""
+    station = station_at(view, cell)
+    if station == NIL:
+        return []
+    service_zones = partition_of(view)
+    of = f"{station + 1} of {len(station_cells(view))}"
+    facts: Facts = [("station", [of])]
+    if service_zones is not None:
+        zone = int(service_zones.design.zone[station])
+        facts[0][1].extend([] if zone == NIL else [", in ", served_link(zone)])
+        told: Parts = []
+        pairs = np.argwhere(np.triu(service_zones.design.transfer[:, :, station], 1)).tolist()
+        for a, b in pairs:
+            told += [" and " if told else "between ", served_link(a), " - ", served_link(b)]
+        facts.append(("transfers", told))
+    if len(view.snapshot.stations.slot):
+        facts += _work(view, station)
+    return facts
+
+
+def station_at(view: View, cell: int) -> int:
+    """The station in a cell, or to which the slot in it counts, or NIL."""
+    points = np.flatnonzero(station_cells(view) == cell)
+    if len(points):
+        return int(points[0])
+    service_zones = partition_of(view)
+    slots = np.flatnonzero(view.snapshot.slots.cell == cell)
+    return (
+        NIL if service_zones is None or not len(slots) else int(service_zones.station_of[slots[0]])
+    )
+
+
+def station_cells(view: View) -> NDArray[np.int32]:
+    """(S,) the cell of each station: where parts are worked on, or what robots' zones are made of."""
+    service_zones, stations, slots = partition_of(view), view.snapshot.stations, view.snapshot.slots
+    cells: NDArray[np.int32] = slots.cell[stations.slot]
+    return (
+        service_zones.roads.cell[service_zones.roads.point] if service_zones is not None else cells
+    )
+
+
+def station_link(view: View, station: int) -> Span:
+    """A station under its number, counted from 1; it leads to its cell."""
+    return Span(str(station + 1), "link", ("cell", int(station_cells(view)[station])))
+
+
+def checked_station(view: View, number: int) -> int:
+    """The cell of a station by its number. Raises InputError."""
+    cells = station_cells(view)
+    if not 1 <= number <= len(cells):
+        numbers = f"stations are numbered from 1 to {len(cells)}" if len(cells) else "there is none"
+        raise InputError(f"there is no station {number}; {numbers}")
+    return int(cells[number - 1])
+
+
+def line_at(view: View, station: int) -> list[int]:
+    """Return the jobs of a station that are not done, the one in service first."""
+    stations, works = view.snapshot.stations, []
+    work = int(stations.in_service[station])
+    while work != NIL:
+        works.append(work)
+        work = int(stations.next_in_queue[work])
+    return works
+
+
+def _work(view: View, station: int) -> Facts:
+    stations, tick = view.snapshot.stations, view.snapshot.tick
+    works = line_at(view, station)
+    mine = stations.station == station
+    done = int(np.count_nonzero(mine & (stations.completion_tick != NIL)))
+    now = "nothing"
+    if works:
+        left = int(stations.job_done_tick[station]) - tick
+        now = f"part {stations.part[works[0]]}, {count(left, 'tick')} left"
+    waiting = [str(stations.part[work]) for work in works[1:]]
+    named = ", ".join(waiting[:MOST_PARTS]) + (", ..." if len(waiting) > MOST_PARTS else "")
+    busy = int(stations.processing_time[mine & (stations.completion_tick != NIL)].sum())
+    return [
+        ("works on", [now]),
+        ("queue", [f"{count(len(waiting), 'part')}: {named}"] if waiting else ["no part"]),
+        ("so far", [f"{count(done, 'part')} in {count(busy, 'tick')} of work"]),
+    ]
+
+
+def part_of_order(view: View, order: int) -> Facts:
     """The part that an order moves, where stations work on parts."""
     stations = view.snapshot.stations
     if not len(stations.job_of_order) or stations.job_of_order[order] == NIL:
@@ -209,55 +310,6 @@ def part_of_order(view: View, order: int) -> list[tuple[str, Parts]]:
     ]
 
 
-def checked_served(service_zones: ServiceZones, number: int) -> int:
-    """A zone that robots serve, by its number. Raises InputError."""
-    if not 1 <= number <= len(service_zones.server):
-        numbers = f"zones are numbered from 1 to {len(service_zones.server)}"
-        raise InputError(f"there is no zone {number}; {numbers}")
-    return number - 1
-
-
-def served_zone_lines(view: View, service_zones: ServiceZones, zone: int, width: int) -> list[Line]:
-    """Everything about one zone that a robot serves."""
-    if zone >= len(service_zones.server):  # of the other of two runs
-        return [line(title(f"zone {zone + 1} "), "is not in this run")]
-    design, server = service_zones.design, int(service_zones.server[zone])
-    waiting = queued(view, [zone])
-    lines = [
-        line(title(f"zone {zone + 1} "), dim(f"of {len(service_zones.server)} that robots serve"))
-    ]
-    facts: list[tuple[str, Parts]] = [
-        ("served by", ["no robot" if server == NIL else robot_link(server)]),
-        ("stations", several(_stations(view, design.zone == zone))),
-    ]
-    for other in range(len(service_zones.server)):
-        shared = design.transfer[zone, other].astype(bool)
-        if shared.any():
-            links = several(_stations(view, shared))
-            facts.append((f"to zone {other + 1}", ["through ", *links]))
-    facts += [
-        ("waiting", [count(len(waiting), "order")]),
-        ("the oldest", several([order_link(order) for order in waiting])),
-        ("being done", [f"{_under_way(view, zone)}"]),
-        ("work", [work_words(view, [zone])]),
-    ]
-    for name, parts in facts:
-        lines += fact(name, *parts, width=width) if parts else []
-    return lines
-
-
-def _stations(view: View, mask: NDArray[np.bool_]) -> list[Span]:
-    return [station_link(view, station) for station in np.flatnonzero(mask).tolist()]
-
-
-def _under_way(view: View, zone: int) -> str:
-    """Orders of its queue that robots have taken or carry."""
-    orders, mine = view.snapshot.orders, view.snapshot.service_zones.queue == zone
-    fetched = mine & (orders.state == ORDER_WAITING) & (orders.reserved_by != NIL)
-    carried = mine & (orders.state == ORDER_CARRIED)
-    return f"{np.count_nonzero(carried)} carried, {np.count_nonzero(fetched)} to be fetched"
-
-
 def parts_finished(view: View) -> tuple[int, int] | None:
     """Parts that have left their last station, of how many; None where stations work on none."""
     stations = view.snapshot.stations
@@ -267,27 +319,12 @@ def parts_finished(view: View) -> tuple[int, int] | None:
     return int(np.count_nonzero(stations.completion_tick[last] != NIL)), int(np.count_nonzero(last))
 
 
-# What the inspector says about zones: who is in them, and how long a move takes there.
-
-
-MAX_ROBOTS_LISTED = 24  # robots that are named one by one
+# Zones of the floor: who is in them, and how long a move takes there.
 
 
 def zones_in(view: View) -> TrafficZones:
     """The zones of the floor, as the rules have them by now."""
     return traffic_zones_of(view.floor_plan, view.run.resolved.scenario.world.traffic_zones)
-
-
-def checked_zone(view: View, zone: int) -> int:
-    """A zone of this floor, or by its number one that robots serve. Raises InputError."""
-    service_zones = partition_of(view)
-    if service_zones is not None:
-        return checked_served(service_zones, zone)
-    many = zones_in(view).count
-    if zone >= many:
-        numbers = f"zones are numbered from 0 to {many - 1}" if many else "this floor has none"
-        raise InputError(f"there is no zone {zone}; {numbers}")
-    return zone
 
 
 def zone_link(zone: int) -> Span:
@@ -302,7 +339,7 @@ def robots_in(view: View, zone: int) -> NDArray[np.intp]:
     return np.flatnonzero(there & (fleet.cell != NIL))
 
 
-def zone_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
+def zone_facts(view: View, cell: int) -> Facts:
     """The zones of a cell, how many robots are in each, and what a move from here takes.
 
     Where robots serve zones, those of the floor are told of only if they slow robots down.
@@ -316,7 +353,7 @@ def zone_facts(view: View, cell: int) -> list[tuple[str, Parts]]:
     if not numbers:
         crossing = "none: an intersection" if traffic_zones.intersection[cell] else "none"
         return [("zone", [crossing, *_free(view)])]
-    facts: list[tuple[str, Parts]] = []
+    facts: Facts = []
     for zone in numbers:
         ways = [f" ({way})" for way in _ways(view, traffic_zones, cell, zone)]
         now = f" with {count(len(robots_in(view, zone)), 'robot')} now"
@@ -374,38 +411,3 @@ def _cost(view: View, zone: int) -> Parts:
     """What the zone has cost; nothing to say where zones slow no robot and never did."""
     lost = int(view.snapshot.lost_in_zone[zone])
     return [f"moves from here took {count(lost, 'tick')} longer"] if lost or _slow(view) else []
-
-
-def zone_lines(view: View, zone: int, width: int) -> list[Line]:
-    """Everything about one zone: of those that robots serve, if they do."""
-    service_zones = partition_of(view)
-    if service_zones is not None:
-        return served_zone_lines(view, service_zones, zone, width)
-    traffic_zones = zones_in(view)
-    if zone >= traffic_zones.count:  # of the other of two runs
-        return [line(title(f"zone {zone} "), "is not on this floor")]
-    cells = np.flatnonzero((traffic_zones.of == zone).any(axis=1))
-    robots = robots_in(view, zone)
-    ends: Parts = [cell_link(view.floor_plan, int(cells[0]))]
-    ends += [" to ", cell_link(view.floor_plan, int(cells[-1]))] if len(cells) > 1 else []
-    named: Parts = []
-    for robot in robots[:MAX_ROBOTS_LISTED].tolist():
-        named += [", "] * bool(named) + [robot_link(robot)]
-    named += (
-        [f" and {len(robots) - MAX_ROBOTS_LISTED:,} more"]
-        if len(robots) > MAX_ROBOTS_LISTED
-        else []
-    )
-    lines = [line(title(f"zone {zone} "), dim(f"of {traffic_zones.count:,}, {traffic_zones.mode}"))]
-    crossing = bool(traffic_zones.intersection[cells[0]])
-    for name, parts in (
-        ("is", ["an intersection" if crossing else "a stretch between intersections"]),
-        ("cells", [f"{len(cells):,}, ", *ends]),
-        ("driven", _ways(view, traffic_zones, int(cells[0]), zone)),
-        ("a move", _pace(view, zone)),
-        ("so far", _cost(view, zone)),
-        ("robots", [f"{len(robots):,}"]),
-        ("here", named),
-    ):
-        lines += fact(name, *parts, width=width) if parts else []
-    return lines

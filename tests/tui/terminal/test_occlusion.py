@@ -30,8 +30,9 @@ from tui.render.styles import (
     style,
 )
 from tui.terminal.frame_pacing import FrameClock, FramePacer
+from tui.terminal.options import Renderer
 from tui.widgets import map_view
-from tui.widgets.map_view import MapView, Presenter, Renderer
+from tui.widgets.map_view import MapView, Presenter
 
 WRITTEN: list[str] = []
 

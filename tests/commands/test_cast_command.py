@@ -26,7 +26,7 @@ from automaton.runs.simulation import Simulation
 from automaton.units import unit
 from automaton.world.resolve import Resolved, resolve
 from tui.cast.film import Status, schedule
-from tui.playback.player import Overlays
+from tui.playback.playback_state import Overlays
 from tui.render.camera import Camera
 from tui.render.compose import compose
 from tui.render.encode import as_svg, as_text

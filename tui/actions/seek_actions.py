@@ -1,4 +1,4 @@
-"""Actions on the clock: playing, stepping, jumping."""
+"""Actions that seek a moment of the run, or what there is in it: playing, stepping, jumping, finding."""
 
 from __future__ import annotations
 
@@ -122,29 +122,8 @@ class ClockActions:
         return True
 
 
-# Actions that find: robots, orders, cells, zones and events, and the way from one to the next.
-
-
-class Before:
-    """What the map showed before something was looked for."""
-
-    def __init__(self, session: Session) -> None:
-        choice, pictures = session.choice, session.pictures
-        self._marked = choice.matches, choice.match_cells
-        self._view = pictures.camera.copy(), pictures.fitted
-
-    def restore(self, session: Session) -> None:
-        """Show it again."""
-        choice, pictures = session.choice, session.pictures
-        choice.matches, choice.match_cells = self._marked
-        rows, columns = pictures.camera.rows, pictures.camera.columns
-        pictures.camera, pictures.fitted = self._view
-        pictures.resize(rows, columns)
-        session.changed()
-
-
 class FindActions:
-    """Finding and selecting."""
+    """Robots, orders, cells, zones and events, and the way from one to the next."""
 
     def __init__(
         self,
@@ -309,3 +288,21 @@ class FindActions:
         self._app.screen.remove_class("-map-alone")
         self._panels.leave()
         self._session.changed()
+
+
+class Before:
+    """What the map showed before something was looked for."""
+
+    def __init__(self, session: Session) -> None:
+        choice, pictures = session.choice, session.pictures
+        self._marked = choice.matches, choice.match_cells
+        self._view = pictures.camera.copy(), pictures.fitted
+
+    def restore(self, session: Session) -> None:
+        """Show it again."""
+        choice, pictures = session.choice, session.pictures
+        choice.matches, choice.match_cells = self._marked
+        rows, columns = pictures.camera.rows, pictures.camera.columns
+        pictures.camera, pictures.fitted = self._view
+        pictures.resize(rows, columns)
+        session.changed()

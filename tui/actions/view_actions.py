@@ -1,4 +1,4 @@
-"""Actions on the view of the floor: panning, zooming, following."""
+"""Actions on what is seen: the map, what is laid over it, the panels, and pictures to keep."""
 
 from __future__ import annotations
 
@@ -33,9 +33,17 @@ from tui.viewer.session import Display, Notices, Session
 STEP_COLUMNS: Final = 4
 STEP_ROWS: Final = 2
 
+WIDE: Final = 100  # columns from which panels have room beside the map
+BESIDE_COLUMNS: Final = 36  # of a panel beside the map on a narrow screen,
+BELOW_SHARE: Final = 0.45  # or the part of the rows that it has below it,
+LEAST_ROWS: Final = 6  # and how many these are at least
+ABOUT_CHOICE: Final = ("inspector", "why")  # panels about what is selected on the map
+
+DIMMED = 0.4  # of the way to the background
+
 
 class MapActions:
-    """The map."""
+    """The view of the floor: panning, zooming, following."""
 
     def __init__(self, app: App[None], session: Session) -> None:
         self._app, self._session = app, session
@@ -126,11 +134,8 @@ class MapActions:
         self._session.changed()
 
 
-# Actions on what is laid over the floor.
-
-
 class LayerActions:
-    """Layers: those that are registered."""
+    """What is laid over the floor: the layers that are registered, colours, trails and lines."""
 
     def __init__(self, session: Session, notices: Notices) -> None:
         self._session, self._notices, self._choice = session, notices, session.choice
@@ -232,18 +237,8 @@ class LayerActions:
         return bool(layer_named(name).is_there(self._session.scene()))
 
 
-# Actions on the panels: off, beside or below the map, or in its place; and which one is open.
-
-
-WIDE: Final = 100  # columns from which panels have room beside the map
-BESIDE_COLUMNS: Final = 36  # of a panel beside the map on a narrow screen,
-BELOW_SHARE: Final = 0.45  # or the part of the rows that it has below it,
-LEAST_ROWS: Final = 6  # and how many these are at least
-ABOUT_CHOICE: Final = ("inspector", "why")  # panels about what is selected on the map
-
-
 class PanelActions:
-    """Panels."""
+    """Panels: off, beside or below the map, or in its place; and which one is open."""
 
     def __init__(self, app: App[None], session: Session, display: Display) -> None:
         self._app, self._session, self._display = app, session, display
@@ -397,53 +392,8 @@ class PanelActions:
             self._session.choose_at(cell)
 
 
-# What the screen shows, row by row, for a drawing of it.
-
-
-DIMMED = 0.4  # of the way to the background
-
-
-def screen_rows(app: App[None], look: Look) -> list[list[Run]]:
-    """The characters of a running app in their colours; where they have none, those of the map."""
-    update = app.screen._compositor.render_update(full=True, screen_stack=app._background_screens)
-    console = Console(
-        file=io.StringIO(),
-        width=app.size.width,
-        height=app.size.height,
-        force_terminal=True,
-        color_system="truecolor",
-        legacy_windows=False,
-    )
-    assert update is not None  # it is a full one
-    segments = (segment for segment in console.render(update) if not segment.control)
-    plain = look.css(style(COLOUR_TEXT, COLOUR_VOID))
-    return [
-        [_run(text, shown or Style.null(), plain) for text, shown, _ in row if text]
-        for row in Segment.split_lines(segments)
-    ]
-
-
-def _run(text: str, shown: Style, plain: tuple[str, str, bool]) -> Run:
-    fg = _rgb(shown.color, plain[0])
-    bg = _rgb(shown.bgcolor, plain[1])
-    if shown.reverse:
-        fg, bg = bg, fg
-    if shown.dim:
-        fg = blend_rgb(fg, bg, DIMMED)
-    return Run(text, fg.hex, bg.hex, bool(shown.bold))
-
-
-def _rgb(colour: Color | None, plain: str) -> ColorTriplet:
-    if colour is None or colour.is_default:
-        return Color.parse(plain).get_truecolor()
-    return colour.get_truecolor(DEFAULT_TERMINAL_THEME)
-
-
-# Actions that take the picture with them, as a drawing or as text.
-
-
 class CaptureActions:
-    """Captures."""
+    """The picture to take along, as a drawing or as text."""
 
     def __init__(self, app: App[None], session: Session, display: Display) -> None:
         self._app, self._session, self._display = app, session, display
@@ -505,3 +455,39 @@ class CaptureActions:
             self._display.notices.say("this viewer is read-only: it hands out no files", "warning")
         else:
             self._app.deliver_text(io.StringIO(text), save_filename=name)
+
+
+def screen_rows(app: App[None], look: Look) -> list[list[Run]]:
+    """The characters of a running app in their colours; where they have none, those of the map."""
+    update = app.screen._compositor.render_update(full=True, screen_stack=app._background_screens)
+    console = Console(
+        file=io.StringIO(),
+        width=app.size.width,
+        height=app.size.height,
+        force_terminal=True,
+        color_system="truecolor",
+        legacy_windows=False,
+    )
+    assert update is not None  # it is a full one
+    segments = (segment for segment in console.render(update) if not segment.control)
+    plain = look.css(style(COLOUR_TEXT, COLOUR_VOID))
+    return [
+        [_run(text, shown or Style.null(), plain) for text, shown, _ in row if text]
+        for row in Segment.split_lines(segments)
+    ]
+
+
+def _run(text: str, shown: Style, plain: tuple[str, str, bool]) -> Run:
+    fg = _rgb(shown.color, plain[0])
+    bg = _rgb(shown.bgcolor, plain[1])
+    if shown.reverse:
+        fg, bg = bg, fg
+    if shown.dim:
+        fg = blend_rgb(fg, bg, DIMMED)
+    return Run(text, fg.hex, bg.hex, bool(shown.bold))
+
+
+def _rgb(colour: Color | None, plain: str) -> ColorTriplet:
+    if colour is None or colour.is_default:
+        return Color.parse(plain).get_truecolor()
+    return colour.get_truecolor(DEFAULT_TERMINAL_THEME)

@@ -1,4 +1,11 @@
-"""A run without end or decisions: the random-walk fleet of the bare step, to be watched."""
+"""The viewer on a large fleet, in a process of its own for the benchmark and the tests.
+
+    python -m tui.bench.fleet_viewer '{"width": 200, "height": 57, "robots": 1000, "notes": "FILE"}'
+    python -m tui.bench.fleet_viewer '{"right_of_way": "pibt", "robots": 10000, "notes": "FILE"}'
+
+The fleet walks at random, or plans in the aisles of the benchmark of steering. Once it is there, the
+first line of `notes` is the native id of the thread that computes it, the second one the tick.
+"""
 
 from __future__ import annotations
 
@@ -20,15 +27,6 @@ from tui.playback.player import TICKS_PER_S
 from tui.playback.run_source import Opening, live
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
-
-# The viewer on a large fleet, in a process of its own for the benchmark and the tests.
-#
-# python -m tui.bench.fleet_viewer '{"width": 200, "height": 57, "robots": 1000, "notes": "FILE"}'
-# python -m tui.bench.fleet_viewer '{"right_of_way": "pibt", "robots": 10000, "notes": "FILE"}'
-#
-# The fleet walks at random, or plans in the aisles of the benchmark of steering. Once it is there,
-# the first line of `notes` is the native id of the thread that computes it, the second one the tick.
-
 
 NOTES_S = 0.2  # between two notes of the tick
 

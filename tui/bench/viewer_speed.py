@@ -1,4 +1,8 @@
-"""A viewer under measurement: started in a pseudo-terminal, timed by what reaches the other end."""
+"""Measurements of the viewer: bytes and frames, CPU, keys, a slow link, seeking, the first picture.
+
+A viewer is started in a pseudo-terminal of 200x60 (tui.bench.fleet_viewer), and timed by what reaches
+the other end. Several measurements come from one session, which takes half a minute.
+"""
 
 from __future__ import annotations
 
@@ -54,296 +58,19 @@ from tui.render.styles import (
 )
 from tui.terminal.terminal_host import FRAME_END, Arrived, Link, TerminalHost
 
-BUILDING_S = 120.0  # until there is a fleet; what it needs has been compiled before
-SETTLE_S = 3.0  # imports, the collector's last sweep, the first link figures
-ESCAPE = "\x1b[27u"
-KEY_S = 10.0  # a key whose effect is not seen by then counts as having taken so long
-KEYS_S = 40.0  # for all keys of a session: a busy machine answers fewer of them
-HERTZ = os.sysconf("SC_CLK_TCK")
-
-
-class Session:
-    """A viewer on a fleet (`tui.bench.fleet_viewer`)."""
-
-    def __init__(
-        self, fleet: dict[str, Any], link: Link | None = None, columns: int = 200, rows: int = 60
-    ) -> None:
-        self._folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
-        self._notes = Path(self._folder.name) / "notes"
-        command = [sys.executable, "-m", "tui.bench.fleet_viewer"]
-        command.append(json.dumps({**fleet, "notes": str(self._notes)}))
-        environ = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
-        for name in ("NO_COLOR", "LINES", "COLUMNS"):
-            environ.pop(name, None)
-        self.host = TerminalHost(command, rows=rows, columns=columns, environ=environ, link=link)
-
-    def __enter__(self) -> Self:
-        try:
-            self.host.wait_for(self._notes.exists, "a fleet", BUILDING_S)
-        except TimeoutError as error:
-            self.__exit__(type(error), error, error.__traceback__)
-            raise NotMeasuredError(f"no viewer with a fleet within {BUILDING_S:g} s") from error
-        time.sleep(SETTLE_S)
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        self.host.close()
-        self._folder.cleanup()
-
-    @property
-    def simulating(self) -> int:
-        """The thread that computes the fleet."""
-        return int(self._notes.read_text().split()[0])
-
-    @property
-    def tick(self) -> int:
-        """The tick that is shown, as of a moment ago."""
-        return int(self._notes.read_text().split()[1])
-
-    def threads(self) -> list[int]:
-        """All threads of the viewer's process."""
-        return [int(name) for name in os.listdir(f"/proc/{self.host.process.pid}/task")]
-
-    def cpu(self) -> float:
-        """Seconds of CPU that the viewer has taken, its simulation aside."""
-        return sum(self._cpu_of(one) for one in self.threads() if one != self.simulating)
-
-    def cpu_of_simulation(self) -> float:
-        """Seconds of CPU that the thread has taken which computes the fleet."""
-        return self._cpu_of(self.simulating)
-
-    def _cpu_of(self, thread: int) -> float:
-        stat = Path(f"/proc/{self.host.process.pid}/task/{thread}/stat").read_text()
-        values = stat.rpartition(")")[2].split()
-        return (int(values[11]) + int(values[12])) / HERTZ
-
-    def pin(self) -> None:
-        """The viewer to the first core, its simulation and this process to another one."""
-        cores = sorted(os.sched_getaffinity(0))
-        if len(cores) < 2:
-            return
-        for thread in self.threads():
-            own = cores[1] if thread == self.simulating else cores[0]
-            os.sched_setaffinity(thread, {own})
-        os.sched_setaffinity(0, {cores[1]})
-
-    def watch(self, seconds: float) -> tuple[int, int, float]:
-        """(bytes, frames, seconds) of a while from now."""
-        begun, before = time.monotonic(), self.host.output()
-        time.sleep(seconds)
-        data = self.host.output()[len(before) :]
-        return len(data), data.count(FRAME_END), time.monotonic() - begun
-
-    def key_latencies(self, presses: int) -> list[float]:
-        """Seconds from a key to the cell that it changes: the wall in the middle gets the cursor.
-
-        Every other key takes the cursor away again, and the next one waits until it has gone:
-        if both came between two frames, nothing would be seen of either. After KEYS_S seconds the rest
-        is left out. Raises NotMeasuredError if the viewer ends.
-        """
-        cursor, wall = cursor_colour(), wall_style()
-        latencies: list[float] = []
-        begun = time.monotonic()
-        for number in range(presses):
-            if latencies and time.monotonic() - begun > KEYS_S:
-                break
-            time.sleep(0.15)
-            if number % 2 == 0:
-                latencies.append(self._latency("i", lambda frame: cursor in frame))
-            else:
-                gone = lambda frame: wall in frame and cursor not in frame  # noqa: E731
-                latencies.append(self._latency(ESCAPE, gone))
-        return latencies
-
-    def _latency(self, key: str, shows: Callable[[bytes], bool]) -> float:
-        """Seconds until a frame shows what the key does, KEY_S at most."""
-        begin, pressed = len(self.host.history), time.monotonic()
-        self.host.send(key)
-        with contextlib.suppress(TimeoutError):
-            self.host.wait_for(lambda: self._shown_at(begin, shows) is not None, key, KEY_S)
-        if self.host.process.poll() is not None:
-            raise NotMeasuredError("the viewer has ended")
-        shown = self._shown_at(begin, shows)
-        return KEY_S if shown is None else shown - pressed
-
-    def _shown_at(self, begin: int, shows: Callable[[bytes], bool]) -> float | None:
-        """When a frame that shows it had arrived whole; None: not yet."""
-        rest = b""
-        for event in self.host.history[begin:]:
-            if isinstance(event, Arrived):
-                *frames, rest = (rest + event.data).split(FRAME_END)
-                if any(map(shows, frames)):
-                    return event.at
-        return None
-
-
-def cursor_colour() -> bytes:
-    """How the colour of a selected cell is asked for."""
-    look = Look(Depth.TRUE, "dark")
-    background = look.css(int(style(COLOUR_FLOOR_MARK, COLOUR_CURSOR)))[1].lstrip("#")
-    red, green, blue = (int(background[k : k + 2], 16) for k in (0, 2, 4))
-    return f"48;2;{red};{green};{blue}".encode()
-
-
-def wall_style() -> bytes:
-    """How a wall is asked for; it is written again only where a cursor was."""
-    return Look(Depth.TRUE, "dark").sgr(int(style(COLOUR_WALL, COLOUR_FLOOR))).encode()
-
-
-def quantile(values: Sequence[float], share: float) -> float:
-    """The value that so large a share of the values does not exceed."""
-    ordered = sorted(values)
-    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
-
-
-# Measurements of the viewer: several of one session, which takes half a minute.
-
-
-LONG: Final = 1  # samples of what takes half a minute each
-
-T = TypeVar("T")
-
-
-def measured(name: str, unit: str, sample: Sample, most: int = LONG) -> Measurement:
-    """A measurement of at most so many samples, the first included."""
-
-    def prepare() -> Sample:
-        compile_walkers()
-        return sample
-
-    return Measurement(name, unit, prepare, warm_up=False, at_most=most)
-
-
-@cache
-def compile_walkers() -> None:
-    """Compile what viewers need, without a limit of time: it may be the first run on this machine."""
-
-    Walk(walkers(20, 10, 5)).show(2, 1.0)
-
-
-class Together(Generic[T]):
-    """Several measurements of the same sessions, each of which takes half a minute.
-
-    Of a session that cannot be measured nothing is, and no other one is tried for the next figure.
-    """
-
-    def __init__(self, take: Callable[[], T]) -> None:
-        self._take = take
-        self._taken: list[T] = []
-        self._failed: NotMeasuredError | None = None
-
-    def figure(
-        self, name: str, unit: str, of: Callable[[T], float], most: int = LONG
-    ) -> Measurement:
-        """One of them."""
-        numbers = itertools.count()
-
-        def sample() -> float:
-            number = next(numbers)
-            if self._failed is not None:
-                raise self._failed
-            if number == len(self._taken):
-                self._taken.append(self._once())
-            return of(self._taken[number])
-
-        return measured(name, unit, sample, most)
-
-    def _once(self) -> T:
-        try:
-            return self._take()
-        except NotMeasuredError as error:
-            self._failed = error
-            raise
-
-
-# The viewer on 10,000 robots that plan with `pibt`, live and as fast as it goes, in 200x60.
-#
-# One-way aisles, every robot always has an order of two stops. Distance tables are computed as they
-# are needed, most of them in the first ticks, which are not measured.
-
-
-ROBOTS: Final = 10_000
-FIRST_TICK: Final = 200
-STARTED_S: Final = 60.0  # after these it is measured from the tick that a busy machine has reached
-WATCHED_S: Final = 15.0
-PRESSES: Final = 100
-
-
-class Watched(NamedTuple):
-    """What one session gives."""
-
-    rate: float  # ticks per second
-    cpu: float  # ms per tick of the thread that computes the fleet,
-    cpu_screen: float  # and of all others
-    median: float  # ms from a key to the screen
-    late: float  # the same, p95
-
-
-def planning_measurements() -> list[Measurement]:
-    """All that one session gives; some minutes."""
-    sessions = Together(watch_planners)
-    rows = (
-        ("ticks per second", "1/s"),
-        ("CPU of a tick", "ms"),
-        ("CPU of the screen per tick", "ms"),
-        ("key to screen, p50", MS),
-        ("key to screen, p95", MS),
-    )
-    return [
-        sessions.figure(f"{name}, 10,000 robots that plan", unit, itemgetter(at), most=1)
-        for at, (name, unit) in enumerate(rows)
-    ]
-
-
-def compile_planners() -> None:
-    """Compile what the viewer will need, without a limit of time: it may be the first run here."""
-    run = LiveRun(resolve(busy_fleet("pibt", BUSY_CROWD._replace(robots=ROBOTS))), 1)
-    run.close()
-
-
-def watch_planners() -> Watched:
-    """Let the fleet spread, watch it for a while, then press keys."""
-    fleet = {"right_of_way": "pibt", "robots": ROBOTS, "ticks": None}
-    compile_planners()
-    with Session(fleet) as session:
-        with contextlib.suppress(TimeoutError):
-            session.host.wait_for(lambda: session.tick >= FIRST_TICK, "the first ticks", STARTED_S)
-        if session.tick == 0:
-            raise NotMeasuredError(f"no tick of 10,000 robots within {STARTED_S:g} s")
-        begun, before = time.monotonic(), session.tick
-        computing, screen = session.cpu_of_simulation(), session.cpu()
-        time.sleep(WATCHED_S)
-        ticks, seconds = session.tick - before, time.monotonic() - begun
-        computing, screen = session.cpu_of_simulation() - computing, session.cpu() - screen
-        latencies = [1000 * latency for latency in session.key_latencies(PRESSES)]
-        return Watched(
-            ticks / seconds,
-            1000 * computing / max(1, ticks),
-            1000 * screen / max(1, ticks),
-            quantile(latencies, 0.5),
-            quantile(latencies, 0.95),
-        )
-
-
-# The viewer's figures: bytes and frames, CPU, keys, a slow link, seeking, the first picture.
-#
-# Every sample starts the viewer in a pseudo-terminal of 200x60 and looks at what comes out of it.
-
-
 BYTES: Final = "bytes per frame"
 SHARE: Final = "% of a core"
 FPS: Final = "frames per second"
+
 SLOW: Final = Link(bytes_per_second=125_000, round_trip=0.05)
+
 FRAMES_S: Final = 6.0  # 180 frames of 30 per second
 CPU_S: Final = 15.0
 SEEKS: Final = 200
 OPENINGS: Final = 5
 OPENING_S: Final = 30.0  # for each
+
+T = TypeVar("T")
 
 
 def measurements() -> list[Measurement]:
@@ -378,6 +105,56 @@ def measurements() -> list[Measurement]:
             at_most=OPENINGS,
         ),
     ]
+
+
+def measured(name: str, unit: str, sample: Sample, most: int = 1) -> Measurement:
+    """A measurement of at most so many samples, the first included."""
+
+    def prepare() -> Sample:
+        compile_walkers()
+        return sample
+
+    return Measurement(name, unit, prepare, warm_up=False, at_most=most)
+
+
+@cache
+def compile_walkers() -> None:
+    """Compile what viewers need, without a limit of time: it may be the first run on this machine."""
+
+    Walk(walkers(20, 10, 5)).show(2, 1.0)
+
+
+class Together(Generic[T]):
+    """Several measurements of the same sessions, each of which takes half a minute.
+
+    Of a session that cannot be measured nothing is, and no other one is tried for the next figure.
+    """
+
+    def __init__(self, take: Callable[[], T]) -> None:
+        self._take = take
+        self._taken: list[T] = []
+        self._failed: NotMeasuredError | None = None
+
+    def figure(self, name: str, unit: str, of: Callable[[T], float], most: int = 1) -> Measurement:
+        """One of them."""
+        numbers = itertools.count()
+
+        def sample() -> float:
+            number = next(numbers)
+            if self._failed is not None:
+                raise self._failed
+            if number == len(self._taken):
+                self._taken.append(self._once())
+            return of(self._taken[number])
+
+        return measured(name, unit, sample, most)
+
+    def _once(self) -> T:
+        try:
+            return self._take()
+        except NotMeasuredError as error:
+            self._failed = error
+            raise
 
 
 def delivery() -> list[Measurement]:
@@ -526,6 +303,227 @@ def first_floor() -> float:
                 if total >= count:
                     return event.at - begun
     raise NotMeasuredError("the floor was not seen whole")
+
+
+# 10,000 robots that plan with `pibt`, live and as fast as it goes.
+#
+# One-way aisles, every robot always has an order of two stops. Distance tables are computed as they
+# are needed, most of them in the first ticks, which are not measured.
+
+ROBOTS: Final = 10_000
+FIRST_TICK: Final = 200
+STARTED_S: Final = 60.0  # after these it is measured from the tick that a busy machine has reached
+WATCHED_S: Final = 15.0
+PRESSES: Final = 100
+
+
+class Watched(NamedTuple):
+    """What one session gives."""
+
+    rate: float  # ticks per second
+    cpu: float  # ms per tick of the thread that computes the fleet,
+    cpu_screen: float  # and of all others
+    median: float  # ms from a key to the screen
+    late: float  # the same, p95
+
+
+def planning_measurements() -> list[Measurement]:
+    """All that one session gives; some minutes."""
+    sessions = Together(watch_planners)
+    rows = (
+        ("ticks per second", "1/s"),
+        ("CPU of a tick", "ms"),
+        ("CPU of the screen per tick", "ms"),
+        ("key to screen, p50", MS),
+        ("key to screen, p95", MS),
+    )
+    return [
+        sessions.figure(f"{name}, 10,000 robots that plan", unit, itemgetter(at), most=1)
+        for at, (name, unit) in enumerate(rows)
+    ]
+
+
+def compile_planners() -> None:
+    """Compile what the viewer will need, without a limit of time: it may be the first run here."""
+    run = LiveRun(resolve(busy_fleet("pibt", BUSY_CROWD._replace(robots=ROBOTS))), 1)
+    run.close()
+
+
+def watch_planners() -> Watched:
+    """Let the fleet spread, watch it for a while, then press keys."""
+    fleet = {"right_of_way": "pibt", "robots": ROBOTS, "ticks": None}
+    compile_planners()
+    with Session(fleet) as session:
+        with contextlib.suppress(TimeoutError):
+            session.host.wait_for(lambda: session.tick >= FIRST_TICK, "the first ticks", STARTED_S)
+        if session.tick == 0:
+            raise NotMeasuredError(f"no tick of 10,000 robots within {STARTED_S:g} s")
+        begun, before = time.monotonic(), session.tick
+        computing, screen = session.cpu_of_simulation(), session.cpu()
+        time.sleep(WATCHED_S)
+        ticks, seconds = session.tick - before, time.monotonic() - begun
+        computing, screen = session.cpu_of_simulation() - computing, session.cpu() - screen
+        latencies = [1000 * latency for latency in session.key_latencies(PRESSES)]
+        return Watched(
+            ticks / seconds,
+            1000 * computing / max(1, ticks),
+            1000 * screen / max(1, ticks),
+            quantile(latencies, 0.5),
+            quantile(latencies, 0.95),
+        )
+
+
+# A session.
+
+
+BUILDING_S = 120.0  # until there is a fleet; what it needs has been compiled before
+SETTLE_S = 3.0  # imports, the collector's last sweep, the first link figures
+ESCAPE = "\x1b[27u"
+KEY_S = 10.0  # a key whose effect is not seen by then counts as having taken so long
+KEYS_S = 40.0  # for all keys of a session: a busy machine answers fewer of them
+HERTZ = os.sysconf("SC_CLK_TCK")
+
+
+class Session:
+    """A viewer on a fleet (`tui.bench.fleet_viewer`)."""
+
+    def __init__(
+        self, fleet: dict[str, Any], link: Link | None = None, columns: int = 200, rows: int = 60
+    ) -> None:
+        self._folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
+        self._notes = Path(self._folder.name) / "notes"
+        command = [sys.executable, "-m", "tui.bench.fleet_viewer"]
+        command.append(json.dumps({**fleet, "notes": str(self._notes)}))
+        environ = {**os.environ, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
+        for name in ("NO_COLOR", "LINES", "COLUMNS"):
+            environ.pop(name, None)
+        self.host = TerminalHost(command, rows=rows, columns=columns, environ=environ, link=link)
+
+    def __enter__(self) -> Self:
+        try:
+            self.host.wait_for(self._notes.exists, "a fleet", BUILDING_S)
+        except TimeoutError as error:
+            self.__exit__(type(error), error, error.__traceback__)
+            raise NotMeasuredError(f"no viewer with a fleet within {BUILDING_S:g} s") from error
+        time.sleep(SETTLE_S)
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self.host.close()
+        self._folder.cleanup()
+
+    @property
+    def simulating(self) -> int:
+        """The thread that computes the fleet."""
+        return int(self._notes.read_text().split()[0])
+
+    @property
+    def tick(self) -> int:
+        """The tick that is shown, as of a moment ago."""
+        return int(self._notes.read_text().split()[1])
+
+    def threads(self) -> list[int]:
+        """All threads of the viewer's process."""
+        return [int(name) for name in os.listdir(f"/proc/{self.host.process.pid}/task")]
+
+    def cpu(self) -> float:
+        """Seconds of CPU that the viewer has taken, its simulation aside."""
+        return sum(self._cpu_of(one) for one in self.threads() if one != self.simulating)
+
+    def cpu_of_simulation(self) -> float:
+        """Seconds of CPU that the thread has taken which computes the fleet."""
+        return self._cpu_of(self.simulating)
+
+    def _cpu_of(self, thread: int) -> float:
+        stat = Path(f"/proc/{self.host.process.pid}/task/{thread}/stat").read_text()
+        values = stat.rpartition(")")[2].split()
+        return (int(values[11]) + int(values[12])) / HERTZ
+
+    def pin(self) -> None:
+        """The viewer to the first core, its simulation and this process to another one."""
+        cores = sorted(os.sched_getaffinity(0))
+        if len(cores) < 2:
+            return
+        for thread in self.threads():
+            own = cores[1] if thread == self.simulating else cores[0]
+            os.sched_setaffinity(thread, {own})
+        os.sched_setaffinity(0, {cores[1]})
+
+    def watch(self, seconds: float) -> tuple[int, int, float]:
+        """(bytes, frames, seconds) of a while from now."""
+        begun, before = time.monotonic(), self.host.output()
+        time.sleep(seconds)
+        data = self.host.output()[len(before) :]
+        return len(data), data.count(FRAME_END), time.monotonic() - begun
+
+    def key_latencies(self, presses: int) -> list[float]:
+        """Seconds from a key to the cell that it changes: the wall in the middle gets the cursor.
+
+        Every other key takes the cursor away again, and the next one waits until it has gone:
+        if both came between two frames, nothing would be seen of either. After KEYS_S seconds the rest
+        is left out. Raises NotMeasuredError if the viewer ends.
+        """
+        cursor, wall = cursor_colour(), wall_style()
+        latencies: list[float] = []
+        begun = time.monotonic()
+        for number in range(presses):
+            if latencies and time.monotonic() - begun > KEYS_S:
+                break
+            time.sleep(0.15)
+            if number % 2 == 0:
+                latencies.append(self._latency("i", lambda frame: cursor in frame))
+            else:
+                gone = lambda frame: wall in frame and cursor not in frame  # noqa: E731
+                latencies.append(self._latency(ESCAPE, gone))
+        return latencies
+
+    def _latency(self, key: str, shows: Callable[[bytes], bool]) -> float:
+        """Seconds until a frame shows what the key does, KEY_S at most."""
+        begin, pressed = len(self.host.history), time.monotonic()
+        self.host.send(key)
+        with contextlib.suppress(TimeoutError):
+            self.host.wait_for(lambda: self._shown_at(begin, shows) is not None, key, KEY_S)
+        if self.host.process.poll() is not None:
+            raise NotMeasuredError("the viewer has ended")
+        shown = self._shown_at(begin, shows)
+        return KEY_S if shown is None else shown - pressed
+
+    def _shown_at(self, begin: int, shows: Callable[[bytes], bool]) -> float | None:
+        """When a frame that shows it had arrived whole; None: not yet."""
+        rest = b""
+        for event in self.host.history[begin:]:
+            if isinstance(event, Arrived):
+                *frames, rest = (rest + event.data).split(FRAME_END)
+                if any(map(shows, frames)):
+                    return event.at
+        return None
+
+
+def cursor_colour() -> bytes:
+    """How the colour of a selected cell is asked for."""
+    look = Look(Depth.TRUE, "dark")
+    background = look.css(int(style(COLOUR_FLOOR_MARK, COLOUR_CURSOR)))[1].lstrip("#")
+    red, green, blue = (int(background[k : k + 2], 16) for k in (0, 2, 4))
+    return f"48;2;{red};{green};{blue}".encode()
+
+
+def wall_style() -> bytes:
+    """How a wall is asked for; it is written again only where a cursor was."""
+    return Look(Depth.TRUE, "dark").sgr(int(style(COLOUR_WALL, COLOUR_FLOOR))).encode()
+
+
+def quantile(values: Sequence[float], share: float) -> float:
+    """The value that so large a share of the values does not exceed."""
+    ordered = sorted(values)
+    return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
+
+
+# A run without end or decisions: the random-walk fleet of the bare step, to be watched.
 
 
 class Walk(Run):

@@ -1,5 +1,16 @@
-"""A film of a recording: what is asked for, and its frames with a status line, drawn without a
-terminal.
+"""Films and pictures of a recording, drawn without a terminal: the map, and a status line below it.
+
+    tick 1,234 of 2,616   617 s   3 work   1 wait   23/50 delivered                robot 2   visits
+
+Every number has its place, whatever its value, so that words stand still and few characters change.
+
+A film is a file in the format asciicast v2: a header, then what a terminal is sent and when, a line
+each.
+
+    {"version": 2, "width": 80, "height": 24, "title": "...", "env": {"TERM": "xterm-256color"}}
+    [0.0, "o", "\\u001b[?25l..."]      all of the first picture
+    [0.1, "o", "..."]                 what is different in the next one
+    [3.7, "o", "\\u001b[24;1H..."]     after a last pause the cursor is back
 """
 
 from __future__ import annotations
@@ -49,6 +60,27 @@ if TYPE_CHECKING:
     from tui.playback.playback_state import PlaybackState
 
 
+MIN_FILM_SIZE: Final = (40, 8)
+MAX_FILM_SIZE: Final = (500, 200)
+MAX_DEFAULT_FILM_SIZE: Final = (120, 40)
+FILM_MARGIN: Final = (2, 1)  # around a floor that fits
+
+GAP: Final = 2
+TIME_DIGITS: Final = 5  # "616.5" is as wide as numbers below 1,000 get in most units
+
+TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
+LAST_PAUSE: Final = 2  # seconds in which the last picture is seen
+
+HIDE_CURSOR: Final = "\x1b[?25l"
+SHOW_CURSOR: Final = "\x1b[?25h"
+CLEAR: Final = "\x1b[0m\x1b[2J"  # a terminal may be larger than the film
+
+STANDARD_OUTPUT: Final = Path("-")
+SUFFIX: Final = ".cast"
+
+Size = tuple[int, int]  # columns, rows
+
+
 @dataclass(frozen=True)
 class Request:
     """The same for films and pictures; `first` to `fps` matter to films only."""
@@ -66,15 +98,222 @@ class Request:
     fps: int = 10
 
 
-# The lines under the map of a film.
-#
-# tick 1,234 of 2,616 617 s 3 work 1 wait 23/50 delivered robot 2 visits
-#
-# Every number has its place, whatever its value, so that words stand still and few characters change.
+def make_film(recording: Path, request: Request, out: Path | None) -> None:
+    """Write an asciicast, and say how large it is. Raises InputError."""
+    path = out or recording.with_suffix(SUFFIX)
+    target = path if path == STANDARD_OUTPUT else checked(path)
+    if target != STANDARD_OUTPUT and path.suffix != SUFFIX:
+        raise InputError(
+            f"{str(path)!r} names no film: allowed are FILE.gif, FILE.mp4, FILE.png and FILE.cast; "
+            "--html makes a page"
+        )
+    film = Film(recording, request)
+    first = film.checked(request.first)
+    last = film.last if request.last is None else film.checked(request.last)
+    if first > last:
+        raise InputError(f"there is nothing from tick {first:,} to tick {last:,}")
+    frames = schedule(first, last, request.speed, request.fps)
+    if target == STANDARD_OUTPUT:
+        said = _write(film, frames, sys.stdout.buffer)
+        print(f"automaton: {said}", file=sys.stderr)
+        return
+    with atomic_writer(target) as file:
+        said = _write(film, frames, file)
+    print(f"{path}: {said}")
 
 
-GAP: Final = 2
-TIME_DIGITS: Final = 5  # "616.5" is as wide as numbers below 1,000 get in most units
+def _write(film: Film, frames: list[Frame], file: BinaryIO) -> str:
+    """Write the lines, and say how large it has become."""
+    events, size = -1, 0  # the header is none
+    for line in asciicast(film, frames):
+        size += file.write(line.encode())
+        events += 1
+    seconds = f"{float(duration(frames)):,.1f} s"
+    return f"{count(events, 'event')}, {count(size, 'byte')}, {seconds} of {film.size}"
+
+
+def make_picture(recording: Path, request: Request, out: Path, tick: int | None) -> str:
+    """Write a still, as an SVG or as text by the file's suffix; its size. Raises InputError."""
+    if out.suffix not in (".svg", ".txt"):
+        raise InputError(
+            f"{str(out)!r} names no picture: allowed are FILE.png, FILE.svg and FILE.txt"
+        )
+    path = checked(out)
+    film = Film(recording, request)
+    tick = film.checked(film.last if tick is None else tick)
+    (codes,) = film.codes_at([tick])
+    if out.suffix == ".txt":
+        drawn = as_text(codes, film.glyphs).encode()
+    else:
+        drawn = as_svg(codes, film.look, film.glyphs, film.title).encode()
+    with atomic_writer(path) as file:
+        file.write(drawn)
+    return f"tick {tick:,}, {film.size}, {count(len(drawn), 'byte')}"
+
+
+class Film:
+    """One recording, as requested. Nothing is played before pictures are asked for."""
+
+    def __init__(self, path: Path, request: Request) -> None:
+        """Raises InputError for a file that is not a recording, and for requests that it does not
+        meet."""
+        self._opening = recorded(path)
+        (self.recording,), (self._resolved,) = self._opening.recordings, self._opening.resolved
+        self.last = self.recording.ticks
+        self.look = Look(DEPTHS[request.color], request.theme)
+        bare = SHADED if self.look.depth == Depth.NONE else UNICODE
+        self.glyphs = ASCII if request.ascii else bare
+        self._choice = self._chosen(request)
+        self._pictures = Pictures(self._opening, self.glyphs)
+        self._status = self._said(request)
+        floor_plan, robots = self._resolved.floor_plan, self._resolved.scenario.fleet.robots
+        self.columns, self.rows = (
+            checked_size(*request.size)
+            if request.size
+            else size_for(floor_plan, robots, request.zoom, self._status)
+        )
+        map_rows = self.rows - self._status.rows(self.columns)
+        self._pictures.resize(map_rows, self.columns)
+        aim(self._pictures.camera, request.zoom)
+
+    @property
+    def title(self) -> str:
+        """The run in a few words; where its file lies is not among them."""
+        recording = self.recording
+        return title_of(self._resolved, recording.header["seed"], recording.stored())
+
+    @property
+    def size(self) -> str:
+        """As it is said."""
+        return f"{self.columns}x{self.rows}"
+
+    def checked(self, tick: int) -> int:
+        """A tick, if it was recorded. Raises InputError."""
+        if tick > self.last:
+            raise InputError(f"there is no tick {tick:,}: the recording ends at tick {self.last:,}")
+        return tick
+
+    def codes_at(self, ticks: Iterable[int]) -> Iterator[Codes]:
+        """(rows, columns) codes of each of these ticks, which ascend.
+
+        Raises InputError if the layer of another distribution raises.
+        """
+        from automaton.history.playback import Playback
+        from automaton.history.snapshot import take_snapshot
+        from tui.playback.playback_state import Overlays
+
+        overlays = Overlays()
+        playback = Playback(self.recording.header, self.recording.stored())
+        robot, layer = self._choice.robot, self._choice.layer
+        for tick in ticks:
+            playback.go_to(tick)
+            bare = take_snapshot(playback.simulation, robot, layer)
+            codes = self._codes(overlays.laid_over(bare, playback.simulation, layer, playing=False))
+            if failed := failure():
+                raise InputError(failed)
+            yield codes
+
+    def _codes(self, snapshot: Snapshot) -> Codes:
+        playback, camera = self._playback(snapshot), self._pictures.camera
+        self._pictures.follow(playback, self._choice)
+        scene = self._pictures.scene(playback, self._choice, 0)
+        floor = self._pictures.picture(scene, self._choice, camera.rows, camera.columns)
+        return np.vstack((floor, self._status.codes(snapshot, self.columns)))
+
+    def _playback(self, snapshot: Snapshot) -> PlaybackState:
+        from tui.playback.playback_state import PlaybackState
+
+        return PlaybackState(
+            runs=(),
+            stops=0,
+            seq=0,
+            tick=snapshot.tick,
+            snapshots=(snapshot,),
+            figures=(),
+            playing=1,
+            asked=0.0,
+            achieved=0.0,
+            head=self.last,
+            known=self.last,
+            ends=(self.last,),
+            live=False,
+            stopped="",
+            breakpoint_robots=(),
+            side=0,
+            error="",
+        )
+
+    def _chosen(self, request: Request) -> Choice:
+        robots = self._resolved.scenario.fleet.robots
+        if request.follow >= robots:
+            raise InputError(
+                f"there is no robot {request.follow}: the last one is robot {robots - 1}"
+            )
+        known, problems = layers().by_name, layers().problems
+        if request.layer and request.layer not in known:
+            about = [
+                problem
+                for problem in problems
+                if not known or problem.startswith(f"layer {request.layer!r}")
+            ]
+            allowed = f"unknown layer '{request.layer}': allowed are {alternatives(list(known))}"
+            raise InputError(about[0] if about else allowed)
+        if request.layer == "explored" and request.follow == NIL:
+            raise InputError("explored shows the search for one robot: --follow says for which")
+        return Choice(request.follow, layer=request.layer, following=request.follow != NIL)
+
+    def _said(self, request: Request) -> Status:
+        scenario = self._resolved.scenario
+        chosen = [request.layer] if request.layer else []
+        chosen += [f"robot {request.follow}"] if request.follow != NIL else []
+        lines = self.recording.header.get("lines")
+        orders = max(lines["order"], default=-1) + 1 if lines else 0
+        orders = orders or len(self.recording.header["orders"]["source"])
+        tick = unit(scenario.units.tick)
+        scene = self._pictures.scene(None, self._choice, 0)
+        key = layer_named(request.layer).key_words(scene, self._resolved, self.glyphs)
+        return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)
+
+
+# How large a film is, and at which step of the zoom ladder it shows the floor.
+
+
+def checked_size(columns: int, rows: int) -> Size:
+    """A size that can be shown. Raises InputError."""
+    if not (
+        MIN_FILM_SIZE[0] <= columns <= MAX_FILM_SIZE[0]
+        and MIN_FILM_SIZE[1] <= rows <= MAX_FILM_SIZE[1]
+    ):
+        least, most = (f"{size[0]}x{size[1]}" for size in (MIN_FILM_SIZE, MAX_FILM_SIZE))
+        raise InputError(f"{columns}x{rows} is not a size: allowed are {least} to {most}")
+    return columns, rows
+
+
+def size_for(floor_plan: FloorPlan, robots: int, zoom: str, status: Status) -> Size:
+    """As large as the floor is at this zoom, its margin and the status, within MAX_DEFAULT_FILM_SIZE."""
+    margins = 2 * FILM_MARGIN[0], 2 * FILM_MARGIN[1]
+    columns, rows = MAX_DEFAULT_FILM_SIZE[0] - margins[0], MAX_DEFAULT_FILM_SIZE[1] - margins[1] - 2
+    camera = Camera(floor_plan, rows, columns, robots)
+    aim(camera, zoom)
+    height, width = camera.size()
+    columns = max(min(width, columns) + margins[0], status.least, MIN_FILM_SIZE[0])
+    rows = min(height, rows) + margins[1] + status.rows(columns)
+    return columns, max(rows, MIN_FILM_SIZE[1])
+
+
+def aim(camera: Camera, zoom: str) -> None:
+    """Set the zoom by its name, "fit" or a step of the ladder. Raises InputError."""
+    if zoom == "fit":
+        camera.fit()
+        return
+    steps = {step.name.replace(" ", "-"): step for step in camera.ladder}
+    if zoom not in steps:
+        raise InputError(f"unknown zoom '{zoom}': allowed are {alternatives(['fit', *steps])}")
+    camera.zoom = steps[zoom]
+    camera.resize(camera.rows, camera.columns)
+
+
+# The lines under the map.
 
 
 class Word(NamedTuple):
@@ -172,191 +411,7 @@ def _line(words: list[Word], columns: int) -> Codes:
     return line
 
 
-# How large a film is, and at which step of the zoom ladder it shows the floor.
-
-
-Size = tuple[int, int]  # columns, rows
-
-MIN_FILM_SIZE: Final = (40, 8)
-MAX_FILM_SIZE: Final = (500, 200)
-MAX_DEFAULT_FILM_SIZE: Final = (120, 40)
-FILM_MARGIN: Final = (2, 1)  # around a floor that fits
-
-
-def checked_size(columns: int, rows: int) -> Size:
-    """A size that can be shown. Raises InputError."""
-    if not (
-        MIN_FILM_SIZE[0] <= columns <= MAX_FILM_SIZE[0]
-        and MIN_FILM_SIZE[1] <= rows <= MAX_FILM_SIZE[1]
-    ):
-        least, most = (f"{size[0]}x{size[1]}" for size in (MIN_FILM_SIZE, MAX_FILM_SIZE))
-        raise InputError(f"{columns}x{rows} is not a size: allowed are {least} to {most}")
-    return columns, rows
-
-
-def size_for(floor_plan: FloorPlan, robots: int, zoom: str, status: Status) -> Size:
-    """As large as the floor is at this zoom, its margin and the status, within MAX_DEFAULT_FILM_SIZE."""
-    margins = 2 * FILM_MARGIN[0], 2 * FILM_MARGIN[1]
-    columns, rows = MAX_DEFAULT_FILM_SIZE[0] - margins[0], MAX_DEFAULT_FILM_SIZE[1] - margins[1] - 2
-    camera = Camera(floor_plan, rows, columns, robots)
-    aim(camera, zoom)
-    height, width = camera.size()
-    columns = max(min(width, columns) + margins[0], status.least, MIN_FILM_SIZE[0])
-    rows = min(height, rows) + margins[1] + status.rows(columns)
-    return columns, max(rows, MIN_FILM_SIZE[1])
-
-
-def aim(camera: Camera, zoom: str) -> None:
-    """Set the zoom by its name, "fit" or a step of the ladder. Raises InputError."""
-    if zoom == "fit":
-        camera.fit()
-        return
-    steps = {step.name.replace(" ", "-"): step for step in camera.ladder}
-    if zoom not in steps:
-        raise InputError(f"unknown zoom '{zoom}': allowed are {alternatives(['fit', *steps])}")
-    camera.zoom = steps[zoom]
-    camera.resize(camera.rows, camera.columns)
-
-
-# A recording as pictures: the map as the viewer draws it, with a line or two below.
-
-
-class Film:
-    """One recording, as requested. Nothing is played before pictures are asked for."""
-
-    def __init__(self, path: Path, request: Request) -> None:
-        """Raises InputError for a file that is not a recording, and for requests that it does not
-        meet."""
-        self._opening = recorded(path)
-        (self.recording,), (self._resolved,) = self._opening.recordings, self._opening.resolved
-        self.last = self.recording.ticks
-        self.look = Look(DEPTHS[request.color], request.theme)
-        bare = SHADED if self.look.depth == Depth.NONE else UNICODE
-        self.glyphs = ASCII if request.ascii else bare
-        self._choice = self._chosen(request)
-        self._pictures = Pictures(self._opening, self.glyphs)
-        self._status = self._said(request)
-        floor_plan, robots = self._resolved.floor_plan, self._resolved.scenario.fleet.robots
-        self.columns, self.rows = (
-            checked_size(*request.size)
-            if request.size
-            else size_for(floor_plan, robots, request.zoom, self._status)
-        )
-        map_rows = self.rows - self._status.rows(self.columns)
-        self._pictures.resize(map_rows, self.columns)
-        aim(self._pictures.camera, request.zoom)
-
-    @property
-    def title(self) -> str:
-        """The run in a few words; where its file lies is not among them."""
-        recording = self.recording
-        return title_of(self._resolved, recording.header["seed"], recording.stored())
-
-    @property
-    def size(self) -> str:
-        """As it is said."""
-        return f"{self.columns}x{self.rows}"
-
-    def checked(self, tick: int) -> int:
-        """A tick, if it was recorded. Raises InputError."""
-        if tick > self.last:
-            raise InputError(f"there is no tick {tick:,}: the recording ends at tick {self.last:,}")
-        return tick
-
-    def codes_at(self, ticks: Iterable[int]) -> Iterator[Codes]:
-        """(rows, columns) codes of each of these ticks, which ascend.
-
-        Raises InputError if the layer of another distribution raises.
-        """
-        from automaton.history.playback import Playback
-        from automaton.history.snapshot import take_snapshot
-        from tui.playback.player import Overlays
-
-        overlays = Overlays()
-        playback = Playback(self.recording.header, self.recording.stored())
-        robot, layer = self._choice.robot, self._choice.layer
-        for tick in ticks:
-            playback.go_to(tick)
-            bare = take_snapshot(playback.simulation, robot, layer)
-            codes = self._codes(overlays.laid_over(bare, playback.simulation, layer, playing=False))
-            if failed := failure():
-                raise InputError(failed)
-            yield codes
-
-    def _codes(self, snapshot: Snapshot) -> Codes:
-        playback, camera = self._playback(snapshot), self._pictures.camera
-        self._pictures.follow(playback, self._choice)
-        scene = self._pictures.scene(playback, self._choice, 0)
-        floor = self._pictures.picture(scene, self._choice, camera.rows, camera.columns)
-        return np.vstack((floor, self._status.codes(snapshot, self.columns)))
-
-    def _playback(self, snapshot: Snapshot) -> PlaybackState:
-        from tui.playback.playback_state import PlaybackState
-
-        return PlaybackState(
-            runs=(),
-            stops=0,
-            seq=0,
-            tick=snapshot.tick,
-            snapshots=(snapshot,),
-            figures=(),
-            playing=1,
-            asked=0.0,
-            achieved=0.0,
-            head=self.last,
-            known=self.last,
-            ends=(self.last,),
-            live=False,
-            stopped="",
-            breakpoint_robots=(),
-            side=0,
-            error="",
-        )
-
-    def _chosen(self, request: Request) -> Choice:
-        robots = self._resolved.scenario.fleet.robots
-        if request.follow >= robots:
-            raise InputError(
-                f"there is no robot {request.follow}: the last one is robot {robots - 1}"
-            )
-        known, problems = layers().by_name, layers().problems
-        if request.layer and request.layer not in known:
-            about = [
-                problem
-                for problem in problems
-                if not known or problem.startswith(f"layer {request.layer!r}")
-            ]
-            allowed = f"unknown layer '{request.layer}': allowed are {alternatives(list(known))}"
-            raise InputError(about[0] if about else allowed)
-        if request.layer == "explored" and request.follow == NIL:
-            raise InputError("explored shows the search for one robot: --follow says for which")
-        return Choice(request.follow, layer=request.layer, following=request.follow != NIL)
-
-    def _said(self, request: Request) -> Status:
-        scenario = self._resolved.scenario
-        chosen = [request.layer] if request.layer else []
-        chosen += [f"robot {request.follow}"] if request.follow != NIL else []
-        lines = self.recording.header.get("lines")
-        orders = max(lines["order"], default=-1) + 1 if lines else 0
-        orders = orders or len(self.recording.header["orders"]["source"])
-        tick = unit(scenario.units.tick)
-        scene = self._pictures.scene(None, self._choice, 0)
-        key = layer_named(request.layer).key_words(scene, self._resolved, self.glyphs)
-        return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)
-
-
-# The file format asciicast v2: a header, then what a terminal is sent and when, a line each.
-#
-# {"version": 2, "width": 80, "height": 24, "title": "...", "env": {"TERM": "xterm-256color"}} [0.0,
-# "o", "[?25l..."] all of the first picture [0.1, "o", "..."] what is different in the next one [3.7,
-# "o", "[24;1H..."] after a last pause the cursor is back
-
-
-TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
-LAST_PAUSE: Final = 2  # seconds in which the last picture is seen
-HIDE_CURSOR: Final = "\x1b[?25l"
-SHOW_CURSOR: Final = "\x1b[?25h"
-CLEAR: Final = "\x1b[0m\x1b[2J"  # a terminal may be larger than the film
+# The asciicast.
 
 
 class Frame(NamedTuple):
@@ -413,63 +468,3 @@ def _event(time: Fraction, sent: str) -> str:
 
 def _json_line(content: object) -> str:
     return json.dumps(content, ensure_ascii=False) + "\n"
-
-
-# From a recording to a file: a film of it, or a picture of one tick.
-
-
-STANDARD_OUTPUT: Final = Path("-")
-SUFFIX: Final = ".cast"
-
-
-def make_film(recording: Path, request: Request, out: Path | None) -> None:
-    """Write an asciicast, and say how large it is. Raises InputError."""
-    path = out or recording.with_suffix(SUFFIX)
-    target = path if path == STANDARD_OUTPUT else checked(path)
-    if target != STANDARD_OUTPUT and path.suffix != SUFFIX:
-        raise InputError(
-            f"{str(path)!r} names no film: allowed are FILE.gif, FILE.mp4, FILE.png and FILE.cast; "
-            "--html makes a page"
-        )
-    film = Film(recording, request)
-    first = film.checked(request.first)
-    last = film.last if request.last is None else film.checked(request.last)
-    if first > last:
-        raise InputError(f"there is nothing from tick {first:,} to tick {last:,}")
-    frames = schedule(first, last, request.speed, request.fps)
-    if target == STANDARD_OUTPUT:
-        said = _write(film, frames, sys.stdout.buffer)
-        print(f"automaton: {said}", file=sys.stderr)
-        return
-    with atomic_writer(target) as file:
-        said = _write(film, frames, file)
-    print(f"{path}: {said}")
-
-
-def _write(film: Film, frames: list[Frame], file: BinaryIO) -> str:
-    """Write the lines, and say how large it has become."""
-    events, size = -1, 0  # the header is none
-    for line in asciicast(film, frames):
-        size += file.write(line.encode())
-        events += 1
-    seconds = f"{float(duration(frames)):,.1f} s"
-    return f"{count(events, 'event')}, {count(size, 'byte')}, {seconds} of {film.size}"
-
-
-def make_picture(recording: Path, request: Request, out: Path, tick: int | None) -> str:
-    """Write a still, as an SVG or as text by the file's suffix; its size. Raises InputError."""
-    if out.suffix not in (".svg", ".txt"):
-        raise InputError(
-            f"{str(out)!r} names no picture: allowed are FILE.png, FILE.svg and FILE.txt"
-        )
-    path = checked(out)
-    film = Film(recording, request)
-    tick = film.checked(film.last if tick is None else tick)
-    (codes,) = film.codes_at([tick])
-    if out.suffix == ".txt":
-        drawn = as_text(codes, film.glyphs).encode()
-    else:
-        drawn = as_svg(codes, film.look, film.glyphs, film.title).encode()
-    with atomic_writer(path) as file:
-        file.write(drawn)
-    return f"tick {tick:,}, {film.size}, {count(len(drawn), 'byte')}"

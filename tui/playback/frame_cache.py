@@ -21,24 +21,12 @@ if TYPE_CHECKING:
     from automaton.world.resolve import Resolved
     from tui.playback.playback_state import PlaybackState
 
+
 MINIMAP_SHARE: Final = 3  # at most a third of the map's rows and columns
 MINIMAP_ROWS: Final = 12
 MINIMAP_COLUMNS: Final = 40
 NARROW: Final = 100  # columns under which equal maps are put one below the other
 DEAD_ZONE: Final = 4  # a followed robot may be this part of the screen away from the edges
-
-
-class Corner(NamedTuple):
-    """Where the minimap lies on the map."""
-
-    top: int
-    left: int
-    minimap: Minimap
-
-    def holds(self, row: int, column: int) -> bool:
-        camera = self.minimap.camera
-        inside = 0 <= row - self.top < camera.rows and 0 <= column - self.left < camera.columns
-        return inside
 
 
 class Pictures:
@@ -205,6 +193,19 @@ class Pictures:
         before = self.camera.key
         self.camera.centre_on(cell)
         return self.camera.key != before
+
+
+class Corner(NamedTuple):
+    """Where the minimap lies on the map."""
+
+    top: int
+    left: int
+    minimap: Minimap
+
+    def holds(self, row: int, column: int) -> bool:
+        camera = self.minimap.camera
+        inside = 0 <= row - self.top < camera.rows and 0 <= column - self.left < camera.columns
+        return inside
 
 
 def _corner(camera: Camera) -> Corner:

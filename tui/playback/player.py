@@ -1,4 +1,7 @@
-"""The player: plays, steps and jumps in its thread, and stops where a breakpoint begins to hold."""
+"""The player: plays, steps and jumps in its thread, and stops where a breakpoint begins to hold.
+
+It carries one or two runs along with one clock, so that both are at the same tick.
+"""
 
 from __future__ import annotations
 
@@ -20,182 +23,43 @@ from automaton.history.divergence import Divergence, LiveDivergence
 from automaton.history.live_run import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.watched_run import COMPUTE_SLICE_S, Run
-from automaton.runs.simulation import Simulation
-from tui.playback.playback_state import Figures, LongTick, PlaybackState, figures_of
-from tui.registration import layer_named
-
-RUN_LETTERS = "AB"  # of two runs beside each other
-Held = list[list[Array]]  # of each run, for each breakpoint: the robots that it holds for
-
-
-class Hit(NamedTuple):
-    """A breakpoint that has begun to hold."""
-
-    text: str
-    side: int  # of the run
-    robots: tuple[int, ...]  # for which it did not hold a tick before
-
-
-def held_by(points: Sequence[Breakpoint], runs: Sequence[Run]) -> Held:
-    """What holds at the ticks that the runs show."""
-    return [[point.test(run.shown, run.floor_plan) for point in points] for run in runs]
-
-
-def begun(points: Sequence[Breakpoint], before: Held, now: Held) -> list[Hit]:
-    """What holds now and did not a tick before."""
-    hits = []
-    for side, (old, new) in enumerate(zip(before, now, strict=True)):
-        for point, was, is_ in zip(points, old, new, strict=True):
-            fresh = np.setdiff1d(is_, was)
-            if len(fresh):
-                hits.append(Hit(point.text, side, tuple(int(robot) for robot in fresh)))
-    return hits
-
-
-def reason(hits: Sequence[Hit], runs: int) -> str:
-    """Why the clock stopped; with two runs it says in which."""
-    return "; ".join(_hit_words(hit, runs) for hit in hits)
-
-
-def _hit_words(hit: Hit, runs: int) -> str:
-    where = f"run {RUN_LETTERS[hit.side]}, " if runs > 1 else ""
-    others = " and others" if len(hit.robots) > 1 else ""
-    return f"{hit.text}: {where}robot {hit.robots[0]}{others}"
-
-
-# The numbers of a layer in the snapshots of a run.
-
-
-OVERLAY_TIME_RATIO: Final = 4  # at most a fourth of the time goes into a layer that takes long
-
-
-class Overlays:
-    """The numbers that were computed last for one run."""
-
-    def __init__(self) -> None:
-        self._of: tuple[Simulation, int, int, str] | None = None  # run, tick, robot and layer
-        self._field: Array | None = None
-        self._next = -math.inf  # when it may be computed again while ticks go by
-
-    def laid_over(
-        self, snapshot: Snapshot, simulation: Simulation, name: str, playing: bool
-    ) -> Snapshot:
-        """The snapshot of this moment with the numbers of a layer.
-
-        While ticks go by they may be as old as the layer's `pause_s`; otherwise they are of this tick.
-        """
-        layer = layer_named(name)
-        now = (simulation, snapshot.tick, snapshot.selected, name)
-        began = time.monotonic()
-        old = self._of is not None and self._of[2:] == now[2:] and began < self._next
-        if self._of != now and not (playing and old):
-            self._of, self._field = now, layer.numbers(simulation, snapshot.selected)
-            ended = time.monotonic()
-            pause = max(layer.pause_s, OVERLAY_TIME_RATIO * (ended - began))
-            self._next = ended + (pause if layer.pause_s else 0.0)
-        if layer.arrows:
-            return replace(snapshot, flow=self._field)
-        return replace(snapshot, heat=self._field)
-
-
-# The cells that each robot came through last.
-#
-# Behind a robot lies the part of its route that it has driven, whatever was skipped or rewound; what
-# it drove before its present route is known from the states that were shown before.
-
-
-TRAIL_CELLS: Final = 8
-MAX_GAP_TICKS: Final = 64  # between two states that are still one way
-
-
-class Past(NamedTuple):
-    """What was known of all robots at a tick."""
-
-    tick: int
-    position: Array  # (n,) the cell where it is, or which it enters
-    steps: Array  # (n,) driven on its route
-    cells: Array  # (n, TRAIL_CELLS)
-
-
-class Trails:
-    """The trails of one run."""
-
-    def __init__(self) -> None:
-        self._past: Past | None = None
-
-    def at(self, simulation: Simulation) -> Array:
-        """(n, TRAIL_CELLS) int32 by identity, the last cell first, then NIL."""
-        past, tick = self._past, simulation.tick
-        if past is not None and past.tick == tick and len(past.steps) == _robots(simulation):
-            return past.cells
-        position, steps, cells = _driven(simulation)
-        if past is not None and 0 < tick - past.tick <= MAX_GAP_TICKS:
-            cells = _with_older(position, cells, steps, past)
-        self._past = Past(tick, position, steps, cells)
-        return cells
-
-
-def _robots(simulation: Simulation) -> int:
-    return len(simulation.world.robots.cell)
-
-
-def _driven(simulation: Simulation) -> tuple[Array, Array, Array]:
-    """Where robots are, the steps that they have driven of their routes, and the cells of the last."""
-    robots, offset = simulation.world.robots, simulation.world.grid.offset
-    i = robots.at_index
-    position = np.where(robots.claim[i] == NIL, robots.cell[i], robots.claim[i])
-    steps = np.where(position == NIL, 0, robots.route_index[i])
-    at = steps[:, None] - 1 - np.arange(TRAIL_CELLS)
-    back = offset[robots.route[i[:, None], np.maximum(at, 0)]]
-    cells = position[:, None] - np.cumsum(back, axis=1)
-    return position, steps, np.where(at >= 0, cells, NIL).astype(np.int32)
-
-
-def _with_older(position: Array, cells: Array, steps: Array, past: Past) -> Array:
-    """Trails that go on with those of before where the present route began."""
-    before = np.concatenate((past.position[:, None], past.cells), axis=1)
-    now = np.concatenate((position[:, None], cells), axis=1)
-    on_route = np.minimum(steps, TRAIL_CELLS)
-    since = np.clip(steps - past.steps, 0, TRAIL_CELLS)
-    same = (steps >= past.steps) & (_of(now, since) == past.position)  # it is still on that route
-    stood = _of(now, on_route) == past.position  # it began its new route there
-    first = np.where(same, 1 + np.minimum(past.steps, TRAIL_CELLS), stood)
-    at = first[:, None] + np.arange(TRAIL_CELLS) - on_route[:, None]
-    older = np.take_along_axis(before, np.clip(at, 0, TRAIL_CELLS), axis=1)
-    known = (np.arange(TRAIL_CELLS) >= on_route[:, None]) & (at <= TRAIL_CELLS)
-    return np.where(known, older, cells)
-
-
-def _of(rows: Array, columns: Array) -> Array:
-    """One value of each row."""
-    values: Array = np.take_along_axis(rows, columns[:, None], axis=1)[:, 0]
-    return values
-
-
-# The thread that carries one or two runs along: one clock, so that both are at the same tick.
-#
-# Everything about the runs is done here; the screen asks for the latest PlaybackState and sends
-# requests, neither of which ever waits for the simulation.
-
+from tui.playback.playback_state import (
+    Figures,
+    LongTick,
+    Overlays,
+    PlaybackState,
+    Trails,
+    figures_of,
+)
 
 TICKS_PER_S: Final = 10.0  # at speed x1
 REWIND: Final = 64.0  # the fastest way back
+
 # between two states while ticks fly by: less than between two pictures,
 STATE_INTERVAL_S: Final = 0.012
 UNSEEN_S: Final = 1 / 30  # and longer while nobody has looked at the last one: each takes the GIL
+
 FIGURES_S: Final = 0.3  # between two readings of the metrics,
 FIGURES_TIME_RATIO: Final = 10  # and at least so many times what the last one took
+
 IDLE_S: Final = 0.5
 RATE_S: Final = 0.5  # over which the speed is measured at least,
 RATE_TICKS: Final = 20  # and that so many ticks are due in: one less is still the speed asked for
+
 PLAYER_JOIN_TIMEOUT_S: Final = 3.0  # with a strategy that is to be left,
 TICK_S: Final = 0.5  # and with the tick that is being computed
 LONG_TICK_S: Final = 2.0  # from then on it is said which tick is being computed,
 WAITED_S: Final = 0.15  # or from then on, if a request waits for it
 
+RUN_LETTERS = "AB"  # of two runs beside each other
+
 
 class Player:
-    """Owns the runs from now on; use only `latest` and the requests, from any thread."""
+    """Owns the runs from now on; use only `latest` and the requests, from any thread.
+
+    Everything about the runs is done in its thread; the screen asks for the latest PlaybackState and
+    sends requests, neither of which ever waits for the simulation.
+    """
 
     def __init__(self, runs: Sequence[Run], start: bool = True) -> None:
         self.runs = list(runs)
@@ -536,7 +400,10 @@ class Player:
     def _stop_at(self, hits: Sequence[Hit]) -> None:
         self._halt()
         self._stops += 1
-        self._hit, self._stopped = hits[0], reason(hits, len(self.runs))
+        self._hit, self._stopped = (
+            hits[0],
+            "; ".join(_hit_words(hit, len(self.runs)) for hit in hits),
+        )
 
     def _at_an_end(self) -> bool:
         if self._direction < 0:
@@ -618,3 +485,40 @@ def sentence(error: Exception) -> str:
     if isinstance(error, InputError):
         return str(error)
     return f"internal error, {type(error).__name__}: {error}"
+
+
+# Breakpoints stop the clock at the first tick at which one begins to hold in any run.
+
+
+Held = list[list[Array]]  # of each run, for each breakpoint: the robots that it holds for
+
+
+class Hit(NamedTuple):
+    """A breakpoint that has begun to hold."""
+
+    text: str
+    side: int  # of the run
+    robots: tuple[int, ...]  # for which it did not hold a tick before
+
+
+def held_by(points: Sequence[Breakpoint], runs: Sequence[Run]) -> Held:
+    """What holds at the ticks that the runs show."""
+    return [[point.test(run.shown, run.floor_plan) for point in points] for run in runs]
+
+
+def begun(points: Sequence[Breakpoint], before: Held, now: Held) -> list[Hit]:
+    """What holds now and did not a tick before."""
+    hits = []
+    for side, (old, new) in enumerate(zip(before, now, strict=True)):
+        for point, was, is_ in zip(points, old, new, strict=True):
+            fresh = np.setdiff1d(is_, was)
+            if len(fresh):
+                hits.append(Hit(point.text, side, tuple(int(robot) for robot in fresh)))
+    return hits
+
+
+def _hit_words(hit: Hit, runs: int) -> str:
+    """Why the clock stopped; with two runs it says in which."""
+    where = f"run {RUN_LETTERS[hit.side]}, " if runs > 1 else ""
+    others = " and others" if len(hit.robots) > 1 else ""
+    return f"{hit.text}: {where}robot {hit.robots[0]}{others}"

@@ -1,6 +1,7 @@
-"""What a scenario gives names or numbers: locations, doors and lifts, orders, their lines, SKUs.
+"""Find: robots, loads, cells, zones, or robots for which a condition holds; matches while typing.
 
-packing, door 2, lifts, block 1, closing 3, order A-17, line 12, sku B4
+17, load 7, pod 12, 12,4, station 11, station P1, zone 9, waiting > 20, jam, starved, and what the
+scenario gives names or numbers: packing, door 2, lifts, block 1, closing 3, order A-17, line 12, sku B4
 """
 
 from __future__ import annotations
@@ -30,89 +31,16 @@ from tui.widgets.pod_facts import has_pods, makes_trips
 from tui.widgets.robot_facts import doing_word
 from tui.widgets.zone_facts import checked_station, checked_zone, partition_of, robots_in
 
+EXAMPLES: Final = (
+    "17, robot 17, order 7, load 7, line 7, pod 12, 12,4, station 11, door 1, lift 1, zone 9, "
+    "a name that the scenario gives, or a condition: waiting > 20 and loaded, deadlock, "
+    "stalled > 50, battery < 20, queueing, jam, starved"
+)
+
 GATES: Final = re.compile(r"(door|lift|block|closing)(?:s| (\d{1,9}))")
+
 Places = tuple[tuple[int, ...], tuple[int, ...]]  # robots, or else cells
-NOTHING: Final = ((), ())
-
-
-def named_places(words: str, view: View) -> Places | None:
-    """Robots, or cells, of what these words name; None: they name nothing. Raises InputError."""
-    location = _location(words, view)
-    if location:
-        return (), location
-    if gate := GATES.fullmatch(words):
-        return (), _gates(gate[1], gate[2], view)
-    if makes_trips(view):
-        kind, _, name = words.partition(" ")
-        if kind in ("order", "line", "sku") and name:
-            lines = _lines(kind, name, view)
-            return places_of_pods(np.unique(_pods_of_lines(lines, view)).tolist(), view)
-    return None
-
-
-def places_of_pods(pods: Iterable[int], view: View) -> Places:
-    """Who carries them or, if no robot does, where they stand."""
-    snapshot = view.snapshot
-    slots = {pod: int(snapshot.pods.slot[pod]) for pod in pods if pod != NIL}
-    carried = [pod for pod, slot in slots.items() if slot == NIL]
-    robots = {int(snapshot.orders.reserved_by[snapshot.pods.trip[pod]]) for pod in carried}
-    if robots:
-        return tuple(sorted(robots)), ()
-    return (), tuple(int(snapshot.slots.cell[slot]) for slot in slots.values())
-
-
-def _location(words: str, view: View) -> tuple[int, ...]:
-    locations = view.run.resolved.scenario.locations
-    assert not isinstance(locations, str), "its file has been read"
-    cells = (cell for name, cell in locations.items() if name.lower() == words)
-    return tuple(view.floor_plan.cell(*cell) for cell in cells)
-
-
-def _gates(kind: str, number: str | None, view: View) -> tuple[int, ...]:
-    """The cells of one of the gates of a kind, or of all."""
-    floor = view.run.resolved.scenario.floor
-    gates = [gate for gate in gates_of(floor) if gate.name.startswith(kind)]
-    if number is not None:
-        there = f"{kind}s are numbered from 1 to {len(gates)}" if gates else f"there are no {kind}s"
-        chosen = [gate for gate in gates if gate.name == f"{kind} {int(number)}"]
-        if not chosen:
-            raise InputError(f"there is no {kind} {int(number)}; {there}")
-        gates = chosen
-    return tuple(cell for gate in gates for cell in cells_of(gate, view.floor_plan))
-
-
-def _lines(kind: str, name: str, view: View) -> Array:
-    """(k,) the lines of an order or of a SKU, or one of them. Raises InputError."""
-    of_order = view.snapshot.lines.order
-    listed = listed_lines(view.run.resolved.scenario.orders)
-    texts: Sequence[str] = ()
-    if kind != "line" and listed:
-        places, texts = line_texts(listed, kind)
-        named = [at for at, text in enumerate(texts) if text.lower() == name]
-        if named:
-            return np.flatnonzero(np.isin(places, named))
-    count = {"line": len(of_order), "order": int(of_order.max()) + 1, "sku": 0}[kind]
-    if not name.isdecimal() or int(name) >= count:
-        numbered = f"{kind}s are numbered from 0 to {count - 1}" if count else "no line names it"
-        raise InputError(f"there is no {kind} {name}{nearest(name, texts) or f'; {numbered}'}")
-    if kind == "line":
-        return np.array([int(name)])
-    return np.flatnonzero(of_order == int(name))
-
-
-def _pods_of_lines(lines: Array, view: View) -> Array:
-    """(k,) the pod of each line, as far as it is known; of a SKU all pods that hold it."""
-    table, pods = view.snapshot.lines, view.snapshot.pods
-    pod = np.where(table.pod[lines] == NIL, table.taken_from[lines], table.pod[lines])
-    open_skus = np.unique(table.sku[lines[pod == NIL]])
-    held = [pods.sku_pod[pods.sku_first[sku] : pods.sku_first[sku + 1]] for sku in open_skus]
-    return np.concatenate([pod[pod != NIL], *held])
-
-
-# Robots, cells, zones by what a user types.
-#
-# 17, load 7, pod 12, 12,4, station 11, station P1, zone 9, waiting > 20, jam, starved, and what the
-# scenario names: see tui.screens.find_dialog
+Preview = Callable[["Found"], None]
 
 
 class Found(NamedTuple):
@@ -137,6 +65,138 @@ class Found(NamedTuple):
         """How many of what."""
         kind = "robot" if self.robots else "cell" if self.cells else "zone"
         return count(len(self.places), kind)
+
+
+class FindScreen(Dialog[Found]):
+    """Enter takes the match under the cursor; the others can be stepped through later.
+
+    It lies below the map, or in the place of the panels beside it: what matches is seen on the map.
+    """
+
+    DEFAULT_CSS = """
+    FindScreen { align: right bottom; background: $background 25%; }
+    FindScreen.-normal > Vertical, FindScreen.-wide > Vertical {
+        width: 35%; min-width: 42; max-width: 56;
+    }
+    FindScreen.-narrow Rows, FindScreen.-low Rows { height: 4; }
+    FindScreen.-short Rows { height: 3; }
+    FindScreen.-narrow Horizontal, FindScreen.-low Horizontal { margin-top: 0; }
+    FindScreen.-narrow > Vertical { width: 100%; }
+    FindScreen.-narrow .hint { height: 1; }
+    """
+
+    HEADING = "Find"
+    ACCEPT = "Go there"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("up", "move(-1)", "Previous match", show=False),
+        Binding("down", "move(1)", "Next match", show=False),
+    ]
+
+    def __init__(self, view: View, text: str = "", preview: Preview = lambda matches: None) -> None:
+        """`preview` gets what is found whenever that, or the match under the cursor, changes."""
+        super().__init__()
+        self._view, self._text, self._preview = view, text, preview
+
+    def inside(self) -> ComposeResult:
+        yield TypedInput(self._text, placeholder="robot 17", compact=True)
+        yield Static(EXAMPLES, classes="hint", markup=False)
+        yield Static("", id="many", markup=False)
+        yield MatchList(self._view)
+
+    def on_mount(self) -> None:
+        self._look(self._text)
+
+    def on_input_changed(self, event: Input.Changed) -> None:
+        self._look(event.value)
+
+    def _look(self, text: str) -> None:
+        """Show what matches by now."""
+        found, wrong = Found(text), ""
+        if text.strip():
+            try:
+                found = find(text, self._view)
+            except InputError as error:
+                wrong = str(error)
+        self.query_one(MatchList).set_content(found)
+        told = found.many if found else "nothing matches now" if text.strip() else ""
+        self.query_one("#many", Static).update("" if wrong else told)
+        self.complain(wrong)
+        self._show_on_map()
+
+    def _show_on_map(self) -> None:
+        matches = self.query_one(MatchList)
+        self._preview(matches.found._replace(first=matches.cursor))
+
+    def on_input_submitted(self) -> None:
+        self.accept()
+
+    def on_match_list_chosen(self) -> None:
+        self.accept()
+
+    def accept(self) -> None:
+        """Close with the matches, if there are any."""
+        matches = self.query_one(MatchList)
+        if matches.found:
+            self.dismiss(matches.found._replace(first=matches.cursor))
+
+    def action_move(self, rows: int) -> None:
+        """Choose another match."""
+        self.query_one(MatchList).action_move(rows)
+        self._show_on_map()
+
+
+class MatchList(Rows, can_focus=False):
+    """What was found; the one under the cursor will be gone to."""
+
+    DEFAULT_CSS = "MatchList { height: 8; }"
+
+    class Chosen(Message):
+        """A match was clicked."""
+
+    def __init__(self, view: View) -> None:
+        super().__init__()
+        self.view = view
+        self.found = Found("")
+
+    @property
+    def shows_cursor(self) -> bool:
+        return True
+
+    def set_content(self, found: Found) -> None:
+        """List these matches."""
+        self.found, self.cursor = found, found.first
+        self.update_rows(len(found.places))
+        self.scroll_to(y=found.first, animate=False)
+        self.refresh()
+
+    def row(self, index: int) -> Line:
+        view = self.view
+        if self.found.zones:
+            zone = self.found.zones[index]
+            service_zones = partition_of(view)
+            if service_zones is not None:
+                many = int(np.count_nonzero(service_zones.design.zone == zone))
+                return line(f"zone {zone + 1}  ", dim(count(many, "station")))
+            return line(f"zone {zone}  ", dim(count(len(robots_in(view, zone)), "robot")))
+        if not self.found.robots:
+            cell = self.found.cells[index]
+            name = view.floor_plan.kind_of(cell).name
+            return line(cell_link(view.floor_plan, cell).text, dim(f"  {name}"))
+        robot, fleet = self.found.robots[index], view.snapshot.robots
+        off = fleet.home[robot] if fleet.bay[robot] == NIL else fleet.bay[robot]
+        cell = off if fleet.cell[robot] == NIL else fleet.cell[robot]
+        load = int(fleet.load[robot])
+        words = "" if load == NIL else f", {load_words(view.snapshot, load)}"
+        return line(
+            f"robot {robot}  ",
+            dim(f"{doing_word(fleet, robot)} at {view.floor_plan.xy(int(cell))}{words}"),
+        )
+
+    def chosen(self, index: int) -> None:
+        self.post_message(self.Chosen())
+
+
+# What a user types.
 
 
 def find(text: str, view: View) -> Found:
@@ -243,147 +303,78 @@ def _cell(x: int, y: int, view: View) -> int:
     return floor_plan.cell(x, y)
 
 
-# Find: robots, loads, cells, zones, or robots for which a condition holds; matches while typing.
+# What the scenario names: locations, doors and lifts, orders, their lines, SKUs.
 
 
-EXAMPLES: Final = (
-    "17, robot 17, order 7, load 7, line 7, pod 12, 12,4, station 11, door 1, lift 1, zone 9, "
-    "a name that the scenario gives, or a condition: waiting > 20 and loaded, deadlock, "
-    "stalled > 50, battery < 20, queueing, jam, starved"
-)
+def named_places(words: str, view: View) -> Places | None:
+    """Robots, or cells, of what these words name; None: they name nothing. Raises InputError."""
+    location = _location(words, view)
+    if location:
+        return (), location
+    if gate := GATES.fullmatch(words):
+        return (), _gates(gate[1], gate[2], view)
+    if makes_trips(view):
+        kind, _, name = words.partition(" ")
+        if kind in ("order", "line", "sku") and name:
+            lines = _lines(kind, name, view)
+            return places_of_pods(np.unique(_pods_of_lines(lines, view)).tolist(), view)
+    return None
 
 
-Preview = Callable[[Found], None]
+def places_of_pods(pods: Iterable[int], view: View) -> Places:
+    """Who carries them or, if no robot does, where they stand."""
+    snapshot = view.snapshot
+    slots = {pod: int(snapshot.pods.slot[pod]) for pod in pods if pod != NIL}
+    carried = [pod for pod, slot in slots.items() if slot == NIL]
+    robots = {int(snapshot.orders.reserved_by[snapshot.pods.trip[pod]]) for pod in carried}
+    if robots:
+        return tuple(sorted(robots)), ()
+    return (), tuple(int(snapshot.slots.cell[slot]) for slot in slots.values())
 
 
-def no_preview(matches: Found) -> None:
-    """There is no map."""
+def _location(words: str, view: View) -> tuple[int, ...]:
+    locations = view.run.resolved.scenario.locations
+    assert not isinstance(locations, str), "its file has been read"
+    cells = (cell for name, cell in locations.items() if name.lower() == words)
+    return tuple(view.floor_plan.cell(*cell) for cell in cells)
 
 
-class MatchList(Rows, can_focus=False):
-    """What was found; the one under the cursor will be gone to."""
-
-    DEFAULT_CSS = "MatchList { height: 8; }"
-
-    class Chosen(Message):
-        """A match was clicked."""
-
-    def __init__(self, view: View) -> None:
-        super().__init__()
-        self.view = view
-        self.found = Found("")
-
-    @property
-    def shows_cursor(self) -> bool:
-        return True
-
-    def set_content(self, found: Found) -> None:
-        """List these matches."""
-        self.found, self.cursor = found, found.first
-        self.update_rows(len(found.places))
-        self.scroll_to(y=found.first, animate=False)
-        self.refresh()
-
-    def row(self, index: int) -> Line:
-        view = self.view
-        if self.found.zones:
-            zone = self.found.zones[index]
-            service_zones = partition_of(view)
-            if service_zones is not None:
-                many = int(np.count_nonzero(service_zones.design.zone == zone))
-                return line(f"zone {zone + 1}  ", dim(count(many, "station")))
-            return line(f"zone {zone}  ", dim(count(len(robots_in(view, zone)), "robot")))
-        if not self.found.robots:
-            cell = self.found.cells[index]
-            name = view.floor_plan.kind_of(cell).name
-            return line(cell_link(view.floor_plan, cell).text, dim(f"  {name}"))
-        robot, fleet = self.found.robots[index], view.snapshot.robots
-        off = fleet.home[robot] if fleet.bay[robot] == NIL else fleet.bay[robot]
-        cell = off if fleet.cell[robot] == NIL else fleet.cell[robot]
-        load = int(fleet.load[robot])
-        words = "" if load == NIL else f", {load_words(view.snapshot, load)}"
-        return line(
-            f"robot {robot}  ",
-            dim(f"{doing_word(fleet, robot)} at {view.floor_plan.xy(int(cell))}{words}"),
-        )
-
-    def chosen(self, index: int) -> None:
-        self.post_message(self.Chosen())
+def _gates(kind: str, number: str | None, view: View) -> tuple[int, ...]:
+    """The cells of one of the gates of a kind, or of all."""
+    floor = view.run.resolved.scenario.floor
+    gates = [gate for gate in gates_of(floor) if gate.name.startswith(kind)]
+    if number is not None:
+        there = f"{kind}s are numbered from 1 to {len(gates)}" if gates else f"there are no {kind}s"
+        chosen = [gate for gate in gates if gate.name == f"{kind} {int(number)}"]
+        if not chosen:
+            raise InputError(f"there is no {kind} {int(number)}; {there}")
+        gates = chosen
+    return tuple(cell for gate in gates for cell in cells_of(gate, view.floor_plan))
 
 
-class FindScreen(Dialog[Found]):
-    """Enter takes the match under the cursor; the others can be stepped through later.
+def _lines(kind: str, name: str, view: View) -> Array:
+    """(k,) the lines of an order or of a SKU, or one of them. Raises InputError."""
+    of_order = view.snapshot.lines.order
+    listed = listed_lines(view.run.resolved.scenario.orders)
+    texts: Sequence[str] = ()
+    if kind != "line" and listed:
+        places, texts = line_texts(listed, kind)
+        named = [at for at, text in enumerate(texts) if text.lower() == name]
+        if named:
+            return np.flatnonzero(np.isin(places, named))
+    count = {"line": len(of_order), "order": int(of_order.max()) + 1, "sku": 0}[kind]
+    if not name.isdecimal() or int(name) >= count:
+        numbered = f"{kind}s are numbered from 0 to {count - 1}" if count else "no line names it"
+        raise InputError(f"there is no {kind} {name}{nearest(name, texts) or f'; {numbered}'}")
+    if kind == "line":
+        return np.array([int(name)])
+    return np.flatnonzero(of_order == int(name))
 
-    It lies below the map, or in the place of the panels beside it: what matches is seen on the map.
-    """
 
-    DEFAULT_CSS = """
-    FindScreen { align: right bottom; background: $background 25%; }
-    FindScreen.-normal > Vertical, FindScreen.-wide > Vertical {
-        width: 35%; min-width: 42; max-width: 56;
-    }
-    FindScreen.-narrow Rows, FindScreen.-low Rows { height: 4; }
-    FindScreen.-short Rows { height: 3; }
-    FindScreen.-narrow Horizontal, FindScreen.-low Horizontal { margin-top: 0; }
-    FindScreen.-narrow > Vertical { width: 100%; }
-    FindScreen.-narrow .hint { height: 1; }
-    """
-
-    HEADING = "Find"
-    ACCEPT = "Go there"
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("up", "move(-1)", "Previous match", show=False),
-        Binding("down", "move(1)", "Next match", show=False),
-    ]
-
-    def __init__(self, view: View, text: str = "", preview: Preview = no_preview) -> None:
-        """`preview` gets what is found whenever that, or the match under the cursor, changes."""
-        super().__init__()
-        self._view, self._text, self._preview = view, text, preview
-
-    def inside(self) -> ComposeResult:
-        yield TypedInput(self._text, placeholder="robot 17", compact=True)
-        yield Static(EXAMPLES, classes="hint", markup=False)
-        yield Static("", id="many", markup=False)
-        yield MatchList(self._view)
-
-    def on_mount(self) -> None:
-        self._look(self._text)
-
-    def on_input_changed(self, event: Input.Changed) -> None:
-        self._look(event.value)
-
-    def _look(self, text: str) -> None:
-        """Show what matches by now."""
-        found, wrong = Found(text), ""
-        if text.strip():
-            try:
-                found = find(text, self._view)
-            except InputError as error:
-                wrong = str(error)
-        self.query_one(MatchList).set_content(found)
-        told = found.many if found else "nothing matches now" if text.strip() else ""
-        self.query_one("#many", Static).update("" if wrong else told)
-        self.complain(wrong)
-        self._show_on_map()
-
-    def _show_on_map(self) -> None:
-        matches = self.query_one(MatchList)
-        self._preview(matches.found._replace(first=matches.cursor))
-
-    def on_input_submitted(self) -> None:
-        self.accept()
-
-    def on_match_list_chosen(self) -> None:
-        self.accept()
-
-    def accept(self) -> None:
-        """Close with the matches, if there are any."""
-        matches = self.query_one(MatchList)
-        if matches.found:
-            self.dismiss(matches.found._replace(first=matches.cursor))
-
-    def action_move(self, rows: int) -> None:
-        """Choose another match."""
-        self.query_one(MatchList).action_move(rows)
-        self._show_on_map()
+def _pods_of_lines(lines: Array, view: View) -> Array:
+    """(k,) the pod of each line, as far as it is known; of a SKU all pods that hold it."""
+    table, pods = view.snapshot.lines, view.snapshot.pods
+    pod = np.where(table.pod[lines] == NIL, table.taken_from[lines], table.pod[lines])
+    open_skus = np.unique(table.sku[lines[pod == NIL]])
+    held = [pods.sku_pod[pods.sku_first[sku] : pods.sku_first[sku + 1]] for sku in open_skus]
+    return np.concatenate([pod[pod != NIL], *held])

@@ -17,57 +17,16 @@ from aiohttp import web
 from textual_serve.app_service import AppService
 from textual_serve.download_manager import DownloadManager
 
-ALLOWED_VARIABLES = {"PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV"}
-ALLOWED_PREFIXES = ("XDG_", "PYTHON", "NUMBA_", "AUTOMATON_")
-PROTOCOL = {  # set by textual-serve
-    "TEXTUAL_DRIVER",
-    "TEXTUAL_FPS",
-    "TEXTUAL_COLOR_SYSTEM",
-    "TERM_PROGRAM",
-    "TERM_PROGRAM_VERSION",
-    "COLUMNS",
-    "ROWS",
-}
-# The terminal is the browser's, whatever the server was started in.
-TERMINAL = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LC_ALL": "C.UTF-8"}
-
-
-def clean(environment: Mapping[str, str]) -> dict[str, str]:
-    """What of `environment` a session may see: no passwords, no keys, no agent's socket."""
-    allowed = ALLOWED_VARIABLES | PROTOCOL
-    kept = {
-        name: value
-        for name, value in environment.items()
-        if name in allowed or name.startswith(ALLOWED_PREFIXES)
-    }
-    return kept | TERMINAL
-
-
-# One browser session: a process of the viewer, and what its browser may say to it.
-
-
 TERMINATE_GRACE_S = 3.0  # for a process to end after SIGTERM, and for a browser to answer a close
+
 TERMINAL_SIZES = range(1, 1001)  # rows and columns; a browser may ask for any number
+
 # What a terminal sends by itself: cursor position, modes, attributes. The viewer's pacing asks for
 # a position with every frame, so that a playing viewer would never be idle.
 REPORTS = re.compile(r"(\x1b\[\??[\d;]*(R|\$y|c|n|t))+")
+
 STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
 MAX_JSON_NESTING = 2  # lists and objects in each other: what the page sends
-
-
-def bounded(size: int) -> int:
-    """A number of rows or columns as it may reach the viewer."""
-    return min(max(size, TERMINAL_SIZES[0]), TERMINAL_SIZES[-1])
-
-
-def read(text: str) -> Any:
-    """A message of the browser. Raises ValueError for no JSON, and for more nesting than it sends."""
-    depth = 0
-    for mark in STRING.sub("", text):
-        depth += (mark in "[{") - (mark in "]}")
-        if depth > MAX_JSON_NESTING:
-            raise ValueError("nested too deep")
-    return json.loads(text)
 
 
 class BrowserSession(AppService):
@@ -174,7 +133,53 @@ class BrowserSession(AppService):
                 await self._websocket.close()
 
 
+def bounded(size: int) -> int:
+    """A number of rows or columns as it may reach the viewer."""
+    return min(max(size, TERMINAL_SIZES[0]), TERMINAL_SIZES[-1])
+
+
+def read(text: str) -> Any:
+    """A message of the browser. Raises ValueError for no JSON, and for more nesting than it sends."""
+    depth = 0
+    for mark in STRING.sub("", text):
+        depth += (mark in "[{") - (mark in "]}")
+        if depth > MAX_JSON_NESTING:
+            raise ValueError("nested too deep")
+    return json.loads(text)
+
+
 def signal_group(pid: int, number: signal.Signals) -> None:
     """Send a signal to the process group that `pid` leads, if any of it is left."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(pid, number)
+
+
+# The environment of the process: what it needs, and nothing else of the server's.
+
+
+ALLOWED_VARIABLES = {"PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV"}
+ALLOWED_PREFIXES = ("XDG_", "PYTHON", "NUMBA_", "AUTOMATON_")
+
+PROTOCOL = {  # set by textual-serve
+    "TEXTUAL_DRIVER",
+    "TEXTUAL_FPS",
+    "TEXTUAL_COLOR_SYSTEM",
+    "TERM_PROGRAM",
+    "TERM_PROGRAM_VERSION",
+    "COLUMNS",
+    "ROWS",
+}
+
+# The terminal is the browser's, whatever the server was started in.
+TERMINAL = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LC_ALL": "C.UTF-8"}
+
+
+def clean(environment: Mapping[str, str]) -> dict[str, str]:
+    """What of `environment` a session may see: no passwords, no keys, no agent's socket."""
+    allowed = ALLOWED_VARIABLES | PROTOCOL
+    kept = {
+        name: value
+        for name, value in environment.items()
+        if name in allowed or name.startswith(ALLOWED_PREFIXES)
+    }
+    return kept | TERMINAL

@@ -1,4 +1,4 @@
-"""Who may speak to the server: the Host, the token and the Origin of a request.
+"""The server: who may speak to it, the page, its files, and a limited number of sessions.
 
 A page that the user visits can send requests to 127.0.0.1 too. Host stops names that are made to
 point here (DNS rebinding), Origin stops WebSockets of foreign pages, the token stops everybody else
@@ -35,195 +35,23 @@ from automaton.errors import InputError
 from automaton.printable import one_line
 from tui.serve.browser_session import TERMINATE_GRACE_S, BrowserSession, bounded
 
+HERE = Path(__file__).parent
+
 USABLE_TOKEN = re.compile(r"[A-Za-z0-9_-]{16,}")
 
-
-def new_token() -> str:
-    """A token that nobody guesses."""
-    return secrets.token_urlsafe(32)
-
-
-def checked_token(token: str) -> str:
-    """`token`, if it is long enough and needs no quoting in an address or a cookie."""
-    if not USABLE_TOKEN.fullmatch(token):
-        raise InputError("--token needs at least 16 letters, digits, '-' or '_'")
-    return token
-
-
-@dataclass(frozen=True)
-class Access:
-    """The door of one server."""
-
-    public_url: str  # what browsers call it, such as http://127.0.0.1:8000: an Origin
-    hosts: frozenset[str]  # what the Host header may say
-    token: str | None  # None: whoever has the right Host and Origin
-    cookie: str  # its name; cookies know no ports, so that it names the port
-
-    @property
-    def entrance(self) -> str:
-        """The address to open."""
-        return f"{self.public_url}/" + (f"?token={self.token}" if self.token else "")
-
-    @property
-    def websocket_url(self) -> str:
-        """The address to which the page connects; https becomes wss."""
-        return f"ws{self.public_url.removeprefix('http')}/ws"
-
-    @web.middleware
-    async def guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Let `request` through, or raise the answer it gets instead."""
-        if request.headers.get("Host", "").lower() not in self.hosts:
-            raise web.HTTPForbidden(text=f"This server is called {self.public_url} only.\n")
-        if self.token is not None:
-            given = request.query.get("token") if request.path == "/" else None
-            if given is not None:
-                self._check_token(given)
-                raise self._admission(request)
-            self._check_token(request.cookies.get(self.cookie, ""))
-        return await handler(request)
-
-    def check_origin(self, request: web.Request) -> None:
-        """A WebSocket is for the server's own page: browsers let any page open one."""
-        if request.headers.get("Origin") != self.public_url:
-            raise web.HTTPForbidden(text=f"Only pages of {self.public_url} may connect.\n")
-
-    def _check_token(self, given: str) -> None:
-        assert self.token is not None
-        # In constant time: how long a comparison takes must not tell where it failed.
-        if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
-            text = "Open the address that `automaton serve` printed: it carries the token.\n"
-            raise web.HTTPForbidden(text=text)
-
-    def _admission(self, request: web.Request) -> web.HTTPException:
-        assert self.token is not None
-        rest = {key: value for key, value in request.query.items() if key != "token"}
-        response = web.HTTPSeeOther(str(URL("/").with_query(rest)))
-        response.set_cookie(
-            self.cookie,
-            self.token,
-            httponly=True,
-            samesite="Strict",
-            secure=self.public_url.startswith("https:"),
-        )
-        return response
-
-    async def add_headers(self, request: web.Request, response: web.StreamResponse) -> None:
-        """What the browser must not do with anything that comes from here."""
-        response.headers.update(
-            {
-                "Content-Security-Policy": self._content_security_policy(),
-                "X-Frame-Options": "DENY",
-                "X-Content-Type-Options": "nosniff",
-                "Referrer-Policy": "no-referrer",  # the first address has the token in it
-                "Cross-Origin-Resource-Policy": "same-origin",
-            }
-        )
-
-    def _content_security_policy(self) -> str:
-        """Own scripts, fonts and pictures, one WebSocket; xterm.js makes style elements."""
-        socket = self.websocket_url.removesuffix("/ws")
-        return (
-            "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
-            f"font-src 'self'; img-src 'self' data:; connect-src {socket}; "
-            "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
-        )
-
-
-# What `automaton serve` says of requests that fail: nothing where the other side is to blame.
-
-
-LONGEST_LINE: Final = 300  # characters
-# Requests that are not HTTP, and connections that went away while they were answered.
-NOT_OURS: Final = (HttpProcessingError, ConnectionError)
-
-
-class _OneLine(logging.Handler):
-    """Writes what is ours to mend as one line on stderr, without a traceback."""
-
-    def emit(self, record: logging.LogRecord) -> None:
-        error = record.exc_info[1] if record.exc_info else None
-        if isinstance(error, NOT_OURS):
-            return
-        what = record.getMessage() if error is None else f"{type(error).__name__}: {error}"
-        said = one_line(" ".join(what.split()), LONGEST_LINE)
-        print(f"automaton: a request failed, {said}", file=sys.stderr, flush=True)
-
-
-def request_log() -> logging.Logger:
-    """Return the logger for the server of aiohttp, which would print a traceback of each request."""
-    log = logging.Logger(
-        "automaton.serve", logging.ERROR
-    )  # of no family: no other handler hears it
-    log.addHandler(_OneLine())
-    return log
-
-
-# The server: the page, its files, and a limited number of sessions.
-
-
-HERE = Path(__file__).parent
 # how long a new session waits for one that is ending: a reloaded page
 SESSION_SLOT_TIMEOUT_S = TERMINATE_GRACE_S + 1.0
+
 SHUTDOWN_S = 3 * TERMINATE_GRACE_S
 HEARTBEAT_S = 15.0  # a browser that vanished without a word is noticed by then
 LONGEST_MESSAGE = 1 << 16  # bytes from the browser: keys, and what is pasted
 HEAD_S = 10.0  # in which the head of a request must have come
 HEAD_ENDS = b"\r\n\r\n"
 
+LONGEST_LINE: Final = 300  # characters
 
-class Punctual(asyncio.Protocol):
-    """A connection that ends unless the head of its first request comes in time.
-
-    aiohttp waits for it without end, so that anybody could hold all connections; between two requests
-    it has a limit of its own (`keepalive_timeout`).
-    """
-
-    def __init__(self, handler: asyncio.Protocol) -> None:
-        self._handler = handler
-        self._end = b""  # of what has come of the head
-        self._late: asyncio.TimerHandle | None = None
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self._late = asyncio.get_running_loop().call_later(HEAD_S, transport.abort)
-        self._handler.connection_made(transport)
-
-    def data_received(self, data: bytes) -> None:
-        if self._late is not None:
-            head = self._end + data
-            self._end = head[1 - len(HEAD_ENDS) :]
-            if HEAD_ENDS in head:
-                self._in_time()
-        self._handler.data_received(data)
-
-    def _in_time(self) -> None:
-        if self._late is not None:
-            self._late.cancel()
-            self._late = None
-
-    def eof_received(self) -> bool | None:
-        return self._handler.eof_received()
-
-    def connection_lost(self, error: Exception | None) -> None:
-        self._in_time()
-        self._handler.connection_lost(error)
-
-    def pause_writing(self) -> None:
-        self._handler.pause_writing()
-
-    def resume_writing(self) -> None:
-        self._handler.resume_writing()
-
-
-@web.middleware
-async def known_paths(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Answer that there is no file where a path is longer than a file system takes."""
-    try:
-        return await handler(request)
-    except OSError as error:
-        if error.errno == errno.ENAMETOOLONG:
-            raise web.HTTPNotFound from None
-        raise
+# Requests that are not HTTP, and connections that went away while they were answered.
+NOT_OURS: Final = (HttpProcessingError, ConnectionError)
 
 
 class ViewerServer(Server):
@@ -365,3 +193,176 @@ async def asked_to_end() -> None:
         if signal.getsignal(number) is not signal.SIG_IGN:
             loop.add_signal_handler(number, end.set)
     await end.wait()
+
+
+# The Host, the token and the Origin of a request.
+
+
+def new_token() -> str:
+    """A token that nobody guesses."""
+    return secrets.token_urlsafe(32)
+
+
+def checked_token(token: str) -> str:
+    """`token`, if it is long enough and needs no quoting in an address or a cookie."""
+    if not USABLE_TOKEN.fullmatch(token):
+        raise InputError("--token needs at least 16 letters, digits, '-' or '_'")
+    return token
+
+
+@dataclass(frozen=True)
+class Access:
+    """The door of one server."""
+
+    public_url: str  # what browsers call it, such as http://127.0.0.1:8000: an Origin
+    hosts: frozenset[str]  # what the Host header may say
+    token: str | None  # None: whoever has the right Host and Origin
+    cookie: str  # its name; cookies know no ports, so that it names the port
+
+    @property
+    def entrance(self) -> str:
+        """The address to open."""
+        return f"{self.public_url}/" + (f"?token={self.token}" if self.token else "")
+
+    @property
+    def websocket_url(self) -> str:
+        """The address to which the page connects; https becomes wss."""
+        return f"ws{self.public_url.removeprefix('http')}/ws"
+
+    @web.middleware
+    async def guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """Let `request` through, or raise the answer it gets instead."""
+        if request.headers.get("Host", "").lower() not in self.hosts:
+            raise web.HTTPForbidden(text=f"This server is called {self.public_url} only.\n")
+        if self.token is not None:
+            given = request.query.get("token") if request.path == "/" else None
+            if given is not None:
+                self._check_token(given)
+                raise self._admission(request)
+            self._check_token(request.cookies.get(self.cookie, ""))
+        return await handler(request)
+
+    def check_origin(self, request: web.Request) -> None:
+        """A WebSocket is for the server's own page: browsers let any page open one."""
+        if request.headers.get("Origin") != self.public_url:
+            raise web.HTTPForbidden(text=f"Only pages of {self.public_url} may connect.\n")
+
+    def _check_token(self, given: str) -> None:
+        assert self.token is not None
+        # In constant time: how long a comparison takes must not tell where it failed.
+        if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
+            text = "Open the address that `automaton serve` printed: it carries the token.\n"
+            raise web.HTTPForbidden(text=text)
+
+    def _admission(self, request: web.Request) -> web.HTTPException:
+        assert self.token is not None
+        rest = {key: value for key, value in request.query.items() if key != "token"}
+        response = web.HTTPSeeOther(str(URL("/").with_query(rest)))
+        response.set_cookie(
+            self.cookie,
+            self.token,
+            httponly=True,
+            samesite="Strict",
+            secure=self.public_url.startswith("https:"),
+        )
+        return response
+
+    async def add_headers(self, request: web.Request, response: web.StreamResponse) -> None:
+        """What the browser must not do with anything that comes from here."""
+        response.headers.update(
+            {
+                "Content-Security-Policy": self._content_security_policy(),
+                "X-Frame-Options": "DENY",
+                "X-Content-Type-Options": "nosniff",
+                "Referrer-Policy": "no-referrer",  # the first address has the token in it
+                "Cross-Origin-Resource-Policy": "same-origin",
+            }
+        )
+
+    def _content_security_policy(self) -> str:
+        """Own scripts, fonts and pictures, one WebSocket; xterm.js makes style elements."""
+        socket = self.websocket_url.removesuffix("/ws")
+        return (
+            "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
+            f"font-src 'self'; img-src 'self' data:; connect-src {socket}; "
+            "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        )
+
+
+@web.middleware
+async def known_paths(request: web.Request, handler: Handler) -> web.StreamResponse:
+    """Answer that there is no file where a path is longer than a file system takes."""
+    try:
+        return await handler(request)
+    except OSError as error:
+        if error.errno == errno.ENAMETOOLONG:
+            raise web.HTTPNotFound from None
+        raise
+
+
+# Connections, and what is said of requests that fail.
+
+
+class Punctual(asyncio.Protocol):
+    """A connection that ends unless the head of its first request comes in time.
+
+    aiohttp waits for it without end, so that anybody could hold all connections; between two requests
+    it has a limit of its own (`keepalive_timeout`).
+    """
+
+    def __init__(self, handler: asyncio.Protocol) -> None:
+        self._handler = handler
+        self._end = b""  # of what has come of the head
+        self._late: asyncio.TimerHandle | None = None
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self._late = asyncio.get_running_loop().call_later(HEAD_S, transport.abort)
+        self._handler.connection_made(transport)
+
+    def data_received(self, data: bytes) -> None:
+        if self._late is not None:
+            head = self._end + data
+            self._end = head[1 - len(HEAD_ENDS) :]
+            if HEAD_ENDS in head:
+                self._in_time()
+        self._handler.data_received(data)
+
+    def _in_time(self) -> None:
+        if self._late is not None:
+            self._late.cancel()
+            self._late = None
+
+    def eof_received(self) -> bool | None:
+        return self._handler.eof_received()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        self._in_time()
+        self._handler.connection_lost(error)
+
+    def pause_writing(self) -> None:
+        self._handler.pause_writing()
+
+    def resume_writing(self) -> None:
+        self._handler.resume_writing()
+
+
+class _OneLine(logging.Handler):
+    """Writes what is ours to mend as one line on stderr, without a traceback."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        error = record.exc_info[1] if record.exc_info else None
+        if isinstance(error, NOT_OURS):
+            return
+        what = record.getMessage() if error is None else f"{type(error).__name__}: {error}"
+        said = one_line(" ".join(what.split()), LONGEST_LINE)
+        print(f"automaton: a request failed, {said}", file=sys.stderr, flush=True)
+
+
+def request_log() -> logging.Logger:
+    """Return the logger for the server of aiohttp, which would print a traceback of each request."""
+    log = logging.Logger(
+        "automaton.serve", logging.ERROR
+    )  # of no family: no other handler hears it
+    log.addHandler(_OneLine())
+    return log

@@ -1,4 +1,8 @@
-"""A run as plain text, for pipes, dumb terminals and screen readers: metrics, then the report."""
+"""A run as plain text, for pipes, dumb terminals and screen readers.
+
+Either the metrics at ever longer intervals and then the report, or the run described in sentences:
+what happens, how far it is, and how it ended.
+"""
 
 from __future__ import annotations
 
@@ -52,23 +56,6 @@ def run_in_text_mode(opening: Opening) -> int:
     return exit_code(opening, outcomes)
 
 
-def exit_code(opening: Opening, outcomes: Sequence[Outcome]) -> int:
-    """0, or 1 if a live run did not finish."""
-    return 0 if not opening.live or all(outcome.finished for outcome in outcomes) else 1
-
-
-def difference_line(opening: Opening, runs: Sequence[Run]) -> str:
-    """Where two runs part."""
-    live = [run for run in runs if isinstance(run, LiveRun)]
-    parted = LiveDivergence(*live).look() if live else first_difference(*opening.recordings)
-    return "" if parted is None else parted.text.partition(";")[0]
-
-
-def branch_lines(run: Run) -> list[str]:
-    """From where a run was branched off, and how."""
-    return [f"branched off {branch}" for branch in branches_of(run.frames)]
-
-
 def _run_with_progress(run: Run) -> Outcome:
     """Run it to its end, and say some words at ever longer intervals."""
     last_worked = np.zeros(run.resolved.scenario.fleet.robots, np.int64)
@@ -82,63 +69,11 @@ def _run_with_progress(run: Run) -> Outcome:
     raise AssertionError("milestones never end")
 
 
-def milestones() -> Iterator[int]:
-    """The ticks at which it is said how far a run is."""
-    size = 100
-    while True:
-        yield from (size, 2 * size, 5 * size)
-        size *= 10
-
-
 def _go_to(run: Run, tick: int) -> None:
     before = -1
     while before < run.tick < tick:
         before = run.tick
         run.show(tick, PROGRESS_SLICE_S)
-
-
-def fleet_line(run: Run) -> str:
-    """How far a run is, and what its robots do."""
-    now = summary_of(run.leading_simulation)
-    parked = int(run.leading_simulation.world.robots.parked.sum())
-    robots = f"{now.working:,} work, {now.waiting:,} wait, {parked:,} parked"
-    return f"tick {run.tick:,}: {now.delivered:,} of {now.orders:,} orders delivered, {robots}"
-
-
-def scenario_at_end(run: Run) -> Resolved:
-    """The scenario that held at the end."""
-    if run.live:
-        return run.resolved
-    rules = run.frames.rules_at(run.tick)
-    return resolved_of(changed(run.header, rules), with_strategies=False)
-
-
-def outcome_of(run: Run, last_worked: np.ndarray) -> Outcome:
-    """What is left of a run; `last_worked` as of `run_to_end`."""
-    front = run.leading_simulation
-    stop = scenario_at_end(run).scenario.stop
-    finished = front.finished or (stop.when == "never" and front.tick >= stop.max_duration)
-    orders = asked_orders(front.world)
-    return Outcome(
-        finished=finished,
-        ticks=front.tick,
-        orders=len(orders.done),
-        delivered=int((orders.done != NIL).sum()),
-        digest=front.digest,
-        wall_s=None,
-        metrics=metrics_of(front),
-        robots=metrics_by_robot(front),
-        diagnosis="" if finished else describe_unfinished_run(front, last_worked),
-        stopped=not finished and not run.live,
-        circles=find_wait_cycles(front.world, stalled_robots(front, last_worked)),
-        jam=largest_jam(front.world, front.resolved.floor_plan),
-        ran_out=orders_exhausted(front),
-        types=metrics_by_type(front),
-        stations=metrics_by_station(front),
-    )
-
-
-# A run described in sentences, without a screen: what happens, how far it is, and how it ended.
 
 
 def run_described(opening: Opening, options: Options) -> int:
@@ -180,3 +115,72 @@ def _described(run: Run, scope: Scope) -> Outcome:
         if lines:
             print("\n".join(lines), flush=True)
     return outcome_of(run, last_worked)
+
+
+# What both say.
+
+
+def milestones() -> Iterator[int]:
+    """The ticks at which it is said how far a run is."""
+    size = 100
+    while True:
+        yield from (size, 2 * size, 5 * size)
+        size *= 10
+
+
+def fleet_line(run: Run) -> str:
+    """How far a run is, and what its robots do."""
+    now = summary_of(run.leading_simulation)
+    parked = int(run.leading_simulation.world.robots.parked.sum())
+    robots = f"{now.working:,} work, {now.waiting:,} wait, {parked:,} parked"
+    return f"tick {run.tick:,}: {now.delivered:,} of {now.orders:,} orders delivered, {robots}"
+
+
+def branch_lines(run: Run) -> list[str]:
+    """From where a run was branched off, and how."""
+    return [f"branched off {branch}" for branch in branches_of(run.frames)]
+
+
+def difference_line(opening: Opening, runs: Sequence[Run]) -> str:
+    """Where two runs part."""
+    live = [run for run in runs if isinstance(run, LiveRun)]
+    parted = LiveDivergence(*live).look() if live else first_difference(*opening.recordings)
+    return "" if parted is None else parted.text.partition(";")[0]
+
+
+def scenario_at_end(run: Run) -> Resolved:
+    """The scenario that held at the end."""
+    if run.live:
+        return run.resolved
+    rules = run.frames.rules_at(run.tick)
+    return resolved_of(changed(run.header, rules), with_strategies=False)
+
+
+def outcome_of(run: Run, last_worked: np.ndarray) -> Outcome:
+    """What is left of a run; `last_worked` as of `run_to_end`."""
+    front = run.leading_simulation
+    stop = scenario_at_end(run).scenario.stop
+    finished = front.finished or (stop.when == "never" and front.tick >= stop.max_duration)
+    orders = asked_orders(front.world)
+    return Outcome(
+        finished=finished,
+        ticks=front.tick,
+        orders=len(orders.done),
+        delivered=int((orders.done != NIL).sum()),
+        digest=front.digest,
+        wall_s=None,
+        metrics=metrics_of(front),
+        robots=metrics_by_robot(front),
+        diagnosis="" if finished else describe_unfinished_run(front, last_worked),
+        stopped=not finished and not run.live,
+        circles=find_wait_cycles(front.world, stalled_robots(front, last_worked)),
+        jam=largest_jam(front.world, front.resolved.floor_plan),
+        ran_out=orders_exhausted(front),
+        types=metrics_by_type(front),
+        stations=metrics_by_station(front),
+    )
+
+
+def exit_code(opening: Opening, outcomes: Sequence[Outcome]) -> int:
+    """0, or 1 if a live run did not finish."""
+    return 0 if not opening.live or all(outcome.finished for outcome in outcomes) else 1

@@ -20,6 +20,36 @@ from tui.registration import layers, panels
 from tui.render.layer import Layer
 from tui.widgets.panel import Panel
 
+COMPARING: Final = frozenset({"compare_side", "next_difference"})  # with two runs only
+
+# How keys are written; others as Textual does.
+KEY_NAMES: Final = {
+    "full_stop": ".",
+    "comma": ",",
+    "right_square_bracket": "]",
+    "left_square_bracket": "[",
+    "right_curly_bracket": "}",
+    "left_curly_bracket": "{",
+    "greater_than_sign": ">",
+    "less_than_sign": "<",
+    "right_parenthesis": ")",
+    "left_parenthesis": "(",
+    "slash": "/",
+    "plus": "+",
+    "equals_sign": "=",
+    "minus": "-",
+    "question_mark": "?",
+    "escape": "esc",
+}
+
+MOUSE = (
+    ("click", "select a robot or a cell"),
+    ("double click", "follow the robot"),
+    ("drag", "move the map, or the timeline's tick"),
+    ("wheel", "zoom the map, or the timeline"),
+    ("shift+wheel", "pan the map, or go by single ticks"),
+)
+
 
 class Action(NamedTuple):
     """One thing that a user can do."""
@@ -179,27 +209,6 @@ def _topics() -> tuple[Topic, ...]:
 
 TOPICS: Final = _topics()
 ACTIONS: Final = tuple(action for topic in TOPICS for action in topic.actions)
-COMPARING: Final = frozenset({"compare_side", "next_difference"})  # with two runs only
-
-# How keys are written; others as Textual does.
-KEY_NAMES: Final = {
-    "full_stop": ".",
-    "comma": ",",
-    "right_square_bracket": "]",
-    "left_square_bracket": "[",
-    "right_curly_bracket": "}",
-    "left_curly_bracket": "{",
-    "greater_than_sign": ">",
-    "less_than_sign": "<",
-    "right_parenthesis": ")",
-    "left_parenthesis": "(",
-    "slash": "/",
-    "plus": "+",
-    "equals_sign": "=",
-    "minus": "-",
-    "question_mark": "?",
-    "escape": "esc",
-}
 
 
 def do(id: str) -> str:
@@ -229,17 +238,11 @@ def key_text(key: str) -> str:
     return (f"{modifiers}+" if modifiers else "") + KEY_NAMES.get(name, name)
 
 
-MOUSE = (
-    ("click", "select a robot or a cell"),
-    ("double click", "follow the robot"),
-    ("drag", "move the map, or the timeline's tick"),
-    ("wheel", "zoom the map, or the timeline"),
-    ("shift+wheel", "pan the map, or go by single ticks"),
-)
+# The help.
 
 
 class HelpScreen(ModalScreen[None]):
-    """Closed by escape, q, ? or F1."""
+    """All keys by topic, with those that are bound now. Closed by escape, q, ? or F1."""
 
     DEFAULT_CSS = """
     HelpScreen { align: center middle; }

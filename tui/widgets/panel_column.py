@@ -35,87 +35,6 @@ FIGURES_SHARE: Final = 0.55  # of the height at most: both curves are seen in a 
 WITH_KEYS: Final = 40  # columns from which the tabs name their keys
 
 
-class TabStrip(Rows):
-    """One line with the names of the panels; the open one stands out."""
-
-    DEFAULT_CSS = """
-    TabStrip {
-        height: 1; overflow-y: hidden; scrollbar-gutter: auto; background: $panel;
-    }
-    """
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("left", "neighbour(-1)", "Previous panel", show=False),
-        Binding("right", "neighbour(1)", "Next panel", show=False),
-    ]
-
-    class Opened(Message):
-        """A tab was chosen."""
-
-        def __init__(self, name: str) -> None:
-            self.name = name
-            super().__init__()
-
-    def __init__(self, signs: Signs, names: Sequence[str]) -> None:
-        super().__init__(signs)
-        self._panels = [panels().by_name[name] for name in names]
-        self.open = names[0] if names else ""
-
-    def on_mount(self) -> None:
-        self.update_rows(1)
-
-    def set_content(self, name: str) -> None:
-        """Mark the open panel."""
-        self.open = name
-        self.update_rows(1)
-
-    def row(self, index: int) -> Line:
-        spans: list[Span] = []
-        for at, panel in enumerate(self._panels):
-            key = key_text(panel.key.partition(",")[0])
-            text = f"{panel.tab} {key}".rstrip() if self.width >= WITH_KEYS else panel.tab
-            look = "cursor" if panel.name == self.open else "plain"
-            spans += [Span(text, look, ("tab", at)), Span(" ", "dim")]
-        return tuple(spans[:-1])
-
-    def marked(self, made: Line) -> Line:
-        """The open tab is marked anyway; with the focus it is underlined, too."""
-        return tuple(
-            span._replace(look="focus" if span.look == "cursor" else span.look) for span in made
-        )
-
-    def follow(self, link: Link, column: int = 0) -> None:
-        self.post_message(self.Opened(self._panels[link[1]].name))
-
-    def action_neighbour(self, step: int) -> None:
-        """Open the next panel."""
-        names = [panel.name for panel in self._panels]
-        if names:
-            self.post_message(self.Opened(names[(names.index(self.open) + step) % len(names)]))
-
-
-class Widgets(NamedTuple):
-    """The classes of the panels by name, and what is wrong with others."""
-
-    by_name: dict[str, type[Any]]
-    problems: tuple[str, ...]
-
-
-@cache
-def panel_widgets() -> Widgets:
-    """Import the widgets of all panels; in the thread in which the runs are begun."""
-    classes: dict[str, type[Any]] = {}
-    problems = []
-    for name, panel in panels().by_name.items():
-        try:
-            kind = load(panel.widget)
-            if not issubclass(kind, PanelWidget):
-                raise TypeError(f"{panel.widget} is not a tui.widgets.panel.PanelWidget")
-            classes[name] = kind
-        except Exception as error:  # whatever a user's module does wrong while it is imported
-            problems.append(left_out("panel", name, error))
-    return Widgets(classes, tuple(problems))
-
-
 class PanelColumn(Container):
     """All panels; those that are not in sight do no work."""
 
@@ -227,3 +146,84 @@ def _within(view: View) -> View:
     """Without a choice that one of two compared runs does not know: fewer robots, a smaller floor."""
     known = view.robot < len(view.snapshot.robots) and view.cell < view.floor_plan.kind.size
     return view if known else replace(view, robot=NIL, cell=NIL)
+
+
+class Widgets(NamedTuple):
+    """The classes of the panels by name, and what is wrong with others."""
+
+    by_name: dict[str, type[Any]]
+    problems: tuple[str, ...]
+
+
+@cache
+def panel_widgets() -> Widgets:
+    """Import the widgets of all panels; in the thread in which the runs are begun."""
+    classes: dict[str, type[Any]] = {}
+    problems = []
+    for name, panel in panels().by_name.items():
+        try:
+            kind = load(panel.widget)
+            if not issubclass(kind, PanelWidget):
+                raise TypeError(f"{panel.widget} is not a tui.widgets.panel.PanelWidget")
+            classes[name] = kind
+        except Exception as error:  # whatever a user's module does wrong while it is imported
+            problems.append(left_out("panel", name, error))
+    return Widgets(classes, tuple(problems))
+
+
+class TabStrip(Rows):
+    """One line with the names of the panels; the open one stands out."""
+
+    DEFAULT_CSS = """
+    TabStrip {
+        height: 1; overflow-y: hidden; scrollbar-gutter: auto; background: $panel;
+    }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("left", "neighbour(-1)", "Previous panel", show=False),
+        Binding("right", "neighbour(1)", "Next panel", show=False),
+    ]
+
+    class Opened(Message):
+        """A tab was chosen."""
+
+        def __init__(self, name: str) -> None:
+            self.name = name
+            super().__init__()
+
+    def __init__(self, signs: Signs, names: Sequence[str]) -> None:
+        super().__init__(signs)
+        self._panels = [panels().by_name[name] for name in names]
+        self.open = names[0] if names else ""
+
+    def on_mount(self) -> None:
+        self.update_rows(1)
+
+    def set_content(self, name: str) -> None:
+        """Mark the open panel."""
+        self.open = name
+        self.update_rows(1)
+
+    def row(self, index: int) -> Line:
+        spans: list[Span] = []
+        for at, panel in enumerate(self._panels):
+            key = key_text(panel.key.partition(",")[0])
+            text = f"{panel.tab} {key}".rstrip() if self.width >= WITH_KEYS else panel.tab
+            look = "cursor" if panel.name == self.open else "plain"
+            spans += [Span(text, look, ("tab", at)), Span(" ", "dim")]
+        return tuple(spans[:-1])
+
+    def marked(self, made: Line) -> Line:
+        """The open tab is marked anyway; with the focus it is underlined, too."""
+        return tuple(
+            span._replace(look="focus" if span.look == "cursor" else span.look) for span in made
+        )
+
+    def follow(self, link: Link, column: int = 0) -> None:
+        self.post_message(self.Opened(self._panels[link[1]].name))
+
+    def action_neighbour(self, step: int) -> None:
+        """Open the next panel."""
+        names = [panel.name for panel in self._panels]
+        if names:
+            self.post_message(self.Opened(names[(names.index(self.open) + step) % len(names)]))

@@ -10,7 +10,7 @@ import pytest
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
-from tui.playback.player import TRAIL_CELLS, Trails
+from tui.playback.playback_state import TRAIL_CELLS, Trails
 
 
 def positions(simulation: Simulation) -> np.ndarray:

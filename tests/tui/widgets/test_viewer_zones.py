@@ -25,7 +25,7 @@ from tui.cast.film import Request, make_picture
 from tui.layers.astar_paths import Paths, driven, explored, ties_of
 from tui.layers.traffic_zones import tints_of
 from tui.playback.panel_view import View
-from tui.playback.player import Overlays
+from tui.playback.playback_state import Overlays
 from tui.render.cell_looks import TINT_CODES, TINTS
 from tui.render.compose import compose
 from tui.render.styles import ASCII

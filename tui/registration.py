@@ -20,15 +20,15 @@ from queue import Empty, SimpleQueue
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
 
-LAYERS: Final = "automaton.layers"
-PANELS: Final = "automaton.panels"
+LAYER_GROUP: Final = "automaton.layers"
+PANEL_GROUP: Final = "automaton.panels"
 # By name, as entry points are: what they show asks this module for layers.
 LAYER_CLASS: Final = "tui.render.layer:Layer"
 LAYER_CHECKS: Final = "tui.render.layer:CHECKS"
 SWITCHED_OFF: Final = "tui.render.layer:SwitchedOff"
-NO_LAYER: Final = "tui.render.layer:NO_LAYER"
+NO_LAYER_PLACE: Final = "tui.render.layer:NO_LAYER"
 PANEL_CLASS: Final = "tui.widgets.panel:Panel"
-OURS: Final = "fleet-automaton"  # the distribution of this module
+OUR_DISTRIBUTION: Final = "fleet-automaton"  # the distribution of this module
 RESERVED: Final = ("layer_none", "layer_route")  # actions of the viewer itself
 WIDGET_ID: Final = re.compile(r"[a-zA-Z_-][a-zA-Z0-9_-]*")  # what Textual takes
 
@@ -46,18 +46,18 @@ class Registered(NamedTuple):
 @cache
 def layers() -> Registered:
     """The layers of the map (tui.render.layer.Layer) by name."""
-    return _registered(LAYERS, "layer", load(LAYER_CLASS))
+    return _registered(LAYER_GROUP, "layer", load(LAYER_CLASS))
 
 
 @cache
 def panels() -> Registered:
     """The panels (tui.widgets.panel.Panel) by name; their widgets are not imported yet."""
-    return _registered(PANELS, "panel", load(PANEL_CLASS))
+    return _registered(PANEL_GROUP, "panel", load(PANEL_CLASS))
 
 
 def layer_named(name: str) -> Any:
     """A layer, or the one that shows nothing."""
-    return (name and layers().by_name.get(name)) or load(NO_LAYER)
+    return (name and layers().by_name.get(name)) or load(NO_LAYER_PLACE)
 
 
 _failures: Final[SimpleQueue[str]] = SimpleQueue()
@@ -148,7 +148,7 @@ def _registered(group: str, what: str, kind: type[Any]) -> Registered:
 
 @cache
 def _is_ours(distribution: Distribution | None) -> bool:
-    return distribution is not None and distribution.name == OURS
+    return distribution is not None and distribution.name == OUR_DISTRIBUTION
 
 
 def _loaded(point: EntryPoint, kind: type[Any]) -> Any:

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from tui.bench import viewer_speed
-from tui.bench.viewer_speed import Session, cursor_colour, fleet
+from tui.bench.viewer_speed import MeasuredViewer, cursor_colour, fleet
 from tui.terminal.terminal_host import FRAME_END
 
 FRAMES = 40
@@ -30,7 +30,7 @@ def settled_sooner(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(viewer_speed, "SETTLE_S", 1.5)
 
 
-def bytes_of_a_frame(session: Session) -> float:
+def bytes_of_a_frame(session: MeasuredViewer) -> float:
     """Mean of the frames of a while."""
     size = frames = 0
     while frames < FRAMES:
@@ -41,7 +41,7 @@ def bytes_of_a_frame(session: Session) -> float:
 
 @pytest.mark.parametrize(("walk", "limit"), LIMITS, ids=["1000", "1000 far away"])
 def test_a_frame_in_which_all_robots_move_is_small(walk: dict[str, Any], limit: int) -> None:
-    with Session(walk) as session:
+    with MeasuredViewer(walk) as session:
         assert 100 < bytes_of_a_frame(session) < limit  # and something was sent
 
 
@@ -49,7 +49,7 @@ def test_a_frame_of_100_robots_is_small_and_paused_nothing_is_sent_until_somethi
     None
 ):
     """The first frame after the pause is that of the next key, whatever else the viewer hears."""
-    with Session({**fleet(100), **WIDE}) as session:
+    with MeasuredViewer({**fleet(100), **WIDE}) as session:
         assert 100 < bytes_of_a_frame(session) < 2_500
         session.host.send(" ")
         session.host.wait_for_quiet(1.5)
@@ -64,7 +64,7 @@ def test_a_frame_of_100_robots_is_small_and_paused_nothing_is_sent_until_somethi
 
 def test_a_run_in_which_nobody_moves_sends_no_map() -> None:
     """Only the lines below the map go on: the tick is another one."""
-    with Session({**fleet(1), "width": 1, "height": 1, "panels": False}) as session:
+    with MeasuredViewer({**fleet(1), "width": 1, "height": 1, "panels": False}) as session:
         before = len(session.host.output())
 
         def sent() -> bytes:

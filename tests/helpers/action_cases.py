@@ -7,11 +7,11 @@ from collections.abc import Awaitable, Callable
 from viewer_harness import Watched
 
 from tui.render.encode import as_text
-from tui.widgets.bindings import ACTIONS
+from tui.widgets.bindings import VIEWER_ACTIONS
 
 Check = Callable[[Watched], Awaitable[None]]
 CHECKS: dict[str, Check] = {}
-KEYS = {action.id: action.keys.split(",")[0] for action in ACTIONS}
+KEYS = {action.id: action.keys.split(",")[0] for action in VIEWER_ACTIONS}
 
 
 def check(action: Check) -> Check:

@@ -21,7 +21,7 @@ from pyte.screens import Char
 from tui.render.encode import encode
 from tui.render.styles import Look
 from tui.terminal.options import depth_of, glyphs_of
-from tui.terminal.terminal_host import Link, Resized, TerminalHost
+from tui.terminal.terminal_host import Resized, TerminalHost, TerminalLink
 
 # Sequences that pyte 0.8 prints as text: kitty's keyboard protocol and questions about modes.
 UNKNOWN_TO_PYTE = re.compile(r"\x1b\[(?:[<>=?][\d;]*u|\?[\d;]*\$p)")
@@ -181,7 +181,7 @@ def moving_map(
     rows: int = 30,
     columns: int = 100,
     robots: int = 100,
-    link: Link | None = None,
+    link: TerminalLink | None = None,
     synchronized: bool = True,
     answers: bool = True,
     **environ: str,

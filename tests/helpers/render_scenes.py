@@ -17,7 +17,7 @@ from automaton.world.resolve import resolve
 from tui.render import styles
 from tui.render.camera import Camera
 from tui.render.compose import compose
-from tui.render.scene import Floor, Scene
+from tui.render.scene import Scene, ShownFloor
 from tui.render.styles import UNICODE, Codes, GlyphSet
 
 NEAR = ["3x1", "2x1", "1x1"]  # steps of the ladder
@@ -79,7 +79,7 @@ def make_scene(
         service_zones=more.pop("zoning", None),
     )
     kinds = {name: more.pop(name, False) for name in ("battery", "faults")}
-    floor = Floor(floor_plan, cells, (headings,), more.pop("zones", None), **kinds)
+    floor = ShownFloor(floor_plan, cells, (headings,), more.pop("zones", None), **kinds)
     return Scene(floor, snapshot, **more)  # type: ignore[arg-type]
 
 
@@ -110,11 +110,11 @@ def text(codes: Codes, glyphs: GlyphSet = UNICODE) -> str:
 
 
 def fg(code: int) -> int:
-    return (int(code) >> 16) // len(styles.COLOURS)
+    return (int(code) >> 16) // len(styles.COLOUR_TABLE)
 
 
 def bg(code: int) -> int:
-    return (int(code) >> 16) % len(styles.COLOURS)
+    return (int(code) >> 16) % len(styles.COLOUR_TABLE)
 
 
 def body(code: int) -> int:

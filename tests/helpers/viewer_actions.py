@@ -326,7 +326,7 @@ async def next_difference(user: Watched) -> None:
     await user.until(lambda: user.session.divergence is not None)
     assert user.session.divergence.tick > 1
     await user.until(lambda: "the runs differ first" in said(user.display.info))
-    foregrounds = user.display.info.shown[0, :9] // ((1 << GLYPH_BITS) * len(styles.COLOURS))
+    foregrounds = user.display.info.shown[0, :9] // ((1 << GLYPH_BITS) * len(styles.COLOUR_TABLE))
     # blue, as found robots are, is not legible
     assert set(foregrounds.tolist()) == {styles.COLOUR_TEXT}
     await press(user, "next_difference")

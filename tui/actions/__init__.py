@@ -17,3 +17,8 @@ class Actions(Protocol):
 
     def commands(self) -> dict[str, Command]:
         """What each action does, by its id in the table of bindings."""
+
+
+def do(id: str) -> str:
+    """What Textual is told to do for an action of the table."""
+    return f"do({id!r})"

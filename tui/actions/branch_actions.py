@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from automaton.history.watched_run import Run
     from automaton.world.resolve import Resolved
     from tui.playback.player import Player
-    from tui.screens.breakpoint_dialog import Stop
+    from tui.screens.breakpoint_dialog import StopCondition
 
 
 POLL_S: Final = 0.2  # between two looks at the files
@@ -54,7 +54,7 @@ class BranchActions:
 
     def __init__(self, app: App[None], session: Session, display: Display) -> None:
         self._app, self._session, self._display = app, session, display
-        self.stops: Sequence[Stop] = ()
+        self.stops: Sequence[StopCondition] = ()
 
     def commands(self) -> dict[str, Command]:
         return {"breakpoints": self._edit_stops, "branch": self._branch}
@@ -72,7 +72,7 @@ class BranchActions:
         screen = BreakpointsScreen(self.stops, signs_of(self._session.glyphs))
         self._app.push_screen(screen, self._take_stops)
 
-    def _take_stops(self, stops: Sequence[Stop] | None) -> None:
+    def _take_stops(self, stops: Sequence[StopCondition] | None) -> None:
         if stops is None:
             return
         from automaton.history.breakpoints import breakpoint_of

@@ -16,7 +16,7 @@ from tui.actions import Command
 from tui.actions.view_actions import PanelActions
 from tui.playback.frame_cache import robot_cell
 from tui.render.scene import NO_CELLS
-from tui.terminal.options import SPEEDS
+from tui.terminal.options import PLAYBACK_SPEEDS
 from tui.viewer.session import Display, Session
 
 if TYPE_CHECKING:
@@ -79,11 +79,17 @@ class ClockActions:
 
     def _faster(self) -> None:
         speed = self._session.speed
-        self.set_speed(min((factor for factor in SPEEDS if factor > speed), default=math.inf))
+        self.set_speed(
+            min((factor for factor in PLAYBACK_SPEEDS if factor > speed), default=math.inf)
+        )
 
     def _slower(self) -> None:
         speed = self._session.speed
-        self.set_speed(max((factor for factor in SPEEDS if factor < speed), default=SPEEDS[0]))
+        self.set_speed(
+            max(
+                (factor for factor in PLAYBACK_SPEEDS if factor < speed), default=PLAYBACK_SPEEDS[0]
+            )
+        )
 
     def _go_end(self) -> None:
         if self._session.ready() and self._session.playback is not None:

@@ -24,9 +24,9 @@ from tui.actions import Command
 from tui.playback.frame_cache import robot_cell
 from tui.playback.run_source import capture_file, short_path
 from tui.registration import layer_named, layers, panels
-from tui.render.cell_view import LINES
+from tui.render.cell_view import GOAL_LINES
 from tui.render.drawn_robots import COLOURINGS, is_possible
-from tui.render.encode import Run, as_text, svg_of
+from tui.render.encode import TextRun, as_text, svg_of
 from tui.render.styles import COLOUR_TEXT, COLOUR_VOID, Depth, Look, style
 from tui.viewer.session import Display, Notices, Session
 
@@ -204,8 +204,8 @@ class LayerActions:
             self._notices.say(f"trails are {shown}", timeout=2)
 
     def _next_lines(self) -> None:
-        at = LINES.index(self._choice.lines) + 1
-        self._choice.lines = LINES[at % len(LINES)]
+        at = GOAL_LINES.index(self._choice.lines) + 1
+        self._choice.lines = GOAL_LINES[at % len(GOAL_LINES)]
         whose = {"": "none", "selected": "the selected robot's", "all": "all robots'"}
         self._notices.say(f"lines to goals: {whose[self._choice.lines]}", timeout=2)
         self._session.changed()
@@ -457,7 +457,7 @@ class CaptureActions:
             self._app.deliver_text(io.StringIO(text), save_filename=name)
 
 
-def screen_rows(app: App[None], look: Look) -> list[list[Run]]:
+def screen_rows(app: App[None], look: Look) -> list[list[TextRun]]:
     """The characters of a running app in their colours; where they have none, those of the map."""
     update = app.screen._compositor.render_update(full=True, screen_stack=app._background_screens)
     console = Console(
@@ -477,14 +477,14 @@ def screen_rows(app: App[None], look: Look) -> list[list[Run]]:
     ]
 
 
-def _run(text: str, shown: Style, plain: tuple[str, str, bool]) -> Run:
+def _run(text: str, shown: Style, plain: tuple[str, str, bool]) -> TextRun:
     fg = _rgb(shown.color, plain[0])
     bg = _rgb(shown.bgcolor, plain[1])
     if shown.reverse:
         fg, bg = bg, fg
     if shown.dim:
         fg = blend_rgb(fg, bg, DIMMED)
-    return Run(text, fg.hex, bg.hex, bool(shown.bold))
+    return TextRun(text, fg.hex, bg.hex, bool(shown.bold))
 
 
 def _rgb(colour: Color | None, plain: str) -> ColorTriplet:

@@ -23,7 +23,7 @@ from automaton.floor.cells import WALL
 from automaton.history.watched_run import Run
 from automaton.world.resolve import Resolved, resolve
 from tui.bench.viewer_speed import Walk, walkers
-from tui.playback.player import TICKS_PER_S
+from tui.playback.player import NORMAL_TICKS_PER_S
 from tui.playback.run_source import Opening, live
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
@@ -36,7 +36,7 @@ def main(argument: str) -> int:
     wanted = json.loads(argument)
     fps = wanted.get("fps", 30)
     per_second = wanted.get("ticks", fps)  # one tick a frame unless it says otherwise
-    speed = math.inf if per_second is None else per_second / TICKS_PER_S
+    speed = math.inf if per_second is None else per_second / NORMAL_TICKS_PER_S
     options = Options(read_only=True, fps=fps, speed=speed)
     viewer = Viewer(planning(wanted) if "right_of_way" in wanted else walking(wanted), options)
     viewer.call_later(lambda: begin(viewer, wanted))

@@ -56,13 +56,13 @@ from tui.render.styles import (
     Look,
     style,
 )
-from tui.terminal.terminal_host import FRAME_END, Arrived, Link, TerminalHost
+from tui.terminal.terminal_host import FRAME_END, Arrived, TerminalHost, TerminalLink
 
 BYTES: Final = "bytes per frame"
 SHARE: Final = "% of a core"
 FPS: Final = "frames per second"
 
-SLOW: Final = Link(bytes_per_second=125_000, round_trip=0.05)
+SLOW: Final = TerminalLink(bytes_per_second=125_000, round_trip=0.05)
 
 FRAMES_S: Final = 6.0  # 180 frames of 30 per second
 CPU_S: Final = 15.0
@@ -194,7 +194,7 @@ def fleet(robots: int, **more: Any) -> dict[str, Any]:
 
 def frame_bytes(walk: dict[str, Any]) -> float:
     """All bytes of a while, the status line's included, by its frames."""
-    with Session({**walk, "panels": False}) as session:
+    with MeasuredViewer({**walk, "panels": False}) as session:
         size, frames, _ = session.watch(FRAMES_S)
         return size / some(frames)
 
@@ -207,7 +207,7 @@ def some(frames: int) -> int:
 
 
 def cpu_share() -> float:
-    with Session(fleet(1000)) as session:
+    with MeasuredViewer(fleet(1000)) as session:
         begun, before = time.monotonic(), session.cpu()
         time.sleep(CPU_S)
         return 100 * (session.cpu() - before) / (time.monotonic() - begun)
@@ -215,7 +215,7 @@ def cpu_share() -> float:
 
 def delivered() -> tuple[float, float]:
     """Frames a second, and ms of CPU for each."""
-    with Session(fleet(1000, fps=60)) as session:
+    with MeasuredViewer(fleet(1000, fps=60)) as session:
         before = session.cpu()
         _, frames, seconds = session.watch(FRAMES_S)
         return frames / seconds, 1000 * (session.cpu() - before) / some(frames)
@@ -223,7 +223,7 @@ def delivered() -> tuple[float, float]:
 
 def key_latencies(walk: dict[str, Any], pinned: bool) -> list[float]:
     """ms from a key to the screen."""
-    with unpinned_afterwards(), Session(walk) as session:
+    with unpinned_afterwards(), MeasuredViewer(walk) as session:
         if pinned:
             session.pin()
         return [1000 * latency for latency in session.key_latencies(PRESSES)]
@@ -231,7 +231,7 @@ def key_latencies(walk: dict[str, Any], pinned: bool) -> list[float]:
 
 def slow_session() -> tuple[float, float, float]:
     """Frames a second, ms of a key, and most frames in front of the link, keys included."""
-    with Session(fleet(300), SLOW) as session:
+    with MeasuredViewer(fleet(300), SLOW) as session:
         session.host.max_frames = 0
         _, frames, seconds = session.watch(FRAMES_S)
         latency = 1000 * quantile(session.key_latencies(PRESSES), 0.95)
@@ -310,7 +310,7 @@ def first_floor() -> float:
 # One-way aisles, every robot always has an order of two stops. Distance tables are computed as they
 # are needed, most of them in the first ticks, which are not measured.
 
-ROBOTS: Final = 10_000
+PLANNING_ROBOTS: Final = 10_000
 FIRST_TICK: Final = 200
 STARTED_S: Final = 60.0  # after these it is measured from the tick that a busy machine has reached
 WATCHED_S: Final = 15.0
@@ -345,15 +345,15 @@ def planning_measurements() -> list[Measurement]:
 
 def compile_planners() -> None:
     """Compile what the viewer will need, without a limit of time: it may be the first run here."""
-    run = LiveRun(resolve(busy_fleet("pibt", BUSY_CROWD._replace(robots=ROBOTS))), 1)
+    run = LiveRun(resolve(busy_fleet("pibt", BUSY_CROWD._replace(robots=PLANNING_ROBOTS))), 1)
     run.close()
 
 
 def watch_planners() -> Watched:
     """Let the fleet spread, watch it for a while, then press keys."""
-    fleet = {"right_of_way": "pibt", "robots": ROBOTS, "ticks": None}
+    fleet = {"right_of_way": "pibt", "robots": PLANNING_ROBOTS, "ticks": None}
     compile_planners()
-    with Session(fleet) as session:
+    with MeasuredViewer(fleet) as session:
         with contextlib.suppress(TimeoutError):
             session.host.wait_for(lambda: session.tick >= FIRST_TICK, "the first ticks", STARTED_S)
         if session.tick == 0:
@@ -384,11 +384,15 @@ KEYS_S = 40.0  # for all keys of a session: a busy machine answers fewer of them
 HERTZ = os.sysconf("SC_CLK_TCK")
 
 
-class Session:
+class MeasuredViewer:
     """A viewer on a fleet (`tui.bench.fleet_viewer`)."""
 
     def __init__(
-        self, fleet: dict[str, Any], link: Link | None = None, columns: int = 200, rows: int = 60
+        self,
+        fleet: dict[str, Any],
+        link: TerminalLink | None = None,
+        columns: int = 200,
+        rows: int = 60,
     ) -> None:
         self._folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
         self._notes = Path(self._folder.name) / "notes"

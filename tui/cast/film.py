@@ -65,10 +65,10 @@ MAX_FILM_SIZE: Final = (500, 200)
 MAX_DEFAULT_FILM_SIZE: Final = (120, 40)
 FILM_MARGIN: Final = (2, 1)  # around a floor that fits
 
-GAP: Final = 2
+WORD_GAP: Final = 2
 TIME_DIGITS: Final = 5  # "616.5" is as wide as numbers below 1,000 get in most units
 
-TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
+FILM_TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
 LAST_PAUSE: Final = 2  # seconds in which the last picture is seen
 
 HIDE_CURSOR: Final = "\x1b[?25l"
@@ -122,7 +122,7 @@ def make_film(recording: Path, request: Request, out: Path | None) -> None:
     print(f"{path}: {said}")
 
 
-def _write(film: Film, frames: list[Frame], file: BinaryIO) -> str:
+def _write(film: Film, frames: list[FilmFrame], file: BinaryIO) -> str:
     """Write the lines, and say how large it has become."""
     events, size = -1, 0  # the header is none
     for line in asciicast(film, frames):
@@ -316,12 +316,12 @@ def aim(camera: Camera, zoom: str) -> None:
 # The lines under the map.
 
 
-class Word(NamedTuple):
+class FilmWord(NamedTuple):
     """Something said in one colour."""
 
     words: str
     fg: int
-    gap: int = GAP  # before it
+    gap: int = WORD_GAP  # before it
 
 
 class Status:
@@ -337,7 +337,7 @@ class Status:
         key: Sequence[str] = (),  # what the signs of a layer mean, in a row of its own
     ) -> None:
         self.last, self.unit, self.chosen = last, tick, chosen
-        self.key = [Word(words, styles.COLOUR_DIM) for words in key]
+        self.key = [FilmWord(words, styles.COLOUR_DIM) for words in key]
         self.robots_width, self.orders_width = len(f"{robots:,}"), len(f"{orders:,}")
         self.orders = orders
 
@@ -364,39 +364,41 @@ class Status:
         lines += [self.key] if self.key else []
         return np.stack([_line(words, columns) for words in lines])
 
-    def _time(self, tick: int) -> list[Word]:
+    def _time(self, tick: int) -> list[FilmWord]:
         last = f"{self.last:,}"
         said = [
-            Word(f"tick {tick:>{len(last)},}", styles.COLOUR_SELECTED),
-            Word(f"of {last}", styles.COLOUR_DIM, 1),
+            FilmWord(f"tick {tick:>{len(last)},}", styles.COLOUR_SELECTED),
+            FilmWord(f"of {last}", styles.COLOUR_DIM, 1),
         ]
         if self.unit.size != 1:
             width = max(TIME_DIGITS, len(number(self.unit.of(self.last))))
             said.append(
-                Word(f"{number(self.unit.of(tick)):>{width}} {self.unit.plural}", styles.COLOUR_DIM)
+                FilmWord(
+                    f"{number(self.unit.of(tick)):>{width}} {self.unit.plural}", styles.COLOUR_DIM
+                )
             )
-        return said + ([Word(self.chosen, styles.COLOUR_CURSOR)] if self.chosen else [])
+        return said + ([FilmWord(self.chosen, styles.COLOUR_CURSOR)] if self.chosen else [])
 
-    def _fleet(self, working: int, waiting: int, delivered: int, circling: int) -> list[Word]:
+    def _fleet(self, working: int, waiting: int, delivered: int, circling: int) -> list[FilmWord]:
         width = self.robots_width
         done = f"{delivered:>{self.orders_width},}/{self.orders:,} delivered"
         said = [
-            Word(f"{working:>{width},} work", styles.COLOUR_ROBOT),
-            Word(
+            FilmWord(f"{working:>{width},} work", styles.COLOUR_ROBOT),
+            FilmWord(
                 f"{waiting:>{width},} wait", styles.COLOUR_WAITING if waiting else styles.COLOUR_DIM
             ),
-            Word(done, styles.COLOUR_DONE),
+            FilmWord(done, styles.COLOUR_DONE),
         ]
         if circling:
-            said.append(Word(f"{circling:>{width},} in a wait cycle", styles.COLOUR_FAULT))
+            said.append(FilmWord(f"{circling:>{width},} in a wait cycle", styles.COLOUR_FAULT))
         return said
 
 
-def _width(words: list[Word]) -> int:
+def _width(words: list[FilmWord]) -> int:
     return sum(len(word.words) + word.gap for word in words)
 
 
-def _line(words: list[Word], columns: int) -> Codes:
+def _line(words: list[FilmWord], columns: int) -> Codes:
     """(columns,) codes; words for which there is no room are left out."""
     line = np.full(columns, code(style(styles.COLOUR_TEXT, styles.COLOUR_VOID), 0))
     end = -1  # the first word begins in column 1
@@ -414,25 +416,25 @@ def _line(words: list[Word], columns: int) -> Codes:
 # The asciicast.
 
 
-class Frame(NamedTuple):
+class FilmFrame(NamedTuple):
     """A tick, and when it is shown."""
 
     time: Fraction  # seconds
     tick: int
 
 
-def schedule(first: int, last: int, speed: Fraction, fps: int) -> list[Frame]:
+def schedule(first: int, last: int, speed: Fraction, fps: int) -> list[FilmFrame]:
     """The frames that bring a new tick, the last one included."""
-    frames = [Frame(Fraction(0), first)]
-    rate = TICKS_PER_S * speed / fps  # ticks for each frame
+    frames = [FilmFrame(Fraction(0), first)]
+    rate = FILM_TICKS_PER_S * speed / fps  # ticks for each frame
     while (shown := frames[-1].tick) < last:
         number = math.ceil((shown + 1 - first) / rate)
         tick = min(first + math.floor(number * rate), last)
-        frames.append(Frame(Fraction(number, fps), tick))
+        frames.append(FilmFrame(Fraction(number, fps), tick))
     return frames
 
 
-def asciicast(film: Film, frames: list[Frame]) -> Iterator[str]:
+def asciicast(film: Film, frames: list[FilmFrame]) -> Iterator[str]:
     """The lines of the file; the same recording and request give the same lines."""
     yield _json_line(_header(film))
     shown = None
@@ -446,7 +448,7 @@ def asciicast(film: Film, frames: list[Frame]) -> Iterator[str]:
     yield _event(duration(frames), f"\x1b[{film.rows};1H{SHOW_CURSOR}")
 
 
-def duration(frames: list[Frame]) -> Fraction:
+def duration(frames: list[FilmFrame]) -> Fraction:
     """Seconds, with the last pause."""
     return frames[-1].time + LAST_PAUSE
 

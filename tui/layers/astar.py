@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its path among them
 PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
-MAX_RUNS: Final = 2  # that are shown beside each other
+MAX_RUNS_SHOWN: Final = 2  # that are shown beside each other
 MAX_PREDICTED_PATHS: Final = 5  # paths through a cell
 
 
@@ -45,7 +45,9 @@ class AstarLayer(Layer):
         world, ties = simulation.world, ties_of(simulation.resolved.scenario)
         fitting = [paths for paths in self._paths if paths.fit(world, ties)]
         paths = fitting[0] if fitting else Paths(world, ties)
-        self._paths = [paths, *(other for other in self._paths if other is not paths)][:MAX_RUNS]
+        self._paths = [paths, *(other for other in self._paths if other is not paths)][
+            :MAX_RUNS_SHOWN
+        ]
         return self.field(simulation, paths, selected)
 
     def field(self, simulation: Simulation, paths: Paths, selected: int) -> Array:

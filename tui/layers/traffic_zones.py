@@ -22,7 +22,7 @@ from automaton.floor.traffic_zones import TrafficZones
 from tui.render import styles
 from tui.render.cell_looks import TINT_COLOURS, TINT_LETTERS, TINTS, Canvas
 from tui.render.layer import Layer, ScaleLine
-from tui.render.scene import Floor, Scene
+from tui.render.scene import Scene, ShownFloor
 from tui.render.styles import Entries, GlyphSet, code, style
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def _zones(scene: Scene) -> TrafficZones | None:
     return traffic_zones if traffic_zones is not None and traffic_zones.count else None
 
 
-def _used(floor: Floor) -> NDArray[np.int8]:
+def _used(floor: ShownFloor) -> NDArray[np.int8]:
     tints = floor_tints(floor)
     return np.unique(tints[tints != NIL])
 
@@ -130,7 +130,7 @@ def crossing_sign(glyphs: GlyphSet) -> int:
 
 
 @lru_cache(maxsize=4)
-def floor_tints(floor: Floor) -> NDArray[np.int8]:
+def floor_tints(floor: ShownFloor) -> NDArray[np.int8]:
     """(C,) the tint of each cell's zone, or NIL; of a floor with traffic zones."""
     assert floor.traffic_zones is not None
     return tints_of(floor.traffic_zones, *floor.floor_plan.kind.shape)

@@ -32,7 +32,7 @@ class PlaybackState:
     tick: int  # of the clock; a run that is shorter stays at its end
     runs: tuple[Run, ...]  # of which plan, header, resolved and event_history may be read
     snapshots: tuple[Snapshot, ...]
-    figures: tuple[Figures, ...]
+    figures: tuple[RunFigures, ...]
     playing: int  # -1 backwards, 0 paused, 1
     asked: float  # ticks per second; math.inf = as fast as it goes
     achieved: float  # 0: not measured yet
@@ -62,7 +62,7 @@ class PlaybackState:
 
 
 @dataclass(frozen=True)
-class Figures:
+class RunFigures:
     """Metrics of a run at a tick."""
 
     tick: int
@@ -73,7 +73,7 @@ class Figures:
     jam: Jam | None  # most of them that stand together
 
 
-def figures_of(run: Run) -> Figures:
+def figures_of(run: Run) -> RunFigures:
     """The metrics at the tick that a run shows; in the thread of its player."""
     shown = run.shown
     world = shown.world
@@ -82,7 +82,7 @@ def figures_of(run: Run) -> Figures:
     operations = world.tally.operations[by_identity][:, OPERATIONS].sum((1, 2))
     starved = np.sort(world.robots.identity[starved_robots(world)])
     jam = largest_jam(world, run.floor_plan)
-    return Figures(shown.tick, metrics_of(shown), operations, active, starved, jam)
+    return RunFigures(shown.tick, metrics_of(shown), operations, active, starved, jam)
 
 
 class LongTick(NamedTuple):

@@ -24,15 +24,15 @@ from automaton.history.live_run import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.watched_run import COMPUTE_SLICE_S, Run
 from tui.playback.playback_state import (
-    Figures,
     LongTick,
     Overlays,
     PlaybackState,
+    RunFigures,
     Trails,
     figures_of,
 )
 
-TICKS_PER_S: Final = 10.0  # at speed x1
+NORMAL_TICKS_PER_S: Final = 10.0  # at speed x1
 REWIND: Final = 64.0  # the fastest way back
 
 # between two states while ticks fly by: less than between two pictures,
@@ -81,7 +81,7 @@ class Player:
         live = [run for run in self.runs if isinstance(run, LiveRun)]
         self._divergence = LiveDivergence(*live) if len(live) == 2 else None
         self._trails: list[Trails] | None = None  # None: they are not shown
-        self._figures: tuple[Figures, ...] = ()
+        self._figures: tuple[RunFigures, ...] = ()
         self._parted: Divergence | None = None
         self._figures_at = -math.inf  # when the metrics may be read again while ticks go by
         self._stale = True
@@ -344,7 +344,7 @@ class Player:
     @property
     def _ticks_per_second(self) -> float:
         """Ticks a second."""
-        return TICKS_PER_S * self._clock_speed
+        return NORMAL_TICKS_PER_S * self._clock_speed
 
     @property
     def _clock_speed(self) -> float:
@@ -453,7 +453,7 @@ class Player:
             snapshots=tuple(map(self._snapshot_of, self.runs, self._overlays)),
             figures=self._figures,
             playing=self._direction,
-            asked=TICKS_PER_S * self._speed,
+            asked=NORMAL_TICKS_PER_S * self._speed,
             achieved=self._rate[2] if self._direction else 0.0,
             head=max(run.head for run in self.runs),
             known=min(run.event_history.known for run in self.runs),

@@ -153,7 +153,7 @@ def _braille(floor: Place, screen: Place) -> list[Zoom]:
     return [*steps, dots(last)]
 
 
-class Rectangle(NamedTuple):
+class CellRectangle(NamedTuple):
     """Cells of the bordered floor: rows [top, bottom), columns [left, right)."""
 
     top: int
@@ -162,13 +162,13 @@ class Rectangle(NamedTuple):
     right: int
 
 
-def shown_rectangle(floor_plan: FloorPlan) -> Rectangle:
+def shown_rectangle(floor_plan: FloorPlan) -> CellRectangle:
     """The smallest rectangle that holds everything but outer walls; parking bays may lie in the
     border."""
     rows, columns = np.nonzero(floor_plan.kind != WALL)
     if not rows.size:
-        return Rectangle(1, 1, floor_plan.height + 1, floor_plan.width + 1)
-    return Rectangle(
+        return CellRectangle(1, 1, floor_plan.height + 1, floor_plan.width + 1)
+    return CellRectangle(
         int(rows.min()), int(columns.min()), int(rows.max()) + 1, int(columns.max()) + 1
     )
 
@@ -298,20 +298,20 @@ class Camera:
         inside = 0 <= row < self.rows and 0 <= column < self.columns
         return (row, column) if inside else None
 
-    def rectangle_at(self, row: int, column: int) -> Rectangle:
+    def rectangle_at(self, row: int, column: int) -> CellRectangle:
         """The cells that the character at a place of the screen stands for."""
         zoom = self.zoom
         y = (row + self.top) // zoom.height * zoom.down + self.shown.top
         x = (column + self.left) // zoom.width * zoom.across + self.shown.left
-        return Rectangle(y, x, y + zoom.down, x + zoom.across)
+        return CellRectangle(y, x, y + zoom.down, x + zoom.across)
 
-    def visible(self) -> Rectangle:
+    def visible(self) -> CellRectangle:
         """The cells of the floor on the screen, those that its edges cut included."""
         last = self.rectangle_at(self.rows - 1, self.columns - 1)
         first, shown = self.rectangle_at(0, 0), self.shown
         top, left = max(first.top, shown.top), max(first.left, shown.left)
         bottom, right = min(last.bottom, shown.bottom), min(last.right, shown.right)
-        return Rectangle(top, left, max(bottom, top), max(right, left))
+        return CellRectangle(top, left, max(bottom, top), max(right, left))
 
     def inside(self, cells: NDArray[np.int32]) -> NDArray[np.bool_]:
         """Which of these cells are on the screen; NIL is not."""
@@ -380,7 +380,7 @@ def _inside(value: int, low: int, high: int) -> int:
 # Blocks of cells as characters: which of them are on the screen, and sums over them.
 
 
-class Part(NamedTuple):
+class PicturePart(NamedTuple):
     """Characters of the picture of the whole floor: rows [top, bottom), columns [left, right)."""
 
     top: int
@@ -389,13 +389,13 @@ class Part(NamedTuple):
     right: int
 
 
-def part_of(camera: Camera) -> Part:
+def part_of(camera: Camera) -> PicturePart:
     """Those on the screen."""
     rows, columns = camera.size()
     top, left = max(camera.top, 0), max(camera.left, 0)
     bottom = min(camera.top + camera.rows, rows)
     right = min(camera.left + camera.columns, columns)
-    return Part(top, left, max(bottom, top), max(right, left))
+    return PicturePart(top, left, max(bottom, top), max(right, left))
 
 
 def blocks(

@@ -41,19 +41,19 @@ from automaton.floor.cells import (
     WALL,
 )
 from tui.render import styles
-from tui.render.camera import Camera, Part, Rectangle, blocks
+from tui.render.camera import Camera, CellRectangle, PicturePart, blocks
 from tui.render.scene import (
     DETAIL_FULL_SHELF,
     DETAIL_PASSING,
     DETAIL_POD,
     DETAIL_UNLIMITED,
     HEAT_LEVELS,
-    Floor,
     Scene,
+    ShownFloor,
 )
 from tui.render.styles import ASCII, DOT_BITS, GLYPHS, Codes, GlyphSet, code, style
 
-KIND_COLOURS = {  # of a kind of cell
+CELL_COLOURS = {  # of a kind of cell
     WALL: styles.COLOUR_WALL,
     FLOOR: styles.COLOUR_FLOOR_MARK,
     TRACK: styles.COLOUR_TRACK,
@@ -76,7 +76,7 @@ FAR_SHELF = styles.COLOUR_FLOOR_MARK
 FAR_LOAD = styles.COLOUR_RACK
 
 
-UNSIGNED: Final = (SHELF, RACK, STORAGE, BAY, TRACK, TURNTABLE)  # the lines say what it is
+SIGNLESS_KINDS: Final = (SHELF, RACK, STORAGE, BAY, TRACK, TURNTABLE)  # the lines say what it is
 
 
 # The six that stay farthest apart under all three kinds of colour blindness, in both themes; the
@@ -117,7 +117,7 @@ def colour_of(number: int) -> int:
         return styles.COLOUR_FLOOR
     if kind == FLOOR and detail:
         return styles.COLOUR_FLOW
-    return KIND_COLOURS[kind]
+    return CELL_COLOURS[kind]
 
 
 def sign_place(width: int, height: int) -> int:
@@ -131,7 +131,7 @@ def cell_codes(glyphs: GlyphSet, width: int, height: int = 1) -> NDArray[np.uint
     table = np.zeros((LOOK_COUNT, height * width), np.uint32)
     for number in range(LOOK_COUNT):
         kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
-        if kind not in KIND_COLOURS:
+        if kind not in CELL_COLOURS:
             continue  # more numbers than kinds
         first, rest = _characters(glyphs, kind, detail)
         fg = style(colour_of(number), styles.COLOUR_FLOOR)
@@ -182,7 +182,7 @@ def drawn_cell(
         return filled(glyphs, width, height, first)
     frames = glyphs is not ASCII  # letters make none
     cells = line_glyphs(glyphs, outline(kind, detail, width, height, frames))
-    if kind not in UNSIGNED or glyphs is ASCII or (kind == TURNTABLE and height > 2):
+    if kind not in SIGNLESS_KINDS or glyphs is ASCII or (kind == TURNTABLE and height > 2):
         cells[sign_place(width, height)] = first
     return cells
 
@@ -303,7 +303,9 @@ def flow_codes(glyphs: GlyphSet) -> Codes:
 
 
 @lru_cache(maxsize=8)
-def empty_floor(floor: Floor, seen: Rectangle, width: int, height: int, glyphs: GlyphSet) -> Codes:
+def empty_floor(
+    floor: ShownFloor, seen: CellRectangle, width: int, height: int, glyphs: GlyphSet
+) -> Codes:
     """(rows, columns, height x width) not to be written to; kept until the camera moves."""
     looks = floor.looks[seen.top : seen.bottom, seen.left : seen.right]
     return cell_codes(glyphs, width, height)[looks]
@@ -362,7 +364,7 @@ class Canvas:
 class Pixels:
     """Cells as pixels, two in a character, each with a colour; k x k cells in a pixel."""
 
-    def __init__(self, pixels: NDArray[np.uint8], part: Part, camera: Camera) -> None:
+    def __init__(self, pixels: NDArray[np.uint8], part: PicturePart, camera: Camera) -> None:
         self.pixels, self.part, self.camera = pixels, part, camera
         self.k = camera.zoom.across
         self.flat = pixels.reshape(-1)

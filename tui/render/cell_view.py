@@ -35,7 +35,7 @@ from automaton.floor.cells import (
 )
 from tui.render import drawn_robots as fleet
 from tui.render import styles
-from tui.render.camera import Camera, Rectangle
+from tui.render.camera import Camera, CellRectangle
 from tui.render.cell_looks import (
     TINT_COLOURS,
     TINT_LETTERS,
@@ -50,11 +50,11 @@ from tui.render.cell_looks import (
     line_glyphs,
     look,
 )
-from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, NO_CELLS, Floor, Scene
+from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, NO_CELLS, Scene, ShownFloor
 from tui.render.styles import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style
 
 MAX_LINE_CELLS: Final = 100_000  # of all lines together: 8 ms; the robots that follow have none
-LINES: Final = ("", "selected", "all")  # whose goals lines lead to
+GOAL_LINES: Final = ("", "selected", "all")  # whose goals lines lead to
 
 BodyAndInk = tuple[NDArray[np.uint32], NDArray[np.uint32]]  # (n,) each
 
@@ -94,7 +94,7 @@ def draw_loads(canvas: Canvas) -> None:
     canvas.flat[pods_in(canvas.scene, canvas.seen)] = codes[look(STORAGE, DETAIL_POD)]
 
 
-def full_shelves(scene: Scene, visible: Rectangle, kind: int = SHELF) -> NDArray[np.intp]:
+def full_shelves(scene: Scene, visible: CellRectangle, kind: int = SHELF) -> NDArray[np.intp]:
     """Those with a load, in cells of the rectangle; before the run begins, as they are drawn."""
     shelves = shelves_in(scene.floor, visible, kind)
     if scene.snapshot is not None:
@@ -105,7 +105,7 @@ def full_shelves(scene: Scene, visible: Rectangle, kind: int = SHELF) -> NDArray
     return at
 
 
-def pods_in(scene: Scene, visible: Rectangle) -> NDArray[np.intp]:
+def pods_in(scene: Scene, visible: CellRectangle) -> NDArray[np.intp]:
     """The storage cells in which a pod stands, in cells of the rectangle."""
     return full_shelves(scene, visible, STORAGE)
 
@@ -118,7 +118,7 @@ class Shelves(NamedTuple):
 
 
 @lru_cache(maxsize=8)
-def shelves_in(floor: Floor, visible: Rectangle, kind: int = SHELF) -> Shelves:
+def shelves_in(floor: ShownFloor, visible: CellRectangle, kind: int = SHELF) -> Shelves:
     """Those of one kind; kept until the camera moves."""
     rows, columns = slice(visible.top, visible.bottom), slice(visible.left, visible.right)
     slots = floor.slot_in.reshape(floor.looks.shape)[rows, columns].reshape(-1)
@@ -158,9 +158,9 @@ def keep_heat(canvas: Canvas, ground: Codes) -> None:
     A sign has the foreground of its background; other characters, such as a station's number, fill
     nothing.
     """
-    fg, heat = np.divmod(ground >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOURS)))
+    fg, heat = np.divmod(ground >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOUR_TABLE)))
     hot = (heat > styles.COLOUR_HEAT_0) & (heat < styles.COLOUR_FLOOR_MARK)
-    bg = (canvas.flat >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOURS))
+    bg = (canvas.flat >> np.uint32(GLYPH_BITS)) % np.uint32(len(styles.COLOUR_TABLE))
     over = hot & (canvas.flat != ground) & (bg == styles.COLOUR_FLOOR)
     blank = over & (fg == heat) & (canvas.flat & GLYPHS == canvas.glyphs.blank)
     canvas.flat[over] = styles.with_background(canvas.flat[over], heat[over])
@@ -214,7 +214,7 @@ def sign_tints(codes: Codes, pixels: NDArray[np.uint8], thin: bool = False) -> C
         bottom = pixels[1::2]
         whole = np.isin(top, TINT_COLOURS) | np.isin(bottom, TINT_COLOURS)
         top = np.where(np.isin(top, TINT_COLOURS), top, bottom)
-    letter_of: NDArray[Any] = np.zeros(len(styles.COLOURS), np.uint32)
+    letter_of: NDArray[Any] = np.zeros(len(styles.COLOUR_TABLE), np.uint32)
     letter_of[TINT_COLOURS] = TINT_LETTERS
     fg = top[whole].astype(np.uint32)
     signed = codes.copy()
@@ -377,7 +377,7 @@ def draw_robots(canvas: Canvas) -> None:
 
 def draw_signs(
     canvas: Canvas,
-    robots: fleet.Robots,
+    robots: fleet.DrawnRobots,
     index: Cells,
     which: NDArray[np.intp],
     robot_styles: NDArray[np.uint32],

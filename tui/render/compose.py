@@ -36,11 +36,11 @@ from automaton.floor.cells import (
 )
 from tui.render import drawn_robots as fleet
 from tui.render import styles
-from tui.render.camera import Camera, Part, Rectangle, blocks, part_of
+from tui.render.camera import Camera, CellRectangle, PicturePart, blocks, part_of
 from tui.render.cell_looks import (
+    CELL_COLOURS,
     FAR_LOAD,
     FAR_SHELF,
-    KIND_COLOURS,
     STORING_KINDS,
     Pixels,
     colour_of,
@@ -56,7 +56,7 @@ from tui.render.cell_view import (
     pods_in,
     sign_tints,
 )
-from tui.render.scene import NO_CELLS, Floor, Scene
+from tui.render.scene import NO_CELLS, Scene, ShownFloor
 from tui.render.styles import DOT_BITS, Codes, GlyphSet, code, style
 
 Colours = NDArray[np.uint8]  # by pixel, or by character
@@ -122,7 +122,7 @@ def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
 
 
 @lru_cache(maxsize=16)
-def floor_in_dots(floor: Floor, shown: Rectangle, k: int, glyphs: GlyphSet) -> Codes:
+def floor_in_dots(floor: ShownFloor, shown: CellRectangle, k: int, glyphs: GlyphSet) -> Codes:
     """The whole floor without robots."""
     looks = floor.looks[shown.top : shown.bottom, shown.left : shown.right]
     kind = floor.floor_plan.kind[shown.top : shown.bottom, shown.left : shown.right]
@@ -135,7 +135,7 @@ def floor_in_dots(floor: Floor, shown: Rectangle, k: int, glyphs: GlyphSet) -> C
     fg = np.where(more_walls, styles.COLOUR_WALL, FAR_SHELF)
     for station in STATION_KINDS:
         dots = _patterns(blocks(kind == station, k) > 0)
-        fg = np.where(dots, KIND_COLOURS[station], fg)
+        fg = np.where(dots, CELL_COLOURS[station], fg)
         pattern = np.where(dots, dots, pattern)
     codes: Codes = code(style(fg, styles.COLOUR_FLOOR), np.array(glyphs.braille)[pattern])
     return np.asarray(codes, np.uint32)
@@ -155,7 +155,7 @@ class DotCanvas:
     def __init__(
         self,
         codes: Codes,
-        part: Part,
+        part: PicturePart,
         camera: Camera,
         glyphs: GlyphSet,
         backgrounds: Colours | None = None,
@@ -181,7 +181,7 @@ class DotCanvas:
 class Dots:
     """Cells as characters of a part of the picture and dots in them."""
 
-    def __init__(self, cells: NDArray[np.int32], part: Part, camera: Camera) -> None:
+    def __init__(self, cells: NDArray[np.int32], part: PicturePart, camera: Camera) -> None:
         y, x = np.divmod(cells, np.int32(camera.floor_plan.stride))
         y, x = y - camera.shown.top, x - camera.shown.left
         if camera.zoom.kind == "pixels":
@@ -326,7 +326,7 @@ def draw_robot_pixels(canvas: Pixels, scene: Scene) -> None:
 
 
 @lru_cache(maxsize=16)
-def floor_in_pixels(floor: Floor, shown: Rectangle, k: int) -> Colours:
+def floor_in_pixels(floor: ShownFloor, shown: CellRectangle, k: int) -> Colours:
     """The whole floor without robots and loads, k x k cells in a pixel, whole characters."""
     rows, columns = slice(shown.top, shown.bottom), slice(shown.left, shown.right)
     kind = floor.floor_plan.kind[rows, columns]
@@ -340,14 +340,14 @@ def floor_in_pixels(floor: Floor, shown: Rectangle, k: int) -> Colours:
         solid = np.isin(kind, STORING_KINDS) | inner
         pixels[2 * blocks(solid, k) >= area] = FAR_SHELF
         for station in STATION_KINDS:
-            pixels[blocks(kind == station, k) > 0] = KIND_COLOURS[station]
+            pixels[blocks(kind == station, k) > 0] = CELL_COLOURS[station]
     return np.pad(pixels, ((0, len(pixels) % 2), (0, 0)), constant_values=styles.COLOUR_FLOOR)
 
 
 def _pixel_colour(number: int) -> int:
     """Floor and rails are dark: only what stands on the floor has a colour."""
     kind = number & KIND_MASK
-    if kind in DRIVEN or kind not in KIND_COLOURS:
+    if kind in DRIVEN or kind not in CELL_COLOURS:
         return styles.COLOUR_FLOOR
     return FAR_SHELF if kind in STORING_KINDS else colour_of(number)
 
@@ -355,7 +355,7 @@ def _pixel_colour(number: int) -> int:
 def paired(pixels: Colours, glyphs: GlyphSet) -> Codes:
     """(rows / 2, columns) the characters of these pixels."""
     upper, lower = pixels[0::2].astype(np.intp), pixels[1::2]
-    codes: Codes = pairs(glyphs)[upper * len(styles.COLOURS) + lower]
+    codes: Codes = pairs(glyphs)[upper * len(styles.COLOUR_TABLE) + lower]
     return codes
 
 
@@ -366,7 +366,7 @@ def pairs(glyphs: GlyphSet) -> Codes:
     What stands on the floor is dotted, what lies over it or moves is solid: that tells robots from
     shelves where there are no colours. Beside something solid the other half is plain floor.
     """
-    colours, floor = len(styles.COLOURS), styles.COLOUR_FLOOR
+    colours, floor = len(styles.COLOUR_TABLE), styles.COLOUR_FLOOR
     upper, lower = np.divmod(np.arange(colours * colours), colours)
     standing = np.isin(np.arange(colours), [floor, *DOTTED])
     top = np.where(standing[upper] & ~standing[lower], floor, upper)
@@ -395,7 +395,7 @@ def _shades(
 
 def _dots(full: int, pair: int) -> NDArray[np.uint8]:
     """(colours,) the dots of each colour that stands on the floor; fewer for an empty shelf."""
-    dots = np.zeros(len(styles.COLOURS), np.uint8)
+    dots = np.zeros(len(styles.COLOUR_TABLE), np.uint8)
     dots[list(DOTTED)] = full
     dots[FAR_SHELF] = pair
     return dots
@@ -444,7 +444,7 @@ class Minimap:
         return self.camera.cell_at(row, column)
 
 
-def edge(seen: Rectangle, camera: Camera) -> NDArray[np.int32]:
+def edge(seen: CellRectangle, camera: Camera) -> NDArray[np.int32]:
     """The outermost cells of a rectangle."""
     rows, columns = np.arange(seen.top, seen.bottom), np.arange(seen.left, seen.right)
     stride = camera.floor_plan.stride

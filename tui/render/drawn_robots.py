@@ -58,8 +58,8 @@ COLOURINGS: Final = {  # by name, and what it is called in the palette and in me
 
 WAITED: Final = (1, 10, 50, 200)  # ticks from which on levels 1 to 4 of a wait begin
 
-CLASS_COUNT: Final = len(styles.CLASSES)
-LEVEL_COUNT: Final = len(styles.LEVELS)
+CLASS_COUNT: Final = len(styles.CLASS_COLOURS)
+LEVEL_COUNT: Final = len(styles.LEVEL_COLOURS)
 
 # Rows of BODY_COLOURS behind those of the states.
 DRAW_CLASS: Final = len(STATE_COLOURS)
@@ -77,7 +77,7 @@ BODY_COLOURS: Final = np.array(
             styles.COLOUR_LOW_BATTERY,
         ),
         *(styles.COLOUR_WAITING, styles.COLOUR_FAULT),
-        *(*styles.CLASSES, *styles.LEVELS, styles.COLOUR_FAULT),
+        *(*styles.CLASS_COLOURS, *styles.LEVEL_COLOURS, styles.COLOUR_FAULT),
     ],
     np.uint32,
 )
@@ -107,12 +107,14 @@ BAR_HEIGHT: Final = 3  # rows of a cell from which on there is room for the bar
 POINT: Final = 3  # pixels that a pointed front is deep, at most; a quarter of large robots
 
 HEADLESS: Final = (looks.SHAPE_SQUARE, looks.SHAPE_PLUG, looks.SHAPE_VOID, looks.SHAPE_CROSS)
-GAP: Final = styles.COLOUR_VOID  # foreground of blanks, which are never underlined as signs are
+BLANK_INK: Final = (
+    styles.COLOUR_VOID
+)  # foreground of blanks, which are never underlined as signs are
 
 Colours = NDArray[np.uint32]
 
 
-class Robots(NamedTuple):
+class DrawnRobots(NamedTuple):
     """The fleet as it is drawn; all (n,), by identity."""
 
     cell: NDArray[np.int32]  # its parking bay's if it is there; NIL: it cannot be drawn
@@ -122,13 +124,13 @@ class Robots(NamedTuple):
     colour: NDArray[np.uint32]
 
 
-def robots_of(scene: Scene) -> Robots:
+def robots_of(scene: Scene) -> DrawnRobots:
     """The robots of a scene's snapshot."""
     assert scene.snapshot is not None
     fleet, floor = scene.snapshot.robots, scene.floor
     looks = robot_looks(fleet, floor.headings, floor.battery, floor.faults)
     colour = colours_of(scene, looks.state)
-    return Robots(cell_of(fleet), looks.state, looks.direction, looks.shape, colour)
+    return DrawnRobots(cell_of(fleet), looks.state, looks.direction, looks.shape, colour)
 
 
 def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
@@ -136,7 +138,7 @@ def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
     return BODY_COLOURS[coloured(scene, state)]
 
 
-def body_colours(scene: Scene, robots: Robots) -> NDArray[np.uint32]:
+def body_colours(scene: Scene, robots: DrawnRobots) -> NDArray[np.uint32]:
     """(n,) the same where a robot's load has a colour of its own."""
     state = np.where(robots.state == DRAW_LOADED, np.uint8(DRAW_EMPTY), robots.state)
     return colours_of(scene, state)
@@ -166,7 +168,7 @@ def number_glyphs(glyphs: GlyphSet, robots: int, width: int) -> NDArray[np.uint3
 
 def with_cursor(codes: Codes) -> Codes:
     """The same on the background of the cursor; a robot's colour becomes that of its signs."""
-    fg, bg = np.divmod(codes >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOURS)))
+    fg, bg = np.divmod(codes >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOUR_TABLE)))
     on_robot = (bg >= styles.COLOUR_PARKED) & (fg < styles.COLOUR_TRACK)
     foregrounds = style(np.where(on_robot, bg, fg), styles.COLOUR_CURSOR)
     return np.asarray(code(foregrounds, codes & GLYPHS), np.uint32)
@@ -233,14 +235,23 @@ def colour_entries(scene: Scene, sign: int) -> Entries:
         half = CLASS_COUNT // 2
         none = shown(range(styles.COLOUR_PARKED, styles.COLOUR_PARKED + 1))
         return [
-            (shown(styles.CLASSES[:half]), f"by {scene.colouring}: {CLASS_COUNT} colours in turn,"),
-            (shown(styles.CLASSES[half:]), "those of one number always the same"),
+            (
+                shown(styles.CLASS_COLOURS[:half]),
+                f"by {scene.colouring}: {CLASS_COUNT} colours in turn,",
+            ),
+            (shown(styles.CLASS_COLOURS[half:]), "those of one number always the same"),
             (none, f"no {scene.colouring}"),
         ]
     if scene.colouring == "type":
         names = [*enumerate(scene.floor.type_names)]
-        return [(shown(styles.CLASSES[n % CLASS_COUNT :][:1]), f"type {name}") for n, name in names]
-    return [(shown(styles.LEVELS[n : n + 1]), words) for n, words in enumerate(_level_words(scene))]
+        return [
+            (shown(styles.CLASS_COLOURS[n % CLASS_COUNT :][:1]), f"type {name}")
+            for n, name in names
+        ]
+    return [
+        (shown(styles.LEVEL_COLOURS[n : n + 1]), words)
+        for n, words in enumerate(_level_words(scene))
+    ]
 
 
 def _level_words(scene: Scene) -> list[str]:
@@ -257,7 +268,7 @@ def _level_words(scene: Scene) -> list[str]:
 
 
 def drawn_robots(
-    canvas: Canvas, robots: Robots, which: NDArray[np.intp], body: Colours, ink: Colours
+    canvas: Canvas, robots: DrawnRobots, which: NDArray[np.intp], body: Colours, ink: Colours
 ) -> Codes:
     """(k, characters of a cell) codes of the robots `which`, (k,), in these colours, (k,) each."""
     snapshot = canvas.scene.snapshot
@@ -311,7 +322,7 @@ def paired(canvas: Canvas, upper: Colours, lower: Colours) -> Codes:
     glyphs, floor = canvas.glyphs, styles.COLOUR_FLOOR
     codes = code(style(upper, lower), glyphs.upper_half)
     codes = np.where(upper == floor, code(style(lower, floor), glyphs.lower_half), codes)
-    plain = np.where(upper == floor, floor, GAP)
+    plain = np.where(upper == floor, floor, BLANK_INK)
     codes = np.where(upper == lower, code(style(plain, lower), glyphs.blank), codes)
     return np.asarray(codes, np.uint32)
 

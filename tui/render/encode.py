@@ -230,7 +230,7 @@ BOLD = ' font-weight="bold"'
 FONTS = "'DejaVu Sans Mono', Menlo, Consolas, 'Liberation Mono', monospace"
 
 
-class Run(NamedTuple):
+class TextRun(NamedTuple):
     """Neighbouring characters of one look."""
 
     text: str
@@ -241,12 +241,12 @@ class Run(NamedTuple):
 
 def as_svg(codes: Codes, look: Look, glyphs: GlyphSet, title: str = "") -> str:
     """A drawing that needs nothing beside itself, under a bar with a title if there is one."""
-    rows = ([Run(text, *look.css(n)) for text, n in runs(row, glyphs)] for row in codes)
+    rows = ([TextRun(text, *look.css(n)) for text, n in runs(row, glyphs)] for row in codes)
     return svg_of(rows, codes.shape, look, title)
 
 
 def svg_of(
-    rows: Iterable[Iterable[Run]], shape: tuple[int, ...], look: Look, title: str = ""
+    rows: Iterable[Iterable[TextRun]], shape: tuple[int, ...], look: Look, title: str = ""
 ) -> str:
     """The same of any characters; `shape`: rows and columns, as of a terminal."""
     bar = TITLE_BAR_HEIGHT if title else 0
@@ -286,7 +286,7 @@ class _Drawing:
         self._boxes: dict[str, list[str]] = {}
         self._letters: dict[tuple[str, bool], list[str]] = {}
 
-    def add(self, run: Run, column: int, row: int) -> None:
+    def add(self, run: TextRun, column: int, row: int) -> None:
         """Characters of one look."""
         text, fg, bg, bold = run
         x, y = column * CHARACTER_WIDTH, row * CHARACTER_HEIGHT

@@ -63,7 +63,7 @@ class Layer:
         return levels_of(values, scene.scale)
 
     def tints(self, scene: Scene) -> NDArray[np.int8] | None:
-        """(C,) the tint of each cell, an index of tui.render.cell_view.TINTS, or NIL."""
+        """(C,) the tint of each cell, an index of tui.render.cell_looks.TINTS, or NIL."""
         return None
 
     def draw_signs(self, canvas: Canvas, tints: NDArray[np.int8], looks: NDArray[np.uint8]) -> None:

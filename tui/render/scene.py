@@ -38,7 +38,7 @@ SCALE_ENDS: Final = (10, 12, 15, 20, 25, 30, 40, 50, 60, 80)  # times a power of
 
 
 @dataclass(frozen=True, eq=False)
-class Floor:
+class ShownFloor:
     """What does not change during a run; compared by identity, so that pictures can be kept."""
 
     floor_plan: FloorPlan
@@ -72,12 +72,12 @@ class Floor:
         return self.battery or self.faults
 
 
-def floor_of(resolved: Resolved) -> Floor:
+def floor_of(resolved: Resolved) -> ShownFloor:
     """The floor for the pictures."""
     traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.traffic_zones)
     scenario = resolved.scenario
     routing = scenario.strategy.routing
-    return Floor(
+    return ShownFloor(
         resolved.floor_plan,
         resolved.floor_plan.slots,
         tuple(one.headings for one in resolved.fleet.types),
@@ -106,7 +106,7 @@ def looks_with_capacity(floor_plan: FloorPlan) -> Looks:
 class Scene:
     """One moment of a run, and what the user wants to see of it."""
 
-    floor: Floor
+    floor: ShownFloor
     snapshot: Snapshot | None = None  # None: the floor alone
     selected: int = NIL  # robot
     route: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # its cells, stand last
@@ -118,7 +118,7 @@ class Scene:
     zone: int = NIL  # whose cells are marked
     colouring: str = "state"  # of robots, of tui.render.drawn_robots.COLOURINGS
     trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL
-    lines: str = ""  # whose goals lines lead to, of tui.render.cell_view.LINES
+    lines: str = ""  # whose goals lines lead to, of tui.render.cell_view.GOAL_LINES
     least: int = 2  # paths that lead through a cell of the overlay "predicted"
 
     def with_(self, **changes: Any) -> Scene:
@@ -150,7 +150,7 @@ class Scene:
         return (layer.heat and not layer.arrows) or self.tints is not None
 
     @cached_property
-    def scale(self) -> Scale:
+    def scale(self) -> HeatScale:
         """From which number on each level of the layer begins."""
         return scale_for(0 if self.values is None else int(self.values.max(initial=0)))
 
@@ -197,7 +197,7 @@ class Scene:
 
     @cached_property
     def tints(self) -> NDArray[np.int8] | None:
-        """(C,) the tint of each cell, an index of tui.render.cell_view.TINTS, or NIL; None: no tints."""
+        """(C,) the tint of each cell, an index of tui.render.cell_looks.TINTS, or NIL; None: no tints."""
         tints: NDArray[np.int8] | None = self.map_layer.tints(self)
         return tints
 
@@ -232,7 +232,7 @@ class Choice:
     match_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # or cells
     colouring: str = "state"  # of robots, of tui.render.drawn_robots.COLOURINGS
     trails: bool = False
-    lines: str = ""  # whose goals lines lead to, of tui.render.cell_view.LINES
+    lines: str = ""  # whose goals lines lead to, of tui.render.cell_view.GOAL_LINES
 
     @property
     def laid(self) -> str:
@@ -243,7 +243,7 @@ class Choice:
 # The scale of what a layer counts.
 
 
-class Scale(NamedTuple):
+class HeatScale(NamedTuple):
     """The numbers at which levels 1 to 8 begin, and where the scale ends."""
 
     begins: tuple[int, ...]
@@ -256,7 +256,7 @@ class Scale(NamedTuple):
         return f"{low}" if high <= low else f"{low} to {high}"
 
 
-def scale_for(largest: int) -> Scale:
+def scale_for(largest: int) -> HeatScale:
     """The scale up to the next of SCALE_ENDS: the largest number is of the last level."""
     power = 1
     while SCALE_ENDS[-1] * power < largest and 10 * SCALE_ENDS[0] * power < largest:
@@ -267,10 +267,10 @@ def scale_for(largest: int) -> Scale:
     begins = [
         max(n, _rounded(end * ((n - 1) / (HEAT_LEVELS - 1)) ** 2)) for n in range(1, HEAT_LEVELS)
     ]
-    return Scale(tuple(begins), end)
+    return HeatScale(tuple(begins), end)
 
 
-def levels_of(values: NDArray[np.int32], scale: Scale) -> NDArray[np.uint8]:
+def levels_of(values: NDArray[np.int32], scale: HeatScale) -> NDArray[np.uint8]:
     """The level of each value."""
     begins = np.array(scale.begins, values.dtype)
     return (

@@ -238,7 +238,7 @@ DEPTHS: Final = {
 Theme = Literal["dark", "light"]
 
 
-class Shades(NamedTuple):
+class ColourShades(NamedTuple):
     """One colour on terminals of each depth."""
 
     true: int  # 0xRRGGBB
@@ -250,8 +250,8 @@ class Colour(NamedTuple):
     """One row of the table."""
 
     name: str
-    dark: Shades
-    light: Shades
+    dark: ColourShades
+    light: ColourShades
     bold: bool
 
 
@@ -262,7 +262,7 @@ def _row(
     name: str, dark: tuple[int, int, int], light: tuple[int, int, int], bold: bool = False
 ) -> int:
     """Add a row; its index."""
-    _rows.append(Colour(name, Shades(*dark), Shades(*light), bold))
+    _rows.append(Colour(name, ColourShades(*dark), ColourShades(*light), bold))
     return len(_rows) - 1
 
 
@@ -333,20 +333,20 @@ COLOUR_FAULT: Final = _row("fault", (0xFF5F1F, 202, 9), (0xC8102E, 160, 1), bold
 COLOUR_CURSOR: Final = _row("cursor", (0x5FFFD7, 86, 10), (0x20D8B0, 43, 10))
 COLOUR_SELECTED: Final = _row("selected", (0xFFFFFF, 231, 15), (0x000000, 16, 13), bold=True)
 
-COLOURS: Final = tuple(_rows)
-STYLE_COUNT: Final = len(COLOURS) ** 2
+COLOUR_TABLE: Final = tuple(_rows)
+STYLE_COUNT: Final = len(COLOUR_TABLE) ** 2
 # Grounds keep their value as foreground; all others adapt to these backgrounds, see `Look`.
 GROUNDS: Final = range(COLOUR_FLOOR, COLOUR_FLOOR_MARK)
 BACKGROUNDS: Final = (*GROUNDS, COLOUR_MARKED, COLOUR_CURSOR, COLOUR_SELECTED)
 # Robots bear numbers; words are written in the others, on the lines around the map and on the floor.
-CLASSES: Final = range(COLOUR_CLASS_0, COLOUR_CLASS_7 + 1)  # of kinds of robots
-LEVELS: Final = range(COLOUR_LEVEL_0, COLOUR_LEVEL_4 + 1)  # of amounts that robots have
-ROBOTS: Final = range(COLOUR_PARKED, COLOUR_FAULT + 1)
-WORDS: Final = (
+CLASS_COLOURS: Final = range(COLOUR_CLASS_0, COLOUR_CLASS_7 + 1)  # of kinds of robots
+LEVEL_COLOURS: Final = range(COLOUR_LEVEL_0, COLOUR_LEVEL_4 + 1)  # of amounts that robots have
+ROBOT_COLOURS: Final = range(COLOUR_PARKED, COLOUR_FAULT + 1)
+WORD_COLOURS: Final = (
     *(COLOUR_FLOOR, COLOUR_STATION, COLOUR_DIM, COLOUR_TEXT, COLOUR_DONE, COLOUR_CURSOR),
 )
-WHITE: Final = Shades(0xFFFFFF, 231, 15)
-BLACK: Final = Shades(0x000000, 16, 0)
+WHITE: Final = ColourShades(0xFFFFFF, 231, 15)
+BLACK: Final = ColourShades(0x000000, 16, 0)
 
 TEXT_CONTRAST: Final = 4.5  # of words and of robots, which have numbers, with what is behind them
 MARK_CONTRAST: Final = 3.0  # of signs
@@ -368,15 +368,15 @@ def style(fg: int, bg: NDArray[Any]) -> NDArray[np.uint32]: ...
 def style(fg: int | NDArray[Any], bg: int | NDArray[Any]) -> int | NDArray[np.uint32]:
     """The number of a foreground on a background; style 0 is the plain floor."""
     if isinstance(fg, int) and isinstance(bg, int):
-        return fg * len(COLOURS) + bg
-    styles: NDArray[np.uint32] = np.asarray(fg, np.uint32) * np.uint32(len(COLOURS))
+        return fg * len(COLOUR_TABLE) + bg
+    styles: NDArray[np.uint32] = np.asarray(fg, np.uint32) * np.uint32(len(COLOUR_TABLE))
     return styles + np.asarray(bg, np.uint32)
 
 
 def with_background(codes: Codes, bg: int | NDArray[Any]) -> Codes:
     """The same glyphs in the same foregrounds on another background."""
     styles = codes >> np.uint32(GLYPH_BITS)
-    fg = styles - styles % np.uint32(len(COLOURS))
+    fg = styles - styles % np.uint32(len(COLOUR_TABLE))
     return ((fg + np.asarray(bg, np.uint32)) << np.uint32(GLYPH_BITS)) | (codes & GLYPHS)
 
 
@@ -400,9 +400,9 @@ class Look:
     def __init__(self, depth: Depth, theme: Theme = "dark") -> None:
         self.depth = depth
         self.theme = theme
-        fg, bg = np.divmod(np.arange(STYLE_COUNT, dtype=np.int32), np.int32(len(COLOURS)))
+        fg, bg = np.divmod(np.arange(STYLE_COUNT, dtype=np.int32), np.int32(len(COLOUR_TABLE)))
         # (STYLE_COUNT,) the order of painting: the style that shows what matters most comes first.
-        self.rank: NDArray[np.int32] = (len(COLOURS) - np.maximum(fg, bg)) * STYLE_COUNT
+        self.rank: NDArray[np.int32] = (len(COLOUR_TABLE) - np.maximum(fg, bg)) * STYLE_COUNT
         self.rank += np.arange(STYLE_COUNT, dtype=np.int32)
         self._sgr: dict[int, str] = {}
         self._rich: dict[int, Style] = {}
@@ -425,7 +425,10 @@ class Look:
         """Foreground, background and weight for a page or a drawing."""
         attributes = self.attributes(style)
         if self.depth == Depth.NONE:
-            fg, bg = _own(COLOURS[COLOUR_TEXT], self.theme).true, _own(COLOURS[0], self.theme).true
+            fg, bg = (
+                _own(COLOUR_TABLE[COLOUR_TEXT], self.theme).true,
+                _own(COLOUR_TABLE[0], self.theme).true,
+            )
         else:
             fg, bg = (rgb(value, self.depth) for value in self.pair(style))
         if attributes.reverse:
@@ -434,17 +437,17 @@ class Look:
 
     def pair(self, style: int) -> tuple[int, int]:
         """The values of foreground and background at this depth."""
-        fg, bg = divmod(style, len(COLOURS))
+        fg, bg = divmod(style, len(COLOUR_TABLE))
         index = 3 - self.depth  # of the depth in `Shades`
-        below = _own(COLOURS[bg], self.theme)[index]
-        own = _own(COLOURS[fg], self.theme)[index]
+        below = _own(COLOUR_TABLE[bg], self.theme)[index]
+        own = _own(COLOUR_TABLE[fg], self.theme)[index]
         cut_out = fg == COLOUR_FLOOR and bg not in GROUNDS
         if not cut_out and (fg in GROUNDS or bg not in BACKGROUNDS):
             return own, below
         needed = self.needed(fg, bg)
         if contrast(own, below, self.depth) >= needed:
             return own, below
-        of_other_theme = COLOURS[fg].light if self.theme == "dark" else COLOURS[fg].dark
+        of_other_theme = COLOUR_TABLE[fg].light if self.theme == "dark" else COLOUR_TABLE[fg].dark
         if contrast(of_other_theme[index], below, self.depth) >= needed:
             return of_other_theme[index], below
         either = WHITE[index], BLACK[index]
@@ -456,8 +459,8 @@ class Look:
         Lines of words lie beyond the floor. On white only five of 16 colours have the contrast of
         text, too few for the states of a robot.
         """
-        written = fg in WORDS or bg == COLOUR_VOID
-        written = written or (fg in ROBOTS and self.depth != Depth.SIXTEEN)
+        written = fg in WORD_COLOURS or bg == COLOUR_VOID
+        written = written or (fg in ROBOT_COLOURS and self.depth != Depth.SIXTEEN)
         return TEXT_CONTRAST if written else MARK_CONTRAST
 
     def attributes(self, style: int) -> Attributes:
@@ -467,8 +470,8 @@ class Look:
         What waits is underlined at every depth, on the floor and on a robot, for its colour alone is
         not enough. The blanks of a robot that is drawn have the foreground "beyond the floor".
         """
-        fg, bg = divmod(style, len(COLOURS))
-        bold = COLOURS[fg].bold
+        fg, bg = divmod(style, len(COLOUR_TABLE))
+        bold = COLOUR_TABLE[fg].bold
         cut_out = fg in GROUNDS and bg not in GROUNDS
         written = fg == COLOUR_FLOOR and bg in (COLOUR_WAITING, COLOUR_FAULT)
         if self.depth != Depth.NONE:
@@ -478,7 +481,7 @@ class Look:
             bold=bold
             or fg == COLOUR_LOADED
             or bg in (COLOUR_MARKED, COLOUR_SELECTED)
-            or (cut_out and COLOURS[bg].bold),
+            or (cut_out and COLOUR_TABLE[bg].bold),
             underline=COLOUR_WAITING in (fg, bg) or bg in (COLOUR_SELECTED, COLOUR_MARKED),
             reverse=cut_out or fg == COLOUR_FAULT or bg in (COLOUR_SELECTED, COLOUR_CURSOR),
         )
@@ -505,7 +508,7 @@ class Look:
         return Style(color=fg, bgcolor=bg, bold=bold, underline=underline, reverse=reverse)
 
 
-def _own(colour: Colour, theme: Theme) -> Shades:
+def _own(colour: Colour, theme: Theme) -> ColourShades:
     return colour.dark if theme == "dark" else colour.light
 
 

@@ -12,7 +12,7 @@ from textual.widgets import Input, Static
 from automaton.errors import InputError
 from automaton.history.breakpoints import FIELDS, breakpoint_of
 from tui.screens.dialogs import Dialog
-from tui.widgets.panel import UNICODE, Line, Link, Rows, Signs, Span, TypedInput, dim, line
+from tui.widgets.panel import UNICODE_SIGNS, Line, Link, Rows, Signs, Span, TypedInput, dim, line
 
 GRAMMAR: Final = (
     "deadlock, wait cycle, zones redesigned, delivered 7, stalled > 50, or a condition on "
@@ -26,7 +26,7 @@ WAYS: Final = (
 )
 
 
-class Stop(NamedTuple):
+class StopCondition(NamedTuple):
     """A breakpoint as the user keeps it."""
 
     text: str
@@ -42,7 +42,7 @@ class StopList(Rows):
         Binding("delete,backspace", "remove", "Remove", show=False),
     ]
 
-    def __init__(self, stops: Sequence[Stop], signs: Signs) -> None:
+    def __init__(self, stops: Sequence[StopCondition], signs: Signs) -> None:
         super().__init__(signs)
         self.stops = list(stops)
 
@@ -85,14 +85,14 @@ class StopList(Rows):
             self.set_content()
 
 
-class BreakpointsScreen(Dialog[tuple[Stop, ...]]):
+class BreakpointsScreen(Dialog[tuple[StopCondition, ...]]):
     """The result is the list as it was left, however the dialog is closed."""
 
     HEADING = "Breakpoints: the run stops where one begins to hold"
     ACCEPT = "Done"
     CANCEL = ""
 
-    def __init__(self, stops: Sequence[Stop], signs: Signs = UNICODE) -> None:
+    def __init__(self, stops: Sequence[StopCondition], signs: Signs = UNICODE_SIGNS) -> None:
         super().__init__()
         self._list = StopList(stops, signs)
 
@@ -120,7 +120,7 @@ class BreakpointsScreen(Dialog[tuple[Stop, ...]]):
             self.complain(str(error))
             return False
         if read.text not in [stop.text for stop in self._list.stops]:
-            self._list.stops.append(Stop(read.text))
+            self._list.stops.append(StopCondition(read.text))
             self._list.set_content()
         return True
 

@@ -31,7 +31,7 @@ from tui.widgets.pod_facts import has_pods, makes_trips
 from tui.widgets.robot_facts import doing_word
 from tui.widgets.zone_facts import checked_station, checked_zone, partition_of, robots_in
 
-EXAMPLES: Final = (
+FIND_EXAMPLES: Final = (
     "17, robot 17, order 7, load 7, line 7, pod 12, 12,4, station 11, door 1, lift 1, zone 9, "
     "a name that the scenario gives, or a condition: waiting > 20 and loaded, deadlock, "
     "stalled > 50, battery < 20, queueing, jam, starved"
@@ -99,7 +99,7 @@ class FindScreen(Dialog[Found]):
 
     def inside(self) -> ComposeResult:
         yield TypedInput(self._text, placeholder="robot 17", compact=True)
-        yield Static(EXAMPLES, classes="hint", markup=False)
+        yield Static(FIND_EXAMPLES, classes="hint", markup=False)
         yield Static("", id="many", markup=False)
         yield MatchList(self._view)
 

@@ -34,7 +34,7 @@ LINK_WINDOW_S = 2.0  # seconds over which the link is judged
 
 
 @dataclass(frozen=True)
-class Figures:
+class LinkFigures:
     """What the link carries, for the status line."""
 
     round_trip: float  # seconds from a frame to its answer; NaN before the first answer
@@ -109,11 +109,11 @@ class FramePacer:
             self._round_trip += (sample - self._round_trip) / 4 if known else 0.0
             self._round_trip = self._round_trip if known else sample
 
-    def figures(self, now: float) -> Figures:
+    def figures(self, now: float) -> LinkFigures:
         """The last two seconds."""
         while self._history and self._history[0][0] < now - LINK_WINDOW_S:
             self._history.popleft()
-        return Figures(
+        return LinkFigures(
             self._round_trip,
             sum(size for _, size in self._history) / LINK_WINDOW_S / 1000,
             len(self._history) / LINK_WINDOW_S,
@@ -200,7 +200,7 @@ class FrameClock:
         if self._waits:
             self._alarm.set()
 
-    def figures(self) -> Figures:
+    def figures(self) -> LinkFigures:
         """What the link carries at present."""
         return self.pace.figures(asyncio.get_running_loop().time())
 

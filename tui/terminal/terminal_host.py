@@ -25,7 +25,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 
-PIECE = 512  # bytes that travel over a slow link as one
+LINK_PIECE_BYTES = 512  # bytes that travel over a slow link as one
 QUESTIONS = {
     b"\x1b[6n": b"\x1b[1;1R",  # where is the cursor?
     b"\x1b[?2026$p": b"\x1b[?2026;2$y",  # do you know synchronized output?
@@ -34,7 +34,7 @@ FRAME_END = b"\x1b[6n"  # the question that ends each frame of the viewer
 
 
 @dataclass(frozen=True)
-class Link:
+class TerminalLink:
     """What lies between the program and the terminal: nothing, or SSH over a slow line."""
 
     bytes_per_second: float = math.inf
@@ -42,7 +42,7 @@ class Link:
     buffer: int = 1 << 20  # bytes that the near end takes at once
 
 
-class Marks:
+class MarkerCount:
     """Counts a marker in a stream that comes in pieces: it may be cut in two."""
 
     def __init__(self, marker: bytes) -> None:
@@ -83,7 +83,7 @@ class TerminalHost:
         rows: int = 60,
         columns: int = 200,
         environ: Mapping[str, str] | None = None,
-        link: Link | None = None,
+        link: TerminalLink | None = None,
         synchronized: bool = True,
         answers: bool = True,
     ) -> None:
@@ -91,14 +91,14 @@ class TerminalHost:
         self.history: list[Arrived | Resized] = []
         self.max_backlog = 0  # most bytes that ever waited in front of the link,
         self.max_frames = 0  # and most frames that had not got through whole
-        self._link = link or Link()
+        self._link = link or TerminalLink()
         questions = QUESTIONS if answers else {}
         self._answers = [
-            (Marks(question), answer)
+            (MarkerCount(question), answer)
             for question, answer in questions.items()
             if synchronized or b"2026" not in question
         ]
-        self._ends_in, self._ends_out = Marks(FRAME_END), Marks(FRAME_END)
+        self._ends_in, self._ends_out = MarkerCount(FRAME_END), MarkerCount(FRAME_END)
         self._frames = 0  # in front of the link
         self._waiting: deque[bytes] = deque()
         self._backlog = 0
@@ -243,7 +243,7 @@ class TerminalHost:
             return True
         except OSError:
             return False
-        step = PIECE if self._link.bytes_per_second < math.inf else len(data)
+        step = LINK_PIECE_BYTES if self._link.bytes_per_second < math.inf else len(data)
         self._waiting.extend(data[i : i + step] for i in range(0, len(data), step))
         self._backlog += len(data)
         self._frames += self._ends_in.count(data)

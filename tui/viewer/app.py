@@ -31,12 +31,12 @@ from tui.actions.view_actions import CaptureActions, LayerActions, MapActions, P
 from tui.playback.run_source import Opening
 from tui.registration import layers, panels
 from tui.render import styles
-from tui.render.styles import ASCII, COLOURS, Depth, Look, Theme, to_ascii
+from tui.render.styles import ASCII, COLOUR_TABLE, Depth, Look, Theme, to_ascii
 from tui.screens.dialogs import ACROSS, DOWN, MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS, size_classes
 from tui.terminal.frame_pacing import quiet_collector
 from tui.terminal.options import Options
 from tui.viewer.session import Display, Session
-from tui.widgets.bindings import ACTIONS, COMPARING, HelpScreen, bindings, key_text
+from tui.widgets.bindings import COMPARING, VIEWER_ACTIONS, HelpScreen, bindings, key_text
 from tui.widgets.map_view import MapView
 from tui.widgets.status import Keys
 from tui.widgets.timeline import Timeline
@@ -48,7 +48,7 @@ if TYPE_CHECKING:
 SETTLED_S = 1.5  # after the world is there, when the garbage collector is told to leave it alone
 INTERRUPTED = 130
 PROBLEMS_S = 20.0  # in which it is said what could not be loaded
-LABELS = {action.id: action.label for action in ACTIONS}
+ACTION_LABELS = {action.id: action.label for action in VIEWER_ACTIONS}
 OF_THE_WORLD = ("layer_none", "next_layer", "trails")  # as all layers and panels are
 
 
@@ -229,7 +229,7 @@ class Viewer(App[None]):
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """What cannot be done now is not in the palette."""
         keys = self._keys()
-        for action in ACTIONS:
+        for action in VIEWER_ACTIONS:
             if action.id not in COMPARING or self.session.opening.comparing:
                 named = " or ".join(key_text(key) for key in keys.get(action.id, ()))
                 told = f"{named}   {action.meaning}".strip()
@@ -346,7 +346,7 @@ class Viewer(App[None]):
         if self._is_opening and id in self._of_the_world:
             if id not in self._awaited:  # who presses a key again wants the same
                 self._awaited.append(id)
-            self.notify(f"{LABELS[id]}: as soon as the world is built")
+            self.notify(f"{ACTION_LABELS[id]}: as soon as the world is built")
             return
         done = self._commands[id]()
         if isawaitable(done):
@@ -413,7 +413,7 @@ def themes() -> list[TextualTheme]:
 
 def _theme(theme: Theme) -> TextualTheme:
     def colour(row: int) -> str:
-        shades = COLOURS[row].dark if theme == "dark" else COLOURS[row].light
+        shades = COLOUR_TABLE[row].dark if theme == "dark" else COLOUR_TABLE[row].light
         return f"#{shades.true:06x}"
 
     return TextualTheme(

@@ -15,7 +15,7 @@ from automaton.errors import InputError
 from tui.playback.run_source import Opening, comparing_command
 from tui.terminal.options import Options
 
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+ENDING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 CLOSE_TIMEOUT_S: Final = 3.0
 
 BAD_INPUT = 2  # a strategy that fails counts as such
@@ -110,7 +110,7 @@ def handled(leave: Callable[[int], None], close: Callable[[], None]) -> Iterator
         guard.start()
         leave(code)
 
-    before = {number: signal.signal(number, on_signal) for number in SIGNALS}
+    before = {number: signal.signal(number, on_signal) for number in ENDING_SIGNALS}
     try:
         yield
     finally:

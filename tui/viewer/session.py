@@ -33,8 +33,8 @@ from tui.terminal.frame_pacing import FrameClock, FramePacer
 from tui.terminal.options import Options
 from tui.widgets.map_view import MapView, Presenter
 from tui.widgets.status import (
-    Line,
     Word,
+    WordLine,
     choice_words,
     describe,
     end_words,
@@ -295,10 +295,10 @@ class Display:
         pacer = FramePacer(options.fps, options.max_kbit)
         self.frames = FrameClock(self.presenter, self.draw, pacer)
         self.maps = [self._made(MapView, f"map-{n}") for n in range(len(opening.resolved))]
-        self.heads = [self._made(Line, f"head-{n}") for n in range(len(self.maps))]
-        self.title_line = self._made(Line, "title")
-        self.status = self._made(Line, "status")
-        self.info = self._made(Line, "info")
+        self.heads = [self._made(WordLine, f"head-{n}") for n in range(len(self.maps))]
+        self.title_line = self._made(WordLine, "title")
+        self.status = self._made(WordLine, "status")
+        self.info = self._made(WordLine, "info")
         self.timeline = self._made(Timeline, "timeline")
         self.notices = Notices(app, session, self.info, self.refresh_lines_soon)
         self.column: Any = None  # the panels, once they are imported
@@ -460,7 +460,7 @@ class Display:
         changed: bool = self.title_line.set_words([word("automaton"), word(session.titles[0])])
         for side, (own, common) in enumerate(session.opening.heads):
             head, end = self.heads[side], end_words(session.playback, side)
-            room = head.size.width - sum(len(one.glyphs) + Line.GAP for one in end)
+            room = head.size.width - sum(len(one.glyphs) + WordLine.GAP for one in end)
             changed |= head.set_words(head_words(f"{'AB'[side]} {own}", common, room), end)
         return changed
 

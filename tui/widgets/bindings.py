@@ -16,6 +16,7 @@ from textual.containers import VerticalScroll
 from textual.screen import ModalScreen
 from textual.widgets import Footer, Static
 
+from tui.actions import do
 from tui.registration import layers, panels
 from tui.render.layer import Layer
 from tui.widgets.panel import Panel
@@ -208,12 +209,7 @@ def _topics() -> tuple[Topic, ...]:
 
 
 TOPICS: Final = _topics()
-ACTIONS: Final = tuple(action for topic in TOPICS for action in topic.actions)
-
-
-def do(id: str) -> str:
-    """What Textual is told to do for an action of the table."""
-    return f"do({id!r})"
+VIEWER_ACTIONS: Final = tuple(action for topic in TOPICS for action in topic.actions)
 
 
 def bindings() -> list[Binding]:
@@ -227,7 +223,7 @@ def bindings() -> list[Binding]:
             tooltip=action.meaning,
             id=action.id,
         )
-        for action in ACTIONS
+        for action in VIEWER_ACTIONS
         if action.keys
     ]
 

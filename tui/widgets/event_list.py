@@ -31,7 +31,7 @@ from automaton.history.event_history import (
 from automaton.units import count
 from tui.playback.panel_view import RobotChosen, TickChosen, View
 from tui.widgets.panel import (
-    UNICODE,
+    UNICODE_SIGNS,
     Line,
     Link,
     PanelWidget,
@@ -48,7 +48,7 @@ from tui.widgets.pod_facts import makes_trips
 from tui.widgets.robot_facts import ROBOT_COLUMN_WIDTH, event_line
 from tui.widgets.zone_facts import partition_of, parts_finished
 
-NO_ROWS: Final = np.zeros(0, np.int64)
+NO_EVENTS: Final = np.zeros(0, np.int64)
 
 
 class Events(Vertical, PanelWidget):
@@ -64,7 +64,7 @@ class Events(Vertical, PanelWidget):
     """
     BINDINGS: ClassVar[list[BindingType]] = [Binding("F", "filter", "Filter", show=False)]
 
-    def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
+    def __init__(self, signs: Signs = UNICODE_SIGNS, *, id: str | None = None) -> None:
         super().__init__(id=id)
         self.boxes = KindBoxes(signs)
         self.list = EventList(signs, self.boxes)
@@ -125,13 +125,13 @@ class EventList(Rows):
         self.words = ""
         self.only_selected = False
         self._matches = Matches()
-        self._found: Array = NO_ROWS
+        self._found: Array = NO_EVENTS
         self._present = 0  # how many of them lie up to the present tick
         self._followed = True  # the present was in sight when it was shown last
 
-    def wanted(self, view: View) -> Wanted:
+    def wanted(self, view: View) -> EventFilter:
         """The filter as it is set."""
-        return Wanted(self.kinds, view.robot if self.only_selected else NIL, self.words)
+        return EventFilter(self.kinds, view.robot if self.only_selected else NIL, self.words)
 
     def matching(self, view: View) -> Array:
         """(M,) int64: indices of the events that are asked for."""
@@ -246,7 +246,7 @@ def kinds_of(view: View) -> list[str]:
     return [name for name in EVENT_GROUPS if name not in absent]
 
 
-class Wanted(NamedTuple):
+class EventFilter(NamedTuple):
     """Which events are asked for."""
 
     kinds: frozenset[str] = frozenset(EVENT_GROUPS)
@@ -289,15 +289,15 @@ class Matches:
     """Which events of a run match the filter; events that were tested are not tested again."""
 
     def __init__(self) -> None:
-        self._of: tuple[EventHistory | None, Wanted, int] = (None, Wanted(), 0)
+        self._of: tuple[EventHistory | None, EventFilter, int] = (None, EventFilter(), 0)
         self._seen = 0
-        self._found: Array = NO_ROWS
+        self._found: Array = NO_EVENTS
 
-    def of(self, event_history: EventHistory, log: Log, wanted: Wanted) -> Array:
+    def of(self, event_history: EventHistory, log: Log, wanted: EventFilter) -> Array:
         """(M,) int64 indices of events in the event history's log, ascending."""
         of = (event_history, wanted, log.dropped)
         if event_history is not self._of[0] or of[1:] != self._of[1:]:
-            self._of, self._seen, self._found = of, 0, NO_ROWS
+            self._of, self._seen, self._found = of, 0, NO_EVENTS
         events = log.rows
         if len(events) > self._seen:
             fresh = self._seen + np.flatnonzero(wanted.mask(events[self._seen :]))

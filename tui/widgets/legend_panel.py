@@ -58,7 +58,7 @@ class Legend(TextPanel):
         return [*signs, *_worst(picture.scene)]
 
 
-def _entry(entry: Entry, picture: Picture, width: int) -> list[Line]:
+def _entry(entry: LegendLine, picture: Picture, width: int) -> list[Line]:
     """The signs, and the meaning beside them."""
     signs: list[Span | str] = []
     for sign in entry.signs[: SIGN_COLUMNS // 2]:
@@ -82,41 +82,41 @@ def _worst(scene: Scene) -> list[Line]:
     return [(), line(title(f"most {scene.map_layer.unit}")), *rows]
 
 
-class Entry(NamedTuple):
+class LegendLine(NamedTuple):
     """One line of a legend."""
 
     signs: tuple[int, ...]  # codes
     meaning: str
 
 
-def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
+def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     """The layer, the robots, what lies over the floor, and the floor."""
     near = zoom.kind == "cells"
     entries = _robots(scene, zoom, glyphs) if near else _far_robots(scene, zoom, glyphs)
     if scene.colouring != "state" and is_possible(scene, scene.colouring):
         sign = glyphs.loaded[0] if near else glyphs.fleet[255]
-        colours = [Entry(*entry) for entry in colour_entries(scene, sign)]
+        colours = [LegendLine(*entry) for entry in colour_entries(scene, sign)]
         entries = colours + _without_colours(entries, near)
     entries = _layer(scene, glyphs) + entries + _overlays(scene, zoom, glyphs)
     return entries + (_cells(scene, glyphs) if near else _far_cells(scene, glyphs))
 
 
-def _layer(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+def _layer(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
     """Levels with their numbers, or the zones."""
     own = scene.map_layer.entries(scene, glyphs)
     if own is not None:
-        return [Entry(*entry) for entry in own]
+        return [LegendLine(*entry) for entry in own]
     if scene.values is None:
         return []
     if not scene.values.any():
-        return [Entry((), nothing_yet(scene))]
+        return [LegendLine((), nothing_yet(scene))]
     lines: dict[tuple[int, ...], list[int]] = {}
     for level in range(1, HEAT_LEVELS):
         heat = (int(heat_codes(glyphs)[level]),)
         arrows = tuple(flow_codes(glyphs)[level].tolist())
         lines.setdefault(arrows if scene.map_layer.arrows else heat, []).append(level)
     return [
-        Entry(codes, f"{scene.map_layer.unit}: {scene.scale.words(levels[0], levels[-1])}")
+        LegendLine(codes, f"{scene.map_layer.unit}: {scene.scale.words(levels[0], levels[-1])}")
         for codes, levels in lines.items()
     ]
 
@@ -132,7 +132,7 @@ def worst_cells(scene: Scene) -> list[tuple[int, int]]:
 # Robots.
 
 
-def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
+def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     shapes = fleet.shape_glyphs(glyphs)
 
     def signs(state: int, shape: int, directions: tuple[int, ...]) -> tuple[int, ...]:
@@ -147,28 +147,34 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     waits = "waits: flat in front" if zoom.is_drawn else "waits"
     load = "pod" if (scene.floor.floor_plan.kind == STORAGE).any() else "load"
     entries = [
-        Entry(signs(looks.DRAW_EMPTY, looks.SHAPE_HOLLOW, ways), "robot, and the way it faces"),
-        Entry(signs(looks.DRAW_LOADED, looks.SHAPE_FILLED, ways), f"robot with a {load}"),
-        Entry(signs(looks.DRAW_WAITING, looks.SHAPE_HOLLOW, (0,)), waits),
-        Entry(signs(looks.DRAW_FAULT, looks.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
-        Entry(signs(looks.DRAW_PARKED, looks.SHAPE_SQUARE, (0,)), "parked"),
+        LegendLine(
+            signs(looks.DRAW_EMPTY, looks.SHAPE_HOLLOW, ways), "robot, and the way it faces"
+        ),
+        LegendLine(signs(looks.DRAW_LOADED, looks.SHAPE_FILLED, ways), f"robot with a {load}"),
+        LegendLine(signs(looks.DRAW_WAITING, looks.SHAPE_HOLLOW, (0,)), waits),
+        LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
+        LegendLine(signs(looks.DRAW_PARKED, looks.SHAPE_SQUARE, (0,)), "parked"),
     ]
     if scene.floor.battery:
         low = f"battery below {looks.LOW_CHARGE // BATTERY_PERCENT} %"
         entries += [
-            Entry(signs(looks.DRAW_CHARGING, looks.SHAPE_PLUG, (0,)), "charges"),
-            Entry(signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_THIN, ways), low),
-            Entry(signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_BOXED, ways), f"{low}, with a load"),
-            Entry(signs(looks.DRAW_FAULT, looks.SHAPE_VOID, (0,)), "battery empty, down"),
+            LegendLine(signs(looks.DRAW_CHARGING, looks.SHAPE_PLUG, (0,)), "charges"),
+            LegendLine(signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_THIN, ways), low),
+            LegendLine(
+                signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_BOXED, ways), f"{low}, with a load"
+            ),
+            LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_VOID, (0,)), "battery empty, down"),
         ]
         if zoom.height >= BAR_HEIGHT:
             bar = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
-            entries.append(Entry((int(code(bar, glyphs.lower_half)),), "charge of its battery"))
+            entries.append(
+                LegendLine((int(code(bar, glyphs.lower_half)),), "charge of its battery")
+            )
     if scene.floor.faults:
-        entries.append(Entry(signs(looks.DRAW_FAULT, looks.SHAPE_CROSS, (0,)), "broken down"))
+        entries.append(LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_CROSS, (0,)), "broken down"))
     if scene.floor.loads_may_lie:
         left = int(code(style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), glyphs.left_load))
-        entries.append(Entry((left,), "load that a robot had to leave"))
+        entries.append(LegendLine((left,), "load that a robot had to leave"))
     gates = () if scene.snapshot is None else scene.snapshot.gates.kind
     for kind, sign, name in (
         (GATE_CLOSING, glyphs.closed, "closed cell"),
@@ -176,15 +182,17 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     ):
         if kind in gates:
             shut = int(code(style(styles.COLOUR_FAULT, styles.COLOUR_FLOOR), sign))
-            entries.append(Entry((shut,), name))
+            entries.append(LegendLine((shut,), name))
     if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable] != 1).any():
         several = style(styles.COLOUR_FLOOR, styles.COLOUR_ROBOT)
-        entries.append(Entry((int(code(several, glyphs.digits[2])),), "so many robots in one cell"))
+        entries.append(
+            LegendLine((int(code(several, glyphs.digits[2])),), "so many robots in one cell")
+        )
     claim = int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), glyphs.arrow[0]))
-    return [*entries, Entry((claim,), "held by a robot that is moving in")]
+    return [*entries, LegendLine((claim,), "held by a robot that is moving in")]
 
 
-def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
+def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     worst = "waiting in a wait cycle" + (", down" if scene.floor.loads_may_lie else "")
     names = {
         looks.DRAW_FAULT: worst,
@@ -199,7 +207,7 @@ def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
     for state in names:
         if state not in (looks.DRAW_CHARGING, looks.DRAW_LOW_BATTERY) or scene.floor.battery:
             shown = _far_sign(scene, zoom, glyphs, int(fleet.BODY_COLOURS[state]))
-            entries.append(Entry((shown,), names[state]))
+            entries.append(LegendLine((shown,), names[state]))
     return entries
 
 
@@ -218,7 +226,7 @@ def _far_sign(scene: Scene, zoom: Zoom, glyphs: GlyphSet, colour: int) -> int:
     return int(code(style(colour, styles.COLOUR_FLOOR), sign))
 
 
-def _without_colours(entries: list[Entry], near: bool) -> list[Entry]:
+def _without_colours(entries: list[LegendLine], near: bool) -> list[LegendLine]:
     """The signs of robots where colours say something else than the state: shapes in one colour.
 
     From afar there are no shapes; only robots in wait cycles or down keep their colour.
@@ -227,55 +235,57 @@ def _without_colours(entries: list[Entry], near: bool) -> list[Entry]:
     plain = style(styles.COLOUR_FLOOR, styles.COLOUR_TEXT)
     shown = []
     for signs, meaning in entries:
-        alarms = styles.COLOUR_FAULT in divmod(signs[0] >> GLYPH_BITS, len(styles.COLOURS))
+        alarms = styles.COLOUR_FAULT in divmod(signs[0] >> GLYPH_BITS, len(styles.COLOUR_TABLE))
         body = bodies.get(signs[0] >> GLYPH_BITS)
         if alarms or (near and body is None):
-            shown.append(Entry(signs, meaning))
+            shown.append(LegendLine(signs, meaning))
         elif near and body != styles.COLOUR_WAITING:
             shapes = [int(code(plain, one & int(GLYPHS))) for one in signs if one & int(GLYPHS)]
-            shown.append(Entry(tuple(shapes), meaning))
+            shown.append(LegendLine(tuple(shapes), meaning))
     return shown
 
 
 # What lies over the floor, and the floor.
 
 
-def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[Entry]:
+def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     def bg(fg: int) -> tuple[int, ...]:
         return (int(code(style(styles.COLOUR_ROBOT, fg), glyphs.robot[0])),)
 
     entries = []
     if scene.selected >= 0:
-        entries.append(Entry(bg(styles.COLOUR_SELECTED), f"robot {scene.selected}, selected"))
+        entries.append(LegendLine(bg(styles.COLOUR_SELECTED), f"robot {scene.selected}, selected"))
         route = style(styles.COLOUR_ROUTE, styles.COLOUR_FLOOR)
         sign = glyphs.lines[STROKE] if zoom.is_drawn else glyphs.route
-        entries.append(Entry((int(code(route, sign)),), "its route"))
+        entries.append(LegendLine((int(code(route, sign)),), "its route"))
         if zoom.kind == "cells":
-            entries.append(Entry((int(code(route, glyphs.stand)),), "where the route ends"))
+            entries.append(LegendLine((int(code(route, glyphs.stand)),), "where the route ends"))
     entries += path_entries(scene, glyphs)
     if scene.zone >= 0:
         entries.append(
-            Entry(
+            LegendLine(
                 (int(code(style(styles.COLOUR_FLOOR, styles.COLOUR_MARKED), glyphs.blank)),),
                 scene.zone_name,
             )
         )
     if len(scene.marked) or len(scene.marked_cells):
-        entries.append(Entry(bg(styles.COLOUR_MARKED), "found"))
+        entries.append(LegendLine(bg(styles.COLOUR_MARKED), "found"))
     return entries
 
 
-def path_entries(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+def path_entries(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
     """Trails of robots and lines to their goals."""
     trail = int(code(style(styles.COLOUR_TRAIL, styles.COLOUR_FLOOR), glyphs.trail))
     line = style(styles.COLOUR_GOAL_LINE, styles.COLOUR_FLOOR)
     signs = tuple(int(code(line, ord(sign))) for sign in "-/")
     whose = "the selected robot" if scene.lines == "selected" else "each robot"
-    entries = [Entry((trail,), "where robots came from")] if scene.trails.size else []
-    return entries + ([Entry(signs, f"from {whose} straight to its goal")] if scene.lines else [])
+    entries = [LegendLine((trail,), "where robots came from")] if scene.trails.size else []
+    return entries + (
+        [LegendLine(signs, f"from {whose} straight to its goal")] if scene.lines else []
+    )
 
 
-def _cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+def _cells(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
     """The looks of this floor; those that differ in direction alone share a line."""
     codes = cell_codes(glyphs, 1)
     lines: dict[str, list[int]] = {}
@@ -288,17 +298,17 @@ def _cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
         signs = lines.setdefault(_meaning(number), [])
         if int(codes[number, 0]) not in signs:
             signs.append(int(codes[number, 0]))
-    return [Entry(tuple(signs), meaning) for meaning, signs in lines.items()]
+    return [LegendLine(tuple(signs), meaning) for meaning, signs in lines.items()]
 
 
-def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[Entry]:
+def _far_cells(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
     kinds = [kind for kind in np.unique(scene.floor.floor_plan.kind).tolist() if kind not in DRIVEN]
 
     def sign(kind: int) -> int:
         fg = FAR_SHELF if kind in STORING_KINDS else colour_of(look(kind))
         return int(code(style(fg, styles.COLOUR_FLOOR), glyphs.braille[255]))
 
-    return [Entry((sign(kind),), CELL_KINDS[kind].name.replace("-", " ")) for kind in kinds]
+    return [LegendLine((sign(kind),), CELL_KINDS[kind].name.replace("-", " ")) for kind in kinds]
 
 
 def _meaning(number: int) -> str:

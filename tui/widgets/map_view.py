@@ -262,7 +262,7 @@ class LazyStrip(Strip):
 
 
 @dataclass
-class Frame:
+class TerminalFrame:
     """What goes to the terminal in one write, so that it never shows half a picture."""
 
     pieces: list[str] = field(default_factory=list)
@@ -278,7 +278,7 @@ class Presenter:
         self._app: Any = app
         self._renderer = renderer
         self._reason: str | None = None
-        self._frame: Frame | None = None
+        self._frame: TerminalFrame | None = None
         # For each map the table of visible widgets that was judged, and the map's free region.
         self._judged: WeakKeyDictionary[MapView, tuple[object, Region | None]]
         self._judged = WeakKeyDictionary()
@@ -322,13 +322,13 @@ class Presenter:
         if self._frame is not None:
             self._frame.pieces.append(piece)
         else:
-            self._write(Frame([piece]))
+            self._write(TerminalFrame([piece]))
         return True
 
     @contextmanager
-    def frame(self) -> Iterator[Frame]:
+    def frame(self) -> Iterator[TerminalFrame]:
         """Everything shown inside goes out in one write."""
-        self._frame = frame = Frame()
+        self._frame = frame = TerminalFrame()
         try:
             yield frame
         finally:
@@ -360,7 +360,7 @@ class Presenter:
 
         self._app.call_later(raised)
 
-    def _write(self, frame: Frame) -> None:
+    def _write(self, frame: TerminalFrame) -> None:
         app = self._app
         body = "".join(frame.pieces)
         if not (body or frame.acknowledged) or not app.is_running:

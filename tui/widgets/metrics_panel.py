@@ -64,7 +64,7 @@ NAME_COLUMNS: Final = 13  # columns for the name of a metric
 VALUE_COLUMNS: Final = 5  # columns of a metric, one digit behind the point
 CAUSE: Final = 19  # columns for the name of a cause
 
-UNIT: Final = "/1000 ticks"
+THROUGHPUT_UNIT: Final = "/1000 ticks"
 SHORT_UNIT: Final = "/kt"  # the same where there is little room
 
 CURVE_ROWS: Final = 3  # of a curve
@@ -111,7 +111,11 @@ class Figures(TextPanel):
         room = max(0, width - NAME_COLUMNS - len(of_all))
         rate, now = float(metrics["throughput"]), now_throughput(curve_now)
         longest = max(len(_short(value)) for value in (rate, now))
-        unit = UNIT if width >= NAME_COLUMNS + longest + 1 + len(UNIT) else SHORT_UNIT
+        unit = (
+            THROUGHPUT_UNIT
+            if width >= NAME_COLUMNS + longest + 1 + len(THROUGHPUT_UNIT)
+            else SHORT_UNIT
+        )
         return [
             _figure("delivered", of_all, bar(share, room, self.signs)),
             *_lines(fleet, view),
@@ -437,7 +441,7 @@ def better(name: str, a: float, b: float) -> str:
 Values = NDArray[np.float64]
 
 LABEL_WIDTH: Final = 7  # columns for labels, the blank behind them included
-SAMPLES: Final = 64  # of the rows between two points, at most so many are looked at
+SAMPLES_PER_POINT: Final = 64  # of the rows between two points, at most so many are looked at
 NOW_TICKS: Final = 500  # "now" in throughput: the deliveries of the last so many ticks
 
 # Bits of a braille pattern, from the lowest dot up, of the left and the right column.
@@ -458,7 +462,7 @@ def waiting_over_time(curve: Curve, points: int) -> Values:
     """(points,) mean number of robots that wait."""
     bounds = edges(curve.ticks, points)
     width = np.maximum(1, np.diff(bounds))
-    steps = np.arange(SAMPLES) / SAMPLES
+    steps = np.arange(SAMPLES_PER_POINT) / SAMPLES_PER_POINT
     ticks = (bounds[:-1, None] + (width[:, None] * steps)).astype(np.int64) + 1
     mean: Values = curve.at(ticks, WAITING_ROBOTS).mean(axis=1)
     return mean

@@ -106,13 +106,13 @@ class Signs(NamedTuple):
     dots: bool  # whether there are braille patterns
 
 
-UNICODE: Final = Signs("▴", "▾", "◃", "▹", "▸", "✓", "⋅", "◂", "⣿", "⡇", "⠶", "⠆", True)
-ASCII: Final = Signs("^", "v", "<", ">", ">", "+", "-", "*", "#", "", "=", "", False)
+UNICODE_SIGNS: Final = Signs("▴", "▾", "◃", "▹", "▸", "✓", "⋅", "◂", "⣿", "⡇", "⠶", "⠆", True)
+ASCII_SIGNS: Final = Signs("^", "v", "<", ">", ">", "+", "-", "*", "#", "", "=", "", False)
 
 
 def signs_of(glyphs: GlyphSet) -> Signs:
     """Those that go with the characters of the map."""
-    return ASCII if glyphs.name == "ascii" else UNICODE
+    return ASCII_SIGNS if glyphs.name == "ascii" else UNICODE_SIGNS
 
 
 def bar(share: float, width: int, signs: Signs, thin: bool = False) -> str:
@@ -285,7 +285,7 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
         Binding("enter", "follow_cursor", "Open", show=False),
     ]
 
-    def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
+    def __init__(self, signs: Signs = UNICODE_SIGNS, *, id: str | None = None) -> None:
         super().__init__(id=id)
         self.signs = signs
         self.heading: list[Line] = []
@@ -440,7 +440,7 @@ class TextPanel(Rows, PanelWidget):
     Subclasses write the lines for a width; they are made again only when something changed.
     """
 
-    def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
+    def __init__(self, signs: Signs = UNICODE_SIGNS, *, id: str | None = None) -> None:
         super().__init__(signs, id=id)
         self.view: View | None = None
         self.lines: list[Line] = []

@@ -54,7 +54,7 @@ from automaton.scenario.fleet import FleetType, TypeBattery
 from automaton.units import count, percent
 from tui.playback.panel_view import View
 from tui.widgets.panel import (
-    UNICODE,
+    UNICODE_SIGNS,
     Facts,
     Line,
     Parts,
@@ -86,7 +86,7 @@ BAR_WIDTH: Final = 16  # columns of a full battery
 MAX_QUEUE_LINES: Final = 12  # robots of a line that are told one by one
 LAST_EVENTS: Final = 5
 
-HEADING_NAMES: Final = {  # what a robot's heading means, by kinematics
+HEADING_WORDS: Final = {  # what a robot's heading means, by kinematics
     "rail": ("east-west", "north-south"),
     "differential": DIRECTIONS,
     "omni": ("none: it never turns",),
@@ -104,7 +104,7 @@ SERVED_WORD: Final = "served"
 PARKED_WORD: Final = "parked"
 
 
-def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE) -> list[Line]:
+def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE_SIGNS) -> list[Line]:
     """Everything about one robot."""
     fleet, floor_plan = view.snapshot.robots, view.floor_plan
     state = Span(f" {_state(view, robot)}", _look(view, robot))
@@ -203,7 +203,7 @@ def _heading(view: View, robot: int) -> str:
     fleet = view.snapshot.robots
     types = view.run.resolved.fleet.types
     own = types[int(fleet.type[robot]) % len(types)]  # types with a load come behind
-    names = HEADING_NAMES[own.kinematics]
+    names = HEADING_WORDS[own.kinematics]
     return names[int(fleet.heading[robot])]
 
 

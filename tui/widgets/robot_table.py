@@ -22,7 +22,7 @@ from automaton.engine.state import (
 from automaton.history.state_words import carries_pods
 from automaton.units import percent
 from tui.playback.panel_view import RobotChosen, View
-from tui.widgets.panel import UNICODE, Line, Link, PanelWidget, Rows, Signs, Span, line
+from tui.widgets.panel import UNICODE_SIGNS, Line, Link, PanelWidget, Rows, Signs, Span, line
 from tui.widgets.robot_facts import ACTION_WORDS, doing_word, has_batteries, has_types, type_of
 from tui.widgets.zone_facts import partition_of, queued
 
@@ -51,10 +51,10 @@ class Robots(Rows, PanelWidget):
         Binding("left", "columns(-1)", "Columns farther left", show=False),
     ]
 
-    def __init__(self, signs: Signs = UNICODE, *, id: str | None = None) -> None:
+    def __init__(self, signs: Signs = UNICODE_SIGNS, *, id: str | None = None) -> None:
         super().__init__(signs, id=id)
         self.view: View | None = None
-        self.columns: list[Column] = [ROBOT_TABLE_COLUMNS[0]]
+        self.columns: list[RobotColumn] = [ROBOT_TABLE_COLUMNS[0]]
         self.column, self.greatest_first = 0, False
         self.first = 1  # the first column beside the number
         self.order: Array = np.zeros(0, np.int64)
@@ -175,14 +175,14 @@ class Robots(Rows, PanelWidget):
             self.show(self.view)
 
 
-def _aligned(text: str, width: int, column: Column) -> str:
+def _aligned(text: str, width: int, column: RobotColumn) -> str:
     return text.rjust(width) if column.right else text.ljust(width)
 
 
 # Columns.
 
 
-class Column(NamedTuple):
+class RobotColumn(NamedTuple):
     """One column; `keys` and `text` are by robot."""
 
     title: str
@@ -194,7 +194,7 @@ class Column(NamedTuple):
     there: Callable[[View], bool] = lambda view: True  # whether it has anything to say
 
 
-def ordered(view: View, column: Column, greatest_first: bool) -> Array:
+def ordered(view: View, column: RobotColumn, greatest_first: bool) -> Array:
     """(n,) robots in the order of a column; ties by number."""
     keys = column.keys(view).astype(np.float64)  # unsigned ones have no negatives
     order: Array = np.argsort(-keys if greatest_first else keys, kind="stable")
@@ -261,8 +261,8 @@ def _or_blank(value: int, absent: int) -> str:
 
 
 ROBOT_TABLE_COLUMNS: Final = (
-    Column("#", 1, lambda v: np.arange(len(v.snapshot.robots)), lambda v, r: str(r), False),
-    Column(
+    RobotColumn("#", 1, lambda v: np.arange(len(v.snapshot.robots)), lambda v, r: str(r), False),
+    RobotColumn(
         "type",
         8,
         lambda v: v.run.resolved.fleet.type_of,
@@ -271,12 +271,12 @@ ROBOT_TABLE_COLUMNS: Final = (
         right=False,
         there=has_types,
     ),
-    Column(
+    RobotColumn(
         "doing", 6, _doing_keys, lambda v, r: doing_word(v.snapshot.robots, r), False, right=False
     ),
-    Column("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
-    Column("cause", 12, lambda v: v.snapshot.robots.cause, _cause, True, right=False),
-    Column(
+    RobotColumn("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
+    RobotColumn("cause", 12, lambda v: v.snapshot.robots.cause, _cause, True, right=False),
+    RobotColumn(
         "battery",
         7,
         lambda v: v.snapshot.robots.charge,
@@ -284,21 +284,21 @@ ROBOT_TABLE_COLUMNS: Final = (
         False,
         there=has_batteries,
     ),
-    Column(
+    RobotColumn(
         "load",
         5,
         lambda v: v.snapshot.robots.load,
         _load,
         True,
     ),
-    Column(
+    RobotColumn(
         "order",
         5,
         lambda v: v.snapshot.robots.order,
         lambda v, r: _or_blank(int(v.snapshot.robots.order[r]), NIL),
         True,
     ),
-    Column(
+    RobotColumn(
         "ahead",
         5,
         lambda v: v.snapshot.robots.order_queue_length,
@@ -306,7 +306,7 @@ ROBOT_TABLE_COLUMNS: Final = (
         True,
         there=lambda v: bool(v.snapshot.robots.order_queue_length.any()),
     ),
-    Column(
+    RobotColumn(
         "zone",
         4,
         lambda v: v.snapshot.robots.service_zone,
@@ -314,7 +314,7 @@ ROBOT_TABLE_COLUMNS: Final = (
         False,
         there=lambda v: partition_of(v) is not None,
     ),
-    Column(
+    RobotColumn(
         "queue",
         5,
         lambda v: np.array([len(_queue(v, r)) for r in range(len(v.snapshot.robots))]),
@@ -322,22 +322,22 @@ ROBOT_TABLE_COLUMNS: Final = (
         True,
         there=lambda v: partition_of(v) is not None,
     ),
-    Column("cell", 7, lambda v: v.snapshot.robots.cell, _cell, False),
-    Column(
+    RobotColumn("cell", 7, lambda v: v.snapshot.robots.cell, _cell, False),
+    RobotColumn(
         "slowed",
         6,
         lambda v: v.snapshot.robots.lost[:, CAUSE_REDUCED_SPEED],
         lambda v, r: _or_blank(int(v.snapshot.robots.lost[r, CAUSE_REDUCED_SPEED]), 0),
         True,
     ),
-    Column(
+    RobotColumn(
         "active",
         6,
         lambda v: v.playback.figures[v.side].active,
         lambda v, r: percent(float(v.playback.figures[v.side].active[r]), 0),
         True,
     ),
-    Column(
+    RobotColumn(
         "ops",
         6,
         lambda v: v.playback.figures[v.side].operations,

@@ -45,25 +45,25 @@ from automaton.history.state_words import (
     words_of,
 )
 from automaton.units import Unit, number
+from tui.actions import do
 from tui.registration import layers
 from tui.render import styles
 from tui.render.layer import scale_line
 from tui.render.scene import DETAIL_PASSING, DETAIL_UNLIMITED, Scene
 from tui.render.styles import ASCII, GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style, text
-from tui.widgets.bindings import do
 from tui.widgets.map_view import MapView
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
-    from tui.playback.playback_state import Figures, PlaybackState
-    from tui.terminal.frame_pacing import Figures as LinkFigures
+    from tui.playback.playback_state import PlaybackState, RunFigures
+    from tui.terminal.frame_pacing import LinkFigures as LinkFigures
 
 
 NEARLY_DONE = 0.9  # of the speed that was asked for counts as reached
 SCALE_RANK = 1  # where there is not room for all, hints go before it, and it before messages
-MAX_NAMED_ROBOTS = 3  # named in one line
+MAX_DESCRIBED_ROBOTS = 3  # named in one line
 
-STAY: Final = (do("help"), do("quit"))  # of the others the last ones go first
+LASTING_KEYS: Final = (do("help"), do("quit"))  # of the others the last ones go first
 
 
 class Word(NamedTuple):
@@ -86,13 +86,13 @@ def word(words: str, fg: int = styles.COLOUR_TEXT, action: str = "", rank: int =
     return Word(text(words), fg, action, rank)
 
 
-class Line(MapView, can_focus=False):
+class WordLine(MapView, can_focus=False):
     """Words from the left, and words from the right; each can be clicked.
 
     Only the characters that change are written.
     """
 
-    DEFAULT_CSS = "Line { height: 1; width: 1fr; }"
+    DEFAULT_CSS = "WordLine { height: 1; width: 1fr; }"
     GAP = 2
 
     def set_words(self, left: Sequence[Word], right: Sequence[Word] = ()) -> bool:
@@ -220,7 +220,7 @@ def end_of(playback: PlaybackState, side: int, recorded: bool, whole: bool) -> s
     return "ended" if recorded else "limit reached"
 
 
-def fleet_words(snapshot: Snapshot, figures: Figures) -> list[Word]:
+def fleet_words(snapshot: Snapshot, figures: RunFigures) -> list[Word]:
     """How many robots work, wait and finish nothing, and how many orders are done."""
     now, starved, jam = summarize(snapshot), len(figures.starved), figures.jam
     said = [
@@ -426,9 +426,9 @@ def _robots(scene: Scene, cell: int) -> list[str]:
     robots = scene.snapshot.robots
     at = np.where(robots.cell == NIL, robots.bay, robots.cell)
     here, coming = np.flatnonzero(at == cell).tolist(), np.flatnonzero(robots.claim == cell)
-    said = [_robot(scene, robot) for robot in here[:MAX_NAMED_ROBOTS]]
-    if len(here) > MAX_NAMED_ROBOTS:
-        said.append(f"and {len(here) - MAX_NAMED_ROBOTS} robots more")
+    said = [_robot(scene, robot) for robot in here[:MAX_DESCRIBED_ROBOTS]]
+    if len(here) > MAX_DESCRIBED_ROBOTS:
+        said.append(f"and {len(here) - MAX_DESCRIBED_ROBOTS} robots more")
     return said + [f"robot {robot} comes" for robot in coming.tolist()]
 
 
@@ -463,7 +463,7 @@ class Keys(Footer):
     def compose(self) -> ComposeResult:
         keys: list[Any] = list(super().compose())
         while _columns(keys) > self.app.size.width:
-            others = [key for key in keys if key.action not in STAY]
+            others = [key for key in keys if key.action not in LASTING_KEYS]
             if not others:
                 break
             keys.remove(others[-1])

@@ -18,9 +18,9 @@ from textual.binding import Binding
 from textual.message import Message
 
 from automaton.engine.observation import DELIVERED_ORDERS
+from tui.actions import do
 from tui.render import styles
 from tui.render.styles import Codes, GlyphSet, code, style, text
-from tui.widgets.bindings import do
 from tui.widgets.map_view import MapView
 
 if TYPE_CHECKING:
@@ -28,7 +28,9 @@ if TYPE_CHECKING:
 
 
 MIN_TICKS_SHOWN: Final = 16  # ticks that are shown at least
-MARGIN: Final = 8  # a part that is left by the present moves on so that this share lies behind it
+MARGIN_SHARE: Final = (
+    8  # a part that is left by the present moves on so that this share lies behind it
+)
 
 DOT_LEVELS: Final = 4  # dots in a column of braille
 LEFT_DOTS: Final = np.array([0, 0x40, 0x44, 0x46, 0x47])  # filled from below
@@ -88,7 +90,7 @@ class Timeline(MapView, can_focus=True):
             self.ticks = ticks
 
     past: Past | None = None
-    part: Part | None = None  # what is shown; None: the whole run
+    part: TickRange | None = None  # what is shown; None: the whole run
 
     @property
     def track(self) -> Track:
@@ -238,7 +240,7 @@ def _signs(past: Past, track: Track, glyphs: GlyphSet) -> Iterable[tuple[int, np
 # Where ticks lie in the row.
 
 
-class Part(NamedTuple):
+class TickRange(NamedTuple):
     """Ticks of a run."""
 
     first: int
@@ -251,26 +253,26 @@ class Part(NamedTuple):
     def __contains__(self, tick: object) -> bool:
         return isinstance(tick, int) and self.first <= tick <= self.last
 
-    def within(self, end: int) -> Part:
+    def within(self, end: int) -> TickRange:
         """As long, but between 0 and the end."""
         ticks = min(self.ticks, end)
         first = min(max(self.first, 0), end - ticks)
-        return Part(first, first + ticks)
+        return TickRange(first, first + ticks)
 
-    def zoomed(self, steps: int, at: int, end: int) -> Part:
+    def zoomed(self, steps: int, at: int, end: int) -> TickRange:
         """Half as long for each step, or twice; the tick `at` stays where it is."""
         ticks = self.ticks >> steps if steps > 0 else self.ticks << -steps
         ticks = min(max(ticks, MIN_TICKS_SHOWN), end)
         before = (at - self.first) * ticks // max(1, self.ticks)
-        return Part(at - before, at - before + ticks).within(end)
+        return TickRange(at - before, at - before + ticks).within(end)
 
-    def following(self, tick: int, end: int) -> Part:
+    def following(self, tick: int, end: int) -> TickRange:
         """The part that holds this tick: this one, or one that goes on from it."""
         if tick in self:
             return self
-        margin = self.ticks // MARGIN
+        margin = self.ticks // MARGIN_SHARE
         first = tick - margin if tick > self.last else tick + margin - self.ticks
-        return Part(first, first + self.ticks).within(end)
+        return TickRange(first, first + self.ticks).within(end)
 
 
 class Track(NamedTuple):
@@ -280,7 +282,7 @@ class Track(NamedTuple):
     ‹12,500 ⣀⣤⣀⣠⣀ 18,750›      a part of it: there is more on either side
     """
 
-    part: Part
+    part: TickRange
     width: int
     more_before: bool = False
     more_after: bool = False
@@ -316,8 +318,8 @@ class Track(NamedTuple):
         return np.linspace(*self.part, many + 1).astype(np.int64)
 
 
-def track_of(part: Part | None, end: int, width: int) -> Track:
+def track_of(part: TickRange | None, end: int, width: int) -> Track:
     """Of a part, or of the whole run."""
-    whole = Part(0, end)
+    whole = TickRange(0, end)
     part = whole if part is None else part
     return Track(part, width, part.first > 0, part.last < end)

@@ -16,9 +16,9 @@ from automaton.history.live_run import LiveRun, branch_of
 from automaton.history.watched_run import Run
 from automaton.verification.verification import verify
 from tui.playback.playback_state import PlaybackState
-from tui.playback.player import IDLE_S, REWIND, TICKS_PER_S, Player
+from tui.playback.player import IDLE_S, NORMAL_TICKS_PER_S, REWIND, Player
 from tui.registration import layer_named, layers
-from tui.terminal.options import SPEEDS
+from tui.terminal.options import PLAYBACK_SPEEDS
 
 __all__ = ["clock"]
 FAILING = ("strategy.right_of_way=example_strategies:FailsLater",)
@@ -127,7 +127,7 @@ def test_a_branch_takes_the_place_of_the_run(player: Player) -> None:
 # By hand
 
 
-@pytest.mark.parametrize("speed", SPEEDS[:-1])
+@pytest.mark.parametrize("speed", PLAYBACK_SPEEDS[:-1])
 def test_ticks_keep_time(speed: float, clock: ManualClock) -> None:
     player = manual_player(clock)
     player.settle()
@@ -137,9 +137,9 @@ def test_ticks_keep_time(speed: float, clock: ManualClock) -> None:
     began, first = clock.now, player.latest().tick
     while clock.now < began + 16 / speed:
         player.turn()
-    passed = (clock.now - began) * TICKS_PER_S * speed
+    passed = (clock.now - began) * NORMAL_TICKS_PER_S * speed
     assert abs(player._tick - first - passed) <= 2
-    assert player.latest().playing == 1 and player.latest().asked == TICKS_PER_S * speed
+    assert player.latest().playing == 1 and player.latest().asked == NORMAL_TICKS_PER_S * speed
 
 
 @pytest.mark.parametrize("speed", [1, 64, math.inf])
@@ -155,7 +155,7 @@ def test_backwards_keeps_time_too_but_no_faster_than_it_can(
     began = clock.now
     for _ in range(100):
         player.turn()  # it waits in each of them: ManualClock sees to that
-    passed = (clock.now - began) * TICKS_PER_S * min(speed, REWIND)
+    passed = (clock.now - began) * NORMAL_TICKS_PER_S * min(speed, REWIND)
     assert abs(500 - player._tick - passed) <= 2 and player._tick < 500
     assert len(clock.waits) >= 100
 

@@ -10,7 +10,7 @@ from render_scenes import open_floor
 
 from automaton.floor.drawn_floors import draw_floor
 from automaton.world.resolve import resolve
-from tui.render.camera import Camera, Rectangle, shown_rectangle
+from tui.render.camera import Camera, CellRectangle, shown_rectangle
 
 
 @st.composite
@@ -47,9 +47,9 @@ def cells(camera: Camera) -> list[int]:
 
 
 def test_bays_in_the_border_column_are_shown_and_outer_walls_are_not():
-    assert shown_rectangle(resolve("tabletop-mini").floor_plan) == Rectangle(1, 0, 8, 13)
+    assert shown_rectangle(resolve("tabletop-mini").floor_plan) == CellRectangle(1, 0, 8, 13)
     walled = draw_floor("#####\n#...#\n#...#\n#####")
-    assert shown_rectangle(walled) == Rectangle(2, 2, 4, 5)
+    assert shown_rectangle(walled) == CellRectangle(2, 2, 4, 5)
 
 
 def test_the_ladder_ends_where_the_whole_floor_fits():

@@ -38,22 +38,31 @@ def scene_of(*robots: dict[str, int], **more: object) -> Scene:
 
 def test_robots_with_one_order_have_one_colour_and_those_without_that_of_parked_ones() -> None:
     scene = scene_of({"order": 3}, {"order": 11}, {"order": 4}, {}, colouring="order")
-    expected = [styles.CLASSES[3], styles.CLASSES[3], styles.CLASSES[4], styles.COLOUR_PARKED]
+    expected = [
+        styles.CLASS_COLOURS[3],
+        styles.CLASS_COLOURS[3],
+        styles.CLASS_COLOURS[4],
+        styles.COLOUR_PARKED,
+    ]
     assert colours(scene) == expected
 
 
 def test_a_robot_with_a_load_keeps_the_colour_of_its_type() -> None:
     scene = scene_of({"type": 1}, {"type": 3, "load": 0}, {"type": 0}, colouring="type")
-    assert not is_possible(scene, "type") and styles.CLASSES[1] not in colours(scene)
+    assert not is_possible(scene, "type") and styles.CLASS_COLOURS[1] not in colours(scene)
     vars(scene.floor)["type_names"] = ("tug", "lifter")
-    assert colours(scene) == [styles.CLASSES[1], styles.CLASSES[1], styles.CLASSES[0]]
+    assert colours(scene) == [
+        styles.CLASS_COLOURS[1],
+        styles.CLASS_COLOURS[1],
+        styles.CLASS_COLOURS[0],
+    ]
 
 
 def test_a_fuller_battery_has_a_higher_level() -> None:
     shares = (0, 0.19, 0.2, 0.5, 0.99, 1)
     robots = [{"charge": int(share * BATTERY_FULL)} for share in shares]
     scene = scene_of(*robots, colouring="battery", battery=True)
-    levels = [styles.LEVELS.index(colour) for colour in colours(scene)]
+    levels = [styles.LEVEL_COLOURS.index(colour) for colour in colours(scene)]
     assert levels == [0, 0, 1, 2, 4, 4]
 
 
@@ -61,14 +70,18 @@ def test_a_longer_wait_has_a_higher_level_and_a_robot_without_order_does_not_wai
     waits = [{"cause": 3, "since": 1000 - ticks} for ticks in (1, 9, 10, 50, 200)]
     scene = scene_of(*waits, {"cause": CAUSE_NO_ORDER}, colouring="waiting")
     vars(scene.snapshot)["tick"] = 1000
-    levels = [styles.LEVELS.index(colour) for colour in colours(scene)]
+    levels = [styles.LEVEL_COLOURS.index(colour) for colour in colours(scene)]
     assert levels == [1, 1, 2, 3, 4, 0]
 
 
 def test_robots_have_the_hues_of_their_service_zones() -> None:
     zoning = two_zones().snapshot.service_zones
     scene = scene_of({"service_zone": 1}, {"service_zone": 0}, {}, zoning=zoning, colouring="zone")
-    assert colours(scene) == [styles.CLASSES[1], styles.CLASSES[0], styles.COLOUR_PARKED]
+    assert colours(scene) == [
+        styles.CLASS_COLOURS[1],
+        styles.CLASS_COLOURS[0],
+        styles.COLOUR_PARKED,
+    ]
 
 
 @pytest.mark.parametrize("colouring", COLOURINGS)
@@ -91,7 +104,7 @@ def test_where_robots_share_a_character_one_in_a_wait_cycle_gives_it_its_colour(
 
 def test_the_table_of_colours_begins_with_those_of_states() -> None:
     assert BODY_COLOURS[DRAW_FAULT] == styles.COLOUR_FAULT and DRAW_FAULT + 1 == DRAW_CLASS
-    assert BODY_COLOURS[DRAW_CLASS:DRAW_LEVEL].tolist() == list(styles.CLASSES)
+    assert BODY_COLOURS[DRAW_CLASS:DRAW_LEVEL].tolist() == list(styles.CLASS_COLOURS)
 
 
 @pytest.mark.parametrize("zoom", ["1x1", "braille 1"])
@@ -102,7 +115,7 @@ def test_the_legend_says_what_the_colours_mean_and_which_signs_tell_the_state(zo
         entries = legend(scene.with_(colouring=colouring), steps, UNICODE)
         signs = [sign for entry in entries for sign in entry.signs]
         used = {fg(sign) for sign in signs} | {bg(sign) for sign in signs}
-        wanted = styles.CLASSES if colouring == "order" else styles.LEVELS
+        wanted = styles.CLASS_COLOURS if colouring == "order" else styles.LEVEL_COLOURS
         assert set(wanted) <= used and styles.COLOUR_FAULT in used
         assert not {styles.COLOUR_ROBOT, styles.COLOUR_WAITING} & used
         words = " ".join(entry.meaning for entry in entries)
@@ -112,9 +125,9 @@ def test_the_legend_says_what_the_colours_mean_and_which_signs_tell_the_state(zo
 
 
 def test_colours_of_kinds_and_of_amounts_differ_in_every_theme_at_every_depth() -> None:
-    for group in (styles.CLASSES, styles.LEVELS):
+    for group in (styles.CLASS_COLOURS, styles.LEVEL_COLOURS):
         for theme in ("dark", "light"):
-            rows = [getattr(styles.COLOURS[one], theme) for one in group]
+            rows = [getattr(styles.COLOUR_TABLE[one], theme) for one in group]
             for depth in range(3):
                 assert len({row[depth] for row in rows}) == len(group), (theme, depth)
 

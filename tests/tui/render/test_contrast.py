@@ -19,7 +19,7 @@ from automaton.floor.traffic_zones import traffic_zones_of
 from tui.render import styles
 from tui.render.drawn_robots import BODY_COLOURS, DRAW_CLASS
 from tui.render.scene import Scene
-from tui.render.styles import COLOURS, GLYPHS, STYLE_COUNT, UNICODE, Depth, Look, contrast
+from tui.render.styles import COLOUR_TABLE, GLYPHS, STYLE_COUNT, UNICODE, Depth, Look, contrast
 
 COLOURED = [
     Look(depth, theme)
@@ -29,7 +29,7 @@ COLOURED = [
 every_look = pytest.mark.parametrize(
     "look", COLOURED, ids=lambda look: f"{look.depth.name}-{look.theme}"
 )
-MARKS = [colour for colour in range(len(COLOURS)) if colour not in styles.GROUNDS]
+MARKS = [colour for colour in range(len(COLOUR_TABLE)) if colour not in styles.GROUNDS]
 CHARGES = {"action": ACTION_CHARGE, "goal_type": GOAL_CHARGE}
 STATES = (
     *({}, {"load": 1}, {"cause": 1}, {"wait_cycle_ticks": 9}, {"charge": BATTERY_FULL // 10}),
@@ -47,7 +47,7 @@ LAYERS = ("", "visits", "flow", "traffic-zones", "service-zones", "explored", "p
 
 
 def least(look: Look, fg: int, character: str) -> float:
-    robot_of_16 = look.depth == Depth.SIXTEEN and fg in styles.ROBOTS
+    robot_of_16 = look.depth == Depth.SIXTEEN and fg in styles.ROBOT_COLOURS
     return 4.5 if character.isalnum() and not robot_of_16 else 3.0
 
 
@@ -55,11 +55,11 @@ def least(look: Look, fg: int, character: str) -> float:
 def test_what_stands_on_any_ground_is_seen(look: Look) -> None:
     for fg in MARKS:
         for bg in styles.BACKGROUNDS:
-            text = fg in styles.WORDS or bg == styles.COLOUR_VOID
-            text = text or (fg in styles.ROBOTS and look.depth != Depth.SIXTEEN)
+            text = fg in styles.WORD_COLOURS or bg == styles.COLOUR_VOID
+            text = text or (fg in styles.ROBOT_COLOURS and look.depth != Depth.SIXTEEN)
             values = look.pair(styles.style(fg, bg))
             if fg != bg:
-                names = COLOURS[fg].name, COLOURS[bg].name, values
+                names = COLOUR_TABLE[fg].name, COLOUR_TABLE[bg].name, values
                 assert contrast(*values, look.depth) >= (4.5 if text else 3.0), names
 
 
@@ -67,16 +67,16 @@ def test_what_stands_on_any_ground_is_seen(look: Look) -> None:
 def test_on_the_plain_floor_no_colour_gives_way_to_black_or_white(look: Look) -> None:
     index = 3 - look.depth
     for fg in (colour for colour in MARKS if colour not in styles.BACKGROUNDS):
-        own = COLOURS[fg].dark if look.theme == "dark" else COLOURS[fg].light
+        own = COLOUR_TABLE[fg].dark if look.theme == "dark" else COLOUR_TABLE[fg].light
         value, _ = look.pair(styles.style(fg, styles.COLOUR_FLOOR))
-        assert value == own[index], COLOURS[fg].name
+        assert value == own[index], COLOUR_TABLE[fg].name
 
 
 @every_look
 def test_a_number_cut_out_of_a_robot_is_read(look: Look) -> None:
-    for colour in styles.ROBOTS:
+    for colour in styles.ROBOT_COLOURS:
         values = look.pair(styles.style(styles.COLOUR_FLOOR, colour))
-        assert contrast(*values, look.depth) >= 4.5, COLOURS[colour].name
+        assert contrast(*values, look.depth) >= 4.5, COLOUR_TABLE[colour].name
 
 
 @lru_cache
@@ -112,7 +112,10 @@ def drawn_styles(layer: str, zoom: str) -> Iterator[tuple[int, int, str]]:
     """
     codes, _ = composed(scene_with(layer), zoom)
     for code in np.unique(codes).tolist():
-        (fg, bg), character = divmod(code >> 16, len(COLOURS)), UNICODE.characters[code & GLYPHS]
+        (fg, bg), character = (
+            divmod(code >> 16, len(COLOUR_TABLE)),
+            UNICODE.characters[code & GLYPHS],
+        )
         halves = character in "▀▄█" and (fg in styles.GROUNDS or bg not in styles.BACKGROUNDS)
         shade = fg in styles.GROUNDS and fg != styles.COLOUR_FLOOR != bg
         if fg != bg and not halves and not shade and character not in " \u2800":
@@ -125,7 +128,13 @@ def test_all_that_a_picture_shows_is_legible_in_every_theme_at_every_depth(layer
         for fg, bg, character in drawn_styles(layer, zoom):
             for look in COLOURED:
                 values = look.pair(styles.style(fg, bg))
-                said = (zoom, look.depth.name, look.theme, COLOURS[fg].name, COLOURS[bg].name)
+                said = (
+                    zoom,
+                    look.depth.name,
+                    look.theme,
+                    COLOUR_TABLE[fg].name,
+                    COLOUR_TABLE[bg].name,
+                )
                 clear = contrast(*values, look.depth)
                 assert clear >= least(look, fg, character), (*said, character, round(clear, 2))
 
@@ -133,7 +142,7 @@ def test_all_that_a_picture_shows_is_legible_in_every_theme_at_every_depth(layer
 def test_there_are_styles_of_every_kind_in_the_pictures_that_are_measured() -> None:
     pictures = [drawn_styles(layer, zoom) for layer in LAYERS for zoom in LADDER]
     seen = {styles.style(fg, bg) for picture in pictures for fg, bg, _ in picture}
-    foregrounds, backgrounds = zip(*(divmod(one, len(COLOURS)) for one in seen), strict=True)
+    foregrounds, backgrounds = zip(*(divmod(one, len(COLOUR_TABLE)) for one in seen), strict=True)
     states = {*BODY_COLOURS[:DRAW_CLASS].tolist()}
     assert states <= {*foregrounds, *backgrounds}
     assert {styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8, styles.COLOUR_ZONE_0} <= {*backgrounds}

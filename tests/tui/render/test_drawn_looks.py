@@ -26,5 +26,5 @@ def test_a_snapshot_and_the_state_have_the_same_robots_in_the_same_order() -> No
 
 
 def test_each_kind_of_cell_has_a_colour() -> None:
-    assert set(viewer.KIND_COLOURS) == {kind.code for kind in CELL_KINDS}
+    assert set(viewer.CELL_COLOURS) == {kind.code for kind in CELL_KINDS}
     assert set(drawings.KIND_COLOURS.values()) <= set(PALETTE)

@@ -17,8 +17,8 @@ from tui.render.styles import (
     COLOUR_MARKED,
     COLOUR_ROBOT,
     COLOUR_SHELF,
+    COLOUR_TABLE,
     COLOUR_TEXT,
-    COLOURS,
     UNICODE,
     Codes,
     Depth,
@@ -79,7 +79,7 @@ def letters(root: ET.Element) -> list[tuple[str, str, float, float]]:
 def test_a_drawing_has_each_run_in_its_colour_and_place() -> None:
     look = Look(Depth.TRUE)
     words = letters(drawing(small_picture(UNICODE), look))
-    colour = {fg: f"#{COLOURS[fg].dark.true:06x}" for fg in (COLOUR_ROBOT, COLOUR_SHELF)}
+    colour = {fg: f"#{COLOUR_TABLE[fg].dark.true:06x}" for fg in (COLOUR_ROBOT, COLOUR_SHELF)}
     assert ("▹", colour[COLOUR_ROBOT], 27, 13) in words
     assert ("▯▯▯", colour[COLOUR_SHELF], 18, 31) in words
     assert len(words) == 10
@@ -88,7 +88,7 @@ def test_a_drawing_has_each_run_in_its_colour_and_place() -> None:
 def test_a_drawing_has_a_box_where_the_paper_is_not_the_floor() -> None:
     root = drawing(small_picture(UNICODE), Look(Depth.TRUE))
     (box,) = root.iter(f"{SVG}path")
-    assert box.get("fill") == f"#{COLOURS[COLOUR_MARKED].dark.true:06x}"
+    assert box.get("fill") == f"#{COLOUR_TABLE[COLOUR_MARKED].dark.true:06x}"
     assert box.get("d") == "M54 36h9v18h-9z"
 
 

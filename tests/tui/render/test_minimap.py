@@ -20,7 +20,7 @@ from tui.render.styles import UNICODE
 def framed(minimap: Minimap, camera: Camera) -> list[str]:
     """The overview of an empty floor."""
     codes = minimap.picture(make_scene(camera.floor_plan), camera, UNICODE)
-    foregrounds = (codes >> 16) // len(styles.COLOURS)
+    foregrounds = (codes >> 16) // len(styles.COLOUR_TABLE)
     return [
         "".join(row) for row in np.where(foregrounds == styles.COLOUR_CURSOR, signs(codes), ".")
     ]

@@ -13,8 +13,8 @@ from tui.render.styles import (
     ASCII,
     COLOUR_FLOOR,
     COLOUR_HEAT_0,
+    COLOUR_TABLE,
     COLOUR_ZONE_0,
-    COLOURS,
     STYLE_COUNT,
     UNICODE,
     Depth,
@@ -109,7 +109,10 @@ def test_no_two_states_of_a_robot_and_no_two_kinds_of_zone_or_heat_merge(look: L
     )
     for group in groups:
         for one, other in combinations(group, 2):
-            assert fg(look, one) != fg(look, other), (COLOURS[one].name, COLOURS[other].name)
+            assert fg(look, one) != fg(look, other), (
+                COLOUR_TABLE[one].name,
+                COLOUR_TABLE[other].name,
+            )
 
 
 @every_look
@@ -142,18 +145,18 @@ def test_a_robot_on_a_hot_cell_takes_its_ink_of_the_other_theme() -> None:
     dark = Look(Depth.TRUE, "dark")
     assert (
         dark.pair(style(styles.COLOUR_ROBOT, COLOUR_HEAT_0 + 2))[0]
-        == COLOURS[styles.COLOUR_ROBOT].dark.true
+        == COLOUR_TABLE[styles.COLOUR_ROBOT].dark.true
     )
     assert (
         dark.pair(style(styles.COLOUR_ROBOT, COLOUR_HEAT_0 + 8))[0]
-        == COLOURS[styles.COLOUR_ROBOT].light.true
+        == COLOUR_TABLE[styles.COLOUR_ROBOT].light.true
     )
 
 
 def test_a_picture_of_pixels_shows_grounds_as_they_are() -> None:
     look = Look(Depth.TRUE, "dark")
     for one, other in combinations((*HEAT, *ZONES), 2):
-        assert look.pair(style(one, other))[0] == COLOURS[one].dark.true
+        assert look.pair(style(one, other))[0] == COLOUR_TABLE[one].dark.true
 
 
 @pytest.mark.parametrize("depth", Depth)

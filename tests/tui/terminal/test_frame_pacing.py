@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from tui.terminal.frame_pacing import FrameClock, FramePacer
-from tui.widgets.map_view import Frame
+from tui.widgets.map_view import TerminalFrame
 
 
 def play(pace: FramePacer, seconds: float, delay: float, size: int = 1000) -> int:
@@ -152,8 +152,8 @@ class Screen:
         self.delay = 0.0
 
     @contextmanager
-    def frame(self) -> Iterator[Frame]:
-        frame = Frame(size=1000)
+    def frame(self) -> Iterator[TerminalFrame]:
+        frame = TerminalFrame(size=1000)
         yield frame
         if not frame.acknowledged:
             return

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 from pseudo_terminal import MovingMapSession, moving_map
 
-from tui.terminal.terminal_host import Arrived, Link
+from tui.terminal.terminal_host import Arrived, TerminalLink
 
 ESCAPE = "\x1b[27u"  # unlike the lone byte it cannot be taken for the start of a sequence
 PALETTE = "\x10"
@@ -200,7 +200,7 @@ def test_bytes_of_a_frame(tmp_path: Path, robots: int, budget: int) -> None:
 
 
 def test_a_slow_link_never_holds_more_than_two_frames(tmp_path: Path) -> None:
-    line = Link(bytes_per_second=125_000, round_trip=0.05)
+    line = TerminalLink(bytes_per_second=125_000, round_trip=0.05)
     with moving_map(tmp_path, rows=60, columns=200, robots=1000, link=line) as session:
         session.host.max_backlog = session.host.max_frames = 0
         session.walk(12)

@@ -14,7 +14,7 @@ from viewer_harness import mini, viewing
 
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
-from tui.widgets.bindings import ACTIONS, TOPICS
+from tui.widgets.bindings import TOPICS, VIEWER_ACTIONS
 
 __all__ = ["map_cases"]
 
@@ -41,11 +41,11 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def test_every_action_of_the_table_is_carried_out_by_one_group() -> None:
     viewer = Viewer(mini(), Options())
     ids = [id for group in viewer.groups for id in group.commands()]
-    assert sorted(ids) == sorted([*(action.id for action in ACTIONS), "command_palette"])
+    assert sorted(ids) == sorted([*(action.id for action in VIEWER_ACTIONS), "command_palette"])
 
 
 def test_every_action_has_a_check_and_no_check_is_without_action() -> None:
-    assert set(CHECKS) == {action.id for action in ACTIONS}
+    assert set(CHECKS) == {action.id for action in VIEWER_ACTIONS}
 
 
 @pytest.mark.parametrize("name", list(CHECKS))

@@ -13,7 +13,7 @@ from viewer_harness import Watched, compared, mini, viewing
 from automaton.engine.state import NIL
 from tui.playback.run_source import Opening
 from tui.terminal.options import Options
-from tui.widgets.bindings import ACTIONS, COMPARING
+from tui.widgets.bindings import COMPARING, VIEWER_ACTIONS
 from tui.widgets.map_view import MapView
 from tui.widgets.timeline import Timeline
 
@@ -145,14 +145,14 @@ def test_the_mouse_over_a_cell_says_what_is_there() -> None:
 def test_every_action_is_in_the_palette(tmp_path: Path) -> None:
     def listed(user: Watched) -> set[str]:
         commands = user.app.get_system_commands(user.app.screen)
-        known = {action.label for action in ACTIONS}  # colours of robots have entries, too
+        known = {action.label for action in VIEWER_ACTIONS}  # colours of robots have entries, too
         return {command.callback.args[0] for command in commands if command.title in known}
 
     async def alone(user: Watched) -> None:
-        assert listed(user) == {action.id for action in ACTIONS} - COMPARING
+        assert listed(user) == {action.id for action in VIEWER_ACTIONS} - COMPARING
 
     async def comparing(user: Watched) -> None:
-        assert listed(user) == {action.id for action in ACTIONS}
+        assert listed(user) == {action.id for action in VIEWER_ACTIONS}
 
     story(alone)
     story(comparing, compared(tmp_path))
@@ -168,11 +168,11 @@ def test_an_action_gets_another_key_by_its_id() -> None:
 
 
 def test_every_key_of_an_action_is_bound_to_it_alone() -> None:
-    keys = [key for action in ACTIONS for key in action.keys.split(",")]
+    keys = [key for action in VIEWER_ACTIONS for key in action.keys.split(",")]
     assert len(set(keys)) == len(keys)
 
     async def tell(user: Watched) -> None:
-        for action in ACTIONS:
+        for action in VIEWER_ACTIONS:
             for key in action.keys.split(","):
                 bound = user.app._bindings.get_bindings_for_key(key)
                 assert [binding.id for binding in bound] == [action.id]

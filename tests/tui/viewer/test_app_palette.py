@@ -10,7 +10,7 @@ from viewer_harness import Watched, mini, screen_text, viewing
 
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
-from tui.widgets.bindings import ACTIONS, COMPARING
+from tui.widgets.bindings import COMPARING, VIEWER_ACTIONS
 
 
 def test_the_palette_carries_out_every_action_of_the_table(
@@ -22,18 +22,18 @@ def test_the_palette_carries_out_every_action_of_the_table(
     monkeypatch.setattr(
         viewer,
         "_commands",
-        {action.id: lambda id=action.id: called.append(id) for action in ACTIONS},
+        {action.id: lambda id=action.id: called.append(id) for action in VIEWER_ACTIONS},
     )
 
     async def walk(comparing: bool) -> list[str]:
         monkeypatch.setattr(type(viewer.session.opening), "comparing", comparing)
         called.clear()
         for command in viewer.get_system_commands(Screen()):
-            if command.title in {action.label for action in ACTIONS}:
+            if command.title in {action.label for action in VIEWER_ACTIONS}:
                 await command.callback()
         return called
 
-    ids = [action.id for action in ACTIONS]
+    ids = [action.id for action in VIEWER_ACTIONS]
     assert asyncio.run(walk(True)) == ids
     assert asyncio.run(walk(False)) == [id for id in ids if id not in COMPARING]
 

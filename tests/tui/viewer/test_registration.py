@@ -18,10 +18,10 @@ from tui import registration
 from tui.actions import view_actions
 from tui.cast import film
 from tui.cast.film import Request
-from tui.registration import LAYERS, PANELS, RESERVED, layers, panels
+from tui.registration import LAYER_GROUP, PANEL_GROUP, RESERVED, layers, panels
 from tui.render.layer import Layer
 from tui.render.scene import Choice
-from tui.widgets.bindings import ACTIONS
+from tui.widgets.bindings import VIEWER_ACTIONS
 from tui.widgets.panel import Panel
 
 MODULE = """
@@ -151,18 +151,18 @@ from tui.actions.seek_actions import FindActions
 from tui.registration import layers, panels
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
-from tui.widgets.bindings import ACTIONS
+from tui.widgets.bindings import VIEWER_ACTIONS
 from viewer_harness import mini
 
 print(*layers().problems, *panels().problems, sep="\\n")
-for action in ACTIONS:
+for action in VIEWER_ACTIONS:
     print(action.id, "has", action.keys or "no key", "and is", action.label)
 print("panels", *panels().by_name)
-assert max(Counter(action.id for action in ACTIONS).values()) == 1
-keys = Counter(key for action in ACTIONS for key in action.keys.split(",") if key)
+assert max(Counter(action.id for action in VIEWER_ACTIONS).values()) == 1
+keys = Counter(key for action in VIEWER_ACTIONS for key in action.keys.split(",") if key)
 assert max(keys.values()) == 1, keys
 viewer = Viewer(mini(), Options())
-assert {action.id for action in ACTIONS} <= viewer._commands.keys()
+assert {action.id for action in VIEWER_ACTIONS} <= viewer._commands.keys()
 print("find is of", type(viewer._commands["find"].__self__).__name__)
 print("follow is of", type(viewer._commands["follow"].__self__).__name__)
 """
@@ -323,7 +323,7 @@ def test_another_package_takes_no_name_action_or_key_that_is_taken(tmp_path: Pat
 
 def test_the_ids_that_no_layer_may_take_are_those_of_the_fixed_actions() -> None:
     brought = {layer.action for layer in layers().by_name.values()}
-    fixed = {action.id for action in ACTIONS} - brought
+    fixed = {action.id for action in VIEWER_ACTIONS} - brought
     assert {id for id in fixed if id.startswith(("layer_", "panel_"))} == set(RESERVED)
 
 
@@ -353,10 +353,10 @@ def test_an_installation_without_entry_points_is_said(
 ) -> None:
     path = record(tmp_path / "run.rec", until=10)
     monkeypatch.setattr(registration, "entry_points", lambda group: ())
-    nothing = registration._registered(PANELS, "panel", Panel)
+    nothing = registration._registered(PANEL_GROUP, "panel", Panel)
     advice = "install the project again (pip install -e .)"
     assert nothing.problems == (f"no panels are registered: {advice}",)
-    no_layers = registration._registered(LAYERS, "layer", Layer)
+    no_layers = registration._registered(LAYER_GROUP, "layer", Layer)
     monkeypatch.setattr(film, "layers", lambda: no_layers)
     with pytest.raises(InputError, match=re.escape(f"no layers are registered: {advice}")):
         film.Film(path, Request(layer="visits"))

@@ -18,7 +18,7 @@ from automaton.errors import InputError
 from automaton.floor.cells import TURNTABLE
 from automaton.history.breakpoints import FIELDS
 from automaton.scenario.quantities import Scale, read_clock
-from tui.screens.breakpoint_dialog import BreakpointsScreen, Stop, StopList
+from tui.screens.breakpoint_dialog import BreakpointsScreen, StopCondition, StopList
 from tui.screens.dialogs import (
     MIN_TERMINAL_COLUMNS,
     MIN_TERMINAL_ROWS,
@@ -76,7 +76,7 @@ def complaint(dialog: ModalScreen[Any]) -> str:
 DIALOGS: dict[str, Callable[[], ModalScreen[Any]]] = {
     "find": lambda: FindScreen(deadlocked()),
     "go to": lambda: GoToScreen(deadlocked()),
-    "breakpoints": lambda: BreakpointsScreen([Stop("deadlock")]),
+    "breakpoints": lambda: BreakpointsScreen([StopCondition("deadlock")]),
     "branch": lambda: BranchScreen(deadlocked()),
 }
 
@@ -98,7 +98,7 @@ def test_every_dialog_fits_and_closes_by_escape(name: str, size: tuple[int, int]
             assert stage.focused is not None  # one can type at once
         await pilot.press("escape")
 
-    assert with_dialog(dialog, story, size) in (None, (Stop("deadlock"),))
+    assert with_dialog(dialog, story, size) in (None, (StopCondition("deadlock"),))
 
 
 @pytest.mark.parametrize("name", ["find", "go to", "branch"])
@@ -273,17 +273,20 @@ def test_breakpoints_are_added_and_what_is_wrong_is_said() -> None:
         assert said(dialog.query_one(StopList))[0].startswith("✓ stalled > 50")
         await pilot.press(*"delivered 7", "enter", "enter")
 
-    assert with_dialog(dialog, story) == (Stop("stalled > 50"), Stop("delivered 7"))
+    assert with_dialog(dialog, story) == (
+        StopCondition("stalled > 50"),
+        StopCondition("delivered 7"),
+    )
 
 
 def test_breakpoints_are_switched_and_removed_by_keys() -> None:
-    stops = [Stop("deadlock"), Stop("delivered"), Stop("loaded")]
+    stops = [StopCondition("deadlock"), StopCondition("delivered"), StopCondition("loaded")]
     result = typed(BreakpointsScreen(stops), "tab", "down", "space", "down", "delete", "escape")
-    assert result == (Stop("deadlock"), Stop("delivered", on=False))
+    assert result == (StopCondition("deadlock"), StopCondition("delivered", on=False))
 
 
 def test_breakpoints_are_switched_and_removed_by_mouse() -> None:
-    dialog = BreakpointsScreen([Stop("deadlock"), Stop("delivered")])
+    dialog = BreakpointsScreen([StopCondition("deadlock"), StopCondition("delivered")])
 
     async def story(stage: Stage, pilot: Pilot[None]) -> None:
         stops = dialog.query_one(StopList)
@@ -292,7 +295,7 @@ def test_breakpoints_are_switched_and_removed_by_mouse() -> None:
         await pilot.click(StopList, offset=(stops.width - 2, 1))
         await pilot.click("#accept")
 
-    assert with_dialog(dialog, story) == (Stop("deadlock", on=False),)
+    assert with_dialog(dialog, story) == (StopCondition("deadlock", on=False),)
 
 
 # Branch.

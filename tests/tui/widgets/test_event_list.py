@@ -35,7 +35,7 @@ from automaton.history.event_history import (
     event_words,
 )
 from tui.playback.panel_view import View
-from tui.widgets.event_list import Events, Filter, Wanted
+from tui.widgets.event_list import EventFilter, Events, Filter
 
 
 def earlier(tick: int) -> View:
@@ -177,12 +177,15 @@ def test_words_filter_while_they_are_typed() -> None:
 
 def test_words_name_loads_and_numbers() -> None:
     rows = busy().run.event_history.events
-    of_load = rows[Wanted(words="load 6").mask(rows)]
+    of_load = rows[EventFilter(words="load 6").mask(rows)]
     assert len(of_load) and set(of_load[:, 3]) == {6} and not set(of_load[:, 1]) & {EVENT_RETREATED}
-    assert set(rows[Wanted(words="2").mask(rows)][:, 2]) == {2}
-    assert set(rows[Wanted(words="takes").mask(rows)][:, 1]) == {EVENT_ORDER_TAKEN}
-    assert not Wanted(words="nonsense").mask(rows).any()
-    assert set(rows[Wanted(kinds=frozenset({"picks"}), words="robot 4").mask(rows)][:, 1]) == {2, 3}
+    assert set(rows[EventFilter(words="2").mask(rows)][:, 2]) == {2}
+    assert set(rows[EventFilter(words="takes").mask(rows)][:, 1]) == {EVENT_ORDER_TAKEN}
+    assert not EventFilter(words="nonsense").mask(rows).any()
+    assert set(rows[EventFilter(kinds=frozenset({"picks"}), words="robot 4").mask(rows)][:, 1]) == {
+        2,
+        3,
+    }
 
 
 def test_every_kind_of_event_belongs_to_one_box() -> None:

@@ -23,12 +23,12 @@ from textual.pilot import Pilot
 from tui.playback.panel_view import Picture, View
 from tui.registration import panels
 from tui.render.camera import Camera
-from tui.render.scene import Floor, Scene
+from tui.render.scene import Scene, ShownFloor
 from tui.render.styles import ASCII, UNICODE, Depth, GlyphSet, Look
 from tui.widgets.inspector import Inspector
 from tui.widgets.legend_panel import Legend
 from tui.widgets.metrics_panel import Figures
-from tui.widgets.panel import UNICODE as SIGNS
+from tui.widgets.panel import UNICODE_SIGNS as SIGNS
 from tui.widgets.panel import bar, line, linked, robot_link, signs_of, wrapped
 from tui.widgets.panel_column import PanelColumn, panel_widgets
 
@@ -37,7 +37,7 @@ LOOK = Look(Depth.TRUE)
 
 def _scene(view: View) -> tuple[Scene, Camera]:
     slots = view.snapshot.slots
-    scene = Scene(Floor(view.floor_plan, slots.cell), view.snapshot)
+    scene = Scene(ShownFloor(view.floor_plan, slots.cell), view.snapshot)
     return scene, Camera(view.floor_plan, 40, 120)
 
 

@@ -21,8 +21,8 @@ from textual.pilot import Pilot
 from automaton.engine.observation import CAUSE_REDUCED_SPEED
 from automaton.history.snapshot import Fleet
 from tui.playback.panel_view import View
-from tui.playback.playback_state import Figures
-from tui.widgets.robot_table import ROBOT_TABLE_COLUMNS, Column, Robots, ordered
+from tui.playback.playback_state import RunFigures
+from tui.widgets.robot_table import ROBOT_TABLE_COLUMNS, RobotColumn, Robots, ordered
 
 PLAIN = [
     c for c in ROBOT_TABLE_COLUMNS if c.title not in ("type", "battery", "ahead", "zone", "queue")
@@ -42,7 +42,7 @@ def crowd(many: int) -> View:
         for field in fields(Fleet)
     }
     metrics = view.playback.figures[0].metrics
-    figures = Figures(300, metrics, np.arange(many), np.full(many, 0.5), np.zeros(0, int), None)
+    figures = RunFigures(300, metrics, np.arange(many), np.full(many, 0.5), np.zeros(0, int), None)
     snapshot = replace(view.snapshot, robots=Fleet(**copies))
     return replace(view, playback=replace(view.playback, snapshots=(snapshot,), figures=(figures,)))
 
@@ -72,7 +72,7 @@ def test_all_columns_tell_what_the_snapshot_says() -> None:
 
 
 @pytest.mark.parametrize("column", ROBOT_TABLE_COLUMNS, ids=lambda column: column.title)
-def test_each_column_sorts_both_ways(column: Column) -> None:
+def test_each_column_sorts_both_ways(column: RobotColumn) -> None:
     view = deadlocked()
     keys = np.asarray(column.keys(view)).tolist()
     up, down = ordered(view, column, False).tolist(), ordered(view, column, True).tolist()

@@ -12,7 +12,7 @@ from automaton.history.event_history import Curve
 from tui.render import styles
 from tui.render.encode import as_text
 from tui.render.styles import ASCII, UNICODE, Depth, GlyphSet, Look
-from tui.widgets.timeline import MIN_TICKS_SHOWN, Mark, Part, Past, picture, span, track_of
+from tui.widgets.timeline import MIN_TICKS_SHOWN, Mark, Past, TickRange, picture, span, track_of
 
 NOTHING_HAPPENS = Curve(np.zeros((50_000, CURVE_COLUMNS), np.int32), 1, 50_000)
 ENDS = st.integers(1, 10**6)
@@ -20,12 +20,12 @@ WIDTHS = st.integers(30, 240)
 
 
 @st.composite
-def parts(draw: st.DrawFn) -> tuple[Part, int]:
+def parts(draw: st.DrawFn) -> tuple[TickRange, int]:
     """A part of a run, and the end of the run."""
     end = draw(ENDS)
     ticks = draw(st.integers(min(MIN_TICKS_SHOWN, end), end))
     first = draw(st.integers(0, end - ticks))
-    return Part(first, first + ticks), end
+    return TickRange(first, first + ticks), end
 
 
 @given(parts(), WIDTHS)
@@ -64,8 +64,8 @@ def test_a_part_follows_the_present(part_and_end, data) -> None:
 def test_the_present_stands_out_where_it_is_in_the_part_that_is_shown() -> None:
     for tick, columns in ((100, 1), (45_000, 0), (9_999, 0)):
         past = nothing_delivered(tick=tick)
-        codes = picture(past, track_of(Part(100, 9_000), 50_000, 80), UNICODE, False)
-        backgrounds = (codes >> 16) % len(styles.COLOURS)
+        codes = picture(past, track_of(TickRange(100, 9_000), 50_000, 80), UNICODE, False)
+        backgrounds = (codes >> 16) % len(styles.COLOUR_TABLE)
         assert np.count_nonzero(backgrounds == styles.COLOUR_SELECTED) == columns
 
 
@@ -76,7 +76,7 @@ def test_a_run_of_unknown_length_ends_at_a_round_number_beyond_what_is_known(hea
     assert str(end).rstrip("0") in ("1", "15", "2", "3", "5", "75")
 
 
-def row(past: Past, part: Part | None, width: int, glyphs: GlyphSet = UNICODE) -> str:
+def row(past: Past, part: TickRange | None, width: int, glyphs: GlyphSet = UNICODE) -> str:
     assert past.end is not None
     return as_text(picture(past, track_of(part, past.end, width), glyphs, False), glyphs).rstrip()
 
@@ -88,10 +88,10 @@ def nothing_delivered(*marks: Mark, tick: int = 50_000) -> Past:
 def test_the_row_says_which_ticks_it_shows() -> None:
     past = nothing_delivered()
     assert row(past, None, 40).startswith("0 ") and row(past, None, 40).endswith(" 50,000")
-    near = row(past, Part(12_500, 25_000), 40)
+    near = row(past, TickRange(12_500, 25_000), 40)
     assert near.startswith("\u203912,500 ")
     assert near.endswith(" 25,000\u203a")
-    assert row(past, Part(12_500, 25_000), 40, ASCII).isascii()
+    assert row(past, TickRange(12_500, 25_000), 40, ASCII).isascii()
 
 
 def test_marks_that_share_a_column_are_counted_and_parted_by_zooming() -> None:
@@ -99,7 +99,7 @@ def test_marks_that_share_a_column_are_counted_and_parted_by_zooming() -> None:
     past = nothing_delivered(*marks, Mark(20_000, "deadlock"))  # the same one twice is one
     assert row(past, None, 80).count("3") == 1 and row(past, None, 80).count("✗") == 0
     assert row(past, None, 80).count("⊗") == 1
-    near = row(past, Part(19_990, 20_090), 80)
+    near = row(past, TickRange(19_990, 20_090), 80)
     assert near.count("✗") == 3 and "⊗" not in near
     many = nothing_delivered(*(Mark(30_000 + n, "deadlock") for n in range(12)))
     assert row(many, None, 80).count("+") == 1
@@ -111,7 +111,7 @@ def test_a_number_of_marks_stands_out_at_every_depth(glyphs: GlyphSet) -> None:
     codes = picture(past, track_of(None, 50_000, 80), glyphs, False)[0]
     (column,) = np.flatnonzero((codes & 0xFFFF) == ord("2"))
     number = int(codes[column] >> 16)
-    assert number % len(styles.COLOURS) == styles.COLOUR_FAULT  # the gravest kind
+    assert number % len(styles.COLOUR_TABLE) == styles.COLOUR_FAULT  # the gravest kind
     for depth in set(Depth) - {Depth.NONE}:
         fg, bg = Look(depth).pair(number)
         assert fg != bg

@@ -35,7 +35,7 @@ from tui.playback.panel_view import View
 from tui.screens.find_dialog import find
 from tui.widgets.inspector import Inspector
 from tui.widgets.metrics_panel import Figures
-from tui.widgets.panel import ASCII as PLAIN_SIGNS
+from tui.widgets.panel import ASCII_SIGNS as PLAIN_SIGNS
 from tui.widgets.robot_table import Robots
 from tui.widgets.why_panel import CAUSE_LETTERS, Why
 

@@ -32,7 +32,7 @@ from strategies.zoning.zone_workspace import space_for, zone_rules
 from tui.cast.film import Request, make_picture
 from tui.playback.panel_view import View
 from tui.screens.find_dialog import find
-from tui.widgets.event_list import Wanted, kinds_of
+from tui.widgets.event_list import EventFilter, kinds_of
 from tui.widgets.inspector import Inspector
 from tui.widgets.metrics_panel import Figures
 from tui.widgets.robot_table import ROBOT_TABLE_COLUMNS
@@ -226,8 +226,8 @@ def test_stations_tell_when_they_are_done_with_a_part(factory: View) -> None:
     assert sorted((tick, part, at) for tick, _, _, part, at in done.tolist()) == expected
     part, at = done[0, 3:].tolist()
     assert event_words(Event(*done[0].tolist())) == f"station {at + 1} is done with part {part}"
-    assert Wanted(words=f"part {part}").mask(done)[0]
-    assert not Wanted(words="load 0").mask(done).any()
+    assert EventFilter(words=f"part {part}").mask(done)[0]
+    assert not EventFilter(words="load 0").mask(done).any()
     assert {"parts", "zones"} <= set(kinds_of(factory))
     assert not {"parts", "zones"} & set(kinds_of(moment(10, "tabletop-1")))
 

@@ -23,7 +23,7 @@ from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSES
 from automaton.history.snapshot import Fleet
-from tui.widgets.panel import ASCII, UNICODE, Signs
+from tui.widgets.panel import ASCII_SIGNS, UNICODE_SIGNS, Signs
 from tui.widgets.why_panel import CAUSE_LETTERS, Why, cause_bar, pattern_key, shares_bar
 
 WAIT = ("tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")
@@ -108,7 +108,7 @@ def test_the_whole_time_is_one_bar_in_which_no_cause_is_lost() -> None:
     assert "".join(span.text for span in bar) == "HHHHHHHHHHQQQQQw...."
 
 
-@pytest.mark.parametrize("signs", [UNICODE, ASCII], ids=["unicode", "ascii"])
+@pytest.mark.parametrize("signs", [UNICODE_SIGNS, ASCII_SIGNS], ids=["unicode", "ascii"])
 def test_bars_of_blocked_and_of_other_time_differ_without_colours(signs: Signs) -> None:
     queue, drawn_wait = (cause_bar(cause, 0.5, 8, signs).text for cause in (1, 9))
     assert len(queue) == len(drawn_wait) == 8 and queue != drawn_wait

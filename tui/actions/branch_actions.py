@@ -25,7 +25,6 @@ from tui.playback.run_source import Opening, beside, comparing_command, give_up_
 from tui.screens.dialogs import ReloadErrorScreen
 from tui.viewer.session import Display, Session
 from tui.widgets.panel import signs_of
-from tui.widgets.timeline import Mark
 
 if TYPE_CHECKING:
     from automaton.history.watched_run import Run
@@ -141,7 +140,7 @@ class BranchActions:
             session.choice.zone = NIL
         self._display.show_titles()
         session.marks = [mark for mark in session.marks if mark.tick <= made.tick]
-        session.marks.append(Mark(made.tick, "branch"))
+        session.mark(made.tick, "branch")
         session.notify(f"branched at tick {made.tick:,}: {' '.join(map(short, made.settings))}")
         if made.path is not None:
             origin = (*session.opening.files, *session.recordings)[-1]

@@ -24,7 +24,6 @@ from tui.actions import Command
 from tui.playback.frame_cache import robot_cell
 from tui.playback.run_source import capture_file, short_path
 from tui.registration import layer_named, layers, panels
-from tui.render.cell_view import GOAL_LINES
 from tui.render.drawn_robots import COLOURINGS, is_possible
 from tui.render.encode import TextRun, as_text, svg_of
 from tui.render.styles import COLOUR_TEXT, COLOUR_VOID, Depth, Look, style
@@ -204,9 +203,9 @@ class LayerActions:
             self._notices.say(f"trails are {shown}", timeout=2)
 
     def _next_lines(self) -> None:
-        at = GOAL_LINES.index(self._choice.lines) + 1
-        self._choice.lines = GOAL_LINES[at % len(GOAL_LINES)]
         whose = {"": "none", "selected": "the selected robot's", "all": "all robots'"}
+        at = list(whose).index(self._choice.lines) + 1
+        self._choice.lines = list(whose)[at % len(whose)]
         self._notices.say(f"lines to goals: {whose[self._choice.lines]}", timeout=2)
         self._session.changed()
 

@@ -27,7 +27,6 @@ from automaton.recording.recording_reader import (
     read_recording,
     title_of,
 )
-from automaton.units import SECONDS_PER_UNIT
 from automaton.world.resolve import Resolved
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ if TYPE_CHECKING:
 MAX_RECORDINGS_KEPT = 20  # recordings in the state folder
 
 # Since the last byte: nobody writes to a FILE.part any more.
-ABANDONED_S = 24 * SECONDS_PER_UNIT["h"]
+ABANDONED_S = 24 * 3600
 
 
 @dataclass(frozen=True)

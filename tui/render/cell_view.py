@@ -54,7 +54,6 @@ from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, NO_CELLS, Scene, Sho
 from tui.render.styles import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style
 
 MAX_LINE_CELLS: Final = 100_000  # of all lines together: 8 ms; the robots that follow have none
-GOAL_LINES: Final = ("", "selected", "all")  # whose goals lines lead to
 
 BodyAndInk = tuple[NDArray[np.uint32], NDArray[np.uint32]]  # (n,) each
 

@@ -28,10 +28,7 @@ from automaton.floor.cells import (
     CHARGER,
     DESTINATION,
     DOCK,
-    FLOOR,
     STATION,
-    TRACK,
-    TURNTABLE,
     WALL,
 )
 from tui.render import drawn_robots as fleet
@@ -39,6 +36,7 @@ from tui.render import styles
 from tui.render.camera import Camera, CellRectangle, PicturePart, blocks, part_of
 from tui.render.cell_looks import (
     CELL_COLOURS,
+    DRIVEN,
     FAR_LOAD,
     FAR_SHELF,
     STORING_KINDS,
@@ -63,7 +61,6 @@ Colours = NDArray[np.uint8]  # by pixel, or by character
 
 # These show in a pixel or a dot of many cells, the last one first.
 STATION_KINDS = (BAY, CHARGER, DESTINATION, DOCK, STATION)
-DRIVEN = (FLOOR, TRACK, TURNTABLE)
 
 HEATS = range(styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8 + 1)
 LAYER_COLOURS = (*HEATS, *range(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_7 + 1))

@@ -118,7 +118,7 @@ class Scene:
     zone: int = NIL  # whose cells are marked
     colouring: str = "state"  # of robots, of tui.render.drawn_robots.COLOURINGS
     trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL
-    lines: str = ""  # whose goals lines lead to, of tui.render.cell_view.GOAL_LINES
+    lines: str = ""  # whose goals lines lead to: "selected", "all" or none
     least: int = 2  # paths that lead through a cell of the overlay "predicted"
 
     def with_(self, **changes: Any) -> Scene:
@@ -232,7 +232,7 @@ class Choice:
     match_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # or cells
     colouring: str = "state"  # of robots, of tui.render.drawn_robots.COLOURINGS
     trails: bool = False
-    lines: str = ""  # whose goals lines lead to, of tui.render.cell_view.GOAL_LINES
+    lines: str = ""  # whose goals lines lead to: "selected", "all" or none
 
     @property
     def laid(self) -> str:

@@ -191,6 +191,10 @@ class Session:
                 self.player.close()
             self._ended = True
 
+    def mark(self, tick: int, kind: str) -> None:
+        """Something at a tick that deserves a sign in the timeline."""
+        self.marks.append(Mark(tick, kind))
+
     # What is chosen.
 
     def ready(self) -> bool:
@@ -387,7 +391,7 @@ class Display:
         self._report_unreachable_tick(playback)
         session.divergence = playback.divergence or session.divergence
         if playback.stops > (0 if before is None else before.stops):
-            session.marks.append(Mark(playback.tick, "stop"))
+            session.mark(playback.tick, "stop")
             session.goal = None  # it is not on the way there any more
             session.choice.side = playback.side
             if playback.breakpoint_robots:

@@ -6,7 +6,7 @@ An id is stable: `App.set_keymap` gives its action other keys; a group of tui.ac
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, Final, NamedTuple
+from typing import Any, ClassVar, Final, NamedTuple
 
 from rich.table import Table
 from rich.text import Text
@@ -18,7 +18,6 @@ from textual.widgets import Footer, Static
 
 from tui.actions import do
 from tui.registration import layers, panels
-from tui.render.layer import Layer
 from tui.widgets.panel import Panel
 
 COMPARING: Final = frozenset({"compare_side", "next_difference"})  # with two runs only
@@ -180,7 +179,7 @@ def _brought() -> tuple[dict[str, Action], dict[str, Action]]:
     taken = {key for topic in _FIXED for action in topic.actions for key in action.keys.split(",")}
     of_panels: dict[str, Action] = {}
     of_layers: dict[str, Action] = {}
-    brought: list[tuple[bool, Layer | Panel, dict[str, Action]]] = [
+    brought: list[tuple[bool, Any, dict[str, Action]]] = [
         (name not in registered.own, one, actions)
         for registered, actions in ((panels(), of_panels), (layers(), of_layers))
         for name, one in registered.by_name.items()

@@ -18,6 +18,7 @@ from tui.render import drawn_robots as fleet
 from tui.render import styles
 from tui.render.camera import Zoom, shown_rectangle
 from tui.render.cell_looks import (
+    DRIVEN,
     FAR_SHELF,
     STORING_KINDS,
     cell_codes,
@@ -26,7 +27,6 @@ from tui.render.cell_looks import (
     heat_codes,
     look,
 )
-from tui.render.compose import DRIVEN
 from tui.render.drawn_robots import BAR_HEIGHT, colour_entries, is_possible
 from tui.render.layer import nothing_yet
 from tui.render.scene import (

@@ -41,7 +41,6 @@ from automaton.history.fleet_summary import FleetSummary, summarize
 from automaton.runs.metrics import METRIC_CATALOGUE
 from automaton.units import count, number, percent
 from tui.playback.panel_view import JamChosen, TickChosen, View, middle_robot
-from tui.widgets import why_panel
 from tui.widgets.panel import (
     Line,
     Link,
@@ -58,6 +57,7 @@ from tui.widgets.panel import (
     wrapped,
 )
 from tui.widgets.robot_facts import battery_figures, may_fail
+from tui.widgets.why_panel import cause_bar, cause_letter, pattern_key
 from tui.widgets.zone_facts import partition_of, parts_finished, zone_link
 
 NAME_COLUMNS: Final = 13  # columns for the name of a metric
@@ -235,12 +235,12 @@ class Figures(TextPanel):
         room = max(0, width - CAUSE - 10)
         causes = np.argsort(-lost, kind="stable")[: np.count_nonzero(lost)].tolist()
         for cause in causes:
-            drawn = why_panel.cause_bar(cause, int(lost[cause]) / int(lost.max()), room, self.signs)
+            drawn = cause_bar(cause, int(lost[cause]) / int(lost.max()), room, self.signs)
             link = ("cause", cause)
-            name = (why_panel.cause_letter(cause), *term(CAUSES[cause].name, link, CAUSE))
+            name = (cause_letter(cause), *term(CAUSES[cause].name, link, CAUSE))
             lines.append(line(*name, drawn, f"{percent(int(lost[cause]) / whole):>8}"))
             lines += self.explanation(link, CAUSES[cause].meaning, width)
-        return [*lines, why_panel.pattern_key(causes, self.signs)]
+        return [*lines, pattern_key(causes, self.signs)]
 
     def _all(self, view: View, width: int) -> list[Line]:
         """Every metric with its unit."""

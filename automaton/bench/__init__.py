@@ -84,7 +84,7 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
         "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; some minutes"
     ),
     "watching": BenchPart(
-        "tui.bench.viewer_speed",
+        "tui.bench.viewer_speed:planning_measurements",
         False,
         "the viewer on 10,000 robots that plan, which is a part of viewer; a minute or two",
     ),

@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     elif args.out is not None and args.out.suffix.lower() in FILM_SUFFIXES:
         print(f"{args.out}: {_make_pixel_film(args)}")
     else:
-        viewer("cast.film_making").make_film(args.file, _screen_request(args), args.out)
+        viewer("cast.film").make_film(args.file, _screen_request(args), args.out)
     return 0
 
 
@@ -119,7 +119,7 @@ def _make_picture(args: argparse.Namespace) -> str:
 
         _check_drawn(args, args.picture)
         return make_pixel_picture(args.file, _pixel_request(args), args.picture, args.at)
-    make_picture = viewer("cast.film_making").make_picture
+    make_picture = viewer("cast.film").make_picture
     return str(make_picture(args.file, _screen_request(args), args.picture, args.at))
 
 

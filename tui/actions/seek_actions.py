@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,12 @@ from tui.actions import Command
 from tui.actions.view_actions import PanelActions
 from tui.playback.frame_cache import robot_cell
 from tui.render.scene import NO_CELLS
+from tui.terminal.options import SPEEDS
 from tui.viewer.session import Display, Session
 
 if TYPE_CHECKING:
     from tui.playback.player import Player
     from tui.screens.find_dialog import Found
-
-SPEEDS: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, math.inf)  # faster, slower
 
 
 class ClockActions:

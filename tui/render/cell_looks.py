@@ -68,19 +68,15 @@ CELL_COLOURS = {  # of a kind of cell
     STORAGE: styles.COLOUR_FLOOR_MARK,
 }
 
-
 # From afar a cell is a block of dots, which has more ink than a sign: shelves take the colours of
 # marks there, so that robots stand out. So do storage cells.
 STORING_KINDS = (SHELF, RACK, STORAGE)
 FAR_SHELF = styles.COLOUR_FLOOR_MARK
 FAR_LOAD = styles.COLOUR_RACK
 
-
 DRIVEN = (FLOOR, TRACK, TURNTABLE)
 
-
 SIGNLESS_KINDS: Final = (SHELF, RACK, STORAGE, BAY, TRACK, TURNTABLE)  # the lines say what it is
-
 
 # The six that stay farthest apart under all three kinds of colour blindness, in both themes; the
 # last one is rarely needed.
@@ -93,9 +89,7 @@ TINT_COLOURS: Final = np.array(TINTS, np.uint32)
 TINT_LETTERS: Final = np.array(TINT_CODES, np.uint32)
 TRANSFER_COLOUR: Final = styles.COLOUR_TEXT  # of a station between two zones
 
-
 FLOW_LEVELS = (0, 5, 5, 5, 5, 6, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
-
 
 Dots = NDArray[np.bool_]  # (4 height, 2 width)
 Cells = NDArray[np.int32]

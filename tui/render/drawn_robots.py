@@ -107,9 +107,8 @@ BAR_HEIGHT: Final = 3  # rows of a cell from which on there is room for the bar
 POINT: Final = 3  # pixels that a pointed front is deep, at most; a quarter of large robots
 
 HEADLESS: Final = (looks.SHAPE_SQUARE, looks.SHAPE_PLUG, looks.SHAPE_VOID, looks.SHAPE_CROSS)
-BLANK_INK: Final = (
-    styles.COLOUR_VOID
-)  # foreground of blanks, which are never underlined as signs are
+# The foreground of blanks, which are never underlined as signs are.
+BLANK_INK: Final = styles.COLOUR_VOID
 
 Colours = NDArray[np.uint32]
 

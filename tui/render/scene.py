@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
     from automaton.world.resolve import Resolved
 
-# Details of cells that drawings do not tell apart, see automaton.drawings.cell_looks.
+# Details of cells that drawings do not tell apart, see automaton.drawings.looks.
 DETAIL_PASSING: Final = 5
 DETAIL_UNLIMITED: Final = 6  # any number of robots
 DETAIL_FULL_SHELF: Final = 1  # detail of a shelf: it holds a load

@@ -351,7 +351,6 @@ BLACK: Final = ColourShades(0x000000, 16, 0)
 TEXT_CONTRAST: Final = 4.5  # of words and of robots, which have numbers, with what is behind them
 MARK_CONTRAST: Final = 3.0  # of signs
 
-
 # The first 16 colours as xterm has them, by which contrast is measured; other terminals have others.
 XTERM: Final = (
     *(0x000000, 0xCD0000, 0x00CD00, 0xCDCD00, 0x0000EE, 0xCD00CD, 0x00CDCD, 0xE5E5E5),

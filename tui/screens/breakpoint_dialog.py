@@ -19,7 +19,6 @@ GRAMMAR: Final = (
     "a robot, such as waiting > 20 and loaded, cause == 'head-on'"
 )
 
-
 WAYS: Final = (
     "Play, ticks on, go to, end and the timeline stop at it; "
     "going back and jumps from lists do not."

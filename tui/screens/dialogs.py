@@ -21,13 +21,7 @@ from automaton.scenario.quantities import Scale, clock_text, is_clock_time
 from automaton.scenario.schema import Scenario
 from automaton.units import Unit
 from automaton.world.resolve import CHANGEABLE, branched
-from tui.widgets.panel import (
-    Line,
-    Rows,
-    Span,
-    TypedInput,
-    TypedText,
-)
+from tui.widgets.panel import Line, Rows, Span, TypedInput, TypedText
 
 if TYPE_CHECKING:
     from tui.playback.panel_view import View

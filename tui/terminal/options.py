@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Final, Literal
@@ -10,6 +11,9 @@ from typing import Final, Literal
 from tui.render.styles import ASCII, DEPTHS, SHADED, UNICODE, Depth, GlyphSet, Theme
 
 Renderer = Literal["auto", "direct", "textual"]  # how maps get to the terminal
+
+SPEEDS: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, math.inf)  # faster, slower
+
 COLOR_SYSTEMS: Final = {
     Depth.NONE: "standard",
     Depth.SIXTEEN: "standard",

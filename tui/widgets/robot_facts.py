@@ -35,10 +35,7 @@ from automaton.engine.state import (
     Array,
 )
 from automaton.floor.cells import DIRECTIONS
-from automaton.history.event_history import (
-    Event,
-    event_words,
-)
+from automaton.history.event_history import Event, event_words
 from automaton.history.explanation import doing, out_of_order
 from automaton.history.snapshot import Fleet
 from automaton.history.state_words import (

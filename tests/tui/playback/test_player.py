@@ -15,10 +15,10 @@ from manual_clock import FLEET, ManualClock, clock, live, manual_player, recorde
 from automaton.history.live_run import LiveRun, branch_of
 from automaton.history.watched_run import Run
 from automaton.verification.verification import verify
-from tui.actions.seek_actions import SPEEDS
 from tui.playback.playback_state import PlaybackState
 from tui.playback.player import IDLE_S, NORMAL_TICKS_PER_S, REWIND, Player
 from tui.registration import layer_named, layers
+from tui.terminal.options import SPEEDS
 
 __all__ = ["clock"]
 FAILING = ("strategy.right_of_way=example_strategies:FailsLater",)

@@ -36,8 +36,8 @@ from tui.render.styles import (
     style,
 )
 from tui.terminal.frame_pacing import FrameClock, FramePacer, quiet_collector
+from tui.terminal.map_view import MapView, Presenter
 from tui.terminal.options import depth_of, glyphs_of
-from tui.widgets.map_view import MapView, Presenter
 
 STEPS = np.array([(0, 1), (1, 0), (0, -1), (-1, 0)])
 

@@ -20,5 +20,5 @@ class Actions(Protocol):
 
 
 def do(id: str) -> str:
-    """What Textual is told to do for an action of the table."""
+    """What Textual runs for an action of the table."""
     return f"do({id!r})"

@@ -23,7 +23,7 @@ from automaton.scenario.reading import named_files
 from tui.actions import Command
 from tui.playback.run_source import Opening, beside, comparing_command, give_up_unused, short_path
 from tui.screens.dialogs import ReloadErrorScreen
-from tui.viewer.session import Display, Session
+from tui.session.session import Display, Session
 from tui.widgets.panel import signs_of
 
 if TYPE_CHECKING:

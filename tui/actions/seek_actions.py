@@ -16,8 +16,8 @@ from tui.actions import Command
 from tui.actions.view_actions import PanelActions
 from tui.playback.frame_cache import robot_cell
 from tui.render.scene import NO_CELLS
+from tui.session.session import Display, Session
 from tui.terminal.options import SPEEDS
-from tui.viewer.session import Display, Session
 
 if TYPE_CHECKING:
     from tui.playback.player import Player

@@ -27,7 +27,7 @@ from tui.registration import layer_named, layers, panels
 from tui.render.drawn_robots import COLOURINGS, is_possible
 from tui.render.encode import TextRun, as_text, svg_of
 from tui.render.styles import COLOUR_TEXT, COLOUR_VOID, Depth, Look, style
-from tui.viewer.session import Display, Notices, Session
+from tui.session.session import Display, Notices, Session
 
 STEP_COLUMNS: Final = 4
 STEP_ROWS: Final = 2
@@ -369,8 +369,8 @@ class PanelActions:
         playback = self._session.playback
         assert playback is not None
         robots = playback.snapshots[self._session.choice.side].robots
-        kept = np.flatnonzero(is_waiting(robots.cause))
-        return int(kept[np.argmin(robots.since[kept])]) if len(kept) else NIL
+        waiting = np.flatnonzero(is_waiting(robots.cause))
+        return int(waiting[np.argmin(robots.since[waiting])]) if len(waiting) else NIL
 
     def _choose_pointed(self) -> bool:
         """Select what the mouse points at, or something if nothing is selected."""

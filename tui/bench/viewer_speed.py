@@ -578,7 +578,7 @@ def walkers(width: int, height: int, robots: int) -> Resolved:
 
 def exits_into(drivable: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """(h, w) the exits that lead to a drivable cell."""
-    found = np.zeros(drivable.shape, np.uint8)
+    exits = np.zeros(drivable.shape, np.uint8)
     for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
-        found |= np.roll(drivable, (-dy, -dx), (0, 1)).astype(np.uint8) << np.uint8(direction)
-    return found
+        exits |= np.roll(drivable, (-dy, -dx), (0, 1)).astype(np.uint8) << np.uint8(direction)
+    return exits

@@ -124,7 +124,7 @@ def make_film(recording: Path, request: Request, out: Path | None) -> None:
 
 def _write(film: Film, frames: list[FilmFrame], file: BinaryIO) -> str:
     """Write the lines, and say how large it has become."""
-    events, size = -1, 0  # the header is none
+    events, size = -1, 0  # the header is not one
     for line in asciicast(film, frames):
         size += file.write(line.encode())
         events += 1

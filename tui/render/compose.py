@@ -251,8 +251,8 @@ def draw_flow(canvas: DotCanvas, scene: Scene, strongest: NDArray[np.int32]) -> 
     values = np.column_stack([scene.snapshot.flow, strongest])
     rows = slice(shown.top + part.top * zoom.down, shown.top + part.bottom * zoom.down)
     columns = slice(shown.left + part.left * zoom.across, shown.left + part.right * zoom.across)
-    whole = values.reshape(*scene.floor.looks.shape, 5)[: shown.bottom, : shown.right]
-    values = whole[rows, columns]
+    values = values.reshape(*scene.floor.looks.shape, 5)[: shown.bottom, : shown.right]
+    values = values[rows, columns]
     moves = blocks(values[..., :4], zoom.across, zoom.down)
     levels = scene.levels(blocks(values[..., 4], zoom.across, zoom.down, np.maximum))
     here = levels > 0

@@ -15,7 +15,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from tui.widgets.map_view import Presenter
+from tui.terminal.map_view import Presenter
 
 SLOWER = (30, 15, 10)  # frames a second to which a slow link is taken down, step by step
 BLURRED = 0.5  # seconds between frames while the terminal's window is not the active one

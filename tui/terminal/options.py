@@ -1,4 +1,4 @@
-"""What a user may ask of the viewer on the command line, and what the terminal's environment tells."""
+"""What a user may ask of the viewer on the command line, and what its environment says of a terminal."""
 
 from __future__ import annotations
 

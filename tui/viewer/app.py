@@ -33,11 +33,11 @@ from tui.registration import layers, panels
 from tui.render import styles
 from tui.render.styles import ASCII, COLOUR_TABLE, Depth, Look, Theme, to_ascii
 from tui.screens.dialogs import ACROSS, DOWN, MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS, size_classes
+from tui.session.session import Display, Session
 from tui.terminal.frame_pacing import quiet_collector
+from tui.terminal.map_view import MapView
 from tui.terminal.options import Options
-from tui.viewer.session import Display, Session
 from tui.widgets.bindings import COMPARING, VIEWER_ACTIONS, HelpScreen, bindings, key_text
-from tui.widgets.map_view import MapView
 from tui.widgets.status import Keys
 from tui.widgets.timeline import Timeline
 

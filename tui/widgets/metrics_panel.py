@@ -478,8 +478,8 @@ def _rate(curve: Curve, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Val
     """Deliveries per 1,000 ticks, between ticks of which the curve has rows."""
     end = end - end % curve.every
     begin = np.clip(begin - begin % curve.every, 0, np.maximum(0, end - curve.every))
-    made = curve.at(end, DELIVERED_ORDERS) - curve.at(begin, DELIVERED_ORDERS)
-    rate: Values = 1000.0 * made / np.maximum(1, end - begin)
+    delivered = curve.at(end, DELIVERED_ORDERS) - curve.at(begin, DELIVERED_ORDERS)
+    rate: Values = 1000.0 * delivered / np.maximum(1, end - begin)
     return rate
 
 

@@ -174,15 +174,15 @@ def linked(text: str, floor_plan: FloorPlan, look: str = "plain") -> Line:
     """A sentence in which every robot and every cell can be clicked."""
     spans: list[Span] = []
     at = 0
-    for found in MENTION.finditer(text):
-        spans.append(Span(text[at : found.start()], look))
-        robot, x, y = found.groups()
+    for mention in MENTION.finditer(text):
+        spans.append(Span(text[at : mention.start()], look))
+        robot, x, y = mention.groups()
         spans.append(
             robot_link(int(robot))
             if robot is not None
             else cell_link(floor_plan, floor_plan.cell(int(x), int(y)))
         )
-        at = found.end()
+        at = mention.end()
     return tuple(span for span in (*spans, Span(text[at:], look)) if span.text)
 
 
@@ -240,7 +240,7 @@ def _words(spans: Line) -> list[list[Span]]:
 
 def fact_lines(facts: Iterable[tuple[str, Parts]], width: int) -> list[Line]:
     """Those facts under which there is something to be said."""
-    return [made for name, parts in facts if parts for made in fact(name, *parts, width=width)]
+    return [row for name, parts in facts if parts for row in fact(name, *parts, width=width)]
 
 
 def fact(name: str, *parts: str | Span, width: int, label: int = LABEL) -> list[Line]:
@@ -339,18 +339,18 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
         index = self._index(y)
         if index == NIL:
             return ()
-        made = self.row(index)
-        return self.marked(made) if index == self.cursor and self.shows_cursor else made
+        shown = self.row(index)
+        return self.marked(shown) if index == self.cursor and self.shows_cursor else shown
 
     @property
     def shows_cursor(self) -> bool:
         """Whether the row under the cursor stands out."""
         return self.has_focus
 
-    def marked(self, made: Line) -> Line:
+    def marked(self, shown: Line) -> Line:
         """The row under the cursor."""
-        rest = Span(" " * max(0, self.width - length(made)))
-        return tuple(span._replace(look="cursor") for span in (*made, rest))
+        rest = Span(" " * max(0, self.width - length(shown)))
+        return tuple(span._replace(look="cursor") for span in (*shown, rest))
 
     def _index(self, y: int) -> int:
         """The row in a line of the widget, or NIL."""
@@ -358,9 +358,9 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
         return index if y >= len(self.heading) and index < self._count else NIL
 
     def render_line(self, y: int) -> Strip:
-        made = self._seen[y] = self._line(y)
+        shown = self._seen[y] = self._line(y)
         base = self.style_of("plain")
-        strip = Strip([Segment(span.text, self.style_of(span.look)) for span in made])
+        strip = Strip([Segment(span.text, self.style_of(span.look)) for span in shown])
         return strip.simplify().adjust_cell_length(self.width, base)
 
     def style_of(self, look: str | Style) -> Style:
@@ -478,25 +478,27 @@ class TextPanel(Rows, PanelWidget):
 
     def explanation(self, link: Link, text: str, width: int) -> list[Line]:
         """Lines for below a word, if it is to be explained."""
-        told = wrapped(line(dim(text)), width, indent=2, first=2)
-        return told if link == self.explained else []
+        if link != self.explained:
+            return []
+        return wrapped(line(dim(text)), width, indent=2, first=2)
 
     def row(self, index: int) -> Line:
         return self.lines[index]
 
-    def marked(self, made: Line) -> Line:
+    def marked(self, shown: Line) -> Line:
         """The link under the cursor stands out."""
         place = self._place()
         return tuple(
-            span._replace(look="cursor") if at == place[1] else span for at, span in enumerate(made)
+            span._replace(look="cursor") if at == place[1] else span
+            for at, span in enumerate(shown)
         )
 
     def links(self) -> list[tuple[int, int, Span]]:
         """Row, place in it and span of each part that leads somewhere; bars and curves do not count."""
         return [
             (row, at, span)
-            for row, made in enumerate(self.lines)
-            for at, span in enumerate(made)
+            for row, shown in enumerate(self.lines)
+            for at, span in enumerate(shown)
             if span.link is not None and span.look in ("link", "term")
         ]
 

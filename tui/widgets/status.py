@@ -51,7 +51,7 @@ from tui.render import styles
 from tui.render.layer import scale_line
 from tui.render.scene import DETAIL_PASSING, DETAIL_UNLIMITED, Scene
 from tui.render.styles import ASCII, GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style, text
-from tui.widgets.map_view import MapView
+from tui.terminal.map_view import MapView
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot

@@ -21,7 +21,7 @@ from automaton.engine.observation import DELIVERED_ORDERS
 from tui.actions import do
 from tui.render import styles
 from tui.render.styles import Codes, GlyphSet, code, style, text
-from tui.widgets.map_view import MapView
+from tui.terminal.map_view import MapView
 
 if TYPE_CHECKING:
     from automaton.history.event_history import Curve

@@ -168,6 +168,6 @@ def shares_bar(shares: Sequence[tuple[int, float]], width: int) -> Line:
 
 def pattern_key(causes: Sequence[int], signs: Signs) -> Line:
     """What the patterns mean, of those that occur."""
-    told = {CAUSES[cause].blocked for cause in causes}
+    kinds = {CAUSES[cause].blocked for cause in causes}
     words = {True: f"{signs.full} another robot in the way", False: f"{signs.thin} other causes"}
-    return line(dim("   ".join(text for blocked, text in words.items() if blocked in told)))
+    return line(dim("   ".join(text for blocked, text in words.items() if blocked in kinds)))

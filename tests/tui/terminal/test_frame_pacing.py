@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 
 from tui.terminal.frame_pacing import FrameClock, FramePacer
-from tui.widgets.map_view import TerminalFrame
+from tui.terminal.map_view import TerminalFrame
 
 
 def play(pace: FramePacer, seconds: float, delay: float, size: int = 1000) -> int:

@@ -25,7 +25,7 @@ from tui.render.styles import (
     style,
 )
 from tui.terminal.frame_pacing import FrameClock, FramePacer
-from tui.widgets.map_view import MapView, Presenter
+from tui.terminal.map_view import MapView, Presenter
 
 BLANK = np.uint32(code(style(COLOUR_TRACK, COLOUR_FLOOR), UNICODE.characters.index(" ")))
 CROSS = np.uint32(code(style(COLOUR_ROBOT, COLOUR_FLOOR), UNICODE.characters.index("#")))

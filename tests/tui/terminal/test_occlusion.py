@@ -29,10 +29,10 @@ from tui.render.styles import (
     code,
     style,
 )
+from tui.terminal import map_view
 from tui.terminal.frame_pacing import FrameClock, FramePacer
+from tui.terminal.map_view import MapView, Presenter
 from tui.terminal.options import Renderer
-from tui.widgets import map_view
-from tui.widgets.map_view import MapView, Presenter
 
 WRITTEN: list[str] = []
 

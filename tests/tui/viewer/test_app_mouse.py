@@ -12,9 +12,9 @@ from viewer_harness import Watched, compared, mini, viewing
 
 from automaton.engine.state import NIL
 from tui.playback.run_source import Opening
+from tui.terminal.map_view import MapView
 from tui.terminal.options import Options
 from tui.widgets.bindings import COMPARING, VIEWER_ACTIONS
-from tui.widgets.map_view import MapView
 from tui.widgets.timeline import Timeline
 
 

@@ -56,7 +56,7 @@ wrong = my_viewer:WRONG
 """
 RECORDED = """
 import asyncio
-from tui.viewer.session import Notices
+from tui.session.session import Notices
 from tui.viewer.app import Viewer
 from viewer_harness import screen_text, viewing
 

@@ -30,8 +30,8 @@ from tui.render import styles
 from tui.render.scene import NO_CELLS, Choice, Scene
 from tui.render.styles import Codes, Look
 from tui.terminal.frame_pacing import FrameClock, FramePacer
+from tui.terminal.map_view import MapView, Presenter
 from tui.terminal.options import Options
-from tui.widgets.map_view import MapView, Presenter
 from tui.widgets.status import (
     Word,
     WordLine,

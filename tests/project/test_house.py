@@ -18,15 +18,15 @@ SHORT = 60  # lines
 
 # What there is. A change that makes one of these larger needs a reason; one that makes it smaller
 # writes the new number here.
-MOST_FILES = 435
+MOST_FILES = 419
 MOST_FOLDERS = 50
-MOST_SHORT_FILES = 33
+MOST_SHORT_FILES = 29
 LONGEST_FILE = 650
-LONGEST_CHAIN = 36  # of files that import each other in a row
-IMPORTS_A_FILE = 6.0  # of ours
+LONGEST_CHAIN = 28  # of files that import each other in a row
+IMPORTS_A_FILE = 5.92  # of ours
 HEAD_SHARE = 0.112  # lines before the first definition
-CLASSES_OF_ONE_NAME = 35
-CONSTANTS_OF_ONE_NAME = 38  # with different values
+CLASSES_OF_ONE_NAME = 21
+CONSTANTS_OF_ONE_NAME = 21  # with different values
 
 
 @cache

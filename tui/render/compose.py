@@ -163,6 +163,8 @@ class DotCanvas:
 
     def draw(self, cells: NDArray[np.int32], fg: int) -> None:
         """Cells as dots of one colour; what else their characters showed gives way."""
+        if not cells.size:
+            return
         dots = self.dots(cells)
         signs = np.array(self.glyphs.braille)[dots.patterns(self.flat.size)]
         self.flat[dots.index] = code(style(fg, self.backgrounds[dots.index]), signs)

@@ -120,10 +120,10 @@ def simulate(
         if states is not None or events or folder is not None:
             raise InputError("states, events and folder are of tables; set tables=True")
         return _run_shown(resolved, record)
-    from automaton.tables.table_run import TableOptions, table_run
+    from automaton.tables.table_run import WantedTables, table_run
 
     where = None if folder is None else Path(folder)
-    with table_run(resolved, TableOptions(states, events, folder=where)) as run:
+    with table_run(resolved, WantedTables(states, events, folder=where)) as run:
         outcome = _run_shown(resolved, record, run)
     return outcome._replace(tables=run.tables())
 
@@ -551,11 +551,11 @@ class RecordedRun:
         """
         from automaton.history.playback import Playback
         from automaton.recording.header import resolved_of
-        from automaton.tables.table_run import TableOptions, table_run
+        from automaton.tables.table_run import WantedTables, table_run
 
         recording = self._recording
         where = None if folder is None else Path(folder)
-        options = TableOptions(states, events, robots, where)
+        options = WantedTables(states, events, robots, where)
         try:
             resolved = resolved_of(recording.header, with_strategies=False)
             with table_run(resolved, options, self.ticks) as run:

@@ -29,7 +29,7 @@ from automaton.units import count, unit
 
 if TYPE_CHECKING:
     from automaton.history.divergence import Divergence
-    from automaton.history.watched_run import Run
+    from automaton.history.watched_run import WatchedRun
     from automaton.runs.simulation import Simulation
 
 
@@ -90,10 +90,10 @@ def run(args: argparse.Namespace) -> int:
 def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> tuple[Future, str]:
     """Run the branch and record it; how it went, and what went wrong with the file or ""."""
     from automaton.history.live_run import branch_of
-    from automaton.history.watched_run import RecordedRun
+    from automaton.history.watched_run import ReplayedRun
     from automaton.runs.headless import is_finished
 
-    branch = branch_of(shown_at(RecordedRun(recording), args.at), tuple(args.settings), out)
+    branch = branch_of(shown_at(ReplayedRun(recording), args.at), tuple(args.settings), out)
     try:
         advance(branch, args.until)
         found = future("branch", branch.leading_simulation, is_finished(branch.leading_simulation))
@@ -105,16 +105,16 @@ def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> t
 
 def original_until(recording: Recording, until: int | None) -> Future:
     """The run that was recorded, up to the same tick."""
-    from automaton.history.watched_run import RecordedRun
+    from automaton.history.watched_run import ReplayedRun
     from automaton.runs.headless import is_finished
 
-    recorded = RecordedRun(recording)
+    recorded = ReplayedRun(recording)
     last = recorded.head if until is None else min(until, recorded.head)
     shown = shown_at(recorded, last).shown
     return future("original", shown, is_finished(shown))
 
 
-def advance(run: Run, until: int | None) -> None:
+def advance(run: WatchedRun, until: int | None) -> None:
     """Compute a live run to its end, or to a tick."""
     before = -1
     while run.tick > before and (until is None or run.tick < until):

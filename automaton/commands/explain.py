@@ -23,7 +23,7 @@ from automaton.units import count, percent
 if TYPE_CHECKING:
     from automaton.history.explanation import Explanation
     from automaton.history.snapshot import Snapshot
-    from automaton.history.watched_run import RecordedRun
+    from automaton.history.watched_run import ReplayedRun
     from automaton.scenario.quantities import Scale
 
 
@@ -48,9 +48,9 @@ def run(args: argparse.Namespace) -> int:
         check_tick(args.file, args.at, recording.ticks)
     from automaton.history.explanation import explain
     from automaton.history.snapshot import take_snapshot
-    from automaton.history.watched_run import RecordedRun
+    from automaton.history.watched_run import ReplayedRun
 
-    recorded = RecordedRun(recording)
+    recorded = ReplayedRun(recording)
     if isinstance(args.at, str):
         args.at = tick_at(args.file, recorded, args.at)
         check_tick(args.file, args.at, recording.ticks)
@@ -73,7 +73,7 @@ def check_tick(file: Path, at: int, last: int) -> None:
         raise InputError(f"there is no tick {at}: it has ticks 0 to {last}", str(file))
 
 
-def tick_at(file: Path, recorded: RecordedRun, time: str) -> int:
+def tick_at(file: Path, recorded: ReplayedRun, time: str) -> int:
     """The tick of a clock time. Raises InputError."""
     try:
         return recorded.resolved.scenario.units.scale.tick_at(time)
@@ -81,7 +81,7 @@ def tick_at(file: Path, recorded: RecordedRun, time: str) -> int:
         raise InputError(str(error), str(file)) from None
 
 
-def shown_at(recorded: RecordedRun, at: int) -> RecordedRun:
+def shown_at(recorded: ReplayedRun, at: int) -> ReplayedRun:
     """The run, shown at this tick."""
     while recorded.tick < at:
         recorded.show(at, 1.0)

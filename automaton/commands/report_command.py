@@ -14,7 +14,7 @@ from automaton.commands.arguments import add_json_argument, note, whole
 from automaton.errors import InputError
 
 if TYPE_CHECKING:
-    from automaton.runs.report_document import Document
+    from automaton.runs.report_document import ReportDocument
     from automaton.studies.reports.build_report import StudyReport
     from automaton.studies.sweeps.result_store import Store
 
@@ -122,7 +122,7 @@ def check_files(args: argparse.Namespace) -> None:
 
 
 def write_files(
-    args: argparse.Namespace, store: Store, report: StudyReport, document: Document
+    args: argparse.Namespace, store: Store, report: StudyReport, document: ReportDocument
 ) -> list[Path]:
     """The tables that were asked for; the files written. Raises InputError."""
     from automaton.studies.reports.export import (
@@ -174,7 +174,7 @@ def form_of(form: str | None, out: Path | None) -> str:
     return FORMAT_BY_SUFFIX[out.suffix.lower()]
 
 
-def rendered(report: StudyReport, document: Document, form: str) -> str:
+def rendered(report: StudyReport, document: ReportDocument, form: str) -> str:
     """The report in a format."""
     if form == "json":
         from automaton.studies.reports.export import as_json

@@ -283,9 +283,9 @@ def written_tables(
             raise InputError("--states is a table; say where with --csv, --parquet or --xlsx DIR")
         yield EventLines() if args.events else None
         return
-    from automaton.tables.table_run import TableOptions, table_run
+    from automaton.tables.table_run import WantedTables, table_run
 
-    options = TableOptions(args.states, args.events, folder=folders[form], form=form)
+    options = WantedTables(args.states, args.events, folder=folders[form], form=form)
     with table_run(resolved, options, args.until) as tables:
         yield tables
 

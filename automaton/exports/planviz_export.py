@@ -44,7 +44,7 @@ def planviz_output(recording: Recording) -> dict[str, Any]:
     header = recording.header
     executed, changes = _ticks_of(recording)
     ticks, robots = executed.shape
-    tasks = Tasks(header)
+    tasks = TaskHistory(header)
     tasks.apply(changes)
     paths = [",".join(row.tobytes().decode()) for row in LETTERS[executed & ACTION_MASK].T]
     return {
@@ -128,7 +128,7 @@ def _place(header: Content, cell: int) -> tuple[int, int]:
     return row - 1, column - 1
 
 
-class Tasks:
+class TaskHistory:
     """What becomes of the tasks of a run, read off its changes."""
 
     def __init__(self, header: Content) -> None:

@@ -48,7 +48,7 @@ from automaton.scenario.quantities import Scale
 from automaton.scenario.refinement import refined_data
 from automaton.scenario.schema import Scenario
 
-OPERATIONS: Final = (EXECUTED_PICK, EXECUTED_DROP, EXECUTED_SERVE)
+EXECUTED_OPERATIONS: Final = (EXECUTED_PICK, EXECUTED_DROP, EXECUTED_SERVE)
 
 
 class Sample(NamedTuple):
@@ -105,7 +105,7 @@ class StateTrace:
         self._frame = content["first"]
         self._moves = np.cumsum(np.concatenate((self._moves[-1:], is_move)), axis=0)
         self._set_out = _latest(self._set_out, is_move, ticks)
-        self._begun = _latest(self._begun, np.isin(executed, OPERATIONS), ticks)
+        self._begun = _latest(self._begun, np.isin(executed, EXECUTED_OPERATIONS), ticks)
 
     def _in_move(self) -> Array:
         """(n,) bool: which robots are in a move after the tick that is shown."""
@@ -259,7 +259,7 @@ def _listed(entries: list[bytes]) -> msgspec.Raw:
 
 
 MANUFACTURER: Final = "automaton"
-ACTIONS: Final = {ACTION_PICK: "pick", ACTION_DROP: "drop", ACTION_SERVE: "serve"}
+ACTION_TYPES: Final = {ACTION_PICK: "pick", ACTION_DROP: "drop", ACTION_SERVE: "serve"}
 # Headings count clockwise from east as seen on the screen, theta counter-clockwise.
 THETAS: Final = {
     1: (0.0,),
@@ -402,7 +402,9 @@ class Messages:
                 "edgeStates": edges,
                 **on_map,
                 "driving": driving,
-                "actionStates": _actions(action, begun) if is_busy and action in ACTIONS else [],
+                "actionStates": _actions(action, begun)
+                if is_busy and action in ACTION_TYPES
+                else [],
                 **version.always,
                 "loads": [] if load == NIL else [self._load(world, load)],
                 version.power: {version.charge: power[0], "charging": power[1]},
@@ -429,7 +431,7 @@ class Messages:
 
 
 def _actions(action: int, begun: int) -> list[dict[str, str]]:
-    name = ACTIONS[action]
+    name = ACTION_TYPES[action]
     return [{"actionId": f"{name}-{begun}", "actionType": name, "actionStatus": "RUNNING"}]
 
 

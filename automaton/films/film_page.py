@@ -31,7 +31,7 @@ from automaton.drawings.shapes import CELL_LETTERS
 from automaton.engine.state import NIL
 from automaton.films.recorded_stretch import (
     FIGURES,
-    PARTS,
+    PARTS_OF_CELL,
     RecordedStretch,
     cause_words,
     checked,
@@ -93,7 +93,7 @@ def _words(stretch: RecordedStretch) -> dict[str, Any]:
         "unit": {"size": float(unit.of(1)), "name": unit.plural},
         "battery": floor.battery,
         "headings": floor.headings,
-        "parts": PARTS,
+        "parts": PARTS_OF_CELL,
         "figures": FIGURES,
         "causes": cause_words(),
         "states": STATE_WORDS,

@@ -40,7 +40,7 @@ DEFAULT_MAP: Final = (960, 600)  # the floor is at most so large
 DEFAULT_CELL: Final = 40  # and a cell
 MIN_DEFAULT_WIDTH: Final = 480  # the words need some room
 FOLLOWED_CELL: Final = 24  # pixels at least, where a robot is followed
-MARGIN: Final = 10
+MAP_MARGIN: Final = 10
 TITLE_HEIGHT: Final = 30
 STATUS_HEIGHT: Final = 36
 TEXT_SIZE: Final = 15
@@ -58,7 +58,7 @@ class Layout:
     @property
     def map_size(self) -> tuple[int, int]:
         """Width and height of the part that shows the floor, in pixels."""
-        return self.width - 2 * MARGIN, self.height - TITLE_HEIGHT - STATUS_HEIGHT
+        return self.width - 2 * MAP_MARGIN, self.height - TITLE_HEIGHT - STATUS_HEIGHT
 
     def corner(self, place: tuple[float, float] | None) -> tuple[float, float]:
         """The cell at the upper left of the map, with a fraction: the floor is in its middle.
@@ -83,10 +83,10 @@ def layout_of(box: Extent, size: tuple[int, int] | None, follows: bool) -> Layou
         inner = [
             min(math.ceil(n * scale), m) for n, m in zip((columns, rows), DEFAULT_MAP, strict=True)
         ]
-        width, height = max(inner[0] + 2 * MARGIN, MIN_DEFAULT_WIDTH), inner[1]
+        width, height = max(inner[0] + 2 * MAP_MARGIN, MIN_DEFAULT_WIDTH), inner[1]
         size = width, height + TITLE_HEIGHT + STATUS_HEIGHT
     else:
-        inner = [size[0] - 2 * MARGIN, size[1] - TITLE_HEIGHT - STATUS_HEIGHT]
+        inner = [size[0] - 2 * MAP_MARGIN, size[1] - TITLE_HEIGHT - STATUS_HEIGHT]
         scale = _whole(min(inner[0] / columns, inner[1] / rows))
         scale = max(scale, FOLLOWED_CELL) if follows else scale
     return Layout(size[0] + size[0] % 2, size[1] + size[1] % 2, scale, box)
@@ -156,7 +156,7 @@ class Painter:
         """The picture of a moment; `share`: how much of the film is over, 0 to 1."""
         layout = self.layout
         image = self._pil.Image.new("RGB", (layout.width, layout.height), self._rgb("void"))
-        image.paste(self._map(moment), (MARGIN, TITLE_HEIGHT))
+        image.paste(self._map(moment), (MAP_MARGIN, TITLE_HEIGHT))
         self._write(image, title, words, share)
         return image
 
@@ -305,20 +305,24 @@ class Painter:
     def _write(self, image: Image, title: str, words: tuple[str, str], share: float) -> None:
         """The title above, the time and the fleet below, and how much of the film is over."""
         draw, (width, height) = self.draw_on(image), image.size
-        room = width - 2 * MARGIN
+        room = width - 2 * MAP_MARGIN
         font = self.font(TEXT_SIZE)
         draw.text(
-            (MARGIN, TITLE_HEIGHT / 2), _fitting(title, font, room), self._rgb("text"), font, "lm"
+            (MAP_MARGIN, TITLE_HEIGHT / 2),
+            _fitting(title, font, room),
+            self._rgb("text"),
+            font,
+            "lm",
         )
         line, track = height - STATUS_HEIGHT / 2 + 2, height - STATUS_HEIGHT + 4
         for from_x, length, name in ((0, room, "mark"), (0, round(room * share), "cursor")):
-            box = (MARGIN + from_x, track, MARGIN + length, track + TRACK_HEIGHT - 1)
+            box = (MAP_MARGIN + from_x, track, MAP_MARGIN + length, track + TRACK_HEIGHT - 1)
             draw.rectangle(box, self._rgb(name))
         time, fleet = words
-        draw.text((MARGIN, line + 2), _fitting(time, font, room), self._rgb("text"), font, "lm")
+        draw.text((MAP_MARGIN, line + 2), _fitting(time, font, room), self._rgb("text"), font, "lm")
         left = room - font.getlength(_ascii(time)) - 2 * TEXT_SIZE
         if font.getlength(_ascii(fleet)) <= left:
-            draw.text((width - MARGIN, line + 2), _ascii(fleet), self._rgb("dim"), font, "rm")
+            draw.text((width - MAP_MARGIN, line + 2), _ascii(fleet), self._rgb("dim"), font, "rm")
 
 
 class _Pen:

@@ -35,11 +35,11 @@ if TYPE_CHECKING:
 Pixels = NDArray[np.uint8]
 
 MAX_COLOURS: Final = 255  # one more number means: as in the frame before
-UNCHANGED: Final = 255
-UNKNOWN: Final = 256
+AS_BEFORE: Final = 255
+UNKNOWN_COLOUR: Final = 256
 
 
-class Shades:
+class FilmColours:
     """The colours of a theme, and the blends that are most frequent in some pictures."""
 
     def __init__(self, pictures: Iterable[NDArray[np.uint8]], theme: Theme) -> None:
@@ -52,7 +52,7 @@ class Shades:
         known = set(chosen)
         chosen += [one for one in by_frequency if one not in known][: MAX_COLOURS - len(chosen)]
         self._colours = np.array(chosen, np.int64)
-        self._number = np.full(1 << 24, UNKNOWN, np.uint16)  # by colour
+        self._number = np.full(1 << 24, UNKNOWN_COLOUR, np.uint16)  # by colour
         self._number[self._colours] = np.arange(len(chosen))
 
     @property
@@ -64,7 +64,7 @@ class Shades:
         """(rows, columns) the number of the nearest colour of each pixel."""
         packed = _packed(picture)
         numbers = self._number[packed]
-        unknown = numbers == UNKNOWN
+        unknown = numbers == UNKNOWN_COLOUR
         if unknown.any():
             for one in np.unique(packed[unknown]).tolist():
                 self._number[one] = self._nearest(one)
@@ -91,7 +91,7 @@ def changed_patches(frames: Iterable[tuple[int, Pixels]], last_pause: int) -> It
     """The patches of frames, each with its time in hundredths of a second; equal ones are one.
 
     `last_pause`: hundredths of a second for which the last picture is seen. Pixels in a patch that
-    stay as they were have the number UNCHANGED, but for the first patch, which is the whole picture.
+    stay as they were have the number AS_BEFORE, but for the first patch, which is the whole picture.
     """
     shown: Pixels | None = None
     waiting: tuple[int, int, int, Pixels] | None = None  # time, x, y and pixels of a patch
@@ -114,7 +114,7 @@ def changed_patches(frames: Iterable[tuple[int, Pixels]], last_pause: int) -> It
 def _cut(pixels: Pixels, different: np.ndarray) -> tuple[int, int, Pixels]:
     rows, columns = (np.flatnonzero(different.any(axis=axis)) for axis in (1, 0))
     place = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    cut = np.where(different[place], pixels[place], np.uint8(UNCHANGED)).astype(np.uint8)
+    cut = np.where(different[place], pixels[place], np.uint8(AS_BEFORE)).astype(np.uint8)
     return int(columns[0]), int(rows[0]), cut
 
 
@@ -129,7 +129,7 @@ TABLE_OF_256: Final = 0xF7  # a global table of 256 colours, 8 bits for each cha
 REPEAT_FOREVER: Final = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
 KEEP_WITH_CLEAR: Final = 0x05  # a frame stays after its time; one number is clear
 END: Final = b"\x3b"
-HEAD: Final = 13  # bytes before the table of colours of a file
+COLOURS_AT: Final = 13  # bytes before the table of colours of a file
 DESCRIPTOR: Final = 10  # bytes before the pixels of an image, behind 0x2C
 
 
@@ -141,7 +141,7 @@ def gif(patches: Iterable[Patch], colours: Sequence[Colour]) -> Iterator[bytes]:
         if not number:
             yield b"GIF89a" + struct.pack("<HHBBB", columns, rows, TABLE_OF_256, 0, 0)
             yield table + REPEAT_FOREVER
-        yield struct.pack("<BBBBHBB", 0x21, 0xF9, 4, KEEP_WITH_CLEAR, hundredths, UNCHANGED, 0)
+        yield struct.pack("<BBBBHBB", 0x21, 0xF9, 4, KEEP_WITH_CLEAR, hundredths, AS_BEFORE, 0)
         yield struct.pack("<BHHHHB", 0x2C, x, y, columns, rows, 0) + _compressed(pixels)
     yield END
 
@@ -153,7 +153,7 @@ def _compressed(pixels: Pixels) -> bytes:
     image.putpalette(bytes(768))
     image.save(file, "GIF", optimize=False, interlace=False)
     content = file.getvalue()
-    at = HEAD + 3 * (2 << (content[10] & 7)) if content[10] & 0x80 else HEAD
+    at = COLOURS_AT + 3 * (2 << (content[10] & 7)) if content[10] & 0x80 else COLOURS_AT
     while content[at] == 0x21:  # extensions: their blocks are counted, the last one is empty
         at += 2
         while content[at]:
@@ -222,12 +222,12 @@ def _send(process: subprocess.Popen[bytes], frames: Iterable[bytes]) -> None:
 # Films and stills of pixels: a stretch of a recording, painted frame by frame.
 
 
-TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
+FILM_TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
 LAST_PAUSE: Final = 2  # seconds in which the last picture is seen
 DEFAULT_FPS: Final = 20
 MAX_FPS: Final = {".gif": 50, ".png": 100, ".mp4": 120}  # a GIF counts in hundredths of a second
 MAX_FRAMES: Final = 6_000
-SAMPLES: Final = 8  # frames from which the table of colours is made
+SAMPLED: Final = 8  # frames from which the table of colours is made
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ class PixelRequest:
     @property
     def rate(self) -> Fraction:
         """Ticks for each frame."""
-        return TICKS_PER_S * self.speed / self.fps
+        return FILM_TICKS_PER_S * self.speed / self.fps
 
     def frames(self, ticks: int) -> int:
         """How many frames go from a tick to one so many ticks later, both included."""
@@ -286,12 +286,14 @@ class PixelFilm:
         """All frames."""
         return (self.image(number) for number in range(self.frames))
 
-    def shades(self) -> Shades:
+    def shades(self) -> FilmColours:
         """The colours of some frames all along the film."""
-        picked = sorted({round(k * (self.frames - 1) / (SAMPLES - 1)) for k in range(SAMPLES)})
-        return Shades([np.asarray(self.image(number)) for number in picked], self._request.theme)
+        picked = sorted({round(k * (self.frames - 1) / (SAMPLED - 1)) for k in range(SAMPLED)})
+        return FilmColours(
+            [np.asarray(self.image(number)) for number in picked], self._request.theme
+        )
 
-    def numbered(self, shades: Shades) -> Iterator[tuple[int, Pixels]]:
+    def numbered(self, shades: FilmColours) -> Iterator[tuple[int, Pixels]]:
         """Each frame with its time and the number of each pixel's colour."""
         for time, image in zip(self.times(), self.images(), strict=True):
             yield time, shades.numbers(np.asarray(image))

@@ -67,7 +67,7 @@ Column = NDArray[np.int32]
 
 ROBOT_TICKS: Final = 20_000_000  # of a film: what a browser can hold, some 30 bytes for each
 NOT_READ: Final = 1 << 62  # later than any tick
-PARTS: Final = 16  # of a cell: positions are counted in these
+PARTS_OF_CELL: Final = 16  # of a cell: positions are counted in these
 # A robot's mark in one number: its state, its direction from bit 3, its shape from bit 5.
 DIRECTION_SHIFT: Final = 3
 SHAPE_SHIFT: Final = 5
@@ -177,8 +177,8 @@ class FilmColumns:
         x, y = self.places()
         off, off_next = ((x[:, one] == NIL) & (y[:, one] == NIL) for one in (k, after))
         dx, dy = x[:, after] - x[:, k], y[:, after] - y[:, k]
-        goes = ~off_next & (np.abs(dx) + np.abs(dy) <= PARTS)  # else towed, not driven
-        at = [(one[:, k] + step * goes * part) / PARTS for one, step in ((x, dx), (y, dy))]
+        goes = ~off_next & (np.abs(dx) + np.abs(dy) <= PARTS_OF_CELL)  # else towed, not driven
+        at = [(one[:, k] + step * goes * part) / PARTS_OF_CELL for one, step in ((x, dx), (y, dy))]
         mark = self._by_robot["mark"][:, k]
         state, direction = mark & 7, mark >> DIRECTION_SHIFT & 3
         looks = (one.astype(np.uint8) for one in (state, mark >> SHAPE_SHIFT, direction))
@@ -212,7 +212,7 @@ class FilmColumns:
             (cell % stride - 1, claim % stride - 1),
             (cell // stride - 1, claim // stride - 1),
         ):
-            place = at * PARTS + ((to - at) * PARTS * share).astype(np.int32)
+            place = at * PARTS_OF_CELL + ((to - at) * PARTS_OF_CELL * share).astype(np.int32)
             yield np.where(cell == NIL, NIL, place).astype(np.int32)
 
     def _shares(self) -> NDArray[np.float64]:

@@ -40,7 +40,7 @@ from automaton.engine.state import (
 )
 from automaton.errors import InputError, nearest
 from automaton.floor.floor_plan import FloorPlan
-from automaton.history.snapshot import Fleet, Snapshot
+from automaton.history.snapshot import FleetSnapshot, Snapshot
 from automaton.runs.simulation import Simulation
 
 WAIT_CAUSE_CODES: Final = {
@@ -249,9 +249,9 @@ def fields_of(run: Simulation, floor_plan: FloorPlan) -> Fields:
 
 
 def _fields(
-    robots: Robots | Fleet,
+    robots: Robots | FleetSnapshot,
     number: Array,
-    observation: Observation | Fleet,
+    observation: Observation | FleetSnapshot,
     tick: int,
     floor_plan: FloorPlan,
     steps: Array,

@@ -21,7 +21,7 @@ from automaton.engine.observation import (
 from automaton.engine.state import BATTERY_PERCENT, CLOCK_TICK, Array
 from automaton.runs.simulation import Simulation
 
-EVENT_COLUMNS = 5
+EVENT_FIELDS = 5
 MAX_EVENTS: Final = 500_000  # 10 MB
 MAX_TICKS_KEPT: Final = 1000  # of deadlocks, of redesigns
 MAX_CURVE_ROWS: Final = 1 << 18  # of the curve: 3 MB, and every tick of a run of so many
@@ -126,7 +126,7 @@ class EventHistory:
     """Give it to a simulation as `on_observe`: it takes each tick once, however often it is played."""
 
     def __init__(self) -> None:
-        self._events = AppendLog(EVENT_COLUMNS, MAX_EVENTS)
+        self._events = AppendLog(EVENT_FIELDS, MAX_EVENTS)
         self._deadlocks = AppendLog(1, MAX_TICKS_KEPT)
         self._redesigns = AppendLog(1, MAX_TICKS_KEPT)
         self._curve = DownsampledSeries(CURVE_COLUMNS, MAX_CURVE_ROWS)

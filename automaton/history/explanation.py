@@ -63,7 +63,7 @@ if TYPE_CHECKING:
 # Why is this robot waiting? The chain of causes, from one robot to the one that ends it.
 
 
-class Link(NamedTuple):
+class WaitingRobot(NamedTuple):
     """One robot of the chain."""
 
     robot: int
@@ -78,7 +78,7 @@ class Link(NamedTuple):
 class Explanation(NamedTuple):
     """The chain; with `cycle`, its last robot waits for the one at index `cycle` of the chain."""
 
-    chain: tuple[Link, ...]
+    chain: tuple[WaitingRobot, ...]
     cycle: int  # or NIL
 
     @property
@@ -98,7 +98,7 @@ def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanatio
     blocker = np.where(fleet.cause == CAUSE_NOT_WAITING, NIL, fleet.blocker).astype(np.int32)
     color, index = np.zeros(len(blocker), np.int32), np.arange(len(blocker), dtype=np.int32)
     member = int(walk_to_cycle(blocker, index, color, robot))
-    chain: list[Link] = []
+    chain: list[WaitingRobot] = []
     for _ in range(np.count_nonzero(color) + (member == NIL)):  # the last one may wait for none
         chain.append(link_of(snapshot, floor_plan, robot))
         robot = chain[-1].blocker
@@ -112,11 +112,11 @@ STATION_WORDS: Final = {CAUSE_STATION_QUEUE: queue_words, CAUSE_STATION_BREAK: b
 FOLLOWING_RULE: Final = "following: no robot arrives before the one ahead has left"
 
 
-def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
+def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> WaitingRobot:
     fleet = snapshot.robots
     code = int(fleet.cause[robot])
     if code == CAUSE_NOT_WAITING:
-        return Link(robot, "", None, NIL, 0, f"robot {robot} {doing(snapshot, robot)}", "")
+        return WaitingRobot(robot, "", None, NIL, 0, f"robot {robot} {doing(snapshot, robot)}", "")
     cause, rule = CAUSES[code], CAUSES[code].rule
     blocker, wanted = int(fleet.blocker[robot]), int(fleet.wanted[robot])
     cell = None if wanted == NIL else floor_plan.xy(wanted)
@@ -145,7 +145,9 @@ def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Link:
         because = f"{because}: {full}"
     ticks = int(waited_ticks(fleet.cause[robot], fleet.since[robot], snapshot.tick))
     since = f"has waited {ticks:,} tick{'s' if ticks != 1 else ''}"
-    return Link(robot, cause.name, cell, blocker, ticks, f"robot {robot} {since}: {because}", rule)
+    return WaitingRobot(
+        robot, cause.name, cell, blocker, ticks, f"robot {robot} {since}: {because}", rule
+    )
 
 
 def out_of_order(snapshot: Snapshot, robot: int) -> str:

@@ -18,7 +18,7 @@ from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.state import CLOCK_DIGEST_EVERY, CLOCK_TICK, NIL
 from automaton.errors import InputError
 from automaton.history.playback import Keyframes, Playback
-from automaton.history.watched_run import COMPUTE_SLICE_S, Run
+from automaton.history.watched_run import COMPUTE_SLICE_S, WatchedRun
 from automaton.recording.contents import (
     FRAME_KIND_CONDITIONS,
     FRAME_KIND_HEADER,
@@ -210,7 +210,7 @@ class LiveRecorder(BaseRecorder):
 ZONES = "service_zones."  # arrays of the state that change with the rules
 
 
-class LiveRun(Run):
+class LiveRun(WatchedRun):
     """A simulation under way; with `path` it is recorded there as well."""
 
     def __init__(self, resolved: Resolved, seed: int, path: Path | None = None) -> None:
@@ -351,7 +351,7 @@ class LiveRun(Run):
         self.recorder.close()
 
 
-def branch_of(run: Run, settings: tuple[str, ...], path: Path | None = None) -> LiveRun:
+def branch_of(run: WatchedRun, settings: tuple[str, ...], path: Path | None = None) -> LiveRun:
     """A live run with the past of `run` up to the shown tick, and other settings from there on.
 
     The past is computed again with its strategies, so that they remember it. Raises InputError

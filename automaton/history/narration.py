@@ -25,7 +25,7 @@ from automaton.history.state_words import (
     gate_states,
     gate_words_of,
 )
-from automaton.history.watched_run import Run
+from automaton.history.watched_run import WatchedRun
 from automaton.runs.progress import largest_jam
 from automaton.runs.run_diagnosis import describe_jam
 from automaton.runs.simulation import Simulation
@@ -73,7 +73,7 @@ def kinds_named(names: Sequence[str]) -> frozenset[str]:
     return kinds or frozenset(KINDS)
 
 
-def narrate(run: Run, scope: Scope) -> Iterator[Stretch]:
+def narrate(run: WatchedRun, scope: Scope) -> Iterator[Stretch]:
     """Go through a run to its end, and yield the sentences about each stretch when it is over."""
     narration = Narration(run, scope)
     while run.tick < scope.first and _go_on(run, scope.first):
@@ -89,7 +89,7 @@ def narrate(run: Run, scope: Scope) -> Iterator[Stretch]:
         yield narration.take(begun)
 
 
-def _go_on(run: Run, tick: int) -> bool:
+def _go_on(run: WatchedRun, tick: int) -> bool:
     """Compute towards a tick; whether there was any."""
     before = run.tick
     return run.show(tick) > before
@@ -106,7 +106,7 @@ class Candidates:
 class Narration:
     """Looks at a run after each tick, and collects sentences."""
 
-    def __init__(self, run: Run, scope: Scope) -> None:
+    def __init__(self, run: WatchedRun, scope: Scope) -> None:
         self._run, self._scope = run, scope
         self._seen = 0  # events
         self._place = 0  # of the next line in its stretch

@@ -39,7 +39,7 @@ class Delta(NamedTuple):
     values: Array
 
 
-UNCHANGED: Final = Delta(np.zeros(0, np.int32), np.zeros(0, np.int32))  # one for all arrays
+NO_CHANGE: Final = Delta(np.zeros(0, np.int32), np.zeros(0, np.int32))  # one for all arrays
 
 
 class Keyframe(NamedTuple):
@@ -53,7 +53,7 @@ class Keyframe(NamedTuple):
 
     @property
     def nbytes(self) -> int:
-        deltas = (delta for delta in self.arrays.values() if delta is not UNCHANGED)
+        deltas = (delta for delta in self.arrays.values() if delta is not NO_CHANGE)
         parts = [a for delta in deltas for a in delta if a is not None]
         return sum(
             part.nbytes + OBJECT_BYTES for part in (*parts, self.routes, self.plans, self.clock)
@@ -154,7 +154,7 @@ def _delta(array: Array, base: Array) -> Delta:
         return Delta(None, array.copy())
     where = np.flatnonzero(array.reshape(-1) != base.reshape(-1)).astype(np.int32)
     if not where.size:
-        return UNCHANGED
+        return NO_CHANGE
     values = array.reshape(-1)[where]
     if where.nbytes + values.nbytes < array.nbytes:
         return Delta(where, values)

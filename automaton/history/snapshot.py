@@ -23,7 +23,7 @@ from automaton.engine.observation import Observation
 from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
 from automaton.runs.simulation import Simulation
 
-S = TypeVar("S", bound=Struct)
+AnyStruct = TypeVar("AnyStruct", bound=Struct)
 
 
 def by_robot(struct: type[Struct]) -> list[str]:
@@ -40,7 +40,7 @@ _OBSERVED: Final = by_robot(Observation)
 
 
 @dataclass(frozen=True)
-class Fleet:
+class FleetSnapshot:
     """The robots, indexed by identity: the fields of world.robots and of the observation.
 
     `route_length`: (n,) int32, steps left.
@@ -64,7 +64,7 @@ class Snapshot:
 
     tick: int
     finished: bool
-    robots: Fleet
+    robots: FleetSnapshot
     orders: Orders
     slots: Slots
     stations: Stations  # that work on parts
@@ -101,7 +101,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
     return Snapshot(
         tick=int(world.clock[CLOCK_TICK]),
         finished=simulation.finished,
-        robots=Fleet(**fields),
+        robots=FleetSnapshot(**fields),
         orders=_copied(world.orders),
         slots=_copied(world.slots),
         stations=_copied(world.stations),
@@ -129,7 +129,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
     )
 
 
-def _copied(struct: S) -> S:
+def _copied(struct: AnyStruct) -> AnyStruct:
     """The same struct over copies of what may change."""
     changing = [
         name for name, one in struct._declared.items() if one.role in CARRIED and one.is_array

@@ -20,7 +20,7 @@ KEYFRAME_S = 0.03  # of computing between two keyframes: what going back may cos
 KEYFRAME_TIME_RATIO = 10  # and at least so many times what the last one took
 
 
-class Run:
+class WatchedRun:
     """What is known of a run, and the tick at which it is shown.
 
     The *front* is where new ticks are computed: the simulation itself, or the first pass over a
@@ -164,7 +164,7 @@ class Run:
         """Nothing more will be computed."""
 
 
-class RecordedRun(Run):
+class ReplayedRun(WatchedRun):
     """A recording, whole or cut short."""
 
     def __init__(self, recording: Recording) -> None:

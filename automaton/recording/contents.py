@@ -48,7 +48,7 @@ Content = dict[str, Any]
 Array = NDArray[Any]
 
 
-class Frame(NamedTuple):
+class DecodedFrame(NamedTuple):
     """One frame, decoded."""
 
     kind: int

@@ -29,7 +29,7 @@ from automaton.recording.contents import (
     FRAME_KIND_HEADER,
     FRAME_KIND_TICKS,
     Content,
-    Frame,
+    DecodedFrame,
     InvalidFrameError,
     array_out,
     read_content,
@@ -37,10 +37,10 @@ from automaton.recording.contents import (
 )
 
 MIN_PACKED: Final = 1000  # orders; shorter lists stay as the scenario has them
-CELLS: Final = ("from", "to")
+PAIRS_OF_CELLS: Final = ("from", "to")
 NAMES: Final = ("order", "pod", "sku", "station")  # of lines: numbers and texts
 DUE_AT: Final = "due at"
-NOTHING: Final = -(2**31)  # stands for null
+STORED_NULL: Final = -(2**31)  # stands for null
 MAX_VALUE: Final = 2**31 - 1
 
 Column = np.ndarray[Any, Any]
@@ -98,7 +98,7 @@ def _columns(
             at = [value["at"] if isinstance(value, dict) else None for value in values]
             values = [None if isinstance(value, dict) else value for value in values]
             if any(value is not None for value in at):
-                columns[DUE_AT] = np.array([NOTHING if v is None else v for v in at], np.int32)
+                columns[DUE_AT] = np.array([STORED_NULL if v is None else v for v in at], np.int32)
         column = _column(name, values)
         if column is None:
             return None
@@ -116,12 +116,12 @@ def _codes(values: list[Any], names: list[Any]) -> list[int | None]:
 
 def _column(name: str, values: list[Any]) -> Column | None:
     """(n,) or, of cells, (n, 2) int32; None where a value is neither a cell, a number nor nothing."""
-    if name in CELLS:
+    if name in PAIRS_OF_CELLS:
         if any(value is None for value in values):
             return None
         return np.array(values, np.int32).reshape(-1, 2)
-    numbers = [NOTHING if value is None else value for value in values]
-    if not all(type(number) is int and NOTHING <= number <= MAX_VALUE for number in numbers):
+    numbers = [STORED_NULL if value is None else value for value in values]
+    if not all(type(number) is int and STORED_NULL <= number <= MAX_VALUE for number in numbers):
         return None
     return np.array(numbers, np.int32)
 
@@ -129,7 +129,7 @@ def _column(name: str, values: list[Any]) -> Column | None:
 def _rows(columns: dict[str, Column], names: dict[str, list[Any]]) -> list[dict[str, Any]]:
     """The list that is stored as columns. Raises InvalidFrameError."""
     if len({len(column) for column in columns.values()}) != 1 or any(
-        (name in CELLS) != (column.ndim == 2) for name, column in columns.items()
+        (name in PAIRS_OF_CELLS) != (column.ndim == 2) for name, column in columns.items()
     ):
         raise InvalidFrameError("its listed orders are not a table")
     values = {
@@ -153,7 +153,11 @@ def _named(name: str, column: Column, names: list[Any]) -> list[Any]:
 
 def _values(column: Column) -> list[Any]:
     values: list[Any] = column.tolist()
-    return [None if value == NOTHING else value for value in values] if column.ndim == 1 else values
+    return (
+        [None if value == STORED_NULL else value for value in values]
+        if column.ndim == 1
+        else values
+    )
 
 
 # The file of a recorded run: append-only frames, each sealed together with all before it.
@@ -222,9 +226,9 @@ class StoredFrames:
         self._indexed = 0
         self._decoded: dict[int, Content] = {}
 
-    def __iter__(self) -> Iterator[Frame]:
+    def __iter__(self) -> Iterator[DecodedFrame]:
         for index, payload in enumerate(self.payloads):
-            yield Frame(payload.kind, self._content(index))
+            yield DecodedFrame(payload.kind, self._content(index))
 
     @property
     def last_tick(self) -> int:
@@ -280,7 +284,7 @@ class Recording:
     """A recorded run, from a file or in memory; `frames` can be gone through again and again."""
 
     header: Content
-    frames: Iterable[Frame]  # after the header
+    frames: Iterable[DecodedFrame]  # after the header
     complete: bool  # the FRAME_KIND_END frame is there: it was not cut short
 
     @property
@@ -353,10 +357,10 @@ class Chain:
         return seal.digest()
 
 
-def encoded(header: Content, frames: Iterable[Frame]) -> bytes:
+def encoded(header: Content, frames: Iterable[DecodedFrame]) -> bytes:
     """A whole recording as the bytes of a file."""
     chain = Chain()
-    parts = [Frame(FRAME_KIND_HEADER, header), *frames]
+    parts = [DecodedFrame(FRAME_KIND_HEADER, header), *frames]
     return preamble() + b"".join(chain.framed(payload_of(*part)) for part in parts)
 
 

@@ -39,7 +39,7 @@ from automaton.recording.contents import (
     FRAME_TICKS,
     KEYFRAME_ARRAYS,
     Content,
-    Frame,
+    DecodedFrame,
 )
 from automaton.recording.frames import MAGIC, Chain, Payload, Recording, payload_of, preamble
 from automaton.recording.header import header_of, rules_of, state_of
@@ -180,12 +180,12 @@ class MemoryRecorder(BaseRecorder):
     """Keeps the frames in a list, for tests and for whoever looks at a run at once."""
 
     def __init__(self, resolved: Resolved, seed: int | None = None) -> None:
-        self.frames: list[Frame] = []
+        self.frames: list[DecodedFrame] = []
         super().__init__(resolved, resolved.scenario.seed if seed is None else seed)
 
     def write(self, kind: int, content: Content) -> None:
         if kind != FRAME_KIND_HEADER:
-            self.frames.append(Frame(kind, content))
+            self.frames.append(DecodedFrame(kind, content))
 
     def recording(self) -> Recording:
         """What was recorded so far; the run ends here."""

@@ -31,7 +31,7 @@ from automaton.errors import InputError
 from automaton.printable import one_line
 from automaton.runs import interruption
 from automaton.runs.metrics import (
-    OPERATIONS,
+    OPERATION_STATES,
     Counted,
     counted,
     metrics_by_robot,
@@ -160,7 +160,7 @@ class Sampling(NamedTuple):
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
 WINDOW_TICKS = 4 * RECORD_TICKS
-ACTIONS_WORKING = [action for action in OPERATIONS if action != ACTION_WAIT]
+ACTIONS_WORKING = [action for action in OPERATION_STATES if action != ACTION_WAIT]
 ACTIONS_AWAY = [ACTION_CHARGE, ACTION_QUEUE, ACTION_DOWN]
 
 OnWindow = Callable[[Simulation], None]
@@ -359,14 +359,16 @@ def orders_exhausted(simulation: Simulation) -> OrdersExhausted | None:
     return OrdersExhausted(taken, int(orders.delivered.max()) if done else None)
 
 
-class Marks(NamedTuple):
+class CountedStretches(NamedTuple):
     """What a run had counted when its warm-up ended, and at the end of each stretch but the last."""
 
     warm_up: Counted | None  # None: metrics are of the whole run
     stretches: list[Counted]
 
 
-def run_marked(simulation: Simulation, every: int = 0, watch: JamWatch | None = None) -> Marks:
+def run_marked(
+    simulation: Simulation, every: int = 0, watch: JamWatch | None = None
+) -> CountedStretches:
     """Run to the end; `every`: ticks of a stretch, 0 for none."""
     scenario = simulation.resolved.scenario
     warm_up, limit = warm_up_of(scenario), scenario.stop.max_duration
@@ -377,7 +379,7 @@ def run_marked(simulation: Simulation, every: int = 0, watch: JamWatch | None = 
         if simulation.tick == tick:
             at[tick] = counted(simulation)
     run_to_end(simulation, watch=watch)
-    return Marks(at.get(warm_up), [at[tick] for tick in borders if tick in at])
+    return CountedStretches(at.get(warm_up), [at[tick] for tick in borders if tick in at])
 
 
 def sums_by_stretch(simulation: Simulation, stretches: list[Counted]) -> dict[str, list[int]]:

@@ -33,7 +33,7 @@ INTERRUPT_PATIENCE_S: Final = 1.5  # with compiled code that looks at no flag
 JUST_NOW_S: Final = 0.5
 COMPILERS_CALLBACKS: Final = "_raw_object_cache_"  # names of functions of llvmlite begin so
 RETRY_S: Final = 0.01  # until a signal comes again that came where it cannot be heard
-SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
+STOP_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 NO_SIGNAL: Final = -1  # no wakeup descriptor
 
 
@@ -112,7 +112,7 @@ class _Watcher:
                 heard = time.monotonic()
                 number = self._next_signal()
                 handler = signal.getsignal(number) if number else None
-                if number in SIGNALS and handler in (_on_signal, signal.default_int_handler):
+                if number in STOP_SIGNALS and handler in (_on_signal, signal.default_int_handler):
                     for flag in self.flags:  # somebody else's handler may let the run go on
                         flag[0] = 1
             if handler is _on_signal:
@@ -165,7 +165,7 @@ def signals_raise() -> Iterator[None]:
         signal.SIGINT: signal.default_int_handler,
         signal.SIGTERM: signal.SIG_DFL,
     }
-    ours = [number for number in SIGNALS if signal.getsignal(number) is usual[number]]
+    ours = [number for number in STOP_SIGNALS if signal.getsignal(number) is usual[number]]
     for number in ours:
         signal.signal(number, _on_signal)
     tell, sys.unraisablehook = sys.unraisablehook, _raise_again

@@ -48,8 +48,8 @@ from automaton.runs.metric_catalogue import METRIC_CATALOGUE as METRIC_CATALOGUE
 from automaton.runs.metric_sums import LOST_TICK_SUMS, metric
 from automaton.runs.progress import asked_orders, has_lines, oldest_order, starved_robots
 from automaton.runs.task_metrics import (
+    FinishedTasks,
     Measured,
-    Tasks,
     lead_times,
     quantile,
     summed,
@@ -58,7 +58,7 @@ from automaton.runs.task_metrics import (
     tasks_after,
 )
 
-OPERATIONS = [
+OPERATION_STATES = [
     *(ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT),
     ACTION_SERVE,
 ]
@@ -228,7 +228,7 @@ def _of_stretch(robots: int, ticks: int) -> dict[str, int]:
     return {"robots": robots, "ticks": ticks, "robot_ticks": robots * ticks}
 
 
-def _of_tasks(world: World, tasks: Tasks, robots: int, warm_up: int) -> dict[str, int]:
+def _of_tasks(world: World, tasks: FinishedTasks, robots: int, warm_up: int) -> dict[str, int]:
     """The sums of the tasks that were taken after a warm-up, and of what was delivered after it."""
     orders, after = world.orders, max(0, int(world.clock[CLOCK_TICK]) - warm_up)
     completed = (orders.state == ORDER_DELIVERED) & (orders.delivered > warm_up)
@@ -320,7 +320,7 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
             del figures[name]
         actions = {
             ACTION_NAMES[a] + "s": int(world.tally.operations[i, a].sum())
-            for a in OPERATIONS
+            for a in OPERATION_STATES
             if a != ACTION_SERVE or world.stops.ticks.any() or len(world.pods.slot)
         }
         row: dict[str, Any] = {"robot": identity}
@@ -380,7 +380,7 @@ def _shares(times: Array, ticks: Array) -> dict[str, float | int]:
 def _of_actions(times: Array, ticks: Array) -> dict[str, int]:
     """Sum (A, 2) counts of operations and of ticks, as metric_sums names them; [:, 0] is without load."""
     return {
-        "operations": int(times[OPERATIONS].sum()),
+        "operations": int(times[OPERATION_STATES].sum()),
         "moves": int(times[ACTION_MOVE].sum()),
         "empty_moves": int(times[ACTION_MOVE, 0]),
         "empty_driving": int(times[DRIVING, 0].sum()),

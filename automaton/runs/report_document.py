@@ -67,7 +67,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Line:
+class ReportCurve:
     """One curve: for each x the value and the ends of its interval."""
 
     name: str
@@ -88,7 +88,7 @@ class Curves:
     title: str
     x_label: str
     y_label: str
-    lines: Sequence[Line]
+    lines: Sequence[ReportCurve]
     x_names: Sequence[str] = ()
     from_zero: bool = False
 
@@ -144,7 +144,7 @@ def span(values: Sequence[float]) -> tuple[float, float]:
 
 
 @dataclass
-class Document:
+class ReportDocument:
     """A report."""
 
     title: str

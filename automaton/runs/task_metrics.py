@@ -50,7 +50,7 @@ class Measured(Protocol):
     def counted(self) -> Mapping[str, int]: ...
 
 
-class Tasks(NamedTuple):
+class FinishedTasks(NamedTuple):
     """Tasks that were done: when each was taken, how long it took, and by how much too long."""
 
     begun: Array  # (k,) ticks
@@ -67,14 +67,14 @@ class Tasks(NamedTuple):
         }
 
 
-def tasks_after(run: Measured, tick: int) -> Tasks:
+def tasks_after(run: Measured, tick: int) -> FinishedTasks:
     """The tasks that were taken after a tick and are done."""
     world = run.world
     orders = world.orders
     whole = (orders.state == ORDER_DELIVERED) & (orders.legs == 1)
     tasks = np.flatnonzero(whole & (orders.dispatched > tick))
     times = task_times(world, tasks)
-    return Tasks(orders.dispatched[tasks], times, times - least_times(run, tasks))
+    return FinishedTasks(orders.dispatched[tasks], times, times - least_times(run, tasks))
 
 
 def summed(ticks: Array, values: Array, borders: Array) -> Array:
@@ -214,7 +214,7 @@ def metrics_by_station(run: Measured) -> list[dict[str, Any]]:
     names = run.resolved.station_names
     stations, elapsed = world.pod_stations, max(int(world.clock[CLOCK_TICK]), 1)
     done_at = world.stops.cell[world.stops.done != NIL]
-    visited = stations.station_at[done_at] if names else NOTHING
+    visited = stations.station_at[done_at] if names else NO_STATIONS
     done = world.lines.served_at[world.lines.done != NIL]
     visits, lines = (
         np.bincount(of[of != NIL], minlength=len(names)).tolist() for of in (visited, done)
@@ -231,4 +231,4 @@ def metrics_by_station(run: Measured) -> list[dict[str, Any]]:
     ]
 
 
-NOTHING = np.zeros(0, np.int32)
+NO_STATIONS = np.zeros(0, np.int32)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 Array = NDArray[Any]
 Rows = Mapping[str, Array]  # (k,) each, by column
 
-WHOLE: Final = "whole number"
+INTEGER: Final = "whole number"
 TICKS: Final = "ticks"  # a whole number, beside which its seconds stand where a tick is a time
 NUMBER: Final = "number"
 TEXT: Final = "text"
@@ -37,10 +37,10 @@ FLAG: Final = "true or false"
 
 NO_NUMBER: Final = int(np.iinfo(np.int64).min)
 NO_TEXT: Final = -1
-SECONDS: Final = "_s"  # what the name of a column of seconds ends in
+SUFFIX_OF_SECONDS: Final = "_s"  # what the name of a column of seconds ends in
 
 
-class Column(NamedTuple):
+class TableColumn(NamedTuple):
     """One column."""
 
     name: str
@@ -52,7 +52,7 @@ class Form(NamedTuple):
     """A table as it is written."""
 
     name: str
-    columns: tuple[Column, ...]
+    columns: tuple[TableColumn, ...]
     texts: Mapping[str, Sequence[str]]  # of each column of texts
     tick: Fraction | None  # seconds; None: a tick is not a time
 
@@ -62,129 +62,135 @@ class Form(NamedTuple):
         for column in self.columns:
             names.append(column.name)
             if column.kind == TICKS and self.tick is not None:
-                names.append(column.name + SECONDS)
+                names.append(column.name + SUFFIX_OF_SECONDS)
         return names
 
 
-ORDERS: Final = (
-    Column("order", WHOLE, "number of the order, from 0"),
-    Column("priority", WHOLE, "the larger one comes first; the highest of its lines"),
-    Column("released", TICKS, "tick from which it is known; empty: not in this run"),
-    Column("due", TICKS, "tick until which it is to be done"),
-    Column("done", TICKS, "tick in which it was done; empty: open at the end"),
-    Column("lead_time", TICKS, "time from its release until it was done"),
-    Column(
+ORDER_COLUMNS: Final = (
+    TableColumn("order", INTEGER, "number of the order, from 0"),
+    TableColumn("priority", INTEGER, "the larger one comes first; the highest of its lines"),
+    TableColumn("released", TICKS, "tick from which it is known; empty: not in this run"),
+    TableColumn("due", TICKS, "tick until which it is to be done"),
+    TableColumn("done", TICKS, "tick in which it was done; empty: open at the end"),
+    TableColumn("lead_time", TICKS, "time from its release until it was done"),
+    TableColumn(
         "tardiness",
         TICKS,
         "time from `due` until it was done, or to the end of the run; 0: in time",
     ),
-    Column(
+    TableColumn(
         "late",
         FLAG,
         "whether it was done after it was due, or is open and past due at the end; empty: not known",
     ),
-    Column("lines", WHOLE, "lines of the order; empty where orders have none"),
-    Column("name", TEXT, "what a list or a file of lines calls the order"),
+    TableColumn("lines", INTEGER, "lines of the order; empty where orders have none"),
+    TableColumn("name", TEXT, "what a list or a file of lines calls the order"),
 )
-LINES: Final = (
-    Column("line", WHOLE, "number of the line, from 0"),
-    Column("order", WHOLE, "the order that it belongs to"),
-    Column("sku", TEXT, "what is wanted, where the scenario says so"),
-    Column("pod", WHOLE, "number of the pod, from 1"),
-    Column("pod_name", TEXT, "name of the pod; its number where it has none"),
-    Column("station", TEXT, "the station where it is served"),
-    Column("trip", WHOLE, "the trip that serves it"),
-    Column("robot", WHOLE, "the robot that last took this trip"),
-    Column("units", WHOLE, "how many are wanted"),
-    Column("released", TICKS, "tick from which it is known; empty: not in this run"),
-    Column("taken", TICKS, "tick in which the robot took the trip"),
-    Column("lifted", TICKS, "first tick in which the pod is on the robot"),
-    Column("arrived", TICKS, "tick at whose end the robot stands at the station"),
-    Column("begun", TICKS, "first tick of the visit in which it is served"),
-    Column("done", TICKS, "the last tick of this visit; empty: open at the end"),
+LINE_COLUMNS: Final = (
+    TableColumn("line", INTEGER, "number of the line, from 0"),
+    TableColumn("order", INTEGER, "the order that it belongs to"),
+    TableColumn("sku", TEXT, "what is wanted, where the scenario says so"),
+    TableColumn("pod", INTEGER, "number of the pod, from 1"),
+    TableColumn("pod_name", TEXT, "name of the pod; its number where it has none"),
+    TableColumn("station", TEXT, "the station where it is served"),
+    TableColumn("trip", INTEGER, "the trip that serves it"),
+    TableColumn("robot", INTEGER, "the robot that last took this trip"),
+    TableColumn("units", INTEGER, "how many are wanted"),
+    TableColumn("released", TICKS, "tick from which it is known; empty: not in this run"),
+    TableColumn("taken", TICKS, "tick in which the robot took the trip"),
+    TableColumn("lifted", TICKS, "first tick in which the pod is on the robot"),
+    TableColumn("arrived", TICKS, "tick at whose end the robot stands at the station"),
+    TableColumn("begun", TICKS, "first tick of the visit in which it is served"),
+    TableColumn("done", TICKS, "the last tick of this visit; empty: open at the end"),
 )
-TRIPS: Final = (
-    Column("trip", WHOLE, "number of the trip; without lines, of the order"),
-    Column("pod", WHOLE, "number of the pod, from 1"),
-    Column("from", TEXT, "cell `x_y` from which the load comes"),
-    Column("to", TEXT, "cell `x_y` where it was brought, or is to go"),
-    Column("robot", WHOLE, "the robot that last took it"),
-    Column("type", TEXT, "type of this robot, where there are several"),
-    Column("released", TICKS, "tick from which it is known; empty: not in this run"),
-    Column("taken", TICKS, "tick in which this robot took it"),
-    Column("picked", TICKS, "first tick in which the load is on the robot"),
-    Column("delivered", TICKS, "first tick in which the load is where it is to go"),
-    Column("stops", WHOLE, "stops that were done"),
-    Column("moves", WHOLE, "moves with the load; without one, since the order was taken"),
-    Column("drive", TICKS, "ticks of these moves and of the turns between them"),
-    Column(
+TRIP_COLUMNS: Final = (
+    TableColumn("trip", INTEGER, "number of the trip; without lines, of the order"),
+    TableColumn("pod", INTEGER, "number of the pod, from 1"),
+    TableColumn("from", TEXT, "cell `x_y` from which the load comes"),
+    TableColumn("to", TEXT, "cell `x_y` where it was brought, or is to go"),
+    TableColumn("robot", INTEGER, "the robot that last took it"),
+    TableColumn("type", TEXT, "type of this robot, where there are several"),
+    TableColumn("released", TICKS, "tick from which it is known; empty: not in this run"),
+    TableColumn("taken", TICKS, "tick in which this robot took it"),
+    TableColumn("picked", TICKS, "first tick in which the load is on the robot"),
+    TableColumn("delivered", TICKS, "first tick in which the load is where it is to go"),
+    TableColumn("stops", INTEGER, "stops that were done"),
+    TableColumn("moves", INTEGER, "moves with the load; without one, since the order was taken"),
+    TableColumn("drive", TICKS, "ticks of these moves and of the turns between them"),
+    TableColumn(
         "least_drive",
         TICKS,
         "ticks that this way takes at least on an empty floor; empty: picked up more than once",
     ),
-    Column("queued", TICKS, "ticks in the queues of stations"),
+    TableColumn("queued", TICKS, "ticks in the queues of stations"),
 )
-EVENTS: Final = (
-    Column("tick", TICKS, "when it happened"),
-    Column("event", TEXT, "what happened"),
-    Column("robot", WHOLE, "the robot; of a wait cycle, the one with the lowest number"),
-    Column("order", WHOLE, "the order, or its trip; of `job done` and `part finished`, the part"),
-    Column(
+EVENT_COLUMNS: Final = (
+    TableColumn("tick", TICKS, "when it happened"),
+    TableColumn("event", TEXT, "what happened"),
+    TableColumn("robot", INTEGER, "the robot; of a wait cycle, the one with the lowest number"),
+    TableColumn(
+        "order", INTEGER, "the order, or its trip; of `job done` and `part finished`, the part"
+    ),
+    TableColumn(
         "value",
         NUMBER,
         "how many or how much: moves of `retreated`, robots of a wait cycle, the charge from 0 to 1 of "
         "`charges`, the station from 0 of parts, stations of `zones redesigned` that changed theirs",
     ),
-    Column("x", WHOLE, "column of the robot's cell, where loads are handled or robots go down"),
-    Column("y", WHOLE, "row of this cell"),
+    TableColumn(
+        "x", INTEGER, "column of the robot's cell, where loads are handled or robots go down"
+    ),
+    TableColumn("y", INTEGER, "row of this cell"),
 )
-STATES: Final = (
-    Column("tick", TICKS, "tick after which this is the state"),
-    Column("robot", WHOLE, "number of the robot, from 0"),
-    Column("x", WHOLE, "column where it stands, or that a long move leaves; empty: off the floor"),
-    Column("y", WHOLE, "row of this cell"),
-    Column("heading", TEXT, "E, S, W or N; on rails EW or NS; empty: it may move any way"),
-    Column("action", TEXT, "what it does"),
-    Column("load", WHOLE, "the order, or the trip, whose load it carries"),
-    Column("order", WHOLE, "the order, or the trip, that it works on"),
-    Column("charge", NUMBER, "charge of its battery, from 0 to 1; empty: robots have none"),
-    Column("cause", TEXT, "why it does not get on; empty: it does"),
-    Column("blocker", WHOLE, "the robot that keeps it"),
+STATE_COLUMNS: Final = (
+    TableColumn("tick", TICKS, "tick after which this is the state"),
+    TableColumn("robot", INTEGER, "number of the robot, from 0"),
+    TableColumn(
+        "x", INTEGER, "column where it stands, or that a long move leaves; empty: off the floor"
+    ),
+    TableColumn("y", INTEGER, "row of this cell"),
+    TableColumn("heading", TEXT, "E, S, W or N; on rails EW or NS; empty: it may move any way"),
+    TableColumn("action", TEXT, "what it does"),
+    TableColumn("load", INTEGER, "the order, or the trip, whose load it carries"),
+    TableColumn("order", INTEGER, "the order, or the trip, that it works on"),
+    TableColumn("charge", NUMBER, "charge of its battery, from 0 to 1; empty: robots have none"),
+    TableColumn("cause", TEXT, "why it does not get on; empty: it does"),
+    TableColumn("blocker", INTEGER, "the robot that keeps it"),
 )
-STATIONS: Final = (
-    Column("station", TEXT, "name of the station, or its number from 1"),
-    Column("x", WHOLE, "column of the station"),
-    Column("y", WHOLE, "row of the station"),
-    Column("visits", WHOLE, "visits that were done, or parts"),
-    Column("lines", WHOLE, "lines that were served; empty where orders have none"),
-    Column("work", TICKS, "ticks of these visits, or of work on parts"),
-    Column("utilization", NUMBER, "`work` / ticks of the run"),
+STATION_COLUMNS: Final = (
+    TableColumn("station", TEXT, "name of the station, or its number from 1"),
+    TableColumn("x", INTEGER, "column of the station"),
+    TableColumn("y", INTEGER, "row of the station"),
+    TableColumn("visits", INTEGER, "visits that were done, or parts"),
+    TableColumn("lines", INTEGER, "lines that were served; empty where orders have none"),
+    TableColumn("work", TICKS, "ticks of these visits, or of work on parts"),
+    TableColumn("utilization", NUMBER, "`work` / ticks of the run"),
 )
-CELLS: Final = (
-    Column("x", WHOLE, "column of the cell, one of those that robots drive on"),
-    Column("y", WHOLE, "row of the cell"),
-    Column("visits", WHOLE, "times that a robot entered it"),
-    Column("waited", TICKS, "robot ticks that were lost in it"),
-    Column("flow_e", WHOLE, "moves out of it to the east"),
-    Column("flow_s", WHOLE, "moves out of it to the south"),
-    Column("flow_w", WHOLE, "moves out of it to the west"),
-    Column("flow_n", WHOLE, "moves out of it to the north"),
+CELL_COLUMNS: Final = (
+    TableColumn("x", INTEGER, "column of the cell, one of those that robots drive on"),
+    TableColumn("y", INTEGER, "row of the cell"),
+    TableColumn("visits", INTEGER, "times that a robot entered it"),
+    TableColumn("waited", TICKS, "robot ticks that were lost in it"),
+    TableColumn("flow_e", INTEGER, "moves out of it to the east"),
+    TableColumn("flow_s", INTEGER, "moves out of it to the south"),
+    TableColumn("flow_w", INTEGER, "moves out of it to the west"),
+    TableColumn("flow_n", INTEGER, "moves out of it to the north"),
 )
 # Of robots: what `run --json` has of each, which depends on the scenario.
-TABLES: Final[dict[str, tuple[Column, ...]]] = {
-    "orders": ORDERS,
-    "lines": LINES,
-    "trips": TRIPS,
-    "events": EVENTS,
-    "states": STATES,
+TABLES: Final[dict[str, tuple[TableColumn, ...]]] = {
+    "orders": ORDER_COLUMNS,
+    "lines": LINE_COLUMNS,
+    "trips": TRIP_COLUMNS,
+    "events": EVENT_COLUMNS,
+    "states": STATE_COLUMNS,
     "robots": (),
-    "stations": STATIONS,
-    "cells": CELLS,
+    "stations": STATION_COLUMNS,
+    "cells": CELL_COLUMNS,
 }
 
 
 def form_of(
-    name: str, resolved: Resolved, columns: tuple[Column, ...] = (), /, **texts: Sequence[str]
+    name: str, resolved: Resolved, columns: tuple[TableColumn, ...] = (), /, **texts: Sequence[str]
 ) -> Form:
     """The form of a table of a run; `columns`: where TABLES has none."""
     return Form(name, TABLES[name] or columns, texts, exact_time(resolved.scenario.units.tick))
@@ -287,7 +293,7 @@ def arrow_table(form: Form, rows: Rows) -> pa.Table:
         values = rows[column.name]
         columns[column.name] = _arrow_column(form, column.name, column.kind, values)
         if column.kind == TICKS and form.tick is not None:
-            columns[column.name + SECONDS] = _seconds(form, values)
+            columns[column.name + SUFFIX_OF_SECONDS] = _seconds(form, values)
     return arrow().table(columns)
 
 

@@ -50,16 +50,16 @@ from automaton.scenario.carried_pods import pod_names
 from automaton.scenario.order_lines import line_column, line_texts, listed_lines
 from automaton.scenario.table_fields import NOTHING
 from automaton.tables.columns import (
+    INTEGER,
     NO_NUMBER,
     NO_TEXT,
     NUMBER,
     TEXT,
     TICKS,
-    WHOLE,
     Array,
-    Column,
     Form,
     Rows,
+    TableColumn,
     cell_texts,
     codes_of,
     columns_and_rows,
@@ -71,14 +71,14 @@ from automaton.world.resolve import Resolved
 
 Table = tuple[Form, Iterable[Rows]]
 
-LEAST_PRIORITY: Final = -100
-PIECE: Final = 65_536  # rows
+LOWEST_PRIORITY: Final = -100
+ROWS_AT_ONCE: Final = 65_536  # rows
 
 
 def pieces(numbers: Array) -> Iterator[Array]:
     """Numbers, so many at a time."""
-    for begin in range(0, len(numbers), PIECE):
-        yield numbers[begin : begin + PIECE]
+    for begin in range(0, len(numbers), ROWS_AT_ONCE):
+        yield numbers[begin : begin + ROWS_AT_ONCE]
 
 
 def order_table(run: Measured) -> Table:
@@ -112,7 +112,7 @@ def _priority_and_lines(world: World, count: int) -> tuple[Array, Array | None]:
     """(m,) the highest priority of the lines of each order, and how many they are, if there are any."""
     if not has_lines(world):
         return world.orders.priority, None
-    priority = np.full(count, LEAST_PRIORITY, np.int16)
+    priority = np.full(count, LOWEST_PRIORITY, np.int16)
     np.maximum.at(priority, world.lines.order, world.lines.priority)
     return priority, np.bincount(world.lines.order, minlength=count)
 
@@ -257,7 +257,7 @@ def robot_table(run: Measured) -> Table:
         column = [row[name] for row in rows]
         kind = _kind_of(name, first)
         meaning = METRIC_CATALOGUE[name][1] if name in METRIC_CATALOGUE else ""
-        columns.append(Column(name, kind, meaning))
+        columns.append(TableColumn(name, kind, meaning))
         if kind == TEXT:
             values[name], texts[name] = codes_of(column)
         else:
@@ -270,7 +270,7 @@ def _kind_of(name: str, value: Any) -> str:
         return TEXT
     if isinstance(value, float):
         return NUMBER
-    return TICKS if METRIC_CATALOGUE.get(name, ("",))[0] == "ticks" else WHOLE
+    return TICKS if METRIC_CATALOGUE.get(name, ("",))[0] == "ticks" else INTEGER
 
 
 def station_table(run: Measured) -> Table:

@@ -24,7 +24,7 @@ WORKBOOK: Final = "tables.xlsx"
 CSV, PARQUET, XLSX = "csv", "parquet", "xlsx"
 FORMATS: Final = (CSV, PARQUET, XLSX)
 BEGINS_AS_FORMULA: Final = f"^([{re.escape(''.join(FORMULA_SIGNS))}])"
-HINT: Final = "; events=True and states=PERIOD observe a run"
+HINT_TO_OBSERVE: Final = "; events=True and states=PERIOD observe a run"
 
 
 class Tables:
@@ -92,7 +92,7 @@ class MemorySink:
         pa = arrow()
         tables = {name: pa.concat_tables(groups) for name, groups in self._groups.items()}
         readers = {name: (lambda table=table: table) for name, table in tables.items()}
-        return Tables(readers, HINT)
+        return Tables(readers, HINT_TO_OBSERVE)
 
 
 def too_many_in_memory(rows: int) -> InputError:
@@ -155,7 +155,7 @@ class FolderSink:
             name: (lambda path=self.folder / f"{name}.{self._format}": read_table(path))
             for name in self._open
         }
-        return Tables(readers, HINT)
+        return Tables(readers, HINT_TO_OBSERVE)
 
 
 def without_formulas(table: pa.Table) -> pa.Table:

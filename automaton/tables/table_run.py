@@ -135,7 +135,7 @@ _Dumper.add_representer(str, _text)
 # Make the tables of a run: events and states while it goes on, the others when it is over.
 
 
-class TableOptions(NamedTuple):
+class WantedTables(NamedTuple):
     """Which tables, and where they go."""
 
     states: str | int | None = None  # a period, as ticks or as text with a unit; None: no states
@@ -148,7 +148,7 @@ class TableOptions(NamedTuple):
 class TableRun:
     """The tables of one run: give its `sampling` to the run, and end it with `finish`."""
 
-    def __init__(self, resolved: Resolved, options: TableOptions, until: int | None = None) -> None:
+    def __init__(self, resolved: Resolved, options: WantedTables, until: int | None = None) -> None:
         """`until`: the tick where the run ends, if not before. Raises InputError."""
         self._resolved = resolved
         period = 0 if options.states is None else period_of(options.states, resolved)
@@ -205,7 +205,7 @@ def tables_at_end(simulation: Simulation, is_observed: bool) -> Iterator[Table]:
 
 @contextmanager
 def table_run(
-    resolved: Resolved, options: TableOptions, until: int | None = None
+    resolved: Resolved, options: WantedTables, until: int | None = None
 ) -> Iterator[TableRun]:
     """Make the tables of a run within; whatever happens, files are closed. Raises InputError.
 

@@ -30,10 +30,10 @@ from automaton.engine.record_codes import (
     TURN_RIGHT,
 )
 from automaton.floor.cells import CHARGER
-from automaton.verification.motion_rules import Acts, Complaint, Motion
+from automaton.verification.motion_rules import Acts, Complaint, ReplayedMotion
 from automaton.verification.move_time_rules import (
+    DRAWS,
     NIL,
-    WHOLE,
     CoarseTicks,
     drawn_from,
     durations_of,
@@ -42,7 +42,7 @@ from automaton.verification.move_time_rules import (
     random_bits,
     repairs_of,
 )
-from automaton.verification.pod_rules import Trips
+from automaton.verification.pod_rules import ReplayedTrips
 
 BATTERY_FULL: Final = 1_000_000_000
 # statuses as they are recorded
@@ -67,10 +67,10 @@ WAIT_CODES: Final = (
 Rows = list[list[int]]  # (tick, code, subject, value)
 
 
-class Pods(Protocol):
+class TowedPods(Protocol):
     """What becomes of the pods of robots that are towed."""
 
-    trips: Trips
+    trips: ReplayedTrips
     load: list[int]
     put_aside: set[int]
 
@@ -102,7 +102,9 @@ class BatteryOfType:
 class Energy:
     """The charge and the status of each robot."""
 
-    def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
+    def __init__(
+        self, header: dict[str, Any], motion: ReplayedMotion, report_violation: Complaint
+    ) -> None:
         self.motion = motion
         self.seed: int = header["seed"]
         self.report_violation = report_violation
@@ -192,7 +194,7 @@ class Energy:
         """Whether a robot is down, on the floor or off it."""
         return self.status[r] >= STATUS_DEPLETED
 
-    def become(self, tick: int, r: int, status: int, pods: Pods) -> None:
+    def become(self, tick: int, r: int, status: int, pods: TowedPods) -> None:
         """A robot goes down, is towed, or comes back; it is towed when there is room for its pod."""
         before, since = self.status[r], self.since[r]
         cell = self.motion.cell[r]
@@ -289,11 +291,15 @@ MAX_BUSY: Final = 65_535  # ticks for which a robot may be busy
 BEGIN, TICKS, COUNT = 22, 23, 24  # streams of draws
 
 
-class Delays:
+class ReplayedDelays:
     """Which robots are delayed, and until when."""
 
     def __init__(
-        self, header: dict[str, Any], motion: Motion, energy: Energy, report_violation: Complaint
+        self,
+        header: dict[str, Any],
+        motion: ReplayedMotion,
+        energy: Energy,
+        report_violation: Complaint,
     ) -> None:
         self.motion, self.energy = motion, energy
         self.report_violation = report_violation
@@ -353,7 +359,7 @@ class Delays:
             ]
             chosen = sorted(able, key=hashes.__getitem__)[: sum(counts)]
         else:
-            chosen = [r for r in able if hashes[r] >> 32 < round(probability * WHOLE)]
+            chosen = [r for r in able if hashes[r] >> 32 < round(probability * DRAWS)]
         return {r: min(self._length(drawn_in, r), self._room(tick, r)) for r in chosen}
 
     def _length(self, tick: int, r: int) -> int:

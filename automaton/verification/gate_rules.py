@@ -78,7 +78,7 @@ class Cells:
         return [cell for cell in shaft if cell in outside]
 
 
-class Gate:
+class CheckedGate:
     """Any gate: its cells, and the robots in it when the tick began.
 
     It is looked at and checked only in ticks in which a robot is in it, enters it or may ask for it.
@@ -98,7 +98,7 @@ class Gate:
         """Check who enters it in a tick; `asked`: whether a robot may have asked for it."""
 
 
-class Closed(Gate):
+class Closed(CheckedGate):
     """Cells that no robot enters at times."""
 
     def __init__(self, cells: list[int], rows: list[list[int]]) -> None:
@@ -117,7 +117,7 @@ class Closed(Gate):
                 )
 
 
-class Door(Gate):
+class CheckedDoor(CheckedGate):
     """A cell that is shut until a robot asks for it.
 
     Any robot that may have asked may have been the first one: it may be open from several ticks on.
@@ -145,7 +145,7 @@ class Door(Gate):
                 complain("door", [r], to, "drives through a door that is shut")
 
 
-class Block(Gate):
+class CheckedBlock(CheckedGate):
     """Cells that hold so many robots together."""
 
     def __init__(self, cells: list[int], most: int, same: bool) -> None:
@@ -168,7 +168,7 @@ class Block(Gate):
         self.mouth = entered[0][2]
 
 
-class Lift(Gate):
+class CheckedLift(CheckedGate):
     """A block of one robot, whose cabin stays where it was left until it is called."""
 
     def __init__(self, cells: list[int], mouths: list[int], section: dict[str, Any]) -> None:
@@ -212,21 +212,21 @@ class GateRules:
         self.ticks_of = CoarseTicks(header["scenario"])
         self.complain = complain
         self.cells = cells = Cells(header["floor"])
-        self.gates: list[Gate] = []
+        self.gates: list[CheckedGate] = []
         recorded = header.get("gates") or {}
         for number, one in enumerate(section.get("closed", ())):
             self.gates.append(Closed(cells.of(one["cells"]), rows_of(recorded, number)))
             self._check_schedule(one, rows_of(recorded, number), number)
-        self.gates += [Door([cells.at(one["at"])], one) for one in section.get("doors", ())]
+        self.gates += [CheckedDoor([cells.at(one["at"])], one) for one in section.get("doors", ())]
         self.gates += [
-            Block(cells.of(one["cells"]), one["max_robots"], one["direction"] == "same")
+            CheckedBlock(cells.of(one["cells"]), one["max_robots"], one["direction"] == "same")
             for one in section.get("blocks", ())
         ]
         self.cabin_ticks: dict[tuple[int, int], int] = {}  # by cell and direction
         for one in section.get("lifts", ()):
             shaft = cells.of(one["shaft"])
             mouths = cells.mouths(shaft)
-            self.gates.append(Lift(shaft, mouths, one))
+            self.gates.append(CheckedLift(shaft, mouths, one))
             for path in (shaft, shaft[::-1]):
                 self._share_out(path, set(mouths), one["travel_time"])
         self.by_cell: dict[int, list[int]] = {}  # the gates that it belongs to

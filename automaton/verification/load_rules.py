@@ -35,16 +35,22 @@ from automaton.floor.cells import (
     STATION,
     STORAGE,
 )
-from automaton.verification.motion_rules import Acts, Complaint, Motion, Rows, names_what_is_there
+from automaton.verification.motion_rules import (
+    Acts,
+    Complaint,
+    ReplayedMotion,
+    Rows,
+    names_what_is_there,
+)
 from automaton.verification.move_time_rules import NIL
-from automaton.verification.pod_rules import Trips
+from automaton.verification.pod_rules import ReplayedTrips
 from automaton.verification.visit_rules import (
     ORDER_CARRIED,
     ORDER_DELIVERED,
     ORDER_STARTED,
     ORDER_UNRELEASED,
     ORDER_WAITING,
-    Visits,
+    ReplayedVisits,
 )
 
 
@@ -158,7 +164,9 @@ ON_ARRIVAL: Final = (
 class Loads:
     """Where all orders are and what is reserved, replayed from the committed changes."""
 
-    def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
+    def __init__(
+        self, header: dict[str, Any], motion: ReplayedMotion, report_violation: Complaint
+    ) -> None:
         self.motion = motion
         self.report_violation = report_violation
         self.slot_cell: list[int] = header["slots"]["cell"].tolist()
@@ -180,8 +188,8 @@ class Loads:
         released = header["orders"]["release_tick"].tolist()
         self.state = [ORDER_UNRELEASED if tick else ORDER_WAITING for tick in released]
         self.work = Work(header)
-        self.trips = Trips(header, motion, report_violation)
-        self.visits = Visits(header, self, self.trips)
+        self.trips = ReplayedTrips(header, motion, report_violation)
+        self.visits = ReplayedVisits(header, self, self.trips)
         self.picking: dict[int, int] = {}  # robots that picked up: the last tick of that
         self.status = [0] * len(motion.home)  # of each robot, as the rules of energy know it
         coming = sorted(range(len(released)), key=lambda k: (released[k], k), reverse=True)

@@ -52,7 +52,7 @@ Complaint = Callable[..., None]  # (rule, robots, cell, text)
 Mover = tuple[int, int, int, int]  # robot, from, to, direction
 
 
-class Motion:
+class ReplayedMotion:
     """Positions of all robots, replayed from the header and the committed actions."""
 
     def __init__(self, header: dict[str, Any], report_violation: Complaint) -> None:

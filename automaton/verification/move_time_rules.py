@@ -15,7 +15,7 @@ from automaton.scenario.order_lines import plain_data
 from automaton.scenario.refinement import refined_data
 
 PLACES: Final = 65_536  # of the quantiles from which durations are drawn
-WHOLE: Final = 2**32
+DRAWS: Final = 2**32
 DIGITS: Final = Context(prec=50)
 
 
@@ -81,7 +81,7 @@ def poisson_number(mean: float, draw: int) -> int:
     """The Poisson number of a draw from 0 to 2**32 - 1."""
     term = total = DIGITS.exp(-Decimal(mean))
     number = 0
-    while draw >= round(total * WHOLE):
+    while draw >= round(total * DRAWS):
         number += 1
         term = DIGITS.divide(DIGITS.multiply(term, Decimal(mean)), Decimal(number))
         total = DIGITS.add(total, term)
@@ -147,7 +147,7 @@ def in_fine_ticks(scenario: dict[str, Any]) -> dict[str, Any]:
 NIL: Final = -1
 ANY: Final = 1 << 60  # payload of a robot that carries everything
 HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}
-OPERATIONS: Final = ("move", "turn", "pick", "drop", "try_drop")
+TIMED_OPERATIONS: Final = ("move", "turn", "pick", "drop", "try_drop")
 
 Ticks = dict[str, tuple[int, int]]  # by operation: without a load, and with one
 
@@ -214,7 +214,7 @@ def ticks_of_type(durations: dict[str, Any], kind: dict[str, Any]) -> Ticks:
     """What the operations of a type take; what it does not say is as for all."""
     own = kind.get("durations") or {}
     ticks: Ticks = {}
-    for name in OPERATIONS:
+    for name in TIMED_OPERATIONS:
         value = durations[name] if own.get(name) is None else own[name]
         pair = (value["empty"], value["loaded"]) if isinstance(value, dict) else (value, value)
         times = kind.get("move_time_factor", 1) if name == "move" else 1

@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from automaton.engine.record_codes import ACTION_MASK, MOVE_NORTH
 from automaton.floor.cells import CELL_KINDS, STORAGE
-from automaton.verification.motion_rules import Acts, Complaint, Motion
+from automaton.verification.motion_rules import Acts, Complaint, ReplayedMotion
 from automaton.verification.move_time_rules import NIL
 
 FAR = 1 << 60  # ticks to a cell to which no way leads
@@ -20,7 +20,7 @@ FAR = 1 << 60  # ticks to a cell to which no way leads
 class LoadedWays:
     """Ways of robots on a floor: through storage none leads but at its ends."""
 
-    def __init__(self, motion: Motion, stations: Sequence[int]) -> None:
+    def __init__(self, motion: ReplayedMotion, stations: Sequence[int]) -> None:
         self.motion = motion
         self._stations = stations
         self._homes = list(motion.home)
@@ -128,17 +128,19 @@ class LoadedWays:
 # recorded actions and changes, all else is worked out again from the lines of the header.
 
 
-PARTS: Final = 1_000_000  # of a tick, in which handling is recorded
+PARTS_OF_TICK: Final = 1_000_000  # of a tick, in which handling is recorded
 LONGEST: Final = 65_535  # ticks of a visit
 NOT_YET: Final = (1 << 31) - 1  # release of a trip without lines
 
 Idle = Callable[[int, int], bool]  # whether a robot may have a trip kept for it
 
 
-class Trips:
+class ReplayedTrips:
     """Where pods are, what lines wait for, and who has which place; trips are orders by number."""
 
-    def __init__(self, header: dict[str, Any], motion: Motion, report_violation: Complaint) -> None:
+    def __init__(
+        self, header: dict[str, Any], motion: ReplayedMotion, report_violation: Complaint
+    ) -> None:
         self.motion = motion
         self.report_violation = report_violation
         self.there = "pods" in header  # otherwise all this is empty
@@ -329,7 +331,7 @@ class Trips:
         station = self.stops[trip][stop]
         by_line = self._handling[self._rule[station]]
         parts = self._visit[station] + sum(by_line[line] for line in self.served[trip][stop])
-        ticks = (2 * parts + PARTS) // (2 * PARTS)
+        ticks = (2 * parts + PARTS_OF_TICK) // (2 * PARTS_OF_TICK)
         return min(self._factor * max(ticks, 1), LONGEST) if parts else 0
 
     def has_break(self, tick: int, cell: int) -> bool:

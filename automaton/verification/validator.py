@@ -30,14 +30,14 @@ from automaton.recording.contents import (
     FRAME_KIND_END,
     FRAME_KIND_KEYFRAME,
     FRAME_KIND_TICKS,
-    Frame,
+    DecodedFrame,
 )
-from automaton.verification.energy_rules import Delays, Energy, parted_faults
+from automaton.verification.energy_rules import Energy, ReplayedDelays, parted_faults
 from automaton.verification.gate_rules import GateRules
 from automaton.verification.load_rules import Loads
 from automaton.verification.motion_rules import (
     Acts,
-    Motion,
+    ReplayedMotion,
     check_due_times,
     parted,
     parted_delays,
@@ -134,7 +134,7 @@ class Recorded(Protocol):
     def header(self) -> dict[str, Any]: ...
 
     @property
-    def frames(self) -> Iterable[Frame]: ...
+    def frames(self) -> Iterable[DecodedFrame]: ...
 
 
 def validate_stored(recording: Recorded) -> Report:
@@ -142,7 +142,7 @@ def validate_stored(recording: Recorded) -> Report:
     return validate_recording(recording.header, recording.frames)
 
 
-def validate_recording(header: dict[str, Any], frames: Iterable[Frame]) -> Report:
+def validate_recording(header: dict[str, Any], frames: Iterable[DecodedFrame]) -> Report:
     """Validate what follows from a header."""
     validator = Validator(header)
     try:
@@ -174,10 +174,10 @@ class Validator:
 
     def begin(self) -> None:
         """The state at tick 0, checked."""
-        self.motion = Motion(self.header, self._report_violation)
+        self.motion = ReplayedMotion(self.header, self._report_violation)
         self.loads = Loads(self.header, self.motion, self._report_violation)
         self.energy = Energy(self.header, self.motion, self._report_violation)
-        self.delays = Delays(self.header, self.motion, self.energy, self._report_violation)
+        self.delays = ReplayedDelays(self.header, self.motion, self.energy, self._report_violation)
         self.loads.status = self.energy.status
         self.motion.types.load = self.loads.load
         self.gates = GateRules(self.header, self._report_violation)

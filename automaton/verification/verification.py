@@ -1,6 +1,6 @@
 """Verification: a recording is checked by the rules, then run again and compared tick by tick.
 
-All of it is made again and compared, except for LABELS of the header.
+All of it is made again and compared, except for NOT_COMPARED of the header.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from automaton.recording.contents import (
     FRAME_KIND_TICKS,
     KEYFRAME_ARRAYS,
     Content,
-    Frame,
+    DecodedFrame,
 )
 from automaton.recording.frames import Recording
 from automaton.recording.header import changed, header_of, resolved_of, rules_of, state_of
@@ -54,7 +54,7 @@ from automaton.world.floor_parts import with_shared_chargers, with_speed_limits
 from automaton.world.resolve import Resolved, branched
 
 # What of a header nothing follows from: it is not checked.
-LABELS: Final = ("text", "overrides", "sources", "versions", "files", "digest_every")
+NOT_COMPARED: Final = ("text", "overrides", "sources", "versions", "files", "digest_every")
 
 Show = Callable[[str, int], None]  # what is being done, and the tick up to which it is
 
@@ -117,7 +117,7 @@ def verify_recording(recording: Recording, show: Show = lambda what, tick: None)
 def shown(recording: Recording, what: str, show: Show) -> Recording:
     """A recording that shows up to which tick it has been gone through."""
 
-    def frames() -> Iterator[Frame]:
+    def frames() -> Iterator[DecodedFrame]:
         for frame in recording.frames:
             yield frame
             if frame.kind == FRAME_KIND_TICKS:
@@ -180,7 +180,7 @@ class Rerun:
         """Compare what follows from the scenario and the seed at tick 0."""
         resolved, world = self.simulation.resolved, self.simulation.world
         now = header_of(resolved, self.simulation.seed, world, DIGEST_NAMES)
-        found = _unequal(self.header, now, LABELS)
+        found = _unequal(self.header, now, NOT_COMPARED)
         if found is None and not _has_files(self.header, resolved):
             found = "files"
         if found is None and drawn_otherwise(resolved):

@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import Any, Final, Protocol
 
 from automaton.engine.record_codes import CHANGE_ORDER_RESERVED, CHANGE_VISITED
-from automaton.verification.motion_rules import Complaint, Motion, Rows
-from automaton.verification.pod_rules import Trips
+from automaton.verification.motion_rules import Complaint, ReplayedMotion, Rows
+from automaton.verification.pod_rules import ReplayedTrips
 
 NIL: Final = -1
 ORDER_WAITING: Final = 0  # states of an order
@@ -25,7 +25,7 @@ STATUS_DEPLETED: Final = 3  # of a robot: down, as all above it
 class Holders(Protocol):
     """Who has which order, which stops may end."""
 
-    motion: Motion
+    motion: ReplayedMotion
     report_violation: Complaint
     order: list[int]
     load: list[int]
@@ -40,10 +40,10 @@ class Holders(Protocol):
     def reserve_order(self, order: int, r: int) -> None: ...
 
 
-class Visits:
+class ReplayedVisits:
     """The stops of all orders, and which of them are done."""
 
-    def __init__(self, header: dict[str, Any], loads: Holders, trips: Trips) -> None:
+    def __init__(self, header: dict[str, Any], loads: Holders, trips: ReplayedTrips) -> None:
         self.loads, self.trips = loads, trips
         self.motion = loads.motion
         self.report_violation = loads.report_violation

@@ -16,7 +16,7 @@ from automaton.commands.explain import chain_lines
 from automaton.engine.observation import is_waiting
 from automaton.history.explanation import explain
 from automaton.history.snapshot import take_snapshot
-from automaton.history.watched_run import RecordedRun
+from automaton.history.watched_run import ReplayedRun
 from automaton.recording.contents import FRAME_KIND_CONDITIONS
 from automaton.recording.frames import Recording
 from automaton.recording.recording_reader import read_recording
@@ -40,7 +40,7 @@ def told(capsys: pytest.CaptureFixture[str], *arguments: str, code: int = 0) -> 
 
 def first_wait(recording: Recording) -> tuple[int, int]:
     """A tick and the robot that waits in it for another one."""
-    run = RecordedRun(recording)
+    run = ReplayedRun(recording)
     for tick in range(60, 900):
         run.show(tick, 9)
         fleet = take_snapshot(run.shown).robots
@@ -71,7 +71,7 @@ def test_the_chain_is_the_one_that_the_viewer_tells(
 ) -> None:
     tick, robot = first_wait(read_recording(recorded))
     found = told(capsys, "explain", str(recorded), "--robot", str(robot), "--at", str(tick))
-    run = RecordedRun(read_recording(recorded))
+    run = ReplayedRun(read_recording(recorded))
     run.show(tick, 9)
     snapshot = take_snapshot(run.shown)
     assert found["lines"] == explain(snapshot, run.floor_plan, robot).lines and found["waits"]

@@ -17,7 +17,7 @@ from automaton.errors import InputError
 from automaton.history.event_history import EventHistory
 from automaton.history.explanation import explain
 from automaton.history.snapshot import take_snapshot
-from automaton.recording.contents import FRAME_KIND_TICKS, Frame
+from automaton.recording.contents import FRAME_KIND_TICKS, DecodedFrame
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
@@ -308,7 +308,7 @@ def test_a_delay_that_is_left_out_or_altered_breaks_a_rule() -> None:
         for kind, content in recording.frames:
             if kind == FRAME_KIND_TICKS:
                 content = {**content, "changes": alter(content["changes"].copy())}
-            frames.append(Frame(kind, content))
+            frames.append(DecodedFrame(kind, content))
         return {one.rule for one in validate_recording(recording.header, frames).violations}
 
     def longer(rows: Array) -> Array:

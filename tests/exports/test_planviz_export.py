@@ -15,7 +15,7 @@ from automaton.errors import InputError
 from automaton.exchange.planviz import read_output, verify_output
 from automaton.exchange.problem_files import read_problem
 from automaton.exports.planviz_export import planviz_output
-from automaton.recording.contents import Frame
+from automaton.recording.contents import DecodedFrame
 from automaton.recording.frames import Recording, encoded
 
 MAP = "type octile\nheight 4\nwidth 6\nmap\n......\n.@@.@.\n.@@.@.\n......\n"
@@ -128,6 +128,8 @@ def test_runs_that_have_no_place_in_an_output_are_refused(
 def test_the_recording_is_not_replaced(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     recording = imported(league(tmp_path), tmp_path, "stop.max_duration=1")
     path = tmp_path / "run.rec"
-    path.write_bytes(encoded(recording.header, [Frame(*frame) for frame in recording.frames]))
+    path.write_bytes(
+        encoded(recording.header, [DecodedFrame(*frame) for frame in recording.frames])
+    )
     assert main(["export", str(path), "--planviz", str(path)]) == 2
     assert "cannot write it" in capsys.readouterr().err

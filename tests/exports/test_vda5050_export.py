@@ -22,7 +22,7 @@ from handmade_recordings import recorded
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.exports.vda5050_export import VERSIONS, write_trace
-from automaton.recording.contents import Frame
+from automaton.recording.contents import DecodedFrame
 from automaton.recording.frames import Recording, encoded
 
 Message = dict[str, Any]
@@ -279,7 +279,7 @@ def test_the_command_writes_a_trace_and_leaves_the_recording(
     mini: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path, out = tmp_path / "run.rec", tmp_path / "trace.jsonl"
-    path.write_bytes(encoded(mini.header, [Frame(*frame) for frame in mini.frames]))
+    path.write_bytes(encoded(mini.header, [DecodedFrame(*frame) for frame in mini.frames]))
     assert main(["export", str(path), "--vda5050", str(out), "--version", "2.1.0"]) == 0
     assert "2 robots, 246 messages of VDA 5050 2.1.0" in capsys.readouterr().out
     assert len(out.read_text().splitlines()) == 246

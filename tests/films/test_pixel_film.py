@@ -16,7 +16,7 @@ from automaton.commands import Parser, cast_command
 from automaton.drawings.looks import STATE_COLOURS, rgb
 from automaton.errors import InputError
 from automaton.films import pixel_film
-from automaton.films.painter import MARGIN, TITLE_HEIGHT, layout_of
+from automaton.films.painter import MAP_MARGIN, TITLE_HEIGHT, layout_of
 from automaton.films.recorded_stretch import play_stretch
 from automaton.recording.recorder import Recorder
 from automaton.recording.recording_reader import read_recording
@@ -50,7 +50,7 @@ def colours_of_robots(recording: Path, picture: Any, tick: int) -> None:
     moment, (left, top, _, _) = stretch.columns.moment_at(tick), stretch.floor.box
     pixels = np.asarray(picture.convert("RGB"))
     for robot in np.flatnonzero(~np.isnan(moment.x)).tolist():
-        x = MARGIN + round((moment.x[robot] - left + 0.5) * CELL)
+        x = MAP_MARGIN + round((moment.x[robot] - left + 0.5) * CELL)
         y = TITLE_HEIGHT + round((moment.y[robot] - top + 0.5) * CELL)
         rim = round(0.31 * CELL)  # between the load and the edge
         colour = rgb(STATE_COLOURS[moment.looks.state[robot]], "dark")
@@ -62,7 +62,7 @@ def test_a_still_shows_robots_in_their_places(crossing: Path, tmp_path: Path) ->
     out = tmp_path / "still.png"
     assert cast(crossing, "--picture", out, "--at", 90) == 0
     picture = Image.open(out)
-    assert picture.size == (12 * CELL + 2 * MARGIN, 306)
+    assert picture.size == (12 * CELL + 2 * MAP_MARGIN, 306)
     colours_of_robots(crossing, picture, 90)
 
 

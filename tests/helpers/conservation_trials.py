@@ -36,7 +36,7 @@ from automaton.recording.contents import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS
 from automaton.recording.frames import Recording
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
-from automaton.verification.pod_rules import Trips
+from automaton.verification.pod_rules import ReplayedTrips
 from automaton.verification.validator import Validator
 from automaton.world.resolve import Resolved
 
@@ -81,7 +81,7 @@ def trial(resolved: Resolved, number: int) -> Outcome:
 class CountedTrips:
     """The trips of a validator, and what is counted as it goes through the ticks."""
 
-    def __init__(self, trips: Trips) -> None:
+    def __init__(self, trips: ReplayedTrips) -> None:
         self.trips = trips
         self.ended_early = 0  # trips without a place where they would have gone next
         self.open_ticks = 0  # sum over ticks of the lines that are known and not done

@@ -8,7 +8,7 @@ import msgspec
 import numpy as np
 
 from automaton.engine.record_codes import MOVE_EAST, MOVE_NORTH, MOVE_SOUTH, MOVE_WEST
-from automaton.recording.contents import FRAME_KIND_END, FRAME_KIND_TICKS, Frame
+from automaton.recording.contents import FRAME_KIND_END, FRAME_KIND_TICKS, DecodedFrame
 from automaton.recording.frames import Recording
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
@@ -65,9 +65,9 @@ def played(
     end = (
         []
         if finished is None
-        else [Frame(FRAME_KIND_END, {"ticks": len(ticks), "finished": finished})]
+        else [DecodedFrame(FRAME_KIND_END, {"ticks": len(ticks), "finished": finished})]
     )
-    return validate_recording(head, [Frame(FRAME_KIND_TICKS, content), *end])
+    return validate_recording(head, [DecodedFrame(FRAME_KIND_TICKS, content), *end])
 
 
 def rules(report: Report) -> list[str]:

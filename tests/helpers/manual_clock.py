@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from automaton.history.live_run import LiveRun
-from automaton.history.watched_run import RecordedRun, Run
+from automaton.history.watched_run import ReplayedRun, WatchedRun
 from automaton.recording.recording_reader import read_recording
 from automaton.world.resolve import resolve
 from tui.playback.playback_state import PlaybackState
@@ -85,16 +85,16 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> ManualClock:
     return clock
 
 
-def manual_player(clock: ManualClock, *runs: Run) -> ManualPlayer:
+def manual_player(clock: ManualClock, *runs: WatchedRun) -> ManualPlayer:
     player = ManualPlayer(runs or [live(*FLEET)], start=False)
     player.clock = clock
     player._wake = clock  # type: ignore[assignment]
     return player
 
 
-def recorded(folder: Path, ticks: int, *settings: str) -> RecordedRun:
+def recorded(folder: Path, ticks: int, *settings: str) -> ReplayedRun:
     path = folder / f"{ticks}.rec"
     run = live(*FLEET, f"stop.max_duration={ticks}", *settings, path=path)
     run.show(ticks, 99)
     run.close()
-    return RecordedRun(read_recording(path))
+    return ReplayedRun(read_recording(path))

@@ -252,7 +252,7 @@ def flipped(number: int) -> tuple[str, bytes]:
 
 def outcome_of(path: Path, figures: Any) -> str:
     """What becomes of a file that is verified and played to its end; "" if that is well."""
-    from automaton.history.watched_run import RecordedRun
+    from automaton.history.watched_run import ReplayedRun
     from automaton.recording.recording_reader import read_recording
     from automaton.verification.verification import verify_recording
 
@@ -266,7 +266,7 @@ def outcome_of(path: Path, figures: Any) -> str:
                 if found.passed and recording.complete and figures_of(recording) != figures:
                     return "verified with other metrics"
             else:
-                run = RecordedRun(recording)
+                run = ReplayedRun(recording)
                 before = -1
                 while before < run.tick < run.head or before < 0:
                     before = run.tick

@@ -12,7 +12,7 @@ from typing import Any
 from textual.pilot import Pilot
 
 from automaton.history.live_run import branch_of
-from automaton.history.watched_run import RecordedRun
+from automaton.history.watched_run import ReplayedRun
 from automaton.recording.recorder import Recorder
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
@@ -105,7 +105,7 @@ def record(path: Path, *settings: str, until: int = 600) -> Path:
 
 def branch(path: Path, to: Path, tick: int, *settings: str) -> Path:
     """Record what follows, to the end, from a recorded run with other settings from a tick on."""
-    run = RecordedRun(read_recording(path))
+    run = ReplayedRun(read_recording(path))
     run.show(tick, 99)
     other = branch_of(run, settings, to)
     other.show(99_999, 99)

@@ -20,7 +20,7 @@ from automaton.engine.observation import EVENT_CHARGING
 from automaton.engine.state import BATTERY_PERCENT
 from automaton.errors import InputError
 from automaton.history.playback import Keyframes, Playback
-from automaton.history.watched_run import RecordedRun
+from automaton.history.watched_run import ReplayedRun
 from automaton.recording import frames as stored
 from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.recording.frames import Recording
@@ -90,7 +90,7 @@ def test_zoning_and_charging_are_repeated(tmp_path: Path) -> None:
     playback = playback_of(recording)
     playback.go_to(60)
     assert sorted(playback.simulation.world.robots.service_zone.tolist()) == [0, 1]
-    run = RecordedRun(recording)
+    run = ReplayedRun(recording)
     run.show(120, 99)
     charged = [row for row in run.event_history.events.tolist() if row[1] == EVENT_CHARGING]
     assert 50 * BATTERY_PERCENT in [row[4] for row in charged if row[2] == 0], (
@@ -198,7 +198,7 @@ def test_a_plug_in_that_is_gone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     del sys.modules["leaving"]
     with pytest.raises(InputError, match="leaving"):
         verify(path)
-    run = RecordedRun(read_recording(path))
+    run = ReplayedRun(read_recording(path))
     for tick in (300, 120, 0, 299):
         assert run.show(tick, 99) == tick
         assert not tick or np.array_equal(run.shown.digests(), digests[tick - 1])
@@ -214,7 +214,7 @@ def test_a_recording_cut_anywhere_plays_to_its_last_whole_frame(tmp_path: Path) 
     for length in range(len(data), 0, -997):
         cut.write_bytes(data[:length])
         try:
-            run = RecordedRun(read_recording(cut))
+            run = ReplayedRun(read_recording(cut))
         except InputError as error:
             assert "cut short" in str(error)
             continue
@@ -239,7 +239,7 @@ def test_an_altered_decision_is_told_in_a_sentence(long: Recording) -> None:
     words, last = ticks[1]["decisions"], ticks[2]["first"] - 1
     first = int(words[0]) >> 3
     words[0] += 8  # a tick later
-    run = RecordedRun(recording)
+    run = ReplayedRun(recording)
     found = []
     for _ in range(2):  # and again, if one tries again
         with pytest.raises(InputError, match="is not as recorded after tick"):
@@ -254,7 +254,7 @@ def test_an_altered_decision_is_told_in_a_sentence(long: Recording) -> None:
 def test_a_missing_frame_is_told(long: Recording) -> None:
     recording, ticks = altered(long)
     frames = [frame for frame in recording.frames if frame.content is not ticks[2]]
-    run = RecordedRun(Recording(recording.header, frames, complete=True))
+    run = ReplayedRun(Recording(recording.header, frames, complete=True))
     with pytest.raises(InputError, match="altered"):
         run.show(1500, 99)
 

@@ -19,7 +19,7 @@ from automaton.errors import InputError
 from automaton.history.event_history import EventHistory
 from automaton.history.live_run import LiveRun, branch_of
 from automaton.history.playback import Playback
-from automaton.history.watched_run import RecordedRun, Run
+from automaton.history.watched_run import ReplayedRun, WatchedRun
 from automaton.recording.frames import MAGIC
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
@@ -66,7 +66,7 @@ def live(*settings: str, name: str = "tabletop-1", path: Path | None = None) -> 
     return LiveRun(resolve(name, settings), 7, path)
 
 
-def go(run: Run, tick: int) -> Run:
+def go(run: WatchedRun, tick: int) -> WatchedRun:
     assert run.show(tick, 99) == tick == run.tick == run.shown.tick
     return run
 
@@ -92,7 +92,7 @@ def same(one: Simulation, other: Simulation) -> bool:
     return np.array_equal(one.digests(), other.digests())
 
 
-def told(run: Run) -> tuple[list[Any], list[Any]]:
+def told(run: WatchedRun) -> tuple[list[Any], list[Any]]:
     return run.event_history.events.tolist(), run.event_history.curve.rows.tolist()
 
 
@@ -141,7 +141,7 @@ def test_a_recording_and_its_run_show_the_same(tmp_path: Path) -> None:
     run = live(*FLEET, "stop.max_duration=700", path=path)
     go(run, 700)
     run.close()
-    again = RecordedRun(read_recording(path))
+    again = ReplayedRun(read_recording(path))
     assert again.complete and again.end == 700 and not again.live
     for tick in (700, 3, 350):
         assert same(go(again, tick).shown, go(run, tick).shown)
@@ -151,7 +151,7 @@ def test_a_recording_and_its_run_show_the_same(tmp_path: Path) -> None:
 def test_the_shown_tick_stays_when_the_front_goes_on(tmp_path: Path) -> None:
     path = tmp_path / "run.rec"
     go(live(*FLEET, path=path), 700).close()
-    run = go(RecordedRun(read_recording(path)), 50)
+    run = go(ReplayedRun(read_recording(path)), 50)
     assert run.extend() and run.leading_simulation.tick > 50
     assert run.tick == 50 == run.shown.tick and same(run.shown, straight(*FLEET, until=50))
 
@@ -190,7 +190,7 @@ def test_a_branch_verifies_plays_and_branches_again(
     assert branch.tick == 300
     go(branch, 500)
     check_file(branch, path, [500, 301, 300, 299, 20, 450])
-    second = branch_of(go(RecordedRun(read_recording(path)), 400), CHANGES[then], further)
+    second = branch_of(go(ReplayedRun(read_recording(path)), 400), CHANGES[then], further)
     third = branch_of(go(go(second, 450), 350), ("durations.pick=9",))
     assert same(go(third, 350).shown, go(branch, 350).shown)
     go(second, 600)
@@ -243,7 +243,7 @@ def check_file(run: LiveRun, path: Path, ticks: list[int]) -> None:
     found = verify(path)
     assert found.report.violations == [] or found.report.violations == ()
     assert found.difference is None and found.passed
-    again = RecordedRun(read_recording(path))
+    again = ReplayedRun(read_recording(path))
     for tick in ticks:
         assert same(go(again, tick).shown, go(run, tick).shown), tick
     assert told(again) == told(run)
@@ -265,7 +265,7 @@ def test_a_branch_at_any_tick_verifies(tick: int, tmp_path: Path) -> None:
     branch = branch_of(go(live(*FLEET), tick), CHANGES["a strategy"], path)
     go(branch, 400)
     check_file(branch, path, [400, tick, 0, tick + 1])
-    again = branch_of(go(RecordedRun(read_recording(path)), 350), ())
+    again = branch_of(go(ReplayedRun(read_recording(path)), 350), ())
     assert same(go(again, 400).shown, go(branch, 400).shown)
 
 
@@ -344,7 +344,7 @@ def test_a_past_that_this_version_computes_otherwise_is_no_base(
     run.close()
     path.with_name("branch.rec").write_bytes(MAGIC + b"older")
     monkeypatch.setattr(Moody, "period", 3)
-    recorded = go(RecordedRun(read_recording(path)), 500)
+    recorded = go(ReplayedRun(read_recording(path)), 500)
     with pytest.raises(InputError, match="the run is another one at tick 500"):
         branch_of(recorded, (), path.with_name("branch.rec"))
     assert path.with_name("branch.rec").read_bytes() == MAGIC + b"older"
@@ -364,7 +364,7 @@ def test_a_run_whose_strategy_fails_ends_with_the_tick_before(tmp_path: Path) ->
     run.close()
     recording = read_recording(path)
     assert recording.ticks == 49 and not recording.complete
-    assert same(go(RecordedRun(recording), 49).shown, run.shown)
+    assert same(go(ReplayedRun(recording), 49).shown, run.shown)
 
 
 # The chronicle

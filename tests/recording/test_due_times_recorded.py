@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.history.watched_run import RecordedRun
+from automaton.history.watched_run import ReplayedRun
 from automaton.recording.frames import Recording
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
@@ -41,7 +41,7 @@ def test_what_is_late_is_told_alike_by_the_run_and_its_recording() -> None:
     assert found.report.violations == [] and found.difference is None
     live = metrics_of(run)
     assert live["late_share"] == 2 / 3 and live["not_yet_due"] == 1
-    played = RecordedRun(recording)
+    played = ReplayedRun(recording)
     played.show(run.tick, 9.0)
     again = metrics_of(played.shown)
     stored = next(frame.content for frame in recording.frames if "metrics" in frame.content)

@@ -31,7 +31,7 @@ from automaton.recording.contents import (
     MAX_LABELS,
     MAX_NESTING,
     MAX_PLACES,
-    Frame,
+    DecodedFrame,
 )
 from automaton.recording.frames import Recording, preamble
 from automaton.recording.header import resolved_of
@@ -329,8 +329,8 @@ def test_frames_of_no_changes_survive(tmp_path: Path) -> None:
     }
     data = stored.payload_of(FRAME_KIND_TICKS, content).data
     assert same(
-        Frame(FRAME_KIND_TICKS, stored.decode(FRAME_KIND_TICKS, data)),
-        Frame(FRAME_KIND_TICKS, content),
+        DecodedFrame(FRAME_KIND_TICKS, stored.decode(FRAME_KIND_TICKS, data)),
+        DecodedFrame(FRAME_KIND_TICKS, content),
     )
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from drawn_scenes import scene
 
-from automaton.runs.headless import Marks, run_marked, sums_by_stretch
+from automaton.runs.headless import CountedStretches, run_marked, sums_by_stretch
 from automaton.runs.metric_sums import metric
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
@@ -126,7 +126,7 @@ def test_after_a_warm_up_only_what_ended_then_counts() -> None:
         measure={"warm_up": 10},
     )
     run = Simulation(resolved)
-    marks: Marks = run_marked(run, every=10)
+    marks: CountedStretches = run_marked(run, every=10)
     assert run.world.orders.delivered.tolist() == [9, 18, 27, -1, -1]
     figures = metrics_of(run, marks.warm_up)
     assert (figures["late_share"], figures["not_yet_due"]) == (2 / 3, 1)

@@ -17,7 +17,7 @@ from automaton.engine.state import (
 from automaton.runs.metric_sums import QUOTIENTS, SUMS
 from automaton.runs.metrics import (
     METRIC_CATALOGUE,
-    OPERATIONS,
+    OPERATION_STATES,
     executed_ticks,
     illegal_by_layer,
     metrics_by_robot,
@@ -91,7 +91,7 @@ def test_ticks_of_actions_and_ticks_in_the_bay_are_all_ticks(which: tuple[str, i
 
 def test_operations_take_the_ticks_that_the_scenario_says(run: Simulation) -> None:
     times, ticks = run.world.tally.operations.sum((0, 2)), run.world.tally.ticks.sum((0, 2))
-    for action in OPERATIONS:
+    for action in OPERATION_STATES:
         if action != ACTION_WAIT:
             assert ticks[action] == times[action] * run.world.rules.duration[0, action]
     assert times[ACTION_WAIT] <= ticks[ACTION_WAIT] <= 10 * times[ACTION_WAIT]

@@ -21,11 +21,11 @@ from synthetic_results import noise, study_of, synthetic_store
 from automaton.commands import main
 from automaton.runs.report_document import (
     Curves,
-    Document,
     Heading,
     HeatMap,
-    Line,
     Listed,
+    ReportCurve,
+    ReportDocument,
     Table,
     Text,
 )
@@ -305,7 +305,7 @@ def test_no_interval_of_a_metric_reaches_below_0() -> None:
 
 
 def test_a_chart_by_hand() -> None:
-    line = Line("fleet", [1, 2, 3], [10, 20, 15], [10, 18, 15], [10, 20, math.nan])
+    line = ReportCurve("fleet", [1, 2, 3], [10, 20, 15], [10, 18, 15], [10, 20, math.nan])
     drawn = list(chart(Curves("T by robots", "robots", "ticks", [line]), width=9, height=6))
     assert drawn == [
         "T by robots (ticks)",
@@ -332,12 +332,12 @@ def test_a_map_by_hand() -> None:
 
 
 def test_text_of_users_is_escaped() -> None:
-    document = Document("<b>&|", [Text("<script>|*"), Table(["a|b"], [["<i>"]])])
+    document = ReportDocument("<b>&|", [Text("<script>|*"), Table(["a|b"], [["<i>"]])])
     page = as_html(document)
     assert "<script>" not in page and "<i>" not in page and "&lt;script&gt;" in page
     assert r"\<script>\|\*" in as_markdown(document)
     assert "| a\\|b |" in as_markdown(document)
-    assert as_markdown(Document("", [Heading("<b>", 2)])) == "## \\<b>\n"
+    assert as_markdown(ReportDocument("", [Heading("<b>", 2)])) == "## \\<b>\n"
     assert as_text(document).startswith("<script>|*")
 
 

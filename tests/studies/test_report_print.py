@@ -16,10 +16,10 @@ from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.runs.report_document import (
     Block,
-    Document,
     Heading,
     Listed,
     PageBreak,
+    ReportDocument,
     Table,
     Text,
 )
@@ -125,7 +125,7 @@ def words_on_paper(path: Path) -> list[str]:
 def test_all_columns_are_on_paper(name: str, tmp_path: Path) -> None:
     pytest.importorskip("pypdf")
     blocks = blocks_of(results_like(name))
-    pages = words_on_paper(printed(as_html(Document(name, blocks)), tmp_path))
+    pages = words_on_paper(printed(as_html(ReportDocument(name, blocks)), tmp_path))
     text = "".join("".join(pages).split())
     missing = {
         word
@@ -144,7 +144,7 @@ def test_a_short_table_is_on_one_page_with_its_heading(tmp_path: Path) -> None:
     for number in range(12):
         rows = [[f"[{number}.{row}]", "1"] for row in range(number + 3)]
         blocks += [Heading(f"[{number}.title]"), Text("What it has."), Table(["row", "n"], rows)]
-    pages = words_on_paper(printed(as_html(Document("tables", blocks)), tmp_path))
+    pages = words_on_paper(printed(as_html(ReportDocument("tables", blocks)), tmp_path))
     on = {part: page for page, words in enumerate(pages)
           for part in re.findall(r"\[[\w.]+\]", words)}  # fmt: skip
     assert len(on) == 12 + sum(range(3, 15)) and len(pages) > 2
@@ -156,7 +156,7 @@ def test_a_short_table_is_on_one_page_with_its_heading(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", STUDIES)
 def test_the_first_page_has_the_answer_and_its_picture(name: str, tmp_path: Path) -> None:
     results = results_like(name)
-    pages = words_on_paper(printed(as_html(Document(name, blocks_of(results))), tmp_path))
+    pages = words_on_paper(printed(as_html(ReportDocument(name, blocks_of(results))), tmp_path))
     metric = results.analysis.metrics[0]
     assert "Question" in pages[0] and "Answer" in pages[0] and f"{metric} by " in pages[0]
     assert "Effects of the factors" in pages[1]

@@ -22,7 +22,7 @@ from automaton.runs.headless import run_once
 from automaton.runs.simulation import Simulation
 from automaton.tables import columns, table_files
 from automaton.tables.columns import TABLES
-from automaton.tables.table_run import TableOptions, period_of, table_run
+from automaton.tables.table_run import WantedTables, period_of, table_run
 from automaton.world.resolve import resolve
 
 RUN = ["run", "tabletop-mini", "--set", "orders.mean_interarrival_time=40"]
@@ -133,7 +133,7 @@ def small_groups(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.parametrize("form", ["csv", "parquet"])
 def test_a_run_that_is_stopped_leaves_whole_groups(form: str, tmp_path: Path) -> None:
     resolved = resolve("tabletop-mini", [])
-    options = TableOptions(states=10, folder=tmp_path, form=form)
+    options = WantedTables(states=10, folder=tmp_path, form=form)
 
     def stop(simulation: Simulation) -> None:
         sample(simulation)
@@ -158,7 +158,7 @@ def test_a_run_that_fails_leaves_nothing_behind(is_there: bool, tmp_path: Path) 
     if is_there:
         folder.mkdir()
         (folder / "notes.txt").write_text("mine")
-    options = TableOptions(states=10, folder=folder, form="csv")
+    options = WantedTables(states=10, folder=folder, form="csv")
 
     def fail(simulation: Simulation) -> None:
         sample(simulation)
@@ -198,7 +198,7 @@ def test_too_many_rows_are_refused_before_the_run(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"tables of [\d,]+ rows are expected.*give folder="):
         simulate("tabletop-mini", tables=True, states=1, **{"stop.max_duration": 10_000_000})
     with pytest.raises(InputError, match=r"the table states may have [\d,]+ rows"):
-        options = TableOptions(states=1, folder=tmp_path / "out", form="xlsx")
+        options = WantedTables(states=1, folder=tmp_path / "out", form="xlsx")
         long = settings_of({"stop.max_duration": 1_000_000})
         with table_run(resolve("tabletop-mini", long), options):
             pass

@@ -24,7 +24,7 @@ from automaton.engine.record_codes import (
     EXECUTED_CHARGE,
     MOVE_NORTH,
 )
-from automaton.recording.contents import FRAME_KIND_TICKS, Frame
+from automaton.recording.contents import FRAME_KIND_TICKS, DecodedFrame
 from automaton.recording.frames import Recording
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
@@ -75,7 +75,7 @@ def recording() -> Recording:
 
 def altered(recording: Recording) -> tuple[Any, list[Any]]:
     """A copy of a recording, and the contents of its frames of ticks."""
-    frames = [Frame(kind, copy.deepcopy(content)) for kind, content in recording.frames]
+    frames = [DecodedFrame(kind, copy.deepcopy(content)) for kind, content in recording.frames]
     ticks = [frame.content for frame in frames if frame.kind == FRAME_KIND_TICKS]
     return Recording(copy.deepcopy(recording.header), frames, complete=True), ticks
 

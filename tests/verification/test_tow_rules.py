@@ -10,7 +10,7 @@ import pytest
 from handmade_recordings import header
 
 from automaton.floor.cells import CELL_KINDS, STORAGE
-from automaton.verification.motion_rules import Motion
+from automaton.verification.motion_rules import ReplayedMotion
 from automaton.verification.pod_rules import LoadedWays
 
 WIDTH, HEIGHT = 7, 4
@@ -26,7 +26,7 @@ def head(kinematics: str) -> dict[str, Any]:
 def on_random_floor(kinematics: str, seed: int) -> LoadedWays:
     """Exits at random, so that some lead one way; some cells are closed to one load or the other."""
     draw = random.Random(seed)
-    motion = Motion(head(kinematics), lambda *_: None)
+    motion = ReplayedMotion(head(kinematics), lambda *_: None)
     one_way, turning = draw.random(), [k for k, kind in enumerate(CELL_KINDS) if kind.turns]
     others = [*turning, *(k for k, kind in enumerate(CELL_KINDS) if kind.drivable and k != STORAGE)]
     for cell in INSIDE:

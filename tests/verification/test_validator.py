@@ -36,7 +36,7 @@ from automaton.recording.contents import (
     FRAME_KIND_END,
     FRAME_KIND_KEYFRAME,
     FRAME_KIND_TICKS,
-    Frame,
+    DecodedFrame,
 )
 from automaton.verification.energy_rules import BEGIN
 from automaton.verification.move_time_rules import random_bits
@@ -360,9 +360,9 @@ def changed(
                 did[row, robot] = code
         rows = np.zeros((0, 4), np.int64)
         content = {"first": first, "executed": did, "changes": rows, "digests": None}
-        frames.append(Frame(FRAME_KIND_TICKS, content))
+        frames.append(DecodedFrame(FRAME_KIND_TICKS, content))
         first += len(ticks)
-    change = Frame(FRAME_KIND_CONDITIONS, {"tick": len(before), "scenario": scenario})
+    change = DecodedFrame(FRAME_KIND_CONDITIONS, {"tick": len(before), "scenario": scenario})
     return validate_recording(head, [frames[0], change, frames[1]])
 
 
@@ -486,7 +486,9 @@ def test_an_end_that_is_not_true() -> None:
     recording = recorded("tabletop-mini")
     for change in ({"ticks": 5}, {"finished": False}):
         frames = [
-            Frame(kind, {**content, **change}) if kind == FRAME_KIND_END else Frame(kind, content)
+            DecodedFrame(kind, {**content, **change})
+            if kind == FRAME_KIND_END
+            else DecodedFrame(kind, content)
             for kind, content in recording.frames
         ]
         assert rules(validate_recording(recording.header, frames)) == ["record"]

@@ -14,7 +14,7 @@ from automaton.engine.record_codes import EXECUTED_BLOCKED as B
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.verification.energy_rules import STATUS_DEPLETED
-from automaton.verification.gate_rules import Gate
+from automaton.verification.gate_rules import CheckedGate
 from automaton.verification.verification import verify_recording
 
 AISLE = "......d"
@@ -121,10 +121,10 @@ def test_only_gates_that_robots_use_are_looked_at(monkeypatch: pytest.MonkeyPatc
     """Of three blocks the robot is in the first one after tick 2, nobody comes near the others."""
     looked: list[set[int]] = []
 
-    def look(self: Gate, *given: Any) -> None:
+    def look(self: CheckedGate, *given: Any) -> None:
         looked.append(self.cells)
 
-    monkeypatch.setattr(Gate, "look", look)
+    monkeypatch.setattr(CheckedGate, "look", look)
     blocks = [BLOCK | {"cells": [[x, 0]]} for x in (2, 4, 5)]
     assert broken({"blocks": blocks}, {0: E}, {0: E}, {0: W}, {0: W}, {}) == []
     assert len(looked) == 2  # it is in it as tick 3 begins, and out as tick 4 does

@@ -20,7 +20,7 @@ from automaton.recording.contents import (
     FRAME_KIND_CONDITIONS,
     FRAME_KIND_END,
     FRAME_KIND_TICKS,
-    Frame,
+    DecodedFrame,
 )
 from automaton.recording.frames import Recording
 from automaton.recording.recorder import MemoryRecorder, Recorder
@@ -39,7 +39,7 @@ def good() -> Recording:
     return memory.recording()
 
 
-def altered(recording: Recording) -> tuple[Recording, list[Frame]]:
+def altered(recording: Recording) -> tuple[Recording, list[DecodedFrame]]:
     frames = copy.deepcopy(list(recording.frames))
     header = copy.deepcopy(recording.header)
     return Recording(header, frames, complete=True), [

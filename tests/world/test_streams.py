@@ -10,7 +10,7 @@ import pytest
 from drawn_scenes import recorded_run, scene
 
 from automaton.engine.state import ORDER_DELIVERED, ORDER_UNRELEASED
-from automaton.history.watched_run import RecordedRun
+from automaton.history.watched_run import ReplayedRun
 from automaton.recording.recorder import Recorder
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
@@ -136,7 +136,7 @@ def test_every_floor_has_every_stream(floor: str, orders: str, stream: str, tmp_
     found = verify(path)
     assert found.passed, found.report.violations[:3] or found.difference
     assert (run.world.orders.state == ORDER_DELIVERED).any()
-    again = RecordedRun(found.recording)
+    again = ReplayedRun(found.recording)
     again.show(run.tick, 9)
     assert again.shown.digest == run.digest
 

@@ -27,7 +27,7 @@ from tui.session.session import Display, Session
 from tui.widgets.panel import signs_of
 
 if TYPE_CHECKING:
-    from automaton.history.watched_run import Run
+    from automaton.history.watched_run import WatchedRun
     from automaton.world.resolve import Resolved
     from tui.playback.player import Player
     from tui.screens.breakpoint_dialog import StopCondition
@@ -108,7 +108,7 @@ class BranchActions:
         path = self._branch_file()
         made: list[Branched] = []
 
-        def branch(run: Run) -> Run:
+        def branch(run: WatchedRun) -> WatchedRun:
             from automaton.history.live_run import branch_of  # with Numba
 
             fresh = branch_of(run, settings, path)

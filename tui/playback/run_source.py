@@ -30,7 +30,7 @@ from automaton.recording.recording_reader import (
 from automaton.world.resolve import Resolved
 
 if TYPE_CHECKING:
-    from automaton.history.watched_run import Run
+    from automaton.history.watched_run import WatchedRun
 
 
 MAX_RECORDINGS_KEPT = 20  # recordings in the state folder
@@ -46,7 +46,9 @@ class Opening:
     titles: tuple[str, ...]  # of the runs
     resolved: tuple[Resolved, ...]
     live: bool
-    begin: Callable[[], list[Run]]  # imports Numba, and may compile the world. Raises InputError
+    begin: Callable[
+        [], list[WatchedRun]
+    ]  # imports Numba, and may compile the world. Raises InputError
     recordings: tuple[Recording, ...] = ()
     paths: tuple[Path, ...] = ()  # where live runs are recorded
     heads: tuple[Head, ...] = ()  # of two runs
@@ -75,7 +77,7 @@ def live(resolved: Resolved, path: Path | None) -> Opening:
     """A run that is computed while it is watched."""
     seed = resolved.scenario.seed
 
-    def begin() -> list[Run]:
+    def begin() -> list[WatchedRun]:
         from automaton.history.live_run import LiveRun
 
         return [LiveRun(resolved, seed, path)]
@@ -101,7 +103,7 @@ def live_pair(one: Resolved, other: Resolved, path: Path | None) -> Opening:
     _check_sizes(resolved, "--against")
     paths = () if path is None else (path, against(path))
 
-    def begin() -> list[Run]:
+    def begin() -> list[WatchedRun]:
         from automaton.history.live_run import LiveRun
 
         files = paths or (None, None)
@@ -124,10 +126,10 @@ def recorded(*paths: Path) -> Opening:
     )
     _check_sizes(resolved, str(paths[-1]))
 
-    def begin() -> list[Run]:
-        from automaton.history.watched_run import RecordedRun
+    def begin() -> list[WatchedRun]:
+        from automaton.history.watched_run import ReplayedRun
 
-        return [RecordedRun(recording) for recording in recordings]
+        return [ReplayedRun(recording) for recording in recordings]
 
     titles = tuple(
         f"{path.name}: {title_of(one, recording.header['seed'], recording.stored())}"

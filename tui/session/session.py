@@ -50,7 +50,7 @@ from tui.widgets.status import (
 from tui.widgets.timeline import Mark, Past, Timeline
 
 if TYPE_CHECKING:
-    from automaton.history.watched_run import Run
+    from automaton.history.watched_run import WatchedRun
     from tui.playback.panel_view import View
     from tui.playback.playback_state import PlaybackState
     from tui.playback.player import Player
@@ -108,7 +108,7 @@ class Session:
         self._ended = False
 
     @property
-    def runs(self) -> Sequence[Run]:
+    def runs(self) -> Sequence[WatchedRun]:
         """The runs, once they are there. Of a run read plan, header, resolved and event_history only."""
         return () if self.playback is None else self.playback.runs
 

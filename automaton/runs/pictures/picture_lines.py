@@ -56,7 +56,7 @@ Pair = tuple[int, int]
 Value = int | Pair | None  # a number, or a cell (x, y), or no cell
 Facts = dict[str, Value]
 
-CELLS = {
+CELL_FACTS = {
     "claim",
     "goal_cell",
     "slot",
@@ -95,7 +95,9 @@ class Phrase:
             text = text.replace(
                 f"{{{name}}}", percents(value) if name in PERCENT_FIELDS else str(value)
             )
-            text = text.replace("(s)", "" if value == 1 else "s") if name not in CELLS else text
+            text = (
+                text.replace("(s)", "" if value == 1 else "s") if name not in CELL_FACTS else text
+            )
         return text
 
     def read(self, text: str) -> Facts | None:
@@ -108,7 +110,7 @@ class Phrase:
             if name in PERCENT_FIELDS:
                 said[name] = round(float(value) * BATTERY_PERCENT)
             else:
-                said[name] = pair(value) if name in CELLS else int(value)
+                said[name] = pair(value) if name in CELL_FACTS else int(value)
         return said
 
 
@@ -121,7 +123,7 @@ def percents(value: Value) -> str:
 def _pattern(template: str) -> str:
     pattern = re.escape(template).replace(r"\(s\)", "s?")
     for name in PLACEHOLDER.findall(template):
-        value = r"\(-?\d+, -?\d+\)" if name in CELLS else r"-?\d+"
+        value = r"\(-?\d+, -?\d+\)" if name in CELL_FACTS else r"-?\d+"
         value = r"\d+(?:\.\d+)?" if name in PERCENT_FIELDS else value
         pattern = pattern.replace(rf"\{{{name}\}}", f"(?P<{name}>{value})")
     return pattern
@@ -241,7 +243,7 @@ def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
     return facts
 
 
-class OrderLine(NamedTuple):
+class DrawnOrder(NamedTuple):
     """What an order's line says."""
 
     number: int
@@ -249,7 +251,7 @@ class OrderLine(NamedTuple):
     stops: list[int]  # the ticks in which its stops were done
 
 
-def read_order(text: str) -> OrderLine:
+def read_order(text: str) -> DrawnOrder:
     """What an order's line gives. Raises InputError."""
     match = ORDER_LINE.fullmatch(text)
     if match is None:
@@ -258,7 +260,7 @@ def read_order(text: str) -> OrderLine:
     if "state" not in facts:
         raise InputError(f"order {match['number']}: is it delivered, waiting, or on its way?")
     stops = [int(tick) for tick in (match["stops"] or "").split()]
-    return OrderLine(int(match["number"]), LEFT_OUT | facts, stops)
+    return DrawnOrder(int(match["number"]), LEFT_OUT | facts, stops)
 
 
 # A robot's line in a picture: everything about it that the map cannot show.

@@ -67,8 +67,8 @@ from automaton.floor.drawn_floors import Drawing, Legend, draw_floor, floor_draw
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.pictures.picture_lines import (
     NEEDS,
+    DrawnOrder,
     Facts,
-    OrderLine,
     Pair,
     RobotLine,
     Value,
@@ -210,12 +210,12 @@ def _drawing(floor_plan: FloorPlan) -> Drawing:
 
 
 PLACE = "the picture"
-HEAD = re.compile(
+FIRST_LINE = re.compile(
     r"tick (\d+), seed (\d+), (\d+) order changes, (\d+|none) seen by allocation"
     r"(?:, (\d+) tickets)?"
 )
 BEGINNING = "tick 0, seed 1, 0 order changes, none seen by allocation"
-LEGEND = re.compile(r"\S is kind .*")
+LEGEND_LINE = re.compile(r"\S is kind .*")
 
 
 class Said(NamedTuple):
@@ -227,7 +227,7 @@ class Said(NamedTuple):
     seen: int
     tickets: int
     robots: dict[int, RobotLine]  # by identity
-    orders: dict[int, OrderLine]
+    orders: dict[int, DrawnOrder]
 
 
 def world_from(text: str, resolved: Resolved) -> Simulation:
@@ -264,7 +264,7 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
 
 def read_lines(lines: list[str]) -> Said:
     """Read every line but those of the map. Raises InputError with the number of the line."""
-    head = HEAD.fullmatch(lines[0])
+    head = FIRST_LINE.fullmatch(lines[0])
     if head is None:
         raise InputError(f"it has to begin with a line such as: {BEGINNING}", PLACE, 1)
     seen = NIL if head[4] == "none" else int(head[4])
@@ -276,7 +276,7 @@ def read_lines(lines: list[str]) -> Said:
             if line.startswith("order "):
                 order = read_order(line)
                 said.orders[order.number] = order
-            elif line and not LEGEND.fullmatch(line):
+            elif line and not LEGEND_LINE.fullmatch(line):
                 robot = read_robot(line, said.tick)
                 said.robots[robot.identity] = robot
         except InputError as error:
@@ -358,7 +358,7 @@ def set_order(world: World, floor_plan: FloorPlan, order: int, facts: Facts) -> 
     orders.current_slot[order] = slot
 
 
-def set_stops(world: World, line: OrderLine) -> None:
+def set_stops(world: World, line: DrawnOrder) -> None:
     """Let the first stops of an order be done in the ticks of its line."""
     orders = world.orders
     first, end = orders.first_stop[line.number : line.number + 2].tolist()

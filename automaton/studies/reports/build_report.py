@@ -15,7 +15,7 @@ from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.runs.headless import attribute_strategy_errors
-from automaton.runs.report_document import Document, Folded, Heading, HeatMap, PageBreak, Text
+from automaton.runs.report_document import Folded, Heading, HeatMap, PageBreak, ReportDocument, Text
 from automaton.runs.simulation import Simulation
 from automaton.scenario.text_files import shipped
 from automaton.scenario.unavailable_metrics import warm_up_of
@@ -57,16 +57,16 @@ NOT_DECLARED = (
 MAX_POINTS_NAMED = 24  # points
 
 
-def compose(store: Store, floors: Sequence[int] = ()) -> Document:
+def compose(store: Store, floors: Sequence[int] = ()) -> ReportDocument:
     """The report of a folder; `floors`: points of which one run is observed again. Raises InputError."""
     return document_of(read_report(store), store, floors)
 
 
-def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -> Document:
+def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -> ReportDocument:
     """What a report prints, in order. Raises InputError for floors that cannot be drawn."""
     results, scenarios, lacking = report.results, report.scenarios, report.lacking
     study = results.study
-    document = Document(study.name)
+    document = ReportDocument(study.name)
     document.add(Heading(study.name, 1))
     if study.summary:
         document.add(Text(study.summary))
@@ -159,7 +159,11 @@ def scenarios_of(store: Store) -> tuple[Scenarios, str]:
 
 
 def add_floors(
-    document: Document, results: Results, scenarios: Scenarios, floors: Sequence[int], lacking: str
+    document: ReportDocument,
+    results: Results,
+    scenarios: Scenarios,
+    floors: Sequence[int],
+    lacking: str,
 ) -> None:
     """Maps of the floor; `lacking`: why scenarios are not there. Raises InputError."""
     if not floors:
@@ -185,7 +189,7 @@ def add_floors(
         document.add(*floor_maps(scenarios[number], *first, name, after))
 
 
-def add_repeat(document: Document, store: Store) -> None:
+def add_repeat(document: ReportDocument, store: Store) -> None:
     """How to get the same again; the files are folded away."""
     folder = Path(store.folder)
     command = f"automaton sweep {shlex.quote(STUDY_FILE)} --out {shlex.quote(folder.name)}"

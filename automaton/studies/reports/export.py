@@ -20,12 +20,12 @@ from automaton.errors import InputError
 from automaton.printable import FORMULA_SIGNS, one_line
 from automaton.runs.report_document import (
     Block,
-    Document,
     Folded,
     Heading,
     Listed,
     NumberText,
     PageBreak,
+    ReportDocument,
     Table,
     Text,
 )
@@ -263,7 +263,7 @@ def write_parquet(table: Any, path: Path) -> None:
 
 
 def write_workbook(
-    document: Document, summaries: Records, compared: Records, rows: Any, path: Path
+    document: ReportDocument, summaries: Records, compared: Records, rows: Any, path: Path
 ) -> None:
     """Write a report and the table of its rows. Raises InputError, also without openpyxl."""
     book = openpyxl("workbooks are written").Workbook(write_only=True)

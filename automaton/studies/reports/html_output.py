@@ -23,13 +23,13 @@ from automaton.errors import InputError
 from automaton.runs.report_document import (
     Block,
     Curves,
-    Document,
     Folded,
     Heading,
     HeatMap,
-    Line,
     Listed,
     PageBreak,
+    ReportCurve,
+    ReportDocument,
     Table,
     Text,
     span,
@@ -153,7 +153,7 @@ def x_labels(curves: Curves, x_at: Callable[[float], float]) -> Iterator[str]:
 
 
 def line_parts(
-    line: Line,
+    line: ReportCurve,
     x_at: Callable[[float], float],
     y_at: Callable[[float], float],
     style: LineStyle,
@@ -276,7 +276,7 @@ svg text { font: 12px system-ui, sans-serif; fill: #333 }
 """
 
 
-def as_html(document: Document) -> str:
+def as_html(document: ReportDocument) -> str:
     """The whole page."""
     parts = "\n".join(page_parts(document.blocks))
     return (

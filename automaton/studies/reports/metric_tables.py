@@ -13,9 +13,9 @@ from automaton.runs.report_document import (
     Block,
     Curves,
     Heading,
-    Line,
     Listed,
     NumberText,
+    ReportCurve,
     Table,
     Text,
 )
@@ -434,7 +434,7 @@ def _others(results: Results, point: Point, factor: str) -> str:
 
 def line(
     results: Results, metric: str, points: list[Point], factor: str, names: Sequence[str]
-) -> Line:
+) -> ReportCurve:
     """One curve; `names` of levels that are not numbers."""
     at = {point.number: _x(results, point, factor, names) for point in points}
     points = sorted(points, key=lambda point: at[point.number])
@@ -445,7 +445,7 @@ def line(
     low = [math.nan if one is None or one.low is None else one.low for one in scaled]
     high = [math.nan if one is None or one.high is None else one.high for one in scaled]
     name = _others(results, points[0], factor)
-    return Line(name, [at[point.number] for point in points], value, low, high)
+    return ReportCurve(name, [at[point.number] for point in points], value, low, high)
 
 
 def _x(results: Results, point: Point, factor: str, names: Sequence[str]) -> float:

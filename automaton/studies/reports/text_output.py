@@ -20,12 +20,12 @@ import numpy.typing as npt
 from automaton.runs.report_document import (
     Block,
     Curves,
-    Document,
     Folded,
     Heading,
     HeatMap,
     Listed,
     PageBreak,
+    ReportDocument,
     Table,
     Text,
     span,
@@ -42,7 +42,7 @@ SHADES = ".:-=+*%@"  # from a little to the most
 WALL_MARK, EMPTY_MARK = " ", "·"
 
 
-def as_text(document: Document, width: int = 100) -> str:
+def as_text(document: ReportDocument, width: int = 100) -> str:
     """For a terminal."""
     lines: list[str] = []
     for block in document.blocks:
@@ -90,7 +90,7 @@ def table_lines(table: Table) -> Iterator[str]:
     yield from map(line, table.rows)
 
 
-def as_markdown(document: Document) -> str:
+def as_markdown(document: ReportDocument) -> str:
     """For a repository or an editor; charts are text, kept as they are."""
     lines: list[str] = []
     for block in document.blocks:

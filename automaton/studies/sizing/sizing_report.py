@@ -15,7 +15,7 @@ from rich.console import Console
 
 from automaton.runs.console_output import ConsoleBlock, print_blocks
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
-from automaton.runs.report_document import Curves, Line, Table
+from automaton.runs.report_document import Curves, ReportCurve, Table
 from automaton.studies.inference.intervals import Interval
 from automaton.studies.sizing.fleet_search import (
     Candidate,
@@ -483,7 +483,7 @@ def curves(session: SizingSession) -> list[Curves]:
     ]
 
 
-def strategy_line(search: FleetSearch, question: Question, mean: bool) -> Line:
+def strategy_line(search: FleetSearch, question: Question, mean: bool) -> ReportCurve:
     """The candidates of one strategy that were run."""
     found: list[tuple[int, Interval]] = []
     for one in search.candidates:
@@ -494,12 +494,12 @@ def strategy_line(search: FleetSearch, question: Question, mean: bool) -> Line:
     value = [one.value for _, one in found]
     low = [one.value if one.low is None else one.low for _, one in found]
     high = [one.value if one.high is None else one.high for _, one in found]
-    return Line(name, [float(robots) for robots, _ in found], value, low, high)
+    return ReportCurve(name, [float(robots) for robots, _ in found], value, low, high)
 
 
-def level(name: str, ends: list[float], value: float) -> Line:
+def level(name: str, ends: list[float], value: float) -> ReportCurve:
     """A horizontal line."""
-    return Line(name, ends, [value] * 2, [value] * 2, [value] * 2)
+    return ReportCurve(name, ends, [value] * 2, [value] * 2, [value] * 2)
 
 
 # The answer as a record.

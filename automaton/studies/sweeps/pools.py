@@ -34,7 +34,7 @@ from automaton.errors import InputError
 from automaton.runs.cores import cores
 from automaton.runs.first_compilation import compiled_parts
 from automaton.runs.headless import (
-    Marks,
+    CountedStretches,
     attribute_strategy_errors,
     is_finished,
     run_marked,
@@ -396,7 +396,7 @@ def is_ctrl_c(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) and heard and not deaf
 
 
-def figures_of(simulation: Simulation, window: int, marks: Marks) -> Row:
+def figures_of(simulation: Simulation, window: int, marks: CountedStretches) -> Row:
     """What a row tells of a run that is over; `window`: ticks of one, 0 for none."""
     orders = asked_orders(simulation.world)
     delivered = orders.done[orders.done != NIL]

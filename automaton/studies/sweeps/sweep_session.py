@@ -21,7 +21,7 @@ import msgspec
 
 from automaton.errors import InputError
 from automaton.runs.first_compilation import compiled_parts
-from automaton.runs.headless import WINDOW_TICKS, Marks, attribute_strategy_errors
+from automaton.runs.headless import WINDOW_TICKS, CountedStretches, attribute_strategy_errors
 from automaton.runs.metrics import counted
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.pools import (
@@ -589,7 +589,7 @@ def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]
     window, stretch = plan.manifest.points[point].windows
     # Of a whole run.
     stretches = [counted(simulation)] * ((limit - 1) // stretch) if stretch else []
-    row = figures_of(simulation, window, Marks(None, stretches))
+    row = figures_of(simulation, window, CountedStretches(None, stretches))
     cut = not simulation.finished and simulation.tick < limit
     if cut and resolved.scenario.stop.when == "never":
         return seconds * limit / simulation.tick, False, row_bytes(plan, row)

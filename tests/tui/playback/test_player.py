@@ -13,7 +13,7 @@ import pytest
 from manual_clock import FLEET, ManualClock, clock, live, manual_player, recorded
 
 from automaton.history.live_run import LiveRun, branch_of
-from automaton.history.watched_run import Run
+from automaton.history.watched_run import WatchedRun
 from automaton.verification.verification import verify
 from tui.playback.playback_state import PlaybackState
 from tui.playback.player import IDLE_S, NORMAL_TICKS_PER_S, REWIND, Player
@@ -97,7 +97,7 @@ def test_closing_leaves_a_whole_recording(tmp_path: Path) -> None:
 
 
 def test_an_order_that_goes_wrong_does_not_end_the_thread(player: Player) -> None:
-    def broken(run: Run) -> Run:
+    def broken(run: WatchedRun) -> WatchedRun:
         raise KeyError("nothing")
 
     told: list[str] = []
@@ -163,7 +163,7 @@ def test_backwards_keeps_time_too_but_no_faster_than_it_can(
 def test_a_player_at_rest_does_nothing_but_wait(clock: ManualClock, monkeypatch: Any) -> None:
     player = manual_player(clock)
     seq = player.settle().seq
-    monkeypatch.setattr(Run, "extend", lambda *_: pytest.fail("it computes"))
+    monkeypatch.setattr(WatchedRun, "extend", lambda *_: pytest.fail("it computes"))
     clock.waits.clear()
     player.turn(50)
     assert clock.waits == [IDLE_S] * 50 and player.latest().seq == seq

@@ -10,7 +10,7 @@ from manual_clock import FLEET, ManualClock, clock, live, manual_player, recorde
 
 from automaton.errors import InputError
 from automaton.history.breakpoints import breakpoint_of
-from automaton.history.watched_run import Run
+from automaton.history.watched_run import WatchedRun
 from tui.playback.player import STATE_INTERVAL_S, UNSEEN_S
 
 __all__ = ["clock"]
@@ -72,7 +72,7 @@ def test_when_one_of_two_fails_both_stay_together(clock: ManualClock) -> None:
 # Breakpoints
 
 
-def begins(run: Run, text: str) -> dict[int, list[int]]:
+def begins(run: WatchedRun, text: str) -> dict[int, list[int]]:
     """Ticks at which a breakpoint begins to hold, and for which robots."""
     point, found, before = breakpoint_of(text), {}, set[int]()
     while run.tick != run.end:

@@ -11,7 +11,7 @@ from manual_clock import FLEET, ManualClock, clock, live, manual_player
 
 from automaton.errors import InputError
 from automaton.history.live_run import LiveRun, branch_of
-from automaton.history.playback import OBJECT_BYTES, UNCHANGED, Keyframes
+from automaton.history.playback import NO_CHANGE, OBJECT_BYTES, Keyframes
 from automaton.recording.frames import StoredFrames
 from automaton.strategy.contract import Strategy
 from tui.playback import player as player_module
@@ -114,6 +114,6 @@ def test_the_budget_of_keyframes_counts_what_an_array_costs() -> None:
     simulation.run(20)
     keyframes.keep(simulation.world, simulation.observation)
     first, later = keyframes._frames
-    changed = [delta for delta in later.arrays.values() if delta is not UNCHANGED]
+    changed = [delta for delta in later.arrays.values() if delta is not NO_CHANGE]
     assert 10 < len(changed) < len(later.arrays), "the others share one object"
     assert later.nbytes > len(changed) * OBJECT_BYTES > first.nbytes

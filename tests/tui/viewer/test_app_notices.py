@@ -14,7 +14,7 @@ from action_cases import said
 from viewer_harness import Watched, compared, mini, record, screen_text, viewing
 
 from automaton import atomic_write
-from automaton.history.watched_run import Run
+from automaton.history.watched_run import WatchedRun
 from automaton.recording.recording_reader import read_recording
 from automaton.world.resolve import resolve
 from tui.playback.frame_cache import Pictures
@@ -57,7 +57,7 @@ def test_keys_of_layers_and_panels_wait_for_the_world() -> None:
     may_begin = threading.Event()
     opening = mini()
 
-    def begin() -> list[Run]:
+    def begin() -> list[WatchedRun]:
         may_begin.wait()
         return opening.begin()
 

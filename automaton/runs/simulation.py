@@ -1,4 +1,7 @@
-"""A run: a world, its strategies, and the compiled loop that carries it from tick to tick."""
+"""A run: a world, its strategies, and the compiled loop that carries it from tick to tick.
+
+Then its loop, the error of distance tables that have no room, and its picture.
+"""
 
 from __future__ import annotations
 
@@ -33,7 +36,7 @@ from automaton.engine.features import (
 from automaton.engine.holders import NO_STATE_ROWS, state_rows
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
-from automaton.engine.jit.structs import Struct, lent_address, window
+from automaton.engine.jit.structs import Struct, registered_address, window
 from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.engine.state import (
@@ -85,59 +88,13 @@ from automaton.world.building import (
 )
 from automaton.world.resolve import Resolved, StrategyChoice
 
-
-def floor_picture(
-    resolved: Resolved, world: Any, observation: Any, theme: Theme, follow: int
-) -> FloorPicture:
-    """The picture of a world; `follow`: the robot that is marked, or NIL. Raises InputError."""
-    robots = resolved.scenario.fleet.robots
-    if theme not in THEMES:
-        raise InputError(f"unknown theme {theme!r}: allowed are {alternatives(THEMES)}")
-    if not NIL <= follow < robots:
-        raise InputError(f"there is no robot {follow}: the last one is robot {robots - 1}")
-    floor = drawn_floor(resolved)
-    moment = moment_of(floor, world, observation)
-    done, asked = done_count(world.orders, world.lines), asked_count(world)
-    caption = (
-        f"{resolved.scenario.name}, {count(robots, 'robot')}: tick {moment.tick:,}, "
-        f"{done:,} of {count(asked, 'order')} done"
-    )
-    return FloorPicture(floor, moment, caption, theme, follow)
-
-
-# What to say when one tick needs more distance tables than the scenario has room for.
-
-
-def no_room(world: World, structs: Iterable[Struct]) -> InputError:
-    """The sentence about the tables among these structs that a table did not fit in."""
-    tables = next(one for one in tables_in(structs) if one.status[TABLES_REFUSED])
-    robots, size = len(world.robots.cell), BYTES_PER_WORD * int(tables.status[TABLES_WORDS])
-    at_once = max(int(tables.status[TABLES_ROWS]) - 1, 0)
-    return InputError(
-        f"tick {world.clock[CLOCK_TICK]} needs more distance tables than world.distance_tables "
-        f"({memory(world.rules.table_bytes)}) has room for: {count(at_once, 'table')} of {memory(size)} "
-        f"at a time; set it to {memory((robots + 1) * size)}, for a table for each of "
-        f"{count(robots, 'robot')}"
-    )
-
-
-def tables_in(structs: Iterable[Struct]) -> Iterator[DistanceTables]:
-    """The tables in some structs, and in the structs in them."""
-    for one in structs:
-        if isinstance(one, DistanceTables):
-            yield one
-        else:
-            parts = (getattr(one, name) for name in one._fields)
-            yield from tables_in(part for part in parts if isinstance(part, Struct))
-
-
 RECORD_TICKS = 256  # ticks in the buffers of a recording
 OBSERVED_TICKS = 1024  # and of an observation
 # Decisions in Python after which the state is compared: two digests take longer than a short decision.
 ALWAYS_CHECKED = 100  # the first ones
 CHECKED_EVERY = 256  # and later ones
 NO_STATE = NoState()  # of the strategies that a run does without, in all runs
-NO_MEMORY = Memory(address=lent_address(NO_STATE), rows=NO_STATE_ROWS)
+NO_MEMORY = Memory(address=registered_address(NO_STATE), rows=NO_STATE_ROWS)
 
 
 class Simulation:
@@ -347,29 +304,32 @@ class Simulation:
         self._states = [state.stopped_by(self.workspace.stop) for state in self._states]
         # Under a radius each robot is shown its own rows, when it is asked.
         limited = self.world.rules.radius > 0
-        shown = [
+        visible = [
             state.cleared() if limited and state is not NO_STATE else state
             for state in self._states
         ]
-        faces = [
-            state.lent() if kind == loop_kernels.MODE_INTERPRETED else state
-            for state, kind in zip(shown, mode, strict=True)
+        views = [
+            state.writable_view() if kind == loop_kernels.MODE_INTERPRETED else state
+            for state, kind in zip(visible, mode, strict=True)
         ]
         memories = [
             NO_MEMORY
-            if face is NO_STATE
+            if view is NO_STATE
             else Memory(
-                address=lent_address(face), rows=state_rows(*pair) if limited else NO_STATE_ROWS
+                address=registered_address(view),
+                rows=state_rows(*pair) if limited else NO_STATE_ROWS,
             )
-            for face, *pair in zip(faces, self._states, shown, strict=True)
+            for view, *pair in zip(views, self._states, visible, strict=True)
         ]
         if loop_kernels.MODE_INTERPRETED in mode:
-            self._lent_decisions = self.decisions.lent()
-            self._faces = [memory.lent() for memory in memories]
+            self._decisions_view = self.decisions.writable_view()
+            self._memory_views = [memory.writable_view() for memory in memories]
             # With the JIT off, kernels write to what Python sees.
-            self._sealed = self.workspace.sealed() if jit_is_on() else self.workspace
+            self._workspace_view = (
+                self.workspace.for_kernels_only() if jit_is_on() else self.workspace
+            )
         # Kernels count no references: whatever is freed here would be overwritten under the loop.
-        self._lent = (arguments, functions, shown, faces, memories)
+        self._kept_alive = (arguments, functions, visible, views, memories)
         ticks: Iterator[int] = loop(*arguments, tuple(memories), used, *functions)
         return ticks
 
@@ -485,7 +445,11 @@ class Simulation:
         before = (self.digests(), self.world.clock.copy()) if checked else None
         with self._within_patience():
             strategy.decide(
-                self.view, self._batch_view, self._lent_decisions, self._faces[number], self._sealed
+                self.view,
+                self._batch_view,
+                self._decisions_view,
+                self._memory_views[number],
+                self._workspace_view,
             )
         changed = self._changed_since(*before) if before else ()
         if changed:
@@ -559,3 +523,45 @@ def _compiled_loop(
         garbage.resume()
     found: tuple[Any, Any] = _LOOPS["loop"]
     return found
+
+
+def no_room(world: World, structs: Iterable[Struct]) -> InputError:
+    """The sentence about the tables among these structs that a table did not fit in."""
+    tables = next(one for one in tables_in(structs) if one.status[TABLES_REFUSED])
+    robots, size = len(world.robots.cell), BYTES_PER_WORD * int(tables.status[TABLES_WORDS])
+    at_once = max(int(tables.status[TABLES_ROWS]) - 1, 0)
+    return InputError(
+        f"tick {world.clock[CLOCK_TICK]} needs more distance tables than world.distance_tables "
+        f"({memory(world.rules.table_bytes)}) has room for: {count(at_once, 'table')} of {memory(size)} "
+        f"at a time; set it to {memory((robots + 1) * size)}, for a table for each of "
+        f"{count(robots, 'robot')}"
+    )
+
+
+def tables_in(structs: Iterable[Struct]) -> Iterator[DistanceTables]:
+    """The tables in some structs, and in the structs in them."""
+    for one in structs:
+        if isinstance(one, DistanceTables):
+            yield one
+        else:
+            parts = (getattr(one, name) for name in one._fields)
+            yield from tables_in(part for part in parts if isinstance(part, Struct))
+
+
+def floor_picture(
+    resolved: Resolved, world: Any, observation: Any, theme: Theme, follow: int
+) -> FloorPicture:
+    """The picture of a world; `follow`: the robot that is marked, or NIL. Raises InputError."""
+    robots = resolved.scenario.fleet.robots
+    if theme not in THEMES:
+        raise InputError(f"unknown theme {theme!r}: allowed are {alternatives(THEMES)}")
+    if not NIL <= follow < robots:
+        raise InputError(f"there is no robot {follow}: the last one is robot {robots - 1}")
+    floor = drawn_floor(resolved)
+    moment = moment_of(floor, world, observation)
+    done, asked = done_count(world.orders, world.lines), asked_count(world)
+    caption = (
+        f"{resolved.scenario.name}, {count(robots, 'robot')}: tick {moment.tick:,}, "
+        f"{done:,} of {count(asked, 'order')} done"
+    )
+    return FloorPicture(floor, moment, caption, theme, follow)

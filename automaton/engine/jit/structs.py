@@ -273,7 +273,7 @@ class BlockLayout:
 # The state of a strategy is a struct of its own. The loop, which is compiled once for all strategies,
 # passes its address alone; `State.of(memory)` is the struct at that address, typed.
 #
-# Strategies in Python get their structs as faces: other objects over the same memory, whose arrays
+# Strategies in Python get their structs as views: other objects over the same memory, whose arrays
 # can be neither resized nor opened for writing, since the arrays that own the memory cannot be
 # reached from there. Only somebody who writes to bare addresses (ctypes) can still do harm.
 
@@ -526,47 +526,47 @@ class Struct(metaclass=StructClass):
     @classmethod
     def of(cls, memory: Any) -> Self:
         """The state of a strategy, from the memory that it gets; in a kernel, too (struct_types)."""
-        state = _LENT_BY_ADDRESS.get(memory.address)
+        state = _STATES_BY_ADDRESS.get(memory.address)
         if not isinstance(state, cls):
             raise TypeError(f"the state is {type(state).__name__}, not {cls.__name__}")
         return state
 
     def read_only(self) -> Self:
         """The same memory, closed to writing: what strategies see."""
-        return self._face(python=False, kernels=False)
+        return self._view(python=False, kernels=False)
 
-    def sealed(self) -> Self:
-        """The same memory, closed to Python but not to kernels."""
-        return self._face(python=False, kernels=True)
+    def for_kernels_only(self) -> Self:
+        """The same memory, closed to writing by Python but not by kernels."""
+        return self._view(python=False, kernels=True)
 
-    def lent(self) -> Self:
-        """The same memory, open to writing as it was, for somebody who may do what he likes with it."""
-        return self._face(python=True, kernels=True)
+    def writable_view(self) -> Self:
+        """The same memory, open to writing as it was; its arrays cannot be resized."""
+        return self._view(python=True, kernels=True)
 
-    def _face(self, python: bool, kernels: bool) -> Self:
-        face = object.__new__(type(self))
+    def _view(self, python: bool, kernels: bool) -> Self:
+        view = object.__new__(type(self))
         table = self._table
         if self._structs:
             table = table.copy()
         for row, name in enumerate(self._fields):
             declared = self._declared[name]
             if not declared.kind:
-                part = face.__dict__[name] = getattr(self, name)._face(python, kernels)
+                part = view.__dict__[name] = getattr(self, name)._view(python, kernels)
                 table[row, 0] = part._address
             elif not declared.is_array:
-                face.__dict__[name] = getattr(self, name)
+                view.__dict__[name] = getattr(self, name)
         closed = np.frombuffer(table.tobytes(), np.uint64).reshape(-1, WORDS_PER_ROW)
         address = closed.__array_interface__["data"][0]
         is_writable = kernels and self._writable
-        face.__dict__.update(_table=closed, _address=address, _writable=is_writable)
-        _ORIGINALS[face] = self, python
-        return face
+        view.__dict__.update(_table=closed, _address=address, _writable=is_writable)
+        _ORIGINALS[view] = self, python
+        return view
 
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
             """An array, made when it is asked for, since most runs ask for few: one of its own, or, of a
-            face, a window."""
+            view, a window."""
             places = self.__dict__.get("_places")
             if places is not None and name in places:
                 array = np.ndarray(*places[name][:2], self._block, places[name][2])
@@ -581,12 +581,12 @@ class Struct(metaclass=StructClass):
             return array
 
 
-_ORIGINALS: WeakKeyDictionary[Struct, tuple[Struct, bool]] = WeakKeyDictionary()  # of faces
-_LENT_BY_ADDRESS: WeakValueDictionary[int, Struct] = WeakValueDictionary()
+_ORIGINALS: WeakKeyDictionary[Struct, tuple[Struct, bool]] = WeakKeyDictionary()  # of views
+_STATES_BY_ADDRESS: WeakValueDictionary[int, Struct] = WeakValueDictionary()
 
 
-def lent_address(struct: Struct) -> int:
+def registered_address(struct: Struct) -> int:
     """The address of a struct, by which `of` finds it as long as the struct exists."""
     address = struct._address
-    _LENT_BY_ADDRESS[address] = struct
+    _STATES_BY_ADDRESS[address] = struct
     return address

@@ -1,8 +1,13 @@
-"""A recorded run as messages of VDA 5050: orders and, period by period, what robots report of
-themselves.
+"""A recorded run as a trace of VDA 5050: a `state` message a line for each robot and period.
 
-Each sample has the state after a tick, by identity, and what a state alone does not hold: the moves
-that a robot has begun for its order, and the ticks in which its move and its operation began.
+    {"headerId":0,"timestamp":"2026-03-02T06:00:00.000Z","version":"3.0.0", ...}
+
+Nodes are cells, x_y as a user counts them; an edge leads from one to the next. x and y are metres
+to the right of and above the lower left corner of the floor, theta is counter-clockwise. A robot's
+order is a number of `orders`, or of trips. Numbers of a sequence count 2 for each move of an order:
+nodes have even ones, edges odd ones.
+
+Source: VDA 5050, versions 2.1.0 and 3.0.0, topic `state`.
 """
 
 from __future__ import annotations
@@ -47,216 +52,6 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.quantities import Scale
 from automaton.scenario.refinement import refined_data
 from automaton.scenario.schema import Scenario
-
-EXECUTED_OPERATIONS: Final = (EXECUTED_PICK, EXECUTED_DROP, EXECUTED_SERVE)
-
-
-class Sample(NamedTuple):
-    """The state after a tick; arrays are by identity."""
-
-    tick: int
-    world: World
-    stored: Array  # (n,) where each robot is stored
-    moves: Array  # (n,) moves begun for the order at hand, that under way included
-    moved: Array  # (n,) share of the move under way that is driven; 0 without one
-    driving: Array  # (n,) bool: in a move, or at its end in this tick
-    begun: Array  # (n,) tick in which the last pick, drop or stop began
-
-
-class StateTrace:
-    """A recording played again, in samples of which each is `period` ticks after the one before it."""
-
-    def __init__(self, recording: Recording, period: int) -> None:
-        self.recording = recording
-        self.period = period
-        robots = len(recording.header["robots"]["cell"])
-        self._frame = 0  # first tick of the one whose ticks are counted
-        # Begun up to each of its ticks, and before it.
-        self._moves = np.zeros((1, robots), np.int64)
-        self._begun = np.zeros((1, robots), np.int64)  # likewise the last tick of an operation
-        self._set_out = np.zeros((1, robots), np.int64)  # and of a move
-        self._before_order = np.zeros(robots, np.int64)  # moves begun when the order was taken
-        self._playback = Playback(recording.header, recording.stored(), on_observe=self._observe)
-
-    def __iter__(self) -> Iterator[Sample]:
-        """Yield a sample at tick 0 and after each period. Raises InputError for an altered file."""
-        for tick in range(0, self.recording.ticks + 1, self.period):
-            self._playback.go_to(max(tick - 1, 0))
-            before = self._in_move()
-            self._playback.go_to(tick)
-            yield self._sample(tick, before)
-
-    def _observe(self, simulation: Simulation) -> None:
-        """Note which orders were taken; what is played at a time lies within one frame."""
-        content = self._playback.frames.ticks_with(simulation.tick)
-        if content is not None and content["first"] != self._frame:
-            self._count(content)
-        observation = simulation.observation
-        events = observation.events[: observation.count[COUNT_EVENTS]]
-        for tick, _, robot, *_ in events[events[:, 1] == EVENT_ORDER_TAKEN].tolist():
-            self._before_order[robot] = self._moves[tick - self._frame, robot]
-        simulation.empty_observation()
-
-    def _count(self, content: Content) -> None:
-        """Count moves and note beginnings in the ticks of a frame; row 0 is the tick before it."""
-        executed = content["executed"] & ACTION_MASK
-        ticks = content["first"] + np.arange(len(executed))[:, None]
-        is_move = (executed >= MOVE_EAST) & (executed <= MOVE_NORTH)
-        self._frame = content["first"]
-        self._moves = np.cumsum(np.concatenate((self._moves[-1:], is_move)), axis=0)
-        self._set_out = _latest(self._set_out, is_move, ticks)
-        self._begun = _latest(self._begun, np.isin(executed, EXECUTED_OPERATIONS), ticks)
-
-    def _in_move(self) -> Array:
-        """(n,) bool: which robots are in a move after the tick that is shown."""
-        robots = self._playback.simulation.world.robots
-        in_move: Array = robots.claim[robots.at_index] != NIL
-        return in_move
-
-    def _sample(self, tick: int, before: Array) -> Sample:
-        """`before`: (n,) which robots were in a move a tick ago."""
-        world: Any = self._playback.simulation.world
-        index = world.robots.at_index
-        row = tick - self._frame + 1 if tick else 0
-        robots, set_out = world.robots, self._set_out[row]
-        busy, driven = robots.busy[index].astype(np.int64), tick - set_out + 1
-        in_move = self._in_move()
-        begins = (set_out > 0) & (set_out == tick)
-        return Sample(
-            tick=tick,
-            world=world,
-            stored=index,
-            moves=self._moves[row] - self._before_order,
-            moved=np.where(in_move, driven / (driven + busy), 0.0),
-            driving=in_move | before | begins,
-            begun=self._begun[row],
-        )
-
-
-def _latest(before: Array, happens: Array, ticks: Array) -> Array:
-    """(T + 1, n) the last tick in which something happened; row 0 is that of `before`'s last row."""
-    rows = np.concatenate((before[-1:], np.where(happens, ticks, 0)))
-    latest: Array = np.maximum.accumulate(rows, axis=0)
-    return latest
-
-
-# The nodes and edges ahead of a robot, as the JSON of VDA 5050.
-#
-# Routes are long, and most of a route is the same from message to message: a node keeps its number as
-# the robot comes nearer. So the text of a route is made once, and messages take what is left of it.
-
-
-EMPTY: Final = msgspec.Raw(b"[]")
-
-
-class RouteState(NamedTuple):
-    """What a robot's route ahead follows from."""
-
-    i: int  # where the robot is stored
-    cell: int  # where it is, or the cell that it leaves
-    moves: int | None  # those begun for its order; None without one
-    claim: int  # the cell that it enters, or NIL
-    driven: int  # steps of the route
-    length: int  # steps that it has
-    route_hash: int
-
-
-def route_columns(robots: Any, index: Any) -> Iterator[tuple[int, ...]]:
-    """Return the last four entries of RouteState of each robot, stored at `index`."""
-    arrays = (robots.claim, robots.route_index, robots.route_length, robots.route_hash)
-    return zip(*(array[index].tolist() for array in arrays), strict=True)
-
-
-class NodeNames(dict[int, str]):
-    """The node of each cell, x_y; made when it is asked for."""
-
-    def __init__(self, floor_plan: FloorPlan) -> None:
-        self._floor_plan = floor_plan
-
-    def __missing__(self, cell: int) -> str:
-        x, y = self._floor_plan.xy(cell)
-        name = self[cell] = f"{x}_{y}"
-        return name
-
-
-class RouteAhead:
-    """One robot's route ahead."""
-
-    def __init__(self, names: NodeNames, offsets: tuple[int, int, int, int]) -> None:
-        self._names = names
-        self._offsets = offsets  # from a cell to its neighbours
-        self._key: tuple[int, ...] = ()
-        self._cells: list[int] = []  # before each step of the route
-        self._nodes: list[bytes] = []  # behind it
-        self._edges: list[bytes] = []
-        self._shown: RouteState | None = None  # for which the last two texts were made,
-        self._texts = EMPTY, EMPTY  # nodes and edges
-
-    def ahead(self, robots: Any, state: RouteState) -> tuple[int, msgspec.Raw, msgspec.Raw]:
-        """The number of the last node, and the nodes and edges ahead; `robots` has the routes."""
-        is_between = state.claim != NIL
-        begun = int(is_between) if state.moves is None else state.moves
-        last = 2 * (begun - is_between)
-        if not is_between and state.driven >= state.length:
-            return last, EMPTY, EMPTY
-        if state != self._shown:
-            self._shown = state
-            self._renew(robots, state, begun - state.driven)
-            nodes = self._nodes[state.driven : state.length]
-            edges = self._edges[state.driven : state.length]
-            if is_between:
-                nodes.insert(0, self._node(state.claim, 2 * begun))
-                edges.insert(0, self._edge(state.cell, state.claim, 2 * begun - 1))
-            self._texts = _listed(nodes), _listed(edges)
-        return last, *self._texts
-
-    def _renew(self, robots: Any, state: RouteState, offset: int) -> None:
-        """Make the texts of a route again if it is another one; `offset`: moves before its first step."""
-        i, index, length = state.i, state.driven, state.length
-        key = (state.route_hash, length, offset)
-        start = int(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
-        start = start if state.claim == NIL else state.claim
-        if key == self._key and self._cells[index : index + 1] == [start]:
-            return
-        self._key = key
-        self._cells = [NIL] * index + [start]
-        self._nodes, self._edges = [b""] * index, [b""] * index  # those that it has left behind
-        for step, direction in enumerate(robots.route[i, index:length].tolist(), index + 1):
-            to = start + self._offsets[direction]
-            self._cells.append(to)
-            self._nodes.append(self._node(to, 2 * (offset + step)))
-            self._edges.append(self._edge(start, to, 2 * (offset + step) - 1))
-            start = to
-
-    def _node(self, cell: int, number: int) -> bytes:
-        return b'{"nodeId":"%b","sequenceId":%d,"released":true}' % (
-            self._names[cell].encode(),
-            number,
-        )
-
-    def _edge(self, one: int, other: int, number: int) -> bytes:
-        return b'{"edgeId":"%b-%b","sequenceId":%d,"released":true}' % (
-            self._names[one].encode(),
-            self._names[other].encode(),
-            number,
-        )
-
-
-def _listed(entries: list[bytes]) -> msgspec.Raw:
-    return msgspec.Raw(b"[%b]" % b",".join(entries))
-
-
-# A recorded run as a trace of VDA 5050: a `state` message a line for each robot and period.
-#
-# {"headerId":0,"timestamp":"2026-03-02T06:00:00.000Z","version":"3.0.0", ...}
-#
-# Nodes are cells, x_y as a user counts them; an edge leads from one to the next. x and y are metres
-# to the right of and above the lower left corner of the floor, theta is counter-clockwise. A robot's
-# order is a number of `orders`, or of trips. Numbers of a sequence count 2 for each move of an order:
-# nodes have even ones, edges odd ones.
-#
-# Source: VDA 5050, versions 2.1.0 and 3.0.0, topic `state`.
-
 
 MANUFACTURER: Final = "automaton"
 ACTION_TYPES: Final = {ACTION_PICK: "pick", ACTION_DROP: "drop", ACTION_SERVE: "serve"}
@@ -497,3 +292,205 @@ class Positions:
         """Centres of cells, in cells from the lower left corner."""
         row, column = np.divmod(cell, self._floor_plan.stride)
         return column - 0.5, self._floor_plan.height - row + 0.5
+
+
+# What robots report of themselves, as the run is played again. Each sample has the state after a tick,
+# by identity, and what a state alone does not hold: the moves that a robot has begun for its order, and
+# the ticks in which its move and its operation began.
+
+
+EXECUTED_OPERATIONS: Final = (EXECUTED_PICK, EXECUTED_DROP, EXECUTED_SERVE)
+
+
+class Sample(NamedTuple):
+    """The state after a tick; arrays are by identity."""
+
+    tick: int
+    world: World
+    stored: Array  # (n,) where each robot is stored
+    moves: Array  # (n,) moves begun for the order at hand, that under way included
+    moved: Array  # (n,) share of the move under way that is driven; 0 without one
+    driving: Array  # (n,) bool: in a move, or at its end in this tick
+    begun: Array  # (n,) tick in which the last pick, drop or stop began
+
+
+class StateTrace:
+    """A recording played again, in samples of which each is `period` ticks after the one before it."""
+
+    def __init__(self, recording: Recording, period: int) -> None:
+        self.recording = recording
+        self.period = period
+        robots = len(recording.header["robots"]["cell"])
+        self._frame = 0  # first tick of the one whose ticks are counted
+        # Begun up to each of its ticks, and before it.
+        self._moves = np.zeros((1, robots), np.int64)
+        self._begun = np.zeros((1, robots), np.int64)  # likewise the last tick of an operation
+        self._set_out = np.zeros((1, robots), np.int64)  # and of a move
+        self._before_order = np.zeros(robots, np.int64)  # moves begun when the order was taken
+        self._playback = Playback(recording.header, recording.stored(), on_observe=self._observe)
+
+    def __iter__(self) -> Iterator[Sample]:
+        """Yield a sample at tick 0 and after each period. Raises InputError for an altered file."""
+        for tick in range(0, self.recording.ticks + 1, self.period):
+            self._playback.go_to(max(tick - 1, 0))
+            before = self._in_move()
+            self._playback.go_to(tick)
+            yield self._sample(tick, before)
+
+    def _observe(self, simulation: Simulation) -> None:
+        """Note which orders were taken; what is played at a time lies within one frame."""
+        content = self._playback.frames.ticks_with(simulation.tick)
+        if content is not None and content["first"] != self._frame:
+            self._count(content)
+        observation = simulation.observation
+        events = observation.events[: observation.count[COUNT_EVENTS]]
+        for tick, _, robot, *_ in events[events[:, 1] == EVENT_ORDER_TAKEN].tolist():
+            self._before_order[robot] = self._moves[tick - self._frame, robot]
+        simulation.empty_observation()
+
+    def _count(self, content: Content) -> None:
+        """Count moves and note beginnings in the ticks of a frame; row 0 is the tick before it."""
+        executed = content["executed"] & ACTION_MASK
+        ticks = content["first"] + np.arange(len(executed))[:, None]
+        is_move = (executed >= MOVE_EAST) & (executed <= MOVE_NORTH)
+        self._frame = content["first"]
+        self._moves = np.cumsum(np.concatenate((self._moves[-1:], is_move)), axis=0)
+        self._set_out = _latest(self._set_out, is_move, ticks)
+        self._begun = _latest(self._begun, np.isin(executed, EXECUTED_OPERATIONS), ticks)
+
+    def _in_move(self) -> Array:
+        """(n,) bool: which robots are in a move after the tick that is shown."""
+        robots = self._playback.simulation.world.robots
+        in_move: Array = robots.claim[robots.at_index] != NIL
+        return in_move
+
+    def _sample(self, tick: int, before: Array) -> Sample:
+        """`before`: (n,) which robots were in a move a tick ago."""
+        world: Any = self._playback.simulation.world
+        index = world.robots.at_index
+        row = tick - self._frame + 1 if tick else 0
+        robots, set_out = world.robots, self._set_out[row]
+        busy, driven = robots.busy[index].astype(np.int64), tick - set_out + 1
+        in_move = self._in_move()
+        begins = (set_out > 0) & (set_out == tick)
+        return Sample(
+            tick=tick,
+            world=world,
+            stored=index,
+            moves=self._moves[row] - self._before_order,
+            moved=np.where(in_move, driven / (driven + busy), 0.0),
+            driving=in_move | before | begins,
+            begun=self._begun[row],
+        )
+
+
+def _latest(before: Array, happens: Array, ticks: Array) -> Array:
+    """(T + 1, n) the last tick in which something happened; row 0 is that of `before`'s last row."""
+    rows = np.concatenate((before[-1:], np.where(happens, ticks, 0)))
+    latest: Array = np.maximum.accumulate(rows, axis=0)
+    return latest
+
+
+# The nodes and edges ahead of a robot, as JSON. Most of a route is the same from message to message: a
+# node keeps its number as the robot comes nearer, so the text of a route is made once, and messages
+# take what is left of it.
+
+
+EMPTY: Final = msgspec.Raw(b"[]")
+
+
+class RouteState(NamedTuple):
+    """What a robot's route ahead follows from."""
+
+    i: int  # where the robot is stored
+    cell: int  # where it is, or the cell that it leaves
+    moves: int | None  # those begun for its order; None without one
+    claim: int  # the cell that it enters, or NIL
+    driven: int  # steps of the route
+    length: int  # steps that it has
+    route_hash: int
+
+
+def route_columns(robots: Any, index: Any) -> Iterator[tuple[int, ...]]:
+    """Return the last four entries of RouteState of each robot, stored at `index`."""
+    arrays = (robots.claim, robots.route_index, robots.route_length, robots.route_hash)
+    return zip(*(array[index].tolist() for array in arrays), strict=True)
+
+
+class NodeNames(dict[int, str]):
+    """The node of each cell, x_y; made when it is asked for."""
+
+    def __init__(self, floor_plan: FloorPlan) -> None:
+        self._floor_plan = floor_plan
+
+    def __missing__(self, cell: int) -> str:
+        x, y = self._floor_plan.xy(cell)
+        name = self[cell] = f"{x}_{y}"
+        return name
+
+
+class RouteAhead:
+    """One robot's route ahead."""
+
+    def __init__(self, names: NodeNames, offsets: tuple[int, int, int, int]) -> None:
+        self._names = names
+        self._offsets = offsets  # from a cell to its neighbours
+        self._key: tuple[int, ...] = ()
+        self._cells: list[int] = []  # before each step of the route
+        self._nodes: list[bytes] = []  # behind it
+        self._edges: list[bytes] = []
+        self._shown: RouteState | None = None  # for which the last two texts were made,
+        self._texts = EMPTY, EMPTY  # nodes and edges
+
+    def ahead(self, robots: Any, state: RouteState) -> tuple[int, msgspec.Raw, msgspec.Raw]:
+        """The number of the last node, and the nodes and edges ahead; `robots` has the routes."""
+        is_between = state.claim != NIL
+        begun = int(is_between) if state.moves is None else state.moves
+        last = 2 * (begun - is_between)
+        if not is_between and state.driven >= state.length:
+            return last, EMPTY, EMPTY
+        if state != self._shown:
+            self._shown = state
+            self._renew(robots, state, begun - state.driven)
+            nodes = self._nodes[state.driven : state.length]
+            edges = self._edges[state.driven : state.length]
+            if is_between:
+                nodes.insert(0, self._node(state.claim, 2 * begun))
+                edges.insert(0, self._edge(state.cell, state.claim, 2 * begun - 1))
+            self._texts = _listed(nodes), _listed(edges)
+        return last, *self._texts
+
+    def _renew(self, robots: Any, state: RouteState, offset: int) -> None:
+        """Make the texts of a route again if it is another one; `offset`: moves before its first step."""
+        i, index, length = state.i, state.driven, state.length
+        key = (state.route_hash, length, offset)
+        start = int(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
+        start = start if state.claim == NIL else state.claim
+        if key == self._key and self._cells[index : index + 1] == [start]:
+            return
+        self._key = key
+        self._cells = [NIL] * index + [start]
+        self._nodes, self._edges = [b""] * index, [b""] * index  # those that it has left behind
+        for step, direction in enumerate(robots.route[i, index:length].tolist(), index + 1):
+            to = start + self._offsets[direction]
+            self._cells.append(to)
+            self._nodes.append(self._node(to, 2 * (offset + step)))
+            self._edges.append(self._edge(start, to, 2 * (offset + step) - 1))
+            start = to
+
+    def _node(self, cell: int, number: int) -> bytes:
+        return b'{"nodeId":"%b","sequenceId":%d,"released":true}' % (
+            self._names[cell].encode(),
+            number,
+        )
+
+    def _edge(self, one: int, other: int, number: int) -> bytes:
+        return b'{"edgeId":"%b-%b","sequenceId":%d,"released":true}' % (
+            self._names[one].encode(),
+            self._names[other].encode(),
+            number,
+        )
+
+
+def _listed(entries: list[bytes]) -> msgspec.Raw:
+    return msgspec.Raw(b"[%b]" % b",".join(entries))

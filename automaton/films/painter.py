@@ -1,4 +1,9 @@
-"""Pictures of pixels: the title above, the floor with its robots, and below it the words."""
+"""Moments of a run as pictures of pixels, painted by Pillow (an extra, imported here alone).
+
+title
+the floor and its robots
+the words, and how far the film is
+"""
 
 from __future__ import annotations
 
@@ -30,7 +35,6 @@ from automaton.errors import InputError
 if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageFont import FreeTypeFont
-
 
 Extent = tuple[int, int, int, int]  # left, top, right, bottom in cells; the last two excluded
 
@@ -115,7 +119,7 @@ def _within(middle: float, shown: float, low: int, high: int) -> float:
     return max(low, min(high - shown, middle - shown / 2))
 
 
-# Moments of a run as pictures of pixels, painted by Pillow (an extra, imported here alone).
+# Painted with Pillow.
 
 
 FINER: Final = 4  # signs are painted so many times larger, and made smaller: their edges are smooth

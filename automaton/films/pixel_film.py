@@ -1,4 +1,8 @@
-"""Films as GIF, PNG and MP4: at most 255 colours, and of each frame only what has changed."""
+"""Films and stills of pixels: a stretch of a recording, painted frame by frame, as GIF, PNG or MP4.
+
+Frames have at most 255 colours. One after another they become what changes from the frame before, so
+that a long film needs no more memory than a short one.
+"""
 
 from __future__ import annotations
 
@@ -30,197 +34,6 @@ from automaton.units import count
 
 if TYPE_CHECKING:
     from PIL.Image import Image
-
-
-Pixels = NDArray[np.uint8]
-
-MAX_COLOURS: Final = 255  # one more number means: as in the frame before
-AS_BEFORE: Final = 255
-UNKNOWN_COLOUR: Final = 256
-
-
-class FilmColours:
-    """The colours of a theme, and the blends that are most frequent in some pictures."""
-
-    def __init__(self, pictures: Iterable[NDArray[np.uint8]], theme: Theme) -> None:
-        """`pictures`: (rows, columns, 3) each."""
-        base = [_packed(np.array(rgb(name, theme), np.uint8)) for name in PALETTE]
-        chosen = list(dict.fromkeys(int(one) for one in base))
-        pixels = np.concatenate([_packed(picture).reshape(-1) for picture in pictures])
-        colours, times = np.unique(pixels, return_counts=True)
-        by_frequency = colours[np.lexsort((colours, -times))].tolist()
-        known = set(chosen)
-        chosen += [one for one in by_frequency if one not in known][: MAX_COLOURS - len(chosen)]
-        self._colours = np.array(chosen, np.int64)
-        self._number = np.full(1 << 24, UNKNOWN_COLOUR, np.uint16)  # by colour
-        self._number[self._colours] = np.arange(len(chosen))
-
-    @property
-    def colours(self) -> list[tuple[int, int, int]]:
-        """Red, green and blue of each number."""
-        return [(one >> 16, one >> 8 & 255, one & 255) for one in self._colours.tolist()]
-
-    def numbers(self, picture: NDArray[np.uint8]) -> Pixels:
-        """(rows, columns) the number of the nearest colour of each pixel."""
-        packed = _packed(picture)
-        numbers = self._number[packed]
-        unknown = numbers == UNKNOWN_COLOUR
-        if unknown.any():
-            for one in np.unique(packed[unknown]).tolist():
-                self._number[one] = self._nearest(one)
-            numbers = self._number[packed]
-        return numbers.astype(np.uint8)
-
-    def _nearest(self, colour: int) -> int:
-        mine = np.array([colour >> 16, colour >> 8 & 255, colour & 255])
-        away = ((np.array(self.colours) - mine) ** 2).sum(axis=1)
-        return int(np.argmin(away))
-
-
-def _packed(picture: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Red, green and blue in one number."""
-    wide: Any = picture.astype(np.int64)
-    packed: NDArray[np.int64] = wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2]
-    return packed
-
-
-# What changes from frame to frame: the smallest rectangle, and how long it is shown.
-
-
-def changed_patches(frames: Iterable[tuple[int, Pixels]], last_pause: int) -> Iterator[Patch]:
-    """The patches of frames, each with its time in hundredths of a second; equal ones are one.
-
-    `last_pause`: hundredths of a second for which the last picture is seen. Pixels in a patch that
-    stay as they were have the number AS_BEFORE, but for the first patch, which is the whole picture.
-    """
-    shown: Pixels | None = None
-    waiting: tuple[int, int, int, Pixels] | None = None  # time, x, y and pixels of a patch
-    for time, pixels in frames:
-        if shown is None:
-            patch = (0, 0, pixels)
-        else:
-            different = pixels != shown
-            if not different.any():
-                continue
-            patch = _cut(pixels, different)
-        if waiting is not None:
-            begun, x, y, cut = waiting
-            yield Patch(x, y, cut, time - begun)
-        waiting, shown = (time, *patch), pixels
-    if waiting is not None:
-        yield Patch(*waiting[1:], last_pause)
-
-
-def _cut(pixels: Pixels, different: np.ndarray) -> tuple[int, int, Pixels]:
-    rows, columns = (np.flatnonzero(different.any(axis=axis)) for axis in (1, 0))
-    place = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
-    cut = np.where(different[place], pixels[place], np.uint8(AS_BEFORE)).astype(np.uint8)
-    return int(columns[0]), int(rows[0]), cut
-
-
-# The file format GIF: one table of colours, then what changes from frame to frame.
-#
-# Graphics Interchange Format, version 89a (CompuServe, 1990). Pillow compresses the pixels; the
-# frames are put together here one after another, so that a long film needs no more memory than a
-# short one.
-
-
-TABLE_OF_256: Final = 0xF7  # a global table of 256 colours, 8 bits for each channel
-REPEAT_FOREVER: Final = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
-KEEP_WITH_CLEAR: Final = 0x05  # a frame stays after its time; one number is clear
-END: Final = b"\x3b"
-COLOURS_AT: Final = 13  # bytes before the table of colours of a file
-DESCRIPTOR: Final = 10  # bytes before the pixels of an image, behind 0x2C
-
-
-def gif(patches: Iterable[Patch], colours: Sequence[Colour]) -> Iterator[bytes]:
-    """The parts of the file; the first patch is the whole picture."""
-    table = bytes(channel for colour in colours for channel in colour).ljust(768, b"\0")
-    for number, (x, y, pixels, hundredths) in enumerate(patches):
-        rows, columns = pixels.shape
-        if not number:
-            yield b"GIF89a" + struct.pack("<HHBBB", columns, rows, TABLE_OF_256, 0, 0)
-            yield table + REPEAT_FOREVER
-        yield struct.pack("<BBBBHBB", 0x21, 0xF9, 4, KEEP_WITH_CLEAR, hundredths, AS_BEFORE, 0)
-        yield struct.pack("<BHHHHB", 0x2C, x, y, columns, rows, 0) + _compressed(pixels)
-    yield END
-
-
-def _compressed(pixels: Pixels) -> bytes:
-    """The pixels of an image as GIF packs them, cut out of a file of that image alone."""
-    file = io.BytesIO()
-    image = pillow().Image.fromarray(pixels)
-    image.putpalette(bytes(768))
-    image.save(file, "GIF", optimize=False, interlace=False)
-    content = file.getvalue()
-    at = COLOURS_AT + 3 * (2 << (content[10] & 7)) if content[10] & 0x80 else COLOURS_AT
-    while content[at] == 0x21:  # extensions: their blocks are counted, the last one is empty
-        at += 2
-        while content[at]:
-            at += 1 + content[at]
-        at += 1
-    local = content[at + DESCRIPTOR - 1]
-    at += DESCRIPTOR + (3 * (2 << (local & 7)) if local & 0x80 else 0)
-    return content[at:-1]
-
-
-# Frames as MP4, by the program ffmpeg where it is installed.
-
-
-SAME_BYTES: Final = ("-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact")
-FOR_PLAYERS: Final = ("-pix_fmt", "yuv420p", "-movflags", "+faststart")
-
-
-def ffmpeg() -> str:
-    """The program. Raises InputError where it is not installed."""
-    program = shutil.which("ffmpeg")
-    if program is None:
-        raise InputError(
-            "an MP4 is made by the program ffmpeg, which is not installed: install the package ffmpeg, "
-            "or write FILE.gif"
-        )
-    return program
-
-
-def write_mp4(frames: Iterable[bytes], width: int, height: int, fps: int, path: Path) -> int:
-    """Write frames of red, green and blue bytes; the size of the file. Raises InputError, OSError."""
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    command = [
-        *(ffmpeg(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"),
-        *("-s", f"{width}x{height}", "-r", str(fps), "-i", "-", "-an", "-c:v", "libx264"),
-        *("-crf", "20", *FOR_PLAYERS, *SAME_BYTES, "-f", "mp4", str(part)),
-    ]
-    try:
-        with tempfile.TemporaryFile() as said:
-            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said)
-            try:
-                _send(process, frames)
-            except BaseException:
-                process.kill()
-                raise
-            finally:
-                status = process.wait()
-            if status:
-                said.seek(0)
-                lines = said.read().decode(errors="replace").strip().splitlines() or ["no reason"]
-                raise InputError(f"ffmpeg could not make the film: {lines[-1].strip()}", str(path))
-        put_in_place(part, path)
-        return path.stat().st_size
-    finally:
-        with suppress(OSError):
-            part.unlink(missing_ok=True)
-
-
-def _send(process: subprocess.Popen[bytes], frames: Iterable[bytes]) -> None:
-    """Give ffmpeg the frames; if it ends early, its status says so."""
-    assert process.stdin is not None
-    with suppress(BrokenPipeError), process.stdin:
-        for frame in frames:
-            process.stdin.write(frame)
-
-
-# Films and stills of pixels: a stretch of a recording, painted frame by frame.
-
 
 FILM_TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
 LAST_PAUSE: Final = 2  # seconds in which the last picture is seen
@@ -369,3 +182,190 @@ def _write_mp4(film: PixelFilm, fps: int, path: Path) -> int:
         return write_mp4(frames(), film.width, film.height, fps, path)
     except OSError as error:
         raise cannot_write_error(error.strerror or str(error), path) from error
+
+
+# The table of colours of a film, and the number of each pixel's colour.
+
+
+Pixels = NDArray[np.uint8]
+
+MAX_COLOURS: Final = 255  # one more number means: as in the frame before
+AS_BEFORE: Final = 255
+UNKNOWN_COLOUR: Final = 256
+
+
+class FilmColours:
+    """The colours of a theme, and the blends that are most frequent in some pictures."""
+
+    def __init__(self, pictures: Iterable[NDArray[np.uint8]], theme: Theme) -> None:
+        """`pictures`: (rows, columns, 3) each."""
+        base = [_packed(np.array(rgb(name, theme), np.uint8)) for name in PALETTE]
+        chosen = list(dict.fromkeys(int(one) for one in base))
+        pixels = np.concatenate([_packed(picture).reshape(-1) for picture in pictures])
+        colours, times = np.unique(pixels, return_counts=True)
+        by_frequency = colours[np.lexsort((colours, -times))].tolist()
+        known = set(chosen)
+        chosen += [one for one in by_frequency if one not in known][: MAX_COLOURS - len(chosen)]
+        self._colours = np.array(chosen, np.int64)
+        self._number = np.full(1 << 24, UNKNOWN_COLOUR, np.uint16)  # by colour
+        self._number[self._colours] = np.arange(len(chosen))
+
+    @property
+    def colours(self) -> list[tuple[int, int, int]]:
+        """Red, green and blue of each number."""
+        return [(one >> 16, one >> 8 & 255, one & 255) for one in self._colours.tolist()]
+
+    def numbers(self, picture: NDArray[np.uint8]) -> Pixels:
+        """(rows, columns) the number of the nearest colour of each pixel."""
+        packed = _packed(picture)
+        numbers = self._number[packed]
+        unknown = numbers == UNKNOWN_COLOUR
+        if unknown.any():
+            for one in np.unique(packed[unknown]).tolist():
+                self._number[one] = self._nearest(one)
+            numbers = self._number[packed]
+        return numbers.astype(np.uint8)
+
+    def _nearest(self, colour: int) -> int:
+        mine = np.array([colour >> 16, colour >> 8 & 255, colour & 255])
+        away = ((np.array(self.colours) - mine) ** 2).sum(axis=1)
+        return int(np.argmin(away))
+
+
+def _packed(picture: NDArray[np.uint8]) -> NDArray[np.int64]:
+    """Red, green and blue in one number."""
+    wide: Any = picture.astype(np.int64)
+    packed: NDArray[np.int64] = wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2]
+    return packed
+
+
+# What changes from frame to frame: the smallest rectangle, and how long it is shown.
+
+
+def changed_patches(frames: Iterable[tuple[int, Pixels]], last_pause: int) -> Iterator[Patch]:
+    """The patches of frames, each with its time in hundredths of a second; equal ones are one.
+
+    `last_pause`: hundredths of a second for which the last picture is seen. Pixels in a patch that
+    stay as they were have the number AS_BEFORE, but for the first patch, which is the whole picture.
+    """
+    shown: Pixels | None = None
+    waiting: tuple[int, int, int, Pixels] | None = None  # time, x, y and pixels of a patch
+    for time, pixels in frames:
+        if shown is None:
+            patch = (0, 0, pixels)
+        else:
+            different = pixels != shown
+            if not different.any():
+                continue
+            patch = _cut(pixels, different)
+        if waiting is not None:
+            begun, x, y, cut = waiting
+            yield Patch(x, y, cut, time - begun)
+        waiting, shown = (time, *patch), pixels
+    if waiting is not None:
+        yield Patch(*waiting[1:], last_pause)
+
+
+def _cut(pixels: Pixels, different: np.ndarray) -> tuple[int, int, Pixels]:
+    rows, columns = (np.flatnonzero(different.any(axis=axis)) for axis in (1, 0))
+    place = slice(rows[0], rows[-1] + 1), slice(columns[0], columns[-1] + 1)
+    cut = np.where(different[place], pixels[place], np.uint8(AS_BEFORE)).astype(np.uint8)
+    return int(columns[0]), int(rows[0]), cut
+
+
+# Graphics Interchange Format, version 89a (CompuServe, 1990): one table of colours, then patches.
+# Pillow compresses the pixels of each.
+
+
+TABLE_OF_256: Final = 0xF7  # a global table of 256 colours, 8 bits for each channel
+REPEAT_FOREVER: Final = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
+KEEP_WITH_CLEAR: Final = 0x05  # a frame stays after its time; one number is clear
+END: Final = b"\x3b"
+COLOURS_AT: Final = 13  # bytes before the table of colours of a file
+DESCRIPTOR: Final = 10  # bytes before the pixels of an image, behind 0x2C
+
+
+def gif(patches: Iterable[Patch], colours: Sequence[Colour]) -> Iterator[bytes]:
+    """The parts of the file; the first patch is the whole picture."""
+    table = bytes(channel for colour in colours for channel in colour).ljust(768, b"\0")
+    for number, (x, y, pixels, hundredths) in enumerate(patches):
+        rows, columns = pixels.shape
+        if not number:
+            yield b"GIF89a" + struct.pack("<HHBBB", columns, rows, TABLE_OF_256, 0, 0)
+            yield table + REPEAT_FOREVER
+        yield struct.pack("<BBBBHBB", 0x21, 0xF9, 4, KEEP_WITH_CLEAR, hundredths, AS_BEFORE, 0)
+        yield struct.pack("<BHHHHB", 0x2C, x, y, columns, rows, 0) + _compressed(pixels)
+    yield END
+
+
+def _compressed(pixels: Pixels) -> bytes:
+    """The pixels of an image as GIF packs them, cut out of a file of that image alone."""
+    file = io.BytesIO()
+    image = pillow().Image.fromarray(pixels)
+    image.putpalette(bytes(768))
+    image.save(file, "GIF", optimize=False, interlace=False)
+    content = file.getvalue()
+    at = COLOURS_AT + 3 * (2 << (content[10] & 7)) if content[10] & 0x80 else COLOURS_AT
+    while content[at] == 0x21:  # extensions: their blocks are counted, the last one is empty
+        at += 2
+        while content[at]:
+            at += 1 + content[at]
+        at += 1
+    local = content[at + DESCRIPTOR - 1]
+    at += DESCRIPTOR + (3 * (2 << (local & 7)) if local & 0x80 else 0)
+    return content[at:-1]
+
+
+# MP4, by the program ffmpeg where it is installed.
+
+
+SAME_BYTES: Final = ("-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact")
+FOR_PLAYERS: Final = ("-pix_fmt", "yuv420p", "-movflags", "+faststart")
+
+
+def ffmpeg() -> str:
+    """The program. Raises InputError where it is not installed."""
+    program = shutil.which("ffmpeg")
+    if program is None:
+        raise InputError(
+            "an MP4 is made by the program ffmpeg, which is not installed: install the package ffmpeg, "
+            "or write FILE.gif"
+        )
+    return program
+
+
+def write_mp4(frames: Iterable[bytes], width: int, height: int, fps: int, path: Path) -> int:
+    """Write frames of red, green and blue bytes; the size of the file. Raises InputError, OSError."""
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    command = [
+        *(ffmpeg(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"),
+        *("-s", f"{width}x{height}", "-r", str(fps), "-i", "-", "-an", "-c:v", "libx264"),
+        *("-crf", "20", *FOR_PLAYERS, *SAME_BYTES, "-f", "mp4", str(part)),
+    ]
+    try:
+        with tempfile.TemporaryFile() as said:
+            process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=said, stderr=said)
+            try:
+                _send(process, frames)
+            except BaseException:
+                process.kill()
+                raise
+            finally:
+                status = process.wait()
+            if status:
+                said.seek(0)
+                lines = said.read().decode(errors="replace").strip().splitlines() or ["no reason"]
+                raise InputError(f"ffmpeg could not make the film: {lines[-1].strip()}", str(path))
+        put_in_place(part, path)
+        return path.stat().st_size
+    finally:
+        with suppress(OSError):
+            part.unlink(missing_ok=True)
+
+
+def _send(process: subprocess.Popen[bytes], frames: Iterable[bytes]) -> None:
+    """Give ffmpeg the frames; if it ends early, its status says so."""
+    assert process.stdin is not None
+    with suppress(BrokenPipeError), process.stdin:
+        for frame in frames:
+            process.stdin.write(frame)

@@ -1,4 +1,4 @@
-"""The ticks of a recording that a film shows, as columns; and where the film may be written."""
+"""A stretch of a recording, played once and kept as columns: what every film is made of."""
 
 from __future__ import annotations
 
@@ -28,39 +28,82 @@ from automaton.engine.state import BATTERY_PERCENT, NIL
 from automaton.errors import InputError
 from automaton.history.fleet_summary import summary_of
 from automaton.history.playback import Playback
-from automaton.recording.frames import MAGIC, Recording
+from automaton.recording.frames import Recording
 from automaton.recording.header import resolved_of
 from automaton.recording.recording_reader import title_of
 from automaton.runs.simulation import Simulation
+from automaton.scenario.text_files import is_recording
 from automaton.units import Unit, count, number, unit
 from automaton.world.resolve import Resolved
 
 
-def checked(path: Path) -> Path:
-    """A place for a file, links followed. Raises InputError before anything is computed."""
-    try:
-        path = path.resolve()
-        if path.is_dir():
-            raise cannot_write_error("this is a folder", path)
-        if not path.parent.is_dir():
-            raise cannot_write_error("there is no such folder", path.parent)
-        if path.exists() and not path.is_file():
-            raise cannot_write_error("this is not a regular file; '-' is standard output", path)
-        if path.exists() and _is_recording(path):
-            raise cannot_write_error("this is a recording; --out names another file", path)
-    except (OSError, RuntimeError) as error:
-        raise cannot_write_error(
-            getattr(error, "strerror", None) or "links in a circle", path
-        ) from None
-    return path
+@dataclass(frozen=True)
+class RecordedStretch:
+    """The ticks from `first` to `last` of a run."""
+
+    resolved: Resolved
+    floor: DrawnFloor
+    columns: FilmColumns
+    title: str
+    first: int
+    last: int
+    recorded: int  # the last tick of the recording
+
+    @property
+    def unit(self) -> Unit:
+        """What a tick stands for."""
+        return unit(self.resolved.scenario.units.tick)
+
+    def time_words(self, tick: int) -> str:
+        """A tick, and what it is in the reader's unit."""
+        words = f"tick {tick:,} of {self.recorded:,}"
+        if self.unit.size == 1:
+            return words
+        return f"{words}, {number(self.unit.of(tick))} {self.unit.plural}"
+
+    def fleet_words(self, tick: int) -> str:
+        """How many robots work and wait, and what is done."""
+        working, waiting, circling, done, orders = (
+            self.columns.figure(name, tick)
+            for name in ("working", "waiting", "circling", "delivered", "orders")
+        )
+        words = f"{working:,} work, {waiting:,} wait, {done:,} of {orders:,} orders done"
+        return f"{words}, {circling:,} in a wait cycle" if circling else words
 
 
-def _is_recording(path: Path) -> bool:
-    with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
+def checked_range(recording: Recording, first: int | None, last: int | None) -> tuple[int, int]:
+    """The first tick and the last one; None: those of the recording. Raises InputError."""
+    begin, end = first or 0, recording.ticks if last is None else last
+    if max(begin, end) > recording.ticks:
+        raise InputError(
+            f"there is no tick {max(begin, end):,}: the recording ends at tick {recording.ticks:,}"
+        )
+    if begin > end:
+        raise InputError(f"there is nothing from tick {begin:,} to tick {end:,}")
+    return begin, end
 
 
-# What a film needs of a recording: columns of numbers by robot and tick, and the cells that change.
+def play_stretch(
+    recording: Recording, first: int | None, last: int | None, follow: int = NIL
+) -> RecordedStretch:
+    """Play the ticks from `first` (0) to `last` (the last one). Raises InputError."""
+    begin, end = checked_range(recording, first, last)
+    resolved = resolved_of(recording.header, with_strategies=False)
+    robots = resolved.scenario.fleet.robots
+    if follow >= robots:
+        raise InputError(f"there is no robot {follow}: the last one is robot {robots - 1}")
+    floor = drawn_floor(resolved)
+    columns = FilmColumns(floor, robots, begin, end)
+    frames = recording.stored()
+    playback = Playback(recording.header, frames)
+    for tick in range(begin, end + 1):
+        playback.go_to(tick)
+        columns.take(playback.simulation)
+    title = title_of(resolved, recording.header["seed"], frames)
+    return RecordedStretch(resolved, floor, columns, title, begin, end, recording.ticks)
+
+
+# What a film needs: columns of numbers by robot and tick, and the cells that change.
 
 
 Column = NDArray[np.int32]
@@ -252,70 +295,23 @@ def _differences(column: Column) -> Column:
     return np.diff(column, axis=1, prepend=np.int32(0)).astype("<i4")
 
 
-# A stretch of a recording, played once and kept as columns: what every film is made of.
+# Where a film may be written.
 
 
-@dataclass(frozen=True)
-class RecordedStretch:
-    """The ticks from `first` to `last` of a run."""
-
-    resolved: Resolved
-    floor: DrawnFloor
-    columns: FilmColumns
-    title: str
-    first: int
-    last: int
-    recorded: int  # the last tick of the recording
-
-    @property
-    def unit(self) -> Unit:
-        """What a tick stands for."""
-        return unit(self.resolved.scenario.units.tick)
-
-    def time_words(self, tick: int) -> str:
-        """A tick, and what it is in the reader's unit."""
-        words = f"tick {tick:,} of {self.recorded:,}"
-        if self.unit.size == 1:
-            return words
-        return f"{words}, {number(self.unit.of(tick))} {self.unit.plural}"
-
-    def fleet_words(self, tick: int) -> str:
-        """How many robots work and wait, and what is done."""
-        working, waiting, circling, done, orders = (
-            self.columns.figure(name, tick)
-            for name in ("working", "waiting", "circling", "delivered", "orders")
-        )
-        words = f"{working:,} work, {waiting:,} wait, {done:,} of {orders:,} orders done"
-        return f"{words}, {circling:,} in a wait cycle" if circling else words
-
-
-def checked_range(recording: Recording, first: int | None, last: int | None) -> tuple[int, int]:
-    """The first tick and the last one; None: those of the recording. Raises InputError."""
-    begin, end = first or 0, recording.ticks if last is None else last
-    if max(begin, end) > recording.ticks:
-        raise InputError(
-            f"there is no tick {max(begin, end):,}: the recording ends at tick {recording.ticks:,}"
-        )
-    if begin > end:
-        raise InputError(f"there is nothing from tick {begin:,} to tick {end:,}")
-    return begin, end
-
-
-def play_stretch(
-    recording: Recording, first: int | None, last: int | None, follow: int = NIL
-) -> RecordedStretch:
-    """Play the ticks from `first` (0) to `last` (the last one). Raises InputError."""
-    begin, end = checked_range(recording, first, last)
-    resolved = resolved_of(recording.header, with_strategies=False)
-    robots = resolved.scenario.fleet.robots
-    if follow >= robots:
-        raise InputError(f"there is no robot {follow}: the last one is robot {robots - 1}")
-    floor = drawn_floor(resolved)
-    columns = FilmColumns(floor, robots, begin, end)
-    frames = recording.stored()
-    playback = Playback(recording.header, frames)
-    for tick in range(begin, end + 1):
-        playback.go_to(tick)
-        columns.take(playback.simulation)
-    title = title_of(resolved, recording.header["seed"], frames)
-    return RecordedStretch(resolved, floor, columns, title, begin, end, recording.ticks)
+def checked(path: Path) -> Path:
+    """A place for a file, links followed. Raises InputError before anything is computed."""
+    try:
+        path = path.resolve()
+        if path.is_dir():
+            raise cannot_write_error("this is a folder", path)
+        if not path.parent.is_dir():
+            raise cannot_write_error("there is no such folder", path.parent)
+        if path.exists() and not path.is_file():
+            raise cannot_write_error("this is not a regular file; '-' is standard output", path)
+        if is_recording(path):
+            raise cannot_write_error("this is a recording; --out names another file", path)
+    except (OSError, RuntimeError) as error:
+        raise cannot_write_error(
+            getattr(error, "strerror", None) or "links in a circle", path
+        ) from None
+    return path

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final, NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -47,20 +47,7 @@ from automaton.history.state_words import (
 )
 from automaton.units import count, percent
 
-if TYPE_CHECKING:
-    pass
-
-
-# When an order is due and how late it is, in words.
-
-
-# What is said of closed cells, doors, blocks and lifts: why one keeps a robot, and until when.
-
-
-# Stations to which pods are carried, in words: who is served, who queues, breaks and places.
-
-
-# Why is this robot waiting? The chain of causes, from one robot to the one that ends it.
+FOLLOWING_RULE: Final = "following: no robot arrives before the one ahead has left"
 
 
 class WaitingRobot(NamedTuple):
@@ -106,12 +93,6 @@ def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanatio
     return Explanation(tuple(chain), NIL if member == NIL else names.index(member))
 
 
-STATION_WORDS: Final = {CAUSE_STATION_QUEUE: queue_words, CAUSE_STATION_BREAK: break_words}
-
-
-FOLLOWING_RULE: Final = "following: no robot arrives before the one ahead has left"
-
-
 def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> WaitingRobot:
     fleet = snapshot.robots
     code = int(fleet.cause[robot])
@@ -139,8 +120,10 @@ def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> WaitingRob
         because = out_of_order(snapshot, robot)
     elif is_kept_by_gate(code):
         because = gate_words(snapshot, robot) or because
-    elif station_of(snapshot, robot) != NIL and code in STATION_WORDS:
-        because = STATION_WORDS[code](snapshot, robot)
+    elif code == CAUSE_STATION_QUEUE and station_of(snapshot, robot) != NIL:
+        because = queue_words(snapshot, robot)
+    elif code == CAUSE_STATION_BREAK and station_of(snapshot, robot) != NIL:
+        because = break_words(snapshot, robot)
     elif code == CAUSE_NO_ORDER and (full := no_place_words(snapshot, robot)):
         because = f"{because}: {full}"
     ticks = int(waited_ticks(fleet.cause[robot], fleet.since[robot], snapshot.tick))

@@ -158,6 +158,3 @@ def _plan(simulation: Simulation, selected: int) -> Array:
     i = robots.at_index[selected]
     orders: Array = robots.order_queue[i, : robots.order_queue_length[i]].copy()
     return orders
-
-
-# How a fleet does at a moment, in a few numbers.

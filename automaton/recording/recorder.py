@@ -41,10 +41,11 @@ from automaton.recording.contents import (
     Content,
     DecodedFrame,
 )
-from automaton.recording.frames import MAGIC, Chain, Payload, Recording, payload_of, preamble
+from automaton.recording.frames import Chain, Payload, Recording, payload_of, preamble
 from automaton.recording.header import header_of, rules_of, state_of
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
+from automaton.scenario.text_files import is_recording
 from automaton.world.building import build_world, digest_interval
 from automaton.world.resolve import Resolved
 
@@ -191,14 +192,6 @@ class MemoryRecorder(BaseRecorder):
         """What was recorded so far; the run ends here."""
         self.end()
         return Recording(self.header, self.frames, complete=True)
-
-
-def is_recording(path: Path) -> bool:
-    """Whether a file begins as recordings do."""
-    if not path.is_file():
-        return False
-    with path.open("rb") as file:
-        return file.read(len(MAGIC)) == MAGIC
 
 
 class RecordingFile:

@@ -1,4 +1,8 @@
-"""What a first run needs compiled, halved between two processes."""
+"""The first run: two processes compile its 400 kernels side by side, into one cache.
+
+The other process compiles the features that the run uses, and what its strategies decide with. This
+one compiles the loop, loads what is there then, and compiles the rest, whatever becomes of the other.
+"""
 
 from __future__ import annotations
 
@@ -19,12 +23,6 @@ from automaton.runs.cores import cores
 from automaton.scenario.schema import Faults
 from automaton.strategy.contract import Strategy, compiled_decide
 from automaton.world.resolve import Resolved
-
-# The first run: two processes compile its 400 kernels side by side, into one cache.
-#
-# The other process compiles the features that the run uses, and what its strategies decide with. This
-# one compiles the loop, loads what is there then, and compiles the rest, whatever becomes of the
-# other.
 
 
 @contextmanager

@@ -1,4 +1,8 @@
-"""One run without a screen, to its end or its limit; and what to say when a strategy raises."""
+"""One run without a screen: to its end or its limit, and what stands still at the limit.
+
+It may be measured after its warm-up, and in stretches of time: what a run adds up is read off whenever
+a stretch ends; orders and parts know their ticks themselves.
+"""
 
 from __future__ import annotations
 
@@ -52,110 +56,6 @@ from automaton.runs.task_metrics import metrics_by_station, summed, tasks_after
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.units import count
 from automaton.world.resolve import Resolved, StrategyChoice
-
-MAX_ERROR_LENGTH = 300  # characters of what was raised
-
-# Where a simulation calls a strategy's own code; their locals name its choice or the strategy.
-CALLS = {
-    function.__code__
-    for function in (
-        Simulation._decide,
-        Simulation._state,
-        Simulation._load_strategy,
-        Simulation._validate_strategy,
-    )
-}
-
-
-def strategy_failure(error: BaseException, resolved: Resolved) -> InputError | None:
-    """The sentence about an exception from inside a strategy; None if it came from elsewhere."""
-    frames = list(traceback.walk_tb(error.__traceback__))
-    for depth, (frame, _) in enumerate(frames):
-        if frame.f_code in CALLS:
-            layer, choice = _choice(frame.f_locals, resolved)
-            inner = frames[depth + 1 :]
-            return _sentence(error, choice.name, layer, _place(frame, inner))
-    return None
-
-
-def is_from_outside(error: BaseException) -> bool:
-    """Whether an error is a signal to this process, and not what a strategy raised by itself.
-
-    A signal comes between two instructions, a strategy's own KeyboardInterrupt from its `raise`.
-    """
-    place = error.__traceback__
-    if type(error) is not KeyboardInterrupt or place is None:
-        return isinstance(error, KeyboardInterrupt)
-    while place.tb_next is not None:
-        place = place.tb_next
-    if place.tb_frame.f_globals.get("__name__") == interruption.__name__:
-        return True  # a handler raises it
-    return dis.opname[place.tb_frame.f_code.co_code[place.tb_lasti]] != "RAISE_VARARGS"
-
-
-def _choice(names: dict[str, Any], resolved: Resolved) -> tuple[str, StrategyChoice]:
-    """The layer and the choice of the strategy that is called where these are the locals."""
-    if "choice" in names:
-        return names["layer"], names["choice"]
-    strategy = names["strategy"]
-    for layer, choice in resolved.choices:
-        if layer == strategy.layer and choice.parameters is strategy.parameters:
-            return layer, choice
-    return strategy.layer, resolved.strategies[strategy.layer]
-
-
-def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:
-    """file:line of the deepest frame in the strategy's own file, else of the deepest of all."""
-    if not inner:
-        return ""
-    strategy = called_from.f_locals.get("strategy")
-    module = sys.modules.get(type(strategy).__module__)
-    file = getattr(module, "__file__", "")
-    own = [place for place in inner if place[0].f_code.co_filename == file]
-    frame, line = (own or inner)[-1]
-    return f" ({frame.f_code.co_filename}:{line})"
-
-
-def _sentence(error: BaseException, name: str, layer: str, place: str) -> InputError:
-    try:
-        what = one_line(" ".join(str(error).split()), MAX_ERROR_LENGTH)
-    except Exception:  # of the strategy's own __str__
-        what = ""
-    raised = f"{type(error).__name__}: {what}" if what else type(error).__name__
-    title = layer.replace("_", "-")
-    return InputError(f"the {title} strategy '{name}' raised {raised}{place}; --debug shows where")
-
-
-# What is taken from a run while it goes on: at the end of every so many ticks, and observed ticks.
-
-
-Take = Callable[[Simulation], None]
-
-
-class Sampling(NamedTuple):
-    """A run stops for it between ticks, which changes nothing in the run."""
-
-    period: int  # ticks; 0: it takes no samples
-    on_sample: Take  # after tick 0 and after each period
-    on_observe: Take | None  # as of a Simulation; None: it observes nothing
-
-    def advance(self, simulation: Simulation, until: int) -> None:
-        """Carry a run on to a tick, or to its end, with the samples on the way."""
-        if not self.period:
-            simulation.run(until)
-            return
-        while simulation.tick < until and not simulation.finished:
-            due = (simulation.tick // self.period + 1) * self.period
-            simulation.run(min(due, until))
-            if simulation.tick == due:
-                self.on_sample(simulation)
-
-
-# One run without a screen: to its end or its limit, and what stands still at the limit.
-#
-# It may be measured after its warm-up, and in stretches of time where that is asked: what a run adds
-# up is read off whenever a stretch ends; orders and parts know their ticks themselves.
-
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.
@@ -396,3 +296,104 @@ def sums_by_stretch(simulation: Simulation, stretches: list[Counted]) -> dict[st
         tasks = tasks_after(simulation, 0)
         sums |= {name: summed(tasks.begun, v, borders) for name, v in tasks.sums.items()}
     return {name: values.tolist() for name, values in sums.items()}
+
+
+# What is taken from a run while it goes on: every so many ticks, and what was observed.
+
+
+Take = Callable[[Simulation], None]
+
+
+class Sampling(NamedTuple):
+    """A run stops for it between ticks, which changes nothing in the run."""
+
+    period: int  # ticks; 0: it takes no samples
+    on_sample: Take  # after tick 0 and after each period
+    on_observe: Take | None  # as of a Simulation; None: it observes nothing
+
+    def advance(self, simulation: Simulation, until: int) -> None:
+        """Carry a run on to a tick, or to its end, with the samples on the way."""
+        if not self.period:
+            simulation.run(until)
+            return
+        while simulation.tick < until and not simulation.finished:
+            due = (simulation.tick // self.period + 1) * self.period
+            simulation.run(min(due, until))
+            if simulation.tick == due:
+                self.on_sample(simulation)
+
+
+# What to say when a strategy raises: which one, what, and where in its file.
+
+
+MAX_ERROR_LENGTH = 300  # characters of what was raised
+
+# Where a simulation calls a strategy's own code; their locals name its choice or the strategy.
+CALLS = {
+    function.__code__
+    for function in (
+        Simulation._decide,
+        Simulation._state,
+        Simulation._load_strategy,
+        Simulation._validate_strategy,
+    )
+}
+
+
+def strategy_failure(error: BaseException, resolved: Resolved) -> InputError | None:
+    """The sentence about an exception from inside a strategy; None if it came from elsewhere."""
+    frames = list(traceback.walk_tb(error.__traceback__))
+    for depth, (frame, _) in enumerate(frames):
+        if frame.f_code in CALLS:
+            layer, choice = _choice(frame.f_locals, resolved)
+            inner = frames[depth + 1 :]
+            return _sentence(error, choice.name, layer, _place(frame, inner))
+    return None
+
+
+def is_from_outside(error: BaseException) -> bool:
+    """Whether an error is a signal to this process, and not what a strategy raised by itself.
+
+    A signal comes between two instructions, a strategy's own KeyboardInterrupt from its `raise`.
+    """
+    place = error.__traceback__
+    if type(error) is not KeyboardInterrupt or place is None:
+        return isinstance(error, KeyboardInterrupt)
+    while place.tb_next is not None:
+        place = place.tb_next
+    if place.tb_frame.f_globals.get("__name__") == interruption.__name__:
+        return True  # a handler raises it
+    return dis.opname[place.tb_frame.f_code.co_code[place.tb_lasti]] != "RAISE_VARARGS"
+
+
+def _choice(names: dict[str, Any], resolved: Resolved) -> tuple[str, StrategyChoice]:
+    """The layer and the choice of the strategy that is called where these are the locals."""
+    if "choice" in names:
+        return names["layer"], names["choice"]
+    strategy = names["strategy"]
+    for layer, choice in resolved.choices:
+        if layer == strategy.layer and choice.parameters is strategy.parameters:
+            return layer, choice
+    return strategy.layer, resolved.strategies[strategy.layer]
+
+
+def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:
+    """file:line of the deepest frame in the strategy's own file, else of the deepest of all."""
+    if not inner:
+        return ""
+    strategy = called_from.f_locals.get("strategy")
+    module = sys.modules.get(type(strategy).__module__)
+    file = getattr(module, "__file__", "")
+    own = [place for place in inner if place[0].f_code.co_filename == file]
+    frame, line = (own or inner)[-1]
+    return f" ({frame.f_code.co_filename}:{line})"
+
+
+def _sentence(error: BaseException, name: str, layer: str, place: str) -> InputError:
+    try:
+        what = one_line(" ".join(str(error).split()), MAX_ERROR_LENGTH)
+    except Exception:  # of the strategy's own __str__
+        what = ""
+    raised = f"{type(error).__name__}: {what}" if what else type(error).__name__
+    title = layer.replace("_", "-")
+    return InputError(f"the {title} strategy '{name}' raised {raised}{place}; --debug shows where")

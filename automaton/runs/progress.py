@@ -1,7 +1,7 @@
-"""How far a run is: the orders that were asked for, those that are done, and robots that get
-nothing done.
+"""How far a run is: the orders that were asked for, and whether the fleet gets on.
 
-Where pods are carried, the orders of the world are trips; an order is done with the last of its lines.
+Where pods are carried, the orders of the world are trips; those that were asked for are done with the
+last of their lines.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Why a run is not finished: what is undelivered, who is down, who waits and for whom, in cycles too."""
+"""Why a run is not finished: what is undelivered, who is down, who waits and for whom, in cycles too.
+
+Jams are reported while the run goes on.
+"""
 
 from __future__ import annotations
 
@@ -171,7 +174,7 @@ def _identities(world: World, cycle: list[int]) -> tuple[int, ...]:
     return (*names[least:], *names[:least])
 
 
-# Report jams while a run goes on, once each, between two pauses of the loop.
+# Jams, once each, between two pauses of the loop.
 
 
 LOOK_TICKS: Final = RECORD_TICKS  # ticks between two looks; pauses there change no recording

@@ -1,4 +1,12 @@
-"""Metrics of tasks and of stations: times beside the least ones, delays, lateness."""
+"""The metrics of tasks, of due times and of stations.
+
+A task is an order carried by one robot all the way. It begins in the tick in which the robot takes
+the order and ends in the tick of its delivery, both included. Its delay is what it takes beyond the
+least time: each leg driven as fast as the empty floor allows, with the turns that it needs from the
+heading in which it begins, the pick, and the tick in which the load is dropped. Of an order without
+a load it is the legs between its stops, each in at least a tick and from the best heading but for
+the first one.
+"""
 
 from __future__ import annotations
 
@@ -22,15 +30,6 @@ from automaton.runs.interruption import interruptible
 from automaton.runs.progress import asked_orders, has_lines
 from automaton.runs.task_lower_bounds import min_drive_ticks
 from automaton.world.resolve import Resolved
-
-# The metrics of tasks after a warm-up: how long they take, and by how much too long.
-#
-# A task is an order carried by one robot all the way. It begins in the tick in which the robot takes
-# the order and ends in the tick of its delivery, both included. Its delay is what it takes beyond the
-# least time: each leg driven as fast as the empty floor allows, with the turns that it needs from the
-# heading in which it begins, the pick, and the tick in which the load is dropped. Of an order without
-# a load it is the legs between its stops, each in at least a tick and from the best heading but for
-# the first one.
 
 
 class Measured(Protocol):

@@ -25,7 +25,6 @@ if TYPE_CHECKING:
 
     from automaton.world.resolve import Resolved
 
-
 Array = NDArray[Any]
 Rows = Mapping[str, Array]  # (k,) each, by column
 
@@ -319,7 +318,7 @@ def _seconds(form: Form, ticks: Array) -> pa.Array:
     return pa.array(known * tick.numerator / tick.denominator, pa.float64(), mask=unknown)
 
 
-# Cells in tables: columns and rows of numbers, and texts such as `4_2`.
+# Cells: columns and rows of numbers, and texts such as `4_2`.
 
 
 def columns_and_rows(floor_plan: FloorPlan, cells: Array) -> tuple[Array, Array]:

@@ -1,5 +1,4 @@
-"""Rows of the tables: orders, lines, trips and robots of a run that is over, events and states as
-they are observed.
+"""The rows of the tables of a run, read off its arrays: of orders, lines, trips, robots, cells, events.
 
 Rows come in pieces: of a million orders a whole table would be as large as all that the run keeps of
 them.
@@ -246,7 +245,7 @@ def _least_drive(run: Measured, trips: Array, is_done: Array) -> Array:
     return ticks
 
 
-# Robots, stations and cells, read off the counters of a run.
+# Robots, stations and cells: what the counters of the run say.
 
 
 def robot_table(run: Measured) -> Table:
@@ -327,7 +326,7 @@ def cell_table(run: Measured, observation: Observation) -> Table:
     return form_of("cells", run.resolved), [rows]
 
 
-# Events and states, taken from a run while it goes on.
+# Events and states, taken while the run goes on.
 
 
 EVENTS_IN_CELLS: Final = (

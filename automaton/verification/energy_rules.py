@@ -1,4 +1,4 @@
-"""The rules of batteries and faults, checked on committed actions: charges worked out a second time.
+"""The rules of batteries, faults and delays, checked on committed actions: charges worked out again.
 
 What a robot does is paid when it begins, in ten-thousandths of a percent; waiting and standing are
 paid as long as there is something left. A robot that is down does nothing until it is towed, which
@@ -30,7 +30,7 @@ from automaton.engine.record_codes import (
     TURN_RIGHT,
 )
 from automaton.floor.cells import CHARGER
-from automaton.verification.motion_rules import Acts, Complaint, ReplayedMotion
+from automaton.verification.motion_rules import Acts, Complaint, ReplayedMotion, Rows
 from automaton.verification.move_time_rules import (
     DRAWS,
     NIL,
@@ -63,8 +63,6 @@ WAIT_CODES: Final = (
     EXECUTED_RETREAT,
     EXECUTED_ILLEGAL,
 )
-
-Rows = list[list[int]]  # (tick, code, subject, value)
 
 
 class TowedPods(Protocol):
@@ -284,7 +282,7 @@ def parted_faults(rows: Rows) -> tuple[Rows, Rows]:
     return rows[:first], rows[first:]
 
 
-# The rules of delays: who begins one and how long it lasts, drawn once more; what it does.
+# Delays: who begins one and how long it lasts, drawn once more; what it does.
 
 
 MAX_BUSY: Final = 65_535  # ticks for which a robot may be busy

@@ -5,7 +5,8 @@ lane 0, west and north lane 1). A resource has one holder; a cell without limit 
 A robot on its way out holds its resource up to the last tick of its move; under convoy, until that
 begins: then whoever follows holds it, and arrives no sooner than the robot ahead has left.
 Of each tick: parking bays open, operations begin, all moves happen at once, robots at home park.
-Robots that leave the floor when they are done are at home wherever they stand.
+Robots that leave the floor when they are done are at home wherever they stand. At the end: what the
+rows of changes of a tick name, and due times.
 """
 
 from __future__ import annotations
@@ -455,7 +456,7 @@ class ReplayedMotion:
         return [max(0, free - tick - 1) for free in self.free]
 
 
-# The rows of changes of a tick: which belong together, and whether what they name is there.
+# Rows of changes: which belong together, and whether what they name is there.
 
 
 Rows = list[list[int]]  # (tick, code, subject, value)
@@ -509,7 +510,7 @@ def names_what_is_there(
     return 0 <= subject < subjects and least <= value < values
 
 
-# The rule of due times: an order is due when its scenario says, from the first tick to the last one.
+# Due times: an order is due when its scenario says, from the first tick to the last one.
 
 
 NEVER: Final = 2**31 - 1  # no due time

@@ -1,6 +1,7 @@
-"""How long delays and repairs in place last, and how many robots are delayed, computed once more.
+"""How long moves, operations, delays and repairs take, worked out a second time from the header.
 
-Quantiles and exponentials come from the standard library.
+Zones are found by walking over the floor cell by cell; random draws are computed with integers of
+Python, quantiles and exponentials with the standard library. None of this is shared with the world.
 """
 
 from __future__ import annotations
@@ -13,233 +14,6 @@ from typing import Any, Final
 from automaton.floor.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
 from automaton.scenario.order_lines import plain_data
 from automaton.scenario.refinement import refined_data
-
-PLACES: Final = 65_536  # of the quantiles from which durations are drawn
-DRAWS: Final = 2**32
-DIGITS: Final = Context(prec=50)
-
-
-def drawn_from(table: list[int], bits: int) -> int:
-    """An entry of a table, all alike probable."""
-    return table[(bits >> 32) * len(table) >> 32]
-
-
-def durations_of(rules: dict[str, Any]) -> list[int]:
-    """How long delays last, each duration as often as it is probable."""
-    least, most = rules["ticks"]["from"], rules["ticks"]["to"]
-    if rules["distribution"] == "uniform":
-        return list(range(least, most + 1))
-    bell = rules["distribution"]["gaussian"]
-    shares = (
-        bell["mean_ratio"] + bell["sd_ratio"] * NormalDist().inv_cdf(u) for u in quantile_places()
-    )
-    return [half_up(min(max(least + (most - least) * one, least), most)) for one in shares]
-
-
-def repairs_of(duration: Any) -> list[int]:
-    """How long repairs in place last, each duration as often as it is probable."""
-    if isinstance(duration, int):
-        return [duration]
-    if duration.get("empirical"):
-        return [max(1, half_up(one)) for one in duration["empirical"]]
-    places = quantile_places()
-    if duration.get("uniform"):
-        least, most = duration["uniform"]["from"], duration["uniform"]["to"]
-        return [max(1, half_up(least + (most - least) * u)) for u in places]
-    if duration.get("exponential"):
-        stays = 1 - 1 / duration["exponential"]
-        return [1 + greatest_power(stays, 1 - u) for u in places]
-    mean, sd = duration["lognormal"]["mean"], duration["lognormal"]["sd"]
-    variance = math.log(1 + (sd / mean) ** 2)
-    normal = NormalDist(math.log(mean) - variance / 2, math.sqrt(variance)) if sd else None
-    if normal is None:
-        return [max(1, half_up(mean))]
-    return [max(1, half_up(math.exp(normal.inv_cdf(u)))) for u in places]
-
-
-def quantile_places() -> list[float]:
-    """Numbers between 0 and 1, evenly spread."""
-    return [(k + 0.5) / PLACES for k in range(PLACES)]
-
-
-def half_up(value: float) -> int:
-    """The nearest whole number; halves go up."""
-    return math.floor(value + 0.5)
-
-
-def greatest_power(base: float, value: float) -> int:
-    """The greatest k with base ** k > value."""
-    if base == 0:
-        return 0
-    k = max(0, math.floor(math.log(value) / math.log(base)) - 1)
-    while base ** (k + 1) > value:
-        k += 1
-    return k
-
-
-def poisson_number(mean: float, draw: int) -> int:
-    """The Poisson number of a draw from 0 to 2**32 - 1."""
-    term = total = DIGITS.exp(-Decimal(mean))
-    number = 0
-    while draw >= round(total * DRAWS):
-        number += 1
-        term = DIGITS.divide(DIGITS.multiply(term, Decimal(mean)), Decimal(number))
-        total = DIGITS.add(total, term)
-    return number
-
-
-# The ticks of a refined run, worked out a second time: where coarse ticks begin and end.
-#
-# Strategies decide and robots begin something in the first of `stride` ticks, stops are done in the
-# last one. What chance decides is drawn in coarse ticks.
-
-
-class CoarseTicks:
-    """How the ticks of a recording follow from those of its scenario."""
-
-    def __init__(self, scenario: dict[str, Any]) -> None:
-        self.factor: int = scenario.get("refine", 1)
-        self.stride = self.factor if scenario.get("decide", "coarse") == "coarse" else 1
-
-    def of(self, tick: int) -> int:
-        """The coarse tick to which a tick belongs."""
-        return (tick - 1) // self.factor + 1
-
-    def begin_of(self, tick: int) -> int:
-        """The tick in which a coarse one begins; 0 is before the first one."""
-        return self.factor * (tick - 1) + 1 if tick > 0 else 0
-
-    def decides(self, tick: int) -> bool:
-        """Whether anything is decided, released or begun in a tick."""
-        return (tick - 1) % self.stride == 0
-
-    def ends(self, tick: int) -> bool:
-        """Whether stops are done in a tick."""
-        return tick % self.stride == 0
-
-    def draws(self, tick: int) -> bool:
-        """Whether chance decides in a tick on faults and delays."""
-        return (tick - 1) % self.factor == 0
-
-
-def in_fine_ticks(scenario: dict[str, Any]) -> dict[str, Any]:
-    """A recorded scenario in the ticks of its run; closings and chances stay as they were read."""
-    factor = scenario.get("refine", 1)
-    if factor == 1:
-        return scenario
-    fine: dict[str, Any] = plain_data(refined_data(scenario))
-    fine["floor"]["closed"] = scenario["floor"]["closed"]
-    faults, as_read = fine["faults"], scenario["faults"]
-    if as_read["repair_in_place"] is not None:
-        ticks = repairs_of(as_read["repair_in_place"])
-        faults["repair_in_place"] = {"empirical": [factor * one for one in ticks]}
-    if as_read["delays"] is not None:
-        table = [factor * one for one in durations_of(as_read["delays"])]
-        faults["delays"] |= {"probability": as_read["delays"]["probability"], "table": table}
-    return fine
-
-
-# What the type of a robot asks of it, read from the recorded scenario a second time.
-#
-# How long its operations take without a load and with one, what it carries, and where it may not go.
-
-
-NIL: Final = -1
-ANY: Final = 1 << 60  # payload of a robot that carries everything
-HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}
-TIMED_OPERATIONS: Final = ("move", "turn", "pick", "drop", "try_drop")
-
-Ticks = dict[str, tuple[int, int]]  # by operation: without a load, and with one
-
-
-class Types:
-    """By robot: its type, what it carries, where it may not go, and how long its operations take."""
-
-    def __init__(self, floor: dict[str, Any], scenario: dict[str, Any]) -> None:
-        kinds = kinds_of(scenario)
-        areas = scenario.get("areas") or {}
-        self.name: list[str] = []
-        self.payload: list[int] = []
-        self.closed: list[tuple[set[int], set[int]]] = []  # flat cells, without a load and with one
-        self.headings: list[int] = []  # that it distinguishes
-        for kind, robots in kinds:
-            shut = (
-                closed_to(floor, areas, kind["name"], "empty"),
-                closed_to(floor, areas, kind["name"], "loaded"),
-            )
-            self.name += [kind["name"]] * robots
-            self.payload += [kind.get("payload") or ANY] * robots
-            self.closed += [shut] * robots
-            drives = kind.get("kinematics") or scenario["fleet"]["kinematics"]
-            self.headings += [HEADING_COUNTS[drives]] * robots
-        # What each robot carries: the list that loads are kept in.
-        self.load = [NIL] * len(self.name)
-        self.apply_rules(scenario)
-
-    def apply_rules(self, scenario: dict[str, Any]) -> None:
-        """Take over what a scenario says of durations."""
-        self.ticks: list[Ticks] = []
-        for kind, robots in kinds_of(scenario):
-            self.ticks += [ticks_of_type(scenario["durations"], kind)] * robots
-
-    def ticks_of(self, robot: int, operation: str) -> int:
-        """What an operation of a robot takes by its scenario, with what the robot carries now."""
-        return self.ticks[robot][operation][self.load[robot] != NIL]
-
-    def slowest(self, operation: str) -> int:
-        """What an operation takes the robots that are slowest in it; 1 of those without a duration."""
-        return max(max(one.get(operation, (1, 1))) for one in self.ticks)
-
-    def is_closed(self, robot: int, cell: int) -> bool:
-        """Whether a robot may not be in a cell, with what it carries now."""
-        return cell in self.closed[robot][self.load[robot] != NIL]
-
-    def called(self, robot: int) -> str:
-        """A robot of this type, with or without a load, as errors say it."""
-        own = f"robots of the type {self.name[robot]}" if self.name[robot] else "robots"
-        empty, loaded = self.closed[robot]
-        carries = "with" if self.load[robot] != NIL else "without"
-        return own if empty == loaded else f"{own} {carries} a load"
-
-
-def kinds_of(scenario: dict[str, Any]) -> list[tuple[dict[str, Any], int]]:
-    """The types of a scenario, each with how many robots are of it."""
-    fleet = scenario["fleet"]
-    kinds: list[dict[str, Any]] = list(fleet.get("types") or ({"name": ""},))
-    counted = sum(kind.get("robots") or 0 for kind in kinds)
-    return [(kind, kind.get("robots") or fleet["robots"] - counted) for kind in kinds]
-
-
-def ticks_of_type(durations: dict[str, Any], kind: dict[str, Any]) -> Ticks:
-    """What the operations of a type take; what it does not say is as for all."""
-    own = kind.get("durations") or {}
-    ticks: Ticks = {}
-    for name in TIMED_OPERATIONS:
-        value = durations[name] if own.get(name) is None else own[name]
-        pair = (value["empty"], value["loaded"]) if isinstance(value, dict) else (value, value)
-        times = kind.get("move_time_factor", 1) if name == "move" else 1
-        ticks[name] = (pair[0] * times, pair[1] * times)
-    return ticks
-
-
-def closed_to(floor: dict[str, Any], areas: dict[str, Any], *names: str) -> set[int]:
-    """The flat cells of the areas that are closed to all, or to one of these names."""
-    stride = floor["width"] + 2
-    cells: set[int] = set()
-    for area in areas.values():
-        if {"all", *names} & set(area["closed_to"]):
-            (x, y), (u, v) = area["from"], area["to"]
-            for row in range(min(y, v), max(y, v) + 1):
-                first = (row + 1) * stride + 1
-                cells.update(range(first + min(x, u), first + max(x, u) + 1))
-    return cells
-
-
-# How long moves take, worked out a second time from a floor and from where the robots are.
-#
-# Zones are found by walking over the floor cell by cell; random draws are computed with integers of
-# Python. None of this is shared with what the world uses.
-
 
 MAX_MOVE_TICKS: Final = 65_535  # of a move
 EXTRA_TICKS: Final = 6  # the stream of draws that say whether a move takes a tick more
@@ -393,3 +167,224 @@ def zones_by_cell(floor: dict[str, Any], mode: str) -> list[tuple[int, int]]:
         ways = (2 * zone, 2 * zone + 1) if mode == "directed" else (zone, zone)
         pairs[cell] = ways if zone != NIL else (NIL, NIL)
     return pairs
+
+
+# What the type of a robot asks of it: how long its operations take without a load and with one,
+# what it carries, and where it may not go.
+
+
+NIL: Final = -1
+ANY: Final = 1 << 60  # payload of a robot that carries everything
+HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}
+TIMED_OPERATIONS: Final = ("move", "turn", "pick", "drop", "try_drop")
+
+Ticks = dict[str, tuple[int, int]]  # by operation: without a load, and with one
+
+
+class Types:
+    """By robot: its type, what it carries, where it may not go, and how long its operations take."""
+
+    def __init__(self, floor: dict[str, Any], scenario: dict[str, Any]) -> None:
+        kinds = kinds_of(scenario)
+        areas = scenario.get("areas") or {}
+        self.name: list[str] = []
+        self.payload: list[int] = []
+        self.closed: list[tuple[set[int], set[int]]] = []  # flat cells, without a load and with one
+        self.headings: list[int] = []  # that it distinguishes
+        for kind, robots in kinds:
+            shut = (
+                closed_to(floor, areas, kind["name"], "empty"),
+                closed_to(floor, areas, kind["name"], "loaded"),
+            )
+            self.name += [kind["name"]] * robots
+            self.payload += [kind.get("payload") or ANY] * robots
+            self.closed += [shut] * robots
+            drives = kind.get("kinematics") or scenario["fleet"]["kinematics"]
+            self.headings += [HEADING_COUNTS[drives]] * robots
+        # What each robot carries: the list that loads are kept in.
+        self.load = [NIL] * len(self.name)
+        self.apply_rules(scenario)
+
+    def apply_rules(self, scenario: dict[str, Any]) -> None:
+        """Take over what a scenario says of durations."""
+        self.ticks: list[Ticks] = []
+        for kind, robots in kinds_of(scenario):
+            self.ticks += [ticks_of_type(scenario["durations"], kind)] * robots
+
+    def ticks_of(self, robot: int, operation: str) -> int:
+        """What an operation of a robot takes by its scenario, with what the robot carries now."""
+        return self.ticks[robot][operation][self.load[robot] != NIL]
+
+    def slowest(self, operation: str) -> int:
+        """What an operation takes the robots that are slowest in it; 1 of those without a duration."""
+        return max(max(one.get(operation, (1, 1))) for one in self.ticks)
+
+    def is_closed(self, robot: int, cell: int) -> bool:
+        """Whether a robot may not be in a cell, with what it carries now."""
+        return cell in self.closed[robot][self.load[robot] != NIL]
+
+    def called(self, robot: int) -> str:
+        """A robot of this type, with or without a load, as errors say it."""
+        own = f"robots of the type {self.name[robot]}" if self.name[robot] else "robots"
+        empty, loaded = self.closed[robot]
+        carries = "with" if self.load[robot] != NIL else "without"
+        return own if empty == loaded else f"{own} {carries} a load"
+
+
+def kinds_of(scenario: dict[str, Any]) -> list[tuple[dict[str, Any], int]]:
+    """The types of a scenario, each with how many robots are of it."""
+    fleet = scenario["fleet"]
+    kinds: list[dict[str, Any]] = list(fleet.get("types") or ({"name": ""},))
+    counted = sum(kind.get("robots") or 0 for kind in kinds)
+    return [(kind, kind.get("robots") or fleet["robots"] - counted) for kind in kinds]
+
+
+def ticks_of_type(durations: dict[str, Any], kind: dict[str, Any]) -> Ticks:
+    """What the operations of a type take; what it does not say is as for all."""
+    own = kind.get("durations") or {}
+    ticks: Ticks = {}
+    for name in TIMED_OPERATIONS:
+        value = durations[name] if own.get(name) is None else own[name]
+        pair = (value["empty"], value["loaded"]) if isinstance(value, dict) else (value, value)
+        times = kind.get("move_time_factor", 1) if name == "move" else 1
+        ticks[name] = (pair[0] * times, pair[1] * times)
+    return ticks
+
+
+def closed_to(floor: dict[str, Any], areas: dict[str, Any], *names: str) -> set[int]:
+    """The flat cells of the areas that are closed to all, or to one of these names."""
+    stride = floor["width"] + 2
+    cells: set[int] = set()
+    for area in areas.values():
+        if {"all", *names} & set(area["closed_to"]):
+            (x, y), (u, v) = area["from"], area["to"]
+            for row in range(min(y, v), max(y, v) + 1):
+                first = (row + 1) * stride + 1
+                cells.update(range(first + min(x, u), first + max(x, u) + 1))
+    return cells
+
+
+# Where the coarse ticks of a refined run begin and end. Strategies decide and robots begin something
+# in the first of `stride` ticks, stops are done in the last one. Chance is drawn in coarse ticks.
+
+
+class CoarseTicks:
+    """How the ticks of a recording follow from those of its scenario."""
+
+    def __init__(self, scenario: dict[str, Any]) -> None:
+        self.factor: int = scenario.get("refine", 1)
+        self.stride = self.factor if scenario.get("decide", "coarse") == "coarse" else 1
+
+    def of(self, tick: int) -> int:
+        """The coarse tick to which a tick belongs."""
+        return (tick - 1) // self.factor + 1
+
+    def begin_of(self, tick: int) -> int:
+        """The tick in which a coarse one begins; 0 is before the first one."""
+        return self.factor * (tick - 1) + 1 if tick > 0 else 0
+
+    def decides(self, tick: int) -> bool:
+        """Whether anything is decided, released or begun in a tick."""
+        return (tick - 1) % self.stride == 0
+
+    def ends(self, tick: int) -> bool:
+        """Whether stops are done in a tick."""
+        return tick % self.stride == 0
+
+    def draws(self, tick: int) -> bool:
+        """Whether chance decides in a tick on faults and delays."""
+        return (tick - 1) % self.factor == 0
+
+
+def in_fine_ticks(scenario: dict[str, Any]) -> dict[str, Any]:
+    """A recorded scenario in the ticks of its run; closings and chances stay as they were read."""
+    factor = scenario.get("refine", 1)
+    if factor == 1:
+        return scenario
+    fine: dict[str, Any] = plain_data(refined_data(scenario))
+    fine["floor"]["closed"] = scenario["floor"]["closed"]
+    faults, as_read = fine["faults"], scenario["faults"]
+    if as_read["repair_in_place"] is not None:
+        ticks = repairs_of(as_read["repair_in_place"])
+        faults["repair_in_place"] = {"empirical": [factor * one for one in ticks]}
+    if as_read["delays"] is not None:
+        table = [factor * one for one in durations_of(as_read["delays"])]
+        faults["delays"] |= {"probability": as_read["delays"]["probability"], "table": table}
+    return fine
+
+
+# How long delays and repairs in place last, and how many robots are delayed.
+
+
+PLACES: Final = 65_536  # of the quantiles from which durations are drawn
+DRAWS: Final = 2**32
+DIGITS: Final = Context(prec=50)
+
+
+def drawn_from(table: list[int], bits: int) -> int:
+    """An entry of a table, all alike probable."""
+    return table[(bits >> 32) * len(table) >> 32]
+
+
+def durations_of(rules: dict[str, Any]) -> list[int]:
+    """How long delays last, each duration as often as it is probable."""
+    least, most = rules["ticks"]["from"], rules["ticks"]["to"]
+    if rules["distribution"] == "uniform":
+        return list(range(least, most + 1))
+    bell = rules["distribution"]["gaussian"]
+    shares = (
+        bell["mean_ratio"] + bell["sd_ratio"] * NormalDist().inv_cdf(u) for u in quantile_places()
+    )
+    return [half_up(min(max(least + (most - least) * one, least), most)) for one in shares]
+
+
+def repairs_of(duration: Any) -> list[int]:
+    """How long repairs in place last, each duration as often as it is probable."""
+    if isinstance(duration, int):
+        return [duration]
+    if duration.get("empirical"):
+        return [max(1, half_up(one)) for one in duration["empirical"]]
+    places = quantile_places()
+    if duration.get("uniform"):
+        least, most = duration["uniform"]["from"], duration["uniform"]["to"]
+        return [max(1, half_up(least + (most - least) * u)) for u in places]
+    if duration.get("exponential"):
+        stays = 1 - 1 / duration["exponential"]
+        return [1 + greatest_power(stays, 1 - u) for u in places]
+    mean, sd = duration["lognormal"]["mean"], duration["lognormal"]["sd"]
+    variance = math.log(1 + (sd / mean) ** 2)
+    normal = NormalDist(math.log(mean) - variance / 2, math.sqrt(variance)) if sd else None
+    if normal is None:
+        return [max(1, half_up(mean))]
+    return [max(1, half_up(math.exp(normal.inv_cdf(u)))) for u in places]
+
+
+def quantile_places() -> list[float]:
+    """Numbers between 0 and 1, evenly spread."""
+    return [(k + 0.5) / PLACES for k in range(PLACES)]
+
+
+def half_up(value: float) -> int:
+    """The nearest whole number; halves go up."""
+    return math.floor(value + 0.5)
+
+
+def greatest_power(base: float, value: float) -> int:
+    """The greatest k with base ** k > value."""
+    if base == 0:
+        return 0
+    k = max(0, math.floor(math.log(value) / math.log(base)) - 1)
+    while base ** (k + 1) > value:
+        k += 1
+    return k
+
+
+def poisson_number(mean: float, draw: int) -> int:
+    """The Poisson number of a draw from 0 to 2**32 - 1."""
+    term = total = DIGITS.exp(-Decimal(mean))
+    number = 0
+    while draw >= round(total * DRAWS):
+        number += 1
+        term = DIGITS.divide(DIGITS.multiply(term, Decimal(mean)), Decimal(number))
+        total = DIGITS.add(total, term)
+    return number

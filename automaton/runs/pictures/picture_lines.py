@@ -1,8 +1,11 @@
-"""The lines below a picture: robots and orders in English, written and read by one table of phrases.
+"""The lines below the map of a picture: all that the map cannot show of a robot or an order, in English.
 
-A phrase is a template such as "turns for {busy} more tick(s)" and the values that it fixes. It is
-written when its fixed values hold and none of its named values is the default; read, it gives back
-both. What has its default value is not mentioned.
+    A (2, 3) vertical, northbound, carries 7 to (11, 4) via (10, 4), moved; route nnEES
+    order 7 delivered to (11, 4) in tick 123, picked up 3 times
+
+One table of phrases serves both directions. A phrase is a template such as "turns for {busy} more
+tick(s)" and the values that it fixes. It is written when its fixed values hold and none of its named
+values is the default; read, it gives back both. What has its default value is not mentioned.
 """
 
 from __future__ import annotations
@@ -180,9 +183,9 @@ def read_route(text: str) -> tuple[list[int], int]:
     return ["ESWN".index(letter) for letter in letters.upper()], sum(map(str.islower, letters))
 
 
-# An order's line in a picture, needed once it is not where it was at the start.
+# An order's line, needed once it is not where it was at the start.
 #
-# order 7 delivered to (11, 4) in tick 123, picked up 3 times order 8 under way; stops in ticks 12 31
+# order 8 under way; stops in ticks 12 31
 #
 # Which robot has an order stands in that robot's line; a carried order has a line only if it was set
 # down on its way before. An order without a load has one as soon as a stop is done.
@@ -263,12 +266,8 @@ def read_order(text: str) -> DrawnOrder:
     return DrawnOrder(int(match["number"]), LEFT_OUT | facts, stops)
 
 
-# A robot's line in a picture: everything about it that the map cannot show.
-#
-# A (2, 3) vertical, northbound, carries 7 to (11, 4) via (10, 4), moved; route nnEES
-#
-# Robots 0 to 25 are called A to Z, later ones by their number. Only what differs from the default is
-# said; the default of some values depends on others (a robot has come in the direction it faces).
+# A robot's line. Robots 0 to 25 are called A to Z, later ones by their number. The default of some
+# values depends on others (a robot has come in the direction it faces).
 
 
 # Fields of a robot that a line gives in ways of their own; all others of the state are numbers in it.

@@ -20,7 +20,7 @@ import numpy as np
 
 from automaton.bench.steering_speed import BUSY_CROWD, busy_fleet
 from automaton.floor.cells import WALL
-from automaton.history.watched_run import Run
+from automaton.history.watched_run import WatchedRun
 from automaton.world.resolve import Resolved, resolve
 from tui.bench.viewer_speed import Walk, walkers
 from tui.playback.player import NORMAL_TICKS_PER_S
@@ -49,7 +49,7 @@ def walking(wanted: dict[str, Any]) -> Opening:
     """A fleet without decisions."""
     resolved = walkers(wanted["width"], wanted["height"], wanted["robots"])
 
-    def start() -> list[Run]:
+    def start() -> list[WatchedRun]:
         return [Walk(resolved)]
 
     return Opening(("walk",), (resolved,), True, start)

@@ -41,7 +41,7 @@ from automaton.floor.floor_plan import make_floor_plan
 from automaton.history.live_run import LiveRun
 from automaton.history.playback import Keyframes
 from automaton.history.snapshot import take_snapshot
-from automaton.history.watched_run import RecordedRun, Run
+from automaton.history.watched_run import ReplayedRun, WatchedRun
 from automaton.recording.frames import StoredFrames
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
@@ -245,7 +245,7 @@ def seek_recorded() -> float:
         live = LiveRun(resolve("tabletop-1"), 1, path)
         live.show(10**9, 99.0)
         live.close()
-        run = RecordedRun(read_recording(path))
+        run = ReplayedRun(read_recording(path))
         while run.extend():  # as the viewer does while nothing else is to be done
             pass
         return seek(run)
@@ -257,7 +257,7 @@ def seek_live() -> float:
     return seek(run)
 
 
-def seek(run: Run) -> float:
+def seek(run: WatchedRun) -> float:
     """ms, p95."""
     ticks = np.random.default_rng(1).integers(0, run.head + 1, SEEKS)
 
@@ -530,7 +530,7 @@ def quantile(values: Sequence[float], share: float) -> float:
 # A run without end or decisions: the random-walk fleet of the bare step, to be watched.
 
 
-class Walk(Run):
+class Walk(WatchedRun):
     """Every robot wants to move at random in every tick. Its past is not kept."""
 
     def __init__(self, resolved: Resolved) -> None:

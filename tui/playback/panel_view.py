@@ -14,7 +14,7 @@ from automaton.engine.state import NIL
 if TYPE_CHECKING:  # most of them need Numba
     from automaton.floor.floor_plan import FloorPlan
     from automaton.history.snapshot import Snapshot
-    from automaton.history.watched_run import Run
+    from automaton.history.watched_run import WatchedRun
     from automaton.runs.progress import Jam
     from tui.playback.playback_state import PlaybackState
     from tui.render.camera import Zoom
@@ -39,7 +39,7 @@ class View:
     """
 
     playback: PlaybackState
-    runs: Sequence[Run]
+    runs: Sequence[WatchedRun]
     robot: int = NIL  # the selected robot, or NIL
     cell: int = NIL  # the selected cell, or NIL
     layer: str = ""  # the name of one that is registered, or none
@@ -64,7 +64,7 @@ class View:
         return self.playback.snapshots[self.side]
 
     @property
-    def run(self) -> Run:
+    def run(self) -> WatchedRun:
         """The run to tell of."""
         return self.runs[self.side]
 

@@ -12,8 +12,8 @@ import numpy as np
 from automaton.engine.state import NIL, Array
 from automaton.history.divergence import Divergence
 from automaton.history.snapshot import Snapshot
-from automaton.history.watched_run import Run
-from automaton.runs.metrics import OPERATIONS, executed_ticks, metrics_of
+from automaton.history.watched_run import WatchedRun
+from automaton.runs.metrics import OPERATION_STATES, executed_ticks, metrics_of
 from automaton.runs.progress import Jam, largest_jam, starved_robots
 from automaton.runs.simulation import Simulation
 from tui.registration import layer_named
@@ -30,7 +30,7 @@ class PlaybackState:
 
     seq: int
     tick: int  # of the clock; a run that is shorter stays at its end
-    runs: tuple[Run, ...]  # of which plan, header, resolved and event_history may be read
+    runs: tuple[WatchedRun, ...]  # of which plan, header, resolved and event_history may be read
     snapshots: tuple[Snapshot, ...]
     figures: tuple[RunFigures, ...]
     playing: int  # -1 backwards, 0 paused, 1
@@ -73,13 +73,13 @@ class RunFigures:
     jam: Jam | None  # most of them that stand together
 
 
-def figures_of(run: Run) -> RunFigures:
+def figures_of(run: WatchedRun) -> RunFigures:
     """The metrics at the tick that a run shows; in the thread of its player."""
     shown = run.shown
     world = shown.world
     by_identity = world.robots.at_index
     active = executed_ticks(world)[by_identity, 1:].sum((1, 2)) / max(1, shown.tick)
-    operations = world.tally.operations[by_identity][:, OPERATIONS].sum((1, 2))
+    operations = world.tally.operations[by_identity][:, OPERATION_STATES].sum((1, 2))
     starved = np.sort(world.robots.identity[starved_robots(world)])
     jam = largest_jam(world, run.floor_plan)
     return RunFigures(shown.tick, metrics_of(shown), operations, active, starved, jam)

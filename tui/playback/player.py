@@ -22,7 +22,7 @@ from automaton.history.breakpoints import Breakpoint
 from automaton.history.divergence import Divergence, LiveDivergence
 from automaton.history.live_run import LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
-from automaton.history.watched_run import COMPUTE_SLICE_S, Run
+from automaton.history.watched_run import COMPUTE_SLICE_S, WatchedRun
 from tui.playback.playback_state import (
     LongTick,
     Overlays,
@@ -61,7 +61,7 @@ class Player:
     sends requests, neither of which ever waits for the simulation.
     """
 
-    def __init__(self, runs: Sequence[Run], start: bool = True) -> None:
+    def __init__(self, runs: Sequence[WatchedRun], start: bool = True) -> None:
         self.runs = list(runs)
         self._requests: deque[Callable[[], None]] = deque()
         self._wake = threading.Condition()
@@ -162,7 +162,9 @@ class Player:
         """Stop where one of them begins to hold."""
         self._enqueue_request(lambda: setattr(self, "_breakpoints", list(breakpoints)))
 
-    def exchange(self, work: Callable[[Run], Run], done: Callable[[str], None]) -> None:
+    def exchange(
+        self, work: Callable[[WatchedRun], WatchedRun], done: Callable[[str], None]
+    ) -> None:
         """Replace the first run by what `work` makes of it; `done` gets "" or what was wrong.
 
         Both are called in the player's thread.
@@ -289,7 +291,9 @@ class Player:
     def _choose(self, robot: int, layer: str) -> None:
         self._selected, self._layer = robot, layer
 
-    def _exchange(self, work: Callable[[Run], Run], done: Callable[[str], None]) -> None:
+    def _exchange(
+        self, work: Callable[[WatchedRun], WatchedRun], done: Callable[[str], None]
+    ) -> None:
         try:
             fresh = work(self.runs[0])
         except Exception as error:
@@ -474,7 +478,7 @@ class Player:
             ),
         )
 
-    def _snapshot_of(self, run: Run, overlays: Overlays) -> Snapshot:
+    def _snapshot_of(self, run: WatchedRun, overlays: Overlays) -> Snapshot:
         bare = take_snapshot(run.shown, self._selected, self._layer)
         playing = self._direction != 0 or self._goal is not None
         return overlays.laid_over(bare, run.shown, self._layer, playing)
@@ -501,7 +505,7 @@ class Hit(NamedTuple):
     robots: tuple[int, ...]  # for which it did not hold a tick before
 
 
-def held_by(points: Sequence[Breakpoint], runs: Sequence[Run]) -> Held:
+def held_by(points: Sequence[Breakpoint], runs: Sequence[WatchedRun]) -> Held:
     """What holds at the ticks that the runs show."""
     return [[point.test(run.shown, run.floor_plan) for point in points] for run in runs]
 

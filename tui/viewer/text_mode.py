@@ -16,7 +16,7 @@ from automaton.history.divergence import LiveDivergence, first_difference
 from automaton.history.fleet_summary import summary_of
 from automaton.history.live_run import LiveRun
 from automaton.history.narration import SENTENCES, Scope, kinds_named, narrate
-from automaton.history.watched_run import Run
+from automaton.history.watched_run import WatchedRun
 from automaton.recording.header import changed, resolved_of
 from automaton.recording.recording_reader import branches_of
 from automaton.runs.headless import Outcome, operations, orders_exhausted, record_work
@@ -56,7 +56,7 @@ def run_in_text_mode(opening: Opening) -> int:
     return exit_code(opening, outcomes)
 
 
-def _run_with_progress(run: Run) -> Outcome:
+def _run_with_progress(run: WatchedRun) -> Outcome:
     """Run it to its end, and say some words at ever longer intervals."""
     last_worked = np.zeros(run.resolved.scenario.fleet.robots, np.int64)
     worked = operations(run.leading_simulation)
@@ -69,7 +69,7 @@ def _run_with_progress(run: Run) -> Outcome:
     raise AssertionError("milestones never end")
 
 
-def _go_to(run: Run, tick: int) -> None:
+def _go_to(run: WatchedRun, tick: int) -> None:
     before = -1
     while before < run.tick < tick:
         before = run.tick
@@ -97,7 +97,7 @@ def run_described(opening: Opening, options: Options) -> int:
     return exit_code(opening, outcomes)
 
 
-def _described(run: Run, scope: Scope) -> Outcome:
+def _described(run: WatchedRun, scope: Scope) -> Outcome:
     """Describe a run, and at ever longer intervals how far it is."""
     last_worked = np.zeros(run.resolved.scenario.fleet.robots, np.int64)
     worked = operations(run.leading_simulation)
@@ -128,7 +128,7 @@ def milestones() -> Iterator[int]:
         size *= 10
 
 
-def fleet_line(run: Run) -> str:
+def fleet_line(run: WatchedRun) -> str:
     """How far a run is, and what its robots do."""
     now = summary_of(run.leading_simulation)
     parked = int(run.leading_simulation.world.robots.parked.sum())
@@ -136,19 +136,19 @@ def fleet_line(run: Run) -> str:
     return f"tick {run.tick:,}: {now.delivered:,} of {now.orders:,} orders delivered, {robots}"
 
 
-def branch_lines(run: Run) -> list[str]:
+def branch_lines(run: WatchedRun) -> list[str]:
     """From where a run was branched off, and how."""
     return [f"branched off {branch}" for branch in branches_of(run.frames)]
 
 
-def difference_line(opening: Opening, runs: Sequence[Run]) -> str:
+def difference_line(opening: Opening, runs: Sequence[WatchedRun]) -> str:
     """Where two runs part."""
     live = [run for run in runs if isinstance(run, LiveRun)]
     parted = LiveDivergence(*live).look() if live else first_difference(*opening.recordings)
     return "" if parted is None else parted.text.partition(";")[0]
 
 
-def scenario_at_end(run: Run) -> Resolved:
+def scenario_at_end(run: WatchedRun) -> Resolved:
     """The scenario that held at the end."""
     if run.live:
         return run.resolved
@@ -156,7 +156,7 @@ def scenario_at_end(run: Run) -> Resolved:
     return resolved_of(changed(run.header, rules), with_strategies=False)
 
 
-def outcome_of(run: Run, last_worked: np.ndarray) -> Outcome:
+def outcome_of(run: WatchedRun, last_worked: np.ndarray) -> Outcome:
     """What is left of a run; `last_worked` as of `run_to_end`."""
     front = run.leading_simulation
     stop = scenario_at_end(run).scenario.stop

@@ -19,7 +19,7 @@ from textual.widgets import Input
 from automaton.engine.observation import EVENT_NAMES
 from automaton.engine.state import NIL, Array
 from automaton.history.event_history import (
-    EVENT_COLUMNS,
+    EVENT_FIELDS,
     EVENT_GROUPS,
     SUBJECTS,
     TEXTS,
@@ -120,7 +120,7 @@ class EventList(Rows):
         super().__init__(signs)
         self.boxes = boxes
         self.view: View | None = None
-        self.kept = Log(np.zeros((0, EVENT_COLUMNS), np.int32), 0)
+        self.kept = Log(np.zeros((0, EVENT_FIELDS), np.int32), 0)
         self.kinds = frozenset(EVENT_GROUPS)
         self.words = ""
         self.only_selected = False

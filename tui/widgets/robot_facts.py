@@ -37,7 +37,7 @@ from automaton.engine.state import (
 from automaton.floor.cells import DIRECTIONS
 from automaton.history.event_history import Event, event_words
 from automaton.history.explanation import doing, out_of_order
-from automaton.history.snapshot import Fleet
+from automaton.history.snapshot import FleetSnapshot
 from automaton.history.state_words import (
     charger_queue,
     charging_at,
@@ -319,7 +319,7 @@ def last_of(events: Array, robot: int, most: int) -> Array:
         reach *= 4
 
 
-def doing_word(fleet: Fleet, robot: int) -> str:
+def doing_word(fleet: FleetSnapshot, robot: int) -> str:
     """What a robot does, in a word."""
     if int(fleet.status[robot]) in DOWN_WORDS:
         return DOWN_WORDS[int(fleet.status[robot])]

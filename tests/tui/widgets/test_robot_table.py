@@ -19,7 +19,7 @@ from panel_harness import (
 from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSE_REDUCED_SPEED
-from automaton.history.snapshot import Fleet
+from automaton.history.snapshot import FleetSnapshot
 from tui.playback.panel_view import View
 from tui.playback.playback_state import RunFigures
 from tui.widgets.robot_table import ROBOT_TABLE_COLUMNS, RobotColumn, Robots, ordered
@@ -39,11 +39,11 @@ def crowd(many: int) -> View:
         field.name: np.resize(
             getattr(five, field.name), (many, *getattr(five, field.name).shape[1:])
         )
-        for field in fields(Fleet)
+        for field in fields(FleetSnapshot)
     }
     metrics = view.playback.figures[0].metrics
     figures = RunFigures(300, metrics, np.arange(many), np.full(many, 0.5), np.zeros(0, int), None)
-    snapshot = replace(view.snapshot, robots=Fleet(**copies))
+    snapshot = replace(view.snapshot, robots=FleetSnapshot(**copies))
     return replace(view, playback=replace(view.playback, snapshots=(snapshot,), figures=(figures,)))
 
 

@@ -22,7 +22,7 @@ from panel_harness import (
 from textual.pilot import Pilot
 
 from automaton.engine.observation import CAUSES
-from automaton.history.snapshot import Fleet
+from automaton.history.snapshot import FleetSnapshot
 from tui.widgets.panel import ASCII_SIGNS, UNICODE_SIGNS, Signs
 from tui.widgets.why_panel import CAUSE_LETTERS, Why, cause_bar, pattern_key, shares_bar
 
@@ -156,7 +156,7 @@ def test_of_a_very_long_chain_the_beginning_and_the_end_are_told() -> None:
     }
     longer["cause"], longer["blocker"] = np.ones(many, np.uint8), np.arange(-1, many - 1)
     longer["cause"][0] = 0
-    snapshot = replace(view.snapshot, robots=Fleet(**longer))
+    snapshot = replace(view.snapshot, robots=FleetSnapshot(**longer))
     chain = replace(view, playback=replace(view.playback, snapshots=(snapshot,)), robot=many - 1)
     said_then = shown(Why(), chain, WIDE, 80)
     assert "robot 99 has waited" in said_then and "robot 88 has waited" in said_then

@@ -14,9 +14,9 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from concurrent.futures import Executor
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-from automaton.errors import InputError, alternatives
+from automaton.errors import InputError, alternatives, refuse
 from automaton.floor.cells import NIL
 from automaton.studies.sweeps.study import Study
 
@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from automaton.films.film_page import NotebookFilm
     from automaton.history.playback import Playback
     from automaton.recording.frames import Recording
-    from automaton.runs.headless import Outcome, Sampling
+    from automaton.runs.headless import Outcome, PastRules, Sampling
     from automaton.runs.simulation import Simulation as CompiledRun
     from automaton.runs.state_copy import RunState
     from automaton.scenario.document import Override
@@ -84,9 +84,13 @@ def check(scenario: ScenarioLike, seed: int | None = None, **overrides: Any) -> 
         for warning in automaton.check("goods-60x40"):
             print(warning)
     """
-    from automaton.world.scenario_warnings import scenario_warnings
+    from automaton.scenario.reading import Reading, document_of
+    from automaton.world.scenario_warnings import misfits, scenario_warnings
 
-    return tuple(scenario_warnings(_resolved(scenario, seed, None, overrides)))
+    resolved = _resolved(scenario, seed, None, overrides)
+    with Reading(document_of(scenario, settings_of(overrides))).placing_errors():
+        refuse(misfits(resolved))
+    return tuple(scenario_warnings(resolved))
 
 
 def simulate(
@@ -286,14 +290,6 @@ def size(
     return sized(session, fleets.base.scenario.name, fleets.seed)
 
 
-class _Rules(NamedTuple):
-    """Rules that hold after a tick."""
-
-    tick: int
-    resolved: Resolved
-    settings: tuple[str, ...]  # KEY=VALUE, of a branch; () at the start
-
-
 class Simulation:
     """A run that you carry on tick by tick, look into, branch off, save and pickle.
 
@@ -312,19 +308,17 @@ class Simulation:
         strategies: Strategies | None = None,
         **overrides: Any,
     ) -> None:
+        from automaton.runs.headless import PastRules, computed
+
         resolved = _resolved(scenario, seed, strategies, overrides)
-        self._begin([_Rules(0, resolved, ())], resolved.scenario.seed)
+        self._past, self._seed = [PastRules(0, resolved, ())], resolved.scenario.seed
+        self._run = computed(self._past, self._seed, 0)
 
-    def _begin(self, past: list[_Rules], seed: int) -> None:
-        """Make the run at its first tick under its last rules."""
-        from automaton.runs.headless import attribute_strategy_errors
-        from automaton.runs.simulation import Simulation as CompiledRun
-
-        self._past, self._seed = past, seed
-        with attribute_strategy_errors(past[0].resolved):
-            self._run = CompiledRun(past[0].resolved, seed)
-        for rules in past[1:]:
-            self._run = self._run.continue_with(rules.resolved)
+    @classmethod
+    def _of(cls, past: list[PastRules], seed: int, run: CompiledRun) -> Simulation:
+        simulation = cls.__new__(cls)
+        simulation._past, simulation._seed, simulation._run = past, seed, run
+        return simulation
 
     @property
     def scenario(self) -> Scenario:
@@ -393,7 +387,7 @@ class Simulation:
         world and stop. Strategies that stay remember the past; new ones begin with what they see.
         Raises InputError.
         """
-        from automaton.runs.headless import attribute_strategy_errors
+        from automaton.runs.headless import PastRules, attribute_strategy_errors
         from automaton.world.resolve import branched
 
         other = Simulation._from(list(self._past), self._seed, self._state())
@@ -405,7 +399,7 @@ class Simulation:
             resolved = branched(self._past[-1].resolved, settings)
             with attribute_strategy_errors(resolved):
                 other._run = other._run.continue_with(resolved)
-            other._past.append(_Rules(self.tick, resolved, settings))
+            other._past.append(PastRules(self.tick, resolved, settings))
         return other
 
     def save(self, path: str | Path) -> RecordedRun:
@@ -415,19 +409,11 @@ class Simulation:
         if the file cannot be written or a strategy decides otherwise when it is asked again.
         """
         from automaton.recording.recorder import Recorder
-        from automaton.runs.headless import attribute_strategy_errors
-        from automaton.runs.simulation import Simulation as CompiledRun
+        from automaton.runs.headless import computed
 
-        first = self._past[0].resolved
         try:
-            with Recorder(path, first, self._seed) as recorder:
-                with attribute_strategy_errors(self._past[-1].resolved):
-                    run = CompiledRun(first, self._seed, on_record=recorder)
-                    for rules in self._past[1:]:
-                        run.run(rules.tick)
-                        run = run.continue_with(rules.resolved)
-                        recorder.change(run, rules.settings)
-                    run.run(self.tick)
+            with Recorder(path, self._past[0].resolved, self._seed) as recorder:
+                run = computed(self._past, self._seed, self.tick, recorder)
                 if run.digest != self.digest:
                     raise InputError(
                         f"computed again, the run is another one at tick {self.tick:,}: a strategy "
@@ -460,15 +446,14 @@ class Simulation:
         return captured(run.world, run.observation, run.states, run.strategies)
 
     @classmethod
-    def _from(cls, past: list[_Rules], seed: int, state: RunState) -> Simulation:
+    def _from(cls, past: list[PastRules], seed: int, state: RunState) -> Simulation:
         """A simulation that goes on from a state."""
+        from automaton.runs.headless import made
         from automaton.runs.state_copy import restore
 
-        simulation = cls.__new__(cls)
-        simulation._begin(past, seed)
-        run = simulation._run
+        run = made(past, seed)
         restore(state, run.world, run.observation, run.states, run.strategies)
-        return simulation
+        return cls._of(past, seed, run)
 
     def __reduce__(self) -> Any:
         """A pickle is the state and the rules that it came by."""
@@ -506,28 +491,22 @@ class RecordedRun:
         """
         from automaton.history.playback import Playback
         from automaton.recording.header import changed, resolved_of
+        from automaton.runs.headless import PastRules, computed
 
         tick = self._tick(at)
         header, frames = self._recording.header, self._recording.stored()
         try:
             playback = Playback(header, frames)
             playback.go_to(tick)
-            past = [_Rules(0, resolved_of(header), ())]
-            simulation = Simulation.__new__(Simulation)
-            simulation._begin(past, header["seed"])
-            since = 0
-            while simulation.tick < tick:
-                rules = frames.rules_at(simulation.tick)
-                if rules["tick"] != since or (not simulation.tick and rules["settings"]):
-                    since = rules["tick"]
-                    settings = tuple(rules["settings"])
-                    past.append(_Rules(since, resolved_of(changed(header, rules)), settings))
-                    simulation._run = simulation._run.continue_with(past[-1].resolved)
-                following = frames.next_rules(since)
-                until = tick if following is None else min(tick, following)
-                before = simulation.tick
-                if simulation.run(until).tick == before:
-                    break  # it ends sooner now
+            past = [PastRules(0, resolved_of(header), ())]
+            since: int | None = 0
+            while since is not None and since <= tick:
+                rules = frames.rules_at(since)
+                if rules["settings"]:
+                    resolved = resolved_of(changed(header, rules))
+                    past.append(PastRules(since, resolved, tuple(rules["settings"])))
+                since = frames.next_rules(since)
+            simulation = Simulation._of(past, header["seed"], computed(past, header["seed"], tick))
             if simulation.digest != playback.simulation.digest:
                 raise InputError(
                     f"computed again with its strategies, the run is another one at tick {tick:,}: "

@@ -23,13 +23,12 @@ from automaton.commands.arguments import (
     print_warnings,
     settings_of,
 )
-from automaton.errors import InputError
+from automaton.errors import InputError, refuse
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.drawn_floors import write_matrix
 from automaton.scenario.document import Document
-from automaton.scenario.reading import document_of, is_study, read
+from automaton.scenario.reading import Reading, document_of, is_study, read
 from automaton.scenario.text_files import shipped
-from automaton.strategy.lookup import files_of
 from automaton.studies.sweeps.study import Point, Study, shipped_studies
 from automaton.studies.sweeps.sweep_plan import check_study, describe_point
 from automaton.units import count, shown_unit
@@ -37,10 +36,10 @@ from automaton.world.bounds import bounds_in_words
 from automaton.world.capabilities import default_right_of_way
 from automaton.world.conversion_table import conversion_lines, plain_number_line
 from automaton.world.resolve import Resolved, resolve
-from automaton.world.scenario_warnings import scenario_warnings
+from automaton.world.scenario_warnings import misfits, scenario_warnings
 
 if TYPE_CHECKING:
-    from automaton.engine.state import Array, Grid
+    pass
 
 SLOTS = {  # what a scenario's line counts
     SHELF: ("shelf", "shelves"),
@@ -120,8 +119,8 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
     if args.matrix is not None:
         export_matrix(resolved, args.matrix)
     document = document_of(file, settings)
-    check_files(resolved, document)
-    check_zone_design(resolved, document)
+    with Reading(document).placing_errors():
+        refuse(misfits(resolved))
     plain = plain_number_line(document.data, as_read.scenario.units.scale)
     more = (*resolved.file_notes, *conversion_lines(as_read), plain, *bounds_in_words(resolved))
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
@@ -182,45 +181,6 @@ def study_warnings(study: Study, scenarios: Sequence[Resolved]) -> list[str]:
         more = f"; {count(others, 'more point')} likewise" if others else ""
         sentences.append(f"{warning} ({where}{more})")
     return sentences
-
-
-def check_files(resolved: Resolved, document: Document) -> None:
-    """Raises InputError for a file of a strategy that is not there, or not what it must be."""
-    for layer, choice in resolved.choices:
-        for file in files_of(choice.parameters):
-            if not os.path.isfile(file):
-                said = f"strategy.{layer}: there is no file {file}"
-                raise document.error(("strategy", layer), said)
-        check = getattr(choice.parameters, "check_files", None)
-        try:
-            if check is not None:
-                check(lambda: grid_and_durations(resolved))
-        except InputError as error:
-            raise document.error(("strategy", layer), f"strategy.{layer}: {error}") from None
-
-
-def check_zone_design(resolved: Resolved, document: Document) -> None:
-    """Raises InputError for a zone design that the fleet cannot serve."""
-    if resolved.zoning.design is None:
-        return
-    # Needs Numba, as most checks do not.
-    from automaton.world.building import ZoneDesignError, build_world
-
-    try:
-        build_world(resolved, resolved.scenario.seed)
-    except ZoneDesignError as error:
-        raise document.error(("strategy", "zoning"), f"strategy.zoning: {error.message}") from None
-
-
-def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
-    """Return the grid that the robots drive on, and the (A,) ticks of each action of the first type."""
-    from automaton.world.prepared_floor import floor_for  # needs Numba, as most checks do not
-    from automaton.world.rules import rules_for
-
-    scenario = resolved.scenario
-    types = resolved.fleet.types
-    grid = floor_for(resolved.floor_plan, scenario.world.traffic_zones, types).grid
-    return grid, rules_for(scenario, scenario.seed).duration[0]
 
 
 def export_matrix(resolved: Resolved, path: Path) -> None:

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
 from types import FrameType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -397,3 +397,47 @@ def _sentence(error: BaseException, name: str, layer: str, place: str) -> InputE
     raised = f"{type(error).__name__}: {what}" if what else type(error).__name__
     title = layer.replace("_", "-")
     return InputError(f"the {title} strategy '{name}' raised {raised}{place}; --debug shows where")
+
+
+# A run that is made or computed again: by the rules that held in its past.
+
+
+class BranchRecorder(Protocol):
+    """What records a run whose rules change, as automaton.recording.recorder does."""
+
+    def __call__(self, simulation: Simulation) -> None: ...
+    def change(self, simulation: Simulation, settings: tuple[str, ...]) -> None: ...
+
+
+class PastRules(NamedTuple):
+    """Rules that hold after a tick."""
+
+    tick: int
+    resolved: Resolved
+    settings: tuple[str, ...]  # KEY=VALUE, of a branch; () at the start
+
+
+def made(past: Sequence[PastRules], seed: int) -> Simulation:
+    """A run at its first tick, under its last rules: a state of that run fits into its arrays."""
+    run = Simulation(past[0].resolved, seed)
+    for rules in past[1:]:
+        run = run.continue_with(rules.resolved)
+    return run
+
+
+def computed(
+    past: Sequence[PastRules], seed: int, tick: int, recorder: BranchRecorder | None = None
+) -> Simulation:
+    """A run computed from its start to a tick, and recorded if a recorder is given.
+
+    Raises InputError for a strategy that raises.
+    """
+    with attribute_strategy_errors(past[-1].resolved):
+        run = Simulation(past[0].resolved, seed, on_record=recorder)
+        for rules in past[1:]:
+            run.run(rules.tick)
+            run = run.continue_with(rules.resolved)
+            if recorder is not None:
+                recorder.change(run, rules.settings)
+        run.run(tick)
+    return run

@@ -141,7 +141,11 @@ def take_over(
 ) -> None:
     """Copy the state of another run of the same floor, fleet and orders, and its observation."""
     theirs = arrays_of_run(other_world, other_observation)
+    # Where zoning begins or ends, nothing of its zones is taken: their numbers would lead out of arrays.
+    has_same_zones = len(world.service_zones.server) == len(other_world.service_zones.server)
     for name, array in arrays_of_run(world, observation).items():
+        if name.startswith("service_zones.") and not has_same_zones:
+            continue
         if array.shape == theirs[name].shape:  # an unobserved simulation has no observation
             np.copyto(array, theirs[name])
     if not world.rules.slowdown:

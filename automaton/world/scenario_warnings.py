@@ -1,20 +1,21 @@
-"""What is legal in a scenario and probably a mistake, one sentence each, as `check` warns of it."""
+"""What `check` says beyond what `resolve` refuses: misfits, and what is probably a mistake."""
 
 from __future__ import annotations
 
 import math
+import os
 from collections.abc import Iterator
-from typing import Final, NamedTuple
+from typing import TYPE_CHECKING, Final, NamedTuple
 
 import numpy as np
 
-from automaton.errors import alternatives
+from automaton.errors import Finding, InputError, Keys, alternatives
 from automaton.floor.cells import CHARGER, SHELF, STATION, UNLIMITED
 from automaton.floor.reachability import steps_from
 from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.order_lines import has_due_times, line_column, listed_lines
 from automaton.scenario.orders import Mean, MeanTime
-from automaton.strategy.lookup import AVOIDS_TRAFFIC, KEEPS_WAY_BACK, STEERS, declares
+from automaton.strategy.lookup import AVOIDS_TRAFFIC, KEEPS_WAY_BACK, STEERS, declares, files_of
 from automaton.units import SECONDS_PER_UNIT, count, ticks_and_time, unit
 from automaton.world.conversion_table import coarse_conversions
 from automaton.world.fleet_warnings import (
@@ -26,8 +27,44 @@ from automaton.world.fleet_warnings import (
 from automaton.world.floor_parts import places_of_chargers, service_cells
 from automaton.world.resolve import Resolved
 
+if TYPE_CHECKING:
+    from automaton.engine.state import Array, Grid
+
 NO_STRATEGY: Final = "none"
 MOST_STATIONS: Final = 100  # between which all ways are measured
+
+
+def misfits(resolved: Resolved) -> Iterator[Finding]:
+    """Files of strategies that are missing or unfit, and a zone design that the fleet cannot serve."""
+    for layer, choice in resolved.choices:
+        keys: Keys = ("strategy", layer)
+        for file in files_of(choice.parameters):
+            if not os.path.isfile(file):
+                yield Finding(keys, f"strategy.{layer}: there is no file {file}")
+        check = getattr(choice.parameters, "check_files", None)
+        try:
+            if check is not None:
+                check(lambda: grid_and_durations(resolved))
+        except InputError as error:
+            yield Finding(keys, f"strategy.{layer}: {error}")
+    if resolved.zoning.design is not None:
+        # Needs Numba, as most checks do not.
+        from automaton.world.building import ZoneDesignError, build_world
+
+        try:
+            build_world(resolved, resolved.scenario.seed)
+        except ZoneDesignError as error:
+            yield Finding(("strategy", "zoning"), f"strategy.zoning: {error.message}")
+
+
+def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
+    """Return the grid that the robots drive on, and the (A,) ticks of each action of the first type."""
+    from automaton.world.prepared_floor import floor_for  # needs Numba, as most checks do not
+    from automaton.world.rules import rules_for
+
+    scenario, types = resolved.scenario, resolved.fleet.types
+    grid = floor_for(resolved.floor_plan, scenario.world.traffic_zones, types).grid
+    return grid, rules_for(scenario, scenario.seed).duration[0]
 
 
 def scenario_warnings(resolved: Resolved) -> list[str]:

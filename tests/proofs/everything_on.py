@@ -35,7 +35,7 @@ from counted_recordings import flaws_of
 from whole_floors import contents_of, drawn_whole, resolved_whole
 
 from automaton.commands import main as command_line
-from automaton.commands.check import check_files, described
+from automaton.commands.check import described
 from automaton.commands.run import as_json
 from automaton.engine.state import (
     ACTION_CHARGE,
@@ -43,7 +43,7 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_STATION_QUEUE,
 )
-from automaton.errors import InputError
+from automaton.errors import InputError, refuse
 from automaton.history.playback import Playback
 from automaton.recording.frames import Recording
 from automaton.recording.recorder import MemoryRecorder
@@ -51,12 +51,11 @@ from automaton.runs.headless import run_once
 from automaton.runs.run_diagnosis import JamWatch
 from automaton.runs.run_report import print_report
 from automaton.runs.simulation import Simulation
-from automaton.scenario.reading import document_of
 from automaton.verification.verification import verify_recording
 from automaton.world.bounds import bounds_in_words
 from automaton.world.conversion_table import conversion_lines
 from automaton.world.resolve import Resolved
-from automaton.world.scenario_warnings import scenario_warnings
+from automaton.world.scenario_warnings import misfits, scenario_warnings
 
 LENGTHS = (200, 400, 400, 1000, 2000)  # ticks of runs
 AS_FILE = 25  # every so many-th scenario goes through the command line
@@ -86,7 +85,7 @@ def trial(number: int, folder: Path, ticks: int | None = None) -> Outcome:
     scenario = scenario_of(number, ticks)
     try:
         resolved = resolved_whole(scenario)
-        check_files(resolved, document_of(resolved.unrefined.scenario))
+        refuse(misfits(resolved))
     except REFUSALS as error:
         reason = "".join(" " if letter.isdigit() else letter for letter in str(error))[:60]
         return Outcome([], Counter({"refused": 1, f"refused: {reason}": 1}))

@@ -95,6 +95,24 @@ def test_a_branch_is_what_the_command_makes(tmp_path: Path, capsys: Any) -> None
     assert again.run().digest == branch.digest
 
 
+@pytest.mark.parametrize(
+    ("scenario", "settings"),
+    [
+        ("tabletop-mini", {"strategy__allocation": "first-come"}),
+        ("factory", {"strategy__zoning": "none"}),
+        ("goods-mini", {"world__following": "handover"}),
+    ],
+)
+def test_a_branch_that_is_saved_at_once_goes_on_as_a_branch(
+    scenario: str, settings: dict[str, Any], tmp_path: Path
+) -> None:
+    branch = automaton.Simulation(scenario).step(60).branch(**settings)
+    again = branch.save(tmp_path / "run.rec").simulation()
+    assert again.scenario == branch.scenario
+    assert again.step(200).digest == branch.step(200).digest
+    assert pickle.loads(pickle.dumps(branch)).digest == branch.digest
+
+
 def test_the_version_says_which_commit_a_clone_is_of(tmp_path: Path, capsys: Any) -> None:
     assert main(["--version"]) == 0
     assert re.fullmatch(
@@ -150,6 +168,15 @@ def test_check_returns_what_the_command_prints(capsys: Any) -> None:
     assert main(["check", "goods-60x40"]) == 0
     printed = " ".join(capsys.readouterr().err.split())
     assert warnings and all(" ".join(one.split()) in printed for one in warnings)
+
+
+def test_check_reads_the_files_of_strategies_as_the_command_does(tmp_path: Path) -> None:
+    missing = {"name": "traffic-avoidance", "predictor": {"network": str(tmp_path / "no.npz")}}
+    with pytest.raises(InputError, match=r"there is no file .*no\.npz"):
+        automaton.check("warehouse-100", strategy__routing=missing)
+    design = {"name": "static", "design": {"zones": [[1]]}}
+    with pytest.raises(InputError, match="zone"):
+        automaton.check("factory", strategy__zoning=design)
 
 
 @pytest.mark.parametrize(

@@ -28,7 +28,6 @@ if TYPE_CHECKING:
     from automaton.engine.state import World
     from automaton.films.film_page import NotebookFilm
     from automaton.history.playback import Playback
-    from automaton.recording.frames import Recording
     from automaton.runs.headless import Outcome, PastRules, Sampling
     from automaton.runs.simulation import Simulation as CompiledRun
     from automaton.runs.state_copy import RunState
@@ -470,8 +469,10 @@ class RecordedRun:
     A notebook shows it as its last tick.
     """
 
-    def __init__(self, path: str | Path, recording: Recording) -> None:
-        self.path, self._recording = Path(path), recording
+    def __init__(self, path: str | Path) -> None:
+        from automaton.recording.recording_reader import read_recording
+
+        self.path, self._recording = Path(path), read_recording(path)
 
     @property
     def ticks(self) -> int:
@@ -620,6 +621,4 @@ def read(path: str | Path) -> RecordedRun:
 
     Returns a RecordedRun. Raises InputError for a file that is not a recording, or is damaged.
     """
-    from automaton.recording.recording_reader import read_recording
-
-    return RecordedRun(path, read_recording(path))
+    return RecordedRun(path)

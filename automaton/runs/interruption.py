@@ -179,7 +179,7 @@ def signals_raise() -> Iterator[None]:
 
 
 def _on_signal(number: int, frame: FrameType | None) -> None:
-    if _in_callback(frame):
+    if _would_be_lost(frame):
         _send_again(number)
         return
     _WATCHER.forget()
@@ -205,9 +205,10 @@ def _send_again(number: int) -> None:
     threading.Timer(RETRY_S, os.kill, [os.getpid(), number]).start()
 
 
-def _in_callback(frame: FrameType | None) -> bool:
-    """Whether the compiler has called Python: what is raised there is lost, and the kernel with it."""
-    while frame is not None and not frame.f_code.co_name.startswith(COMPILERS_CALLBACKS):
+def _would_be_lost(frame: FrameType | None) -> bool:
+    """Whether an exception that is raised here is lost: a callback of the compiler, or our own hook."""
+    lost_in = (COMPILERS_CALLBACKS, _raise_again.__name__)
+    while frame is not None and not frame.f_code.co_name.startswith(lost_in):
         frame = frame.f_back
     return frame is not None
 

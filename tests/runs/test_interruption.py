@@ -240,3 +240,31 @@ def test_a_signal_where_nothing_can_be_raised_comes_again(number: int) -> None:
         time.sleep(10)
     assert time.monotonic() - begun < 10
     assert (raised.type is TerminatedError) == (number == signal.SIGTERM)
+
+
+@pytest.mark.usefixtures("heard_interrupt")
+def test_a_signal_that_comes_again_at_once_is_not_lost(monkeypatch: pytest.MonkeyPatch) -> None:
+    class Closing:
+        def __del__(self) -> None:
+            os.kill(os.getpid(), signal.SIGINT)
+            for _ in range(1000):  # what the handler raises in here is lost
+                time.monotonic()
+
+    send, hurried = interruption._send_again, []
+
+    def send_at_once(number: int) -> None:
+        if hurried:
+            send(number)
+            return
+        hurried.append(number)
+        os.kill(os.getpid(), number)
+        for _ in range(1000):  # the handler runs in the hook
+            time.monotonic()
+
+    monkeypatch.setattr(interruption, "_send_again", send_at_once)
+    begun = time.monotonic()
+    with pytest.raises(KeyboardInterrupt), signals_raise():
+        Closing()
+        time.sleep(10)
+    assert time.monotonic() - begun < 10
+    assert hurried

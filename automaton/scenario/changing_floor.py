@@ -60,31 +60,34 @@ def cell_named(name: str, names: Mapping[str, Cell]) -> Cell:
 class Rectangle(ConfigSection, frozen=True, kw_only=True):
     """Two opposite corners of a rectangle."""
 
-    first: Annotated[NamedCell, Meta(description="The one corner.")] = msgspec.field(name="from")
-    last: Annotated[NamedCell, Meta(description="The other one.")] = msgspec.field(name="to")
+    first: Annotated[NamedCell, Meta(description="One corner.")] = msgspec.field(name="from")
+    last: Annotated[NamedCell, Meta(description="The opposite corner.")] = msgspec.field(name="to")
 
 
 CellSet = Annotated[
     Corners | Rectangle,
-    Meta(description="Corners of a path, or the two of a rectangle as {from, to}."),
+    Meta(
+        description="The cells: corners of a path, or two opposite corners of a rectangle as "
+        "{from, to}."
+    ),
 ]
 
 
 class SpeedLimit(ConfigSection, frozen=True, kw_only=True):
-    """Cells between which no robot drives faster than this."""
+    """Cells with a speed limit."""
 
     cells: CellSet
     max_speed: Annotated[
         MoveTicks,
         Meta(
-            description="A move from one of these cells into another one takes at least as long as "
-            "at this speed; a plain number: at least so many ticks. Slow zones multiply after that."
+            description="A move between two of these cells takes at least as long as at this speed; a "
+            "plain number is the least duration in ticks. Slow zones multiply the result."
         ),
     ]
 
 
 class MeanGap(ConfigSection, frozen=True, kw_only=True):
-    """A time that is drawn each time."""
+    """A random time."""
 
     mean: Annotated[
         float,
@@ -95,12 +98,15 @@ class MeanGap(ConfigSection, frozen=True, kw_only=True):
 
 
 class Closing(ConfigSection, frozen=True, kw_only=True):
-    """Cells that no robot enters for some time."""
+    """Cells that are closed for some time."""
 
     cells: CellSet
     begin: Annotated[
         Tick | None,
-        Meta(description="The first tick of the first closing; left out, by chance or 0."),
+        Meta(
+            description="The first tick of the first closing; left out: 0, or random where `every` "
+            "has a mean."
+        ),
     ] = msgspec.field(name="from", default=None)
     ticks: Annotated[Lasting | Distribution, Meta(description="How long each closing lasts.")] = (
         msgspec.field(name="for")
@@ -108,12 +114,12 @@ class Closing(ConfigSection, frozen=True, kw_only=True):
     every: Annotated[
         Lasting | MeanGap | None,
         Meta(
-            description="Ticks from one closing to the next; {mean: ...}: by chance, geometrically "
-            "distributed from reopening to closing; left out: once."
+            description="Ticks from the start of one closing to the next; {mean: ...}: random, "
+            "geometrically distributed from reopening to closing; left out: a single closing."
         ),
     ] = None
     known: Annotated[
-        bool, Meta(description="Routing knows how long a closing that has begun will last.")
+        bool, Meta(description="Whether routing knows how long a closing that has begun will last.")
     ] = True
 
     def __post_init__(self) -> None:
@@ -135,11 +141,11 @@ class Closing(ConfigSection, frozen=True, kw_only=True):
 
 
 class Door(ConfigSection, frozen=True, kw_only=True):
-    """A cell that opens to robots that ask for it."""
+    """A door: a cell that opens on request of robots."""
 
     at: Annotated[NamedCell, Meta(description="The cell of the door.")]
     opening_time: Annotated[
-        Lasting, Meta(description="Ticks from the first robot that asks until the door is open.")
+        Lasting, Meta(description="Ticks from the first request until the door is open.")
     ]
     hold_open: Annotated[
         int,
@@ -147,69 +153,85 @@ class Door(ConfigSection, frozen=True, kw_only=True):
             TIME,
             ge=0,
             le=LAST_TICK,
-            description="Ticks without a robot in it, or that asks for it, after which it shuts.",
+            description="Ticks without a robot in the door or a request, after which the door shuts.",
         ),
     ]
 
 
 class Block(ConfigSection, frozen=True, kw_only=True):
-    """Cells that hold so many robots together."""
+    """Cells that together hold at most a given number of robots."""
 
     cells: CellSet
     max_robots: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="Robots in it, or on their way into it.")
+        int,
+        Meta(
+            ge=1,
+            le=1_000_000,
+            description="Greatest number of robots in the block or moving into it.",
+        ),
     ] = 1
     direction: Annotated[
         Literal["any", "same"],
         Meta(
-            description="same: as long as robots are in it, others enter only over the cell over "
-            "which the last one did."
+            description="same: while robots are in the block, others enter only through the cell "
+            "through which the last one entered; any: no such rule."
         ),
     ] = "any"
 
 
 class Lift(ConfigSection, frozen=True, kw_only=True):
-    """A path between levels that are drawn side by side; it takes one robot at a time."""
+    """A lift between levels that are drawn side by side; it carries one robot at a time."""
 
     shaft: Annotated[
         Corners,
-        Meta(description="Corners of the path; where it has exits to outside, it has mouths."),
+        Meta(
+            description="Corners of the path of the shaft; each exit to the outside is a mouth of the "
+            "lift."
+        ),
     ]
     travel_time: Annotated[Lasting, Meta(description="Ticks from one mouth to the next.")]
     door_time: Annotated[
         int,
-        quantity(TIME, ge=0, le=LAST_TICK, description="Ticks that its doors take to open."),
+        quantity(
+            TIME, ge=0, le=LAST_TICK, description="Ticks that the doors of the lift take to open."
+        ),
     ] = 0
 
 
 class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
-    """What changes on the floor while robots drive, or keeps them apart."""
+    """Closings, doors, blocks, lifts and speed limits of the floor."""
 
     closed: Annotated[
         tuple[Closing, ...],
-        Meta(max_length=MAX_GATE_ENTRIES, description="Cells that no robot enters at times."),
+        Meta(max_length=MAX_GATE_ENTRIES, description="Cells that are closed at times."),
     ] = ()
     replan_after: Annotated[
         Lasting | Literal["30 s"] | None,
         Meta(
-            description="Ticks before a closed cell after which a robot is planned again around "
-            "closed cells, once for each closing; null: never. Where a tick is not a time, 30 ticks "
-            "unless said otherwise."
+            description="Ticks that a robot waits before a closed cell until it gets a new route "
+            "around closed cells, once for each closing; null: never. The default is 30 ticks where a "
+            "tick has no unit of time."
         ),
     ] = "30 s"
     doors: Annotated[tuple[Door, ...], Meta(max_length=MAX_GATE_ENTRIES, description="Doors.")] = ()
     blocks: Annotated[
         tuple[Block, ...],
-        Meta(max_length=MAX_GATE_ENTRIES, description="Cells that hold so many robots together."),
+        Meta(
+            max_length=MAX_GATE_ENTRIES,
+            description="Cells that together hold at most a given number of robots.",
+        ),
     ] = ()
     lifts: Annotated[tuple[Lift, ...], Meta(max_length=MAX_GATE_ENTRIES, description="Lifts.")] = ()
     speed_limits: Annotated[
         tuple[SpeedLimit, ...],
-        Meta(description="Where robots drive slowly; of several limits the slowest counts."),
+        Meta(
+            description="Cells with a speed limit; where several limits apply, the slowest one "
+            "counts."
+        ),
     ] = ()
     levels: Annotated[
         dict[SingleLine, Rectangle],
-        Meta(description="Names of rectangles between which lifts go, for reports."),
+        Meta(description="Named rectangles that lifts connect, for reports."),
     ] = msgspec.field(default_factory=dict)
 
     @property

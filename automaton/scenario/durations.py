@@ -27,7 +27,7 @@ LONGEST = 65_535  # ticks
 Duration = Annotated[
     float, quantity(TIME, ge=0, le=LONGEST, description="A duration in ticks, not rounded.")
 ]
-Mean = Annotated[float, quantity(TIME, gt=0, le=LONGEST, description="Mean ticks.")]
+Mean = Annotated[float, quantity(TIME, gt=0, le=LONGEST, description="Mean, in ticks.")]
 
 MAX_DURATION: Final = 10_000  # ticks of an operation
 MoveTicks = Annotated[int, quantity(STEP, ge=1, le=MAX_DURATION)]
@@ -35,7 +35,7 @@ TurnTicks = Annotated[int, quantity(TURN, ge=1, le=MAX_DURATION)]
 
 
 class Uniform(ConfigSection, frozen=True, kw_only=True):
-    """Any duration between two, all alike probable."""
+    """A uniformly distributed duration."""
 
     least: Annotated[Duration, Meta(description="The shortest.")] = field(name="from")
     most: Annotated[Duration, Meta(description="The longest.")] = field(name="to")
@@ -55,7 +55,7 @@ class Lognormal(ConfigSection, frozen=True, kw_only=True):
 
 
 class Distribution(ConfigSection, frozen=True, kw_only=True):
-    """A duration that is drawn for each line: of one distribution."""
+    """A random duration; exactly one distribution is given."""
 
     uniform: Uniform | None = None
     lognormal: Lognormal | None = None
@@ -64,11 +64,13 @@ class Distribution(ConfigSection, frozen=True, kw_only=True):
         | NonEmptyText
         | None,
         Meta(
-            description="One of these durations, all alike probable; or of a CSV file, relative to "
-            "the scenario."
+            description="One of these durations, each equally likely; or a CSV file of durations, "
+            "relative to the scenario."
         ),
     ] = None
-    column: Annotated[NonEmptyText | None, Meta(description="The column of that file.")] = None
+    column: Annotated[
+        NonEmptyText | None, Meta(description="The column of the file in `empirical`.")
+    ] = None
     exponential: Annotated[
         Mean | None,
         Meta(
@@ -90,25 +92,27 @@ class Distribution(ConfigSection, frozen=True, kw_only=True):
 
 
 class Handling(ConfigSection, frozen=True, kw_only=True):
-    """What a robot's visit at a station takes, while it holds its pod: the sum of three parts."""
+    """Handling time of a visit at a station, during which the robot holds its pod: the sum of
+    three parts.
+    """
 
-    visit: Annotated[Duration, Meta(description="What the visit takes once.")] = 0.0
-    line: Annotated[Duration | Distribution, Meta(description="What each line takes.")] = 0.0
-    unit: Annotated[Duration, Meta(description="What each unit of a line takes.")] = 0.0
+    visit: Annotated[Duration, Meta(description="Ticks per visit.")] = 0.0
+    line: Annotated[Duration | Distribution, Meta(description="Ticks per line.")] = 0.0
+    unit: Annotated[Duration, Meta(description="Ticks per unit of a line.")] = 0.0
 
 
 # Operations.
 
 
 class MoveByLoad(ConfigSection, frozen=True, kw_only=True):
-    """A move of robots that carry nothing, and of those with a load."""
+    """Durations of a move without and with a load."""
 
     empty: Annotated[MoveTicks, Meta(description="A move without a load.")]
     loaded: Annotated[MoveTicks, Meta(description="A move with any load.")]
 
 
 class TurnByLoad(ConfigSection, frozen=True, kw_only=True):
-    """A turn of robots that carry nothing, and of those with a load."""
+    """Durations of a turn without and with a load."""
 
     empty: Annotated[TurnTicks, Meta(description="A turn without a load.")]
     loaded: Annotated[TurnTicks, Meta(description="A turn with any load.")]
@@ -131,36 +135,40 @@ Turn = TurnTicks | TurnByLoad
 
 
 class Durations(ConfigSection, frozen=True, kw_only=True):
-    """How many ticks each operation takes."""
+    """The duration of each operation, in ticks."""
 
     move: Annotated[
         Move,
+        Meta(description="A move to the next cell; {empty, loaded}: without and with a load."),
+    ] = 1
+    turn: Annotated[
+        Turn, Meta(description="A turn by 90 degrees; {empty, loaded}: without and with a load.")
+    ] = 1
+    pick: Annotated[
+        TicksOrNone,
         Meta(
-            description="A move to the next cell; or {empty, loaded}: without a load, and with one."
+            description="Picking up a load; 0: the robot picks it up on arrival, within the move."
         ),
     ] = 1
-    turn: Annotated[Turn, Meta(description="A turn by 90 degrees; or {empty, loaded}.")] = 1
-    pick: Annotated[
-        TicksOrNone, Meta(description="Taking a load from a slot; 0: on arrival, within the move.")
-    ] = 1
     drop: Annotated[
-        TicksOrNone, Meta(description="Dropping a load; 0: on arrival, within the move.")
+        TicksOrNone,
+        Meta(description="Dropping a load; 0: the robot drops it on arrival, within the move."),
     ] = 1
-    try_drop: Annotated[Ticks, Meta(description="Looking whether a load can be dropped.")] = 1
+    try_drop: Annotated[Ticks, Meta(description="Checking whether a load can be dropped.")] = 1
     handling_jitter: Annotated[
         int,
         quantity(
             TIME,
             ge=0,
             le=MAX_DURATION,
-            description="Each pick and each drop takes up to this many ticks more, uniformly "
-            "random.",
+            description="Greatest random extra duration of a pick or a drop, in ticks, uniformly "
+            "distributed.",
         ),
     ] = 0
 
-    handling: Annotated[
-        Handling, Meta(description="How long a visit at a station takes, for its lines.")
-    ] = Handling()
+    handling: Annotated[Handling, Meta(description="Handling time of a visit at a station.")] = (
+        Handling()
+    )
 
     def __post_init__(self) -> None:
         if self.handling_jitter and not (self.pick and self.drop):
@@ -180,7 +188,7 @@ class Durations(ConfigSection, frozen=True, kw_only=True):
 
 
 class TypeDurations(ConfigSection, frozen=True, kw_only=True):
-    """What the operations of one type of robots take; what it leaves out is as in `durations`."""
+    """Durations of one type of robots; keys that are left out are as in `durations`."""
 
     move: Annotated[Move | None, Meta(description="Ticks of a move: see durations.")] = None
     turn: Annotated[Turn | None, Meta(description="Ticks of a turn: see durations.")] = None

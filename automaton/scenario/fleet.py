@@ -48,21 +48,27 @@ GivingRate = Annotated[
 
 
 class Drain(ConfigSection, frozen=True, kw_only=True):
-    """What a tick of each operation takes from the battery, percent of a full one."""
+    """Energy use per tick of each operation, in percent of a full battery."""
 
     move: Rate
     turn: Rate = 0.0
     pick: Rate = 0.0
     drop: Rate = 0.0
     try_drop: Rate = 0.0
-    wait: Annotated[Rate, Meta(description="Standing on the floor, whatever the reason.")] = 0.0
+    wait: Annotated[
+        Rate,
+        Meta(
+            description="Percent of a full battery in a tick of standing on the floor, whatever the "
+            "reason."
+        ),
+    ] = 0.0
     loaded_factor: Annotated[
-        float, Meta(ge=0, le=10, description="How many times as much it takes with a load.")
+        float, Meta(ge=0, le=10, description="Factor on the energy use of robots with a load.")
     ] = 1.0
 
 
 class ChargeRange(ConfigSection, frozen=True, kw_only=True):
-    """Charges drawn for each robot."""
+    """A charge drawn for each robot, uniformly distributed."""
 
     least: Annotated[Percent, Meta(description="The least charge, percent.")] = msgspec.field(
         name="from"
@@ -83,16 +89,19 @@ class Battery(ConfigSection, frozen=True, kw_only=True):
     charge_rate: Annotated[
         GivingRate | tuple[tuple[Percent, GivingRate], ...],
         Meta(
-            description="What a tick at a charger gives, in percent; or a curve: [from, rate] "
+            description="Charge gained per tick at a charger, in percent; or a curve of [from, rate] "
             "pairs, the first from 0."
         ),
     ]
     initial_charge: Annotated[
         Percent | tuple[Percent, ...] | ChargeRange,
-        Meta(description="Percent at the start: for all, one by one, or drawn {from, to}."),
+        Meta(
+            description="Charge at the start, percent: one value for all, one for each robot, or "
+            "drawn {from, to}."
+        ),
     ] = 100.0
     reserve: Annotated[
-        Percent, Meta(description="Percent that plans of charging strategies never go below.")
+        Percent, Meta(description="Charge below which charging strategies never plan, percent.")
     ] = 0.0
 
     def __post_init__(self) -> None:
@@ -103,38 +112,51 @@ class Battery(ConfigSection, frozen=True, kw_only=True):
 
 
 class TypeDrain(ConfigSection, frozen=True, kw_only=True):
-    """What a tick of each operation takes from batteries of one type of robots."""
+    """Energy use of one type of robots per tick of each operation."""
 
-    move: Annotated[Rate | None, Meta(description="What moving takes: see battery.drain.")] = None
-    turn: Annotated[Rate | None, Meta(description="What turning takes: see battery.drain.")] = None
-    pick: Annotated[Rate | None, Meta(description="What picking takes: see battery.drain.")] = None
-    drop: Annotated[Rate | None, Meta(description="What dropping takes: see battery.drain.")] = None
-    try_drop: Annotated[
-        Rate | None, Meta(description="What try_drop takes: see battery.drain.")
+    move: Annotated[
+        Rate | None, Meta(description="Energy of a tick of moving: see battery.drain.")
     ] = None
-    wait: Annotated[Rate | None, Meta(description="What standing takes: see battery.drain.")] = None
+    turn: Annotated[
+        Rate | None, Meta(description="Energy of a tick of turning: see battery.drain.")
+    ] = None
+    pick: Annotated[
+        Rate | None, Meta(description="Energy of a tick of picking: see battery.drain.")
+    ] = None
+    drop: Annotated[
+        Rate | None, Meta(description="Energy of a tick of dropping: see battery.drain.")
+    ] = None
+    try_drop: Annotated[
+        Rate | None, Meta(description="Energy of a tick of try_drop: see battery.drain.")
+    ] = None
+    wait: Annotated[
+        Rate | None, Meta(description="Energy of a tick of standing: see battery.drain.")
+    ] = None
     loaded_factor: Annotated[
         Annotated[float, Meta(ge=0, le=10)] | None,
-        Meta(description="How many times as much it takes with a load: see battery.drain."),
+        Meta(description="Factor on the energy use with a load: see battery.drain."),
     ] = None
 
 
 class TypeBattery(ConfigSection, frozen=True, kw_only=True):
-    """The batteries of one type of robots; what it leaves out is as in `battery`."""
+    """Batteries of one type of robots; keys that are left out are as in `battery`."""
 
-    drain: Annotated[TypeDrain, Meta(description="What operations take: see battery.drain.")] = (
+    drain: Annotated[TypeDrain, Meta(description="Energy use of this type: see battery.drain.")] = (
         TypeDrain()
     )
     charge_rate: Annotated[
         GivingRate | tuple[tuple[Percent, GivingRate], ...] | None,
-        Meta(description="What a charger gives: see battery.charge_rate."),
+        Meta(description="Charging rate of this type: see battery.charge_rate."),
     ] = None
     initial_charge: Annotated[
         Percent | ChargeRange | None,
-        Meta(description="Percent at the start: of all robots of the type, or drawn {from, to}."),
+        Meta(
+            description="Charge at the start, percent: one for all robots of the type, or drawn "
+            "{from, to}."
+        ),
     ] = None
     reserve: Annotated[
-        Percent | None, Meta(description="What plans never go below: see battery.reserve.")
+        Percent | None, Meta(description="Reserve of this type, percent: see battery.reserve.")
     ] = None
 
     def within(self, usual: Battery) -> Battery:
@@ -151,7 +173,7 @@ def _stated(section: msgspec.Struct) -> dict[str, Any]:
 
 
 class TypeStrategy(ConfigSection, frozen=True, kw_only=True):
-    """The strategies that robots of a type have to themselves."""
+    """The strategies of one type of robots."""
 
     refused: ClassVar[dict[str, str]] = dict.fromkeys(
         ("zoning", "charging", "routing", "right_of_way"),
@@ -161,41 +183,45 @@ class TypeStrategy(ConfigSection, frozen=True, kw_only=True):
     allocation: Annotated[
         StrategySpec | None,
         Meta(
-            description="Which order such a robot does next: a name, or {name: NAME, "
-            "...parameters}; left out: as in strategy.allocation."
+            description="Strategy that chooses the next order of these robots: a name, or {name: "
+            "NAME, ...parameters}; left out: as in strategy.allocation."
         ),
     ] = None
 
 
 class FleetType(ConfigSection, frozen=True, kw_only=True):
-    """Robots that are alike; where the fleet has several types, robots have them by identity."""
+    """One type of robots; types are given to robots in the sequence of their numbers."""
 
     refused: ClassVar[dict[str, str]] = ONE_CELL
 
-    name: Annotated[SingleLine, Meta(description="What areas, priorities and reports call them.")]
+    name: Annotated[
+        SingleLine, Meta(description="Name of the type in areas, priorities and reports.")
+    ]
     robots: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
-        Meta(description="How many there are; one type may leave it out: the rest."),
+        Meta(description="Number of robots; one type may leave it out and gets the rest."),
     ] = None
     move_time_factor: Annotated[
-        int, Meta(ge=1, le=1000, description="A move takes so many times durations.move.")
+        int, Meta(ge=1, le=1000, description="Factor on durations.move for this type.")
     ] = 1
     durations: Annotated[
         TypeDurations,
-        Meta(description="How long their operations take; left out: as in durations."),
+        Meta(description="Durations of this type; left out: as in durations."),
     ] = TypeDurations()
     battery: Annotated[
-        TypeBattery, Meta(description="The batteries of these robots; left out: as in battery.")
+        TypeBattery, Meta(description="Batteries of this type; left out: as in battery.")
     ] = TypeBattery()
     payload: Annotated[
-        Weight | None, Meta(description="The heaviest order that it carries; left out: any.")
+        Weight | None,
+        Meta(description="The heaviest order that a robot of this type can carry; left out: any."),
     ] = None
     kinematics: Annotated[
-        Kinematics | None, Meta(description="How it drives; left out: as in fleet.kinematics.")
+        Kinematics | None,
+        Meta(description="Kinematics of this type; left out: as in fleet.kinematics."),
     ] = None
     strategy: Annotated[
         TypeStrategy,
-        Meta(description="Strategies of these robots alone; left out: as in strategy."),
+        Meta(description="Strategies of this type; left out: as in strategy."),
     ] = TypeStrategy()
 
     @property
@@ -226,35 +252,36 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
     kinematics: Annotated[
         Kinematics,
         Meta(
-            description="rail: reverses freely, turns only on turntables; differential: every turn "
-            "by 90 degrees takes time; omni: drives in any direction without turning."
+            description="How robots drive. rail: they reverse freely and turn only on turntables; "
+            "differential: each turn by 90 degrees takes time; omni: they drive in any direction "
+            "without turning."
         ),
     ] = "differential"
     start: Annotated[
         Literal["parking-bays", "random", "racks"] | tuple[Pair, ...] | StartFile | None,
         Meta(
-            description="Where robots begin: parking-bays, random, racks (in front of random "
-            "racks), a list of cells, or a file of them. Left out: where the picture draws "
-            "robots, else in parking bays if the floor has any, else random."
+            description="Start cells of the robots: parking-bays, random, racks (in front of random "
+            "racks), a list of cells, or a file. Left out: the robots drawn in the picture, else the "
+            "parking bays, else random."
         ),
     ] = None
     heading: Annotated[
         Direction | tuple[Direction, ...] | None,
         Meta(
-            description="Which way differential robots face at the start: all the same way, or one "
-            "by one. Left out: along a way out of their cell, south before north, east and west."
+            description="Initial heading of differential robots: one for all, or one for each. Left "
+            "out: towards an exit of their cell, south before north, east and west."
         ),
     ] = None
     when_idle: Annotated[
         Literal["park", "leave"],
         Meta(
-            description="What robots without work do. park: drive to where they began; leave: "
-            "leave the floor where they stand, and come back there for an order."
+            description="What robots without work do. park: drive to their start cell; leave: "
+            "disappear from the floor where they stand, and return there for an order."
         ),
     ] = "park"
     types: Annotated[
         tuple[FleetType, ...],
-        Meta(max_length=100, description="Types of robots; left out: all are alike."),
+        Meta(max_length=100, description="Types of robots; left out: all robots are alike."),
     ] = ()
 
     def __post_init__(self) -> None:
@@ -310,15 +337,17 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
 class Area(ConfigSection, frozen=True, kw_only=True):
     """A rectangle of the floor that is closed to some robots."""
 
-    first: Annotated[Pair, Meta(description="A corner of it.")] = msgspec.field(name="from")
-    last: Annotated[Pair, Meta(description="The opposite corner; both belong to it.")] = (
-        msgspec.field(name="to")
+    first: Annotated[Pair, Meta(description="One corner of the rectangle.")] = msgspec.field(
+        name="from"
     )
+    last: Annotated[
+        Pair, Meta(description="The opposite corner; both corners belong to the area.")
+    ] = msgspec.field(name="to")
     closed_to: Annotated[
         tuple[SingleLine, ...],
         Meta(
-            description="Who must not enter it: types by name, all, empty (robots without a load) or "
-            "loaded (those with one)."
+            description="Robots that must not enter: names of types, all, empty (robots without a "
+            "load) or loaded (robots with a load)."
         ),
     ]
 
@@ -343,7 +372,7 @@ class Fault(ConfigSection, frozen=True, kw_only=True):
 
 
 class DelayTicks(ConfigSection, frozen=True, kw_only=True):
-    """Durations from one to another."""
+    """A range of durations, in ticks."""
 
     least: Annotated[Ticks, Meta(description="The shortest.")] = msgspec.field(name="from")
     most: Annotated[Ticks, Meta(description="The longest.")] = msgspec.field(name="to")
@@ -354,20 +383,26 @@ class DelayTicks(ConfigSection, frozen=True, kw_only=True):
 
 
 class Bell(ConfigSection, frozen=True, kw_only=True):
-    """A normal distribution within a range, in shares of its width from its least value on."""
+    """A normal distribution limited to a range; mean and standard deviation are shares of the
+    width of the range, from its least value.
+    """
 
-    mean_ratio: Annotated[float, Meta(ge=0, le=1, description="The place of the mean.")] = 0.5
-    sd_ratio: Annotated[float, Meta(ge=0, le=10, description="The standard deviation.")] = 0.22
+    mean_ratio: Annotated[float, Meta(ge=0, le=1, description="Mean, as a share of the range.")] = (
+        0.5
+    )
+    sd_ratio: Annotated[
+        float, Meta(ge=0, le=10, description="Standard deviation, as a share of the range.")
+    ] = 0.22
 
 
 class BellDelays(ConfigSection, frozen=True, kw_only=True):
-    """Delays that last about as long as each other."""
+    """Normally distributed delays."""
 
     gaussian: Bell
 
 
 class Delays(ConfigSection, frozen=True, kw_only=True):
-    """Robots that stand for a while now and then, as in the League of Robot Runners 2026."""
+    """Random delays of robots, as in the League of Robot Runners 2026."""
 
     probability: Annotated[
         float,
@@ -375,29 +410,30 @@ class Delays(ConfigSection, frozen=True, kw_only=True):
             PROBABILITY,
             gt=0,
             le=1,
-            description="Probability that a robot on the floor that is not delayed is so from a tick on.",
+            description="Probability per tick that a delay of a robot on the floor begins.",
         ),
     ]
-    ticks: Annotated[DelayTicks, Meta(description="How long a delay lasts.")]
+    ticks: Annotated[DelayTicks, Meta(description="Duration of a delay.")]
     events: Annotated[
         Literal["bernoulli", "poisson"],
         Meta(
-            description="bernoulli: each robot by itself; poisson: as many robots as a Poisson number "
-            "says whose mean is probability times the robots that may be delayed."
+            description="bernoulli: each robot is drawn by itself; poisson: the number of newly "
+            "delayed robots is Poisson distributed, with mean probability times the number of robots "
+            "that may be delayed."
         ),
     ] = "bernoulli"
     distribution: Annotated[
         Literal["uniform"] | BellDelays,
         Meta(
-            description="uniform: all durations alike; {gaussian: {mean_ratio, sd_ratio}}: normal, "
-            "rounded, and what is beyond ticks at its ends."
+            description="Distribution of the duration. uniform: all values equally likely; {gaussian: "
+            "{mean_ratio, sd_ratio}}: normal, rounded, and limited to the range of ticks."
         ),
     ] = "uniform"
     of: Annotated[
         tuple[Literal["move", "turn"], ...],
         Meta(
-            description="Which operations under way take longer by the delay; others go on, and the "
-            "robot stands for the rest of the delay after them."
+            description="Operations that a delay lengthens; other operations continue, and the robot "
+            "stands for the rest of the delay after them."
         ),
     ] = ("move", "turn")
 
@@ -410,10 +446,10 @@ class Delays(ConfigSection, frozen=True, kw_only=True):
 
 
 class Faults(ConfigSection, frozen=True, kw_only=True):
-    """Robots that go down, and what becomes of them."""
+    """Breakdowns, delays and repairs of robots."""
 
-    listed: Annotated[tuple[Fault, ...], Meta(description="Breakdowns, one by one.")] = (
-        msgspec.field(name="list", default=())
+    listed: Annotated[tuple[Fault, ...], Meta(description="A list of breakdowns.")] = msgspec.field(
+        name="list", default=()
     )
     failure_probability: Annotated[
         float,
@@ -421,7 +457,7 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
             PROBABILITY,
             ge=0,
             le=1,
-            description="Probability that a robot on the floor fails in a tick.",
+            description="Probability per tick that a robot on the floor breaks down.",
         ),
     ] = 0.0
     mtbf: Annotated[
@@ -433,27 +469,30 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     ] = None
     tow_after: Annotated[
         LongTicks | None,
-        Meta(description="A robot that is down is towed after so many ticks; null: it stays."),
+        Meta(
+            description="Ticks after which a robot that is down is towed; null: it is never towed."
+        ),
     ] = 300
     repair_time: Annotated[
         LongTicks | None,
-        Meta(description="Ticks from then on after which the robot is back; null: never."),
+        Meta(description="Ticks from towing until the robot is back; null: it never comes back."),
     ] = 600
     repair_in_place: Annotated[
         LongTicks | Distribution | None,
         Meta(
-            description="A robot that breaks down is not towed: it stands for so long, with its load "
-            "and its order, and goes on; null: it is towed. Robots without charge are towed anyway."
+            description="Duration of a repair on the spot, after which the robot continues with its "
+            "load and order; null: robots that break down are towed. Robots without charge are always "
+            "towed."
         ),
     ] = None
     delays: Annotated[
-        Delays | None, Meta(description="Robots that stand for a while; null: none does.")
+        Delays | None, Meta(description="Random delays of robots; null: no delays.")
     ] = None
     charge: Annotated[
         Percent | Literal["kept"],
         Meta(
-            description="Percent with which it comes back. kept: what its battery held when it was "
-            "towed, but battery.reserve at least if it ran empty."
+            description="Charge with which a repaired robot comes back, percent. kept: the charge at "
+            "which it was towed, but at least battery.reserve if the battery was empty."
         ),
     ] = "kept"
 

@@ -65,7 +65,7 @@ DRAWN_ALONE: Final[dict[str, Any]] = {  # keys of lines that are drawn, as they 
 
 
 class TransportColumns(ColumnNames, frozen=True, kw_only=True):
-    """What the columns of a file of transports are called; others are not read."""
+    """Names of the columns of a file of transports; other columns are ignored."""
 
     rows = "orders"
     needed = ((("from",), ("from_x", "from_y")), (("to",), ("to_x", "to_y")))
@@ -117,17 +117,17 @@ class TransportColumns(ColumnNames, frozen=True, kw_only=True):
 
 
 class Transports(TableOptions, frozen=True, kw_only=True):
-    """A file of orders, each of which brings a load from one place to another."""
+    """A file of transport orders, each from one place to another."""
 
     columns: Annotated[
         TransportColumns | None,
-        Meta(description="What its columns are called; null: as the keys of this are."),
+        Meta(description="Names of the columns; null: the columns have the names of the keys."),
     ] = None
 
 
 # gc=False: 16 bytes less for each of a million, and no cycle of references leads through them.
 class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
-    """What an order wants of one pod, or of any pod with some SKU, at a station."""
+    """An order line: units from one pod, or from any pod with a SKU, at a station."""
 
     pod: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | SingleLine | None,
@@ -135,26 +135,31 @@ class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
     ] = None
     sku: Annotated[
         int | SingleLine | None,
-        Meta(description="What is wanted, of any pod that holds it; read where no pod is named."),
+        Meta(description="The SKU, from any pod that holds it; ignored where a pod is named."),
     ] = None
     station: Annotated[
         int | SingleLine | None,
         Meta(
-            description="The station, by name or number from 1; left out: that of the earlier lines "
-            "of its order, or the one with the fewest open lines."
+            description="The station, by name or number from 1; left out: the station of earlier "
+            "lines of the order, else the one with the fewest open lines."
         ),
     ] = None
     order: Annotated[
         int | SingleLine | None,
-        Meta(description="Lines of one order have the same; left out: an order of its own."),
+        Meta(
+            description="The order to which the line belongs; left out: the line is an order of its "
+            "own."
+        ),
     ] = None
-    release: Annotated[Tick, Meta(description="The tick from which it is known.")] = 0
+    release: Annotated[Tick, Meta(description="The tick in which the line is released.")] = 0
     due: Annotated[
         Due | None,
-        Meta(description="Ticks after release until which it is to be done, or {at: ...}: a tick."),
+        Meta(description="Due time: ticks after the release, or {at: tick}."),
     ] = None
-    priority: Annotated[int, Meta(ge=-100, le=100, description="Larger ones come first.")] = 0
-    units: Annotated[int, Meta(ge=0, le=1_000_000, description="Units that are picked.")] = 1
+    priority: Annotated[
+        int, Meta(ge=-100, le=100, description="Priority: lines with larger numbers come first.")
+    ] = 0
+    units: Annotated[int, Meta(ge=0, le=1_000_000, description="Number of units to pick.")] = 1
 
     def __post_init__(self) -> None:
         if self.pod is None and self.sku is None:
@@ -167,25 +172,25 @@ class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
 
 
 class PerOrder(ConfigSection, frozen=True, kw_only=True):
-    """A number of lines from 1 on, drawn geometrically for each order."""
+    """A random number of lines from 1 on, geometrically distributed."""
 
     mean: Annotated[float, Meta(ge=1, le=1000, description="The mean number of lines.")]
 
 
 class LineColumns(ColumnNames, frozen=True, kw_only=True):
-    """What the columns of a file of lines are called; others are not read."""
+    """Names of the columns of a file of lines; other columns are ignored."""
 
     rows = "lines"
     needed = ((("pod",), ("sku",)),)
 
     released: Annotated[Column, column("When the line is released.", ReleaseField)] = None
     pod: Annotated[Column, column("The pod, by name or number from 1.")] = None
-    sku: Annotated[Column, column("What is wanted, where no pod is named.")] = None
+    sku: Annotated[Column, column("The SKU, where no pod is named.")] = None
     station: Annotated[
         Column,
         column("The station, by name or number; empty: any.", NameField, what="station"),
     ] = None
-    order: Annotated[Column, column("What lines of one order have in common.")] = None
+    order: Annotated[Column, column("The order to which the line belongs.")] = None
     due: Annotated[
         Column,
         column(
@@ -202,23 +207,23 @@ class LineColumns(ColumnNames, frozen=True, kw_only=True):
 
 
 class LineDemand(TableOptions, frozen=True, kw_only=True):
-    """Lines that are drawn, so many of them, or those of a file."""
+    """Lines from a file, or random lines."""
 
     file: Annotated[
         NonEmptyText | None,
         Meta(
-            description="A CSV file with a line in each row, whose first row names its columns, between "
+            description="A CSV file with a header line and an order line in each row, separated by "
             "semicolons, tabs or commas, or a workbook (.xlsx, extra excel); path relative to the "
             "scenario."
         ),
     ] = None  # type: ignore[assignment]
     columns: Annotated[
         LineColumns | None,
-        Meta(description="What its columns are called; null: as the keys of this are."),
+        Meta(description="Names of the columns; null: the columns have the names of the keys."),
     ] = None
     count: Annotated[
         Annotated[int, Meta(ge=1, le=MAX_DRAWN_LINES)] | None,
-        Meta(description="How many lines are drawn."),
+        Meta(description="Number of random lines."),
     ] = None
     mean_interarrival_time: Annotated[
         float,
@@ -226,32 +231,36 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
             GAP,
             ge=0,
             le=1_000_000,
-            description="Mean ticks between two orders, whose lines come together: one arrives in a "
-            "tick with probability 1 / this. 0: all are known from the start.",
+            description="Mean ticks between two orders: an order, with all of its lines, arrives in "
+            "each tick with probability 1 / this value. 0: all are known from the start.",
         ),
     ] = 0.0
     per_order: Annotated[
         Annotated[int, Meta(ge=1, le=1000)] | PerOrder,
-        Meta(description="Lines of an order: so many, or drawn with this mean."),
+        Meta(description="Lines per order: a fixed number, or random with this mean."),
     ] = 1
     classes: Annotated[
         Shares | None,
         Meta(
-            description="Which share of lines wants pods of each class; left out: all pods alike."
+            description="Share of lines for the pods of each class; left out: demand is uniform over "
+            "all pods."
         ),
     ] = None
     stations: Annotated[
         Literal["fewest-lines", "random"],
-        Meta(description="The station of an order: the one with the fewest open lines, or any."),
+        Meta(
+            description="The station of an order. fewest-lines: the one with the fewest open lines; "
+            "random: any."
+        ),
     ] = "fewest-lines"
     due: Annotated[
         Annotated[int, quantity(TIME, ge=0, le=2_000_000_000)] | None,
-        Meta(description="Ticks after release in which they are due; null: never."),
+        Meta(description="Due time in ticks after the release; null: lines have no due time."),
     ] = None
 
     @property
     def drawn(self) -> int:
-        """How many lines are drawn."""
+        """Number of random lines."""
         return self.count or 0
 
     def __post_init__(self) -> None:
@@ -271,40 +280,42 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
 
 
 class Mean(ConfigSection, frozen=True, kw_only=True):
-    """A whole number from 1 on, drawn geometrically: what is memoryless in ticks."""
+    """A random whole number from 1 on, geometrically distributed."""
 
     mean: Annotated[float, Meta(ge=1, le=1_000_000, description="The mean of the number.")]
 
 
 class MeanTime(ConfigSection, frozen=True, kw_only=True):
-    """A number of ticks from 1 on, drawn geometrically: what is memoryless in ticks."""
+    """A random number of ticks from 1 on, geometrically distributed (memoryless)."""
 
     mean: Annotated[float, quantity(GAP, ge=1, le=1_000_000, description="The mean of the number.")]
 
 
 class Bursts(ConfigSection, frozen=True, kw_only=True):
-    """Orders are released several at a time, the first of them at once."""
+    """Orders are released in bursts, the first one at the start."""
 
     size: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | Mean,
-        Meta(description="Orders of a burst: so many, or drawn with this mean."),
+        Meta(description="Orders of a burst: a fixed number, or random with this mean."),
     ]
     every: Annotated[
         Annotated[int, quantity(GAP, ge=1, le=1_000_000)] | MeanTime,
-        Meta(description="Ticks from a burst to the next: so many, or drawn with this mean."),
+        Meta(
+            description="Ticks from one burst to the next: a fixed number, or random with this mean."
+        ),
     ]
 
 
 class ClosedLoop(ConfigSection, frozen=True, kw_only=True):
-    """A closed loop: in the tick after a delivery the next order is released."""
+    """A closed loop: each delivery releases the next order, one tick later."""
 
     in_system: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="Orders that are open, until they are used up.")
+        int, Meta(ge=1, le=1_000_000, description="Number of open orders, until no order is left.")
     ]
 
 
 class Arrivals(ConfigSection, frozen=True, kw_only=True):
-    """When orders are released, if neither all at once nor with an interval."""
+    """How orders are released, if neither all at once nor at random intervals."""
 
     bursts: Bursts | None = None
     closed_loop: ClosedLoop | None = None
@@ -315,7 +326,7 @@ class Arrivals(ConfigSection, frozen=True, kw_only=True):
 
 
 class WeightRange(ConfigSection, frozen=True, kw_only=True):
-    """Weights drawn evenly for each order."""
+    """A range of weights; each order draws one, uniformly distributed."""
 
     least: Annotated[Weight, Meta(description="The lightest.")] = field(name="from")
     most: Annotated[Weight, Meta(description="The heaviest.")] = field(name="to")
@@ -330,7 +341,7 @@ StopCount = Annotated[int, Meta(ge=1, le=MAX_STOPS)]
 
 
 class StopRange(ConfigSection, frozen=True, kw_only=True):
-    """Numbers of stops drawn evenly for each order."""
+    """A range of the number of stops; each order draws one, uniformly distributed."""
 
     least: Annotated[StopCount, Meta(description="The fewest.")] = field(name="from")
     most: Annotated[StopCount, Meta(description="The most.")] = field(name="to")
@@ -340,19 +351,19 @@ class StopRange(ConfigSection, frozen=True, kw_only=True):
             raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
 
 
-class Stop(ConfigSection, frozen=True, kw_only=True):
-    """A stop at which a robot stands for some time."""
+class OrderStop(ConfigSection, frozen=True, kw_only=True):
+    """A stop of an order, with the time that the robot stands there."""
 
     at: Annotated[NamedCell, Meta(description="The cell in which the robot stands.")]
     ticks: Annotated[
         Annotated[int, quantity(TIME, ge=0, le=MAX_STOP_TICKS)],
-        Meta(description="Ticks that it stands there; 0: it is enough that it comes."),
+        Meta(description="Ticks that the robot stands there; 0: arriving is enough."),
     ] = field(name="for", default=0)
 
 
 # gc=False: 16 bytes less for each of a million, and no cycle of references leads through them.
 class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
-    """One order: bring a load from one slot to another, come to cells in turn, or both."""
+    """One order: carry a load from one slot to another, visit cells in turn, or both."""
 
     source: Annotated[NamedCell | None, Meta(description="The slot with the load.")] = field(
         name="from", default=None
@@ -360,28 +371,30 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
     target: Annotated[
         NamedCell | None,
         Meta(
-            description="Where to bring it; a station itself: a visit. Left out for a pod: allocation "
-            "chooses a storage cell."
+            description="The slot to which the load is carried; a station: a visit. Left out for a "
+            "pod: the allocation chooses a storage cell."
         ),
     ] = field(name="to", default=None)
     stops: Annotated[
-        Annotated[tuple[NamedCell | Stop, ...], Meta(min_length=1, max_length=MAX_STOPS)] | None,
+        Annotated[tuple[NamedCell | OrderStop, ...], Meta(min_length=1, max_length=MAX_STOPS)]
+        | None,
         Meta(
-            description="Cells in which a robot has to stand, in this order: with from and to, the "
-            "robot that carries the load comes there on its way."
+            description="Cells that a robot must visit in this sequence; with from and to, it visits "
+            "them while it carries the load."
         ),
     ] = None
-    release: Annotated[Tick, Meta(description="The tick in which it is released.")] = 0
+    release: Annotated[Tick, Meta(description="The tick in which the order is released.")] = 0
     weight: Weight = 1
     priority: Annotated[
         Annotated[int, Meta(ge=-100, le=100)],
         Meta(
-            description="How urgent it is: a robot gets one of the highest priority that it could do."
+            description="Priority: a robot gets an order of the highest priority among those that it "
+            "can do."
         ),
     ] = 0
     due: Annotated[
         Due | None,
-        Meta(description="Ticks after its release until which it is to be done, or {at: tick}."),
+        Meta(description="Due time: ticks after the release, or {at: tick}."),
     ] = None
 
     def __post_init__(self) -> None:
@@ -405,12 +418,12 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
     @property
     def stop_cells(self) -> tuple[tuple[int, int], ...]:
         """The cells of the stops."""
-        return tuple(stop.at if isinstance(stop, Stop) else stop for stop in self.stops or ())
+        return tuple(stop.at if isinstance(stop, OrderStop) else stop for stop in self.stops or ())
 
     @property
     def stop_ticks(self) -> tuple[int, ...]:
         """For how long a robot stands at each stop."""
-        return tuple(stop.ticks if isinstance(stop, Stop) else 0 for stop in self.stops or ())
+        return tuple(stop.ticks if isinstance(stop, OrderStop) else 0 for stop in self.stops or ())
 
     @property
     def ends(self) -> tuple[tuple[int, int], tuple[int, int]]:
@@ -424,20 +437,22 @@ StationNumber = Annotated[int, Meta(ge=1, le=100_000, description="A station, fr
 
 
 class Parts(ConfigSection, frozen=True, kw_only=True):
-    """Parts of one type: they are worked on at one station after another."""
+    """Parts of one type, processed at one station after another."""
 
     route: Annotated[
         tuple[StationNumber, ...],
-        Meta(min_length=1, description="The stations that a part goes through, by number."),
+        Meta(min_length=1, description="The route of a part: numbers of stations."),
     ]
-    count: Annotated[int, Meta(ge=1, le=1_000_000, description="How many parts there are.")] = 1
-    name: Annotated[SingleLine | None, Meta(description="What reports call them.")] = None
+    count: Annotated[int, Meta(ge=1, le=1_000_000, description="Number of parts.")] = 1
+    name: Annotated[SingleLine | None, Meta(description="Name of the parts in reports.")] = None
     first_release: Annotated[
         Tick, Meta(description="The tick in which the first part arrives at its first station.")
     ] = 0
     interarrival_time: Annotated[
         Annotated[int, quantity(GAP, ge=0, le=1_000_000)] | MeanTime,
-        Meta(description="Ticks from a part to the next: so many, or drawn with this mean."),
+        Meta(
+            description="Ticks from one part to the next: a fixed number, or random with this mean."
+        ),
     ] = 0
     weight: Weight = 1
 
@@ -450,12 +465,15 @@ class Parts(ConfigSection, frozen=True, kw_only=True):
 
 
 class RandomProcessingTime(ConfigSection, frozen=True, kw_only=True):
-    """A processing time that is random for each part and each station of its route."""
+    """A random processing time, drawn for each part and station."""
 
-    mean: Annotated[float, quantity(TIME, ge=1, le=10_000, description="Mean ticks.")]
+    mean: Annotated[float, quantity(TIME, ge=1, le=10_000, description="Mean, in ticks.")]
     distribution: Annotated[
         Literal["exponential"],
-        Meta(description="Memoryless, in whole ticks from 1 on: the geometric distribution."),
+        Meta(
+            description="exponential: memoryless; in whole ticks from 1 on, which is the geometric "
+            "distribution."
+        ),
     ] = "exponential"
 
 
@@ -463,28 +481,29 @@ ProcessingTime = Ticks | RandomProcessingTime
 
 
 class Orders(ConfigSection, frozen=True, kw_only=True):
-    """What is to be carried: a generator of orders, a list or a file of them, or parts."""
+    """The demand: generated orders, a list or file of orders, parts, or lines for pods."""
 
     generator: Annotated[
         Literal["full-shelves", "picture-loads", "dock-to-rack", "stations", "visits", "tours"]
         | None,
         Meta(
-            description="full-shelves: every shelf holds a load at the start; picture-loads: the "
-            "shelves drawn as $ do. Each is brought to a destination drawn at random. "
-            "dock-to-rack: so many loads wait at docks drawn at random, each for a rack drawn at "
-            "random. stations: each load goes from a station to another one, both drawn at "
-            "random. visits: stations drawn at random, where a robot has to come. tours: robots "
-            "have to come to `stops` cells in turn, drawn from all that they reach; no cell twice "
-            "in succession."
+            description="The generator of orders. full-shelves: every shelf holds a load at the "
+            "start, for a random destination; picture-loads: only the shelves drawn as $ do. dock-to- "
+            "rack: `count` loads wait at random docks, each for a random rack. stations: each load "
+            "goes from one random station to another. visits: a robot must visit a random station. "
+            "tours: a robot must visit `stops` random cells in turn, out of all cells that it can "
+            "reach, never the same cell twice in succession."
         ),
     ] = None
     stops: Annotated[
         StopCount | StopRange,
-        Meta(description="Stops of each order of the generator tours: so many, or {from, to}."),
+        Meta(
+            description="Number of stops of each order of the generator tours, or a range {from, to}."
+        ),
     ] = 1
     count: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
-        Meta(description="How many orders there are, for generators that draw them."),
+        Meta(description="Number of orders of a generator."),
     ] = None
     mean_interarrival_time: Annotated[
         float,
@@ -492,77 +511,79 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             GAP,
             ge=0,
             le=1_000_000,
-            description="Mean ticks between two orders: from the second tick on, one arrives in a "
-            "tick with probability 1 / this, as Poisson arrivals in ticks. 0: all are known from "
-            "the start.",
+            description="Mean ticks between two orders: from the second tick on, an order arrives in "
+            "each tick with probability 1 / this value (Poisson arrivals in discrete time). 0: all "
+            "orders are known from the start.",
         ),
     ] = 0.0
     arrivals: Annotated[
-        Arrivals | None, Meta(description="How they are released, if not all at once.")
+        Arrivals | None,
+        Meta(
+            description="How orders are released, if neither all at once nor at random intervals."
+        ),
     ] = None
     weight: Annotated[
         Weight | WeightRange,
-        Meta(description="How heavy the orders of generators are: all alike, or drawn {from, to}."),
+        Meta(description="Weight of generated orders: one for all, or drawn {from, to}."),
     ] = 1
-    listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="The orders, one by one.")] = (
-        field(name="list", default=None)
+    listed: Annotated[tuple[OrderLine, ...] | None, Meta(description="A list of orders.")] = field(
+        name="list", default=None
     )
     transports: Annotated[
-        Transports | None, Meta(description="The orders, as a CSV file of another system.")
+        Transports | None, Meta(description="Orders from a CSV file or workbook of another system.")
     ] = None
     parts: Annotated[
         tuple[Parts, ...] | None,
         Meta(
-            description="Parts that stations work on, one at a time, in the sequence of their "
-            "coming. Each way from a station to the next one is an order; it is released when "
-            "the work at the first is done."
+            description="Parts that stations process one at a time, first come, first served. Each "
+            "transport from a station to the next one is an order, released when the first station is "
+            "done with the part."
         ),
     ] = None
     processing_time: Annotated[
         ProcessingTime | tuple[ProcessingTime, ...],
-        Meta(
-            description="Ticks of a job, one part at one station: at all stations, or one by one."
-        ),
+        Meta(description="Ticks to process a part: one value for all stations, or one for each."),
     ] = 1
 
     lines: Annotated[
         tuple[Line, ...] | LineDemand | None,
         Meta(
-            description="Lines that pods are carried to stations for, one by one or drawn; the trips "
-            "of the pods follow from them."
+            description="Order lines for pods: a list, a file, or drawn. The trips of pods follow "
+            "from the lines."
         ),
     ] = None
 
     tasks: Annotated[
         NonEmptyText | tuple[Cells, ...] | None,
         Meta(
-            description="Orders without a load, each a list of cells in which a robot has to stand in "
-            "turn: a file, relative to the scenario, or the lists themselves. In the file lines with # "
-            "are skipped, the first line is the number of tasks, and each further one has cells "
-            "row * width + column with commas between them."
+            description="Tasks without a load: each is a list of cells that a robot must visit in "
+            "turn. Either a file, relative to the scenario, or the lists themselves. In the file, "
+            "lines with # are skipped, the first line is the number of tasks, and each further line "
+            "has cells (row * width + column), separated by commas."
         ),
     ] = None
     repeat: Annotated[
-        bool, Meta(description="Whether the first of the tasks comes again after the last one.")
+        bool, Meta(description="Whether the list of tasks starts again after its last task.")
     ] = False
     revealed: Annotated[
         Annotated[float, Meta(gt=0, le=1000)] | None,
         Meta(
-            description="Tasks that are known and not done, as a multiple of the robots, in the order of "
-            "the list; null: all are known from the start."
+            description="Number of revealed, unfinished tasks per robot, in the sequence of the list; "
+            "null: all tasks are known from the start."
         ),
     ] = None
     assign: Annotated[
         Literal["pool", "round-robin"],
         Meta(
-            description="pool: any robot may do a task. round-robin: the j-th task of robot r of n is "
-            "j n + r, one after another, and no other robot ever does it."
+            description="Who may do a task. pool: any robot. round-robin: task j n + r is the j-th "
+            "task of robot r out of n, and no other robot may do it."
         ),
     ] = "pool"
     skip_reached: Annotated[
         bool,
         Meta(
-            description="round-robin, repeated: a robot passes over a task in whose first cell it stands."
+            description="Whether a robot skips a task in whose first cell it stands already; for "
+            "repeated round-robin tasks."
         ),
     ] = False
 

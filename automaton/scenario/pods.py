@@ -33,11 +33,12 @@ MAX_POD_STOPS: Final = 64
 
 
 class Pod(ConfigSection, frozen=True, kw_only=True):
-    """A pod: where it stands at the start, and what is known of it."""
+    """A pod: its start cell and its properties."""
 
     at: Annotated[NamedCell, Meta(description="The storage cell in which it stands.")]
     name: Annotated[
-        SingleLine | None, Meta(description="What lines and orders call it, beside its number.")
+        SingleLine | None,
+        Meta(description="Name of the pod in lines and orders, in addition to its number."),
     ] = None
     pod_class: Annotated[
         SingleLine | None,
@@ -45,12 +46,12 @@ class Pod(ConfigSection, frozen=True, kw_only=True):
     ] = field(name="class", default=None)
     weight: Weight = 1
     skus: Annotated[
-        tuple[SingleLine, ...], Meta(description="What it holds, for lines with a sku.")
+        tuple[SingleLine, ...], Meta(description="SKUs in the pod, for lines with a sku.")
     ] = ()
 
 
 class PodColumns(ColumnNames, frozen=True, kw_only=True):
-    """What the columns of a file of pods are called; others are not read."""
+    """Names of the columns of a file of pods; other columns are ignored."""
 
     rows = "pods"
     needed = ((("x",),), (("y",),))
@@ -63,13 +64,13 @@ class PodColumns(ColumnNames, frozen=True, kw_only=True):
     pod: Annotated[
         Column,
         column(
-            "The number of the pod, from 1; without a column: that of its row.",
+            "The number of the pod, from 1; without this column: the number of the row.",
             NumberField,
             least=1,
             most=1_000_000,
         ),
     ] = None
-    name: Annotated[Column, column("What lines and orders call the pod.")] = None
+    name: Annotated[Column, column("Name of the pod in lines and orders.")] = None
     pod_class: Annotated[Column, column("The class of the pod, one of pods.classes.")] = field(
         name="class", default=None
     )
@@ -79,52 +80,58 @@ class PodColumns(ColumnNames, frozen=True, kw_only=True):
             "How heavy the pod is; empty: 1.", NumberField, least=1, most=1_000_000_000, default=1
         ),
     ] = None
-    skus: Annotated[Column, column("What the pod holds, between blanks.")] = None
+    skus: Annotated[Column, column("SKUs in the pod, separated by blanks.")] = None
 
 
 class Pods(ConfigSection, frozen=True, kw_only=True):
-    """Pods: what stands in storage cells, and is carried to stations and back."""
+    """The pods: shelves in storage cells that robots carry to stations and back."""
 
     under: Annotated[
         Literal["empty", "none"],
         Meta(
-            description="Who drives under pods. empty: robots without a load; none: only the robot that "
-            "is to lift the pod."
+            description="Which robots may drive under stored pods. empty: robots without a load; "
+            "none: only the robot that lifts the pod."
         ),
     ] = "empty"
     file: Annotated[
         NonEmptyText | None,
         Meta(
-            description="A CSV file with a pod in each row, whose first row names its columns, or a "
-            "workbook (.xlsx, extra excel); path relative to the scenario."
+            description="A CSV file with a header line and a pod in each row, or a workbook (.xlsx, "
+            "extra excel); path relative to the scenario."
         ),
     ] = None
     columns: Annotated[
         PodColumns | None,
-        Meta(description="What its columns are called; null: as the keys of this are."),
+        Meta(description="Names of the columns; null: the columns have the names of the keys."),
     ] = None
     sheet: Annotated[
         SingleLine | None, Meta(description="The sheet of a workbook; null: its only one.")
     ] = None
-    encoding: Annotated[
-        Literal["utf-8", "cp1252"], Meta(description="How the text of the file is stored.")
-    ] = "utf-8"
+    encoding: Annotated[Literal["utf-8", "cp1252"], Meta(description="Encoding of the file.")] = (
+        "utf-8"
+    )
     listed: Annotated[
         tuple[Pod, ...] | None,
-        Meta(description="The pods, in the sequence of their numbers; left out: as drawn."),
+        Meta(
+            description="The pods, in the sequence of their numbers; left out: the pods drawn in the "
+            "picture."
+        ),
     ] = field(name="list", default=None)
     join: Annotated[
         bool,
-        Meta(description="Lines join a trip of their pod under way; false: each is a trip alone."),
+        Meta(
+            description="Whether a line joins a trip of its pod that is under way; false: each line "
+            "is a trip of its own."
+        ),
     ] = True
     max_stops: Annotated[
-        int, Meta(ge=1, le=MAX_POD_STOPS, description="Stations of one trip, at most.")
+        int, Meta(ge=1, le=MAX_POD_STOPS, description="Greatest number of stations of one trip.")
     ] = 4
     classes: Annotated[
         Shares | None,
         Meta(
-            description="Classes of pods and of storage cells, the first nearest to the stations, "
-            "and the share of both that each has."
+            description="Classes of pods and of storage cells with the share of each; cells of the "
+            "first class are nearest to the stations."
         ),
     ] = None
 
@@ -147,33 +154,36 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
 
 
 class Break(ConfigSection, frozen=True, kw_only=True):
-    """A time in which no visit begins at a station."""
+    """A break of a station, during which no visit begins."""
 
-    begin: Annotated[Tick, Meta(description="The tick in which it begins.")] = field(name="from")
+    begin: Annotated[Tick, Meta(description="The tick in which the break begins.")] = field(
+        name="from"
+    )
     ticks: Annotated[
-        int, quantity(TIME, ge=1, le=2_000_000_000, description="Ticks that it lasts.")
+        int, quantity(TIME, ge=1, le=2_000_000_000, description="Duration of the break, in ticks.")
     ] = field(name="for")
 
 
 class PodStation(ConfigSection, frozen=True, kw_only=True):
-    """A station with a name: its cell, the cells of its queue, how many it lets come."""
+    """A named station: its cell, its queue and its limit of trips."""
 
     at: Annotated[NamedCell, Meta(description="The cell of the station, one of kind station.")]
     queue: Annotated[
         tuple[NamedCell, ...],
         Meta(
             max_length=1000,
-            description="Corners of the path of its queue, from the cell next to it outwards.",
+            description="Corners of the path of the queue, from the cell next to the station "
+            "outwards.",
         ),
     ] = ()
     max_trips: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | Literal["queue"] | None,
         Meta(
-            description="Trips on their way to it or at it, at most. queue: as many as its queue has "
-            "cells, and one; null: any number."
+            description="Greatest number of trips at the station or on their way to it. queue: the "
+            "number of queue cells plus one; null: no limit."
         ),
     ] = "queue"
     handling: Annotated[
-        Handling | None, Meta(description="How long a visit takes; left out: durations.handling.")
+        Handling | None, Meta(description="Handling time of a visit; left out: durations.handling.")
     ] = None
-    breaks: Annotated[tuple[Break, ...], Meta(description="When no visit begins.")] = ()
+    breaks: Annotated[tuple[Break, ...], Meta(description="Breaks of the station.")] = ()

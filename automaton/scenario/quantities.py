@@ -510,7 +510,7 @@ def _text_schema(described: str) -> dict[str, Any]:
 
 Direction = Literal["east", "south", "west", "north"]
 Weight = Annotated[
-    int, Meta(ge=1, le=1_000_000_000, description="A weight, in whatever unit payloads are given.")
+    int, Meta(ge=1, le=1_000_000_000, description="Weight, in the unit of the payloads.")
 ]
 Pair = Annotated[tuple[int, int], Meta(description="A cell [x, y], from the upper left.")]
 NonEmptyText = Annotated[str, Meta(min_length=1)]
@@ -532,12 +532,15 @@ class ConfigSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
 
 
 class DueAt(ConfigSection, frozen=True, kw_only=True):
-    """When an order is due, whenever it is released."""
+    """A due time that does not depend on the release."""
 
     at: Annotated[
         int,
         quantity(
-            MOMENT, ge=-LAST_TICK, le=LAST_TICK, description="The tick; before 0: late at once."
+            MOMENT,
+            ge=-LAST_TICK,
+            le=LAST_TICK,
+            description="The tick; an order that is due before tick 0 is late at once.",
         ),
     ]
 

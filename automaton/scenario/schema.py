@@ -68,12 +68,15 @@ LAYER_NAMES = ("zoning", "charging", "allocation", "routing", "right_of_way")
 
 
 class Units(ConfigSection, frozen=True, kw_only=True):
-    """What a tick and a cell stand for: for reports, and strategies that think in minutes."""
+    """The duration of a tick and the side of a cell, for reports and for strategies that use
+    minutes.
+    """
 
     tick: Annotated[
         str,
         Meta(
-            description='A number above 0 and a name, such as "1 cycle" or "0.5 s".',
+            description='The duration of a tick: a number above 0 and a name, such as "1 cycle" or '
+            '"0.5 s".',
             pattern=TICK_PATTERN,
         ),
     ] = "1 tick"
@@ -85,9 +88,9 @@ class Units(ConfigSection, frozen=True, kw_only=True):
     clock: Annotated[
         SingleLine | None,
         Meta(
-            description='The time of tick 0, such as "2026-03-02 06:00" or "06:00": clock times that '
-            "the scenario names are counted from it. With an offset, "
-            '"2026-03-02 06:00+01:00", it goes with files whose times have one.'
+            description='Clock time of tick 0, such as "2026-03-02 06:00" or "06:00"; clock times in '
+            "the scenario refer to it. Files whose times have an offset from UTC need one here, too: "
+            '"2026-03-02 06:00+01:00".'
         ),
     ] = None
 
@@ -107,23 +110,23 @@ class Units(ConfigSection, frozen=True, kw_only=True):
 class Strategies(ConfigSection, frozen=True, kw_only=True):
     """The strategy of each layer: a name, or {name: NAME, ...parameters}."""
 
-    zoning: Annotated[StrategySpec, Meta(description="Which robot serves which part.")] = "none"
+    zoning: Annotated[
+        StrategySpec, Meta(description="Which robot serves which part of the floor.")
+    ] = "none"
     charging: Annotated[StrategySpec, Meta(description="When and where a robot charges.")] = "none"
     allocation: Annotated[StrategySpec, Meta(description="Which order a robot does next.")] = (
         "independent"
     )
-    routing: Annotated[StrategySpec, Meta(description="Which cells it drives through.")] = (
-        "shortest"
-    )
+    routing: Annotated[StrategySpec, Meta(description="Which route a robot takes.")] = "shortest"
     right_of_way: Annotated[
         StrategySpec | None,
         Meta(
-            description="Who goes first where robots meet. null: pibt; but epibt where a turn or a "
-            "move takes 2 ticks or more, at least half of all ways between neighbouring cells are "
-            "open in both directions, nothing closes, opens or lifts on the floor, and epibt serves "
-            "the scenario; and retreat where robots follow the routes of a routing other than "
-            "shortest, where information is not everything, and on a floor without a ring, where "
-            "robots cannot make way."
+            description="Traffic control: who goes first where robots meet. null: pibt, with two "
+            "exceptions. epibt, where it supports the scenario, a turn or a move takes 2 ticks or "
+            "more, at least half of all connections between neighbouring cells are open in both "
+            "directions, and the floor has no closings, doors or lifts. retreat, where the routing is "
+            "not shortest and robots follow its routes, where information is limited, and on a floor "
+            "without a ring, on which robots cannot make way."
         ),
     ] = None
 
@@ -135,29 +138,32 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
         Literal["convoy", "handover", "none"],
         Meta(
             description="When a robot may begin to move into a cell. none: if the cell was free when "
-            "the tick began; handover: also if its holder gives it up in this tick, the last one of "
-            "the holder's move; convoy: also if its holder is on its way out.",
+            "the tick began; handover: also in the tick in which its holder leaves it, the last tick "
+            "of the holder's move; convoy: also while its holder is moving out of it.",
             extra={INSTEAD: {True: "handover", False: "none"}},
         ),
     ] = "convoy"
     access_cell: Annotated[
         Literal["fixed", "nearest"],
         Meta(
-            description="Which cell a slot is served from. fixed: picks from the east if possible, "
-            "drops from the west; nearest: the one with the least rows and columns to the robot."
+            description="The cell from which a slot is served. fixed: robots pick from the east if "
+            "possible, and drop from the west; nearest: the access cell nearest to the robot, counted "
+            "in rows and columns."
         ),
     ] = "fixed"
     traffic_zones: Annotated[
         Literal["undirected", "directed", "with-intersections"],
         Meta(
-            description="The stretches between intersections: one zone each, one for each "
-            "direction of travel, or intersections as zones of their own, too."
+            description="Traffic zones, which are the stretches between intersections. undirected: "
+            "one zone for each stretch; directed: one for each direction of travel; with- "
+            "intersections: intersections are zones, too."
         ),
     ] = "undirected"
     slowdown: Annotated[
         Literal["none", "zones"],
         Meta(
-            description="zones: a move that starts in a zone with m robots takes m times as long."
+            description="Slowdown by traffic. zones: a move that starts in a zone with m robots takes "
+            "m times as long; none: no slowdown."
         ),
     ] = "none"
     extra_tick_probability: Annotated[
@@ -166,9 +172,9 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
     distance_tables: Annotated[
         str,
         Meta(
-            description='Memory for tables of distances, such as "512 MiB": a number and KiB, MiB, '
-            "GiB or TiB. It is taken as tables are needed, and decides nothing but the speed. A "
-            "strategy with weights of its own, such as epibt with guidance lattice, may take as much "
+            description='Greatest memory for distance tables, such as "512 MiB": a number and KiB, '
+            "MiB, GiB or TiB. Tables are made when needed; the limit affects speed, not results. A "
+            "strategy with its own weights, such as epibt with guidance lattice, may use as much "
             "again.",
             pattern=MEMORY_PATTERN,
         ),
@@ -176,18 +182,21 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
 
 
 class Radius(ConfigSection, frozen=True, kw_only=True):
-    """A robot knows what lies within this many cells of it."""
+    """A robot knows only what lies within a radius."""
 
-    radius: Annotated[int, quantity(CELLS, ge=1, le=10_000, description="The distance in cells.")]
+    radius: Annotated[int, quantity(CELLS, ge=1, le=10_000, description="The radius, in cells.")]
     shape: Annotated[
         Literal["square", "circle"],
-        Meta(description="Along rows and columns (Chebyshev), or as the crow flies."),
+        Meta(
+            description="square: the radius is counted in rows and in columns (Chebyshev); circle: it "
+            "is a straight distance."
+        ),
     ] = "square"
     orders: Annotated[
         Literal["all", "zones"],
         Meta(
-            description="zones: it knows only the orders and stations in its own zone and in those "
-            "of the robots that it knows."
+            description="Orders that a robot knows. zones: only the orders and stations in its own "
+            "service zone and in those of the robots that it knows; all: every order."
         ),
     ] = "all"
 
@@ -197,7 +206,10 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
 
     when: Annotated[
         Literal["parked", "delivered", "never"],
-        Meta(description="parked: all is delivered and every robot is home again."),
+        Meta(
+            description="Event that ends a run. delivered: all orders are delivered; parked: in "
+            "addition, all robots are home again; never: only max_duration."
+        ),
     ] = "parked"
     max_duration: Annotated[
         int,
@@ -205,13 +217,15 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
             TIME,
             ge=1,
             le=2_000_000_000,
-            description="Ticks after which a run ends in any case.",
+            description="Greatest number of ticks of a run.",
         ),
     ] = 50_000
 
 
 class Measure(ConfigSection, frozen=True, kw_only=True):
-    """What the metrics of tasks count, and in sweeps and sizes all of runs that never end."""
+    """The warm-up period that metrics of tasks exclude; in sweeps and sizes, all metrics of runs
+    that never end exclude it.
+    """
 
     warm_up: Annotated[
         int,
@@ -219,7 +233,7 @@ class Measure(ConfigSection, frozen=True, kw_only=True):
             TIME,
             ge=0,
             le=2_000_000_000,
-            description="Ticks at the beginning of a run that they leave out.",
+            description="Length of the warm-up period, in ticks.",
         ),
     ] = 0
 
@@ -235,7 +249,7 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     ]
     fleet: Fleet
     areas: Annotated[
-        dict[str, Area], Meta(description="Parts of the floor that not every robot may enter.")
+        dict[str, Area], Meta(description="Parts of the floor that are closed to some robots.")
     ] = msgspec.field(default_factory=dict)
     locations: Locations = msgspec.field(default_factory=dict)
     floor: ChangingFloor = ChangingFloor()
@@ -245,41 +259,45 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     pods: Pods = Pods()
     stations: Annotated[
         dict[SingleLine, PodStation],
-        Meta(description="Stations with names; the others keep their numbers."),
+        Meta(description="Named stations; the others keep their numbers."),
     ] = msgspec.field(default_factory=dict)
     strategy: Strategies = Strategies()
     world: WorldRules = WorldRules()
     battery: Annotated[
-        Battery | None, Meta(description="Robots run on batteries; left out: no energy is counted.")
+        Battery | None,
+        Meta(description="The batteries of the robots; left out: energy is not simulated."),
     ] = None
     faults: Faults = Faults()
     information: Annotated[
         Literal["everything", "orders"] | Radius,
-        Meta(description="What strategies see: everything, the order list only, or a radius."),
+        Meta(
+            description="What strategies see: everything, only the list of orders, or what lies "
+            "within a radius."
+        ),
     ] = "everything"
     stop: Stop = Stop()
     measure: Annotated[
         Measure | None,
-        Meta(description="Measure the tasks: how long they take, and by how much too long."),
+        Meta(description="Measure task times and delays, and exclude a warm-up period."),
     ] = None
     refine: Annotated[
         int,
         Meta(
             ge=1,
             le=MAX_REFINEMENT,
-            description="How many times finer the run's tick is than the tick of this file: all numbers "
-            "of ticks are multiplied by it, all rates divided.",
+            description="Number of ticks of the run per tick of this file: durations are multiplied "
+            "by it, rates divided by it.",
         ),
     ] = 1
     decide: Annotated[
         Literal["coarse", "fine"],
         Meta(
             description="When strategies decide in a refined run. coarse: in the first of `refine` "
-            "ticks, and robots begin what they do in these, too; fine: in every tick."
+            "ticks, in which robots also begin their operations; fine: in every tick."
         ),
     ] = "coarse"
     seed: Annotated[
-        int, Meta(ge=0, le=2**63 - 1, description="Every random draw of a run follows from it.")
+        int, Meta(ge=0, le=2**63 - 1, description="The seed of all random draws of a run.")
     ] = 1
 
     def __post_init__(self) -> None:

@@ -128,8 +128,8 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText,
         Meta(
-            description="A CSV file whose first line names its columns, between semicolons, tabs or "
-            "commas, or a workbook (.xlsx, extra excel); path relative to the scenario."
+            description="A CSV file with a header line, separated by semicolons, tabs or commas, or a "
+            "workbook (.xlsx, extra excel); path relative to the scenario."
         ),
     ]
     sheet: Annotated[
@@ -138,8 +138,8 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
     where: Annotated[
         dict[str, Values],
         Meta(
-            description="Columns and the values, one or a list, of the rows that count; all others "
-            "are left out."
+            description="Filter of rows: columns and the value, or list of values, that a row must "
+            "have. Other rows are skipped."
         ),
     ] = field(default_factory=dict)
     time: Annotated[
@@ -152,7 +152,10 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
     ] = None
     encoding: Annotated[
         Literal["utf-8", "cp1252"],
-        Meta(description="How its text is stored; cp1252: by Windows programs in western Europe."),
+        Meta(
+            description="Encoding of the file; cp1252 is usual for Windows programs in western "
+            "Europe."
+        ),
     ] = "utf-8"
 
     def __post_init__(self) -> None:

@@ -50,7 +50,7 @@ EVENTS: Final = {
     "deadlock": f"a wait cycle has lasted {DEADLOCK_TICKS} ticks",
     "wait cycle": "robots that wait for each other have closed a cycle",
     "delivered": "a load is delivered; `delivered 7`: load 7",
-    "zones redesigned": "stations come into another service zone",
+    "zones redesigned": "stations move to another service zone",
     "stalled > 50": "a robot has waited for more than 50 ticks",
 }
 FOLDER: Final = Path(__file__).parent / "reference"

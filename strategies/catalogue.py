@@ -50,7 +50,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
         "static": CatalogueEntry(
             "strategies.zoning.monitored:StaticZones",
             Monitoring,
-            "zones that stay; out of balance, robots share orders",
+            "fixed zones; while they are unbalanced, robots share orders",
         ),
         "annealing": CatalogueEntry(
             "strategies.zoning.monitored:AnnealedZones",
@@ -75,22 +75,22 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
         "insertion": CatalogueEntry(
             "strategies.charging.quoted:InsertCharging",
             Insertion,
-            "optimal insertion: the charger, place in the list and time that cost least (De Ryck)",
+            "optimal insertion: the cheapest charger, position in the list and charging time (De Ryck)",
         ),
         "threshold": CatalogueEntry(
             "strategies.charging.quoted:ThresholdCharging",
             Threshold,
-            "threshold-100: below 20 % to the nearest charger, until it is full (De Ryck)",
+            "threshold-100: below 20 %, charge at the nearest charger until full (De Ryck)",
         ),
         "fill-up": CatalogueEntry(
             "strategies.charging.quoted:FillUpCharging",
             FillUp,
-            "as insertion, but charge up to a target where the list needs a charger",
+            "as insertion, but robots charge up to a target whenever their list needs a charger",
         ),
         "opportunity": CatalogueEntry(
             "strategies.charging.quoted:OpportunityCharging",
             Opportunity,
-            "idle robots charge at free chargers, and leave for orders that they can finish",
+            "idle robots charge at free chargers and leave for orders that they can finish",
         ),
     },
     "allocation": {
@@ -102,12 +102,12 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
         "cooperative": CatalogueEntry(
             "strategies.allocation.cooperative:Cooperative",
             Alleys,
-            "bucket brigade: loads are passed from table to table (Grzejszczak & Nocon, alg. 2)",
+            "bucket brigade: robots pass loads from table to table (Grzejszczak & Nocon, alg. 2)",
         ),
         "adaptive": CatalogueEntry(
             "strategies.allocation.cooperative:Adaptive",
             Alleys,
-            "each robot carries or passes a load, whichever costs less by its own experience",
+            "each robot carries a load or passes it on, whichever cost less in its own experience",
         ),
         "first-come": CatalogueEntry(
             "strategies.allocation.first_come:FirstCome",
@@ -117,7 +117,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
         "greedy": CatalogueEntry(
             "strategies.allocation.greedy.greedy:Greedy",
             GreedyParameters,
-            "cheapest pair of robot and order first; what is not begun may be matched again",
+            "cheapest pair of robot and order first; orders not yet begun may be matched again",
             default_for=IMPORTED,
         ),
         "shortest-job": CatalogueEntry(
@@ -133,19 +133,19 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
         "independent-python": CatalogueEntry(
             "strategies.allocation.independent:IndependentPython",
             NoParameters,
-            "the tutorial: 'independent' in plain Python, equal digests",
+            "the strategy of the tutorial: 'independent' in plain Python, with equal digests",
         ),
     },
     "routing": {
         "shortest": CatalogueEntry(
             "strategies.routing.shortest:Shortest",
             ShortestRoutes,
-            "the path of least ticks, turns included",
+            "the path that takes the fewest ticks, including turns",
         ),
         "astar": CatalogueEntry(
             "strategies.routing.astar:AStar",
             TieBreaking,
-            "A*: a path of fewest ticks, one of several by a tie-breaking rule",
+            "A*: a path that takes the fewest ticks; a rule breaks ties",
         ),
         "traffic-avoidance": CatalogueEntry(
             "strategies.routing.traffic_avoidance:TrafficAvoidance",
@@ -155,7 +155,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
         "congestion": CatalogueEntry(
             "strategies.routing.congestion:Congestion",
             SharedPlans,
-            "around the traffic predicted from all robots' plans, zone by zone and tick by tick",
+            "routes around the traffic predicted from the plans of all robots, by zone and tick",
         ),
     },
     "right_of_way": {
@@ -180,7 +180,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
         "wait": CatalogueEntry(
             "strategies.right_of_way.retreat:Wait",
             Waits,
-            "wait and retry for ever: shows which deadlocks a floor has",
+            "wait and retry for ever; shows which deadlocks a floor has",
         ),
     },
 }

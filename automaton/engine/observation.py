@@ -110,14 +110,14 @@ CAUSES: Final = (
         "right of way: a retreat takes the tick in which it is decided",
         True,
     ),
-    Cause("no order", "{robot} has no order", "allocation gave it nothing to do", False),
+    Cause("no order", "{robot} has no order", "the allocation gave the robot no order", False),
     Cause(
         "no drop-off slot",
         "{robot} holds a load and has no slot to drop it at",
-        "allocation named none",
+        "the allocation named no slot",
         False,
     ),
-    Cause("no route", "{robot} has a goal but no route to it", "routing gave none", False),
+    Cause("no route", "{robot} has a goal but no route to it", "the routing found no route", False),
     Cause(
         "illegal decision",
         "a decision of a strategy about {robot} broke a rule",
@@ -199,7 +199,7 @@ CAUSES: Final = (
     Cause(
         "block",
         "{cell} is in a block with no room for {robot}",
-        "a block holds no more robots than it says",
+        "a block holds no more robots than its max_robots",
         False,
     ),
     Cause(

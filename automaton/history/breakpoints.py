@@ -54,7 +54,7 @@ FIELDS: Final = {  # name: what it is, of one robot
     "load": "the load it carries, or -1",
     "order": "the order it works on, or -1",
     "waiting": "ticks that it has waited; 0 if it does not",
-    "slowdown_ticks": "ticks that its moves took longer so far, in slow zones and by chance",
+    "slowdown_ticks": "extra ticks of its moves so far, in slow zones and by chance",
     "cause": "why it waits: " + ", ".join(f"'{name}'" for name in WAIT_CAUSE_CODES),
     "action": "what it does: " + ", ".join(f"'{name}'" for name in ACTION_NAMES),
     "busy": "ticks until it is free",

@@ -69,7 +69,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lost_illegal": ("ticks", "time spent standing after an illegal decision of a strategy"),
     "lost_held_back": (
         "ticks",
-        "time in which the traffic controller (a right of way that steers) told robots to wait",
+        "time for which a right of way that steers held robots back",
     ),
     "lost_at_gates": ("ticks", "time spent waiting before closed cells, doors, blocks and lifts"),
     "lost_following": (

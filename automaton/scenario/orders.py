@@ -315,7 +315,7 @@ class ClosedLoop(ConfigSection, frozen=True, kw_only=True):
 
 
 class Arrivals(ConfigSection, frozen=True, kw_only=True):
-    """How orders are released, if neither all at once nor at random intervals."""
+    """How orders are released: in bursts or in a closed loop."""
 
     bursts: Bursts | None = None
     closed_loop: ClosedLoop | None = None
@@ -488,18 +488,16 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         | None,
         Meta(
             description="The generator of orders. full-shelves: every shelf holds a load at the "
-            "start, for a random destination; picture-loads: only the shelves drawn as $ do. dock-to- "
-            "rack: `count` loads wait at random docks, each for a random rack. stations: each load "
-            "goes from one random station to another. visits: a robot must visit a random station. "
+            "start, for a random destination; picture-loads: only the shelves drawn as $ do. "
+            "dock-to-rack: `count` loads wait at random docks, each for a random rack. stations: each "
+            "load goes from one random station to another. visits: a robot must visit a random station. "
             "tours: a robot must visit `stops` random cells in turn, out of all cells that it can "
             "reach, never the same cell twice in succession."
         ),
     ] = None
     stops: Annotated[
         StopCount | StopRange,
-        Meta(
-            description="Number of stops of each order of the generator tours, or a range {from, to}."
-        ),
+        Meta(description="Number of stops of each order of tours, or a range {from, to}."),
     ] = 1
     count: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
@@ -518,9 +516,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = 0.0
     arrivals: Annotated[
         Arrivals | None,
-        Meta(
-            description="How orders are released, if neither all at once nor at random intervals."
-        ),
+        Meta(description="How orders are released: in bursts or in a closed loop."),
     ] = None
     weight: Annotated[
         Weight | WeightRange,
@@ -544,22 +540,19 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         ProcessingTime | tuple[ProcessingTime, ...],
         Meta(description="Ticks to process a part: one value for all stations, or one for each."),
     ] = 1
-
     lines: Annotated[
         tuple[Line, ...] | LineDemand | None,
         Meta(
-            description="Order lines for pods: a list, a file, or drawn. The trips of pods follow "
-            "from the lines."
+            description="Order lines, from which the trips of pods follow: a list, a file, or random."
         ),
     ] = None
-
     tasks: Annotated[
         NonEmptyText | tuple[Cells, ...] | None,
         Meta(
             description="Tasks without a load: each is a list of cells that a robot must visit in "
-            "turn. Either a file, relative to the scenario, or the lists themselves. In the file, "
-            "lines with # are skipped, the first line is the number of tasks, and each further line "
-            "has cells (row * width + column), separated by commas."
+            "turn. Either a file, relative to the scenario, or the lists themselves. In the file, lines "
+            "with # are skipped, the first line is the number of tasks, and each further line has cells "
+            "(row * width + column), separated by commas."
         ),
     ] = None
     repeat: Annotated[
@@ -568,8 +561,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     revealed: Annotated[
         Annotated[float, Meta(gt=0, le=1000)] | None,
         Meta(
-            description="Number of revealed, unfinished tasks per robot, in the sequence of the list; "
-            "null: all tasks are known from the start."
+            description="Revealed, unfinished tasks per robot; null: all tasks are known from the "
+            "start."
         ),
     ] = None
     assign: Annotated[
@@ -581,10 +574,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = "pool"
     skip_reached: Annotated[
         bool,
-        Meta(
-            description="Whether a robot skips a task in whose first cell it stands already; for "
-            "repeated round-robin tasks."
-        ),
+        Meta(description="Whether a robot skips a repeated task in whose first cell it stands."),
     ] = False
 
     def __post_init__(self) -> None:

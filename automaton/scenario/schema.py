@@ -122,11 +122,11 @@ class Strategies(ConfigSection, frozen=True, kw_only=True):
         StrategySpec | None,
         Meta(
             description="Traffic control: who goes first where robots meet. null: pibt, with two "
-            "exceptions. epibt, where it supports the scenario, a turn or a move takes 2 ticks or "
-            "more, at least half of all connections between neighbouring cells are open in both "
-            "directions, and the floor has no closings, doors or lifts. retreat, where the routing is "
-            "not shortest and robots follow its routes, where information is limited, and on a floor "
-            "without a ring, on which robots cannot make way."
+            "exceptions. epibt, where it supports the scenario, a turn or a move takes 2 ticks or more, "
+            "at least half of all connections between neighbouring cells are open in both directions, "
+            "and the floor has no closings, doors or lifts. retreat, where the routing is not shortest "
+            "and robots follow its routes, where information is limited, and on a floor without a ring, "
+            "on which robots cannot make way."
         ),
     ] = None
 
@@ -138,8 +138,8 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
         Literal["convoy", "handover", "none"],
         Meta(
             description="When a robot may begin to move into a cell. none: if the cell was free when "
-            "the tick began; handover: also in the tick in which its holder leaves it, the last tick "
-            "of the holder's move; convoy: also while its holder is moving out of it.",
+            "the tick began; handover: also in the tick in which its holder leaves it, the last tick of "
+            "the holder's move; convoy: also while its holder is moving out of it.",
             extra={INSTEAD: {True: "handover", False: "none"}},
         ),
     ] = "convoy"
@@ -154,9 +154,9 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
     traffic_zones: Annotated[
         Literal["undirected", "directed", "with-intersections"],
         Meta(
-            description="Traffic zones, which are the stretches between intersections. undirected: "
-            "one zone for each stretch; directed: one for each direction of travel; with- "
-            "intersections: intersections are zones, too."
+            description="Traffic zones: the stretches between intersections. undirected: one zone for "
+            "each stretch; directed: one for each direction of travel; with-intersections: "
+            "intersections are zones, too."
         ),
     ] = "undirected"
     slowdown: Annotated[
@@ -174,8 +174,7 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
         Meta(
             description='Greatest memory for distance tables, such as "512 MiB": a number and KiB, '
             "MiB, GiB or TiB. Tables are made when needed; the limit affects speed, not results. A "
-            "strategy with its own weights, such as epibt with guidance lattice, may use as much "
-            "again.",
+            "strategy with its own weights, such as epibt with guidance lattice, may use as much again.",
             pattern=MEMORY_PATTERN,
         ),
     ] = "1 GiB"

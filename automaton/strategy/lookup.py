@@ -255,8 +255,8 @@ class ZoningParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
     design: Annotated[
         str | dict[str, Any] | None,
         Meta(
-            description="The zones at the start: the name of a shipped design, a file, or "
-            "{zones: [...]}; left out: simulated annealing on the flow between all stations"
+            description="The initial zones: the name of a shipped design, a file, or {zones: [...]}; "
+            "left out: simulated annealing on the flow between all stations."
         ),
     ] = None
     groups: Annotated[
@@ -264,14 +264,15 @@ class ZoningParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
         Meta(
             ge=2,
             le=500,
-            description="groups of slots that count as stations on a floor without any",
+            description="Number of groups of slots that count as stations, on a floor without "
+            "stations.",
         ),
     ] = 18
     priority: Annotated[
         dict[str, tuple[int, ...]],
         Meta(
-            description="{TYPE: [stations]}: where robots of a type come first: zones are made so, and "
-            "no exchange takes such a station from them for another type"
+            description="{TYPE: [stations]}: stations that belong to robots of one type; no exchange "
+            "gives such a station to another type."
         ),
     ] = {}
 

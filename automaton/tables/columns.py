@@ -67,9 +67,13 @@ class Form(NamedTuple):
 
 ORDER_COLUMNS: Final = (
     TableColumn("order", INTEGER, "number of the order, from 0"),
-    TableColumn("priority", INTEGER, "the larger one comes first; the highest of its lines"),
-    TableColumn("released", TICKS, "tick from which it is known; empty: not in this run"),
-    TableColumn("due", TICKS, "tick until which it is to be done"),
+    TableColumn(
+        "priority",
+        INTEGER,
+        "priority of the order: the highest of its lines; larger numbers come first",
+    ),
+    TableColumn("released", TICKS, "tick of its release; empty: not in this run"),
+    TableColumn("due", TICKS, "tick at which it is due"),
     TableColumn("done", TICKS, "tick in which it was done; empty: open at the end"),
     TableColumn("lead_time", TICKS, "time from its release until it was done"),
     TableColumn(
@@ -83,19 +87,19 @@ ORDER_COLUMNS: Final = (
         "whether it was done after it was due, or is open and past due at the end; empty: not known",
     ),
     TableColumn("lines", INTEGER, "lines of the order; empty where orders have none"),
-    TableColumn("name", TEXT, "what a list or a file of lines calls the order"),
+    TableColumn("name", TEXT, "name of the order in the list or file of lines"),
 )
 LINE_COLUMNS: Final = (
     TableColumn("line", INTEGER, "number of the line, from 0"),
     TableColumn("order", INTEGER, "the order that it belongs to"),
-    TableColumn("sku", TEXT, "what is wanted, where the scenario says so"),
+    TableColumn("sku", TEXT, "SKU of the line, where the scenario names it"),
     TableColumn("pod", INTEGER, "number of the pod, from 1"),
     TableColumn("pod_name", TEXT, "name of the pod; its number where it has none"),
     TableColumn("station", TEXT, "the station where it is served"),
     TableColumn("trip", INTEGER, "the trip that serves it"),
     TableColumn("robot", INTEGER, "the robot that last took this trip"),
-    TableColumn("units", INTEGER, "how many are wanted"),
-    TableColumn("released", TICKS, "tick from which it is known; empty: not in this run"),
+    TableColumn("units", INTEGER, "number of units"),
+    TableColumn("released", TICKS, "tick of its release; empty: not in this run"),
     TableColumn("taken", TICKS, "tick in which the robot took the trip"),
     TableColumn("lifted", TICKS, "first tick in which the pod is on the robot"),
     TableColumn("arrived", TICKS, "tick at whose end the robot stands at the station"),
@@ -109,7 +113,7 @@ TRIP_COLUMNS: Final = (
     TableColumn("to", TEXT, "cell `x_y` where it was brought, or is to go"),
     TableColumn("robot", INTEGER, "the robot that last took it"),
     TableColumn("type", TEXT, "type of this robot, where there are several"),
-    TableColumn("released", TICKS, "tick from which it is known; empty: not in this run"),
+    TableColumn("released", TICKS, "tick of its release; empty: not in this run"),
     TableColumn("taken", TICKS, "tick in which this robot took it"),
     TableColumn("picked", TICKS, "first tick in which the load is on the robot"),
     TableColumn("delivered", TICKS, "first tick in which the load is where it is to go"),
@@ -119,13 +123,14 @@ TRIP_COLUMNS: Final = (
     TableColumn(
         "least_drive",
         TICKS,
-        "ticks that this way takes at least on an empty floor; empty: picked up more than once",
+        "fewest ticks for these drives on an empty floor; empty: the load was picked "
+        "up more than once",
     ),
     TableColumn("queued", TICKS, "ticks in the queues of stations"),
 )
 EVENT_COLUMNS: Final = (
     TableColumn("tick", TICKS, "when it happened"),
-    TableColumn("event", TEXT, "what happened"),
+    TableColumn("event", TEXT, "name of the event"),
     TableColumn("robot", INTEGER, "the robot; of a wait cycle, the one with the lowest number"),
     TableColumn(
         "order", INTEGER, "the order, or its trip; of `job done` and `part finished`, the part"
@@ -145,16 +150,18 @@ STATE_COLUMNS: Final = (
     TableColumn("tick", TICKS, "tick after which this is the state"),
     TableColumn("robot", INTEGER, "number of the robot, from 0"),
     TableColumn(
-        "x", INTEGER, "column where it stands, or that a long move leaves; empty: off the floor"
+        "x",
+        INTEGER,
+        "column of its cell; during a long move the cell that it leaves; empty: off the floor",
     ),
     TableColumn("y", INTEGER, "row of this cell"),
     TableColumn("heading", TEXT, "E, S, W or N; on rails EW or NS; empty: it may move any way"),
-    TableColumn("action", TEXT, "what it does"),
+    TableColumn("action", TEXT, "action of the robot"),
     TableColumn("load", INTEGER, "the order, or the trip, whose load it carries"),
     TableColumn("order", INTEGER, "the order, or the trip, that it works on"),
     TableColumn("charge", NUMBER, "charge of its battery, from 0 to 1; empty: robots have none"),
-    TableColumn("cause", TEXT, "why it does not get on; empty: it does"),
-    TableColumn("blocker", INTEGER, "the robot that keeps it"),
+    TableColumn("cause", TEXT, "cause of waiting; empty: the robot does not wait"),
+    TableColumn("blocker", INTEGER, "the robot that blocks it"),
 )
 STATION_COLUMNS: Final = (
     TableColumn("station", TEXT, "name of the station, or its number from 1"),

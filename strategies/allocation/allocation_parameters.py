@@ -20,8 +20,9 @@ MAX_BUNDLING_ROBOTS = 16  # robots whose bundles are all tried
 Storage = Annotated[
     Literal["fixed", "nearest", "class", "random"],
     Meta(
-        description="where a pod is stored after its trip: where it stood at the start, in the nearest "
-        "free cell, in the nearest one of its class (pods.classes), or in any"
+        description="Storage cell of a pod after its trip. fixed: its initial cell; nearest: the "
+        "nearest free cell; class: the nearest free cell of its class (pods.classes); random: any "
+        "free cell."
     ),
 ]
 Ticks = Annotated[int, quantity(TIME, ge=1, le=1_000_000)]
@@ -87,8 +88,8 @@ class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=Tru
     by: Annotated[
         Literal["arrival", "due"],
         Meta(
-            description="the order that was released first, or the one that is due first: those without "
-            "a due time last, ties by release"
+            description="Rule of choice. arrival: the order that was released first; due: the order "
+            "that is due first, orders without a due time last, ties by release."
         ),
     ] = "arrival"
     storage: Storage = "fixed"
@@ -133,10 +134,12 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """The weights of a score: age * (how long it waited) - job * (how long it takes)."""
 
-    age: Annotated[float, Meta(ge=0, le=1000, description="C_A: weight of the waiting")] = 0.5
-    job: Annotated[float, Meta(ge=0, le=1000, description="C_D: weight of the driving")] = 10.0
+    age: Annotated[float, Meta(ge=0, le=1000, description="C_A: weight of the waiting time.")] = 0.5
+    job: Annotated[float, Meta(ge=0, le=1000, description="C_D: weight of the driving time.")] = (
+        10.0
+    )
     idle: Annotated[
-        Literal["park", "stay"], Meta(description="what robots without an order do")
+        Literal["park", "stay"], Meta(description="What robots without an order do.")
     ] = "park"
     storage: Storage = "fixed"
 
@@ -157,26 +160,26 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
         Meta(
             ge=0,
             le=100,
-            description="weight of the ticks from an order's first stop to its last one, against "
-            "those to its first stop; above 0 short orders come first",
+            description="Weight of the drive from the first to the last stop of an order, relative to "
+            "the drive to its first stop; above 0, short orders come first.",
         ),
     ] = 0.0
     reassign: Annotated[
         Ticks | None,
         Meta(
-            description="ticks after which robots and orders without a load that are not begun are "
-            "matched again; null: a robot keeps what it has taken"
+            description="Ticks between two rematchings of robots with orders without a load that are "
+            "not begun; null: a robot keeps its order."
         ),
     ] = None
     active: Annotated[
         Annotated[int, Meta(ge=1)] | None,
-        Meta(description="most robots that have an order at once; null: all may"),
+        Meta(description="Greatest number of robots with an order at a time; null: no limit."),
     ] = None
     idle: Annotated[
         Literal["park", "stay"],
         Meta(
-            description="what robots without an order do; those that `active` keeps from an open one "
-            "stay"
+            description="What robots without an order do; robots that have none because of `active` "
+            "stay."
         ),
     ] = "park"
 
@@ -205,74 +208,89 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
             "sequential", "arrival", "parallel", "combinatorial", "genetic", "exact", "assignment"
         ],
         Meta(
-            description="sequential: one by one, the winner bids again; arrival: each order to the "
-            "lowest bid, in arrival order; parallel: all at once; combinatorial: bundles, small "
-            "cases; genetic, exact: the benchmarks of the paper, exact without batteries and with "
-            "the ten oldest orders; assignment: one order for each robot."
+            description="Auction mechanism. sequential: orders are sold one by one, and the winner "
+            "bids again; arrival: each order goes to the lowest bid, in the sequence of arrival; "
+            "parallel: all orders are sold at once; combinatorial: bids on bundles, for small cases; "
+            "genetic and exact: the benchmarks of the paper, exact without batteries and with the ten "
+            "oldest orders; assignment: one order for each robot."
         ),
     ] = "sequential"
     bid_rule: Annotated[
         Literal["mixed", "average", "average-paper"],
         Meta(
-            description="mixed: epsilon x MiniSum + (1 - epsilon) x MiniMax; average: what an order "
-            "adds to the sum of arrival times; average-paper: the mean arrival time."
+            description="Value of a bid. mixed: epsilon x MiniSum + (1 - epsilon) x MiniMax; average: "
+            "the increase of the sum of arrival times; average-paper: the mean arrival time."
         ),
     ] = "mixed"
     epsilon: Annotated[
         Fraction | EpsilonSchedule | Literal["load"],
         Meta(
-            description="1 is MiniSum, 0 MiniMax; {from, to, until} changes it with time; load: the "
-            "more orders wait for each robot, the nearer to 1."
+            description="Weight of MiniSum (1) against MiniMax (0). {from, to, until}: it changes "
+            "with time; load: it rises towards 1 with the number of waiting orders per robot."
         ),
     ] = 0.5
     winner_rule: Annotated[
         Literal["lowest", "difference", "fewest", "regret"],
         Meta(
-            description="sequential: which order is sold next: that of the lowest bid (LB), of the "
-            "biggest difference (BD), with the fewest bidders (FB), or of the largest regret."
+            description="Order that a sequential auction sells next. lowest: the one with the lowest "
+            "bid (LB); difference: with the biggest difference (BD); fewest: with the fewest bidders "
+            "(FB); regret: with the largest regret."
         ),
     ] = "lowest"
     local_search: Annotated[
-        bool, Meta(description="local search over all lists after each auction")
+        bool, Meta(description="Whether a local search over all lists follows each auction.")
     ] = False
     max_orders_per_robot: Annotated[
-        int, Meta(ge=1, le=64, description="orders in a robot's list")
+        int, Meta(ge=1, le=64, description="Greatest number of orders in the list of a robot.")
     ] = DEFAULT_LIST_LENGTH
-    max_items: Annotated[int, Meta(ge=1, le=1000, description="orders in an auction")] = 100
+    max_items: Annotated[
+        int, Meta(ge=1, le=1000, description="Greatest number of orders in an auction.")
+    ] = 100
     auctioneer: Annotated[
         Literal["central", "fixed", "time", "token"],
         Meta(
-            description="central: one for all robots; fixed: `auctioneers` robots, each sells the "
-            "orders nearest to it; time, token: one robot at a time, passed on after "
-            "`auctioneer_term` ticks, or after each auction."
+            description="Who sells. central: one auctioneer for all robots; fixed: `auctioneers` "
+            "robots, each of which sells the orders nearest to it; time: one robot at a time, for "
+            "`auctioneer_term` ticks; token: one robot at a time, for one auction."
         ),
     ] = "central"
-    auctioneers: Annotated[int, Meta(ge=1, le=1000, description="fixed: how many")] = 2
+    auctioneers: Annotated[
+        int, Meta(ge=1, le=1000, description="Number of auctioneers, for auctioneer: fixed.")
+    ] = 2
     auctioneer_term: Annotated[
-        int, quantity(TIME, ge=1, le=1_000_000, description="time: ticks")
+        int,
+        quantity(
+            TIME,
+            ge=1,
+            le=1_000_000,
+            description="Term of an auctioneer in ticks, for auctioneer: time.",
+        ),
     ] = 100
     region: Annotated[
         Literal["auctioneer", "order"],
         Meta(
-            description="which robots may bid: those around the auctioneer, or those around the "
-            "order"
+            description="Centre of the announcement radius: robots around the auctioneer may bid, or "
+            "robots around the order."
         ),
     ] = "auctioneer"
     announcement_radius: Annotated[
         Annotated[int, quantity(CELLS, ge=1, le=100_000)] | None,
         Meta(
-            description="radius in cells; doubled while no robot bids; null: announced to all robots"
+            description="Radius of announcements in cells, doubled while no robot bids; null: orders "
+            "are announced to all robots."
         ),
     ] = None
     reauction_after: Annotated[
         Annotated[int, quantity(TIME, ge=0, le=1_000_000)] | None,
-        Meta(description="a robot this many ticks late returns its list; null: never"),
+        Meta(
+            description="Delay in ticks after which a robot returns its list of orders; null: never."
+        ),
     ] = None
     while_charging: Annotated[
         Literal["release", "keep"],
         Meta(
-            description="release: a robot that is to charge, queues or charges returns its list "
-            "as soon as another robot has no order left; keep: it keeps its list."
+            description="Orders of a robot that is about to charge, queues or charges. release: it "
+            "returns them as soon as another robot has no order left; keep: it keeps them."
         ),
     ] = "release"
 

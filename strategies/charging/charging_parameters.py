@@ -22,7 +22,7 @@ class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     keeps_way_back: ClassVar[bool] = True  # no order is taken from which no charger is reached
 
     count_queues: Annotated[
-        bool, Meta(description="robots that were sent to a charger earlier make it cost more")
+        bool, Meta(description="Whether robots that were sent to a charger earlier raise its cost.")
     ] = True
     check_idle_every: Annotated[
         int,
@@ -30,8 +30,7 @@ class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tr
             TIME,
             ge=1,
             le=1_000_000,
-            description="ticks after which robots without an order are looked at again, since "
-            "waiting takes energy",
+            description="Ticks between two checks of idle robots, which use energy while they wait.",
         ),
     ] = 50
 
@@ -48,19 +47,21 @@ class Insertion(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
     mode: Annotated[
         Literal["hierarchical", "joint"],
         Meta(
-            description="hierarchical: an order goes where it adds least, then charging; joint: "
-            "where both together cost least."
+            description="hierarchical: the order is inserted where it costs least, then the charging; "
+            "joint: where both together cost least."
         ),
     ] = "hierarchical"
     never_strand: Annotated[
-        bool, Meta(description="whether a charger can still be reached at the end of every list")
+        bool, Meta(description="Whether every list must end with a charger within reach.")
     ] = True
 
 
 class FillUp(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How far batteries are filled."""
 
-    target: Annotated[Percent, Meta(description="percent")] = 100.0
+    target: Annotated[Percent, Meta(description="Charge up to which robots charge, percent.")] = (
+        100.0
+    )
 
 
 class Threshold(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -68,12 +69,15 @@ class Threshold(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
 
     keeps_way_back: ClassVar[bool] = False
 
-    threshold: Annotated[Percent, Meta(description="percent")] = 20.0
+    threshold: Annotated[
+        Percent, Meta(description="Charge below which robots charge, percent.")
+    ] = 20.0
     mode: Annotated[
         Literal["threshold-only", "keep-charger-reachable"],
         Meta(
-            description="threshold-only: charge before a task that would end below the threshold; "
-            "keep-charger-reachable: also before one from whose end no charger could be reached"
+            description="When robots charge. threshold-only: before a task that would end below the "
+            "threshold; keep-charger-reachable: also before a task after which no charger would be "
+            "within reach."
         ),
     ] = "keep-charger-reachable"
 
@@ -81,4 +85,6 @@ class Threshold(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
 class Opportunity(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """When an idle robot charges."""
 
-    start_below: Annotated[Percent, Meta(description="percent")] = 80.0
+    start_below: Annotated[
+        Percent, Meta(description="Charge below which idle robots charge, percent.")
+    ] = 80.0

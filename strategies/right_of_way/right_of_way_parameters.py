@@ -19,7 +19,7 @@ MAX_GUIDED_SPEEDS = 7  # tables have a queue for 16 costs: two for each speed, a
 MOST_TICKS: Final = 256  # each cell needs a word for each: 1 KiB at most
 Moves = Annotated[int, Meta(ge=1, le=10_000)]
 Wait = Annotated[int, quantity(TIME, ge=1, le=10_000)]
-BOTH_INCLUDED = Meta(description="[from, to], both included")
+BOTH_INCLUDED = Meta(description="Range of random values: [from, to], both included.")
 Span = Annotated[tuple[Wait, Wait], BOTH_INCLUDED]
 
 
@@ -47,23 +47,23 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
     """How long a blocked robot waits, and when and how far it retreats."""
 
     retries: Annotated[
-        int, Meta(ge=1, le=254, description="failed retries before it may retreat")
+        int, Meta(ge=1, le=254, description="Failed retries after which a robot may retreat.")
     ] = 1
     max_retries: Annotated[
-        int, Meta(ge=1, le=254, description="failed retries after which it retreats in any case")
+        int, Meta(ge=1, le=254, description="Failed retries after which a robot always retreats.")
     ] = 2
     after_wait: Annotated[
         Literal["keep", "replan"],
         Meta(
-            description="what a robot does that finds its next cell still held after a wait and does not "
-            "retreat: keep its plan; or replan: without load it chooses again what to do, and it plans "
-            "another route (`go to 1` and `go to 12` of Grzejszczak and Nocon)"
+            description="What a robot does that finds its next cell still occupied after a wait and "
+            "does not retreat. keep: it keeps its plan; replan: it plans another route, and without a "
+            "load it also chooses its order again (`go to 1` and `go to 12` of Grzejszczak and Nocon)."
         ),
     ] = "keep"
     retreat_moves: Annotated[tuple[Moves, Moves], BOTH_INCLUDED] = (1, 12)
     abort_wait: Span = (1, 5)  # ticks, when every way is closed
     idle_give_way: Annotated[
-        bool, Meta(description="idle robots make room for robots that want their cell")
+        bool, Meta(description="Whether idle robots make room for robots that need their cell.")
     ] = False
 
     def tuned_values(self, scenario: Any, floor_plan: Any) -> dict[str, tuple[Any, ...]]:
@@ -82,8 +82,8 @@ class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
             TIME,
             ge=1,
             le=1_000_000,
-            description="ticks, beyond the longest action of its robots, after which one robot of a "
-            "wait cycle steps aside",
+            description="Age of a wait cycle, in ticks beyond the longest action of its robots, at "
+            "which one of the robots steps aside.",
         ),
     ] = 64
 
@@ -111,9 +111,9 @@ class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tr
     guidance: Annotated[
         Literal["none", "lattice"],
         Meta(
-            description="lattice: rows and columns are one-way streets by turns, and a move against "
-            "its street counts as three; its distance tables take up to world.distance_tables of "
-            "memory beside those of ticks"
+            description="Guidance of routes. lattice: rows and columns are one-way streets in "
+            "alternating directions, and a move against its street counts as three; its distance tables "
+            "take up to world.distance_tables of additional memory. none: no guidance."
         ),
     ] = "none"
 
@@ -141,26 +141,32 @@ class PibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, 
 class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How far robots plan, which of them come first, and how much effort a tick may take."""
 
-    depth: Annotated[int, Meta(ge=3, le=5, description="actions that robots plan ahead")] = 3
+    depth: Annotated[
+        int, Meta(ge=3, le=5, description="Number of actions that robots plan ahead.")
+    ] = 3
     first: Annotated[
         Literal["nearest", "oldest"],
         Meta(
-            description="nearest: robots that are closest to their goals come first, for throughput; "
-            "oldest: robots whose last finished goal was longest ago; less gets done, and a crowd may "
-            "come to a stop. Robots on their way home come last"
+            description="Robots that plan first. nearest: robots closest to their goals, for "
+            "throughput; oldest: robots whose last finished goal was longest ago, which lowers "
+            "throughput and may stop a crowd. Robots on their way home always come last."
         ),
     ] = "nearest"
     repair_tries: Annotated[
-        int, Meta(ge=0, le=100, description="tries in a tick, for each robot, to improve the plans")
+        int, Meta(ge=0, le=100, description="Attempts per robot and tick to improve the plans.")
     ] = 0
     repair_pushes: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="pushes after which such a try is given up")
+        int,
+        Meta(ge=1, le=1_000_000, description="Pushes after which such an attempt is abandoned."),
     ] = 100
     visits: Annotated[
-        int, Meta(ge=1, le=100, description="how often a robot may be pushed in a tick")
+        int,
+        Meta(
+            ge=1, le=100, description="Greatest number of times that a robot is pushed in a tick."
+        ),
     ] = 10
     max_pushes: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="pushes after which a robot keeps its plan")
+        int, Meta(ge=1, le=1_000_000, description="Pushes after which a robot keeps its plan.")
     ] = 100_000
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:

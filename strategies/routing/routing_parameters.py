@@ -48,9 +48,9 @@ class TieBreaking(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     tie_break: Annotated[
         Literal["fifo", "larger_g", "random"],
         Meta(
-            description="Which of several cells with the same estimate is expanded first: the one found "
-            "first (fifo), the one farthest from the start (larger_g), or a random one, by seed and leg "
-            "(random)."
+            description="Cell that is expanded first among several with the same estimate. fifo: the "
+            "one found first; larger_g: the one farthest from the start; random: a random one, by seed "
+            "and leg."
         ),
     ] = "larger_g"
 
@@ -65,25 +65,28 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         Meta(
             ge=0,
             le=100,
-            description="moves of detour that are worth meeting one robot less in a zone",
+            description="Moves of detour that are accepted to meet one robot less in a zone.",
         ),
     ] = 2.0
     replan_period: Annotated[
         int,
         quantity(
-            TIME, ge=0, le=1_000_000, description="ticks after which all robots plan again; 0 never"
+            TIME,
+            ge=0,
+            le=1_000_000,
+            description="Ticks between two replannings of all robots; 0: never.",
         ),
     ] = 20
     horizon: Annotated[
-        int, quantity(TIME, ge=1, le=10_000, description="ticks for which traffic is predicted")
+        int, quantity(TIME, ge=1, le=10_000, description="Ticks for which traffic is predicted.")
     ] = 500
 
     forecast: Annotated[
         Literal["plans", "tasks", "task-averages"],
         Meta(
-            description="plans: where the plans of all lead, and when, slow zones included; tasks: "
-            "where A* would lead all on their tasks, undelayed; task-averages: as tasks, "
-            "averaged over time."
+            description="Source of the prediction. plans: the plans of all robots with their times, "
+            "including slow zones; tasks: the A* paths of all tasks, without delays; task-averages: as "
+            "tasks, averaged over time."
         ),
     ] = "plans"
 
@@ -123,32 +126,41 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     predictor: Annotated[
         Literal["exact", "noisy", "network"] | NetworkFile,
         Meta(
-            description="exact: the zones on the others' A* paths; noisy: some of them missed and "
-            "others added, by precision and recall; network: what a trained network says, the "
-            "shipped one, for warehouse-100, or that of a file."
+            description="Predictor of the zones that other robots will use. exact: the zones on their "
+            "A* paths; noisy: the same with errors, by precision and recall; network: a trained "
+            "network, either the shipped one for warehouse-100 or one from a file."
         ),
     ] = "exact"
     precision: Annotated[
-        Share | None, Meta(description="noisy: the share of the predicted zones that are right.")
+        Share | None,
+        Meta(description="Share of predicted zones that are right, for the noisy predictor."),
     ] = None
     recall: Annotated[
-        Share | None, Meta(description="noisy: the share of the used zones that are predicted.")
+        Share | None,
+        Meta(description="Share of used zones that are predicted, for the noisy predictor."),
     ] = None
     prevalence: Annotated[
         Annotated[float, Meta(gt=0, lt=1)] | None,
         Meta(
-            description="noisy: the share of all zones that a task uses on average; on it depends "
-            "how many others are predicted. Left out: as in warehouse-100, 27.5 of 522."
+            description="Share of all zones that a task uses on average, for the noisy predictor, "
+            "which derives the number of wrong zones from it. Left out: as in warehouse-100, 27.5 of "
+            "522."
         ),
     ] = None
     max_threshold: Annotated[
-        int, Meta(ge=1, le=1000, description="Zones with A others are closed, A = 1 to this.")
+        int,
+        Meta(
+            ge=1,
+            le=1000,
+            description="Greatest threshold A: zones with A other robots are closed, for A = 1 up to "
+            "this number.",
+        ),
     ] = 6
     closed_from: Annotated[
         Literal["A", "more than A"],
         Meta(
-            description="How many others close a zone: A or more of them, or more than A, as Shaji "
-            "Bhattathiri, Li and Kuhl print it (then one other never closes a zone)."
+            description="Number of other robots that close a zone: A or more, or more than A, as "
+            "Shaji Bhattathiri, Li and Kuhl print it (then a single robot never closes a zone)."
         ),
     ] = "A"
 

@@ -34,9 +34,9 @@ Length = Annotated[float, quantity(LENGTH, gt=0, le=1_000_000)]
 TipPairs = Annotated[
     Literal["last", "all"],
     Meta(
-        description="all: a tip that a zone gives is joined to any tip in reach of the zone that takes "
-        "it, tried in random order; last: only to the one with the largest number, as in the authors' "
-        "code"
+        description="Tips to which a given tip may be joined. all: any tip within reach in the "
+        "receiving zone, tried in random order; last: only the tip with the largest number, as in "
+        "the authors' code."
     ),
 ]
 
@@ -47,11 +47,13 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
     adjacency: Annotated[
         Length | None,
         Meta(
-            description="length: nearer stations are adjacent, so that zones may exchange them; left "
-            "out: the typical distance of stations on the floor"
+            description="Distance below which stations are adjacent, so that zones may exchange them; "
+            "left out: the typical distance of stations on the floor."
         ),
     ] = None
-    share_every: Annotated[Seconds, Meta(description="seconds between two times of sharing")] = 60.0
+    share_every: Annotated[Seconds, Meta(description="Seconds between two rounds of sharing.")] = (
+        60.0
+    )
 
     def resolve_paths(self, folder: Path) -> Self:
         """The same with the design read from its file. Raises InputError."""
@@ -126,19 +128,26 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """When zones count as out of balance, and what is done about it (Keith & La; Ho & Liao)."""
 
     sharing: Annotated[
-        bool, Meta(description="out of balance, orders are given to other robots")
+        bool,
+        Meta(description="Whether orders go to robots of other zones while zones are unbalanced."),
     ] = True
     tolerance: Annotated[
-        float, Meta(ge=0, le=1, description="the largest SVp of balanced zones")
+        float, Meta(ge=0, le=1, description="The largest SVp of balanced zones.")
     ] = 0.2
-    window: Annotated[Minutes, Meta(description="minutes that flow counts after its delivery")] = (
-        20.0
-    )
-    often: Annotated[Seconds, Meta(description="seconds between two looks, out of balance")] = 60.0
+    window: Annotated[
+        Minutes, Meta(description="Minutes for which a delivery counts in the measured flow.")
+    ] = 20.0
+    often: Annotated[
+        Seconds, Meta(description="Seconds between two measurements while zones are unbalanced.")
+    ] = 60.0
     seldom: Annotated[
-        Seconds, Meta(description="seconds between two looks, balanced for `calm`")
+        Seconds,
+        Meta(description="Seconds between two measurements once zones were balanced for `calm`."),
     ] = 180.0
-    calm: Annotated[Minutes, Meta(description="minutes in balance, then look seldom")] = 5.0
+    calm: Annotated[
+        Minutes,
+        Meta(description="Minutes of balance after which measurements become rarer (`seldom`)."),
+    ] = 5.0
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         """As of all zones; and one computer makes them, of what all robots do."""
@@ -153,79 +162,110 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
 class Repairing(Monitoring, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """When zones are redesigned."""
 
-    patience: Annotated[Minutes, Meta(description="minutes out of balance before new zones")] = 15.0
-    compute: Annotated[Seconds, Meta(description="seconds until a new design takes effect")] = 200.0
+    patience: Annotated[
+        Minutes, Meta(description="Minutes of imbalance before zones are redesigned.")
+    ] = 15.0
+    compute: Annotated[Seconds, Meta(description="Seconds until a new design takes effect.")] = (
+        200.0
+    )
     share_while_computing: Annotated[
-        bool, Meta(description="robots share orders meanwhile, too; the paper leaves it open")
+        bool,
+        Meta(
+            description="Whether robots share orders while a design is computed; the paper leaves it "
+            "open."
+        ),
     ] = True
 
 
 class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Simulated annealing of zones (Ho & Liao, as Keith & La modified it)."""
 
-    steps: Annotated[int, Meta(ge=1, le=100_000, description="M, and most moves")] = 500
-    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: first temperature")] = 4.5
-    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: last temperature")] = 0.35
+    steps: Annotated[
+        int,
+        Meta(
+            ge=1,
+            le=100_000,
+            description="M: steps of the annealing, and its greatest number of moves.",
+        ),
+    ] = 500
+    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: initial temperature.")] = 4.5
+    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: final temperature.")] = 0.35
     tip_pairs: TipPairs = "last"
 
 
 class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """A genetic algorithm over zone designs."""
 
-    population: Annotated[int, Meta(ge=2, le=1000, description="designs in a generation")] = 60
-    generations: Annotated[int, Meta(ge=1, le=10_000, description="how many generations")] = 100
-    selected: Annotated[int, Meta(ge=1, le=1000, description="best designs that are bred")] = 10
+    population: Annotated[int, Meta(ge=2, le=1000, description="Designs in a generation.")] = 60
+    generations: Annotated[int, Meta(ge=1, le=10_000, description="Number of generations.")] = 100
+    selected: Annotated[
+        int,
+        Meta(
+            ge=1,
+            le=1000,
+            description="Number of best designs from which the next generation is bred.",
+        ),
+    ] = 10
     mutation: Annotated[
-        float, Meta(ge=0, le=0.95, description="probability of one more mutation")
+        float, Meta(ge=0, le=0.95, description="Probability of each further mutation.")
     ] = 0.45
     matched: Annotated[
         bool,
         Meta(
-            description="new zones go to the robots whose poses are nearest; false: in the order in "
-            "which they are bred"
+            description="Whether new zones go to the nearest robots; false: in the sequence in which "
+            "they were bred."
         ),
     ] = True
     poses: Annotated[
         tuple[tuple[int, int], ...] | None,
-        Meta(description="cells [x, y], one for each robot; left out: where robots begin"),
+        Meta(description="Reference cells [x, y], one for each robot; left out: the start cells."),
     ] = None
 
 
 class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """Robots negotiate their zones with those in range (Keith & La, Algorithms 3 and 4)."""
 
-    range: Annotated[Length, Meta(description="r, a length: how far messages reach")] = 328.0
+    range: Annotated[Length, Meta(description="r: communication range of the robots.")] = 328.0
     tolerance: Annotated[
-        Minutes, Meta(description="L_TOL: minutes that a load may be from the mean")
+        Minutes,
+        Meta(description="L_TOL: minutes by which the load of a zone may differ from the mean."),
     ] = 18.0
-    patience: Annotated[Minutes, Meta(description="T_LT: minutes since the last balance")] = 15.0
-    hysteresis: Annotated[Minutes, Meta(description="minutes in or out of tolerance")] = 6.5
-    look: Annotated[Seconds, Meta(description="seconds between two looks at the own load")] = 30.0
-    average_every: Annotated[Seconds, Meta(description="T_AC: seconds between two averages")] = (
-        120.0
-    )
-    rounds: Annotated[int, Meta(ge=1, le=10_000, description="steps of the consensus")] = 100
-    turns: Annotated[int, Meta(ge=1, le=100, description="E_t: turns that each robot leads")] = 2
-    iterations: Annotated[int, Meta(ge=1, le=1000, description="I_t: exchanges in a turn")] = 10
-    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: first temperature")] = 4.5
-    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: last temperature")] = 0.3
+    patience: Annotated[Minutes, Meta(description="T_LT: minutes since the last balance.")] = 15.0
+    hysteresis: Annotated[
+        Minutes, Meta(description="Minutes in or out of tolerance before a robot acts on it.")
+    ] = 6.5
+    look: Annotated[
+        Seconds, Meta(description="Seconds between two measurements of a robot's own load.")
+    ] = 30.0
+    average_every: Annotated[
+        Seconds, Meta(description="T_AC: seconds between two rounds of averaging.")
+    ] = 120.0
+    rounds: Annotated[
+        int, Meta(ge=1, le=10_000, description="Steps of the consensus algorithm.")
+    ] = 100
+    turns: Annotated[
+        int, Meta(ge=1, le=100, description="E_t: number of turns that each robot leads.")
+    ] = 2
+    iterations: Annotated[int, Meta(ge=1, le=1000, description="I_t: exchanges in a turn.")] = 10
+    hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: initial temperature.")] = 4.5
+    cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: final temperature.")] = 0.3
     tip_pairs: TipPairs = "last"
-    scale: Annotated[float, quantity(MINUTES, gt=0, le=1000, description="k, minutes")] = 10.0
-    pause: Annotated[Seconds, Meta(description="seconds that robots stand still in a redesign")] = (
-        0.0
-    )
+    scale: Annotated[float, quantity(MINUTES, gt=0, le=1000, description="k, in minutes.")] = 10.0
+    pause: Annotated[
+        Seconds, Meta(description="Seconds for which robots stand still during a redesign.")
+    ] = 0.0
     sharing: Annotated[
         bool,
         Meta(
-            description="out of tolerance, a robot gives orders that begin near a neighbour's zone "
-            "to that neighbour"
+            description="Whether a robot out of tolerance gives orders that begin near the zone of a "
+            "neighbour to that neighbour."
         ),
     ] = False
     drop_near: Annotated[
         Annotated[float, quantity(LENGTH, ge=0, le=1_000_000)],
         Meta(
-            description="length: an order whose next station is that near a transfer station is "
-            "brought there directly"
+            description="Distance from a transfer station within which the load of an order goes "
+            "directly to its station."
         ),
     ] = 0.0
 

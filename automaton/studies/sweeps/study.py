@@ -141,11 +141,11 @@ def plain(value: Any) -> Any:
 
 
 class Analysis(ConfigSection, frozen=True, kw_only=True):
-    """What will be asked of the runs; declared before they are made."""
+    """The analysis of the runs, declared before they are made."""
 
     metrics: Annotated[
         tuple[NonEmptyText, ...],
-        Meta(min_length=1, description="Metrics that are reported, such as makespan."),
+        Meta(min_length=1, description="Metrics of the report, such as makespan."),
     ]
     paired: Annotated[
         bool | None,
@@ -156,7 +156,7 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
     ] = None
     baseline: Annotated[
         Levels | None,
-        Meta(description="Levels of some factors: points that have them are compared with."),
+        Meta(description="Levels of some factors; points with these levels are the baseline."),
     ] = None
     comparisons: Annotated[
         Literal["none", "baseline", "pairs"],
@@ -167,7 +167,10 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
     ] = "none"
     family: Annotated[
         Literal["metric", "study"],
-        Meta(description="What is corrected for together: comparisons of one metric, or all."),
+        Meta(
+            description="The family of comparisons that is corrected for together. metric: the "
+            "comparisons of one metric; study: all comparisons."
+        ),
     ] = "study"
     error: Annotated[
         float, Meta(gt=0, le=0.5, description="Error of the whole family; 0.05: 95 % intervals.")
@@ -175,10 +178,9 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
     precision: Annotated[
         Annotated[float, Meta(ge=1e-6, le=1)] | None,
         Meta(
-            description="How far the intervals of differences shall reach to each side, as a share of "
-            "the mean that is compared with (without comparisons: those of means, as a share of the "
-            "mean). The report says how many runs that takes; with replications: {at_most: N} the sweep "
-            "makes them."
+            description="Target half-width of the intervals of differences, relative to the mean of "
+            "the baseline (without comparisons: of means, relative to the mean). The report says how "
+            "many runs that takes; with replications: {at_most: N} the sweep makes them."
         ),
     ] = None
 
@@ -191,11 +193,13 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
 
 
 class Replications(ConfigSection, frozen=True, kw_only=True):
-    """Runs of each point in rounds, until all intervals are as narrow as analysis.precision says."""
+    """Sequential replication: runs of each point in rounds, until all intervals reach
+    analysis.precision.
+    """
 
     at_most: Annotated[
         int,
-        Meta(ge=MIN_FIRST_ROUND, le=1_000_000, description="The bound: no more runs of a point."),
+        Meta(ge=MIN_FIRST_ROUND, le=1_000_000, description="Greatest number of runs of a point."),
     ]
     at_least: Annotated[
         int,
@@ -218,45 +222,55 @@ class Point(NamedTuple):
 
 
 class Study(ConfigSection, frozen=True, kw_only=True):
-    """A study of automaton: scenarios, what varies in them, how often each is run."""
+    """A study: scenarios, the factors that vary, and the number of runs."""
 
-    name: Annotated[SingleLine, Meta(description="The name in tables.")]
+    name: Annotated[SingleLine, Meta(description="Name of the study in tables.")]
     summary: Annotated[SingleLine | None, Meta(description="One line for `automaton list`.")] = None
     scenario: Annotated[
         NonEmptyText | tuple[NonEmptyText, ...],
-        Meta(description="The scenario that varies, by path or shipped name, or several."),
+        Meta(description="The scenario, by path or shipped name, or a list of scenarios."),
     ]
     factors: Annotated[
         dict[str, Any] | None,
-        Meta(description="Keys of the scenario, such as fleet.robots, each with its levels."),
+        Meta(
+            description="Factors: keys of the scenario, such as fleet.robots, each with its levels."
+        ),
     ] = None
     listed: Annotated[
         tuple[Levels, ...] | None,
-        Meta(description="The combinations one by one, {KEY: VALUE, ...}, instead of factors."),
+        Meta(description="A list of points {KEY: VALUE, ...}, instead of factors."),
     ] = msgspec.field(name="points", default=None)
     replications: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | Replications,
         Meta(
-            description="Runs of each point, with different seeds; or {at_least: 20, at_most: 200}: as "
-            "many as analysis.precision takes."
+            description="Number of runs of each point, with different seeds; {at_least: 20, at_most: "
+            "200}: as many as analysis.precision takes."
         ),
     ]
     seed: Annotated[
-        int, Meta(ge=0, le=2**63 - 1, description="The seeds of all runs follow from it.")
+        int,
+        Meta(ge=0, le=2**63 - 1, description="The seed from which the seeds of all runs follow."),
     ] = 1
     common_random_numbers: Annotated[
-        bool, Meta(description="Replication r of every point has the same seed, the same demand.")
+        bool,
+        Meta(
+            description="Whether replication r of every point has the same seed, and so the same "
+            "demand."
+        ),
     ] = True
     design: Annotated[
         Literal["terminating", "steady-state"],
-        Meta(description="Whether runs end by themselves, or show a stretch of something endless."),
+        Meta(
+            description="Whether runs end by themselves (terminating), or are a section of an endless "
+            "process (steady-state)."
+        ),
     ] = "terminating"
     warm_up: Annotated[
         Annotated[int, Meta(ge=0, le=2_000_000_000)]
         | Annotated[str, Meta(pattern=MSER_OR_TIME)]
         | None,
         Meta(
-            description="What to leave out of a steady state, in ticks or as a time such as 30 min, or "
+            description="Warm-up period of a steady state, in ticks or as a time such as 30 min; "
             "mser-5: found by MSER-5."
         ),
     ] = None
@@ -265,8 +279,8 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         | Annotated[str, Meta(pattern=TIME_PATTERN)]
         | None,
         Meta(
-            description="Rows of a steady state hold the deliveries in each so many ticks, or in a time "
-            "such as 10 min (`series`); default a 200th of the run, at least 1."
+            description="Window of the series of deliveries of a steady state, in ticks or as a time "
+            "such as 10 min; default a 200th of the run, at least 1 tick."
         ),
     ] = None
     analysis: Analysis | None = None

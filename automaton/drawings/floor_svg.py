@@ -23,7 +23,6 @@ from automaton.drawings.indexed_png import png
 from automaton.drawings.looks import (
     PALETTE,
     STATE_COLOURS,
-    STATE_WORDS,
     WITH_LOAD,
     Theme,
     blended,
@@ -214,7 +213,7 @@ def _robots(moment: Moment, theme: Theme, selected: int) -> str:
         )
         shapes += selection_shapes() if robot == selected else ()
         sheet.add(shapes, float(moment.x[robot]), float(moment.y[robot]))
-        pieces.append(f"<g><title>robot {robot}: {STATE_WORDS[state]}</title>{sheet}</g>")
+        pieces.append(f"<g><title>robot {robot}: {moment.word_of(robot)}</title>{sheet}</g>")
     return "".join((_wait(moment, theme, selected), *pieces))
 
 

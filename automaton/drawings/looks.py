@@ -89,10 +89,6 @@ DRAW_FAULT: Final = 6  # in a wait cycle, or down
 STATE_COLOURS: Final = (
     *("parked", "charging", "empty", "loaded", "low battery", "waiting", "fault"),
 )
-STATE_WORDS: Final = (
-    *("parked", "charging", "without a load", "with a load", "battery low"),
-    *("waiting", "in a wait cycle, or down"),
-)
 # Shapes of a robot.
 SHAPE_HOLLOW: Final = 0
 SHAPE_FILLED: Final = 1  # with a load

@@ -13,13 +13,14 @@ from numpy.typing import NDArray
 from automaton.drawings.looks import Looks, RobotLooks, box_of, cell_of, looks_of, robot_looks
 from automaton.engine.state import CLOCK_TICK, GATE_CLOSING, GATE_DOOR, NIL
 from automaton.floor.floor_plan import UNBOUNDED, FloorPlan
+from automaton.vocabulary import STATE_WORDS, robot_states
 from automaton.world.resolve import Resolved
 
 Cells = NDArray[np.int32]  # flat indices
 
 FROM_ROBOTS: Final = (
     *("cell", "claim", "bay", "load", "parked", "heading", "travel", "status"),
-    *("charge", "goal_type", "goal_cell", "action", "type"),
+    *("charge", "goal_type", "goal_cell", "action", "type", "ticket"),
 )
 # And what they are of a run that is not observed.
 FROM_OBSERVATION: Final = {
@@ -73,21 +74,28 @@ class Moment:
     x: NDArray[np.float64]  # (n,) cells from the left edge, of the robot's own left edge; NaN: off
     y: NDArray[np.float64]
     looks: RobotLooks
+    doing: NDArray[np.int32]  # (n,) a RobotState
     cause: NDArray[np.int32]  # (n,) CAUSE_*; 0: it does not wait, or the run is not observed
     blocker: NDArray[np.int32]  # (n,) the robot that keeps it, or NIL
     full: Cells  # (k,) cells with a load or a pod
     shut: Cells  # (k,) cells that are closed now, and of doors that are shut
 
+    def word_of(self, robot: int) -> str:
+        """What a robot is doing."""
+        return STATE_WORDS[int(self.doing[robot])]
+
 
 def fleet_of(world: Any, observation: Any) -> Any:
-    """Copies by identity of what is drawn of the robots, one (n,) array for each name."""
+    """Copies by identity of what is drawn of the robots, one (n,) array for each name, and `doing`."""
     by_identity = world.robots.at_index
     fields = {name: getattr(world.robots, name)[by_identity] for name in FROM_ROBOTS}
     for name, unknown in FROM_OBSERVATION.items():
         values = getattr(observation, name)
         observed = len(values) == len(by_identity)
         fields[name] = values[by_identity] if observed else np.full(len(by_identity), unknown)
-    return SimpleNamespace(**fields)
+    fleet = SimpleNamespace(**fields)
+    fleet.doing = robot_states(fleet).astype(np.int32)
+    return fleet
 
 
 def looks_of_fleet(fleet: Any, floor: DrawnFloor) -> RobotLooks:
@@ -108,6 +116,7 @@ def moment_of(floor: DrawnFloor, world: Any, observation: Any) -> Moment:
         x=np.where(off, np.nan, x - 1),
         y=np.where(off, np.nan, y - 1),
         looks=looks_of_fleet(fleet, floor),
+        doing=fleet.doing,
         cause=np.asarray(fleet.cause, np.int32),
         blocker=np.asarray(fleet.blocker, np.int32),
         full=full_cells(world, floor),

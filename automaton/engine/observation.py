@@ -64,7 +64,7 @@ CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
 CAUSES: Final = (
     Cause("none", "{robot} does not wait", "", False),
-    Cause("queue", "{blocker} holds {cell} and waits itself", _HELD, True),
+    Cause("queue", "{blocker} holds {cell} and is waiting itself", _HELD, True),
     Cause(
         "head-on",
         "{blocker} holds {cell} and wants to come the other way",
@@ -73,7 +73,7 @@ CAUSES: Final = (
     ),
     Cause("working ahead", "{blocker} holds {cell} while it works there", _HELD, True),
     Cause("driving ahead", "{blocker} holds {cell} and is driving on", _HELD, True),
-    Cause("idle ahead", "{blocker} holds {cell} and has nothing to do", _HELD, True),
+    Cause("idle ahead", "{blocker} holds {cell} and is idle", _HELD, True),
     Cause(
         "vertex conflict",
         "{blocker} won {cell} in this tick",
@@ -126,7 +126,7 @@ CAUSES: Final = (
     ),
     Cause(
         "charger",
-        "{robot} queues: {blocker} charges at {cell} or arrived before it",
+        "{robot} is queueing: {blocker} is charging at {cell} or arrived before it",
         "chargers serve robots first come, first served",
         True,
     ),
@@ -162,7 +162,7 @@ CAUSES: Final = (
     ),
     Cause(
         "station queue",
-        "{robot} queues for its station: {blocker} holds {cell}",
+        "{robot} is queueing before its station: {blocker} holds {cell}",
         "stations serve robots in the sequence of their queue",
         True,
     ),

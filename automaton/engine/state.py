@@ -82,9 +82,6 @@ STATUS_DEPLETED: Final = 3  # down on the floor, without charge
 STATUS_FAILED: Final = 4  # down on the floor because of a fault
 STATUS_TOWED: Final = 5  # off the floor, until it comes back
 STATUS_REMOVED: Final = 6  # off the floor for good
-STATUS_NAMES: Final = (
-    *("running", "failing", "exhausted", "empty battery", "broken down", "towed", "gone"),
-)
 
 # Goals: what a robot drives to its goal cell for.
 GOAL_NONE: Final = 0

@@ -38,7 +38,6 @@ from automaton.engine.state import (
     BATTERY_PERCENT,
     NIL,
     STATUS_DEPLETED,
-    STATUS_NAMES,
     Array,
     World,
 )
@@ -52,6 +51,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.quantities import Scale
 from automaton.scenario.refinement import refined_data
 from automaton.scenario.schema import Scenario
+from automaton.vocabulary import CONDITION_WORDS
 
 MANUFACTURER: Final = "automaton"
 ACTION_TYPES: Final = {ACTION_PICK: "pick", ACTION_DROP: "drop", ACTION_SERVE: "serve"}
@@ -231,7 +231,7 @@ def _actions(action: int, begun: int) -> list[dict[str, str]]:
 
 
 def _errors(status: int) -> list[dict[str, str]]:
-    return [{"errorType": STATUS_NAMES[status], "errorLevel": "FATAL"}]
+    return [{"errorType": CONDITION_WORDS[status], "errorLevel": "FATAL"}]
 
 
 class TickTimes:

@@ -20,7 +20,6 @@ from automaton.drawings.looks import (
     DETAIL_SHIFT,
     KIND_MASK,
     STATE_COLOURS,
-    STATE_WORDS,
     THEMES,
     Theme,
     colour_of,
@@ -41,6 +40,7 @@ from automaton.films.recorded_stretch import (
 from automaton.floor.cells import CELL_KINDS
 from automaton.recording.recording_reader import read_recording
 from automaton.units import count
+from automaton.vocabulary import COLOUR_WORDS, RobotState, phrase_of
 
 GROUND: Final = (
     *("floor", "void", "text", "dim", "load", "selected", "waiting", "done", "cursor", "fault"),
@@ -96,7 +96,8 @@ def _words(stretch: RecordedStretch) -> dict[str, Any]:
         "parts": PARTS_OF_CELL,
         "figures": FIGURES,
         "causes": cause_words(),
-        "states": STATE_WORDS,
+        "states": [COLOUR_WORDS[name] for name in STATE_COLOURS],
+        "doing": [phrase_of(state) for state in RobotState],
         "stride": floor.floor_plan.stride,
         "looks": deflated(floor.looks),  # with the border, for parking bays
         "kinds": {str(kind): one.name for kind, one in enumerate(CELL_KINDS)},

@@ -67,7 +67,7 @@ class RecordedStretch:
             self.columns.figure(name, tick)
             for name in ("working", "waiting", "circling", "delivered", "orders")
         )
-        words = f"{working:,} work, {waiting:,} wait, {done:,} of {orders:,} orders done"
+        words = f"{working:,} working, {waiting:,} waiting, {done:,} of {orders:,} orders done"
         return f"{words}, {circling:,} in a wait cycle" if circling else words
 
 
@@ -114,7 +114,17 @@ PARTS_OF_CELL: Final = 16  # of a cell: positions are counted in these
 # A robot's mark in one number: its state, its direction from bit 3, its shape from bit 5.
 DIRECTION_SHIFT: Final = 3
 SHAPE_SHIFT: Final = 5
-BY_ROBOT: Final = ("cell", "claim", "mark", "cause", "blocker", "wanted", "charge", "waited")
+BY_ROBOT: Final = (
+    "cell",
+    "claim",
+    "mark",
+    "doing",
+    "cause",
+    "blocker",
+    "wanted",
+    "charge",
+    "waited",
+)
 FIGURES: Final = ("working", "waiting", "circling", "delivered", "orders")
 
 
@@ -188,6 +198,7 @@ class FilmColumns:
             "mark": looks.state
             | looks.direction << DIRECTION_SHIFT
             | (looks.shape.astype(np.int32) << SHAPE_SHIFT),
+            "doing": fleet.doing,
             "cause": fleet.cause,
             "blocker": fleet.blocker,
             "wanted": fleet.wanted,
@@ -230,6 +241,7 @@ class FilmColumns:
             x=np.where(off, np.nan, at[0]),
             y=np.where(off, np.nan, at[1]),
             looks=RobotLooks(*looks),
+            doing=self._by_robot["doing"][:, k],
             cause=self._by_robot["cause"][:, k],
             blocker=self._by_robot["blocker"][:, k],
             full=self.full.at(k),

@@ -217,7 +217,7 @@ TEXTS: Final = {
     codes.EVENT_RETREATED: "retreats {value} step{s}",
     codes.EVENT_ORDER_RETURNED: "returns order {subject}",
     codes.EVENT_CHARGING: "charges from {percent}",
-    codes.EVENT_DEPLETED: "battery is empty",
+    codes.EVENT_DEPLETED: "has an empty battery",
     codes.EVENT_FAILED: "breaks down",
     codes.EVENT_TOWED: "is towed",
     codes.EVENT_BACK: "is back",
@@ -231,7 +231,7 @@ TEXTS: Final = {
 }
 TRIP_TEXTS: Final = TEXTS | {  # where orders are trips of pods
     codes.EVENT_ORDER_TAKEN: "takes trip {subject}",
-    codes.EVENT_PICKED: "lifts the pod of trip {subject}",
+    codes.EVENT_PICKED: "picks up the pod of trip {subject}",
     codes.EVENT_DELIVERED: "stores the pod of trip {subject}",
     codes.EVENT_ORDER_RETURNED: "returns trip {subject}",
     codes.EVENT_VISITED: "was served for trip {subject}",

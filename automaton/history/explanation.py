@@ -20,9 +20,7 @@ from automaton.engine.observation import (
     CAUSES,
     waited_ticks,
 )
-from automaton.engine.robot_states import is_charging
 from automaton.engine.state import (
-    ACTION_NAMES,
     BATTERY_FULL,
     NIL,
     STATUS_DEPLETED,
@@ -37,8 +35,8 @@ from automaton.history.state_words import (
     carries_pods,
     gate_words,
     is_kept_by_gate,
+    load_words,
     no_place_words,
-    pod_name,
     queue_words,
     queueing_words,
     station_name,
@@ -46,6 +44,7 @@ from automaton.history.state_words import (
     up_to,
 )
 from automaton.units import count, percent
+from automaton.vocabulary import RobotState, phrase_of, robot_state
 
 FOLLOWING_RULE: Final = "following: no robot arrives before the one ahead has left"
 
@@ -127,7 +126,7 @@ def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> WaitingRob
     elif code == CAUSE_NO_ORDER and (full := no_place_words(snapshot, robot)):
         because = f"{because}: {full}"
     ticks = int(waited_ticks(fleet.cause[robot], fleet.since[robot], snapshot.tick))
-    since = f"has waited {ticks:,} tick{'s' if ticks != 1 else ''}"
+    since = f"has been {phrase_of(robot_state(fleet, robot))} for {count(ticks, 'tick')}"
     return WaitingRobot(
         robot, cause.name, cell, blocker, ticks, f"robot {robot} {since}: {because}", rule
     )
@@ -150,7 +149,7 @@ def out_of_order(snapshot: Snapshot, robot: int) -> str:
         return f"robot {robot} has broken down; {towing}"
     if status == STATUS_TOWED:
         return f"robot {robot} was towed; it is back in {left}"
-    return f"robot {robot} was towed, for good" if status == STATUS_REMOVED else ""
+    return f"robot {robot} is gone: it was towed for good" if status == STATUS_REMOVED else ""
 
 
 def doing(snapshot: Snapshot, robot: int) -> str:
@@ -158,41 +157,31 @@ def doing(snapshot: Snapshot, robot: int) -> str:
     fleet = snapshot.robots
     if fleet.status[robot] in (STATUS_TOWED, STATUS_REMOVED):
         return out_of_order(snapshot, robot).removeprefix(f"robot {robot} ")
-    if fleet.parked[robot]:
+    state = robot_state(fleet, robot)
+    if state == RobotState.PARKED:
         full = "" if fleet.order[robot] != NIL else no_place_words(snapshot, robot)
         return f"is parked: {full}" if full else "is parked"
-    action, busy = ACTION_NAMES[fleet.action[robot]], int(fleet.busy[robot])
-    texts = {
-        "move": "drives",
-        "turn": "turns",
-        "pick": f"picks up load {fleet.load[robot]}",
-        "drop": "drops its load",
-        "try_drop": "tries to drop its load",
-        "charge": "has charged",
-        "serve": "stands at its stop",
-    }
-    if carries_pods(snapshot):
-        texts |= _pod_texts(snapshot, robot)
-    if is_charging(fleet)[robot]:
-        return f"charges {up_to(snapshot, robot)}"
-    text = texts.get(action, "is about to go on")
+    text, busy = f"is {_at_work(snapshot, robot, state)}", int(fleet.busy[robot])
     slowed = fleet.slow_zone[robot] != NIL
     if slowed:
         text += " slowly"
-    if busy:
-        text += f" for {busy} more tick{'s' if busy != 1 else ''}"
+    if busy and state != RobotState.CHARGING:
+        text += f" for {count(busy, 'more tick')}"
     if slowed:
         held = f"zone {fleet.slow_zone[robot]} held {fleet.slow_zone_occupancy[robot]} robots"
         text += f": {held} when this move began"
     return text
 
 
-def _pod_texts(snapshot: Snapshot, robot: int) -> dict[str, str]:
-    """The same of robots that carry pods."""
-    load, station = int(snapshot.robots.load[robot]), station_of(snapshot, robot)
-    texts = {"drop": "stores its pod"}
-    if load != NIL:
-        texts["pick"] = f"lifts {pod_name(snapshot, snapshot.trips.pod[load])}"
-    if station != NIL:
-        texts["serve"] = f"is served at {station_name(snapshot, station)}"
-    return texts
+def _at_work(snapshot: Snapshot, robot: int, state: RobotState) -> str:
+    """Return the phrase of its state, with what it picks up or drops, or where it is."""
+    phrase, load = phrase_of(state), int(snapshot.robots.load[robot])
+    if state == RobotState.CHARGING:
+        return f"{phrase} {up_to(snapshot, robot)}"
+    if state == RobotState.PICKING and load != NIL:
+        return f"{phrase} {load_words(snapshot, load)}"
+    if state in (RobotState.DROPPING, RobotState.TRYING):
+        return f"{phrase} its {'pod' if carries_pods(snapshot) else 'load'}"
+    if state == RobotState.AT_STOP and (station := station_of(snapshot, robot)) != NIL:
+        return f"{phrase} at {station_name(snapshot, station)}"
+    return phrase

@@ -220,7 +220,9 @@ class Narration:
         over = ~waiting[stored] | (simulation.observation.since[stored] != since)
         room = self._room("waits over", int(over.sum()))
         for robot, tick in self._reported_waits[over][:room].tolist():
-            self._add("waits over", f"waits no more, after {self._run.tick - tick:,} ticks", robot)
+            self._add(
+                "waits over", f"is no longer waiting, after {self._run.tick - tick:,} ticks", robot
+            )
         self._reported_waits = self._reported_waits[~over]
 
     def _note_gates(self, simulation: Simulation) -> None:

@@ -278,12 +278,13 @@ def break_begun_words(snapshot: Snapshot, station: int) -> str:
 def queue_words(snapshot: Snapshot, robot: int) -> str:
     """Why a robot queues for a station: its place in the queue, and who is served there."""
     station = station_of(snapshot, robot)
-    said = f"robot {robot} queues for {station_name(snapshot, station)}"
+    name = station_name(snapshot, station)
+    said = f"robot {robot} is queueing before {name}"
     standing = station_queue(snapshot, station)
     if robot in standing:
         place = standing.index(robot)
         nth = ORDINALS[place] if place < len(ORDINALS) else f"{place + 1}th"
-        said += f": {nth} in line"
+        said = f"{nth} in the queue of {name}"
     there = robot_at(snapshot, station)
     return said if there == NIL else f"{said}, {_at_station(snapshot, there, station)}"
 
@@ -291,21 +292,21 @@ def queue_words(snapshot: Snapshot, robot: int) -> str:
 def _at_station(snapshot: Snapshot, robot: int, station: int) -> str:
     """What the robot at a station does there."""
     fleet = snapshot.robots
-    if is_served(snapshot, robot):
-        left = int(fleet.busy[robot])
-        return f"robot {robot} is served there for {count(left, 'more tick')}"
     if fleet.action[robot] == ACTION_SERVE:
-        return f"robot {robot} is done there"
+        return f"robot {robot} {served_words(snapshot, robot)}"
     ends = break_end(snapshot, station)
     if ends != NIL and station_of(snapshot, robot) == station:
         return f"robot {robot} stands there, {_break_left(snapshot, ends)}"
-    return f"robot {robot} stands there"
+    return f"robot {robot} {served_words(snapshot, robot)}"
 
 
-def is_served(snapshot: Snapshot, robot: int) -> bool:
-    """Whether a robot is served at a stop, and not for the last time in this tick."""
+def served_words(snapshot: Snapshot, robot: int) -> str:
+    """Whether the robot at a station is served, or served for the last time in this tick."""
     fleet = snapshot.robots
-    return bool(fleet.action[robot] == ACTION_SERVE and fleet.busy[robot] > 0)
+    if fleet.action[robot] != ACTION_SERVE:
+        return "stands there"
+    left = int(fleet.busy[robot])
+    return f"is served there for {count(left, 'more tick')}" if left else "is done there"
 
 
 def _break_left(snapshot: Snapshot, ends: int) -> str:
@@ -411,7 +412,7 @@ def queueing_words(snapshot: Snapshot, robot: int, place: str) -> str:
     standing = charger_queue(snapshot, cell)
     before = standing[: standing.index(robot)] if robot in standing else []
     there = charging_at(snapshot, cell)
-    said = [f"robot {one} charges at {place} {up_to(snapshot, one)}" for one in there]
+    said = [f"robot {one} is charging at {place} {up_to(snapshot, one)}" for one in there]
     if before:
         others = f" and {count(len(before) - 1, 'other')}" if len(before) > 1 else ""
         said.append(f"robot {before[0]}{others} came before it")
@@ -419,7 +420,7 @@ def queueing_words(snapshot: Snapshot, robot: int, place: str) -> str:
     if not said and blocker != NIL:
         enters = int(snapshot.robots.claim[blocker]) == cell
         said.append(f"robot {blocker} {'drives into' if enters else 'holds'} {place}")
-    return f"robot {robot} queues" + (": " if said else "") + "; ".join(said)
+    return "; ".join(said) or f"robot {robot} is queueing"
 
 
 # When an order is due and how late it is, in words.

@@ -33,6 +33,7 @@ from automaton.runs.progress import (
 )
 from automaton.runs.simulation import RECORD_TICKS, Simulation
 from automaton.units import count, listed
+from automaton.vocabulary import CONDITION_WORDS
 
 MAX_NAMED_BLOCKERS = 3  # robots that keep others
 
@@ -103,9 +104,9 @@ def describe_robots_down(simulation: Simulation) -> list[str]:
     """Describe the robots that are down: failed, or without charge, and not repaired."""
     status = simulation.world.robots.status
     kinds = (
-        (STATUS_FAILED, "broken down"),
-        (STATUS_DEPLETED, "run empty"),
-        (STATUS_REMOVED, "been towed away for good"),
+        (STATUS_FAILED, CONDITION_WORDS[STATUS_FAILED]),
+        (STATUS_DEPLETED, f"an {CONDITION_WORDS[STATUS_DEPLETED]}"),
+        (STATUS_REMOVED, "been towed for good"),
     )
     found = [(np.flatnonzero(status == code), what) for code, what in kinds]
     return [f"{robot_names(simulation, stored)} {what}" for stored, what in found if len(stored)]
@@ -122,7 +123,7 @@ def describe_blockers(simulation: Simulation, waiting: Array) -> list[str]:
         if robots.status[j] >= STATUS_DEPLETED:
             why = "is down"
         elif robots.goal_type[j] == GOAL_NONE and robots.load[j] == NIL:
-            why = "has nothing to do"
+            why = "is idle"
         else:
             why = "has work to do"
         cell = floor_plan.xy(int(robots.cell[j]))

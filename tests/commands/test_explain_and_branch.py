@@ -79,7 +79,7 @@ def test_the_chain_is_the_one_that_the_viewer_tells(
     assert sum(found["lost"].values()) == snapshot.robots.lost[robot].sum()
     assert main(["explain", str(recorded), "--robot", str(robot), "--at", str(tick)]) == 0
     text = capsys.readouterr().out
-    assert f"robot {robot} has waited" in text and "  rule: " in text and "time lost so far" in text
+    assert f"robot {robot} has been " in text and "  rule: " in text and "time lost so far" in text
 
 
 def test_who_does_not_wait_gets_a_plain_sentence(

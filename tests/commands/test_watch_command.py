@@ -32,7 +32,7 @@ def test_without_a_terminal_the_figures_come_as_text(
     assert main(["watch", "tabletop-mini"]) == 0
     printed = capsys.readouterr().out
     assert "tick 1,000: " in printed and "\x1b" not in printed
-    assert "tick 100: 2 of 25 orders delivered, 3 work, 0 wait, 0 parked\n" in printed
+    assert "tick 100: 2 of 25 orders delivered, 3 working, 0 waiting, 0 parked\n" in printed
     assert main(["run", "tabletop-mini"]) == 0
     report = capsys.readouterr().out.splitlines()
     assert "finished after 1,474 cycles" in printed

@@ -56,7 +56,7 @@ def test_robots_stand_where_the_state_has_them(
     places = [floor.floor_plan.xy(cell) for cell in cells]
     assert [title.split(":")[0] for title in found] == [f"robot {k}" for k in range(4)]
     assert list(found.values()) == places
-    assert "robot 2: with a load" in found and "robot 0: without a load" in found
+    assert "robot 2: turning" in found and "robot 0: driving" in found
 
 
 def test_loads_lie_on_full_shelves(crossing: tuple[DrawnFloor, Moment, Simulation]) -> None:

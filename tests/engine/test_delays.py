@@ -106,11 +106,11 @@ def test_a_delayed_robot_says_until_when() -> None:
     simulation.run(3)
     snapshot = take_snapshot(simulation)
     told = explain(snapshot, made.floor_plan, 0)
-    assert told.lines == ["robot 0 has waited 2 ticks: robot 0 is delayed up to tick 4"]
+    assert told.lines == ["robot 0 has been waiting for 2 ticks: robot 0 is delayed up to tick 4"]
     assert told.chain[0].cause == "delayed"
     simulation.run(5)
     assert explain(take_snapshot(simulation), made.floor_plan, 0).lines == [
-        "robot 0 drives for 2 more ticks"
+        "robot 0 is driving for 2 more ticks"
     ]
 
 

@@ -12,15 +12,16 @@ import pytest
 from docs_pages import page
 
 from automaton.engine.robot_states import Motion, Task, motions_of, tasks_of
-from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, STATUS_NAMES, World
+from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, World
 from automaton.runs.simulation import Simulation
+from automaton.vocabulary import CONDITION_WORDS
 from automaton.world.resolve import resolve
 
 PAGE = page("docs/explanation/robot-states.md").text
 NAMES = {
     "Task": [task.name.lower().replace("_", " ") for task in Task],
     "Motion": [motion.name.lower().replace("_", " ") for motion in Motion],
-    "Condition": list(STATUS_NAMES),
+    "Condition": list(CONDITION_WORDS),
 }
 REPAIRED = (
     *("faults.failure_probability=0.003", "faults.tow_after=20"),

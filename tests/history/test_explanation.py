@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 from small_runs import SmallRun
 
-from automaton.engine.observation import CAUSE_HEAD_ON, CAUSES
+from automaton.engine.observation import CAUSE_HEAD_ON, CAUSE_NOT_WAITING, CAUSES
 from automaton.engine.state import ACTION_MOVE, ACTION_NAMES, NIL
 from automaton.history.explanation import doing, explain
 from automaton.scenario.fleet import FleetType
@@ -19,9 +21,9 @@ def why(floor: SmallRun, name: str) -> list[str]:
 def test_a_chain_ends_with_the_robot_that_keeps_all() -> None:
     floor = SmallRun("ABC.", {"A": "E", "B": "E"}, waits=(99, 99, 99, 99, 255)).tick(3)
     assert why(floor, "A") == [
-        "robot 0 has waited 3 ticks: robot 1 holds (1, 0) and waits itself",
-        "robot 1 has waited 3 ticks: robot 2 holds (2, 0) and has nothing to do",
-        "robot 2 has waited 3 ticks: robot 2 has no order",
+        "robot 0 has been waiting for 3 ticks: robot 1 holds (1, 0) and is waiting itself",
+        "robot 1 has been waiting for 3 ticks: robot 2 holds (2, 0) and is idle",
+        "robot 2 has been idle for 3 ticks: robot 2 has no order",
     ]
     chain = explain(floor.snapshot(), floor.floor_plan, 0).chain
     assert [link.robot for link in chain] == [0, 1, 2]
@@ -33,8 +35,8 @@ def test_a_chain_ends_with_a_robot_at_work() -> None:
     rules = WorldRules(following="handover")
     floor = SmallRun("AB..", {"A": "E", "B": "EE"}, durations=Durations(move=4), rules=rules).tick()
     assert why(floor, "A") == [
-        "robot 0 has waited 1 tick: robot 1 holds (1, 0) and is driving on",
-        "robot 1 drives for 3 more ticks",
+        "robot 0 has been waiting for 1 tick: robot 1 holds (1, 0) and is driving on",
+        "robot 1 is driving for 3 more ticks",
     ]
 
 
@@ -45,8 +47,8 @@ def test_a_robot_that_follows_a_slower_one_drives_on_behind_it() -> None:
     )
     floor = SmallRun("AB..", {"A": "E", "B": "EE"}, types=types).tick()
     assert why(floor, "A") == [
-        "robot 0 has waited 1 tick: it drives on behind robot 1, which is still leaving (1, 0)",
-        "robot 1 drives for 3 more ticks",
+        "robot 0 has been waiting for 1 tick: it drives on behind robot 1, which is still leaving (1, 0)",
+        "robot 1 is driving for 3 more ticks",
     ]
 
 
@@ -63,7 +65,7 @@ def test_a_circle_is_told_from_where_it_begins() -> None:
 def test_a_cell_that_nobody_holds_any_more() -> None:
     floor = SmallRun("AB.", {"A": "E", "B": "E"}, following="none").tick()
     assert why(floor, "A") == [
-        "robot 0 has waited 1 tick: (1, 0) was vacated only at the end of this tick"
+        "robot 0 has been waiting for 1 tick: (1, 0) was vacated only at the end of this tick"
     ]
 
 
@@ -79,22 +81,23 @@ def test_who_drives_through_a_slow_zone_says_with_how_many() -> None:
     """B stands on an intersection, where nothing slows it."""
     rules = WorldRules(slowdown="zones")
     floor = SmallRun("##.###\nA.B.C.", {"A": "EE", "B": "E", "C": "E"}, rules=rules).tick()
-    assert why(floor, "C") == ["robot 2 drives"]
+    assert why(floor, "C") == ["robot 2 is driving"]
     floor = SmallRun("##.####\nB.A.C.D", {"C": "E", "A": "E"}, rules=rules).tick()
     assert why(floor, "C") == [
-        "robot 2 drives slowly for 1 more tick: zone 2 held 2 robots when this move began"
+        "robot 2 is driving slowly for 1 more tick: zone 2 held 2 robots when this move began"
     ]
-    assert why(floor, "A") == ["robot 0 drives"]
-    assert why(floor.tick(), "C") == ["robot 2 drives"], "it has arrived"
+    assert why(floor, "A") == ["robot 0 is driving"]
+    assert why(floor.tick(), "C") == ["robot 2 is driving"], "it has arrived"
 
 
 @pytest.mark.parametrize("action", range(len(ACTION_NAMES)))
 def test_every_action_has_words(action: int) -> None:
     floor = SmallRun("A..").tick()
     floor.world.robots.action[0], floor.world.robots.busy[0] = action, 2
+    floor.run.observation.cause[0] = CAUSE_NOT_WAITING
     text = doing(floor.snapshot(), 0)
     assert text and text != ACTION_NAMES[action]
-    assert action != ACTION_MOVE or text == "drives for 2 more ticks"
+    assert action != ACTION_MOVE or text == "is driving for 2 more ticks"
 
 
 @pytest.mark.parametrize("code", range(1, len(CAUSES)))
@@ -103,6 +106,6 @@ def test_every_cause_makes_a_sentence(code: int) -> None:
     assert floor.run.observation.cause[0] == CAUSE_HEAD_ON
     floor.run.observation.cause[0] = code
     text = explain(floor.snapshot(), floor.floor_plan, 0).chain[0].text
-    assert text.startswith("robot 0 has waited 1 tick: ") and "{" not in text
+    assert re.match("robot 0 has been [a-z ]+ for 1 tick: ", text) and "{" not in text
     assert ("robot 1" in text) == ("{blocker}" in CAUSES[code].text)
     assert ("(1, 0)" in text) == ("{cell}" in CAUSES[code].text)

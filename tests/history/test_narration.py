@@ -39,8 +39,8 @@ def test_every_event_has_a_kind_that_can_be_asked_for() -> None:
 def test_a_wait_is_reported_once_it_has_lasted_and_again_when_it_is_over() -> None:
     lines = described(mini(), "waits", "waits-over")
     assert lines[:2] == [
-        "tick 10, robot 1: has waited 10 ticks: robot 0 holds (0, 0) while it works there",
-        "tick 13, robot 1: waits no more, after 13 ticks",
+        "tick 10, robot 1: has been waiting for 10 ticks: robot 0 holds (0, 0) while it works there",
+        "tick 13, robot 1: is no longer waiting, after 13 ticks",
     ]
 
 
@@ -61,7 +61,7 @@ def test_a_stretch_has_so_many_sentences_and_says_what_it_leaves_out() -> None:
     assert len(few) - len(left) == 3 * 4
     # waits are over only for those whose beginning was reported
     assert counted + 3 * 4 <= len(every)
-    assert "tick 10, robot 1: has waited 10 ticks" in "\n".join(few), "kinds take turns"
+    assert "tick 10, robot 1: has been waiting for 10 ticks" in "\n".join(few), "kinds take turns"
 
 
 def test_what_came_before_the_first_tick_is_not_described() -> None:
@@ -125,7 +125,7 @@ def test_pods_stations_and_breaks_are_described() -> None:
     assert "tick 10: station P1 has a break for 40 more ticks" in lines
     assert [line.partition(": ")[2] for line in lines if "trip 0" in line] == [
         "takes trip 0",
-        "lifts the pod of trip 0",
+        "picks up the pod of trip 0",
         "was served for trip 0",
         "stores the pod of trip 0",
     ]

@@ -30,16 +30,22 @@ def lines(*pods: int) -> list[dict[str, object]]:
 
 def test_the_place_in_the_queue_and_who_is_served() -> None:
     assert said(resolve("goods-mini"), 18, 0) == (
-        "robot 0 has waited 1 tick: robot 0 queues for station P1: first in line, "
+        "robot 0 has been queueing for 1 tick: first in the queue of station P1, "
         "robot 1 is served there for 19 more ticks"
     )
-    assert said(resolve("goods-mini"), 18, 1) == "robot 1 is served at station P1 for 19 more ticks"
+    assert (
+        said(resolve("goods-mini"), 18, 1)
+        == "robot 1 is at its stop at station P1 for 19 more ticks"
+    )
 
 
 def test_a_queue_is_told_in_its_sequence() -> None:
     scene = pod_scene(lines(1, 2, 3), fleet=FLEET)
     assert station_queue(moment(scene, 30), 0) == [1, 0], "robot 2 is served"
-    assert "robot 0 queues for station P1: second in line, robot 2 is" in said(scene, 30, 0)
+    assert (
+        "robot 0 has been queueing for 14 ticks: second in the queue of station P1, robot 2 is"
+        in said(scene, 30, 0)
+    )
 
 
 def test_a_break_says_how_long_it_lasts() -> None:
@@ -56,4 +62,4 @@ def test_a_free_robot_says_that_the_stations_are_full() -> None:
 
 def test_a_station_without_a_name_goes_by_its_number() -> None:
     scene = pod_scene([{"pod": 1, "station": 1}], stations={})
-    assert said(scene, 25, 0).startswith("robot 0 is served at station 1 for ")
+    assert said(scene, 25, 0).startswith("robot 0 is at its stop at station 1 for ")

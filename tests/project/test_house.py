@@ -18,12 +18,12 @@ SHORT = 60  # lines
 
 # What there is. A change that makes one of these larger needs a reason; one that makes it smaller
 # writes the new number here.
-MOST_FILES = 419
+MOST_FILES = 420  # with one vocabulary, which a dozen modules import
 MOST_FOLDERS = 50
 MOST_SHORT_FILES = 29
 LONGEST_FILE = 650
 LONGEST_CHAIN = 28  # of files that import each other in a row
-IMPORTS_A_FILE = 5.92  # of ours
+IMPORTS_A_FILE = 5.93  # of ours
 HEAD_SHARE = 0.112  # lines before the first definition
 CLASSES_OF_ONE_NAME = 7
 CONSTANTS_OF_ONE_NAME = 10  # with different values

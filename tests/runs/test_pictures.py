@@ -188,7 +188,7 @@ def test_robots_in_passing_aisles_and_crowds_are_restored(
             {"failed_retries": 2, "retry_state": 2, "need": 4},
             "failed 2 times, is stuck, asks for the right",
         ),
-        ({"action": 10, "busy": 0}, "was kept in its parking bay"),
+        ({"action": 10, "busy": 0}, "waited in its parking bay"),
         ({"action": 7, "charge": 250_000_000}, "charged, charge 25 %"),
         ({"charge": 836_701_123}, "charge 83.6701123 %"),
         (
@@ -273,7 +273,7 @@ def test_an_edited_picture_that_contradicts_itself_is_refused() -> None:
         return str(error.value)
 
     assert "line for robot A" in refused(f"{line}\n", "")
-    assert "says nothing that is known about robot A" in refused("turns for", "dances for")
+    assert "says nothing that is known about robot A" in refused("turning for", "dances for")
     assert refused("tick 40", "tock 40").startswith("the picture:1: it has to begin with")
     assert "contradicts the rest of the picture" in refused("b|$|$", "b|s|$")
     assert "is not a line about a robot" in refused("A (", "the robot (")
@@ -283,7 +283,7 @@ def test_an_edited_picture_that_contradicts_itself_is_refused() -> None:
 
 def test_a_world_may_be_changed_by_editing_its_picture() -> None:
     running = simulation("tabletop-mini", tick=40)
-    edited = picture_of(running).replace("turns for 14 more ticks", "turns for 1 more tick")
+    edited = picture_of(running).replace("turning for 14 more ticks", "turning for 1 more tick")
     restored = world_from(edited, running.resolved)
     assert restored.world.robots.busy[0] == 1
     restored.run()

@@ -30,7 +30,7 @@ def test_pods_are_drawn_where_they_are() -> None:
 def test_the_last_picture_counts_orders_and_tells_of_trips() -> None:
     text = picture_of(goods(122), brief=True)
     assert text.endswith("\n3 orders delivered")
-    assert "trip 0 delivered to (2, 1) in tick 70" in picture_of(goods(122))
+    assert "trip 0 done at (2, 1) in tick 70" in picture_of(goods(122))
 
 
 def test_a_picture_of_pods_is_not_read_back() -> None:

@@ -64,7 +64,7 @@ def test_a_picture_says_what_is_done() -> None:
     run = Simulation(resolved([(0, 0)], listed))
     run.run(until=4)
     lines = picture_of(run).split("\n")
-    assert lines[-2].startswith("A (2, 0), westbound, does a stop of 0 at (0, 0), moved")
+    assert lines[-2].startswith("A (2, 0), westbound, does a stop of 0 at (0, 0), drove")
     assert lines[-1] == "order 0 under way; stops in ticks 3"
     with pytest.raises(InputError, match="has 3 stops of order 0, too many"):
         world_from(picture_of(run).replace("ticks 3", "ticks 1 2 3"), run.resolved)

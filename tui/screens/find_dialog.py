@@ -23,12 +23,12 @@ from automaton.history.breakpoints import robots_where
 from automaton.history.state_words import load_words
 from automaton.scenario.order_lines import line_texts, listed_lines
 from automaton.units import count
+from automaton.vocabulary import robot_word
 from automaton.world.gate_cells import cells_of, gates_of
 from tui.playback.panel_view import View, middle_robot
 from tui.screens.dialogs import Dialog
 from tui.widgets.panel import Line, Rows, TypedInput, cell_link, dim, line
 from tui.widgets.pod_facts import has_pods, makes_trips
-from tui.widgets.robot_facts import doing_word
 from tui.widgets.zone_facts import checked_station, checked_zone, partition_of, robots_in
 
 FIND_EXAMPLES: Final = (
@@ -189,7 +189,7 @@ class MatchList(Rows, can_focus=False):
         words = "" if load == NIL else f", {load_words(view.snapshot, load)}"
         return line(
             f"robot {robot}  ",
-            dim(f"{doing_word(fleet, robot)} at {view.floor_plan.xy(int(cell))}{words}"),
+            dim(f"{robot_word(fleet, robot)} at {view.floor_plan.xy(int(cell))}{words}"),
         )
 
     def chosen(self, index: int) -> None:

@@ -132,7 +132,7 @@ def fleet_line(run: WatchedRun) -> str:
     """How far a run is, and what its robots do."""
     now = summary_of(run.leading_simulation)
     parked = int(run.leading_simulation.world.robots.parked.sum())
-    robots = f"{now.working:,} work, {now.waiting:,} wait, {parked:,} parked"
+    robots = f"{now.working:,} working, {now.waiting:,} waiting, {parked:,} parked"
     return f"tick {run.tick:,}: {now.delivered:,} of {now.orders:,} orders delivered, {robots}"
 
 

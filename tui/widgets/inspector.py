@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from automaton.engine.state import (
     NIL,
     ORDER_CARRIED,
     ORDER_DELIVERED,
-    ORDER_STARTED,
     ORDER_UNRELEASED,
     ORDER_WAITING,
 )
@@ -44,19 +41,12 @@ from tui.widgets.pod_facts import (
     ordered_pod,
     pod_station_facts,
     slot_place,
+    state_word,
     storage_facts,
     trip_lines,
 )
 from tui.widgets.robot_facts import charger_lines, closed_to, robot_lines
 from tui.widgets.zone_facts import order_zone, part_of_order, station_facts, zone_facts, zone_lines
-
-ORDER_STATE_WORDS: Final = {
-    ORDER_WAITING: "waits to be picked up",
-    ORDER_CARRIED: "under way",
-    ORDER_DELIVERED: "delivered",
-    ORDER_UNRELEASED: "will come; no strategy knows it yet",
-    ORDER_STARTED: "under way",
-}
 
 GUIDE = (
     "Click a robot, a shelf or any other cell of the map.",
@@ -259,8 +249,7 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
     state, reserved_by = int(orders.state[order]), int(orders.reserved_by[order])
     stops = int(orders.first_stop[order + 1] - orders.first_stop[order])
     no_load = int(orders.source[order]) == NIL
-    words = "waits" if no_load and state == ORDER_WAITING else ORDER_STATE_WORDS[state]
-    lines = [line(title(f"order {order} "), words)]
+    lines = [line(title(f"order {order} "), state_word(view, order))]
     done = state == ORDER_DELIVERED
     facts: Facts = [
         ("pod", ordered_pod(view, order)),

@@ -11,8 +11,9 @@ import numpy as np
 
 from automaton.drawings import looks
 from automaton.drawings.looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
-from automaton.engine.state import BATTERY_PERCENT, GATE_CLOSING, GATE_DOOR
+from automaton.engine.state import GATE_CLOSING, GATE_DOOR, STATUS_DEPLETED, STATUS_FAILED
 from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
+from automaton.vocabulary import COLOUR_WORDS, CONDITION_WORDS
 from tui.playback.panel_view import Picture, View
 from tui.render import drawn_robots as fleet
 from tui.render import styles
@@ -44,6 +45,11 @@ STROKE = 0x24  # dots of a line from left to right
 
 MAX_WORST_CELLS = 10  # cells of a layer that are listed
 SIGN_COLUMNS = 9  # columns for the signs
+WAIT_CYCLE = COLOUR_WORDS["fault"].partition(",")[0]
+FAR_STATES = (
+    *(looks.DRAW_FAULT, looks.DRAW_WAITING, looks.DRAW_LOW_BATTERY, looks.DRAW_LOADED),
+    *(looks.DRAW_EMPTY, looks.DRAW_CHARGING, looks.DRAW_PARKED),
+)
 
 
 class Legend(TextPanel):
@@ -144,7 +150,7 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
         return (*drawn, int(code(cargo, glyphs.blank))) if loaded else drawn
 
     ways = (0, 1, 2, 3)
-    waits = "waits: flat in front" if zoom.is_drawn else "waits"
+    waits = COLOUR_WORDS["waiting"] + (": flat in front" if zoom.is_drawn else "")
     load = "pod" if (scene.floor.floor_plan.kind == STORAGE).any() else "load"
     entries = [
         LegendLine(
@@ -152,18 +158,21 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
         ),
         LegendLine(signs(looks.DRAW_LOADED, looks.SHAPE_FILLED, ways), f"robot with a {load}"),
         LegendLine(signs(looks.DRAW_WAITING, looks.SHAPE_HOLLOW, (0,)), waits),
-        LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_HOLLOW, (0,)), "waits in a wait cycle"),
-        LegendLine(signs(looks.DRAW_PARKED, looks.SHAPE_SQUARE, (0,)), "parked"),
+        LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_HOLLOW, (0,)), WAIT_CYCLE),
+        LegendLine(signs(looks.DRAW_PARKED, looks.SHAPE_SQUARE, (0,)), COLOUR_WORDS["parked"]),
     ]
     if scene.floor.battery:
-        low = f"battery below {looks.LOW_CHARGE // BATTERY_PERCENT} %"
+        low = COLOUR_WORDS["low battery"]
+        empty = CONDITION_WORDS[STATUS_DEPLETED]
         entries += [
-            LegendLine(signs(looks.DRAW_CHARGING, looks.SHAPE_PLUG, (0,)), "charges"),
+            LegendLine(
+                signs(looks.DRAW_CHARGING, looks.SHAPE_PLUG, (0,)), COLOUR_WORDS["charging"]
+            ),
             LegendLine(signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_THIN, ways), low),
             LegendLine(
                 signs(looks.DRAW_LOW_BATTERY, looks.SHAPE_BOXED, ways), f"{low}, with a load"
             ),
-            LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_VOID, (0,)), "battery empty, down"),
+            LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_VOID, (0,)), empty),
         ]
         if zoom.height >= BAR_HEIGHT:
             bar = style(styles.COLOUR_DONE, styles.COLOUR_ROBOT)
@@ -171,7 +180,8 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
                 LegendLine((int(code(bar, glyphs.lower_half)),), "charge of its battery")
             )
     if scene.floor.faults:
-        entries.append(LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_CROSS, (0,)), "broken down"))
+        broken = CONDITION_WORDS[STATUS_FAILED]
+        entries.append(LegendLine(signs(looks.DRAW_FAULT, looks.SHAPE_CROSS, (0,)), broken))
     if scene.floor.loads_may_lie:
         left = int(code(style(styles.COLOUR_LOADED, styles.COLOUR_FLOOR), glyphs.left_load))
         entries.append(LegendLine((left,), "load that a robot had to leave"))
@@ -193,21 +203,14 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
 
 
 def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
-    worst = "waiting in a wait cycle" + (", down" if scene.floor.loads_may_lie else "")
-    names = {
-        looks.DRAW_FAULT: worst,
-        looks.DRAW_WAITING: "waiting",
-        looks.DRAW_LOW_BATTERY: f"battery below {looks.LOW_CHARGE // BATTERY_PERCENT} %",
-        looks.DRAW_LOADED: "with a load",
-        looks.DRAW_EMPTY: "empty",
-        looks.DRAW_CHARGING: "charging",
-        looks.DRAW_PARKED: "parked robots",
-    }
+    words = [COLOUR_WORDS[name] for name in looks.STATE_COLOURS]
+    if not scene.floor.loads_may_lie:
+        words[looks.DRAW_FAULT] = WAIT_CYCLE
     entries = []
-    for state in names:
+    for state in FAR_STATES:
         if state not in (looks.DRAW_CHARGING, looks.DRAW_LOW_BATTERY) or scene.floor.battery:
             shown = _far_sign(scene, zoom, glyphs, int(fleet.BODY_COLOURS[state]))
-            entries.append(LegendLine((shown,), names[state]))
+            entries.append(LegendLine((shown,), words[state]))
     return entries
 
 

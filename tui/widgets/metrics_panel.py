@@ -336,7 +336,11 @@ def _robots(view: View, width: int) -> list[Line]:
     idle = int(np.count_nonzero((fleet.cause == CAUSE_NO_ORDER) & (fleet.parked == 0)))
     work = len(fleet) - waiting - parked - idle
     look = "fault" if fleet.wait_cycle_ticks.any() else "warn" if waiting else "plain"
-    said = [Span(f"{work:,} work"), Span(f"{waiting:,} wait", look), Span(f"{parked:,} parked")]
+    said = [
+        Span(f"{work:,} working"),
+        Span(f"{waiting:,} waiting", look),
+        Span(f"{parked:,} parked"),
+    ]
     said += [Span(f"{idle:,} idle")] if idle else []
     rows = [said]
     for step in (len(said), 2, 1):

@@ -2,33 +2,30 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from automaton.engine.state import (
-    ACTION_SERVE,
     NIL,
     ORDER_CARRIED,
     ORDER_DELIVERED,
     ORDER_UNRELEASED,
-    ORDER_WAITING,
 )
 from automaton.history.state_words import (
     break_end,
     carries_pods,
     has_due_time,
     has_trips,
-    is_served,
     lateness_words,
     pod_name,
     robot_at,
+    served_words,
     station_of,
     station_queue,
     tick_in_words,
     ticks_late,
 )
 from automaton.units import count, percent
+from automaton.vocabulary import order_word
 from tui.playback.panel_view import View
 from tui.widgets.panel import (
     Facts,
@@ -44,13 +41,6 @@ from tui.widgets.panel import (
     tick_link,
     title,
 )
-
-TRIP_STATE_WORDS: Final = {
-    ORDER_WAITING: "waits for a robot",
-    ORDER_CARRIED: "under way",
-    ORDER_DELIVERED: "over, its pod is stored",
-    ORDER_UNRELEASED: "not made yet",
-}
 
 
 def has_pods(view: View) -> bool:
@@ -80,6 +70,13 @@ def due_facts(view: View, order: int) -> Parts:
 def slot_place(view: View, slot: int) -> Parts:
     """The cell of a slot; nothing without one."""
     return [] if slot == NIL else [cell_link(view.floor_plan, int(view.snapshot.slots.cell[slot]))]
+
+
+def state_word(view: View, order: int) -> str:
+    """The word for the state of an order or a trip."""
+    orders = view.snapshot.orders
+    delivers = not makes_trips(view) and int(orders.source[order]) != NIL
+    return order_word(int(orders.state[order]), delivers)
 
 
 def trip_link(view: View, trip: int) -> Span:
@@ -185,16 +182,13 @@ def _served(view: View, station: int) -> Parts:
     robot = robot_at(snapshot, station)
     if robot == NIL:
         return ["no robot"]
-    if not is_served(snapshot, robot):
-        done = int(snapshot.robots.action[robot]) == ACTION_SERVE
-        return [robot_link(robot), " is done" if done else " stands there"]
-    left = count(int(snapshot.robots.busy[robot]), "more tick")
+    served = f" {served_words(snapshot, robot)}"
     trip = int(snapshot.robots.order[robot])
-    if not makes_trips(view):
-        return [robot_link(robot), f" for {left}"]
+    if not served.endswith(("tick", "ticks")) or not makes_trips(view):
+        return [robot_link(robot), served]
     stop = int(snapshot.orders.first_stop[trip] + snapshot.orders.stops_done[trip])
     lines = len(chained_lines(view, int(snapshot.trips.first_line[stop])))
-    return [robot_link(robot), f" for {left}: {count(lines, 'line')}"]
+    return [robot_link(robot), f"{served}: {count(lines, 'line')}"]
 
 
 def _shares_of_time(view: View, station: int) -> Parts:
@@ -268,7 +262,7 @@ def trip_lines(view: View, trip: int, width: int) -> list[Line]:
     """Everything about one trip."""
     snapshot = view.snapshot
     orders, state = snapshot.orders, int(snapshot.orders.state[trip])
-    lines = [line(title(f"trip {trip} "), TRIP_STATE_WORDS.get(state, "under way"))]
+    lines = [line(title(f"trip {trip} "), state_word(view, trip))]
     if state == ORDER_UNRELEASED:
         return lines
     pod, robot = int(snapshot.trips.pod[trip]), int(orders.reserved_by[trip])

@@ -12,13 +12,11 @@ from automaton.engine import observation as codes
 from automaton.engine.observation import (
     CAUSE_NOT_WAITING,
     CAUSE_REDUCED_SPEED,
-    CAUSES,
     is_waiting,
     waited_ticks,
 )
-from automaton.engine.robot_states import is_charging, is_queueing
+from automaton.engine.robot_states import is_charging
 from automaton.engine.state import (
-    ACTION_SERVE,
     BATTERY_FULL,
     GOAL_CHARGE,
     GOAL_DROP,
@@ -30,14 +28,11 @@ from automaton.engine.state import (
     STATUS_DEPLETED,
     STATUS_FAILED,
     STATUS_FAILING,
-    STATUS_REMOVED,
     STATUS_TOWED,
     Array,
 )
-from automaton.floor.cells import DIRECTIONS
 from automaton.history.event_history import Event, event_words
 from automaton.history.explanation import doing, out_of_order
-from automaton.history.snapshot import FleetSnapshot
 from automaton.history.state_words import (
     charger_queue,
     charging_at,
@@ -49,6 +44,7 @@ from automaton.history.state_words import (
 )
 from automaton.scenario.fleet import FleetType, TypeBattery
 from automaton.units import count, percent
+from automaton.vocabulary import CONDITION_WORDS, HEADING_WORDS, robot_word, with_cause
 from tui.playback.panel_view import View
 from tui.widgets.panel import (
     UNICODE_SIGNS,
@@ -82,23 +78,6 @@ from tui.widgets.zone_facts import robot_zone
 BAR_WIDTH: Final = 16  # columns of a full battery
 MAX_QUEUE_LINES: Final = 12  # robots of a line that are told one by one
 LAST_EVENTS: Final = 5
-
-HEADING_WORDS: Final = {  # what a robot's heading means, by kinematics
-    "rail": ("east-west", "north-south"),
-    "differential": DIRECTIONS,
-    "omni": ("none: it never turns",),
-}
-
-DOWN_WORDS: Final = {
-    STATUS_DEPLETED: "empty",
-    STATUS_FAILED: "broken",
-    STATUS_TOWED: "towed",
-    STATUS_REMOVED: "towed",
-}
-
-ACTION_WORDS: Final = ("idle", "drives", "turns", "picks", "drops", "tries", "waits", "charges")
-SERVED_WORD: Final = "served"
-PARKED_WORD: Final = "parked"
 
 
 def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE_SIGNS) -> list[Line]:
@@ -156,9 +135,7 @@ def _state(view: View, robot: int) -> str:
     if fleet.cause[robot] == CAUSE_NOT_WAITING:
         return doing(view.snapshot, robot)
     ticks = int(waited_ticks(fleet.cause[robot], fleet.since[robot], view.snapshot.tick))
-    name = CAUSES[int(fleet.cause[robot])].name
-    circle = ", in a wait cycle" if fleet.wait_cycle_ticks[robot] else ""
-    return f"{count(ticks, 'tick')}: {name}{circle}"
+    return with_cause(f"{robot_word(fleet, robot)} for {count(ticks, 'tick')}", fleet, robot)
 
 
 def _look(view: View, robot: int) -> str:
@@ -185,7 +162,7 @@ def _place(view: View, robot: int) -> Parts:
     cell = int(fleet.cell[robot])
     if cell == NIL:
         if fleet.status[robot] >= STATUS_TOWED:
-            return ["off the floor, towed"]
+            return [f"off the floor, {CONDITION_WORDS[fleet.status[robot]]}"]
         return ["in its parking bay" if fleet.bay[robot] != NIL else "off the floor"]
     parts: Parts = [
         cell_link(floor_plan, cell),
@@ -200,8 +177,7 @@ def _heading(view: View, robot: int) -> str:
     fleet = view.snapshot.robots
     types = view.run.resolved.fleet.types
     own = types[int(fleet.type[robot]) % len(types)]  # types with a load come behind
-    names = HEADING_WORDS[own.kinematics]
-    return names[int(fleet.heading[robot])]
+    return HEADING_WORDS[own.headings][int(fleet.heading[robot])] or "none: it never turns"
 
 
 def _task(view: View, robot: int) -> Facts:
@@ -319,21 +295,6 @@ def last_of(events: Array, robot: int, most: int) -> Array:
         reach *= 4
 
 
-def doing_word(fleet: FleetSnapshot, robot: int) -> str:
-    """What a robot does, in a word."""
-    if int(fleet.status[robot]) in DOWN_WORDS:
-        return DOWN_WORDS[int(fleet.status[robot])]
-    if fleet.parked[robot]:
-        return PARKED_WORD
-    if is_queueing(fleet)[robot]:
-        return "queues"
-    if is_waiting(fleet.cause[robot]):
-        return "waits"
-    if fleet.action[robot] == ACTION_SERVE:
-        return SERVED_WORD
-    return ACTION_WORDS[min(int(fleet.action[robot]), len(ACTION_WORDS) - 1)]
-
-
 # Batteries and chargers.
 
 
@@ -381,10 +342,11 @@ def condition(view: View, robot: int) -> Parts:
     if not may_fail(view):
         return []
     status = int(fleet.status[robot])
+    word = CONDITION_WORDS[status]
     if status == STATUS_FAILING:
-        return [Span("fails when what it does is over", "warn")]
+        return [Span(f"{word}: it breaks down when what it does is over", "warn")]
     if status < STATUS_DEPLETED:
-        return ["in order"]
+        return [word]
     told = linked(out_of_order(snapshot, robot), view.floor_plan, "warn")
     if fleet.cell[robot] == NIL:
         return list(told)
@@ -400,9 +362,9 @@ def charger_lines(view: View, cell: int, width: int) -> list[Line]:
     for robot in there:
         charge = percent(int(snapshot.robots.charge[robot]) / BATTERY_FULL, 0)
         words = f" at {charge}, {up_to(snapshot, robot)}"
-        lines += fact("charges", robot_link(robot), words, width=width)
+        lines += fact("charging", robot_link(robot), words, width=width)
     if not there:
-        lines += fact("charges", "no robot", width=width)
+        lines += fact("charging", "no robot", width=width)
     in_line = charger_queue(snapshot, cell)
     for place, robot in enumerate(in_line[:MAX_QUEUE_LINES]):
         lines += fact("" if place else "queue", *_arriving(view, robot), width=width)

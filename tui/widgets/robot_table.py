@@ -8,11 +8,12 @@ from typing import ClassVar, Final, NamedTuple
 import numpy as np
 from textual.binding import Binding, BindingType
 
-from automaton.engine.observation import CAUSE_REDUCED_SPEED, CAUSES, is_waiting, waited_ticks
-from automaton.engine.robot_states import is_queueing
+from automaton.engine.observation import (
+    CAUSE_REDUCED_SPEED,
+    is_waiting,
+    waited_ticks,
+)
 from automaton.engine.state import (
-    ACTION_NAMES,
-    ACTION_SERVE,
     BATTERY_FULL,
     NIL,
     STATUS_DEPLETED,
@@ -21,23 +22,11 @@ from automaton.engine.state import (
 )
 from automaton.history.state_words import carries_pods
 from automaton.units import percent
+from automaton.vocabulary import cause_name, robot_states, robot_word
 from tui.playback.panel_view import RobotChosen, View
 from tui.widgets.panel import UNICODE_SIGNS, Line, Link, PanelWidget, Rows, Signs, Span, line
-from tui.widgets.robot_facts import ACTION_WORDS, doing_word, has_batteries, has_types, type_of
+from tui.widgets.robot_facts import has_batteries, has_types, type_of
 from tui.widgets.zone_facts import partition_of, queued
-
-SHORT_CAUSES: Final = {
-    "driving ahead": "driving",
-    "following conflict": "following",
-    "illegal decision": "illegal",
-    "no drop-off slot": "no slot",
-    "none": "",
-    "reduced speed": "slow",
-    "station break": "break",
-    "station queue": "for station",
-    "vertex conflict": "conflict",
-    "working ahead": "working",
-}
 
 
 class Robots(Rows, PanelWidget):
@@ -176,7 +165,7 @@ class Robots(Rows, PanelWidget):
 
 
 def _aligned(text: str, width: int, column: RobotColumn) -> str:
-    return text.rjust(width) if column.right else text.ljust(width)
+    return text.rjust(width) if column.right else text[:width].ljust(width)
 
 
 # Columns.
@@ -201,19 +190,6 @@ def ordered(view: View, column: RobotColumn, greatest_first: bool) -> Array:
     return order
 
 
-def _doing_keys(view: View) -> Array:
-    """In the order of ACTION_WORDS: idle, at work, waiting; then parked, last down and towed."""
-    fleet = view.snapshot.robots
-    keys = np.minimum(fleet.action, len(ACTION_WORDS) - 1).astype(np.int64)
-    keys[fleet.action == ACTION_SERVE] = len(ACTION_WORDS)
-    keys[is_waiting(fleet.cause)] = ACTION_NAMES.index("wait")
-    keys[is_queueing(fleet)] = len(ACTION_WORDS) + 1
-    keys[fleet.parked != 0] = len(ACTION_WORDS) + 2
-    out = fleet.status >= STATUS_DEPLETED
-    keys[out] = len(ACTION_WORDS) + 1 + fleet.status[out]
-    return keys
-
-
 def _waited(view: View) -> Array:
     fleet = view.snapshot.robots
     waited = waited_ticks(fleet.cause, fleet.since, view.snapshot.tick)
@@ -226,11 +202,6 @@ def _waited_of(view: View, robot: int) -> int:
     if not is_waiting(fleet.cause[robot]):
         return 0
     return int(waited_ticks(fleet.cause[robot], fleet.since[robot], view.snapshot.tick))
-
-
-def _cause(view: View, robot: int) -> str:
-    name = CAUSES[int(view.snapshot.robots.cause[robot])].name
-    return SHORT_CAUSES.get(name, name)
 
 
 def _load(view: View, robot: int) -> str:
@@ -272,10 +243,22 @@ ROBOT_TABLE_COLUMNS: Final = (
         there=has_types,
     ),
     RobotColumn(
-        "doing", 6, _doing_keys, lambda v, r: doing_word(v.snapshot.robots, r), False, right=False
+        "doing",
+        8,
+        lambda v: robot_states(v.snapshot.robots),
+        lambda v, r: robot_word(v.snapshot.robots, r),
+        False,
+        right=False,
     ),
     RobotColumn("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
-    RobotColumn("cause", 12, lambda v: v.snapshot.robots.cause, _cause, True, right=False),
+    RobotColumn(
+        "cause",
+        13,
+        lambda v: v.snapshot.robots.cause,
+        lambda v, r: cause_name(v.snapshot.robots, r),
+        True,
+        right=False,
+    ),
     RobotColumn(
         "battery",
         7,

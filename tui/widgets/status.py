@@ -15,15 +15,11 @@ from textual.app import ComposeResult
 from textual.widgets import Footer
 
 from automaton.drawings.looks import DETAIL_ONE_WAY, DETAIL_SHIFT, KIND_MASK
-from automaton.engine.observation import CAUSES
 from automaton.engine.state import (
-    ACTION_IDLE,
-    ACTION_NAMES,
     BATTERY_PERCENT,
     NIL,
     ORDER_DELIVERED,
     ORDER_WAITING,
-    STATUS_TOWED,
 )
 from automaton.floor.cells import (
     ANY_LOADS,
@@ -45,6 +41,7 @@ from automaton.history.state_words import (
     words_of,
 )
 from automaton.units import Unit, number
+from automaton.vocabulary import robot_word, with_cause
 from tui.actions import do
 from tui.registration import layers
 from tui.render import styles
@@ -224,9 +221,9 @@ def fleet_words(snapshot: Snapshot, figures: RunFigures) -> list[Word]:
     """How many robots work, wait and finish nothing, and how many orders are done."""
     now, starved, jam = summarize(snapshot), len(figures.starved), figures.jam
     said = [
-        word(f"{now.working:,} work", styles.COLOUR_ROBOT, "robots", 2),
+        word(f"{now.working:,} working", styles.COLOUR_ROBOT, "robots", 2),
         word(
-            f"{now.waiting:,} wait",
+            f"{now.waiting:,} waiting",
             styles.COLOUR_WAITING if now.waiting else styles.COLOUR_DIM,
             "robots",
             1,
@@ -318,8 +315,8 @@ def _is_sign(one: int, plain: int) -> bool:
 # A cell in one line.
 #
 # (12, 4) shelf with load 7 for (20, 3), reserved by robot 2
-# (3, 0) track along x, robot 1 with load 4, waits: head-on
-# (5, 3) station P1 with 2 open lines, 1 in its queue, robot 1 with pod 2 (serve)
+# (3, 0) track along x, robot 1 with load 4 waiting: head-on
+# (5, 3) station P1 with 2 open lines, 1 in its queue, robot 1 with pod 2 at stop
 
 
 def describe(scene: Scene, cell: int) -> str:
@@ -440,17 +437,7 @@ def _robot(scene: Scene, robot: int) -> str:
         words.append(f"with {load_words(scene.snapshot, int(robots.load[robot]))}")
     if scene.floor.battery:
         words.append(f"at {robots.charge[robot] / BATTERY_PERCENT:.0f} %")
-    if robots.status[robot] >= STATUS_TOWED:
-        return " ".join([*words, "towed"])
-    if robots.parked[robot]:
-        return " ".join([*words, "parked"])
-    if robots.cause[robot]:
-        waits = f", waits: {CAUSES[robots.cause[robot]].name}"
-        return (
-            " ".join(words) + waits + (" in a wait cycle" if robots.wait_cycle_ticks[robot] else "")
-        )
-    if robots.action[robot] != ACTION_IDLE:
-        words.append(f"({ACTION_NAMES[robots.action[robot]]})")
+    words.append(with_cause(robot_word(robots, robot), robots, robot))
     return " ".join(words)
 
 

@@ -105,8 +105,8 @@ def _step(view: View, found: Explanation, at: int, width: int) -> list[Line]:
         return wrapped(line(dim("but " if at else ""), *words), width, indent=2)
     mark = "because " if at else ""
     look = "fault" if in_circle else "warn"
-    waited = Span(f" has waited {count(link.ticks, 'tick')}: {link.cause}", look)
-    because = link.text.partition(": ")[2]
+    since, _, because = link.text.removeprefix(f"robot {link.robot}").partition(": ")
+    waited = Span(since if link.cause in since else f"{since}: {link.cause}", look)
     return [
         *wrapped(line(dim(mark), robot_link(link.robot), waited), width, indent=2),
         *wrapped(linked(because, view.floor_plan), width, indent=2, first=2),

@@ -284,7 +284,8 @@ function timeWords(tick) {
 function robotWords() {
   if (selected < 0) return ["No robot is chosen: click one."];
   const k = tickNow(), code = of("cause", selected, k), words = [];
-  if (code === 0) words.push(film.states[of("mark", selected, k) & 7]);
+  const doing = film.doing[of("doing", selected, k)];
+  if (code === 0) words.push(doing);
   else {
     const blocker = of("blocker", selected, k), cell = of("wanted", selected, k);
     const at = cell < 0 ? "its next cell" : `(${(cell % film.stride) - 1}, ${Math.floor(cell / film.stride) - 1})`;
@@ -293,7 +294,7 @@ function robotWords() {
       .replaceAll("{blocker}", blocker < 0 ? "no robot" : `robot ${blocker}`)
       .replaceAll("{cell}", at);
     const waited = of("waited", selected, k);
-    words.push(`has waited ${number(waited)} tick${waited === 1 ? "" : "s"}: ${film.causes[code].name}`, sentence);
+    words.push(`has been ${doing} for ${number(waited)} tick${waited === 1 ? "" : "s"}: ${film.causes[code].name}`, sentence);
   }
   const place = placeOf(selected);
   words.push(place ? `at (${Math.round(place[0])}, ${Math.round(place[1])})` : "off the floor");
@@ -306,7 +307,7 @@ let written = "";
 function write() {
   const k = tickNow(), robots = robotWords();
   const figures = [
-    `${number(figure("working", k))} work`, `${number(figure("waiting", k))} wait`,
+    `${number(figure("working", k))} working`, `${number(figure("waiting", k))} waiting`,
     `${number(figure("delivered", k))} of ${number(figure("orders", k))} orders done`,
   ];
   if (figure("circling", k)) figures.push(`${number(figure("circling", k))} in a wait cycle`);

@@ -1,9 +1,9 @@
 """The lines below the map of a picture: all that the map cannot show of a robot or an order, in English.
 
-    A (2, 3) vertical, northbound, carries 7 to (11, 4) via (10, 4), moved; route nnEES
+    A (2, 3) north-south, northbound, carries 7 to (11, 4) via (10, 4), drove; route nnEES
     order 7 delivered to (11, 4) in tick 123, picked up 3 times
 
-One table of phrases serves both directions. A phrase is a template such as "turns for {busy} more
+One table of phrases serves both directions. A phrase is a template such as "turning for {busy} more
 tick(s)" and the values that it fixes. It is written when its fixed values hold and none of its named
 values is the default; read, it gives back both. What has its default value is not mentioned.
 """
@@ -15,7 +15,6 @@ from collections.abc import Iterable
 from typing import Final, NamedTuple
 
 from automaton.engine.state import (
-    ACTION_NAMES,
     BATTERY_FULL,
     BATTERY_PERCENT,
     GOAL_CHARGE,
@@ -46,7 +45,6 @@ from automaton.engine.state import (
     REASON_SERVED,
     RETRY_EXHAUSTED,
     RETRY_WAITED,
-    STATUS_NAMES,
     Robots,
     World,
 )
@@ -54,6 +52,13 @@ from automaton.errors import InputError
 from automaton.floor.cells import DIRECTIONS
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.progress import has_lines
+from automaton.vocabulary import (
+    ACTION_PHRASES,
+    CONDITION_WORDS,
+    DONE_WORD,
+    HEADING_WORDS,
+    ORDER_WORDS,
+)
 
 Pair = tuple[int, int]
 Value = int | Pair | None  # a number, or a cell (x, y), or no cell
@@ -193,20 +198,26 @@ def read_route(text: str) -> tuple[list[int], int]:
 
 ORDER_NUMBERS = ("state", "delivered", "legs")
 
+
+def _order_phrase(state: int, rest: str = "") -> Phrase:
+    return Phrase(ORDER_WORDS[state] + rest, state=state)
+
+
 STATE_PHRASES = (
-    Phrase("delivered to {current_slot} in tick {delivered}", state=ORDER_DELIVERED),
-    Phrase("lies at {current_slot} as load {spare} for {target}", state=ORDER_WAITING),
-    Phrase("waits on {current_slot} for {target}", state=ORDER_WAITING),
-    Phrase("on its way to {target}", state=ORDER_CARRIED),
-    Phrase("on its way", state=ORDER_CARRIED),
-    Phrase("done in tick {delivered}", state=ORDER_DELIVERED),
-    Phrase("waits again", state=ORDER_WAITING),
-    Phrase("under way", state=ORDER_STARTED),
+    Phrase(f"{DONE_WORD} at {{current_slot}} in tick {{delivered}}", state=ORDER_DELIVERED, trip=1),
+    _order_phrase(ORDER_DELIVERED, " to {current_slot} in tick {delivered}"),
+    _order_phrase(ORDER_WAITING, " at {current_slot} as load {spare} for {target}"),
+    _order_phrase(ORDER_WAITING, " at {current_slot} for {target}"),
+    _order_phrase(ORDER_CARRIED, " to {target}"),
+    _order_phrase(ORDER_CARRIED),
+    Phrase(f"{DONE_WORD} in tick {{delivered}}", state=ORDER_DELIVERED),
+    _order_phrase(ORDER_WAITING, " again"),
+    _order_phrase(ORDER_STARTED),
 )
 ORDER_PHRASE_GROUPS = (STATE_PHRASES, (Phrase("picked up {legs} time(s)"),))
 # Values that a line leaves out: an order with a line was picked up once.
 LEFT_OUT: Final[Facts] = {
-    **{"state": NIL, "delivered": NIL, "legs": 1, "spare": NIL},
+    **{"state": NIL, "delivered": NIL, "legs": 1, "spare": NIL, "trip": 0},
     **{"current_slot": None, "target": None},
 }
 ORDER_LINE = re.compile(
@@ -222,7 +233,7 @@ def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
     stops_done = int(world.orders.stops_done[order])
     if facts["state"] == ORDER_CARRIED and facts["legs"] == 1 and not stops_done:
         return None  # the robot's line says it
-    name = "trip" if has_lines(world) else "order"
+    name = "trip" if facts["trip"] else "order"
     line = f"{name} {order} {', '.join(write_facts(ORDER_PHRASE_GROUPS, facts, LEFT_OUT))}"
     first = int(world.orders.first_stop[order])
     ticks = world.stops.done[first : first + stops_done].tolist()
@@ -237,6 +248,7 @@ def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
         return None if slot == NIL else floor_plan.xy(int(world.slots.cell[slot]))
 
     facts: Facts = {name: int(getattr(orders, name)[order]) for name in ORDER_NUMBERS}
+    facts["trip"] = int(has_lines(world))
     for name in ("current_slot", "target", "source"):
         facts[name] = xy(int(getattr(orders, name)[order]))
     current_slot = int(orders.current_slot[order])
@@ -258,10 +270,12 @@ def read_order(text: str) -> DrawnOrder:
     """What an order's line gives. Raises InputError."""
     match = ORDER_LINE.fullmatch(text)
     if match is None:
-        raise InputError(f"'{text}' is not a line about an order, such as order 7 waits on (3, 4)")
+        raise InputError(
+            f"'{text}' is not a line about an order, such as order 7 waiting at (3, 4)"
+        )
     facts = read_facts(ORDER_PHRASE_GROUPS, match["facts"], f"order {match['number']}")
     if "state" not in facts:
-        raise InputError(f"order {match['number']}: is it delivered, waiting, or on its way?")
+        raise InputError(f"order {match['number']}: is it delivered, waiting or carried?")
     stops = [int(tick) for tick in (match["stops"] or "").split()]
     return DrawnOrder(int(match["number"]), LEFT_OUT | facts, stops)
 
@@ -282,29 +296,6 @@ NEEDS = {
     "need_charging": NEED_CHARGING,
 }
 
-ACTION_PHRASES = {  # of each action: while it lasts, and when it is over
-    "idle": ("rests", "rested"),
-    "move": ("moves", "moved"),
-    "turn": ("turns", "turned"),
-    "pick": ("picks up", "picked up"),
-    "drop": ("drops", "dropped"),
-    "try_drop": ("tries to drop", "tried to drop"),
-    "wait": ("waits", "waited"),
-    "charge": ("charges", "charged"),
-    "blocked": ("is blocked", "was blocked"),
-    "retreat": ("decides to retreat", "decided to retreat"),
-    "bay_blocked": ("is kept in its parking bay", "was kept in its parking bay"),
-    "illegal": ("loses time to an illegal answer", "lost a tick to an illegal answer"),
-    "queueing": ("queues", "queued"),
-    "down": ("is down", "went down"),
-    "held_back": ("is held back", "was held back"),
-    "serve": ("stands at its stop", "stood at its stop"),
-    "station_queue": ("queues for a station", "queued for a station"),
-    "delayed": ("is delayed", "was delayed"),
-    "gate": ("waits at a gate", "waited at a gate"),
-    "following": ("follows", "followed"),
-}
-
 TASK = (
     Phrase("carries {load} to {slot} via {goal_cell}", goal_type=GOAL_DROP),
     Phrase("carries {load}", goal_type=GOAL_NONE),
@@ -316,8 +307,8 @@ TASK = (
 )
 ACTION = tuple(
     Phrase(text, action=code) if "{busy}" in text else Phrase(text, action=code, busy=0)
-    for code, name in enumerate(ACTION_NAMES)
-    for text in (f"{ACTION_PHRASES[name][0]} for {{busy}} more tick(s)", ACTION_PHRASES[name][1])
+    for code, phrases in enumerate(ACTION_PHRASES)
+    for text in (f"{phrases.present} for {{busy}} more tick(s)", phrases.past)
 )
 REASON = (
     Phrase("last asked as free", reason=REASON_IDLE),
@@ -357,7 +348,7 @@ PHRASE_GROUPS = (
     (Phrase("zone {service_zone}"),),
     (Phrase("may have an order while it charges", charging_interruptible=1),),
     (Phrase("charge {charge} %"),),
-    tuple(Phrase(name, status=code) for code, name in enumerate(STATUS_NAMES)),
+    tuple(Phrase(word, status=code) for code, word in enumerate(CONDITION_WORDS)),
     (Phrase("for good", status_until=NIL), Phrase("until tick {status_until}")),
     (Phrase("has ticket {ticket}"),),
     (Phrase("asks for charging", need_charging=1),),
@@ -382,17 +373,11 @@ def groups_of(robots: type[Robots]) -> tuple[tuple[Phrase, ...], ...]:
     return (*PHRASE_GROUPS, *((Phrase(f"{name.replace('_', ' ')} {{{name}}}"),) for name in others))
 
 
-# Names of the headings, by how many there are: omni, rail, differential.
-HEADING_PHRASES = {
-    1: ("",),
-    2: ("horizontal", "vertical"),
-    4: tuple(f"facing {name}" for name in DIRECTIONS),
-}
 OFF_FLOOR = "off the floor at"
 ROBOT_LINE = re.compile(
     r"(?P<name>[A-Z]|\d+) "
     r"(?P<place>\(-?\d+, -?\d+\)|in its parking bay|off the floor at \(\d+, \d+\))"
-    r"(?:,? (?P<heading>horizontal|vertical|facing \w+))?(?:, (?P<facts>[^;]+))?"
+    r"(?:,? (?P<heading>east-west|north-south|facing \w+))?(?:, (?P<facts>[^;]+))?"
     r"(?:; route (?P<route>\w+))?(?:; plan (?P<plan>[\d ]+))?"
 )
 
@@ -415,7 +400,7 @@ def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False)
     if brief:
         facts |= {name: default[name] for name in idle_facts(world, headings)}
     said = write_facts(groups_of(type(robots)), facts, default)
-    heading = HEADING_PHRASES[headings][int(robots.heading[i])]
+    heading = _heading_words(headings)[int(robots.heading[i])]
     start = f"{name_of(int(robots.identity[i]))} {_place(facts)}"
     if heading:
         start += f"{',' if facts['cell'] is None else ''} {heading}"
@@ -500,7 +485,9 @@ def read_robot(text: str, tick: int, robots: type[Robots] = Robots) -> RobotLine
     """What a robot's line gives. Raises InputError."""
     match = ROBOT_LINE.fullmatch(text)
     if match is None:
-        raise InputError(f"'{text}' is not a line about a robot, such as A (2, 3) vertical, moved")
+        raise InputError(
+            f"'{text}' is not a line about a robot, such as A (2, 3) north-south, drove"
+        )
     facts = read_facts(groups_of(robots), match["facts"] or "", f"robot {match['name']}")
     place = match["place"]
     facts["cell"] = pair(place) if place.startswith("(") else None
@@ -513,8 +500,14 @@ def read_robot(text: str, tick: int, robots: type[Robots] = Robots) -> RobotLine
     return RobotLine(identity_of(match["name"]), facts, read_route(match["route"] or ""), plan)
 
 
+def _heading_words(headings: int) -> tuple[str, ...]:
+    """Of each heading of a type that distinguishes so many; a robot that turns in any cell faces one."""
+    names = HEADING_WORDS[headings]
+    return tuple(f"facing {name}" for name in names) if headings == len(DIRECTIONS) else names
+
+
 def _heading(words: str) -> int:
-    for names in HEADING_PHRASES.values():
-        if words in names:
-            return names.index(words)
+    for headings in HEADING_WORDS:
+        if words in _heading_words(headings):
+            return _heading_words(headings).index(words)
     raise InputError(f"'{words}' is not a direction; there are {', '.join(DIRECTIONS)}")

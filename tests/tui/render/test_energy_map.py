@@ -62,7 +62,7 @@ def test_the_legend_explains_them_where_they_can_occur() -> None:
         if signs(np.array([code]))[0] not in " ✗":
             assert int(code) in told
     words = " ".join(told.values())
-    for meaning in ("charges", "battery below 20 %, with a load", "broken down", "had to leave"):
+    for meaning in ("charging", "battery below 20 %, with a load", "broken down", "had to leave"):
         assert meaning in words
     bare = make_scene(scene.floor.floor_plan, {"cell": 12})
     without = " ".join(entry.meaning for entry in legend(bare, camera.zoom, UNICODE))
@@ -91,5 +91,5 @@ def test_a_line_says_what_is_in_a_cell() -> None:
         "(5, 0) floor, load 4 was left there",
         "(2, 1) station with 0 loads to fetch, 0 brought, load 5 was left there",
         "(0, 1) parking bay, robot 4 at 100 % towed",
-        "(0, 0) floor, robot 0 at 20 %",
+        "(0, 0) floor, robot 0 at 20 % idle",
     ]

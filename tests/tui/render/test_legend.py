@@ -85,11 +85,11 @@ def test_a_cell_is_described_in_one_line():
     assert described == [
         "(0, 0) shelf with load 0 for (4, 0), to be fetched by robot 1",
         "(0, 1) shelf, empty, reserved by robot 0",
-        "(1, 0) floor, robot 0 with load 7, waits: head-on",
+        "(1, 0) floor, robot 0 with load 7 waiting: head-on",
         "(2, 0) one-way floor east",
         "(2, 1) passing aisle, robot 1 comes",
     ]
-    assert describe(scene, floor_plan.cell(1, 1)) == "(1, 1) passing aisle, robot 1 (move)"
+    assert describe(scene, floor_plan.cell(1, 1)) == "(1, 1) passing aisle, robot 1 driving"
     assert describe(scene, floor_plan.cell(4, 0)) == "(4, 0) destination with 0 loads"
 
 

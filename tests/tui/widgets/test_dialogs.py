@@ -163,7 +163,7 @@ def test_matches_appear_while_typing_and_the_chosen_one_comes_first() -> None:
             f"robot {robot}" for robot in (1, 2, 3, 4)
         ]
         assert str(dialog.query_one("#many", Static).content) == "4 robots"
-        assert said(matches)[1] == "robot 2  waits at (8, 0), load 10"
+        assert said(matches)[1] == "robot 2  waiting at (8, 0), load 10"
         await pilot.press("down", "down", "enter")
 
     assert with_dialog(dialog, story) == Found("waiting > 2", robots=(1, 2, 3, 4), first=2)

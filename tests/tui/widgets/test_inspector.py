@@ -34,7 +34,7 @@ def test_nothing_selected_says_how_to_select() -> None:
 def test_a_robot_is_told_with_all_that_it_does(width: int) -> None:
     said_then = shown(Inspector(), of_robot(busy(), 1), width)
     for words in (
-        "robot 1 picks up load 6 for 1 more tick",
+        "robot 1 is picking up load 6 for 1 more tick",
         "cell (2, 7) track",
         "heading north-south",
         "load load 6 for (11, 8)",
@@ -105,7 +105,7 @@ def test_links_lead_from_robot_to_order_and_on_to_its_cell() -> None:
     async def story(stage: PanelHarness, pilot: Pilot[None]) -> None:
         inspector.show(of_robot(busy(), 1))
         await click(pilot, inspector, "order 6")
-        for words in ("order 6 under way", "to (11, 8)", "carried by robot 1", "picked up 1 time"):
+        for words in ("order 6 carried", "to (11, 8)", "carried by robot 1", "picked up 1 time"):
             assert words in text(inspector)
         await click(pilot, inspector, "known")
         assert stage.wishes() == []  # a name leads nowhere

@@ -41,7 +41,7 @@ def test_a_robot_and_a_station_tell_of_orders_not_trips() -> None:
     told = shown(Inspector(), of_robot(listed(30), 0), WIDE)
     assert "load pod A-1" in told and "order 0" in told and "trip" not in told, told
     told = shown(Inspector(), of_cell(listed(30), 5, 3), WIDE)
-    assert "serves robot 1 for" in told and "open lines" not in told, told
+    assert "serves robot 1 is served there for" in told and "open lines" not in told, told
     assert "order 0" in shown(Events(), listed(75), WIDE)
 
 

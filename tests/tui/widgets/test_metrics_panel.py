@@ -40,7 +40,7 @@ def test_figures_tell_orders_rates_robots_and_causes(width: int) -> None:
         f"throughput {metrics['throughput']:.1f} /1000 ticks",
         "last 500 34.0 /1000 ticks",
         f"blocked {100 * metrics['blocked_share']:.1f} %",
-        "robots 5 work, 0 wait" + (", 0 parked" if width == WIDE else " 0 parked"),
+        (", " if width == WIDE else " ").join(("robots 5 working", "0 waiting", "0 parked")),
         "time lost of all robot ticks W working ahead",
         "tick 600",
     ):
@@ -209,8 +209,8 @@ def test_no_unit_is_cut_where_there_is_little_room() -> None:
     assert "last 500    34.0 /kt" in lines and "orders/1000 ticks" in lines
     lines.clear()
     run_in_harness(Figures(), story, 32, 80)
-    at = lines.index("robots       5 work, 0 wait")
-    assert lines[at + 1] == "0 parked"
+    at = lines.index("robots       5 working")
+    assert lines[at + 1 : at + 3] == ["0 waiting", "0 parked"]
 
 
 def test_a_click_explains_a_cause_and_a_share() -> None:

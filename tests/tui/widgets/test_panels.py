@@ -120,7 +120,7 @@ def test_an_order_that_is_clicked_opens_the_inspector() -> None:
         column.show(of_robot(busy(), 1))
         await pilot.pause()
         await click(pilot, column.panels["inspector"], "order 6")
-        assert "order 6 under way" in text(column.panels["inspector"])
+        assert "order 6 carried" in text(column.panels["inspector"])
 
     run_in_harness(column, story, NARROW, 60)
 

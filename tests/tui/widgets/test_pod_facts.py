@@ -37,7 +37,7 @@ def test_a_station_tells_whom_it_serves() -> None:
     told = shown(Inspector(), of_cell(goods(30), 5, 3), WIDE)
     for words in (
         "station P1",
-        "serves robot 1 for 7 more ticks: 1 line",
+        "serves robot 1 is served there for 7 more ticks: 1 line",
         "queue robot 0",
         "places 2 of 5 taken",
         "open lines 2",
@@ -56,7 +56,7 @@ def test_a_robot_tells_of_its_trip() -> None:
         "stops P1 (1 line)",
         "station P1, 1 of 1 in the queue",
         "goal to station P1",
-        "lifts the pod of trip 0",
+        "picks up the pod of trip 0",
     ):
         assert words in told, told
     assert "due tick 90" in shown(Inspector(), of_robot(goods(30), 1), WIDE)
@@ -68,7 +68,7 @@ def test_a_trip_has_its_stops() -> None:
     view = of_robot(goods(60), 1)
     panel._chosen = (view.robot, view.cell, view.zone)
     told = shown(panel, view, WIDE)
-    assert "trip 1 over, its pod is stored" in told
+    assert "trip 1 done" in told
     assert "stops P1: 1 line, done in tick 37" in told
 
 

@@ -28,7 +28,7 @@ PLAIN = [
     c for c in ROBOT_TABLE_COLUMNS if c.title not in ("type", "battery", "ahead", "zone", "queue")
 ]
 TITLES = [column.title for column in PLAIN]  # without types, batteries, plans and zones to serve
-ALL = 80  # columns for the whole table
+ALL = 83  # columns for the whole table
 
 
 def crowd(many: int) -> View:
@@ -64,7 +64,7 @@ def test_all_columns_tell_what_the_snapshot_says() -> None:
         waited = 300 - int(fleet.since[2])
         x, y = view.floor_plan.xy(int(fleet.cell[2]))
         assert rows_of(robots)[2] == [
-            *("2", "waits", str(waited), "head-on", str(fleet.load[2]), str(fleet.order[2])),
+            *("2", "waiting", str(waited), "head-on", str(fleet.load[2]), str(fleet.order[2])),
             *(f"{x},{y}", "7", f"{100 * figures.active[2]:.0f}", "%", str(figures.operations[2])),
         ]
 
@@ -89,7 +89,7 @@ def test_a_click_on_a_title_sorts_and_another_turns_it_round() -> None:
         await pilot.pause()
         await click(pilot, robots, "waits ")
         assert "waits▾" in said(robots)[0]
-        ticks = [int(row[2]) for row in rows_of(robots) if row[1] == "waits"]
+        ticks = [int(row[2]) for row in rows_of(robots) if row[1] == "waiting"]
         assert ticks == sorted(ticks, reverse=True) and len(ticks) == 4
         await click(pilot, robots, "waits")
         assert "waits▴" in said(robots)[0] and rows_of(robots)[0][0] == "0"

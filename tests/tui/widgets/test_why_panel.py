@@ -46,12 +46,12 @@ durations: {pick: 20}
 def test_a_queue_is_told_back_to_the_robot_that_works(width: int) -> None:
     said_then = shown(Why(), of_robot(moment(5, *WAIT), 4), width)
     chain = [
-        "robot 4 has waited 5 ticks: queue robot 3 holds (0, 3) and waits itself",
-        "because robot 3 has waited 5 ticks: queue robot 2 holds (0, 2) and waits itself",
-        "because robot 2 has waited 5 ticks: queue robot 1 holds (0, 1) and waits itself",
-        "because robot 1 has waited 5 ticks: working ahead robot 0 holds (0, 0) while it works "
+        "robot 4 has been waiting for 5 ticks: queue robot 3 holds (0, 3) and is waiting itself",
+        "because robot 3 has been waiting for 5 ticks: queue robot 2 holds (0, 2) and is waiting itself",
+        "because robot 2 has been waiting for 5 ticks: queue robot 1 holds (0, 1) and is waiting itself",
+        "because robot 1 has been waiting for 5 ticks: working ahead robot 0 holds (0, 0) while it works "
         "there",
-        "but robot 0 turns",
+        "but robot 0 is turning",
     ]
     places = [said_then.index(words) for words in chain]
     assert places == sorted(places)
@@ -159,9 +159,9 @@ def test_of_a_very_long_chain_the_beginning_and_the_end_are_told() -> None:
     snapshot = replace(view.snapshot, robots=FleetSnapshot(**longer))
     chain = replace(view, playback=replace(view.playback, snapshots=(snapshot,)), robot=many - 1)
     said_then = shown(Why(), chain, WIDE, 80)
-    assert "robot 99 has waited" in said_then and "robot 88 has waited" in said_then
+    assert "robot 99 has been waiting" in said_then and "robot 88 has been waiting" in said_then
     assert "robot 50" not in said_then and "... 84 more robots ..." in said_then
-    assert "because robot 1 has waited" in said_then
+    assert "because robot 1 has been waiting" in said_then
 
 
 async def _noop(stage: PanelHarness, pilot: Pilot[None]) -> None:

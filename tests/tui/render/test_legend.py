@@ -46,7 +46,7 @@ def test_the_legend_has_only_what_can_occur():
         for entry in legend(mini(), camera_at(mini().floor.floor_plan, "1x1").zoom, UNICODE)
     ]
     assert "turntable: robots turn here" in words and "parking bay" in words
-    assert not {"charger", "charges", "one-way floor", "two robots pass here"} & set(words)
+    assert not {"charger", "charging", "one-way floor", "two robots pass here"} & set(words)
 
 
 def test_the_legend_gives_the_numbers_of_a_layer():

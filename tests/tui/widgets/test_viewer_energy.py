@@ -301,7 +301,7 @@ def test_why_tells_the_line_before_a_charger() -> None:
     assert f"robot {two} has been queueing for 1 tick: {charging}" in line
     assert line.endswith(f" to go; robot {one} came before it")
     assert charges.startswith(f"robot {holder} is charging up to {level:.0f} %, ")
-    assert f"robot {holder} charges at (4, 0) up to" in shown(Why(), of_robot(view, two), WIDE)
+    assert f"robot {holder} is charging at (4, 0) up to" in shown(Why(), of_robot(view, two), WIDE)
     held = living(first(is_held)).snapshot
     (there,) = np.flatnonzero(held.robots.cell == CHARGER_CELL)
     waiting = charger_queue(held, CHARGER_CELL)[0]

@@ -244,7 +244,7 @@ ROBOT_TABLE_COLUMNS: Final = (
     ),
     RobotColumn(
         "doing",
-        8,
+        7,
         lambda v: robot_states(v.snapshot.robots),
         lambda v, r: robot_word(v.snapshot.robots, r),
         False,
@@ -253,7 +253,7 @@ ROBOT_TABLE_COLUMNS: Final = (
     RobotColumn("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
     RobotColumn(
         "cause",
-        13,
+        12,
         lambda v: v.snapshot.robots.cause,
         lambda v, r: cause_name(v.snapshot.robots, r),
         True,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import json
 import re
 import runpy
@@ -192,6 +193,22 @@ def test_every_parameter_of_zoning_has_its_row() -> None:
     for name in names("zoning"):
         for field in parameters_type("zoning", name).__struct_fields__:
             assert f"| `{field}` |" in table, (name, field)
+
+
+def test_warnings_that_the_page_explains_are_printed() -> None:
+    """Each phrase is a part of one string of the modules that warn."""
+    files = [*(ROOT / "automaton/world").glob("*.py"), ROOT / "automaton/scenario/table_reader.py"]
+    texts = [
+        node.value
+        for file in files
+        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8")))
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+    ]
+    section = page("docs/how-to/troubleshooting.md").text.partition("## Warnings of check")[2]
+    rows = re.findall(r"^\| (`[^|]+`) \| ", section, re.MULTILINE)
+    phrases = [phrase for row in rows for phrase in re.findall(r"`([^`]+)`", row)]
+    assert len(phrases) > 25
+    assert [phrase for phrase in phrases if not any(phrase in text for text in texts)] == []
 
 
 def test_exit_codes_stand_in_one_table() -> None:

@@ -7,6 +7,7 @@ import json
 import re
 import runpy
 import shlex
+import tomllib
 from pathlib import Path
 from typing import Any
 
@@ -51,6 +52,14 @@ def test_every_page_is_in_the_index() -> None:
         "CONTRIBUTING.md",
         "docs/index.md",
     } <= linked
+
+
+def test_the_site_has_every_page_once() -> None:
+    project = tomllib.loads((ROOT / "zensical.toml").read_text(encoding="utf-8"))["project"]
+    parts = [part for section in project["nav"] for part in section.values()]
+    paths = [path for part in parts for path in ([part] if isinstance(part, str) else part)]
+    of_docs = [one.name for one in pages() if one.name.startswith("docs/")]
+    assert sorted(f"docs/{path}" for path in paths) == sorted(of_docs)
 
 
 @pytest.mark.parametrize("one", pages(), ids=lambda one: one.name)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
+import os
 import sys
 from collections.abc import Callable, Iterator
 from fractions import Fraction
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+from automaton.atomic_write import atomic_writer, cannot_write_error
 from automaton.errors import InputError
 from automaton.scenario.document import Override, parse
 from automaton.scenario.quantities import is_clock_time
@@ -22,6 +24,7 @@ from automaton.world.scenario_warnings import scenario_warnings
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
 
+    from automaton.documents.report_document import ReportDocument
     from automaton.world.resolve import Resolved
 
 
@@ -115,6 +118,100 @@ def add_recording_argument(parser: argparse.ArgumentParser, name: str = "FILE") 
 def add_json_argument(parser: argparse._ActionsContainer) -> None:
     """Whether to print JSON: `json`."""
     parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+
+
+# The forms of an answer: text on stdout, or any other there or in a file.
+
+TEXT, MARKDOWN, HTML, JSON, XLSX = FORMATS = ("text", "markdown", "html", "json", "xlsx")
+FORMAT_BY_SUFFIX: Final = {
+    ".md": MARKDOWN,
+    ".html": HTML,
+    ".htm": HTML,
+    ".txt": TEXT,
+    ".json": JSON,
+    ".xlsx": XLSX,
+}
+
+
+class Output(NamedTuple):
+    """In which format an answer is written, and where; None: to stdout."""
+
+    format: str
+    file: Path | None
+
+    def write(self, document: Callable[[], ReportDocument], data: Callable[[], Any]) -> None:
+        """Write a document, or what it is made of as JSON. Raises InputError."""
+        if self.format == XLSX and self.file is not None:
+            from automaton.documents.workbook import write_sheet
+
+            write_sheet(document(), self.file)
+        elif self.file is not None:
+            with atomic_writer(self.file) as file:
+                file.write(rendered(self.format, document, data).encode())
+        elif self.format == TEXT:
+            from automaton.documents.text_output import print_document
+
+            print_document(document())
+        else:
+            print(rendered(self.format, document, data), end="")
+        if self.file is not None:
+            note(f"wrote {self.file}")
+
+
+def add_output_arguments(parser: argparse.ArgumentParser, option: str = "--out") -> None:
+    """The format of an answer, and a file for it: `format`, `json`, and `out` or another option."""
+    form = parser.add_mutually_exclusive_group()
+    text = f"text; or what the name of {option} says"
+    form.add_argument("--format", choices=FORMATS, help=text)
+    add_json_argument(form)
+    text = "write the report there: one file to give away"
+    parser.add_argument(option, type=Path, metavar="FILE", help=text)
+
+
+def output_of(args: argparse.Namespace, option: str = "--out") -> Output:
+    """Where the answer goes, checked before anything is computed. Raises InputError."""
+    file: Path | None = getattr(args, option.strip("-"))
+    form = JSON if args.json else args.format
+    if form == XLSX and file is None:
+        raise InputError(f"a workbook is a file; set {option} FILE", "--format xlsx")
+    if form is None and file is not None:
+        form = FORMAT_BY_SUFFIX.get(file.suffix.lower())
+        if form is None:
+            known = ", ".join(FORMAT_BY_SUFFIX)
+            raise InputError(
+                f"its name ends with no known format ({known}); use --format", f"{option} {file}"
+            )
+    if file is not None:
+        check_writable(file)
+    if form == XLSX and file is not None:
+        from automaton.documents.workbook import check_replaced, openpyxl
+
+        check_replaced(file)
+        openpyxl("workbooks are written")
+    return Output(form or TEXT, file)
+
+
+def rendered(form: str, document: Callable[[], ReportDocument], data: Callable[[], Any]) -> str:
+    """An answer in one of the formats that are text."""
+    if form == JSON:
+        return json.dumps(data(), indent=2, ensure_ascii=False) + "\n"
+    if form == HTML:
+        from automaton.documents.html_output import as_html
+
+        return as_html(document())
+    from automaton.documents.text_output import as_markdown, as_text
+
+    return as_markdown(document()) if form == MARKDOWN else as_text(document())
+
+
+def check_writable(path: Path) -> None:
+    """That a file can be written when all is known. Raises InputError."""
+    if os.path.exists(path) and not os.path.isfile(path):
+        raise cannot_write_error("this is not a regular file", path)
+    if not path.parent.is_dir():
+        raise cannot_write_error(f"there is no folder {path.parent}", path)
+    if not os.access(path.parent, os.W_OK):
+        raise cannot_write_error("permission denied", path)
 
 
 def add_workers_argument(parser: argparse.ArgumentParser, most: int | None = None) -> None:

@@ -21,6 +21,7 @@ from automaton.errors import InputError, nearest
 
 if TYPE_CHECKING:
     from automaton.bench.measurement import MeasuredFigure, Measurement
+    from automaton.documents.report_document import ReportDocument
 
 REPEAT = 7
 
@@ -57,7 +58,9 @@ def run(args: argparse.Namespace) -> int:
         if args.json:
             print(json.dumps([figure._asdict() for figure in figures], indent=2))
         elif figures:
-            print_figures(figures, args.repeat)
+            from automaton.documents.text_output import print_document
+
+            print_document(figures_document(figures, args.repeat))
     return 1 if unmeasured else 0
 
 
@@ -118,20 +121,18 @@ def progress(total: int) -> Iterator[Callable[[str], None]]:
         yield lambda name: bar.update(task, advance=1, description=name)
 
 
-def print_figures(figures: Sequence[MeasuredFigure], repeat: int) -> None:
-    """Print the figures as a table, and the machine that they hold for."""
-    from automaton.runs.console_output import console, print_blocks
-    from automaton.runs.report_document import Table
+def figures_document(figures: Sequence[MeasuredFigure], repeat: int) -> ReportDocument:
+    """The figures as a table, and the machine that they hold for."""
+    from automaton.documents.report_document import ReportDocument, Table, Text
     from automaton.units import count, number
 
-    out = console()
-    out.width = max(out.width, 120)  # a table of figures is not text to be folded
     rows = [
         [one.name, *(number(value) for value in (one.median, one.low, one.high)), one.unit]
         for one in figures
     ]
     table = Table(("measured", "median", "low", "high", "unit"), rows, also_left=(4,))
-    print_blocks(out, [table, "", f"{count(repeat, 'sample')} each at most; {machine(figures)}"])
+    effort = Text(f"{count(repeat, 'sample')} each at most; {machine(figures)}")
+    return ReportDocument("speed of this machine", [table, effort])
 
 
 def machine(measured: Sequence[MeasuredFigure] = ()) -> str:

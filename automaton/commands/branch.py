@@ -28,6 +28,7 @@ from automaton.scenario.schema import Units
 from automaton.units import count, unit
 
 if TYPE_CHECKING:
+    from automaton.documents.report_document import ReportDocument
     from automaton.history.divergence import Divergence
     from automaton.history.watched_run import WatchedRun
     from automaton.runs.simulation import Simulation
@@ -73,15 +74,17 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(as_json(args, None if missing else out, original, branch, difference))
     else:
+        from automaton.documents.report_document import Text
+        from automaton.documents.text_output import print_document
+
         settings = ", ".join(args.settings) or "nothing changed"
         header = recording.header
         name, seed = header["scenario"]["name"], header["seed"]
-        print(f"{name}, seed {seed}, branched off after tick {args.at:,}: {settings}")
-        if difference is not None:
-            print(difference.text.partition(";")[0])
-        print_futures(original, branch, refined_data(header["scenario"]).units)
-        if not missing:
-            print(f"\nrecorded in {out}")
+        lines = [f"{name}, seed {seed}, branched off after tick {args.at:,}: {settings}"]
+        lines += [] if difference is None else [difference.text.partition(";")[0]]
+        document = futures_document(lines, original, branch, refined_data(header["scenario"]).units)
+        document.add(*([] if missing else [Text(f"recorded in {out}")]))
+        print_document(document)
     if missing:
         raise InputError(missing)
     return 0 if branch.finished or branch.ticks == args.until else 1
@@ -129,15 +132,16 @@ def future(name: str, simulation: Simulation, finished: bool) -> Future:
     return Future(name, simulation.tick, finished, simulation.digest, metrics_of(simulation))
 
 
-def print_futures(original: Future, branch: Future, units: Units) -> None:
-    """The metrics of both beside each other, in the units of the scenario."""
-    from automaton.runs.console_output import console, print_blocks
+def futures_document(
+    lines: list[str], original: Future, branch: Future, units: Units
+) -> ReportDocument:
+    """Some lines, then the metrics of both beside each other, in the units of the scenario."""
+    from automaton.documents.report_document import Listed, ReportDocument, Table
     from automaton.runs.metrics import METRIC_CATALOGUE
-    from automaton.runs.report_document import Table
     from automaton.runs.run_report import in_units
 
     tick_unit, cell = unit(units.tick), units.cell
-    lines = [
+    ends = [
         f"{one.name}: {'' if one.finished else 'not '}finished after {count(one.ticks, 'tick')}"
         for one in (original, branch)
     ]
@@ -153,7 +157,9 @@ def print_futures(original: Future, branch: Future, units: Units) -> None:
         sign = "+" if now > before else ""
         rows.append([name, left, right, "=" if now == before else sign + change, said])
     heads = ("metric", original.name, branch.name, "difference", "unit")
-    print_blocks(console(), [*lines, "", Table(heads, rows, also_left=(4,))])
+    document = ReportDocument(lines[0], [Listed([*lines, *ends], mark="")])
+    document.add(Table(heads, rows, also_left=(4,)))
+    return document
 
 
 def as_json(

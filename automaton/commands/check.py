@@ -9,7 +9,7 @@ import sys
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -23,6 +23,8 @@ from automaton.commands.arguments import (
     print_warnings,
     settings_of,
 )
+from automaton.documents.report_document import INDENT, Listed, ReportDocument
+from automaton.documents.text_output import print_document
 from automaton.errors import InputError, refuse
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.drawn_floors import write_matrix
@@ -37,9 +39,6 @@ from automaton.world.capabilities import default_right_of_way
 from automaton.world.conversion_table import conversion_lines, plain_number_line
 from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import misfits, scenario_warnings
-
-if TYPE_CHECKING:
-    pass
 
 SLOTS = {  # what a scenario's line counts
     SHELF: ("shelf", "shelves"),
@@ -108,8 +107,7 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
     if names_study(file):
         study, scenarios = checked_study(file, args)
         line, warnings = described_study(study), study_warnings(study, scenarios)
-        if not args.json:
-            print(line)
+        show([line], args)
         for warning in warnings:
             note(f"{study.name}: warning: {warning}")
         return CheckedFile(file, study.name, (line,), tuple(warnings))
@@ -124,19 +122,24 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
     plain = plain_number_line(document.data, as_read.scenario.units.scale)
     more = (*resolved.file_notes, *conversion_lines(as_read), plain, *bounds_in_words(resolved))
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
-    if not args.json:
-        print("\n  ".join(lines))
+    show(lines, args)
     print_warnings(resolved)
     trial = None
     if args.trial:
         from automaton.runs.trial import try_out  # needs compiled code, as nothing else here does
 
         trial = try_out(resolved)
-        if not args.json:
-            print("\n".join(f"  {line}" for line in trial.lines()))
+        show(trial.lines(), args, INDENT)
     name, warnings = resolved.scenario.name, scenario_warnings(resolved)
     done = None if trial is None else trial.as_json()
     return CheckedFile(file, name, tuple(lines), tuple(warnings), done)
+
+
+def show(lines: Sequence[str], args: argparse.Namespace, mark: str = "") -> None:
+    """Print lines, those after the first one indented, unless JSON is printed in the end."""
+    if not args.json:
+        first, more = Listed(lines[:1], mark=mark), Listed(lines[1:], mark=INDENT)
+        print_document(ReportDocument(lines[0], [first, more]))
 
 
 def names_study(file: str) -> bool:

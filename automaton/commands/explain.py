@@ -16,6 +16,7 @@ from automaton.commands.arguments import (
     tick_or_time,
     whole,
 )
+from automaton.documents.report_document import INDENT, Block, Listed, ReportDocument, Table
 from automaton.errors import InputError
 from automaton.recording.recording_reader import read_recording
 from automaton.units import count, percent
@@ -60,10 +61,13 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(as_json(args, found, snapshot))
         return 0
+    from automaton.documents.text_output import print_document
+
     name, seed = recording.header["scenario"]["name"], recording.header["seed"]
-    print(f"{name}, seed {seed}, tick {args.at:,} of {recording.ticks:,}")
+    title = f"{name}, seed {seed}, tick {args.at:,} of {recording.ticks:,}"
     due = due_lines(snapshot, args.robot, shown.resolved.scenario.units.scale)
-    print("\n".join([*chain_lines(found), *due, *lost_lines(snapshot, args.robot)]))
+    blocks = [*chain_blocks(title, found), *lost_blocks(due, snapshot, args.robot)]
+    print_document(ReportDocument(title, blocks))
     return 0
 
 
@@ -88,15 +92,18 @@ def shown_at(recorded: ReplayedRun, at: int) -> ReplayedRun:
     return recorded
 
 
-def chain_lines(found: Explanation) -> list[str]:
+def chain_blocks(title: str, found: Explanation) -> list[Block]:
     """A sentence for each robot of the chain, with its rule, and the wait cycle if there is one."""
-    lines = []
+    lines, blocks = [title], list[Block]()
     for link, text in zip(found.chain, found.lines, strict=False):
         alone = len(found.chain) == 1 and not link.cause
         lines.append(f"{text}: it does not wait" if alone else text)
         if link.rule:
-            lines.append(f"  rule: {link.rule.removeprefix('rule of ')}")
-    return [*lines, *found.lines[len(found.chain) :]]
+            rule = f"rule: {link.rule.removeprefix('rule of ')}"
+            blocks += [Listed(lines, mark=""), Listed([rule], mark=INDENT)]
+            lines = []
+    lines += found.lines[len(found.chain) :]
+    return [*blocks, *([Listed(lines, mark="")] if lines else [])]
 
 
 def due_lines(snapshot: Snapshot, robot: int, scale: Scale) -> list[str]:
@@ -122,24 +129,21 @@ def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:
     return sorted(found, key=lambda pair: -pair[1])
 
 
-def lost_lines(snapshot: Snapshot, robot: int) -> list[str]:
-    """The time that a robot has lost so far, by cause."""
+def lost_blocks(due: list[str], snapshot: Snapshot, robot: int) -> list[Block]:
+    """When the order is due, and the time that a robot has lost so far, by cause."""
     from automaton.engine.observation import CAUSES
 
     lost, ticks = lost_by_cause(snapshot, robot), max(1, snapshot.tick)
     if not lost:
-        return ["no time lost so far"]
+        return [Listed([*due, "no time lost so far"], mark="")]
     total = sum(taken for _, taken in lost)
-    width = max(len(CAUSES[cause].name) for cause, _ in lost)
-    digits = len(f"{total:,}")
-    return [
-        f"time lost so far: {percent(total / ticks, 0)} of {count(ticks, 'tick')}",
-        *(
-            f"  {CAUSES[cause].name:<{width}}  {taken:>{digits},}  {percent(taken / ticks, 0):>5}"
-            f"  {CAUSES[cause].meaning}"
-            for cause, taken in lost
-        ),
+    share = f"time lost so far: {percent(total / ticks, 0)} of {count(ticks, 'tick')}"
+    rows = [
+        [CAUSES[cause].name, f"{taken:,}", percent(taken / ticks, 0), CAUSES[cause].meaning]
+        for cause, taken in lost
     ]
+    table = Table(("lost time", "ticks", "share", "cause"), rows, also_left=(3,))
+    return [Listed([*due, share], mark=""), table]
 
 
 def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) -> dict[str, Any]:

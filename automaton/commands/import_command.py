@@ -16,10 +16,10 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Final
 
-from rich.text import Text
-
 from automaton.atomic_write import atomic_writer
 from automaton.commands.arguments import add_json_argument, measured, note, print_json, whole
+from automaton.documents.report_document import Listed, ReportDocument, Text
+from automaton.documents.text_output import print_document
 from automaton.errors import InputError
 from automaton.exchange.floor_readers import FLOOR_READERS, check_options, read_floor
 from automaton.exchange.imported_floor import (
@@ -30,7 +30,6 @@ from automaton.exchange.imported_floor import (
     kind_of,
 )
 from automaton.exchange.problem_files import read_problem
-from automaton.runs.console_output import console, print_blocks
 from automaton.units import count, exact_length, exact_time
 
 DEFAULT_TICKS: Final = 1000
@@ -167,13 +166,11 @@ def import_floor(args: argparse.Namespace, kind: str, options: ImportOptions) ->
 
 
 def print_report(report: ImportReport, files: list[str]) -> None:
-    """Print a report as text, its picture in colours on a terminal."""
-    rows = report.picture_rows()
-    print_blocks(console(), [Text.assemble(*row) for row in rows])
-    lines = [*([""] if rows else []), *report.lines()]
+    """Print a report, its picture in colours on a terminal."""
+    document = ReportDocument(report.format, list(report.blocks()))
     if not report.refusal:
-        lines += ["", f"written: {', '.join(files)}"]
-    print("\n".join(lines))
+        document.add(Text(f"written: {', '.join(files)}"))
+    print_document(document)
     if report.refusal:
         note(report.refusal)
 
@@ -192,10 +189,13 @@ def import_problem(args: argparse.Namespace, kind: str) -> int:
         print_json({"files": names, **report.json()})
         return 0
     size = f"{count(problem.robots, 'robot')} on {grid.width} x {grid.height} cells"
-    print(f"{args.out}: {size}, {count(len(problem.tasks), 'task')}")
     water = f", {grid.water:,} of them water" if grid.water else ""
-    print(f"{floor:,} cells of floor, {facts['wall']:,} of wall{water}")
-    print(f"with it: {', '.join(names[:-1])}")
+    lines = [
+        f"{args.out}: {size}, {count(len(problem.tasks), 'task')}",
+        f"{floor:,} cells of floor, {facts['wall']:,} of wall{water}",
+        f"with it: {', '.join(names[:-1])}",
+    ]
+    print_document(ReportDocument(str(args.out), [Listed(lines, mark="")]))
     return 0
 
 

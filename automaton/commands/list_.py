@@ -6,6 +6,8 @@ import argparse
 from typing import Any
 
 from automaton.commands.arguments import add_json_argument, print_json
+from automaton.documents.report_document import Heading, ReportDocument, Table
+from automaton.documents.text_output import print_document
 from automaton.scenario.floor_section import generator_type, generators
 from automaton.scenario.reading import read
 from automaton.scenario.schema import LAYER_NAMES
@@ -26,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(found)
     else:
-        print(as_text(found))
+        print_document(inventory_document(found))
     return 0
 
 
@@ -57,34 +59,27 @@ def inventory() -> dict[str, list[dict[str, Any]]]:
     return {"scenarios": scenarios, "studies": studies, "floors": floors, "strategies": strategies}
 
 
-def as_text(found: dict[str, list[dict[str, Any]]]) -> str:
-    """The inventory as headed, aligned columns; what is empty is left out."""
-    blocks = []
+def inventory_document(found: dict[str, list[dict[str, Any]]]) -> ReportDocument:
+    """The inventory as tables; what is empty is left out."""
+    document = ReportDocument("what there is")
     for heading, entries in found.items():
-        columns = [[entry[key] for key in entry if key not in SAID] for entry in entries]
-        if not columns:
-            continue
-        widths = [max(map(len, column)) for column in zip(*columns, strict=True)]
-        lines = [
-            "  ".join(
-                [
-                    *(f"{cell:<{width}}" for cell, width in zip(row, widths, strict=True)),
-                    entry["summary"],
-                ]
-            )
-            for row, entry in zip(columns, entries, strict=True)
+        rows = [
+            [*(entry[key] for key in entry if key not in SAID), entry["summary"]]
+            for entry in entries
         ]
-        blocks.append("\n".join([heading, *(f"  {line}" for line in lines)]))
-    return "\n\n".join([*blocks, _properties(found["strategies"])])
+        if rows:
+            document.add(Heading(heading, 3), Table([""] * len(rows[0]), rows, left=len(rows[0])))
+    document.add(*properties_table(found["strategies"]))
+    return document
 
 
-def _properties(strategies: list[dict[str, Any]]) -> str:
-    """A table of what the methods of strategies can be used for."""
-    rows = [(entry["name"], entry["properties"]) for entry in strategies if "properties" in entry]
-    names = list(rows[0][1])
-    wide = max(len(name) for name, _ in rows)
-    lines = [f"  {'':<{wide}}  {'  '.join(names)}"]
-    for name, has in rows:
-        cells = (f"{'yes' if has[one] else '-':<{len(one)}}" for one in names)
-        lines.append(f"  {name:<{wide}}  {'  '.join(cells)}".rstrip())
-    return "\n".join(["what zoning is for (Keith & La, Table 1)", *lines])
+def properties_table(strategies: list[dict[str, Any]]) -> tuple[Heading, Table]:
+    """What the methods of strategies can be used for."""
+    properties = {one["name"]: one["properties"] for one in strategies if "properties" in one}
+    names = list(next(iter(properties.values())))
+    rows = [
+        [method, *("yes" if has[name] else "-" for name in names)]
+        for method, has in properties.items()
+    ]
+    title = Heading("what zoning is for (Keith & La, Table 1)", 3)
+    return title, Table(["", *names], rows, left=1 + len(names))

@@ -6,38 +6,31 @@ Exit code 0: done; 2: bad input.
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automaton.commands.arguments import add_json_argument, note, whole
+from automaton.commands.arguments import (
+    TEXT,
+    XLSX,
+    Output,
+    add_output_arguments,
+    note,
+    output_of,
+    whole,
+)
 from automaton.errors import InputError
 
 if TYPE_CHECKING:
-    from automaton.runs.report_document import ReportDocument
+    from automaton.documents.report_document import ReportDocument
     from automaton.studies.reports.build_report import StudyReport
     from automaton.studies.sweeps.result_store import Store
-
-REPORT_FORMATS = ("text", "markdown", "html", "json")
-FORMAT_BY_SUFFIX = {
-    ".md": "markdown",
-    ".html": "html",
-    ".htm": "html",
-    ".txt": "text",
-    ".json": "json",
-}
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton report`."""
     add = parser.add_argument
     add("folder", type=Path, metavar="DIR", help="where a sweep keeps its results")
-    form = parser.add_mutually_exclusive_group()
-    form.add_argument(
-        "--format", choices=REPORT_FORMATS, help="text; or what the name of --out says"
-    )
-    add_json_argument(form)
-    add("--out", type=Path, metavar="FILE", help="write the report there: one file to give away")
+    add_output_arguments(parser)
     add(
         "--xlsx",
         type=Path,
@@ -61,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Read, compose, write."""
+    from automaton.documents.html_output import figure_class, write_plots
     from automaton.studies.reports.build_report import document_of, read_report
-    from automaton.studies.reports.html_output import figure_class, write_plots
     from automaton.studies.sweeps.result_store import Store
 
     if args.folder.is_file():
@@ -73,40 +66,33 @@ def run(args: argparse.Namespace) -> int:
         )
     if args.plots is not None:
         figure_class()  # says what is missing before anything is computed
-    form = form_of("json" if args.json else args.format, args.out)
+    output = output_of(args)
+    if output.format == XLSX:
+        args.xlsx, output = output.file, Output(TEXT, None)
     check_files(args)
     store = Store(args.folder)
     report = read_report(store)
     document = document_of(report, store, args.floor)
-    wrote = write_files(args, store, report, document)
-    if args.plots is not None:
-        wrote += write_plots(document.blocks, args.plots)
-    is_asked = args.xlsx is None or args.format is not None or args.json
-    text = rendered(report, document, form) if is_asked or args.out is not None else ""
-    if args.out is None:
-        print(text, end="")
-    else:
-        from automaton.atomic_write import atomic_writer
-
-        with atomic_writer(args.out) as file:
-            file.write(text.encode())
-        wrote.append(args.out)
-    for path in wrote:
+    for path in write_files(args, store, report, document):
         note(f"wrote {path}")
+    for path in write_plots(document.blocks, args.plots) if args.plots is not None else ():
+        note(f"wrote {path}")
+    if args.xlsx is None or output != Output(TEXT, None) or args.format == TEXT:
+        from automaton.studies.reports.export import as_json
+
+        output.write(lambda: document, lambda: as_json(report))
     return 0
 
 
 def check_files(args: argparse.Namespace) -> None:
     """Refuse to replace what is not a table of ours, before anything is written. Raises InputError."""
+    from automaton.documents.workbook import WORKBOOK_BEGINS, check_replaced, openpyxl
     from automaton.studies.reports.export import (
         COMPARISONS_BEGIN,
         PARQUET_BEGINS,
         ROWS_BEGIN,
         SUMMARY_BEGINS,
-        WORKBOOK_BEGINS,
-        check_replaced,
     )
-    from automaton.tables.table_files import openpyxl
 
     for path, begins in (
         (args.csv, ROWS_BEGIN),
@@ -159,31 +145,3 @@ def write_files(
         write_workbook(document, summaries, compared, rows, args.xlsx)
         wrote.append(args.xlsx)
     return wrote
-
-
-def form_of(form: str | None, out: Path | None) -> str:
-    """The format that was asked for, or that a file's name says. Raises InputError."""
-    if form is not None or out is None:
-        return form or "text"
-    if out.suffix.lower() not in FORMAT_BY_SUFFIX:
-        known = ", ".join(FORMAT_BY_SUFFIX)
-        more = "; a workbook is written by --xlsx" if out.suffix.lower() == ".xlsx" else ""
-        raise InputError(
-            f"--out {out}: its name ends with no known format ({known}); use --format{more}"
-        )
-    return FORMAT_BY_SUFFIX[out.suffix.lower()]
-
-
-def rendered(report: StudyReport, document: ReportDocument, form: str) -> str:
-    """The report in a format."""
-    if form == "json":
-        from automaton.studies.reports.export import as_json
-
-        return json.dumps(as_json(report), indent=2, ensure_ascii=False) + "\n"
-    if form == "html":
-        from automaton.studies.reports.html_output import as_html
-
-        return as_html(document)
-    from automaton.studies.reports.text_output import as_markdown, as_text
-
-    return as_markdown(document) if form == "markdown" else as_text(document)

@@ -14,10 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automaton.commands.arguments import (
-    add_json_argument,
+    add_output_arguments,
     add_settings_argument,
     note,
-    print_json,
+    output_of,
     progress_bar,
     whole,
 )
@@ -67,13 +67,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="FOLDER",
         help="run the published problems of this folder, for tables whose problems are not ours",
     )
-    add_json_argument(parser)
+    add_output_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run all cases, judge the claims, report."""
+    from automaton.papers.claim_report import first_screen, whole_report
     from automaton.papers.reproduction_study import find, reproduce
 
+    output = output_of(args)
     for option, value in (("--seeds", args.seeds), ("--workers", args.workers)):
         if value is not None and value < 1:
             raise InputError(f"{option} must be at least 1, not {value}")
@@ -95,16 +97,11 @@ def run(args: argparse.Namespace) -> int:
             settings=tuple(args.settings),
         )
     judged = reproduced.judged()
-    if args.json:
-        print_json(as_json(reproduced, judged))
-    elif args.tables is None:
-        from automaton.papers.claim_report import print_first_screen
-
-        print_first_screen(reproduced, judged)
-    else:
-        from automaton.papers.claim_report import print_reproduced
-
-        print_reproduced(reproduced, judged)
+    compose = first_screen if args.tables is None else whole_report
+    output.write(
+        lambda: compose(reproduced, judged),
+        lambda: as_json(reproduced, judged),
+    )
     if reproduced.unfinished:
         note(f"{reproduced.unfinished:,} of {reproduced.repetitions:,} runs did not finish")
         return 1

@@ -16,12 +16,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from automaton.commands.arguments import (
-    add_json_argument,
+    add_output_arguments,
     add_refinement_arguments,
     add_scenario_arguments,
     add_timeout_argument,
     note,
-    print_json,
+    output_of,
     print_warnings,
     settings_of,
     show_line,
@@ -32,6 +32,7 @@ from automaton.units import count, ticks_and_time, unit
 from automaton.world.resolve import Resolved, resolve
 
 if TYPE_CHECKING:
+    from automaton.documents.report_document import Block, ReportDocument
     from automaton.runs.headless import Outcome
     from automaton.runs.simulation import Simulation
     from automaton.tables.table_run import TableRun
@@ -59,14 +60,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_timeout_argument(parser)
     add_table_arguments(parser)
     parser.add_argument("--picture", action="store_true", help="draw the grid at the end")
-    add_json_argument(parser)
+    add_output_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Run, report, and say on stderr if the run did not finish."""
     from automaton.runs.headless import run_once
     from automaton.runs.run_diagnosis import JamWatch, note_jam
+    from automaton.runs.run_report import run_document
 
+    output = output_of(args)
     resolved = resolve(args.scenario, settings_of(args), args.seed)
     if args.until is not None:
         args.until *= resolved.scenario.refine
@@ -95,20 +98,19 @@ def run(args: argparse.Namespace) -> int:
             sampling,
             JamWatch(partial(note_jam, resolved.scenario.name)),
         )
-    events = tables if isinstance(tables, EventLines) else None
-    if args.json:
-        parts = [part.as_json() for part in (*drawn, events) if part is not None]
-        print_json(
-            {**as_json(resolved, outcome), **{k: v for part in parts for k, v in part.items()}}
-        )
-    else:
-        from automaton.runs.run_report import print_report
+    parts: list[Drawn | EventLines] = [*drawn]
+    parts += [tables] if isinstance(tables, EventLines) else []
 
-        if events is not None:
-            print("\n".join([*events.lines(), ""]))
-        if drawn:
-            print_pictures(drawn[0])
-        print_report(resolved, outcome)
+    def document() -> ReportDocument:
+        out = run_document(resolved, outcome)
+        out.blocks[:0] = [block for part in reversed(parts) for block in part.blocks()]
+        return out
+
+    def data() -> dict[str, Any]:
+        more = (part.as_json() for part in parts)
+        return {**as_json(resolved, outcome), **{k: v for part in more for k, v in part.items()}}
+
+    output.write(document, data)
     if outcome.finished or outcome.stopped:
         return 0
     scenario = resolved.scenario
@@ -128,6 +130,15 @@ class Drawn(NamedTuple):
         zones = {"service_zones": self.zones.splitlines()} if self.zones else {}
         return {"picture": self.picture.splitlines(), **zones}
 
+    def blocks(self) -> Iterator[Block]:
+        """The grid; below it zones and stations, zones in their colours."""
+        from automaton.documents.report_document import CharacterPicture, Text
+        from strategies.zoning.service_zone_lines import coloured
+
+        yield Text(self.picture, code=True)
+        if self.zones:
+            yield CharacterPicture(coloured(self.zones))
+
 
 def draw(simulation: Simulation) -> Drawn:
     """Draw the state that a run has come to."""
@@ -136,20 +147,6 @@ def draw(simulation: Simulation) -> Drawn:
 
     zones = partition_picture(simulation.world, simulation.resolved.floor_plan)
     return Drawn(picture_of(simulation, brief=True), zones)
-
-
-def print_pictures(drawn: Drawn) -> None:
-    """Print the grid; below it zones and stations, zones with colours on a terminal."""
-    from automaton.runs.console_output import console
-    from strategies.zoning.service_zone_lines import coloured
-
-    out = console()
-    print(drawn.picture)
-    if drawn.zones:
-        out.print()
-        for row in coloured(drawn.zones):
-            out.print(row, soft_wrap=True)
-        out.print()
 
 
 @contextlib.contextmanager
@@ -315,11 +312,14 @@ class EventLines:
         """What they add to the JSON of a run."""
         return {"events": [_named(row, self._has_trips) for row in self._rows]}
 
-    def lines(self) -> list[str]:
+    def blocks(self) -> Iterator[Block]:
         """One line for each event."""
+        from automaton.documents.report_document import Text
+
         dropped = self._history.log.dropped
         first = [f"{count(dropped, 'event')} before these are not kept"] if dropped else []
-        return first + [_line(row, self._has_trips) for row in self._rows]
+        lines = first + [_line(row, self._has_trips) for row in self._rows]
+        yield Text("\n".join(lines), code=True)
 
 
 def _named(row: dict[str, Any], has_trips: bool) -> dict[str, Any]:

@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from automaton.commands.arguments import (
-    add_json_argument,
+    Output,
+    add_output_arguments,
     add_refinement_arguments,
     add_scenario_arguments,
     add_workers_argument,
     note,
-    print_json,
+    output_of,
     print_warnings,
     settings_of,
     show_line,
@@ -91,15 +92,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--price", type=positive, default=0.0, metavar="P", help="of a robot")
     add_workers_argument(parser)
     add("--plots", type=Path, metavar="DIR", help="shares and means as PNG and SVG (extra plots)")
-    add_json_argument(parser)
+    add_output_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Search and report; Ctrl-C, and a worker that dies, report what is known."""
     if args.plots is not None:
-        from automaton.studies.reports.html_output import figure_class
+        from automaton.documents.html_output import figure_class
 
         figure_class()  # says what is missing before anything is computed
+    output = output_of(args)
     from automaton.studies.process_pool import PersistentPool
     from automaton.studies.sizing.sizing_session import (
         Checked,
@@ -120,7 +122,7 @@ def run(args: argparse.Namespace) -> int:
             cut = error
         finally:
             show_line("")
-        show(args, session, fleets)
+        show(args, output, session, fleets)
         if args.plots is not None:
             draw(args.plots, session)
         if cut is not None:
@@ -152,17 +154,11 @@ def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
     )
 
 
-def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> None:
-    """Print the answer."""
+def show(args: argparse.Namespace, output: Output, session: SizingSession, fleets: Fleets) -> None:
+    """Write the answer."""
+    from automaton.studies.sizing.sizing_report import answer_document, as_json
+
     scenario = fleets.base.scenario
-    if args.json:
-        from automaton.studies.sizing.sizing_report import as_json
-
-        print_json(as_json(session, scenario.name, fleets.seed, args.price))
-        return
-    from automaton.runs.console_output import console
-    from automaton.studies.sizing.sizing_report import print_answer
-
     limit = ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))
     ends = f"A run that does not finish within {limit} fails."
     if not fleets.ends_with_orders:
@@ -171,12 +167,15 @@ def show(args: argparse.Namespace, session: SizingSession, fleets: Fleets) -> No
         ends += f" 1 tick = {shown_unit(scenario.units.tick)}."
     if scenario.refine > 1:
         ends += f" Runs have ticks that are {scenario.refine} times finer; metrics count the scenario's."
-    print_answer(console(), session, scenario.name, ends, args.price)
+    output.write(
+        lambda: answer_document(session, scenario.name, ends, args.price),
+        lambda: as_json(session, scenario.name, fleets.seed, args.price),
+    )
 
 
 def draw(folder: Path, session: SizingSession) -> None:
     """Write the plots, and say where they are."""
-    from automaton.studies.reports.html_output import write_plots
+    from automaton.documents.html_output import write_plots
     from automaton.studies.sizing.sizing_report import curves
 
     for path in write_plots(curves(session), folder):

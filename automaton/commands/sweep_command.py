@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import json
 import math
 import sys
 import time
@@ -17,12 +16,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automaton.commands.arguments import (
-    add_json_argument,
+    Output,
+    add_output_arguments,
     add_timeout_argument,
     add_workers_argument,
     note,
-    print_json,
+    output_of,
 )
+from automaton.documents.report_document import Listed, ReportDocument
 from automaton.errors import InputError
 from automaton.units import SECONDS_PER_UNIT, count
 
@@ -58,7 +59,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--retry-failed", action="store_true", help="also retry the runs that failed"
     )
     add_timeout_argument(parser)
-    add_json_argument(parser)
+    add_output_arguments(parser, "--report")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -69,12 +70,13 @@ def run(args: argparse.Namespace) -> int:
         raise InputError("--workers are processes here; the scheduler has its own: leave one out")
     if args.dry_run and args.scheduler is not None:
         raise InputError("--dry-run reckons with processes here, not with a cluster: leave one out")
+    output = output_of(args, "--report")
     from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
     from automaton.studies.sweeps.sweep_session import sweep_into
 
     plan = make_sweep_plan(args.study)
     if args.dry_run:
-        return dry_run(args, plan)
+        return dry_run(args, output, plan)
     begun_at = time.monotonic()
     with progress(args.out) as listener:
         swept = sweep_into(
@@ -89,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
             args.strategy_timeout,
             listener.decide,
         )
-    tell(args, swept, time.monotonic() - begun_at)
+    tell(output, args.out, swept, time.monotonic() - begun_at)
     return 1 if swept.failed else 0
 
 
@@ -104,7 +106,7 @@ def crew_of(args: argparse.Namespace) -> Backend:
     return LocalPool(args.workers)
 
 
-def dry_run(args: argparse.Namespace, plan: Any) -> int:
+def dry_run(args: argparse.Namespace, output: Output, plan: Any) -> int:
     """Say what the sweep would take."""
     from automaton.runs.cores import cores
     from automaton.studies.sweeps.pools import LocalPool
@@ -112,14 +114,14 @@ def dry_run(args: argparse.Namespace, plan: Any) -> int:
 
     workers = args.workers or cores()
     found = forecast(plan, args.out, workers, LocalPool(1), args.retry_failed, args.recompute)
-    if args.json:
-        seconds = {"wall_s": found.wall_s, "most_wall_s": found.most_wall_s}
-        known = {**found._asdict(), **seconds, "bytes": found.bytes}
-        print(json.dumps({"study": plan.study.name, **known}))
-        return 0
-    print(plan_text(plan, found))
-    print(time_text(found))
-    print(f"disk: {size_text(found.bytes)} at most")
+    seconds = {"wall_s": found.wall_s, "most_wall_s": found.most_wall_s}
+    known = {**found._asdict(), **seconds, "bytes": found.bytes}
+    disk = f"disk: {size_text(found.bytes)} at most"
+    lines = [plan_text(plan, found), time_text(found), disk]
+    output.write(
+        lambda: ReportDocument(plan.study.name, [Listed(lines, mark="")]),
+        lambda: {"study": plan.study.name, **known},
+    )
     return 0
 
 
@@ -247,26 +249,34 @@ def progress(out: Path) -> Iterator[Listener]:
         raise
 
 
-def tell(args: argparse.Namespace, swept: SweepResult, seconds: float) -> None:
+def tell(output: Output, out: Path, swept: SweepResult, seconds: float) -> None:
     """Say what was done."""
     begun, tally, study = swept.begun, swept.tally, swept.store.study
-    if args.json:
-        summary = {"study": study.name, "out": str(args.out), "runs": study.runs}
-        summary |= {"existing": begun.done, **tally._asdict(), "failed": swept.failed}
-        print_json({**summary, "wall_s": round(seconds, 3)})
-    else:
-        before = f" ({begun.done:,} were done before)" if begun.done else ""
-        print(f"{study.name}: {count(study.runs, 'run')} in {args.out}{before}")
-        if swept.store.declared.in_rounds:
-            from automaton.studies.reports.comparisons import stopping_remarks, stopping_text
-            from automaton.studies.reports.study_results import read_results
 
-            results = read_results(swept.store)
-            print(stopping_text(results), *stopping_remarks(results), sep="\n")
-        if tally.unfinished:
-            print(f"{count(tally.unfinished, 'run')} reached the limit of the scenario")
-        if tally.repeated:
-            print(f"{count(tally.repeated, 'run')} begun twice, since a worker died")
+    def summary() -> dict[str, Any]:
+        done = {"study": study.name, "out": str(out), "runs": study.runs}
+        done |= {"existing": begun.done, **tally._asdict(), "failed": swept.failed}
+        return {**done, "wall_s": round(seconds, 3)}
+
+    output.write(lambda: summary_document(swept, out), summary)
     if swept.failed:
         what = f"{count(swept.failed, 'run')} failed; the column `error` says why"
         note(f"{what}, --retry-failed tries again")
+
+
+def summary_document(swept: SweepResult, out: Path) -> ReportDocument:
+    """What was done, in a few sentences."""
+    begun, tally, study = swept.begun, swept.tally, swept.store.study
+    before = f" ({begun.done:,} were done before)" if begun.done else ""
+    lines = [f"{study.name}: {count(study.runs, 'run')} in {out}{before}"]
+    if swept.store.declared.in_rounds:
+        from automaton.studies.reports.comparisons import stopping_remarks, stopping_text
+        from automaton.studies.reports.study_results import read_results
+
+        results = read_results(swept.store)
+        lines += [stopping_text(results), *stopping_remarks(results)]
+    if tally.unfinished:
+        lines.append(f"{count(tally.unfinished, 'run')} reached the limit of the scenario")
+    if tally.repeated:
+        lines.append(f"{count(tally.repeated, 'run')} begun twice, since a worker died")
+    return ReportDocument(study.name, [Listed(lines, mark="")])

@@ -7,14 +7,14 @@ budget and the seed alone.
 from __future__ import annotations
 
 import argparse
-import os
 from pathlib import Path
 
-from automaton.atomic_write import atomic_writer, cannot_write_error
+from automaton.atomic_write import atomic_writer
 from automaton.commands.arguments import (
     add_json_argument,
     add_scenario_arguments,
     add_workers_argument,
+    check_writable,
     note,
     print_json,
     show_line,
@@ -47,7 +47,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Search, report, and write the settings."""
-    from automaton.runs.console_output import console, print_blocks
+    from automaton.documents.text_output import print_document
     from automaton.studies.process_pool import PersistentPool
     from automaton.studies.tuning import (
         TuningRound,
@@ -55,9 +55,9 @@ def run(args: argparse.Namespace) -> int:
         candidates_of,
         check_metric,
         measure,
-        report_blocks,
         settings_file,
         tune,
+        tuning_document,
     )
 
     def show_round(now: TuningRound, spent: int) -> None:
@@ -75,19 +75,9 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(as_json(tuned, known))
     else:
-        print_blocks(console(), report_blocks(tuned, known))
+        print_document(tuning_document(tuned, known))
     if args.out is not None:
         with atomic_writer(args.out) as file:
             file.write(settings_file(tuned, known).encode())
         note(f"wrote {args.out}; use it with --set @{args.out}")
     return 0
-
-
-def check_writable(path: Path) -> None:
-    """That a file can be written when all is known. Raises InputError."""
-    if os.path.exists(path) and not os.path.isfile(path):
-        raise cannot_write_error("this is not a regular file", path)
-    if not path.parent.is_dir():
-        raise cannot_write_error(f"there is no folder {path.parent}", path)
-    if not os.access(path.parent, os.W_OK):
-        raise cannot_write_error("permission denied", path)

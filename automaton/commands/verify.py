@@ -15,6 +15,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from automaton.commands.arguments import add_json_argument, print_json, progress_bar
+from automaton.documents.report_document import INDENT, Listed, ReportDocument
+from automaton.documents.text_output import print_document
 from automaton.errors import InputError
 from automaton.recording.recording_reader import read_recording
 from automaton.units import count
@@ -58,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(as_json(args.file, found))
     else:
-        print("\n".join(as_text(args.file, found)))
+        print_document(ReportDocument(args.file, list(blocks(args.file, found))))
     return 0 if found.passed else 1
 
 
@@ -102,12 +104,15 @@ def verify_against_problem(args: argparse.Namespace) -> int:
     else:
         verdict = "verified" if violation is None else "not verified"
         size = f"{count(output.robots, 'robot')}, {count(output.ticks, 'tick')}"
-        print(f"{args.file}: {verdict}: {size}, {count(output.finished, 'task')} finished")
-        print("rules: all kept" if violation is None else f"rules: broken in {violation}")
+        lines = [
+            f"{args.file}: {verdict}: {size}, {count(output.finished, 'task')} finished",
+            "rules: all kept" if violation is None else f"rules: broken in {violation}",
+        ]
+        print_document(ReportDocument(args.file, [Listed(lines, mark="")]))
     return 0 if violation is None else 1
 
 
-def as_text(file: str, found: Verification) -> list[str]:
+def blocks(file: str, found: Verification) -> Iterator[Listed]:
     """The result in a few lines, the verdict first."""
     recording, report = found.recording, found.report
     name, seed = recording.header["scenario"]["name"], recording.header["seed"]
@@ -115,26 +120,21 @@ def as_text(file: str, found: Verification) -> list[str]:
     verdict = "not verified"
     if found.passed:
         verdict = "verified" if recording.complete else "verified as far as it goes"
-    lines = [
-        f"{file}: {verdict}: {name}, seed {seed}, {robots} robots, {report.ticks:,} ticks",
-        *extent(found),
-    ]
-    if report.valid:
-        lines.append("rules: all kept")
-    else:
-        lines.append(f"rules: {len(report.violations)} broken")
-        lines += [f"  {violation}" for violation in report.violations[:MAX_PRINTED_VIOLATIONS]]
-        if len(report.violations) > MAX_PRINTED_VIOLATIONS:
-            lines.append(f"  and {len(report.violations) - MAX_PRINTED_VIOLATIONS} more")
+    first = f"{file}: {verdict}: {name}, seed {seed}, {robots} robots, {report.ticks:,} ticks"
+    rules = "rules: all kept" if report.valid else f"rules: {len(report.violations)} broken"
+    yield Listed([first, *extent(found), rules], mark="")
+    broken = [str(violation) for violation in report.violations[:MAX_PRINTED_VIOLATIONS]]
+    more = len(report.violations) - len(broken)
+    yield Listed([*broken, *([f"and {more} more"] if more else [])], mark=INDENT)
     equal = "run again: every tick is equal"
-    lines.append(equal if found.difference is None else f"run again: {found.difference}")
+    lines = [equal if found.difference is None else f"run again: {found.difference}"]
     lines += [
         f"{file} is not what it was when the run was recorded" for file in found.changed_files
     ]
     if not found.same_sources:
         recorded = recording.header["versions"].get("fleet-automaton", "unknown")
         lines.append(f"recorded by other sources than those installed here (version {recorded})")
-    return lines
+    yield Listed(lines, mark="")
 
 
 def extent(found: Verification) -> list[str]:

@@ -11,7 +11,7 @@ import csv
 import io
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
 from pathlib import Path
@@ -21,6 +21,7 @@ import msgspec
 import numpy as np
 import yaml
 
+from automaton.documents.report_document import Block, CharacterPicture, Heading, Listed, Table
 from automaton.errors import InputError
 from automaton.exchange.problem import Problem
 from automaton.floor.drawn_floors import MAX_FLOOR_SIDE
@@ -176,18 +177,17 @@ class ImportReport:
             "refused": self.refusal or None,
         }
 
-    def lines(self) -> list[str]:
-        """The report as lines of text, but for the picture."""
-        width = max(map(len, self.facts), default=0)
-        lines = [self.format, *(f"  {key:<{width}}  {value}" for key, value in self.facts.items())]
+    def blocks(self) -> Iterator[Block]:
+        """The report as a document."""
+        yield CharacterPicture(self.picture_rows())
+        yield Heading(self.format, 3)
+        yield fact_table(self.facts)
         if self.edges:
-            lines += ["", *edge_table(self.edges, self.marks)]
+            yield edge_table(self.edges, self.marks)
         if self.lost:
-            width = max(map(len, self.lost))
-            lines += ["", "lost", *(f"  {key:<{width}}  {n:,}" for key, n in self.lost.items())]
-        if self.notes:
-            lines += ["", *self.notes]
-        return lines
+            yield Heading("lost", 3)
+            yield fact_table({key: f"{times:,}" for key, times in self.lost.items()})
+        yield Listed(self.notes, mark="")
 
     def picture_rows(self) -> list[list[tuple[str, str]]]:
         """The floor, row by row, as (text, style): marks of edges in red. [] if it is too large."""
@@ -200,32 +200,29 @@ class ImportReport:
         ]
 
 
-def edge_table(edges: tuple[EdgeRow, ...], marks: Mapping[tuple[int, int], str]) -> list[str]:
+def fact_table(facts: Mapping[str, str | int | float]) -> Table:
+    """Names and what they are."""
+    return Table(("", ""), [(key, str(value)) for key, value in facts.items()], left=2)
+
+
+def edge_table(edges: tuple[EdgeRow, ...], marks: Mapping[tuple[int, int], str]) -> Table:
     """The table of edges; the first ones with the digits that stand for them in the picture."""
     marked = set(marks.values())
     head = ("", "edge", "metres", "cells", "cm", "%", "ticks wanted", "drawn")
-    rows = [head]
-    for place, row in enumerate(edges, 1):
-        rows.append(
-            (
-                str(place) if str(place) in marked else "",
-                row.name,
-                f"{row.metres:.3f}",
-                number(row.cells),
-                f"{_signless(100 * (row.drawn - row.metres), 1)}",
-                f"{_signless(100 * row.error, 2)}",
-                f"{row.ticks_wanted:.2f}",
-                number(row.ticks),
-            )
+    rows = [
+        (
+            str(place) if str(place) in marked else "",
+            row.name,
+            f"{row.metres:.3f}",
+            number(row.cells),
+            f"{_signless(100 * (row.drawn - row.metres), 1)}",
+            f"{_signless(100 * row.error, 2)}",
+            f"{row.ticks_wanted:.2f}",
+            number(row.ticks),
         )
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    return [
-        "  ".join(
-            cell.ljust(width) if place < 2 else cell.rjust(width)
-            for place, (cell, width) in enumerate(zip(row, widths, strict=True))
-        ).rstrip()
-        for row in rows
+        for place, row in enumerate(edges, 1)
     ]
+    return Table(head, rows, left=2)
 
 
 def _signless(value: float, digits: int) -> str:

@@ -1,4 +1,4 @@
-"""A reproduction as text: a first screen, or all tables beside ours with the claims and the remarks.
+"""The report of a reproduction: a first screen, or all tables beside ours with claims and remarks.
 
 The first screen has printed numbers, ours and verdicts in 24 lines of 80 columns; everything else is
 behind `--tables`.
@@ -9,12 +9,18 @@ from __future__ import annotations
 import math
 import textwrap
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
-from rich.console import Console
-from rich.text import Text
-
+from automaton.documents.report_document import (
+    Block,
+    Heading,
+    Listed,
+    ReportDocument,
+    StyledText,
+    Table,
+    Text,
+)
 from automaton.papers.claims import Judged, JudgedClaim, Verdict
 from automaton.papers.reproduction_study import (
     FigureRow,
@@ -23,16 +29,12 @@ from automaton.papers.reproduction_study import (
     PublishedTable,
     Reproduced,
 )
-from automaton.runs.console_output import ConsoleBlock, console, print_blocks, rich_table
-from automaton.runs.report_document import Table
 from automaton.units import count, percent
 
 STYLES = {
     "holds": "green", "not contradicted": "cyan", "undecided": "yellow", "does not hold": "red"
 }  # fmt: skip
 SHORT_LABELS = {"configuration": "cfg", "robots": "N"}
-WIDEST_PARAGRAPH = 110
-VERDICT_WIDTH = 18
 PRINTED_SD = "(sd)"
 EXPLANATION = (
     "A claim holds if the 95 % interval of each of its figures lies in the range, and does not "
@@ -40,8 +42,7 @@ EXPLANATION = (
     "contradicted, or does not hold, and how many runs may be otherwise is said "
     "(Clopper-Pearson). Shown is the figure that decides."
 )
-FIRST_SCREEN_WIDTH = 80  # columns
-MAX_SENTENCE_LINES = 2  # of a sentence
+LONGEST_SENTENCE = 150  # characters on the first screen: two lines of 80 columns
 UNITS = {"%": " %", "points": " pt"}  # pt: points of per cent
 COUNTED: dict[Verdict, tuple[str, str]] = {
     "holds": ("holds", "hold"),
@@ -53,37 +54,27 @@ COUNTED: dict[Verdict, tuple[str, str]] = {
 Line = tuple[str, str, str, str, str]  # label, printed, ours, ours by the other premise, verdict
 
 
-def print_first_screen(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> None:
-    """Print the first screen."""
-    print_blocks(console(), first_screen(reproduced, judged))
-
-
-def first_screen(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> Iterator[ConsoleBlock]:
+def first_screen(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> ReportDocument:
     """The first screen: what was run, a line for each headline, and how many claims hold."""
     reproduction = reproduced.reproduction
-    yield Text(reproduction.title, "bold")
-    yield from wrapped(reproduction.source)
-    yield from textwrap.wrap(effort_of_all(reproduced), FIRST_SCREEN_WIDTH)
-    yield from set_lines(reproduced, FIRST_SCREEN_WIDTH)
-    yield ""
+    document = ReportDocument(reproduction.title, [Heading(reproduction.title, 3)])
+    lines = [shortened(reproduction.source), effort_of_all(reproduced), *set_lines(reproduced)]
+    document.add(Listed(lines, mark=""))
     others = {premise: reproduced.judged(premise) for premise in reproduced.premises}
-    lines = list(headline_lines(reproduced, judged, others))
-    if lines:
-        yield table_of(reproduced, lines)
-        yield ""
-    yield from textwrap.wrap(tally(judged), FIRST_SCREEN_WIDTH)
-    for premise, claims in others.items():
-        changed = changed_verdicts(reproduction.headlines, judged, claims, premise)
-        yield from wrapped(changed)
-    yield from textwrap.wrap(
-        f"All tables, claims and remarks: automaton reproduce {reproduction.name} --tables",
-        FIRST_SCREEN_WIDTH,
+    figures = list(headline_lines(reproduced, judged, others))
+    document.add(*([table_of(reproduced, figures)] if figures else []))
+    changed = (
+        shortened(changed_verdicts(reproduction.headlines, judged, claims, premise))
+        for premise, claims in others.items()
     )
+    more = f"All tables, claims and remarks: automaton reproduce {reproduction.name} --tables"
+    document.add(Listed([tally(judged), *changed, more], mark=""))
+    return document
 
 
-def wrapped(text: str) -> list[str]:
-    """Two lines of a text at most."""
-    return textwrap.wrap(text, FIRST_SCREEN_WIDTH, max_lines=MAX_SENTENCE_LINES, placeholder=" ...")
+def shortened(text: str) -> str:
+    """The beginning of a text that is too long."""
+    return textwrap.shorten(text, LONGEST_SENTENCE, placeholder=" ...")
 
 
 def effort_of_all(reproduced: Reproduced) -> str:
@@ -194,10 +185,10 @@ def table_of(reproduced: Reproduced, lines: Sequence[Line]) -> Table:
     premises = reproduced.premises
     if not premises:
         head = ["figure", "printed", "ours", "verdict"]
-        return Table(head, [[*line[:3], line[4]] for line in lines], also_left=(3,), gap=1)
+        return Table(head, [[*line[:3], line[4]] for line in lines], also_left=(3,))
     # `orders` of `information: orders`.
     own = [premise.partition(": ")[2] for premise in (reproduced.reproduction.premise, premises[0])]
-    return Table(["figure", "printed", *own, "verdict"], lines, also_left=(4,), gap=1)
+    return Table(["figure", "printed", *own, "verdict"], lines, also_left=(4,))
 
 
 def tally(judged: Sequence[JudgedClaim]) -> str:
@@ -233,69 +224,44 @@ def changed_verdicts(
 # All tables, all claims and the remarks.
 
 
-def print_reproduced(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> None:
-    """Print everything."""
-    out = console()
-    print_blocks(out, blocks(reproduced, judged, out.width))
-
-
-def blocks(
-    reproduced: Reproduced, judged: Sequence[JudgedClaim], width: int
-) -> Iterator[ConsoleBlock]:
-    """Everything, for a console of this width."""
-    reproduction, text_width = reproduced.reproduction, min(width, WIDEST_PARAGRAPH)
-    yield Text(reproduction.title, "bold")
-    yield from textwrap.wrap(reproduction.source, text_width)
-    yield from set_lines(reproduced, text_width)
+def whole_report(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> ReportDocument:
+    """Everything."""
+    reproduction = reproduced.reproduction
+    document = ReportDocument(reproduction.title, [Heading(reproduction.title, 3)])
+    document.add(Listed([reproduction.source, *set_lines(reproduced)], mark=""))
     for made in reproduced.tables:
         if made.cases:  # none where its strategy was not asked for
-            yield from made_blocks(made, width)
+            document.add(*made_blocks(made))
     if reproduction.further is not None:
         for one in reproduction.further(reproduced):
-            yield from section(one.title, one.text.splitlines())
-    yield from error_lines(reproduced)
-    yield from claim_blocks(reproduction.claims_title, judged, text_width)
+            document.add(Heading(one.title, 3), Text(one.text, code=True))
+    document.add(Listed(error_lines(reproduced), mark=""))
+    document.add(*claim_blocks(reproduction.claims_title, judged))
     for premise in reproduced.premises:
-        yield from premise_blocks(reproduced, judged, premise, text_width)
+        document.add(*premise_blocks(reproduced, judged, premise))
     if reproduction.remarks:
-        bullets = (bulleted(remark, text_width) for remark in reproduction.remarks)
-        lines = (line for bullet in bullets for line in bullet)
-        yield from section(reproduction.remarks_title, lines)
+        document.add(Heading(reproduction.remarks_title, 3), Listed(reproduction.remarks))
     for title, text in reproduction.texts() if reproduction.texts is not None else ():
-        yield from section(title, text.splitlines())
+        document.add(Heading(title, 3), Text(text, code=True))
+    return document
 
 
-def set_lines(reproduced: Reproduced, width: int) -> list[str]:
+def set_lines(reproduced: Reproduced) -> list[str]:
     """Say that scenarios were changed, and how."""
     if not reproduced.settings:
         return []
     settings = " ".join(f"--set {setting}" for setting in reproduced.settings)
-    text = f"NOT THE PUBLISHED EXPERIMENT: made with {settings}"
-    return textwrap.wrap(text, width, break_on_hyphens=False)
+    return [f"NOT THE PUBLISHED EXPERIMENT: made with {settings}"]
 
 
-def section(title: str, lines: Iterable[str]) -> Iterator[ConsoleBlock]:
-    """Lines under a title, as they are."""
-    yield ""
-    yield Text(title, "bold")
-    yield from lines
-
-
-def bulleted(text: str, width: int) -> list[str]:
-    """A sentence as an item of a list."""
-    return textwrap.wrap(text, width, initial_indent="- ", subsequent_indent="  ")
-
-
-def made_blocks(made: MadeTable, width: int) -> Iterator[ConsoleBlock]:
+def made_blocks(made: MadeTable) -> Iterator[Block]:
     """A table: what was run for it, then its panels."""
     if made.table.title:
-        yield from section(made.table.title, ())
-    yield from textwrap.wrap(effort(made), min(width, WIDEST_PARAGRAPH))
+        yield Heading(made.table.title, 3)
+    yield Text(effort(made))
     rows = made.rows()
     for panel in made.table.panels:
-        for metrics in fitting(panel, rows, width, made.table):
-            yield ""
-            yield panel_table(metrics, rows, made.table)
+        yield panel_table(panel, rows, made.table)
 
 
 def effort(made: MadeTable) -> str:
@@ -312,24 +278,6 @@ def effort(made: MadeTable) -> str:
     )
 
 
-def fitting(
-    panel: Sequence[str], rows: Sequence[FigureRow], width: int, table: PublishedTable
-) -> Iterator[list[str]]:
-    """The metrics of a panel, split so that each table fits the width."""
-    taken: list[str] = []
-    for metric in panel:
-        if taken and table_width([*taken, metric], rows, table) > width:
-            yield taken
-            taken = []
-        taken.append(metric)
-    yield taken
-
-
-def table_width(metrics: Sequence[str], rows: Sequence[FigureRow], table: PublishedTable) -> int:
-    measured = Console(width=1000).measure(rich_table(panel_table(metrics, rows, table)))
-    return int(measured.maximum)
-
-
 def panel_table(
     metrics: Sequence[str], rows: Sequence[FigureRow], made_of: PublishedTable
 ) -> Table:
@@ -343,9 +291,8 @@ def panel_table(
         name: heads_of(made_of, name in printed, name in exact, name in deviations)
         for name in metrics
     }
-    head = [f"\n{SHORT_LABELS.get(label, label)}" for label in labels]
-    for metric, (first, *others) in columns.items():
-        head += [f"  {metric}\n  {first}", *(f"\n{other}" for other in others)]
+    head = [SHORT_LABELS.get(label, label) for label in labels]
+    head += [name for heads in columns.values() for name in heads]
     lines: list[list[str]] = []
     group: list[str] = []
     for figures_of in cases_of(rows):
@@ -357,7 +304,8 @@ def panel_table(
             cells += figures(figures_of.get(metric), heads, made_of)
         lines.append(cells)
     left = [index for index, value in enumerate(labels.values()) if isinstance(value, str)]
-    return Table(head, lines, left=0, also_left=left, gap=1)
+    groups = [(metric, len(heads)) for metric, heads in columns.items()]
+    return Table(head, lines, left=0, also_left=left, groups=groups)
 
 
 def heads_of(table: PublishedTable, printed: bool, exact: bool, deviation: bool) -> list[str]:
@@ -421,39 +369,32 @@ def error_lines(reproduced: Reproduced) -> list[str]:
         shown = premise or (reproduced.reproduction.premise if reproduced.premises else "")
         if parts:
             lines.append(f"mean |error|: {', '.join(parts)}{f' ({shown})' if shown else ''}")
-    return ["", *lines] if lines else []
+    return lines
 
 
 def premise_blocks(
-    reproduced: Reproduced, judged: Sequence[JudgedClaim], premise: str, width: int
-) -> Iterator[ConsoleBlock]:
+    reproduced: Reproduced, judged: Sequence[JudgedClaim], premise: str
+) -> tuple[Heading, Listed]:
     """The claims that come to another verdict by another premise."""
     own = {claim.claim.text: claim.verdict for claim in judged}
     changed = [one for one in reproduced.judged(premise) if own.get(one.claim.text) != one.verdict]
-    yield from section(f"Claims with another verdict by {premise}", ())
-    for claim in changed:
-        yield from bulleted(f"{claim.verdict}: {claim.claim.text}; {evidence(claim)}", width)
-    if not changed:
-        yield "none"
+    lines = [f"{one.verdict}: {one.claim.text}; {evidence(one)}" for one in changed]
+    title = Heading(f"Claims with another verdict by {premise}", 3)
+    return title, Listed(lines) if lines else Listed(["none"], mark="")
 
 
-def claim_blocks(title: str, judged: Sequence[JudgedClaim], width: int) -> Iterator[ConsoleBlock]:
+def claim_blocks(title: str, judged: Sequence[JudgedClaim]) -> Iterator[Block]:
     """A verdict for each claim, with the figure that decides it."""
     if not judged:
         return
-    yield from section(title, textwrap.wrap(EXPLANATION, width))
+    yield Heading(title, 3)
+    yield Text(EXPLANATION)
+    rows: list[list[str]] = []
     for claim in judged:
-        yield ""
         quoted = f'"{claim.claim.source}"' if claim.claim.source else ""
-        first, *others = (
-            line
-            for text in (claim.claim.text, quoted, evidence(claim))
-            for line in textwrap.wrap(text, width - VERDICT_WIDTH)
-        )
-        yield Text(f"{claim.verdict:<{VERDICT_WIDTH}}", STYLES[claim.verdict]).append(
-            first, "default"
-        )
-        yield from (" " * VERDICT_WIDTH + line for line in others)
+        lines = filter(None, (claim.claim.text, quoted, evidence(claim)))
+        rows += [[], [StyledText(claim.verdict, STYLES[claim.verdict]), "\n".join(lines)]]
+    yield Table(("", ""), rows[1:], left=2)
 
 
 def evidence(claim: JudgedClaim) -> str:

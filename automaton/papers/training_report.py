@@ -11,9 +11,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
+from automaton.documents.report_document import Block, Heading, Listed, ReportDocument, Table, Text
+from automaton.documents.text_output import print_document
 from automaton.papers.training_settings import MEASURES
-from automaton.runs.console_output import ConsoleBlock, console, print_blocks
-from automaton.runs.report_document import Table
 
 Keep = tuple[str, ...]
 Figures = tuple[float, float, float]  # accuracy, precision, recall
@@ -114,7 +114,7 @@ def print_outcome(mode: str, outcome: Mapping[str, Any]) -> None:
         "depths": depth_blocks,
         "classifiers": classifier_blocks,
     }
-    print_blocks(console(), blocks[mode](outcome))
+    print_document(ReportDocument(title(outcome), list(blocks[mode](outcome))))
 
 
 def title(outcome: Mapping[str, Any]) -> str:
@@ -130,36 +130,36 @@ def effort(outcome: Mapping[str, Any]) -> str:
     )
 
 
-def network_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
+def network_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
     """How it was trained, how well it predicts which legs, and where it is."""
     settings = outcome["settings"]
-    yield f"{title(outcome)}: {settings['loss']}, weighting {settings['weighting']}"
+    first = f"{title(outcome)}: {settings['loss']}, weighting {settings['weighting']}"
     monitored = " and ".join(
         MEASURES[m].title if m in MEASURES else m for m in outcome["monitored"]
     )
-    yield (
+    epochs = (
         f"{outcome['epochs']} epochs of {settings['legs']:,} legs, "
         f"weights of epoch {outcome['epoch']} kept by {monitored}"
     )
-    yield ""
+    yield Listed([first, epochs], mark="")
     rows = [
         [name, *(f"{measures[measure]:.3f}" for measure in SHOWN_MEASURES)]
         for name, measures in outcome["measures"].items()
     ]
     yield Table(("legs", *SHOWN_MEASURES), rows)
-    yield f"\nwritten to {outcome['file']}"
+    yield Text(f"written to {outcome['file']}")
 
 
-def table_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
+def table_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
     """Tables 1 to 4, the printed figures beside ours for each loss.
 
     One block for each table: a row for each set of monitored metrics and loss.
     """
-    yield effort(outcome)
+    yield Text(effort(outcome))
     rows = from_json(outcome["rows"])
     for number in sorted({row.table for row in rows}):
         some = [row for row in rows if row.table == number]
-        yield f"\nTable {number} ({WHAT[number]}): paper / ours"
+        yield Heading(f"Table {number} ({WHAT[number]}): paper / ours", 3)
         lines = [
             [
                 *(row.short, row.loss),
@@ -173,10 +173,10 @@ def table_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
         yield Table(("monitored", "loss", *COLUMNS, "epoch"), lines, left=2)
 
 
-def depth_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
+def depth_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
     """The least loss of each network beside that of a constant answer."""
-    yield effort(outcome)
-    yield "least: the loss of the best epoch; constant: of the best constant answer\n"
+    what = "least: the loss of the best epoch; constant: of the best constant answer"
+    yield Listed([effort(outcome), what], mark="")
     figures = ("least", "constant", "precision", "recall")
     rows = [
         [row["loss"], str(row["hidden"]), str(row["epochs"]), *(f"{row[n]:.4f}" for n in figures)]
@@ -185,13 +185,12 @@ def depth_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
     yield Table(("loss", "hidden", "epochs", *figures), rows)
 
 
-def classifier_blocks(outcome: Mapping[str, Any]) -> Iterator[ConsoleBlock]:
+def classifier_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
     """The share of wholly right legs first: the measure by which the paper discards them."""
-    yield (
+    yield Text(
         f"{title(outcome)}: judged by {outcome['judged_by']:,} legs of the training and as many of "
         "an unused seed"
     )
-    yield ""
     figures = ("subset", "precision", "recall")
     rows = [
         [

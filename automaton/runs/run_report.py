@@ -1,14 +1,18 @@
-"""The report of a run as text: its metrics, the time it lost by cause, and each robot."""
+"""The report of a run: its metrics, the time it lost by cause, and each robot."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
-from automaton.runs.console_output import ConsoleBlock, console, print_blocks
+from automaton.documents.report_document import (
+    Listed,
+    NumberText,
+    ReportDocument,
+    Table,
+    Text,
+)
+from automaton.documents.text_output import print_document
 from automaton.runs.headless import Outcome
 from automaton.runs.metric_catalogue import PER_1000_TICKS, units_of
 from automaton.runs.metrics import METRIC_CATALOGUE
-from automaton.runs.report_document import Table
 from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles
 from automaton.scenario.schema import Scenario
 from automaton.strategy.lookup import NO_STRATEGY
@@ -48,22 +52,22 @@ NEVER_WITH_CELLS = ("try_drops",)  # makes room for the distance
 
 def print_report(resolved: Resolved, outcome: Outcome) -> None:
     """Print the whole report."""
-    print_blocks(console(), blocks(resolved, outcome))
+    print_document(run_document(resolved, outcome))
 
 
-def blocks(resolved: Resolved, outcome: Outcome) -> Iterator[ConsoleBlock]:
+def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
     """The whole report."""
     tick, cell = units_of(resolved)
-    yield from heading(resolved, outcome, tick)
-    tables = metrics_table(outcome, tick, cell), lost_table(outcome, tick)
-    by_type = [types_table(outcome, tick)] if outcome.types else []
-    by_station = [stations_table(outcome)] if outcome.stations else []
-    for table in (*tables, *by_type, *by_station, robots_table(outcome, tick, cell)):
-        yield ""
-        yield table
+    document = ReportDocument(f"{resolved.scenario.name}, seed {resolved.scenario.seed}")
+    document.add(Listed(heading(resolved, outcome, tick), mark=""))
+    document.add(metrics_table(outcome, tick, cell), lost_table(outcome, tick))
+    document.add(*([types_table(outcome, tick)] if outcome.types else []))
+    document.add(*([stations_table(outcome)] if outcome.stations else []))
+    document.add(robots_table(outcome, tick, cell))
     if len(outcome.robots) > ROBOTS_SHOWN:
         rest = len(outcome.robots) - ROBOTS_SHOWN
-        yield f"... and {count(rest, 'more robot')}: --json prints all"
+        document.add(Text(f"... and {count(rest, 'more robot')}: --json prints all"))
+    return document
 
 
 def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
@@ -143,7 +147,7 @@ def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
         if in_both and kind in ("ticks", "cells"):
             in_unit += f" ({number(outcome.metrics[name])} {kind})"
         rows.append([name, value, in_unit, meaning + by_hour(outcome.metrics[name], kind, tick)])
-    return Table(("metric", "value", "unit", "meaning"), rows, also_left=(2,), folded=True)
+    return Table(("metric", "value", "unit", "meaning"), rows, also_left=(2, 3))
 
 
 def by_hour(value: float, kind: str, tick: Unit) -> str:
@@ -153,16 +157,16 @@ def by_hour(value: float, kind: str, tick: Unit) -> str:
     return f"; {number(value * SECONDS_PER_UNIT['h'] / (1000 * tick.seconds))} /h"
 
 
-def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[str, str]:
+def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[NumberText, str]:
     """A value and its unit as text; `kind` is the unit in METRIC_CATALOGUE."""
+    amount, told = value, kind
     if kind == "share":
-        return f"{100 * value:.1f}", "%"
+        return NumberText(f"{100 * value:.1f}", 100 * value), "%"
     if kind == "ticks":
         amount, told = duration(value, tick) if cell else (tick.of(value), tick.plural)
-        return number(amount), told
-    if kind == "cells" and cell is not None:
-        return number(cell.of(value)), cell.name
-    return number(value), kind
+    elif kind == "cells" and cell is not None:
+        amount, told = cell.of(value), cell.name
+    return NumberText(number(amount), amount), told
 
 
 def lost_table(outcome: Outcome, tick: Unit) -> Table:
@@ -179,7 +183,7 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
     if SLOWDOWN in outcome.metrics:
         cost = number(tick.of(outcome.metrics[SLOWDOWN]))
         rows.append([SLOWDOWN, cost, "-", METRIC_CATALOGUE[SLOWDOWN][1]])
-    return Table(("lost time", tick.plural, "share", "cause"), rows, folded=True)
+    return Table(("lost time", tick.plural, "share", "cause"), rows, also_left=(3,))
 
 
 def types_table(outcome: Outcome, tick: Unit) -> Table:
@@ -194,7 +198,7 @@ def types_table(outcome: Outcome, tick: Unit) -> Table:
         done = number(row["delivered"])
         used = percent(row["utilization"], 0)
         rows.append([row["type"], *counted, payload, done, driving, handling, used])
-    return Table(heads, rows, gap=1)
+    return Table(heads, rows)
 
 
 def stations_table(outcome: Outcome) -> Table:
@@ -227,7 +231,7 @@ def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
             cells[SLOWDOWN] = number(tick.of(row[SLOWDOWN]))
         texts = [cells[name] for name in columns.values()]
         rows.append([text if isinstance(text, str) else number(text) for text in texts])
-    return Table(list(columns), rows, left=0, gap=1)  # long runs fit 80 columns
+    return Table(list(columns), rows, left=0)
 
 
 def sentences(resolved: Resolved, outcome: Outcome) -> list[str]:

@@ -23,12 +23,11 @@ from typing import Any, Final, NamedTuple
 
 import msgspec
 
+from automaton.documents.report_document import INDENT, Listed, ReportDocument, Table
 from automaton.errors import InputError, nearest
-from automaton.runs.console_output import ConsoleBlock
 from automaton.runs.headless import run_marked
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.metrics import metrics_of
-from automaton.runs.report_document import Table
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Override
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
@@ -297,24 +296,27 @@ def compare(
 # What was found: a table, one object as JSON, a file of settings.
 
 
-def report_blocks(tuned: Tuned, known: TunedScenarios) -> Iterator[ConsoleBlock]:
+def tuning_document(tuned: Tuned, known: TunedScenarios) -> ReportDocument:
     """The report, from top to bottom."""
     scenario, metric = known.candidates[0].resolved.scenario, tuned.metric
     better = "more" if direction_of(metric) == "highest" else "less"
-    yield (
+    document = ReportDocument(f"{scenario.name}, tuned")
+    begin = (
         f"{scenario.name}, seed {tuned.seed}: {count(len(known.candidates), 'candidate')}, "
         f"{count(tuned.spent, 'run')} of at most {tuned.budget:,}, by {metric} "
         f"({METRIC_CATALOGUE[metric][0]}; {better} is better)"
     )
-    for reason in known.left_out:
-        yield f"left out: {reason}"
-    yield ""
+    left_out = [f"left out: {reason}" for reason in known.left_out]
+    document.add(Listed([begin, *left_out], mark=""))
     heads = ("place", "round", "runs", "mean", "right of way; allocation")
-    yield Table(heads, list(rows(tuned, known)), left=0, also_left=(4,), folded=True)
-    yield "round: the last one in which it was run; means of different rounds are of different runs"
-    yield conclusion(tuned)
-    for setting in known.candidates[tuned.standings[0].number].settings:
-        yield f"  --set '{setting}'"
+    document.add(Table(heads, list(rows(tuned, known)), left=0, also_left=(4,)))
+    note = (
+        "round: the last one in which it was run; means of different rounds are of different runs"
+    )
+    document.add(Listed([note, conclusion(tuned)], mark=""))
+    settings = known.candidates[tuned.standings[0].number].settings
+    document.add(Listed([f"--set '{setting}'" for setting in settings], mark=INDENT))
+    return document
 
 
 def rows(tuned: Tuned, known: TunedScenarios) -> Iterator[list[str]]:

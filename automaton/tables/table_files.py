@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, Protocol
 
+from automaton.documents.workbook import openpyxl, sheet_cell
 from automaton.errors import InputError, alternatives
 from automaton.printable import FORMULA_SIGNS
 from automaton.tables.columns import TABLES, Form, arrow
@@ -212,35 +213,12 @@ class WorkbookSink:
         return Tables({}, f": they are sheets of {self.folder / WORKBOOK}")
 
 
-def sheet_cell(sheet: Any, value: Any) -> Any:
-    """A value as a cell: a text that begins as formulas do is not one."""
-    if not isinstance(value, str) or not value.startswith("="):
-        return value
-    from openpyxl.cell import WriteOnlyCell
-
-    cell = WriteOnlyCell(sheet, value)
-    cell.data_type = "s"
-    return cell
-
-
 def too_many_in_sheet(name: str, rows: int) -> InputError:
     """The error about a table that does not fit into a sheet."""
     return InputError(
         f"the table {name} may have {count(rows, 'row')}, and a sheet holds "
         f"{MAX_SHEET_ROWS - 1:,} below its head; write parquet or csv, or a longer period of states"
     )
-
-
-def openpyxl(what: str) -> Any:
-    """The module openpyxl. Raises InputError where it is not installed."""
-    try:
-        import openpyxl
-    except ImportError as error:
-        raise InputError(
-            f"{what} with openpyxl, which cannot be imported ({error}): "
-            "pip install 'fleet-automaton[excel]'"
-        ) from None
-    return openpyxl
 
 
 def sink_for(folder: Path | None, form: str, expected: Mapping[str, int]) -> Sink:

@@ -7,8 +7,8 @@ station 9, zone 1, to zone 3: part 12, 45 ticks left; queue 14, 17; 8 done
 from __future__ import annotations
 
 from collections.abc import Sequence
-from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Final
+from itertools import groupby, pairwise
+from typing import Any, Final
 
 import numpy as np
 
@@ -26,10 +26,6 @@ from automaton.engine.state import (
 )
 from automaton.floor.floor_plan import FloorPlan
 from automaton.units import SECONDS_PER_UNIT, count
-
-if TYPE_CHECKING:
-    from rich.text import Text
-
 
 # The first six as in the viewer, where a to c are signs.
 ZONE_LETTERS: Final = "defghijklmnopqrstuvwxyzabc"
@@ -135,25 +131,23 @@ def _zones(world: World, station: int) -> list[str]:
     return [f"zone {zone + 1}", *(f"to zone {other + 1}" for other in others)]
 
 
-def coloured(picture: str) -> list[Text]:
-    """The lines of such a picture; the letters of zones, and the lines on them, in their colours."""
-    from rich.text import Text
-
+def coloured(picture: str) -> list[list[tuple[str, str]]]:
+    """The lines of such a picture as (text, style): zones in their colours, and the lines on them."""
     letters = {
         letter: ZONE_COLOURS[at % len(ZONE_COLOURS)] for at, letter in enumerate(ZONE_LETTERS)
     }
     letters |= {letter.upper(): f"bold {colour}" for letter, colour in letters.items()}
-    lines = []
+    letters["*"] = "bold reverse"
+    rows = []
     for written in picture.split("\n"):
-        text = Text(written)
         if written.startswith("zone "):
-            text.stylize(letters[written.partition("(")[2][0]])
-        elif not written.startswith(("station ", "SVp ", PICTURE_KEY)):
-            for at, sign in enumerate(written):
-                if sign in letters or sign == "*":
-                    text.stylize(letters.get(sign, "bold reverse"), at, at + 1)
-        lines.append(text)
-    return lines
+            rows.append([(written, letters[written.partition("(")[2][0]])])
+        elif written.startswith(("station ", "SVp ", PICTURE_KEY)):
+            rows.append([(written, "")])
+        else:
+            styles = groupby(written, lambda sign: letters.get(sign, ""))
+            rows.append([("".join(signs), style) for style, signs in styles])
+    return rows
 
 
 # Where zones are.

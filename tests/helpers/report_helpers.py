@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from automaton.commands import main
-from automaton.runs.report_document import Table
+from automaton.documents.report_document import Table
 
 
 def report(capsys: Any, *arguments: str) -> tuple[int, str, str]:

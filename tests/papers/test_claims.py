@@ -9,12 +9,12 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from rich.console import Console
 
+from automaton.documents.report_document import ReportDocument
+from automaton.documents.text_output import as_text
 from automaton.papers.claim_report import bounds, evidence, panel_table
 from automaton.papers.claims import Claim, Figure, Judged, MeanQuantity, judge, mean_of
 from automaton.papers.reproduction_study import Case, MadeTable, PublishedTable, find
-from automaton.runs.console_output import rich_table
 from automaton.studies.inference.proportions import exact_share
 
 NEVER = Figure("runs that fail", lambda mean: mean("fails"), at_most=0, unit="%")
@@ -169,9 +169,7 @@ def test_a_table_shows_the_bounds_of_a_share_of_runs() -> None:
     runs = [Once(0.0, 0.2), Once(0.0, 0.3), Once(0.0, 0.4)]
     rows = MadeTable(table, table.cases(()), [runs]).rows()
     assert [row.exact is not None for row in rows] == [True, False]
-    out = Console(width=100, record=True)
-    out.print(rich_table(panel_table(("empty", "line"), rows, table)))
-    text = out.export_text()
+    text = as_text(ReportDocument("", [panel_table(("empty", "line"), rows, table)]))
     assert "0.0 to 70.8 %" in text and "95 %" in text and "sd" in text
 
 

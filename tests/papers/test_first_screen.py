@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import io
 import random
 from collections import defaultdict
 from collections.abc import Iterator
 
 import pytest
 
+from automaton.documents.text_output import document_lines, plain
 from automaton.papers.claim_report import first_screen, premise_blocks
 from automaton.papers.reproduction_study import (
     REPRODUCTIONS,
@@ -20,7 +20,6 @@ from automaton.papers.reproduction_study import (
     Reproduction,
     find,
 )
-from automaton.runs.console_output import console, print_blocks
 
 LINES, COLUMNS = 24, 80
 
@@ -70,11 +69,8 @@ def made_up(reproduction: Reproduction, size: float, seeds: int = 4) -> Reproduc
 
 def screen(reproduced: Reproduced) -> list[str]:
     """The lines of the first screen on a narrow terminal."""
-    out = io.StringIO()
-    wide = console(out)
-    wide.width = COLUMNS
-    print_blocks(wide, first_screen(reproduced, reproduced.judged()))
-    return out.getvalue().splitlines()
+    document = first_screen(reproduced, reproduced.judged())
+    return [plain(line) for line in document_lines(document.blocks, COLUMNS, is_styled=True)]
 
 
 @pytest.mark.parametrize("size", [0.3, 20_000.0])
@@ -126,6 +122,6 @@ def test_claims_that_turn_by_another_premise_are_named() -> None:
     premise = "information: everything"
     own = {one.claim.text: one.verdict for one in reproduced.judged()}
     turned = [one for one in reproduced.judged(premise) if own[one.claim.text] != one.verdict]
-    blocks = list(premise_blocks(reproduced, reproduced.judged(), premise, COLUMNS))
-    text = " ".join(map(str, blocks))
+    _, listed = premise_blocks(reproduced, reproduced.judged(), premise)
+    text = " ".join(listed.items)
     assert turned and all(f"{one.verdict}: " in text for one in turned)

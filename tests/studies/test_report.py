@@ -19,7 +19,8 @@ from report_helpers import report, tables
 from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.commands import main
-from automaton.runs.report_document import (
+from automaton.documents.html_output import as_html
+from automaton.documents.report_document import (
     Curves,
     Heading,
     HeatMap,
@@ -29,14 +30,7 @@ from automaton.runs.report_document import (
     Table,
     Text,
 )
-from automaton.studies.inference.intervals import effect
-from automaton.studies.reports.build_report import remarks
-from automaton.studies.reports.comparison_tables import comparison_section
-from automaton.studies.reports.comparisons import comparisons, declared_pairs
-from automaton.studies.reports.html_output import as_html
-from automaton.studies.reports.metric_tables import metric_section, summary
-from automaton.studies.reports.study_results import columns_of
-from automaton.studies.reports.text_output import (
+from automaton.documents.text_output import (
     as_markdown,
     as_text,
     chart,
@@ -44,6 +38,12 @@ from automaton.studies.reports.text_output import (
     shaded,
     table_lines,
 )
+from automaton.studies.inference.intervals import effect
+from automaton.studies.reports.build_report import remarks
+from automaton.studies.reports.comparison_tables import comparison_section
+from automaton.studies.reports.comparisons import comparisons, declared_pairs
+from automaton.studies.reports.metric_tables import metric_section, summary
+from automaton.studies.reports.study_results import columns_of
 
 pa = pytest.importorskip("pyarrow")
 

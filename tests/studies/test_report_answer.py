@@ -12,8 +12,8 @@ import pytest
 from statistics_trials import lost_best
 from synthetic_results import noise, study_of, synthetic_store
 
+from automaton.documents.report_document import Curves, Listed, Table, Text
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
-from automaton.runs.report_document import Curves, Listed, Table, Text
 from automaton.studies.reports.comparisons import comparisons
 from automaton.studies.reports.first_page import (
     HIGHER_IS_BETTER,

@@ -7,10 +7,10 @@ import json
 import pytest
 from synthetic_results import study_of, synthetic_store
 
+from automaton.documents.html_output import LINE_STYLES
+from automaton.documents.text_output import CURVE_MARKS
 from automaton.studies.reports.comparisons import point_name
-from automaton.studies.reports.html_output import LINE_STYLES
 from automaton.studies.reports.metric_tables import curves
-from automaton.studies.reports.text_output import CURVE_MARKS
 
 
 def test_curves_are_drawn_over_the_robots_one_for_each_other_level() -> None:

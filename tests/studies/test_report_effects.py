@@ -9,7 +9,7 @@ import pytest
 from report_helpers import tables
 from synthetic_results import noise, study_of, synthetic_store
 
-from automaton.runs.report_document import Text
+from automaton.documents.report_document import Text
 from automaton.studies.reports.comparison_tables import crossed, effects_section, factor_effects
 from automaton.studies.sweeps.study import Analysis, Study
 

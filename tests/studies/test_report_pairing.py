@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 from synthetic_results import noise, study_of, synthetic_store
 
-from automaton.runs.report_document import Table, Text
+from automaton.documents.report_document import Table, Text
 from automaton.studies.inference.intervals import effect, fewest, paired_runs, unpaired_runs
 from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.comparisons import comparisons, pairing_remark

@@ -14,7 +14,8 @@ import pytest
 from report_helpers import tables
 from synthetic_results import noise, study_of, synthetic_store
 
-from automaton.runs.report_document import (
+from automaton.documents.html_output import as_html, page_parts
+from automaton.documents.report_document import (
     Block,
     Heading,
     Listed,
@@ -26,7 +27,6 @@ from automaton.runs.report_document import (
 from automaton.studies.reports.comparison_tables import comparison_section, effects_section
 from automaton.studies.reports.comparisons import comparisons
 from automaton.studies.reports.first_page import answers, first_page
-from automaton.studies.reports.html_output import as_html, page_parts
 from automaton.studies.reports.metric_tables import metric_section
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import Analysis, Study

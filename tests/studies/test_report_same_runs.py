@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from synthetic_results import noise, study_of, synthetic_store
 
 from automaton.commands import main
-from automaton.runs.report_document import Table, Text
+from automaton.documents.report_document import Table, Text
 from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.comparisons import comparisons, left_out
 from automaton.studies.reports.metric_tables import metric_section, same_remarks

@@ -13,15 +13,15 @@ from report_helpers import report, tables
 from synthetic_results import noise, synthetic_store
 
 from automaton import sweep
+from automaton.documents.report_document import Listed
+from automaton.documents.text_output import as_text
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.runs.metrics import metrics_of
-from automaton.runs.report_document import Listed
 from automaton.runs.simulation import Simulation
 from automaton.scenario.text_files import find
 from automaton.studies.reports.build_report import compose
 from automaton.studies.reports.metric_tables import bound, steady_section
 from automaton.studies.reports.study_results import Results, cut_of
-from automaton.studies.reports.text_output import as_text
 from automaton.studies.sweeps.result_store import Store
 from automaton.studies.sweeps.study import Analysis, Point, Study
 from automaton.world.resolve import resolve

@@ -8,7 +8,7 @@ import pytest
 from report_helpers import tables
 from synthetic_results import study_of, synthetic_store
 
-from automaton.runs.report_document import NumberText
+from automaton.documents.report_document import NumberText
 from automaton.studies.reports.comparison_tables import comparison_section
 from automaton.studies.reports.metric_tables import curves, metric_section
 from automaton.studies.reports.study_results import ReportUnits, Results, units_of_points

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import json
 import re
 from collections.abc import Iterator
@@ -12,11 +11,11 @@ from typing import Any
 import numpy as np
 import pytest
 from remembered_runs import remembered_runs
-from rich.console import Console
 from statistics_trials import synthetic
 
 import automaton
 from automaton.commands import main
+from automaton.documents.text_output import as_text
 from automaton.engine.state import ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
@@ -33,7 +32,7 @@ from automaton.studies.sizing.fleet_search import (
     make_question,
     read_target,
 )
-from automaton.studies.sizing.sizing_report import changed, picture, print_answer, with_half
+from automaton.studies.sizing.sizing_report import answer_document, changed, picture, with_half
 from automaton.studies.sizing.sizing_session import (
     Checked,
     Fleets,
@@ -180,10 +179,7 @@ def test_a_strategy_that_may_do_with_less_leaves_the_smallest_fleet_open() -> No
 
 
 def texts(session: SizingSession) -> str:
-    out = Console(file=io.StringIO(), width=120)
-    print_answer(out, session, "made up", "", 0.0)
-    assert isinstance(out.file, io.StringIO)
-    return out.file.getvalue()
+    return as_text(answer_document(session, "made up", "", 0.0), 1000)
 
 
 def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:

@@ -11,6 +11,7 @@ import pytest
 from report_helpers import report
 from sweep_studies import swept_here
 
+from automaton.documents.text_output import as_text
 from automaton.engine.state import NIL, ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.runs.headless import run_marked, sums_by_stretch
@@ -22,7 +23,6 @@ from automaton.studies.inference.steady_state import mser5, mser5_of_means
 from automaton.studies.reports import study_results
 from automaton.studies.reports.build_report import compose, floor_maps
 from automaton.studies.reports.study_results import read_results
-from automaton.studies.reports.text_output import as_text
 from automaton.studies.sweeps.result_store import Store, arrow
 from automaton.studies.sweeps.study import SUMS_COLUMN, metric_names
 from automaton.studies.sweeps.sweep_plan import check_study

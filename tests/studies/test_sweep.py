@@ -13,9 +13,9 @@ from sweep_studies import OwnThread, environment, plain, row_files, small_study,
 
 from automaton import simulate, sweep
 from automaton.commands import main
+from automaton.documents.report_document import Table
 from automaton.errors import InputError
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
-from automaton.runs.report_document import Table
 from automaton.runs.simulation import Simulation
 from automaton.studies.reports.build_report import compose
 from automaton.studies.reports.study_results import read_results

@@ -10,12 +10,19 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from automaton.documents.report_document import (
+    Folded,
+    Heading,
+    HeatMap,
+    PageBreak,
+    ReportDocument,
+    Text,
+)
 from automaton.engine.observation import LOST_EVER, visits_of
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.runs.headless import attribute_strategy_errors
-from automaton.runs.report_document import Folded, Heading, HeatMap, PageBreak, ReportDocument, Text
 from automaton.runs.simulation import Simulation
 from automaton.scenario.text_files import shipped
 from automaton.scenario.unavailable_metrics import warm_up_of

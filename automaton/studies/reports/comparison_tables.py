@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automaton.runs.report_document import Block, Heading, NumberText, Table, Text
+from automaton.documents.report_document import Block, Heading, NumberText, Table, Text
 from automaton.studies.inference.intervals import (
     NO_SPREAD_WARNING,
     STUDENT_MIN_RUNS,

@@ -18,7 +18,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final, Literal, NamedTuple
 
-from automaton.runs.report_document import Block, Heading, Listed, NumberText, Table, Text
+from automaton.documents.report_document import Block, Heading, Listed, NumberText, Table, Text
 from automaton.studies.inference.intervals import (
     NO_SPREAD_WARNING,
     STUDENT_MIN_RUNS,

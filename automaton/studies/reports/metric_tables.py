@@ -8,8 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.runs.metric_catalogue import METRIC_CATALOGUE
-from automaton.runs.report_document import (
+from automaton.documents.report_document import (
     Block,
     Curves,
     Heading,
@@ -19,6 +18,7 @@ from automaton.runs.report_document import (
     Table,
     Text,
 )
+from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.scenario.orders import DRAWN_GENERATORS
 from automaton.studies.inference.intervals import (
     NO_SPREAD_WARNING,

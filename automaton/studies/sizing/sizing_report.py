@@ -1,7 +1,7 @@
-"""The answer of `automaton size` as text, as curves for PNG and SVG, as one JSON object and as a table.
+"""The answer of `automaton size`: a document, curves for PNG and SVG, one JSON object, a table.
 
-The text has the question, the answer, and how it was found; candidates are drawn as intervals below each
-other. Times in JSON are in ticks.
+The document has the question, the answer, and how it was found; candidates are drawn as intervals below
+each other. Times in JSON are in ticks.
 """
 
 from __future__ import annotations
@@ -11,11 +11,17 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from rich.console import Console
-
-from automaton.runs.console_output import ConsoleBlock, print_blocks
+from automaton.documents.report_document import (
+    Block,
+    Curves,
+    Heading,
+    Listed,
+    ReportCurve,
+    ReportDocument,
+    Table,
+    Text,
+)
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
-from automaton.runs.report_document import Curves, ReportCurve, Table
 from automaton.studies.inference.intervals import Interval
 from automaton.studies.sizing.fleet_search import (
     Candidate,
@@ -54,22 +60,16 @@ VERDICT_NOTE = (
 )
 MAX_CAUSES = 4
 MIN_SHARE_SHOWN = 0.0005  # of the robots' time
-REPORT_WIDTH = 100  # a table of metrics is not text to be folded
 CHART_WIDTH: Final = 61  # of a scale
 MARK_VALUE, MARK_INTERVAL, MARK_TARGET = "o", "-", "|"
 ROW_KEYS = ("robots", "runs", "met", "unfinished", "verdict", "after", "excluded")
 
 
-def print_answer(out: Console, session: SizingSession, name: str, ends: str, price: float) -> None:
-    """Print everything. `ends`: when a run ends, in a sentence; `price` of a robot, or 0."""
-    out.width = max(out.width, REPORT_WIDTH)
-    print_blocks(out, answer_blocks(session, name, ends, price))
+def answer_document(session: SizingSession, name: str, ends: str, price: float) -> ReportDocument:
+    """The question, the answer, each strategy's candidates, what follows, and how it was found.
 
-
-def answer_blocks(
-    session: SizingSession, name: str, ends: str, price: float
-) -> Iterator[ConsoleBlock]:
-    """The question, the answer, each strategy's candidates, what follows, and how it was found."""
+    `ends`: when a run ends, in a sentence; `price` of a robot, or 0.
+    """
     question = session.question
     unit = question.target.in_unit(question.target.value)
     steady = f" after a warm-up of {count(question.warm_up, 'tick')}" if question.warm_up else ""
@@ -79,16 +79,13 @@ def answer_blocks(
         if question.mean
         else f"{percent(question.success_share)} of runs have {target}"
     )
-    yield f"{name}: how many robots so that {wanted}{steady}?"
-    yield ""
-    yield from headline(session, price)
+    asked = f"{name}: how many robots so that {wanted}{steady}?"
+    document = ReportDocument(name, [Text(asked), Listed(list(headline(session, price)), mark="")])
     for search in session.searches:
-        yield ""
-        yield from search_blocks(search, session, len(question.strategies) > 1)
-    for lines in (best_lines(session.best), moved_lines(session, question)):
-        yield from ["", *lines] if lines else []
-    yield ""
-    yield from method(session, ends)
+        document.add(*search_blocks(search, session, len(question.strategies) > 1))
+    document.add(Listed(best_lines(session.best), mark=""))
+    document.add(Listed(moved_lines(session, question)), Listed(list(method(session, ends))))
+    return document
 
 
 def headline(session: SizingSession, price: float) -> Iterator[str]:
@@ -140,14 +137,30 @@ def unfinished(search: FleetSearch) -> str:
     return f"; {found.censored:,} of {count(len(found.runs), 'run')} did not finish"
 
 
-def search_blocks(
-    search: FleetSearch, session: SizingSession, several: bool
-) -> Iterator[ConsoleBlock]:
+def search_blocks(search: FleetSearch, session: SizingSession, several: bool) -> Iterator[Block]:
     """The candidates of one strategy, one by one, and what the deciding one loses time with."""
     question = session.question
     if several:
-        yield label(search.strategy)
+        yield Heading(label(search.strategy), 3)
     yield candidates_table(search, question)
+    yield Listed(list(candidate_notes(search, question)), mark="")
+    yield Text("\n".join(picture(search, question)), code=True)
+    lines = [
+        f"{one.place.robots}: fails without a run, {one.excluded}"
+        for one in search.candidates
+        if one.excluded
+    ]
+    shown_one = search.find(search.answer.robots or 0) or last_run(search)
+    if shown_one is not None and shown_one.runs:
+        lines += spent_time(shown_one)
+    gain = session.gains.get(search.strategy)
+    if gain is not None:
+        lines += gain_lines(gain, question)
+    yield Listed(lines, mark="")
+
+
+def candidate_notes(search: FleetSearch, question: Question) -> Iterator[str]:
+    """What is to be said of the table of candidates."""
     if any(len(one.runs) > one.after for one in search.candidates if one.after):
         yield VERDICT_NOTE
     for one in search.candidates:
@@ -155,16 +168,6 @@ def search_blocks(
         if lacking:
             what = f"{count(lacking, 'run')} without {question.target.metric}, since nothing ended"
             yield f"{one.place.robots}: {what}; such runs miss the target"
-    yield from picture(search, question)
-    for one in search.candidates:
-        if one.excluded:
-            yield f"{one.place.robots}: fails without a run, {one.excluded}"
-    shown_one = search.find(search.answer.robots or 0) or last_run(search)
-    if shown_one is not None and shown_one.runs:
-        yield from spent_time(shown_one)
-    gain = session.gains.get(search.strategy)
-    if gain is not None:
-        yield from gain_lines(gain, question)
 
 
 def last_run(search: FleetSearch) -> Candidate | None:
@@ -277,8 +280,8 @@ def moved_lines(session: SizingSession, question: Question) -> list[str]:
         how = f"Durations {abs(percent_off)} % {'longer' if percent_off > 0 else 'shorter'}: "
         moved = next((one for one in session.moved if one.percent == percent_off), None)
         if moved is not None:
-            lines.append(how + moved_line(moved, question))
-            lines.append(f"  ({changed(session.changes[percent_off])})")
+            settings = changed(session.changes[percent_off])
+            lines.append(f"{how}{moved_line(moved, question)} ({settings})")
         elif percent_off not in session.changes:
             lines.append(how + "not examined, they are too short for that in whole ticks")
         else:

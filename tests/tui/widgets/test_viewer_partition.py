@@ -300,8 +300,9 @@ def test_zones_and_stations_as_text(factory: View) -> None:
     assert (
         f"part {world.stations.part[world.stations.in_service[at]]}, " in told and " done" in told
     )
-    texts = coloured("\n".join(lines))
-    assert [text.plain for text in texts] == lines and any(text.spans for text in texts)
+    rows = coloured("\n".join(lines))
+    assert ["".join(text for text, _ in row) for row in rows] == lines
+    assert any(style for row in rows for _, style in row)
 
 
 def test_without_zones_and_stations_there_is_nothing_to_draw() -> None:

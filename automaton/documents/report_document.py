@@ -1,18 +1,27 @@
-"""What a report consists of, whatever it is written as: headings, text, tables, curves and maps."""
+"""What the answer of a command consists of: headings, text, tables, curves and maps.
+
+It is the same whether it is then written as text, Markdown, HTML or a workbook.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import TYPE_CHECKING, Any, Final
 
-import numpy.typing as npt
+if TYPE_CHECKING:
+    import numpy.typing as npt
+
+INDENT: Final = "  "
 
 
 @dataclass(frozen=True)
 class Heading:
-    """A title of a section; level 1 is that of the whole report."""
+    """A title of a section; level 1 is that of the whole report.
+
+    From level 3 on it stands right above what it names.
+    """
 
     text: str
     level: int = 2
@@ -30,6 +39,18 @@ class NumberText(str):
         return self
 
 
+class StyledText(str):
+    """Text that is emphasised on a terminal; `style`: words such as "bold" or "red"."""
+
+    style: str
+
+    def __new__(cls, text: str, style: str) -> StyledText:
+        """Remember the style of a text."""
+        self = super().__new__(cls, text)
+        self.style = style
+        return self
+
+
 @dataclass(frozen=True)
 class Text:
     """A paragraph, or with `code` lines that are kept as they are; `strong`: what is to be read first."""
@@ -41,29 +62,65 @@ class Text:
 
 @dataclass(frozen=True)
 class Listed:
-    """Sentences, one below the other; `strong`: what is to be read first."""
+    """Sentences, one below the other; `strong`: what is to be read first.
+
+    `mark` stands before each in text. Those without one, or with INDENT, are lines that follow each
+    other even from block to block.
+    """
 
     items: Sequence[str]
     strong: bool = False
+    mark: str = "- "
+
+
+@dataclass(frozen=True)
+class CharacterPicture:
+    """Lines that are kept as they are, each of parts with a style such as "bold #009e73"."""
+
+    rows: Sequence[Sequence[tuple[str, str]]]  # (text, style)
+
+    @property
+    def text(self) -> str:
+        """The lines without their styles."""
+        return "\n".join("".join(part for part, _ in row).rstrip() for row in self.rows)
 
 
 @dataclass(frozen=True)
 class Table:
     """A table of texts; the first `left` columns are aligned left.
 
-    On a console there are `gap` blanks between columns, and the last one may be text that is folded.
+    A row without cells separates groups of rows. `groups`: names above the last columns, each with
+    the number of its columns.
     """
 
     head: Sequence[str]
     rows: Sequence[Sequence[str]]
     left: int = 1
     also_left: Sequence[int] = ()  # further columns
-    gap: int = 2
-    folded: bool = False
+    groups: Sequence[tuple[str, int]] = ()
 
     def is_left(self, column: int) -> bool:
         """Whether a column is aligned left."""
         return column < self.left or column in self.also_left
+
+    @property
+    def keys(self) -> int:
+        """How many columns say what a row is of: those before groups, or those on the left."""
+        grouped = sum(size for _, size in self.groups)
+        return len(self.head) - grouped if grouped else max(1, self.left)
+
+    @property
+    def columns(self) -> list[tuple[str, ...]]:
+        """The cells of each column, its head first."""
+        return list(zip(self.head, *(row for row in self.rows if row), strict=True))
+
+    @property
+    def flat_head(self) -> list[str]:
+        """The heads, those of a group below its name."""
+        names = [""] * (self.keys if self.groups else len(self.head))
+        for name, size in self.groups:
+            names += [name, *[""] * (size - 1)]
+        return [" ".join(filter(None, pair)) for pair in zip(names, self.head, strict=True)]
 
 
 @dataclass(frozen=True)
@@ -132,7 +189,7 @@ class PageBreak:
     """The end of a page, or of a sheet of a workbook."""
 
 
-Block = Heading | Text | Listed | Table | Curves | HeatMap | Folded | PageBreak
+Block = Heading | Text | Listed | CharacterPicture | Table | Curves | HeatMap | Folded | PageBreak
 
 
 def span(values: Sequence[float]) -> tuple[float, float]:
@@ -145,7 +202,7 @@ def span(values: Sequence[float]) -> tuple[float, float]:
 
 @dataclass
 class ReportDocument:
-    """A report."""
+    """The answer of a command."""
 
     title: str
     blocks: list[Block] = field(default_factory=list)

@@ -19,9 +19,10 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.atomic_write import atomic_writer
-from automaton.errors import InputError
-from automaton.runs.report_document import (
+from automaton.documents.character_charts import coarse
+from automaton.documents.report_document import (
     Block,
+    CharacterPicture,
     Curves,
     Folded,
     Heading,
@@ -34,7 +35,7 @@ from automaton.runs.report_document import (
     Text,
     span,
 )
-from automaton.studies.reports.text_output import coarse
+from automaton.errors import InputError
 from automaton.units import number
 
 WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 640, 320, 70, 14, 14, 44
@@ -319,8 +320,7 @@ def is_too_wide(block: Block) -> bool:
 def printed_width(table: Table) -> int:
     """Characters in a line of a table whose texts wrap."""
     width = 0
-    for column, cells in enumerate(zip(table.head, *table.rows, strict=True)):
-        head, *body = cells
+    for column, (head, *body) in enumerate(table.columns):
         longest = max(map(len, body), default=0)
         words = max(len(word) for word in head.split() or [""])
         width += 2 + max(
@@ -338,9 +338,12 @@ def html_parts(block: Block) -> Iterator[str]:
         mark = ' class="answer"' if block.strong else ""
         yield f"<{tag}{mark}>{escape(block.text)}</{tag}>"
     elif isinstance(block, Listed):
-        items = "".join(f"<li>{escape(item)}</li>" for item in block.items)
+        tag = "li" if block.mark else "p"
+        items = "".join(f"<{tag}>{escape(item)}</{tag}>" for item in block.items)
         mark = ' class="answer"' if block.strong else ""
-        yield f"<div{mark}><ul>{items}</ul></div>"
+        yield f"<div{mark}>{f'<ul>{items}</ul>' if block.mark else items}</div>"
+    elif isinstance(block, CharacterPicture):
+        yield f"<pre>{escape(block.text)}</pre>"
     elif isinstance(block, Table):
         yield from table_parts(block)
     elif isinstance(block, Folded):
@@ -359,14 +362,16 @@ def table_parts(table: Table) -> Iterator[str]:
 
     def line(cells: Sequence[str], tag: str) -> str:
         return "".join(
-            f"<{tag}{_classes(table, index, cell)}>{escape(cell)}</{tag}>"
+            f"<{tag}{_classes(table, index, cell)}>{escape(cell).replace(chr(10), '<br>')}</{tag}>"
             for index, cell in enumerate(cells)
         )
 
     short = " short" if len(table.rows) <= MOST_ROWS_KEPT else ""
     yield f'<div class="wide{short}"><table>'
-    yield f"<thead><tr>{line(table.head, 'th')}</tr></thead><tbody>"
-    yield from (f"<tr>{line(row, 'td')}</tr>" for row in table.rows)
+    if any(table.head):
+        yield f"<thead><tr>{line(table.flat_head, 'th')}</tr></thead>"
+    yield "<tbody>"
+    yield from (f"<tr>{line(row, 'td')}</tr>" for row in table.rows if row)
     yield "</tbody></table></div>"
 
 

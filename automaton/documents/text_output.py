@@ -1,0 +1,429 @@
+"""A document as text and as Markdown.
+
+Prose wraps at the width of the terminal, at blanks alone. A table that is too wide loses the columns that
+say nothing; then its heads wrap, then its cells; what is still too wide is printed in parts that begin
+with the same columns. Colours and emphasis are for terminals.
+"""
+
+from __future__ import annotations
+
+import html
+import os
+import shutil
+import sys
+import textwrap
+import unicodedata
+from collections.abc import Iterator, Sequence
+from itertools import zip_longest
+from typing import Final, NamedTuple, TextIO
+
+from automaton.documents.report_document import (
+    INDENT,
+    Block,
+    CharacterPicture,
+    Curves,
+    Folded,
+    Heading,
+    HeatMap,
+    Listed,
+    PageBreak,
+    ReportDocument,
+    StyledText,
+    Table,
+    Text,
+)
+
+Fragment = tuple[str, str]  # text, style
+Line = list[Fragment]
+Cells = list[tuple[str, ...]]  # of a table, by column, its head first
+
+DEFAULT_WIDTH: Final = 100  # columns, of files and pipes
+MIN_WIDTH: Final = 20  # columns, of a terminal that says it has fewer
+MIN_ATTACHED_LEVEL: Final = 3  # of headings that stand right above what they name
+MIN_CELL_WIDTH: Final = 12  # columns of a cell that wraps, unless it is shorter
+GAPS: Final = (2, 1)  # blanks between columns, the second if there is little room
+ABSENT: Final = ("", "-")  # cells that say nothing
+HEAD_STYLE: Final = "bold underline"
+SGR: Final = {"bold": "1", "underline": "4", "reverse": "7"}  # codes of a terminal
+COLOURS: Final = {"red": "31", "green": "32", "yellow": "33", "cyan": "36"}
+SIGNS = "\\|*_`<"  # of Markdown
+HTML_SIGNS = "\\<"  # in titles, where names stand as they are
+
+
+# On a terminal, or as plain text.
+
+
+def print_document(document: ReportDocument, stream: TextIO | None = None) -> None:
+    """Print to stdout, or to a stream: at the width of a terminal, and with emphasis there alone."""
+    print_blocks(document.blocks, stream)
+
+
+def print_blocks(blocks: Sequence[Block], stream: TextIO | None = None) -> None:
+    """Print a part of a document."""
+    out = stream or sys.stdout
+    is_styled = out.isatty() and os.environ.get("TERM", "") not in ("", "dumb")
+    for line in document_lines(blocks, terminal_width(), is_styled):
+        out.write((styled(line) if is_styled else plain(line)) + "\n")
+
+
+def terminal_width() -> int:
+    """The columns of the terminal; DEFAULT_WIDTH in a pipe, unless COLUMNS is set."""
+    return max(MIN_WIDTH, shutil.get_terminal_size((DEFAULT_WIDTH, 24)).columns)
+
+
+def as_text(document: ReportDocument, width: int = DEFAULT_WIDTH) -> str:
+    """The document without emphasis, for a file or a pipe."""
+    return "".join(f"{plain(line)}\n" for line in document_lines(document.blocks, width, False))
+
+
+def plain(line: Line) -> str:
+    """A line without its styles."""
+    return "".join(text for text, _ in line).rstrip()
+
+
+def styled(line: Line) -> str:
+    """A line with the codes of its styles."""
+    parts = []
+    for text, style in line:
+        codes = ";".join(filter(None, map(sgr, style.split())))
+        parts.append(f"\x1b[{codes}m{text}\x1b[0m" if codes and text else text)
+    return "".join(parts).rstrip()
+
+
+def sgr(word: str) -> str:
+    """The code of a word of a style; "" of a colour where NO_COLOR forbids them."""
+    if word in SGR:
+        return SGR[word]
+    if os.environ.get("NO_COLOR"):
+        return ""
+    if word in COLOURS:
+        return COLOURS[word]
+    red, green, blue = (int(word[at : at + 2], 16) for at in (1, 3, 5))
+    if os.environ.get("COLORTERM", "") in ("truecolor", "24bit"):
+        return f"38;2;{red};{green};{blue}"
+    cube = [round(one / 51) for one in (red, green, blue)]
+    return f"38;5;{16 + 36 * cube[0] + 6 * cube[1] + cube[2]}"
+
+
+# Blocks as lines.
+
+
+def document_lines(blocks: Sequence[Block], width: int, is_styled: bool) -> Iterator[Line]:
+    """All blocks, a blank line between two of them unless they belong together."""
+    before: Block | None = None
+    for block in blocks:
+        lines = list(block_lines(block, width, is_styled))
+        if lines:
+            yield from [] if before is None or is_attached(before, block) else [[]]
+            yield from lines
+            before = block
+
+
+def is_attached(before: Block, block: Block) -> bool:
+    """Whether a block follows the one before it without a blank line."""
+    if isinstance(before, Heading):
+        return before.level >= MIN_ATTACHED_LEVEL
+    if not isinstance(block, Listed) or block.mark.strip():
+        return False
+    return block.mark == INDENT or (isinstance(before, Listed) and not before.mark.strip())
+
+
+def block_lines(block: Block, width: int, is_styled: bool) -> Iterator[Line]:
+    """One block."""
+    if isinstance(block, Heading):
+        yield from heading_lines(block, width, is_styled)
+    elif isinstance(block, Text):
+        lines = block.text.splitlines() if block.code else wrapped(block.text, width)
+        yield from ([(line, "bold" if block.strong else "")] for line in lines)
+    elif isinstance(block, Listed):
+        for item in block.items:
+            rest = " " * len(block.mark) + ("" if block.mark.strip() else INDENT)
+            lines = wrapped(item, width, block.mark, rest)
+            yield from ([(line, "bold" if block.strong else "")] for line in lines)
+    elif isinstance(block, CharacterPicture):
+        yield from ([*row] for row in block.rows)
+    elif isinstance(block, Table):
+        yield from table_lines(block, width, is_styled)
+    elif isinstance(block, Curves | HeatMap):
+        from automaton.documents.character_charts import chart, shaded  # need numpy
+
+        drawn = chart(block, width) if isinstance(block, Curves) else shaded(block, width)
+        yield from ([(line, "")] for line in drawn)
+    elif isinstance(block, Folded):
+        yield from ([(line, "")] for line in wrapped(f"{block.title}:", width))
+        yield []
+        yield from document_lines(block.blocks, width, is_styled)
+
+
+def heading_lines(heading: Heading, width: int, is_styled: bool) -> Iterator[Line]:
+    """A title; without emphasis a rule below the more important ones."""
+    lines = wrapped(heading.text, width)
+    yield from ([(line, HEAD_STYLE if heading.level == 1 else "bold")] for line in lines)
+    if not is_styled and heading.level < MIN_ATTACHED_LEVEL:
+        yield [(("=" if heading.level == 1 else "-") * max(map(len, lines)), "")]
+
+
+def wrapped(text: str, width: int, first: str = "", rest: str = "") -> list[str]:
+    """Text in lines that break at blanks alone: paths and names of options stay whole.
+
+    `first` stands before the first line, `rest` before all others.
+    """
+    lines = textwrap.wrap(
+        text,
+        width,
+        initial_indent=first,
+        subsequent_indent=rest,
+        break_long_words=False,
+        break_on_hyphens=False,
+    )
+    return lines or [""]
+
+
+# Tables.
+
+
+class Layout(NamedTuple):
+    """Which columns of a table are printed beside each other, and how wide they are."""
+
+    columns: list[int]
+    widths: list[int]
+    gap: int
+
+    @property
+    def total(self) -> int:
+        """Columns of the terminal that it takes."""
+        return sum(self.widths) + self.gap * (len(self.widths) - 1)
+
+
+def table_lines(table: Table, width: int, is_styled: bool = False) -> Iterator[Line]:
+    """A table in columns; without emphasis a rule below its head. One without a head is indented."""
+    has_head = any(table.head)
+    margin: Line = [] if has_head else [(INDENT, "")]
+    for place, layout in enumerate(layouts(table, width if has_head else width - len(INDENT))):
+        yield from [[]] if place else []
+        if has_head:
+            yield from group_line(table, layout)
+            yield from head_lines(table, layout, HEAD_STYLE if is_styled else "")
+            if not is_styled:
+                yield [((" " * layout.gap).join("-" * one for one in layout.widths), "")]
+        for row in table.rows:
+            yield from ([*margin, *line] for line in row_lines(table, row, layout))
+
+
+def layouts(table: Table, width: int) -> list[Layout]:
+    """The parts of a table, one if it can be made to fit."""
+    every = list(range(len(table.head)))
+    cells = [column[1:] for column in table.columns]
+    told = [at for at in every if any(one not in ABSENT for one in cells[at])] or every
+    for columns in (every, told):
+        for gap in GAPS:
+            layout = layout_of(table, columns, gap)
+            if layout.total <= width:
+                return [layout]
+    for gap in GAPS:
+        layout = narrowed(table, layout_of(table, told, gap), width)
+        if layout.total <= width:
+            return [layout]
+    return divided(table, told, width)
+
+
+def layout_of(table: Table, columns: list[int], gap: int) -> Layout:
+    """Columns in which nothing wraps; the name of each group has room above its own."""
+    widths = [cells_width(table.columns[at]) for at in columns]
+    for name, group in groups_of(table, columns):
+        places = [columns.index(at) for at in group]
+        room = sum(widths[place] for place in places) + gap * (len(places) - 1)
+        widths[places[-1]] += max(0, len(name) - room)
+    return Layout(columns, widths, gap)
+
+
+def divided(table: Table, columns: list[int], width: int) -> list[Layout]:
+    """Parts of a table that is too wide, each with its first columns; no group is torn apart."""
+    keys = [at for at in columns if at < table.keys]
+    parts: list[Layout] = []
+    for _, group in groups_of(table, [at for at in columns if at not in keys]):
+        before = parts[-1].columns if parts else keys
+        layout = narrowed(table, layout_of(table, [*before, *group], GAPS[1]), width)
+        if parts and layout.total <= width:
+            parts[-1] = layout
+        else:
+            alone = layout_of(table, [*keys, *group], GAPS[1])
+            parts.append(narrowed(table, alone, width))
+    return parts
+
+
+def groups_of(table: Table, columns: list[int]) -> list[tuple[str, list[int]]]:
+    """The names above columns, each with those of its columns that are printed; or each column."""
+    if not table.groups:
+        return [("", [at]) for at in columns]
+    first, found = table.keys, []
+    for name, size in table.groups:
+        found.append((name, [at for at in columns if first <= at < first + size]))
+        first += size
+    return [one for one in found if one[1]]
+
+
+def narrowed(table: Table, layout: Layout, width: int) -> Layout:
+    """A layout with heads wrapped, then the texts of cells, then all cells, as far as is needed."""
+    widths = list(layout.widths)
+    cells = [table.columns[at] for at in layout.columns]
+    words = [max(map(longest_word, column)) for column in cells]
+    bodies = [max(word, cells_width(column[1:])) for word, column in zip(words, cells, strict=True)]
+    shrink(widths, bodies, layout.total - width)
+    for is_left in (True, False):
+        least = [
+            max(word, min(MIN_CELL_WIDTH, now)) if table.is_left(at) is is_left else now
+            for at, word, now in zip(layout.columns, words, widths, strict=True)
+        ]
+        shrink(widths, least, layout._replace(widths=widths).total - width)
+    return layout._replace(widths=widths)
+
+
+def shrink(widths: list[int], least: Sequence[int], excess: int) -> None:
+    """Take one from the widest column, as often as is too much. Modifies `widths`."""
+    for _ in range(excess):
+        able = [at for at, width in enumerate(widths) if width > least[at]]
+        if able:
+            widths[max(able, key=widths.__getitem__)] -= 1
+
+
+def group_line(table: Table, layout: Layout) -> Iterator[Line]:
+    """The names of groups above the heads of their columns."""
+    text = ""
+    for name, group in groups_of(table, layout.columns) if table.groups else ():
+        place = layout.columns.index(group[0])
+        text = text.ljust(sum(layout.widths[:place]) + layout.gap * place) + name
+    if text:
+        yield [(text, "bold")]
+
+
+def head_lines(table: Table, layout: Layout, style: str) -> Iterator[Line]:
+    """The heads of columns, each right above its cells."""
+    texts = texts_of(table.head, layout)
+    height = max(map(len, texts))
+    yield from side_by_side(
+        table,
+        layout,
+        [[""] * (height - len(lines)) + lines for lines in texts],
+        [style] * len(texts),
+    )
+
+
+def row_lines(table: Table, row: Sequence[str], layout: Layout) -> Iterator[Line]:
+    """The cells of a row, in as many lines as the longest one takes."""
+    if row:
+        cells = (row[at] for at in layout.columns)
+        styles = [cell.style if isinstance(cell, StyledText) else "" for cell in cells]
+        yield from side_by_side(table, layout, texts_of(row, layout), styles)
+    else:
+        yield []
+
+
+def texts_of(row: Sequence[str], layout: Layout) -> list[list[str]]:
+    """The lines of each cell that is printed."""
+    places = zip(layout.columns, layout.widths, strict=True)
+    return [cell_lines(row[at], width) for at, width in places]
+
+
+def side_by_side(
+    table: Table, layout: Layout, texts: list[list[str]], styles: Sequence[str]
+) -> Iterator[Line]:
+    """The lines of cells beside each other."""
+    for parts in zip_longest(*texts, fillvalue=""):
+        line: Line = []
+        for at, width, text, style in zip(
+            layout.columns, layout.widths, parts, styles, strict=True
+        ):
+            blanks = " " * (width - cell_width(text))
+            padded = text + blanks if table.is_left(at) else blanks + text
+            line += [(" " * layout.gap if line else "", ""), (padded, style)]
+        yield line
+
+
+def cell_lines(cell: str, width: int) -> list[str]:
+    """A cell in lines of this width at most, if its words allow it."""
+    lines = []
+    for part in cell.split("\n"):
+        lines += [part] if cell_width(part) <= width else wrapped(part, width)
+    return lines
+
+
+def cells_width(column: Sequence[str]) -> int:
+    """The width of a column in which nothing wraps."""
+    return max((cell_width(line) for cell in column for line in cell.split("\n")), default=0)
+
+
+def cell_width(text: str) -> int:
+    """Columns of a terminal that a line takes; signs of East Asia take two."""
+    if text.isascii():
+        return len(text)
+    wide = sum(unicodedata.east_asian_width(sign) in "WF" for sign in text)
+    return len(text) + wide - sum(unicodedata.combining(sign) > 0 for sign in text)
+
+
+def longest_word(text: str) -> int:
+    """The width of the longest word of a cell."""
+    return max(map(cell_width, text.split()), default=0)
+
+
+# Markdown.
+
+
+def as_markdown(document: ReportDocument) -> str:
+    """For a repository or an editor; charts are text, kept as they are."""
+    lines: list[str] = []
+    for block in document.blocks:
+        if not isinstance(block, PageBreak):
+            lines += [*markdown_lines(block), ""]
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def markdown_lines(block: Block) -> Iterator[str]:
+    """One block."""
+    if isinstance(block, Heading):
+        yield f"{'#' * block.level} {escaped(block.text, HTML_SIGNS)}"
+    elif isinstance(block, Text) and not block.code:
+        yield f"**{escaped(block.text)}**" if block.strong else escaped(block.text)
+    elif isinstance(block, Folded):
+        yield f"<details><summary>{html.escape(block.title)}</summary>"
+        for inner in block.blocks:
+            yield ""
+            yield from markdown_lines(inner)
+        yield from ("", "</details>")
+    elif isinstance(block, Listed):
+        *first, last = map(escaped, block.items)
+        if block.mark:
+            yield from (f"- {item}" for item in (*first, last))
+        else:
+            yield from (*(f"{item}\\" for item in first), last)  # each on its line
+    elif isinstance(block, Table):
+        yield from markdown_table(block)
+    else:
+        yield from fenced([plain(line) for line in block_lines(block, DEFAULT_WIDTH, False)])
+
+
+def markdown_table(table: Table) -> Iterator[str]:
+    """A table with pipes."""
+
+    def line(cells: Sequence[str]) -> str:
+        return f"| {' | '.join(escaped(cell).replace(chr(10), '<br>') for cell in cells)} |"
+
+    yield line(table.flat_head)
+    rules = ["---" if table.is_left(index) else "---:" for index in range(len(table.head))]
+    yield f"|{'|'.join(rules)}|"
+    yield from (line(row) for row in table.rows if row)
+
+
+def escaped(text: str, signs: str = SIGNS) -> str:
+    """Text in which Markdown finds no signs of its own."""
+    for sign in signs:
+        text = text.replace(sign, f"\\{sign}")
+    return text
+
+
+def fenced(lines: Sequence[str]) -> Iterator[str]:
+    """Lines kept as they are; the fence is longer than any within."""
+    fence = "```"
+    while any(fence in line for line in lines):
+        fence += "`"
+    yield from (fence, *lines, fence)

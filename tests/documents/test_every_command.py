@@ -1,0 +1,75 @@
+"""Every command at several widths: no line is too long, no word is cut, and none is lost."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from sweep_studies import small_study
+
+from automaton.commands import main
+
+WIDTHS = (60, 80, 120)
+NO_LIMIT = 1000
+COMMANDS = {
+    "list": "list",
+    "check": "check tabletop-1 goods-60x40 factory-types tabletop-fleet",
+    "trial": "check tabletop-mini --trial",
+    "run": "run tabletop-mini",
+    "types": "run factory-types --until 600",
+    "stations": "run goods-60x40 --until 300",
+    "size": "size tabletop-mini --target makespan<=3000 --robots 1..3 --workers 1 --budget 200",
+    "first screen": "reproduce tabletop --seeds 1 --strategies independent --workers 1",
+    "reproduce": "reproduce tabletop --seeds 1 --strategies independent --workers 1 --tables",
+    "explain": "explain {folder}/a.rec --robot 1 --at 400",
+    "branch": "branch {folder}/a.rec --at 400 --until 500 --out {folder}/b.rec",
+    "verify": "verify {folder}/a.rec",
+    "sweep": "sweep {folder}/small.yaml --out {folder}/out --workers 1",
+    "report": "report {folder}/out",
+    "tune": "tune tabletop-mini --budget 20 --workers 1",
+    "bench": "bench --only tables --repeat 1",
+}
+TIMES = re.compile(r"computed in \S+ ms|[\d,.]+ (s|ms|minutes)\b")
+DRAWN = re.compile(r"^[^A-Za-z]*$|[|+].*[|:o-]{3}|^ {8}")  # scales and curves, which do not wrap
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("widths")
+    study = small_study(folder)
+    assert main(["run", "tabletop-mini", "--record", str(folder / "a.rec")]) == 0
+    assert main(f"sweep {study} --out {folder}/out --workers 1".split()) == 0
+    return folder
+
+
+def printed(
+    command: str, width: int, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> list[str]:
+    monkeypatch.setenv("COLUMNS", str(width))
+    capsys.readouterr()
+    assert main(command.split()) in (0, 1)
+    return capsys.readouterr().out.splitlines()
+
+
+def words(lines: list[str]) -> set[str]:
+    found = TIMES.sub("", " ".join(lines)).split()
+    return {word for word in found if re.search("[A-Za-z]", word)}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_lines_fit_and_words_are_whole(
+    name: str,
+    folder: Path,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    command = COMMANDS[name].format(folder=folder)
+    whole = words(printed(command, NO_LIMIT, capsys, monkeypatch))
+    for width in WIDTHS:
+        lines = printed(command, width, capsys, monkeypatch)
+        long = [line for line in lines if len(line) > width and not DRAWN.search(line)]
+        assert [line for line in long if len(line.split()) > 1] == []
+        if name != "bench":
+            assert words(lines) - whole == set(), "a word is cut"
+            assert not {one for one in whole - words(lines) if len(one) > 12}, "a word is lost"

@@ -253,7 +253,7 @@ ROBOT_TABLE_COLUMNS: Final = (
     RobotColumn("waits", 5, _waited, lambda v, r: _or_blank(int(_waited_of(v, r)), 0), True),
     RobotColumn(
         "cause",
-        12,
+        11,
         lambda v: v.snapshot.robots.cause,
         lambda v, r: cause_name(v.snapshot.robots, r),
         True,

@@ -180,7 +180,7 @@ def test_a_load_on_the_floor_is_in_the_picture() -> None:
     order = run.world.orders
     assert order.state[0] == ORDER_WAITING
     picture = picture_of(run)
-    assert "order 0 lies at (2, 0) as load 0 for (4, 0)" in picture
+    assert "order 0 waiting at (2, 0) as load 0 for (4, 0)" in picture
     assert "broken down" in picture
     again = world_from(picture, resolved)
     assert again.digest == run.digest

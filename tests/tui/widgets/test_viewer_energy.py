@@ -305,7 +305,7 @@ def test_why_tells_the_line_before_a_charger() -> None:
     held = living(first(is_held)).snapshot
     (there,) = np.flatnonzero(held.robots.cell == CHARGER_CELL)
     waiting = charger_queue(held, CHARGER_CELL)[0]
-    assert f"queues: robot {there} holds (4, 0)" in explain(held, view.floor_plan, waiting).lines[0]
+    assert f"ticks: robot {there} holds (4, 0)" in explain(held, view.floor_plan, waiting).lines[0]
 
 
 @pytest.mark.parametrize(

@@ -130,7 +130,7 @@ def test_the_status_tells_of_the_tick(crossing: Path, tmp_path: Path) -> None:
     (snapshot,) = snapshots_at(90)
     assert int(np.count_nonzero(snapshot.orders.state == 2)) == 7
     assert at.read_text().splitlines()[-1] == (
-        " tick  90 of 205     45 s  4 working  0 waiting   7/16 delivered"
+        " tick  90 of 205     45 s  4 work  0 wait   7/16 delivered"
     )
 
 

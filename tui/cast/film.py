@@ -383,10 +383,9 @@ class Status:
         width = self.robots_width
         done = f"{delivered:>{self.orders_width},}/{self.orders:,} delivered"
         said = [
-            FilmWord(f"{working:>{width},} working", styles.COLOUR_ROBOT),
+            FilmWord(f"{working:>{width},} work", styles.COLOUR_ROBOT),
             FilmWord(
-                f"{waiting:>{width},} waiting",
-                styles.COLOUR_WAITING if waiting else styles.COLOUR_DIM,
+                f"{waiting:>{width},} wait", styles.COLOUR_WAITING if waiting else styles.COLOUR_DIM
             ),
             FilmWord(done, styles.COLOUR_DONE),
         ]

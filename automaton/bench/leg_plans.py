@@ -8,11 +8,7 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.state import NIL, Array, Grid, Workspace, World
 from strategies.routing.astar import LARGER_G, RouteSpace, astar, search, write_steps
 from strategies.routing.congestion import time_dependent_path
-from strategies.routing.forecasts import (
-    CongestionState,
-    forecast_one,
-    forget,
-)
+from strategies.routing.forecasts import CongestionState, forecast_one, forget
 from strategies.routing.traffic_avoidance import (
     LEAST_TIME,
     PLAIN_ASTAR,

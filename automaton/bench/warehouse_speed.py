@@ -26,10 +26,7 @@ from automaton.papers.traffic_trials import WAREHOUSE_SCENARIO, exact, tasks_of,
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.routing.astar import FIFO, LARGER_G
-from strategies.routing.forecasts import (
-    forecast_all,
-    forget_all,
-)
+from strategies.routing.forecasts import forecast_all, forget_all
 from strategies.routing.predicted_paths import kernel_network, predict_legs
 from strategies.routing.routing_parameters import network_for, shipped
 

@@ -149,8 +149,6 @@ class Output(NamedTuple):
             with atomic_writer(self.file) as file:
                 file.write(rendered(self.format, document, data).encode())
         elif self.format == TEXT:
-            from automaton.documents.text_output import print_document
-
             print_document(document())
         else:
             print(rendered(self.format, document, data), end="")
@@ -255,6 +253,13 @@ def show_line(text: str) -> None:
 def print_json(data: Any) -> None:
     """Print an object as JSON."""
     print(json.dumps(data, indent=2, ensure_ascii=False))
+
+
+def print_document(document: ReportDocument) -> None:
+    """Print an answer as text."""
+    from automaton.documents import text_output
+
+    text_output.print_document(document)
 
 
 @contextlib.contextmanager

@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from automaton.bench import BENCH_PARTS
-from automaton.commands.arguments import note, progress_bar
+from automaton.commands.arguments import note, print_document, progress_bar
 from automaton.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -58,8 +58,6 @@ def run(args: argparse.Namespace) -> int:
         if args.json:
             print(json.dumps([figure._asdict() for figure in figures], indent=2))
         elif figures:
-            from automaton.documents.text_output import print_document
-
             print_document(figures_document(figures, args.repeat))
     return 1 if unmeasured else 0
 

@@ -15,6 +15,7 @@ from automaton.commands.arguments import (
     add_json_argument,
     add_recording_argument,
     add_settings_argument,
+    print_document,
     print_json,
     tick,
     whole,
@@ -75,7 +76,6 @@ def run(args: argparse.Namespace) -> int:
         print_json(as_json(args, None if missing else out, original, branch, difference))
     else:
         from automaton.documents.report_document import Text
-        from automaton.documents.text_output import print_document
 
         settings = ", ".join(args.settings) or "nothing changed"
         header = recording.header

@@ -19,12 +19,12 @@ from automaton.commands.arguments import (
     add_refinement_arguments,
     add_settings_argument,
     note,
+    print_document,
     print_json,
     print_warnings,
     settings_of,
 )
 from automaton.documents.report_document import INDENT, Listed, ReportDocument
-from automaton.documents.text_output import print_document
 from automaton.errors import InputError, refuse
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.drawn_floors import write_matrix

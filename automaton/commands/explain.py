@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from automaton.commands.arguments import (
     add_json_argument,
     add_recording_argument,
+    print_document,
     print_json,
     tick_or_time,
     whole,
@@ -61,7 +62,6 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         print_json(as_json(args, found, snapshot))
         return 0
-    from automaton.documents.text_output import print_document
 
     name, seed = recording.header["scenario"]["name"], recording.header["seed"]
     title = f"{name}, seed {seed}, tick {args.at:,} of {recording.ticks:,}"

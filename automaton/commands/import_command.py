@@ -17,9 +17,15 @@ from pathlib import Path
 from typing import Final
 
 from automaton.atomic_write import atomic_writer
-from automaton.commands.arguments import add_json_argument, measured, note, print_json, whole
+from automaton.commands.arguments import (
+    add_json_argument,
+    measured,
+    note,
+    print_document,
+    print_json,
+    whole,
+)
 from automaton.documents.report_document import Listed, ReportDocument, Text
-from automaton.documents.text_output import print_document
 from automaton.errors import InputError
 from automaton.exchange.floor_readers import FLOOR_READERS, check_options, read_floor
 from automaton.exchange.imported_floor import (

@@ -5,9 +5,8 @@ from __future__ import annotations
 import argparse
 from typing import Any
 
-from automaton.commands.arguments import add_json_argument, print_json
+from automaton.commands.arguments import add_json_argument, print_document, print_json
 from automaton.documents.report_document import Heading, ReportDocument, Table
-from automaton.documents.text_output import print_document
 from automaton.scenario.floor_section import generator_type, generators
 from automaton.scenario.reading import read
 from automaton.scenario.schema import LAYER_NAMES

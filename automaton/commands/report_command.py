@@ -9,15 +9,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from automaton.commands.arguments import (
-    TEXT,
-    XLSX,
-    Output,
-    add_output_arguments,
-    note,
-    output_of,
-    whole,
-)
+from automaton.commands.arguments import XLSX, add_output_arguments, note, output_of, whole
 from automaton.errors import InputError
 
 if TYPE_CHECKING:
@@ -67,17 +59,21 @@ def run(args: argparse.Namespace) -> int:
     if args.plots is not None:
         figure_class()  # says what is missing before anything is computed
     output = output_of(args)
+    has_text = args.xlsx is None or args.out is not None or args.json or args.format is not None
     if output.format == XLSX:
-        args.xlsx, output = output.file, Output(TEXT, None)
+        if args.xlsx is not None:
+            raise InputError("is a second workbook; leave it out", f"--xlsx {args.xlsx}")
+        args.xlsx, has_text = output.file, False
     check_files(args)
     store = Store(args.folder)
     report = read_report(store)
     document = document_of(report, store, args.floor)
-    for path in write_files(args, store, report, document):
+    wrote = write_files(args, store, report, document)
+    if args.plots is not None:
+        wrote += write_plots(document.blocks, args.plots)
+    for path in wrote:
         note(f"wrote {path}")
-    for path in write_plots(document.blocks, args.plots) if args.plots is not None else ():
-        note(f"wrote {path}")
-    if args.xlsx is None or output != Output(TEXT, None) or args.format == TEXT:
+    if has_text:
         from automaton.studies.reports.export import as_json
 
         output.write(lambda: document, lambda: as_json(report))

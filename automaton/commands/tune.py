@@ -16,6 +16,7 @@ from automaton.commands.arguments import (
     add_workers_argument,
     check_writable,
     note,
+    print_document,
     print_json,
     show_line,
     whole,
@@ -47,7 +48,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Search, report, and write the settings."""
-    from automaton.documents.text_output import print_document
     from automaton.studies.process_pool import PersistentPool
     from automaton.studies.tuning import (
         TuningRound,

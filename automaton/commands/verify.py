@@ -14,9 +14,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from automaton.commands.arguments import add_json_argument, print_json, progress_bar
+from automaton.commands.arguments import add_json_argument, print_document, print_json, progress_bar
 from automaton.documents.report_document import INDENT, Listed, ReportDocument
-from automaton.documents.text_output import print_document
 from automaton.errors import InputError
 from automaton.recording.recording_reader import read_recording
 from automaton.units import count

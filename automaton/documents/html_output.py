@@ -19,7 +19,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 
 from automaton.atomic_write import atomic_writer
-from automaton.documents.character_charts import coarse
 from automaton.documents.report_document import (
     Block,
     CharacterPicture,
@@ -35,6 +34,7 @@ from automaton.documents.report_document import (
     Text,
     span,
 )
+from automaton.documents.text_output import coarse
 from automaton.errors import InputError
 from automaton.units import number
 

@@ -2,13 +2,7 @@
 
 from __future__ import annotations
 
-from automaton.documents.report_document import (
-    Listed,
-    NumberText,
-    ReportDocument,
-    Table,
-    Text,
-)
+from automaton.documents.report_document import Listed, NumberText, ReportDocument, Table, Text
 from automaton.documents.text_output import print_document
 from automaton.runs.headless import Outcome
 from automaton.runs.metric_catalogue import PER_1000_TICKS, units_of

@@ -18,9 +18,9 @@ SHORT = 60  # lines
 
 # What there is. A change that makes one of these larger needs a reason; one that makes it smaller
 # writes the new number here.
-MOST_FILES = 420  # with one vocabulary, which a dozen modules import
-MOST_FOLDERS = 50
-MOST_SHORT_FILES = 29
+MOST_FILES = 421
+MOST_FOLDERS = 51  # automaton.documents stands below all that answers
+MOST_SHORT_FILES = 28
 LONGEST_FILE = 650
 LONGEST_CHAIN = 28  # of files that import each other in a row
 IMPORTS_A_FILE = 5.93  # of ours

@@ -175,9 +175,16 @@ def test_what_is_no_table_of_ours_is_not_replaced(
     assert [report(capsys, str(folder / "results"), option, str(mine))[0] for _ in "ab"] == [0, 0]
 
 
-def test_a_workbook_is_asked_for_by_its_own_option(folder: Path, capsys: Any) -> None:
-    code, _, err = report(capsys, str(folder / "results"), "--out", "report.xlsx")
-    assert code == 2 and "a workbook is written by --xlsx" in err and err.count("\n") == 1
+def test_a_workbook_is_written_by_either_option(folder: Path, capsys: Any, tmp_path: Path) -> None:
+    book = tmp_path / "report.xlsx"
+    code, out, err = report(capsys, str(folder / "results"), "--out", str(book))
+    assert code == 0 and out == "" and err == f"automaton: wrote {book}\n"
+    assert openpyxl.load_workbook(book).sheetnames[0] == "answer"
+    two = ["--out", str(book), "--xlsx", str(book)]
+    code, _, err = report(capsys, str(folder / "results"), *two)
+    assert code == 2 and "is a second workbook" in err and err.count("\n") == 1
+    code, _, err = report(capsys, str(folder / "results"), "--format", "xlsx")
+    assert code == 2 and "set --out FILE" in err and err.count("\n") == 1
     assert report(capsys, str(folder / "results"), "--json", "--format", "html")[0] == 2
 
 

@@ -16,13 +16,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.atomic_write import atomic_writer
-from automaton.documents.report_document import (
-    Block,
-    Folded,
-    PageBreak,
-    ReportDocument,
-    Text,
-)
+from automaton.documents.report_document import Block, Folded, PageBreak, ReportDocument, Text
 from automaton.documents.workbook import fill_sheet, openpyxl, sheet_lines
 from automaton.printable import FORMULA_SIGNS
 from automaton.studies.inference.intervals import Interval

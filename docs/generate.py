@@ -38,7 +38,7 @@ from automaton.scenario.floor_section import generator_type, generators, json_sc
 from automaton.scenario.quantities import SCHEMA_KEY, Quantity
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import Plan, plan_of
-from automaton.strategy import kernels, lookup, orders, paths, per_robot, weighted_tables
+from automaton.strategy import api, lookup, orders, paths, per_robot, weighted_tables
 from automaton.studies.sweeps import run_keys, study
 from automaton.studies.sweeps.study import study_schema
 from automaton.tables.columns import TABLES
@@ -520,8 +520,9 @@ def contract_page() -> str:
     return page(
         "What a strategy sees and decides",
         "A strategy is called as `decide(view, batch, decisions, memory, workspace)`. How to write one: "
-        "[your own strategy](../tutorials/your-own-strategy.md). The names in capitals are in "
-        "`automaton.engine.state`; `NIL` (-1) means none. n robots are stored at indices, which "
+        "[your own strategy](../tutorials/your-own-strategy.md). What it imports is all in "
+        "`automaton.strategy.api`: the class `Strategy`, the names in capitals, declarations of "
+        "states and kernels. `NIL` (-1) means none. n robots are stored at indices, which "
         "`view.robots` and `batch.robot` use; whatever refers to a robot from elsewhere has its "
         "identity, and `view.robots.at_index` leads from there to the index. m orders, s slots, "
         "K types of robots, C cells: a flat cell is `y * view.grid.width + x`, counted with the border, "
@@ -559,8 +560,8 @@ def contract_page() -> str:
             ("command", "meaning"), ((code(n), COMMAND_MEANINGS[n]) for n in _names(state, "CMD_"))
         ),
         "## What it remembers\n",
-        "A state is declared as the world is: `field(kind, meaning, role=CONSTANT)`. The roles are in "
-        "`automaton.engine.jit.structs`; a strategy needs CONSTANT, SCRATCH and STOP. A field without a "
+        "A state is declared as the world is: `field(kind, meaning, role=CONSTANT)`. A strategy needs "
+        "the roles CONSTANT, SCRATCH and STOP. A field without a "
         "role is kept from tick to tick and goes on in a branch, as STATE does, but is not in the "
         "digest, which has fields of the world alone. Under a radius a robot sees its own row of fields "
         "whose first extent is `n`, and zeros in others, unless these are CONSTANT.\n",
@@ -586,10 +587,10 @@ def contract_page() -> str:
         table(("function", "meaning"), _functions(orders)),
         "From `automaton.strategy.paths`:\n",
         table(("function", "meaning"), _functions(paths)),
-        "In kernels, from `automaton.strategy.kernels`.\n",
+        "In kernels, from `automaton.strategy.api`:\n",
         table(("kernel", "meaning"), _kernels()),
         "Distance tables with weights of a strategy's own, in addition to those of the robot types, come "
-        "from `automaton.strategy.weighted_tables`; its state holds them, `reset` builds them.\n",
+        "from `automaton.strategy.api` too; its state holds them, `reset` builds them.\n",
         table(("function", "meaning"), _functions(weighted_tables)),
         "`workspace` is what they search in; `workspace.stop[0]` is not 0 once the run is given up.\n",
     )
@@ -680,9 +681,10 @@ def _functions(module: Any, result: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _kernels() -> Iterator[tuple[str, str]]:
-    for name in kernels.__all__:
-        function = getattr(getattr(kernels, name), "py_func", getattr(kernels, name))
-        if inspect.isfunction(function) and function is not kernels.kernel:
+    """What the page of strategies offers for compiled code, by name."""
+    for name, one in sorted(vars(api).items()):
+        function = getattr(one, "py_func", None)
+        if function is not None:
             yield code(_call(name, function)), _summary(function)
 
 

@@ -7,9 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import NIL, Array
-from automaton.strategy.kernels import kernel
+from automaton.strategy.api import NIL, SCRATCH, Array, Struct, field, kernel
 
 INF_COST: Final = 1 << 60  # a cost that stands for "not at all"
 NO_EDGE: Final = 1 << 50  # what a pair that may not be costs on a path

@@ -212,7 +212,7 @@ def _compile(function: Any, signature: Any) -> Any:
     plain = getattr(function, "py_func", None)
     if plain is None:
         raise InputError(
-            f"strategy kernel {function!r} is not decorated with automaton.engine.jit.kernel.kernel"
+            f"strategy kernel {function!r} is not decorated with automaton.strategy.api.kernel"
         )
     place = f"{inspect.getsourcefile(plain)}:{plain.__code__.co_firstlineno}"
     if len(inspect.signature(plain).parameters) != len(ARGUMENTS):

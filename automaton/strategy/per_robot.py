@@ -143,7 +143,7 @@ class Me:
         self, view: World, workspace: Workspace, robot: int, reason: int, row: Any
     ) -> None:
         self._view, self.workspace, self.index = view, workspace, robot
-        self.reason = reason  # automaton.engine.state.REASON_*
+        self.reason = reason  # automaton.strategy.api.REASON_*
         self.memory = row  # (k,) int64 numbers that are kept for this robot
 
     @property

@@ -8,8 +8,7 @@ Alley reservations are kept here, in the strategy's state; everything else is re
 
 import numpy as np
 
-from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_BLOCKED,
     ACTION_DROP,
     ACTION_MOVE,
@@ -18,19 +17,20 @@ from automaton.engine.state import (
     ACTION_TRY_DROP,
     ACTION_TURN,
     ACTION_WAIT,
+    AROUND_ROBOTS,
     CMD_PARK,
     NIL,
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
+    SCRATCH,
     Array,
-)
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
-    AROUND_ROBOTS,
+    Strategy,
+    Struct,
     can_do,
     deliver,
     distance,
     dropoff_cell,
+    field,
     find_path,
     is_open,
     kernel,

@@ -9,20 +9,19 @@ only what is near, both are forgotten and every robot looks at all orders.)
 
 import numpy as np
 
-from automaton.engine.jit.structs import Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     CLOCK_FIRST_OPEN,
     CLOCK_KNOWN_ORDERS,
     CLOCK_NEXT_RELEASE,
     CMD_PARK,
     NIL,
     REASON_PERIODIC,
-    Array,
-)
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
     STORAGE_POLICIES,
+    Array,
+    Strategy,
+    Struct,
     can_do,
+    field,
     highest_priority,
     is_open,
     kernel,

@@ -12,19 +12,17 @@ The same strategy stands here twice: compiled, and in plain Python as a tutorial
 
 import numpy as np
 
-from automaton.engine.state import (
+from automaton.strategy import orders, paths
+from automaton.strategy.api import (
     CLOCK_FIRST_OPEN,
     CLOCK_KNOWN_ORDERS,
     CMD_PARK,
     NIL,
     REASON_ORDER_RETURNED,
     REASON_PERIODIC,
-)
-from automaton.strategy import orders, paths
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
     STORAGE_POLICIES,
     PlacingState,
+    Strategy,
     begin_cell,
     begin_search,
     can_do,

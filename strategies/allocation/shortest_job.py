@@ -9,25 +9,24 @@ zoning says; without, any order, which it carries to its target.
 
 import numpy as np
 
-from automaton.engine.jit.structs import Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     CLOCK_FIRST_OPEN,
     CLOCK_KNOWN_ORDERS,
     CLOCK_TICK,
     CMD_PARK,
+    LEAST_PRIORITY,
     NIL,
     REASON_PERIODIC,
-)
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
-    LEAST_PRIORITY,
     STORAGE_POLICIES,
     UNREACHABLE,
+    Strategy,
+    Struct,
     begin_cell,
     can_bring,
     distance,
     dropoff_cell,
     end_of_stops,
+    field,
     has_load,
     is_open,
     kernel,

@@ -12,8 +12,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from automaton.engine.jit.structs import Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_WAIT,
     BATTERY_FULL,
     BATTERY_PERCENT,
@@ -22,10 +21,14 @@ from automaton.engine.state import (
     ORDER_WAITING,
     REASON_IDLE,
     REASON_PERIODIC,
+    Strategy,
+    Struct,
     World,
+    charging_ticks,
+    field,
+    first_cell,
+    kernel,
 )
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import charging_ticks, first_cell, kernel
 from strategies.allocation.auction.floor_market import (
     FloorMarket,
     count_before,

@@ -9,12 +9,12 @@ nothing to do makes room for one that wants its cell.
 
 import numpy as np
 
-from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     CLOCK_COARSE_TICK,
     CMD_RETREAT,
     CMD_STEP,
     CMD_WAIT,
+    CONSTANT,
     GOAL_NONE,
     MAY_TURN,
     NIL,
@@ -22,14 +22,15 @@ from automaton.engine.state import (
     REASON_PERIODIC,
     REASON_RETREATING,
     REASON_RETRIES_EXHAUSTED,
-    Array,
-)
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
+    SCRATCH,
     STREAM_ABORTS,
     STREAM_RETREATS,
     UNREACHABLE,
+    Array,
+    Strategy,
+    Struct,
     distance,
+    field,
     gate_before,
     has_room,
     heading_towards,

@@ -2,13 +2,14 @@
 
 import numpy as np
 
-from automaton.engine.jit.structs import CONSTANT, SCRATCH, STATIC, Struct, field
-from automaton.engine.state import (
+from automaton.floor.cells import CHARGER, STATION
+from automaton.strategy.api import (
     ACTION_COUNT,
     ACTION_MOVE,
     ACTION_TURN,
     CLOCK_COARSE_TICK,
     CLOCK_TICK,
+    CONSTANT,
     FOLLOWING_CONVOY,
     GATE_BLOCK,
     GOAL_CHARGE,
@@ -18,11 +19,19 @@ from automaton.engine.state import (
     GOAL_PICK,
     GOAL_STOP,
     NIL,
+    SCRATCH,
+    STATIC,
     Array,
+    Struct,
+    energy_cost,
+    field,
+    has_gates,
+    is_facing,
+    kernel,
+    no_tables,
+    walk_to_cycle,
+    weighted_tables,
 )
-from automaton.floor.cells import CHARGER, STATION
-from automaton.strategy.kernels import energy_cost, has_gates, is_facing, kernel, walk_to_cycle
-from automaton.strategy.weighted_tables import no_tables, weighted_tables
 
 AGAINST_STREET = 3  # times the ticks of a move along a street
 NO_WAY_OUT = 4  # beside the four directions

@@ -15,11 +15,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine.jit.structs import SCRATCH, STOP, Struct, field
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, MAY_TURN, NIL, Array, Grid
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
+from automaton.strategy.api import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    MAY_TURN,
+    NIL,
+    SCRATCH,
     STARTED,
+    STOP,
+    Array,
+    Grid,
+    Strategy,
+    Struct,
+    field,
     find_path,
     headings_of,
     how_turned,

@@ -11,10 +11,14 @@ where they stand.
 
 import numpy as np
 
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, MAY_TURN, NIL, REASON_PERIODIC
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
+from automaton.strategy.api import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    MAY_TURN,
+    NIL,
+    REASON_PERIODIC,
     STARTED,
+    Strategy,
     begin_search,
     headings_of,
     how_turned,

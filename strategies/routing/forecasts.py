@@ -8,22 +8,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine.jit.structs import DERIVED, SCRATCH, Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_DROP,
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_TURN,
     CLOCK_TICK,
+    DERIVED,
     GOAL_DROP,
     GOAL_NONE,
     GOAL_PICK,
     NIL,
+    SCRATCH,
     Array,
+    Struct,
     World,
-)
-from automaton.strategy.kernels import (
     dropoff_cell,
+    field,
     first_cell,
     heading_towards,
     headings_of,

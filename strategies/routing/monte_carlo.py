@@ -10,9 +10,7 @@ Two readings of a slow zone with others in it:
 
 import numpy as np
 
-from automaton.engine.jit.structs import Struct, field
-from automaton.engine.state import ACTION_MOVE, NIL, Array
-from automaton.strategy.kernels import kernel, random_between
+from automaton.strategy.api import ACTION_MOVE, NIL, Array, Struct, field, kernel, random_between
 from strategies.routing.astar import OPEN_COST, search, write_steps
 from strategies.routing.predicted_paths import (
     add_zones,

@@ -9,11 +9,17 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
-from automaton.engine.state import ACTION_MOVE, GOAL_PICK, NIL, Array
-from automaton.strategy.kernels import (
+from automaton.strategy.api import (
+    ACTION_MOVE,
+    CONSTANT,
+    GOAL_PICK,
+    NIL,
+    SCRATCH,
     STARTED,
+    Array,
+    Struct,
     dropoff_cell,
+    field,
     first_cell,
     heading_towards,
     kernel,

@@ -6,19 +6,17 @@ where a robot has long waited before one.
 
 import numpy as np
 
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_MOVE,
     ACTION_TURN,
+    AROUND_CLOSED,
+    AROUND_KNOWN,
+    AROUND_ROBOTS,
     CLOCK_TICK,
     NIL,
     REASON_AROUND_CLOSED,
     REASON_AROUND_ROBOTS,
-)
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
-    AROUND_CLOSED,
-    AROUND_KNOWN,
-    AROUND_ROBOTS,
+    Strategy,
     closed_until,
     find_path,
     follow_gradient,

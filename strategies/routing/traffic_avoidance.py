@@ -16,10 +16,17 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.jit.structs import Struct, field
-from automaton.engine.state import CLOCK_TICK, NIL, Array
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import UNREACHABLE, kernel, position
+from automaton.strategy.api import (
+    CLOCK_TICK,
+    NIL,
+    UNREACHABLE,
+    Array,
+    Strategy,
+    Struct,
+    field,
+    kernel,
+    position,
+)
 from strategies.routing.astar import (
     OPEN_COST,
     TIES,

@@ -7,8 +7,7 @@ moves pass: it is a random walk with a memory.
 
 import numpy as np
 
-from automaton.engine.state import NIL
-from automaton.strategy.kernels import kernel
+from automaton.strategy.api import NIL, kernel
 from strategies.zoning.designs import first_design, give, random_design
 from strategies.zoning.loads_and_transfers import (
     UNDEFINED,

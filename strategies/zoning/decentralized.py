@@ -14,10 +14,19 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.jit.structs import Struct, field
-from automaton.engine.state import CLOCK_TICK, NIL, ORDER_CARRIED, ORDER_WAITING, Array
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import kernel, position, random_between
+from automaton.strategy.api import (
+    CLOCK_TICK,
+    NIL,
+    ORDER_CARRIED,
+    ORDER_WAITING,
+    Array,
+    Strategy,
+    Struct,
+    field,
+    kernel,
+    position,
+    random_between,
+)
 from strategies.zoning.annealing import first_zones
 from strategies.zoning.loads_and_transfers import ROUTING_NEIGHBOURS, find_transfers
 from strategies.zoning.monitored import (

@@ -16,10 +16,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from automaton.engine.facilities import Design, Roads, design_for
-from automaton.engine.state import NIL
-from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
+from automaton.strategy.api import NIL, Design, InputError, Roads, design_for
 from strategies.zoning.designs import join, label_parts
 from strategies.zoning.zone_workspace import hold, space_for
 

@@ -6,8 +6,7 @@ spoiled, so callers work on a copy. What is left of a zone is joined again by sh
 
 import numpy as np
 
-from automaton.engine.state import NIL
-from automaton.strategy.kernels import copy_segment, kernel
+from automaton.strategy.api import NIL, copy_segment, kernel
 from strategies.zoning.loads_and_transfers import passes
 from strategies.zoning.zone_workspace import (
     UNREACHED,

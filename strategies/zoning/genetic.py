@@ -10,10 +10,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine.facilities import Roads
-from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import NIL, Array
-from automaton.strategy.kernels import kernel
+from automaton.strategy.api import NIL, SCRATCH, Array, Roads, Struct, field, kernel
 from strategies.linear_sum_assignment import INF_COST, linear_sum_assignment
 from strategies.zoning.designs import connect, give, random_design
 from strategies.zoning.loads_and_transfers import connected, find_loads, find_tips, find_transfers

@@ -10,8 +10,7 @@ The load of a zone in minutes (eq. 1-4 of Keith & La):
 
 import numpy as np
 
-from automaton.engine.state import NIL
-from automaton.strategy.kernels import kernel
+from automaton.strategy.api import NIL, kernel
 from strategies.zoning.zone_workspace import UNREACHED, block_others, spread, whole_cells
 
 UNDEFINED = -1.0  # balance of zones without any load

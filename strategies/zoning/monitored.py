@@ -14,20 +14,23 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from automaton.engine.facilities import design_for
-from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     CLOCK_TICK,
+    CONSTANT,
     NIL,
+    SCRATCH,
     Array,
     Batch,
     Decisions,
+    InputError,
     Memory,
+    Strategy,
+    Struct,
     Workspace,
     World,
+    design_for,
+    field,
 )
-from automaton.errors import InputError
-from automaton.strategy.contract import Strategy
 from automaton.units import count
 from strategies.zoning.annealing import MAX_REPAIRS, first_zones, repair
 from strategies.zoning.genetic import ZonePopulation, evolve, population_for

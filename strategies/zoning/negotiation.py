@@ -10,9 +10,7 @@ from math import sqrt
 
 import numpy as np
 
-from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import NIL, Array
-from automaton.strategy.kernels import kernel
+from automaton.strategy.api import NIL, SCRATCH, Array, Struct, field, kernel
 from strategies.zoning.annealing import (
     exponential,
     facing_tips,

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_DROP,
     ACTION_MOVE,
     ACTION_PICK,
@@ -20,11 +20,9 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
     STATUS_EXHAUSTED,
-    World,
-)
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
     UNREACHABLE,
+    Strategy,
+    World,
     can_bring,
     charging_ticks,
     distance,

@@ -10,10 +10,21 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from automaton.engine.facilities import Design, Roads, empty_design
-from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
-from automaton.engine.state import NIL, Array
-from automaton.strategy.kernels import copy_segment, kernel, random_between, random_bits
+from automaton.strategy.api import (
+    CONSTANT,
+    NIL,
+    SCRATCH,
+    Array,
+    Design,
+    Roads,
+    Struct,
+    copy_segment,
+    empty_design,
+    field,
+    kernel,
+    random_between,
+    random_bits,
+)
 from strategies.linear_sum_assignment import Assignment, assignment_for
 
 UNREACHED = 1 << 60  # cells to a point that a search did not come to, and no limit

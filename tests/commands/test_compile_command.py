@@ -11,8 +11,7 @@ from automaton.commands.compile_command import compile_others
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.strategy import lookup
 
-OWN = """from automaton.strategy.kernels import kernel
-from automaton.strategy.contract import Strategy
+OWN = """from automaton.strategy.api import Strategy, kernel
 
 
 @kernel

@@ -14,9 +14,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from random_strategies import Mood, RandomAllocation, RandomRightOfWay, RandomRouting
 
-from automaton.engine.state import FOLLOWING_CONVOY, NIL
 from automaton.runs.simulation import Simulation
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import FOLLOWING_CONVOY, NIL, Strategy
 from automaton.world.resolve import resolve
 from strategies.right_of_way import retreat
 

@@ -80,9 +80,7 @@ def test_the_world_is_made_of_no_source_of_a_method() -> None:
         assert (ROOT / method).exists()
         assert not [path for path in world if path.is_relative_to(ROOT / method)], method
     # What strategies may call is of the world, too.
-    public = kernel_cache.sources(
-        "automaton.strategy.kernels", ROOT / "automaton/strategy/kernels.py"
-    )
+    public = kernel_cache.sources("automaton.strategy.api", ROOT / "automaton/strategy/api.py")
     for method in methods:
         assert not [path for path in public if path.is_relative_to(ROOT / method)], method
 
@@ -154,15 +152,13 @@ def test_imports_are_found_as_a_parser_finds_them() -> None:
 
 def test_what_has_no_file_is_made_of_all_that_a_strategy_may_call() -> None:
     cell = kernel_cache.sources("__main__", Path("<a cell of a notebook>"))
-    assert {ROOT / "automaton/engine/motion.py", ROOT / "automaton/strategy/kernels.py"} <= cell
+    assert {ROOT / "automaton/engine/motion.py", ROOT / "automaton/strategy/api.py"} <= cell
 
 
 # Another one in each session: its folders, and the cache of its kernels, may be those of an earlier one.
 SESSION = f"# {uuid4()}\n"
 PLUG_IN = """
-from automaton.strategy.kernels import kernel
-from automaton.strategy.contract import Strategy
-from automaton.engine.state import CMD_WAIT
+from automaton.strategy.api import CMD_WAIT, Strategy, kernel
 from mine.deep.ticks import TICKS
 from another import doubled
 
@@ -179,9 +175,7 @@ class Patient(Strategy):
     layer = "right_of_way"
     compiled = decide
 """
-ANOTHER = (
-    "from automaton.strategy.kernels import kernel\n\n@kernel\ndef doubled(x):\n    return {}\n"
-)
+ANOTHER = "from automaton.strategy.api import kernel\n\n@kernel\ndef doubled(x):\n    return {}\n"
 
 COUNTED = """
 import json, sys
@@ -254,11 +248,7 @@ def test_a_comment_in_a_strategy_compiles_that_strategy_alone(tmp_path: Path) ->
 
 
 COUNTING = """
-from automaton.engine.jit.structs import field
-from automaton.engine.jit.structs import Struct
-from automaton.engine.state import Array
-from automaton.strategy.kernels import kernel
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import Array, Strategy, Struct, field, kernel
 
 
 class CountingState(Struct):
@@ -368,9 +358,7 @@ def test_the_temporary_folder_is_removed_when_nobody_used_it_for_a_week(
     assert not shared.exists()
 
 
-SQUARES = (
-    "from automaton.strategy.kernels import kernel\n\n@kernel\ndef {name}(x):\n    return x * x\n"
-)
+SQUARES = "from automaton.strategy.api import kernel\n\n@kernel\ndef {name}(x):\n    return x * x\n"
 # Runs as root, too, which may write everywhere: a process without this capability may not (CAPBSET_DROP
 # of CAP_DAC_OVERRIDE; what it executes has not got it).
 DROPPED = "__import__('ctypes').CDLL(None).prctl(24, 1, 0, 0, 0)"

@@ -6,7 +6,11 @@ import numpy as np
 import pytest
 
 from automaton.engine.record_codes import EXECUTED_ILLEGAL
-from automaton.engine.state import (
+from automaton.history.live_run import LiveRun
+from automaton.recording.recorder import MemoryRecorder
+from automaton.runs.pictures import picture_of, world_from
+from automaton.runs.simulation import Simulation
+from automaton.strategy.api import (
     CLOCK_TICK,
     CMD_DROP_AT,
     CMD_PARK,
@@ -14,14 +18,11 @@ from automaton.engine.state import (
     CMD_TAKE_ORDER,
     NIL,
     ORDER_WAITING,
+    InputError,
+    Strategy,
+    dropoff_cell,
+    pickup_cell,
 )
-from automaton.errors import InputError
-from automaton.history.live_run import LiveRun
-from automaton.recording.recorder import MemoryRecorder
-from automaton.runs.pictures import picture_of, world_from
-from automaton.runs.simulation import Simulation
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import dropoff_cell, pickup_cell
 from automaton.verification.validator import validate_stored
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import resolve

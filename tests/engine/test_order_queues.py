@@ -7,10 +7,10 @@ import re
 import pytest
 from drawn_scenes import recorded_run, scene
 
-from automaton.engine.state import CMD_PARK, LAYER_ALLOCATION, NIL, ORDER_WAITING
+from automaton.engine.state import LAYER_ALLOCATION
 from automaton.runs.pictures import picture_of
 from automaton.runs.simulation import Simulation
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import CMD_PARK, NIL, ORDER_WAITING, Strategy
 from automaton.verification.validator import validate_stored
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import resolve

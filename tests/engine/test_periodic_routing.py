@@ -10,22 +10,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from small_runs import STEPS, SmallRun
 
-from automaton.engine.state import (
-    ACTION_MOVE,
-    ACTION_TURN,
-    ACTION_WAIT,
-    CLOCK_TICK,
-    LAYER_ROUTING,
-    NIL,
-    REASON_PERIODIC,
-)
+from automaton.engine.state import LAYER_ROUTING
 from automaton.history.snapshot import take_snapshot
 from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations
 from automaton.strategy import paths
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    ACTION_WAIT,
+    CLOCK_TICK,
+    NIL,
+    REASON_PERIODIC,
+    Strategy,
+)
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
 

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from pod_scenes import line_ticks, played, pod_scene, trips
 
-from automaton.engine.state import ACTION_STATION_QUEUE, CLOCK_TICK, CMD_TAKE_ORDER, NIL
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import ACTION_STATION_QUEUE, CLOCK_TICK, CMD_TAKE_ORDER, NIL, Strategy
 from automaton.world.resolve import resolve
 
 TWO_STATIONS = """\

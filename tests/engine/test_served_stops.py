@@ -9,23 +9,23 @@ import pytest
 from drawn_scenes import recorded_run, scene
 
 from automaton.engine.observation import EVENT_NAMES
-from automaton.engine.state import (
-    ACTION_SERVE,
-    CMD_DROP_AT,
-    CMD_TAKE_ORDER,
-    LAYER_ALLOCATION,
-    ORDER_STARTED,
-    ORDER_WAITING,
-    REASON_PICKED,
-    REASON_SERVED,
-)
-from automaton.errors import InputError
+from automaton.engine.state import LAYER_ALLOCATION
 from automaton.history.event_history import EventHistory
 from automaton.runs.metrics import metrics_of
 from automaton.runs.pictures.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import (
+    ACTION_SERVE,
+    CMD_DROP_AT,
+    CMD_TAKE_ORDER,
+    ORDER_STARTED,
+    ORDER_WAITING,
+    REASON_PICKED,
+    REASON_SERVED,
+    InputError,
+    Strategy,
+)
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import Resolved
 

@@ -7,21 +7,19 @@ from typing import Any
 import pytest
 from small_runs import STEPS, SmallRun
 
-from automaton.engine.state import (
+from automaton.engine.state import CLOCK_UNPARKED, LAYER_ALLOCATION, LAYER_RIGHT_OF_WAY
+from automaton.runs.simulation import Simulation
+from automaton.strategy.api import (
     ACTION_HELD_BACK,
-    CLOCK_UNPARKED,
     CMD_GO,
     CMD_HOLD,
     CMD_STEP,
     GOAL_NONE,
     GOAL_PARK,
     GOAL_PICK,
-    LAYER_ALLOCATION,
-    LAYER_RIGHT_OF_WAY,
     NIL,
+    Strategy,
 )
-from automaton.runs.simulation import Simulation
-from automaton.strategy.contract import Strategy
 from automaton.world.resolve import resolve
 
 

@@ -9,21 +9,20 @@ import pytest
 from drawn_scenes import recorded_run, scene
 
 from automaton.engine.observation import EVENT_NAMES
-from automaton.engine.state import (
+from automaton.engine.state import LAYER_ALLOCATION, LAYER_CHARGING
+from automaton.history.event_history import EventHistory
+from automaton.runs.simulation import Simulation
+from automaton.strategy import lookup
+from automaton.strategy.api import (
     CLOCK_TICK,
     CMD_RETREAT,
     CMD_STEP,
     CMD_TAKE_ORDER,
     GOAL_STOP,
-    LAYER_ALLOCATION,
-    LAYER_CHARGING,
     NIL,
     ORDER_STARTED,
+    Strategy,
 )
-from automaton.history.event_history import EventHistory
-from automaton.runs.simulation import Simulation
-from automaton.strategy import lookup
-from automaton.strategy.contract import Strategy
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import Resolved
 

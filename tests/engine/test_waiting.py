@@ -21,9 +21,12 @@ from automaton.engine.observation import (
     MEMORY_TICKS,
     congestion_of,
 )
-from automaton.engine.state import (
+from automaton.engine.state import CLOCK_HALTED_UNTIL
+from automaton.runs.simulation import Simulation
+from automaton.scenario.fleet import FleetType
+from automaton.scenario.schema import Battery, Drain, Durations, Fault, Faults, WorldRules
+from automaton.strategy.api import (
     BATTERY_FULL,
-    CLOCK_HALTED_UNTIL,
     CMD_HOLD,
     CMD_RETREAT,
     CMD_STEP,
@@ -31,11 +34,8 @@ from automaton.engine.state import (
     GOAL_CHARGE,
     GOAL_PICK,
     NIL,
+    Strategy,
 )
-from automaton.runs.simulation import Simulation
-from automaton.scenario.fleet import FleetType
-from automaton.scenario.schema import Battery, Drain, Durations, Fault, Faults, WorldRules
-from automaton.strategy.contract import Strategy
 from automaton.world.resolve import resolve
 
 

@@ -9,9 +9,9 @@ from typing import Any
 
 import pytest
 
-from automaton.engine.state import LAYER_NAMES, NIL
+from automaton.engine.state import LAYER_NAMES
 from automaton.runs.simulation import Simulation
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import NIL, Strategy
 from automaton.world.resolve import resolve
 
 TRIALS = Path(__file__).parents[1] / "helpers" / "answer_trials.py"

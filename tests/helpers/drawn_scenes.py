@@ -10,7 +10,7 @@ import msgspec
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import Strategy
 from automaton.world.resolve import Resolved, resolve
 
 

@@ -1,9 +1,15 @@
 """Strategies whose decision in one tick never ends, in compiled code."""
 
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct, field
-from automaton.engine.state import CLOCK_TICK, NIL, Array
-from automaton.strategy.kernels import find_path, position
+from automaton.strategy.api import (
+    CLOCK_TICK,
+    NIL,
+    Array,
+    Struct,
+    field,
+    find_path,
+    kernel,
+    position,
+)
 from strategies.allocation.independent import IndependentPython
 from strategies.routing import shortest
 

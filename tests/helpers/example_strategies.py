@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine.jit.kernel import kernel
-from automaton.engine.jit.structs import Struct, field
-from automaton.engine.state import (
+from automaton.floor.cells import CHARGER
+from automaton.strategy.api import (
     BATTERY_FULL,
     CLOCK_TICK,
     CMD_DROP_AT,
@@ -18,9 +17,11 @@ from automaton.engine.state import (
     REASON_IDLE,
     REASON_PICKED,
     Array,
+    Strategy,
+    Struct,
+    field,
+    kernel,
 )
-from automaton.floor.cells import CHARGER
-from automaton.strategy.contract import Strategy
 from automaton.strategy.per_robot import deliver, drop_at, park, per_robot, take
 
 

@@ -11,7 +11,10 @@ import msgspec
 import numpy as np
 from reference_motion import splitmix64
 
-from automaton.engine.state import (
+from automaton.engine.state import LAYER_NAMES
+from automaton.floor.cells import CHARGER
+from automaton.strategy import paths
+from automaton.strategy.api import (
     BATTERY_FULL,
     CLOCK_TICK,
     CMD_DROP_AT,
@@ -23,14 +26,11 @@ from automaton.engine.state import (
     CMD_TAKE_ORDER,
     CMD_WAIT,
     GOAL_CHARGE,
-    LAYER_NAMES,
     NIL,
     ORDER_WAITING,
     REASON_PICKED,
+    Strategy,
 )
-from automaton.floor.cells import CHARGER
-from automaton.strategy import paths
-from automaton.strategy.contract import Strategy
 
 
 class Mood(msgspec.Struct, frozen=True):

@@ -11,8 +11,7 @@ import itertools
 from functools import cache
 from typing import Any
 
-from automaton.engine.state import CMD_GO, CMD_HOLD, GOAL_NONE, NIL
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import CMD_GO, CMD_HOLD, GOAL_NONE, NIL, Strategy
 
 STEPS = ((1, 0), (0, 1), (-1, 0), (0, -1))
 WEIGHT = {"F": 10, "R": -2, "L": -2, "W": -3}

@@ -4,22 +4,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine.state import (
-    CLOCK_NEEDING_ROUTE,
-    GOAL_CHARGE,
-    GOAL_NONE,
-    GOAL_PARK,
-    LAYER_NAMES,
-    NEED_ROUTE,
-    NIL,
-    REASON_NEW_GOAL,
-    Array,
-)
+from automaton.engine.state import CLOCK_NEEDING_ROUTE, LAYER_NAMES
 from automaton.floor.cells import FLOOR, UNLIMITED, Symbol
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, WorldRules
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import (
+    GOAL_CHARGE,
+    GOAL_NONE,
+    GOAL_PARK,
+    NEED_ROUTE,
+    NIL,
+    REASON_NEW_GOAL,
+    Array,
+    Strategy,
+)
 from automaton.strategy.lookup import NoParameters
 from automaton.world.resolve import Resolved, StrategyChoice
 from strategies.routing.forecasts import CongestionState, congestion_state

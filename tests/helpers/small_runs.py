@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from automaton.engine.observation import CAUSES
-from automaton.engine.state import GOAL_PARK, LAYER_NAMES, NIL
+from automaton.engine.state import LAYER_NAMES
 from automaton.floor.drawn_floors import draw_floor
 from automaton.history.event_history import Event, EventHistory
 from automaton.history.snapshot import Snapshot, take_snapshot
@@ -25,7 +25,7 @@ from automaton.scenario.schema import (
     Stop,
     WorldRules,
 )
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import GOAL_PARK, NIL, Strategy
 from automaton.strategy.lookup import NoParameters
 from automaton.world.resolve import Resolved, StrategyChoice
 

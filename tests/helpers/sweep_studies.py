@@ -16,8 +16,7 @@ from typing import Any
 from signal_process import signal_process
 
 from automaton import sweep
-from automaton.engine.state import CMD_PARK
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import CMD_PARK, Strategy
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.study import Study
 

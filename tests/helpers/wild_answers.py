@@ -12,9 +12,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.engine.jit.structs import Struct
-from automaton.engine.state import CLOCK_TICK, KEEP
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import CLOCK_TICK, KEEP, Strategy, Struct
 
 ANSWERS: Counter[str] = Counter()  # given in this process, by layer
 EDGES = (0, 1, -1, 2, 3, -2, 4, 255, 256, -32769, 32768, 65536, 10**8, -(10**8), KEEP, 2**31 - 1)

@@ -14,8 +14,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automaton.engine.observation import DELIVERED_ORDERS, EVENT_DELIVERED
-from automaton.engine.state import NIL, REASON_PICKED
-from automaton.errors import InputError
 from automaton.history.event_history import EventHistory
 from automaton.history.live_run import LiveRun, branch_of
 from automaton.history.playback import Playback
@@ -23,7 +21,7 @@ from automaton.history.watched_run import ReplayedRun, WatchedRun
 from automaton.recording.frames import MAGIC
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import NIL, REASON_PICKED, InputError, Strategy
 from automaton.strategy.per_robot import drop_at, park, per_robot, take
 from automaton.verification.verification import verify
 from automaton.world.resolve import resolve

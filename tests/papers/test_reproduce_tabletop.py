@@ -416,7 +416,7 @@ def test_a_strategy_that_fails_in_a_worker_is_named(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "own_failing.py").write_text(
-        "from automaton.strategy.contract import Strategy\n"
+        "from automaton.strategy.api import Strategy\n"
         "class Fails(Strategy):\n"
         "    layer = 'allocation'\n"
         "    def decide(self, view, batch, decisions, memory, workspace):\n"

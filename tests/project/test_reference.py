@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -12,12 +13,13 @@ from types import ModuleType
 import pytest
 
 from automaton.engine.state import Decisions, World
+from automaton.strategy import api
 
 DOCS = Path(__file__).parents[2] / "docs"
 PLUG_IN = """
 import msgspec
 
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import Strategy
 from tui.render.layer import Layer
 from tui.widgets.panel import Panel
 
@@ -115,6 +117,13 @@ def test_every_key_has_a_meaning(generator: ModuleType, page: str) -> None:
 def test_every_role_of_a_field_has_a_meaning(generator: ModuleType) -> None:
     roles = dict(generator._roles())
     assert set(roles) >= {"`SCRATCH`", "`STOP`", "`CONSTANT`", "`STATE`"} and all(roles.values())
+
+
+def test_strategies_import_every_constant_of_the_contract_from_one_module(
+    generator: ModuleType,
+) -> None:
+    constants = set(re.findall(r"`([A-Z]+_[A-Z_]*[A-Z])`", generator.contract_page()))
+    assert len(constants) > 70 and constants - vars(api).keys() == set()
 
 
 def test_the_contract_has_every_part_of_the_view_and_of_the_decisions(

@@ -11,13 +11,19 @@ from reference_costs import CostSet
 from reference_paths import FAR
 
 from automaton.engine.distance_tables import TABLES_ROWS
-from automaton.engine.jit.structs import Struct
-from automaton.engine.state import NIL
-from automaton.errors import InputError
 from automaton.runs.simulation import Simulation, tables_in
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import cost_at, cost_in, table_of, weighted_table_of
-from automaton.strategy.weighted_tables import DistanceTables, weighted_tables
+from automaton.strategy.api import (
+    NIL,
+    DistanceTables,
+    InputError,
+    Strategy,
+    Struct,
+    cost_at,
+    cost_in,
+    table_of,
+    weighted_table_of,
+    weighted_tables,
+)
 from automaton.units import bytes_of, memory
 from automaton.world.resolve import resolve
 

@@ -10,17 +10,7 @@ import pytest
 from metrics_of_some_runs import OF_OTHER_RUNS
 
 from automaton.commands import main
-from automaton.engine.state import (
-    ACTION_TURN,
-    CMD_PARK,
-    LAYER_ALLOCATION,
-    NIL,
-    ORDER_DELIVERED,
-    ORDER_WAITING,
-    REASON_PERIODIC,
-    REASON_PICKED,
-)
-from automaton.errors import InputError
+from automaton.engine.state import LAYER_ALLOCATION
 from automaton.floor.cells import DOCK, RACK
 from automaton.floor.reachability import rack_stands
 from automaton.recording.recorder import MemoryRecorder
@@ -28,8 +18,19 @@ from automaton.runs.metrics import METRIC_CATALOGUE, metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import quantile
 from automaton.scenario.unavailable_metrics import TASK_METRICS
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import deliver, take_order
+from automaton.strategy.api import (
+    ACTION_TURN,
+    CMD_PARK,
+    NIL,
+    ORDER_DELIVERED,
+    ORDER_WAITING,
+    REASON_PERIODIC,
+    REASON_PICKED,
+    InputError,
+    Strategy,
+    deliver,
+    take_order,
+)
 from automaton.verification.validator import validate_stored
 from automaton.world.demand import build_orders
 from automaton.world.prepared_floor import floor_for

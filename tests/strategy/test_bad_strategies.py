@@ -18,14 +18,10 @@ import pytest
 
 from automaton.commands import main
 from automaton.engine.jit.kernel import jit_is_on
-from automaton.engine.jit.structs import Struct, field
-from automaton.engine.state import Array
-from automaton.errors import InputError
 from automaton.runs.headless import run_once
 from automaton.runs.simulation import ALWAYS_CHECKED, CHECKED_EVERY, Simulation
 from automaton.strategy import lookup, paths
-from automaton.strategy.contract import NoState, Strategy
-from automaton.strategy.kernels import kernel
+from automaton.strategy.api import Array, InputError, NoState, Strategy, Struct, field, kernel
 from automaton.world.resolve import resolve
 from strategies.allocation.independent import Independent
 from strategies.right_of_way.retreat import RetreatState

@@ -9,11 +9,9 @@ import numpy as np
 import pytest
 
 from automaton.engine.jit.struct_types import StructClassType
-from automaton.engine.jit.structs import CONSTANT, SCRATCH, STOP, Struct, field
-from automaton.engine.state import LAYER_RIGHT_OF_WAY, LAYER_ROUTING, Array
+from automaton.engine.state import LAYER_RIGHT_OF_WAY, LAYER_ROUTING
 from automaton.runs.simulation import Simulation
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import kernel
+from automaton.strategy.api import CONSTANT, SCRATCH, STOP, Array, Strategy, Struct, field, kernel
 from automaton.world.resolve import resolve
 
 

@@ -5,8 +5,7 @@ from __future__ import annotations
 import msgspec
 import pytest
 
-from automaton.errors import InputError
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import InputError, Strategy
 from automaton.strategy.lookup import (
     AsRecorded,
     NoParameters,

@@ -12,13 +12,12 @@ from hypothesis import strategies as st
 from panel_harness import busy, moment, of_cell, of_robot, shown
 
 from automaton.commands.check import described
-from automaton.engine.state import ACTION_MOVE, CMD_TAKE_ORDER, NIL, ORDER_DELIVERED
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.headless import run_once
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.strategy import lookup, paths
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import ACTION_MOVE, CMD_TAKE_ORDER, NIL, ORDER_DELIVERED, Strategy
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import scenario_warnings

@@ -283,7 +283,7 @@ _NAME: Final = re.compile(r"(\w+)(?:[ \t]+as[ \t]+\w+)?")
 _LATER: Final = re.compile(r"(?:async[ \t]+)?def\b|if[ \t]+(?:\w+\.)?TYPE_CHECKING\b")
 _INSTALLED: Final = tuple(sysconfig.get_path(name) for name in ("purelib", "platlib"))
 OWN_PACKAGE: Final = "automaton"
-PUBLIC_KERNELS: Final = "automaton.strategy.kernels"  # what a strategy may call
+PUBLIC_API: Final = "automaton.strategy.api"  # what a strategy may call
 
 
 @cache
@@ -308,9 +308,9 @@ def sources(module: str, file: Path) -> set[Path]:
     sources: set[Path] = set()
     pending = [(module, file)]
     if not file.is_file():
-        public = _file_of(PUBLIC_KERNELS)
+        public = _file_of(PUBLIC_API)
         assert public is not None
-        pending = [(PUBLIC_KERNELS, public)]
+        pending = [(PUBLIC_API, public)]
     while pending:
         name, path = pending.pop()
         if path not in sources:

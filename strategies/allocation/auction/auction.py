@@ -16,8 +16,7 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 
-from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     BATTERY_FULL,
     CLOCK_NEXT_RELEASE,
     CLOCK_TICK,
@@ -27,19 +26,20 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
     REASON_PERIODIC,
+    SCRATCH,
     STATUS_UP,
+    STORAGE_POLICIES,
     Array,
     Batch,
     Decisions,
     Memory,
+    Strategy,
+    Struct,
     Workspace,
     World,
-)
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
-    STORAGE_POLICIES,
     allocation_of,
     can_do,
+    field,
     has_place,
     is_open,
     kernel,

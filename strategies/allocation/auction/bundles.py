@@ -11,10 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import NIL, Array
-from automaton.errors import InputError
-from automaton.strategy.kernels import kernel
+from automaton.strategy.api import NIL, SCRATCH, Array, InputError, Struct, field, kernel
 from strategies.allocation.auction.market import BID_SCALE, INF_COST, cheapest_insertion, insert
 from strategies.allocation.auction.quotes import clear_counts, quote_list, settle
 

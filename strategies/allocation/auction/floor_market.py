@@ -12,24 +12,25 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.jit.structs import DERIVED, SCRATCH, Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_DROP,
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_TURN,
     BATTERY_FULL,
+    DERIVED,
     GOAL_CHARGE,
     GOAL_PICK,
     NIL,
+    SCRATCH,
     STATUS_UP,
     Array,
-)
-from automaton.strategy.kernels import (
+    Struct,
     charging_ticks,
     distance,
     dropoff_cell,
     end_of_stops,
+    field,
     first_cell,
     headings_of,
     kernel,

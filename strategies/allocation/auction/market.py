@@ -14,9 +14,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
-from automaton.engine.state import BATTERY_FULL, NIL, Array
-from automaton.strategy.kernels import kernel
+from automaton.strategy.api import (
+    BATTERY_FULL,
+    CONSTANT,
+    NIL,
+    SCRATCH,
+    Array,
+    Struct,
+    field,
+    kernel,
+)
 
 INF_COST: Final = 1 << 60  # a cost or bid that stands for "not at all"
 BID_SCALE: Final = 1000  # epsilon is counted in thousandths; so are bids: 1000 of them are a tick

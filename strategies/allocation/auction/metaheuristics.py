@@ -9,9 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import Array
-from automaton.strategy.kernels import kernel, random_between
+from automaton.strategy.api import SCRATCH, Array, Struct, field, kernel, random_between
 from strategies.allocation.auction.market import (
     BID_SCALE,
     INF_COST,

@@ -6,8 +6,14 @@ says where the robot charges; ways are shortest ways, so a detour never saves ti
 
 import numpy as np
 
-from automaton.engine.state import BATTERY_FULL, NIL
-from automaton.strategy.kernels import CURVE_RATE, charging_ticks, kernel, level_after
+from automaton.strategy.api import (
+    BATTERY_FULL,
+    CURVE_RATE,
+    NIL,
+    charging_ticks,
+    kernel,
+    level_after,
+)
 from strategies.allocation.auction.market import (
     INF_COST,
     POLICY_FILL_UP,

@@ -8,8 +8,7 @@ hears of an item, each bid once, and an award for each item sold.
 
 import numpy as np
 
-from automaton.engine.state import NIL
-from automaton.strategy.kernels import kernel
+from automaton.strategy.api import NIL, kernel
 from strategies.allocation.auction.market import BID_SCALE, INF_COST, copy_inserted, insert
 from strategies.allocation.auction.quotes import clear_counts, insertion_quote, quote_list, settle
 from strategies.linear_sum_assignment import linear_sum_assignment

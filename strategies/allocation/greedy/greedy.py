@@ -8,11 +8,18 @@ a cheaper pair parts them. A load that was picked up goes to its own target, a p
 
 import numpy as np
 
-from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import ACTION_MOVE, ACTION_TURN, CMD_PARK, NIL, REASON_PERIODIC, Array
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
+from automaton.strategy.api import (
+    ACTION_MOVE,
+    ACTION_TURN,
+    CMD_PARK,
+    NIL,
+    REASON_PERIODIC,
+    SCRATCH,
     STORAGE_POLICIES,
+    Array,
+    Strategy,
+    Struct,
+    field,
     is_due,
     kernel,
     place_load,

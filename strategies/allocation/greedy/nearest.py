@@ -6,8 +6,7 @@ called by its place in the list of open orders, which is in the sequence of the 
 
 import numpy as np
 
-from automaton.engine.jit.structs import SCRATCH, Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_MOVE,
     ACTION_TURN,
     CLOCK_NEXT_RELEASE,
@@ -17,14 +16,15 @@ from automaton.engine.state import (
     ORDER_DELIVERED,
     ORDER_WAITING,
     REASON_PERIODIC,
-    Array,
-)
-from automaton.strategy.kernels import (
+    SCRATCH,
     UNREACHABLE,
+    Array,
+    Struct,
     can_do,
     cell_beside,
     distance,
     end_of_stops,
+    field,
     first_cell,
     has_load,
     has_place,

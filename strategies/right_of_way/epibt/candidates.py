@@ -9,8 +9,12 @@ that is in the way of another would rather end in another cell.
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_TICK, GOAL_NONE, GOAL_PARK, NIL, NO_WAY_THROUGH
-from automaton.strategy.kernels import (
+from automaton.strategy.api import (
+    CLOCK_TICK,
+    GOAL_NONE,
+    GOAL_PARK,
+    NIL,
+    NO_WAY_THROUGH,
     UNREACHABLE,
     cost_in,
     gate_before,

@@ -13,7 +13,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.state import (
+from automaton.strategy.api import (
     CLOCK_COARSE_TICK,
     CLOCK_TICK,
     CMD_GO,
@@ -22,10 +22,8 @@ from automaton.engine.state import (
     GOAL_PARK,
     NIL,
     STATUS_UP,
-)
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
     STREAM_STRATEGY,
+    Strategy,
     gate_before,
     has_gates,
     is_empty,

@@ -21,18 +21,21 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.jit.structs import CONSTANT, SCRATCH, Struct, field
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_MOVE,
     ACTION_TURN,
+    CONSTANT,
     FOLLOWING_CONVOY,
     FOLLOWING_NONE,
     NIL,
     NO_WAY_THROUGH,
+    SCRATCH,
     Array,
+    DistanceTables,
+    Struct,
+    field,
+    kernel,
 )
-from automaton.strategy.kernels import kernel
-from automaton.strategy.weighted_tables import DistanceTables
 from strategies.right_of_way.right_of_way_parameters import horizon_of
 from strategies.right_of_way.steering import (
     AGAINST_STREET,

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_DROP,
     ACTION_MOVE,
     ACTION_PICK,
@@ -17,8 +17,6 @@ from automaton.engine.state import (
     MAY_TURN,
     NIL,
     STATUS_EXHAUSTED,
-)
-from automaton.strategy.kernels import (
     UNREACHABLE,
     closed_until,
     cost_in,

@@ -18,7 +18,7 @@ from typing import ClassVar
 
 import numpy as np
 
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_GATE,
     ACTION_TURN,
     CLOCK_TICK,
@@ -33,9 +33,7 @@ from automaton.engine.state import (
     KEEP,
     NIL,
     STATUS_UP,
-)
-from automaton.strategy.contract import Strategy
-from automaton.strategy.kernels import (
+    Strategy,
     direction_between,
     gate_before,
     has_gates,

@@ -2,11 +2,22 @@
 
 import numpy as np
 
-from automaton.engine.jit.structs import CONSTANT, SCRATCH, STATIC, Struct, field
-from automaton.engine.state import GOAL_NONE, GOAL_PARK, NIL, NO_WAY_THROUGH, Array
 from automaton.floor.reachability import dead_ends_of_types
-from automaton.strategy.kernels import kernel, lane_of
-from automaton.strategy.weighted_tables import DistanceTables
+from automaton.strategy.api import (
+    CONSTANT,
+    GOAL_NONE,
+    GOAL_PARK,
+    NIL,
+    NO_WAY_THROUGH,
+    SCRATCH,
+    STATIC,
+    Array,
+    DistanceTables,
+    Struct,
+    field,
+    kernel,
+    lane_of,
+)
 from strategies.right_of_way.steering import Deadlocks, ServiceAreas
 
 # Modes of a robot in a tick: state.mode.

@@ -2,14 +2,12 @@
 
 import numpy as np
 
-from automaton.engine.state import (
+from automaton.strategy.api import (
     ACTION_MOVE,
     FOLLOWING_CONVOY,
     FOLLOWING_HANDOVER,
     FOLLOWING_NONE,
     NIL,
-)
-from automaton.strategy.kernels import (
     gate_before,
     has_gates,
     is_facing,

@@ -6,10 +6,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from automaton.engine.state import ORDER_DELIVERED
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
-from automaton.strategy.kernels import cost_in, weighted_table_of
+from automaton.strategy.api import ORDER_DELIVERED, cost_in, weighted_table_of
 from automaton.world.prepared_floor import floor_for
 from automaton.world.resolve import resolve
 from strategies.right_of_way.steering import AGAINST_STREET, lattice_tables, moves_against_streets

@@ -12,21 +12,20 @@ from drawn_scenes import scene
 from played_back import check_at, digests_of, playback_of, recorded
 
 from automaton.engine.observation import CAUSE_REDESIGN as HALTED
-from automaton.engine.state import (
+from automaton.engine.state import LAYER_NAMES, LAYER_ZONING
+from automaton.runs.metrics import metrics_of
+from automaton.runs.simulation import Simulation
+from automaton.scenario.reading import document_of
+from automaton.strategy.api import (
     ACTION_WAIT,
-    LAYER_NAMES,
-    LAYER_ZONING,
     NIL,
     ORDER_CARRIED,
     ORDER_DELIVERED,
     ORDER_WAITING,
     STATUS_UP,
+    InputError,
+    Strategy,
 )
-from automaton.errors import InputError
-from automaton.runs.metrics import metrics_of
-from automaton.runs.simulation import Simulation
-from automaton.scenario.reading import document_of
-from automaton.strategy.contract import Strategy
 from automaton.verification.validator import validate_stored
 from automaton.verification.verification import verify_recording
 from automaton.world.resolve import resolve

@@ -9,11 +9,10 @@ from typing import Any
 import pytest
 from manual_clock import FLEET, ManualClock, clock, live, manual_player
 
-from automaton.errors import InputError
 from automaton.history.live_run import LiveRun, branch_of
 from automaton.history.playback import NO_CHANGE, OBJECT_BYTES, Keyframes
 from automaton.recording.frames import StoredFrames
-from automaton.strategy.contract import Strategy
+from automaton.strategy.api import InputError, Strategy
 from tui.playback import player as player_module
 from tui.playback.player import Player
 

@@ -500,9 +500,8 @@ FULL_SHELF: Final = (
     "next tick, as where the target of its load is full.\n"
 )
 PUBLIC_CLOCK: Final = (
-    *("CLOCK_TICK", "CLOCK_UNDELIVERED", "CLOCK_REVISION", "CLOCK_NEXT_RELEASE"),
-    *("CLOCK_OPEN_JOBS", "CLOCK_ROBOTS_DOWN", "CLOCK_ZONES_REDESIGNED"),
-    *("CLOCK_FIRST_OPEN", "CLOCK_KNOWN_ORDERS"),
+    *("tick", "undelivered", "revision", "next_release", "robots_down", "open_jobs"),
+    *("zones_redesigned", "known_orders", "first_open"),
 )
 ENUMERATIONS: Final = {
     "orders.state": (state, "ORDER_"),
@@ -529,7 +528,8 @@ def contract_page() -> str:
         "so that cell [0, 0] of a scenario has x = y = 1. Directions are 0 east, 1 south, 2 west, "
         "3 north.",
         "## What it is asked\n",
-        "The first `batch.count[0]` rows are robots that the layer is asked about, by identity.\n",
+        "The first `batch.count` rows are robots that the layer is asked about, by identity. A field of "
+        "kind `() int64` is a number, which Python and kernels read and write as an attribute.\n",
         _fields_table(state.Batch, "", {}),
         table(("reason", "meaning"), _constants("REASON_")),
         "## What it sees\n",
@@ -538,10 +538,10 @@ def contract_page() -> str:
         "value of the last column; where it is empty the field is always seen. "
         "`view.traffic.holder` is entered for strategies with `holders = True`.\n",
         *(f"### view.{name}\n\n{_seen_section(one)}" for name, one in SEEN.items()),
-        "### view.clock\n\nEntries of one array, `view.clock[CLOCK_TICK]`.\n",
+        f"### view.clock\n\n{_summary(state.Clock)} Kernels and Python read `view.clock.tick`.\n",
         table(
-            ("entry", "meaning"),
-            (row for row in _constants("CLOCK_") if row[0].strip("`") in PUBLIC_CLOCK),
+            ("number", "meaning"),
+            ((code(name), state.Clock.meanings[name]) for name in PUBLIC_CLOCK),
         ),
         "### Values\n",
         table(

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.drawings.looks import Looks, RobotLooks, box_of, cell_of, looks_of, robot_looks
-from automaton.engine.state import CLOCK_TICK, GATE_CLOSING, GATE_DOOR, NIL
+from automaton.engine.state import GATE_CLOSING, GATE_DOOR, NIL
 from automaton.floor.floor_plan import UNBOUNDED, FloorPlan
 from automaton.vocabulary import STATE_WORDS, robot_states
 from automaton.world.resolve import Resolved
@@ -112,7 +112,7 @@ def moment_of(floor: DrawnFloor, world: Any, observation: Any) -> Moment:
     x, y = (cell % stride + ahead % stride) / 2, (cell // stride + ahead // stride) / 2
     off = cell == NIL
     return Moment(
-        tick=int(world.clock[CLOCK_TICK]),
+        tick=int(world.clock.tick),
         x=np.where(off, np.nan, x - 1),
         y=np.where(off, np.nan, y - 1),
         looks=looks_of_fleet(fleet, floor),
@@ -134,7 +134,7 @@ def full_cells(world: Any, floor: DrawnFloor) -> Cells:
 
 def shut_cells(world: Any) -> Cells:
     """(k,) cells that no robot may enter now: closed for some time, or of a door that is shut."""
-    gates, tick = world.gates, int(world.clock[CLOCK_TICK])
+    gates, tick = world.gates, int(world.clock.tick)
     if not len(gates.kind):
         return np.zeros(0, np.int32)
     shut = (gates.kind == GATE_DOOR) & (gates.open_from > tick)

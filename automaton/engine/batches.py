@@ -7,16 +7,6 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.operations import clear_route_request, first_cell
 from automaton.engine.random_numbers import is_due
 from automaton.engine.state import (
-    CLOCK_ALLOCATION_REVISION,
-    CLOCK_FRESH_ALLOCATION,
-    CLOCK_NEEDING_CHARGING,
-    CLOCK_NEEDING_RIGHT_OF_WAY,
-    CLOCK_NEEDING_ROUTE,
-    CLOCK_NEXT_WAKEUP,
-    CLOCK_PHASE,
-    CLOCK_REVISION,
-    CLOCK_TICK,
-    CLOCK_UNQUEUED_ORDERS,
     LAYER_ALLOCATION,
     LAYER_CHARGING,
     LAYER_RIGHT_OF_WAY,
@@ -46,38 +36,38 @@ from automaton.engine.state import (
 
 @kernel
 def append(batch, i, reason):
-    k = batch.count[0]
+    k = batch.count
     batch.robot[k] = i
     batch.reason[k] = reason
-    batch.count[0] = k + 1
+    batch.count = k + 1
 
 
 @kernel
 def batch_all_robots(world, batch, layer):
     """Zoning: all robots, when an order is in no queue yet or the tick is due; or those to be woken."""
     robots, clock = world.robots, world.clock
-    batch.count[0] = 0
+    batch.count = 0
     everybody = is_due(world, layer)
     zoned = world.service_zones.wake.shape[0] > 0
-    if zoned and clock[CLOCK_UNQUEUED_ORDERS]:
-        clock[CLOCK_UNQUEUED_ORDERS] = 0
+    if zoned and clock.unqueued_orders:
+        clock.unqueued_orders = 0
         everybody = True
-    if not everybody and not (zoned and 0 <= clock[CLOCK_NEXT_WAKEUP] <= clock[CLOCK_TICK]):
+    if not everybody and not (zoned and 0 <= clock.next_wakeup <= clock.tick):
         return False
     earliest = np.int64(NIL)
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         wake = np.int64(world.service_zones.wake[i]) if zoned else np.int64(NIL)
-        due = wake != NIL and wake <= clock[CLOCK_TICK]
+        due = wake != NIL and wake <= clock.tick
         if due:
             world.service_zones.wake[i] = NIL
         elif wake != NIL and (earliest == NIL or wake < earliest):
             earliest = wake
         if everybody or due:
             append(batch, i, REASON_PERIODIC if due or not zoned else REASON_ZONE_EVENT)
-    clock[CLOCK_NEXT_WAKEUP] = earliest
+    clock.next_wakeup = earliest
     world.tally.batches[layer] += 1
-    return batch.count[0] > 0
+    return batch.count > 0
 
 
 @kernel
@@ -88,19 +78,19 @@ def batch_charging(world, batch):
     ticks that the strategy asked for, all that are in order.
     """
     robots, clock = world.robots, world.clock
-    batch.count[0] = 0
-    due = clock[CLOCK_PHASE] != PHASE_CHARGING_AGAIN and is_due(world, LAYER_CHARGING)
-    if clock[CLOCK_NEEDING_CHARGING] == 0 and not due:
+    batch.count = 0
+    due = clock.phase != PHASE_CHARGING_AGAIN and is_due(world, LAYER_CHARGING)
+    if clock.needing_charging == 0 and not due:
         return False
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         if robots.need[i] & NEED_CHARGING and robots.busy[i] == 0 and robots.retreat_moves[i] == 0:
             robots.need[i] &= np.uint8(255 - NEED_CHARGING)
-            clock[CLOCK_NEEDING_CHARGING] -= 1
+            clock.needing_charging -= 1
             append(batch, i, robots.charging_reason[i])
         elif due and robots.status[i] == STATUS_UP:
             append(batch, i, REASON_PERIODIC)
-    if batch.count[0] == 0 and not due:
+    if batch.count == 0 and not due:
         return False
     world.tally.batches[LAYER_CHARGING] += 1
     return True
@@ -116,7 +106,7 @@ def allocation_of(world, i):
 def may_set_order_queue(world, batch, i):
     """Whether the plan of robot i may be made now: by its own strategy, with limited sight by its own
     decision."""
-    if allocation_of(world, i) != batch.strategy[0]:
+    if allocation_of(world, i) != batch.strategy:
         return False
     return world.rules.radius == NIL or batch.robot[0] == i
 
@@ -154,18 +144,14 @@ def batch_allocation(world, batch):
     One that was left idle is asked again when an order or a reservation has changed.
     """
     clock = world.clock
-    batch.count[0] = 0
+    batch.count = 0
     due = is_allocation_due(world)
-    if (
-        not due
-        and clock[CLOCK_FRESH_ALLOCATION] == 0
-        and clock[CLOCK_REVISION] == clock[CLOCK_ALLOCATION_REVISION]
-    ):
+    if not due and clock.fresh_allocation == 0 and clock.revision == clock.allocation_revision:
         return False
-    clock[CLOCK_ALLOCATION_REVISION] = clock[CLOCK_REVISION]
+    clock.allocation_revision = clock.revision
     for further in range(world.rules.allocations):
         append_concerned(world, batch, number_of_allocation(further))
-    if batch.count[0] == 0 and not due:
+    if batch.count == 0 and not due:
         return False
     world.tally.batches[LAYER_ALLOCATION] += 1
     return True
@@ -184,7 +170,7 @@ def append_concerned(world, batch, strategy):
             robots.busy[i] == 0
             or (robots.reason[i] == REASON_PICKED and robots.status[i] <= STATUS_EXHAUSTED)
         )
-        if concerned and robots.seen_revision[i] != clock[CLOCK_REVISION]:
+        if concerned and robots.seen_revision[i] != clock.revision:
             append(batch, i, robots.reason[i])
         elif due and robots.status[i] == STATUS_UP:
             append(batch, i, REASON_PERIODIC)
@@ -206,9 +192,9 @@ def batch_routing(world, batch):
     A strategy that asked for this tick gets all that are on their way too: REASON_PERIODIC.
     """
     robots, clock = world.robots, world.clock
-    batch.count[0] = 0
+    batch.count = 0
     due = is_due(world, LAYER_ROUTING) and world.rules.steered[0] == 0
-    if clock[CLOCK_NEEDING_ROUTE] == 0 and not due:
+    if clock.needing_route == 0 and not due:
         return False
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
@@ -223,7 +209,7 @@ def batch_routing(world, batch):
                 append(batch, i, robots.route_reason[i])
         elif due and is_on_its_way(world, i):
             append(batch, i, REASON_PERIODIC)
-    if batch.count[0] == 0 and not due:
+    if batch.count == 0 and not due:
         return False
     world.tally.batches[LAYER_ROUTING] += 1
     return True
@@ -233,9 +219,9 @@ def batch_routing(world, batch):
 def batch_right_of_way(world, batch):
     """Robots whose retries are used up, and robots in a retreat: they ask for every step."""
     robots, clock = world.robots, world.clock
-    batch.count[0] = 0
+    batch.count = 0
     due = is_due(world, LAYER_RIGHT_OF_WAY)
-    if clock[CLOCK_NEEDING_RIGHT_OF_WAY] == 0 and not due:
+    if clock.needing_right_of_way == 0 and not due:
         return False
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
@@ -251,7 +237,7 @@ def batch_right_of_way(world, batch):
             )
         elif due and robots.status[i] == STATUS_UP:
             append(batch, i, REASON_PERIODIC)
-    if batch.count[0] == 0 and not due:
+    if batch.count == 0 and not due:
         return False
     world.tally.batches[LAYER_RIGHT_OF_WAY] += 1
     return True
@@ -268,7 +254,7 @@ def clear_decisions(batch, decisions, layer, known):
 
     A list of tasks that repeats has millions of orders of which few are released.
     """
-    count = batch.count[0]
+    count = batch.count
     if layer == LAYER_ALLOCATION:
         clear_allocation(decisions.allocation, count)
         decisions.allocation.order_taken[:known] = 0

@@ -40,10 +40,9 @@ from automaton.engine.observation import (
     LOST_EVER,
     LOST_LATELY,
     MEMORY_TICKS,
-    WAITERS,
 )
 from automaton.engine.random_numbers import is_begin
-from automaton.engine.state import ACTION_MOVE, CLOCK_TICK, FOLLOWING_CONVOY, GOAL_NONE, NIL
+from automaton.engine.state import ACTION_MOVE, FOLLOWING_CONVOY, GOAL_NONE, NIL
 
 REQUESTED = -2  # value of scratch.holder: a robot waits for it
 
@@ -52,7 +51,7 @@ REQUESTED = -2  # value of scratch.holder: a robot waits for it
 def find_blockers(world, observation):
     """Who keeps the robots that wait, and the causes that follow from it."""
     scratch = observation.scratch
-    waiters = scratch.count[WAITERS]
+    waiters = scratch.count.waiters
     if world.rules.following == FOLLOWING_CONVOY:
         find_robots_ahead(world, observation)
     sought = 0
@@ -78,7 +77,7 @@ def find_robots_ahead(world, observation):
     """Enter who is still leaving the cells into which robots follow."""
     robots, scratch = world.robots, observation.scratch
     follow = 0
-    for k in range(scratch.count[WAITERS]):
+    for k in range(scratch.count.waiters):
         i = np.int64(scratch.waiters[U(k)])
         if follows(observation, i):
             scratch.holder[U(resource_ahead(world, i))] = REQUESTED
@@ -90,7 +89,7 @@ def find_robots_ahead(world, observation):
             own = own_resource(robots, world.traffic, i)
             if scratch.holder[U(own)] == REQUESTED:
                 scratch.holder[U(own)] = i
-    for k in range(scratch.count[WAITERS]):
+    for k in range(scratch.count.waiters):
         i = np.int64(scratch.waiters[U(k)])
         if follows(observation, i):
             ahead = U(resource_ahead(world, i))
@@ -260,7 +259,7 @@ def count_wait(world, observation, i):
     observation.lost[U(i), U(observation.cause[U(i)])] += ticks
     cell = np.int64(world.robots.cell[U(i)])
     if cell != NIL:
-        lost_ticks_by_cell, tick = observation.lost_ticks_by_cell[U(cell)], world.clock[CLOCK_TICK]
+        lost_ticks_by_cell, tick = observation.lost_ticks_by_cell[U(cell)], world.clock.tick
         lost_ticks_by_cell[LOST_EVER] += ticks
         halvings = min((tick - np.int64(lost_ticks_by_cell[COUNTED_AT])) // MEMORY_TICKS, 31)
         if halvings > 0:

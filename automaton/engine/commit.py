@@ -48,10 +48,6 @@ from automaton.engine.state import (
     ACTION_RETREAT,
     ACTION_WAIT,
     BATTERY_FULL,
-    CLOCK_FRESH_ALLOCATION,
-    CLOCK_REVISION,
-    CLOCK_TICK,
-    CLOCK_UNPARKED,
     CMD_DROP_AT,
     CMD_GO,
     CMD_HOLD,
@@ -121,7 +117,7 @@ def commit_allocation(world, record, batch, decisions):
     robots = world.robots
     out = decisions.allocation
     commit_order_queues(world, batch, out)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         command = out.command[k]
         if robots.status[i] > STATUS_EXHAUSTED:
@@ -184,7 +180,7 @@ def commit_order_queues(world, batch, out):
             changed = changed or robots.order_queue[i, k] != out.order_queue[i, k]
             robots.order_queue[i, k] = out.order_queue[i, k]
         if changed:
-            world.clock[CLOCK_REVISION] += 1  # who was left idle is asked again
+            world.clock.revision += 1  # who was left idle is asked again
 
 
 @kernel
@@ -197,7 +193,7 @@ def leave_floor(world, i, ask_again):
     clear_allocation_request(world, i)
     if robots.parked[i]:
         robots.parked[i] = 0
-        world.clock[CLOCK_UNPARKED] += 1
+        world.clock.unparked += 1
     robots.home[i] = robots.cell[i]
     set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
 
@@ -212,10 +208,10 @@ def stay_idle(world, i, ask_again):
         clear_allocation_request(world, i)
         return
     if robots.seen_revision[i] == NIL:
-        world.clock[CLOCK_FRESH_ALLOCATION] -= 1
+        world.clock.fresh_allocation -= 1
         if robots.goal_type[i] == GOAL_NONE:
             request_charging(world, i, REASON_NO_ORDER)
-    robots.seen_revision[i] = world.clock[CLOCK_REVISION]
+    robots.seen_revision[i] = world.clock.revision
 
 
 @kernel
@@ -275,7 +271,7 @@ def take(world, record, i, order, goal_cell, out):
         if not may_have(orders.reserved_by[order], robots.identity[i]):
             lose_order(world, record, np.int64(robots.at_index[orders.reserved_by[order]]))
         robots.order[i] = order
-        orders.dispatched[order] = world.clock[CLOCK_TICK]
+        orders.dispatched[order] = world.clock.tick
         in_bay = robots.cell[i] == NIL
         orders.dispatched_from[order] = robots.home[i] if in_bay else robots.cell[i]
         orders.dispatched_heading[order] = robots.heading[i]
@@ -327,7 +323,7 @@ def choose_slot(world, record, i, slot, goal_cell, try_drop):
 @kernel
 def commit_routing(world, batch, decisions):
     robots = world.robots
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         route_length = np.int64(decisions.routing.route_length[k])
         if route_length == KEEP:
@@ -353,7 +349,7 @@ def commit_routing(world, batch, decisions):
 def commit_charging(world, record, batch, decisions):
     """A robot that has neither a load nor begun an order may be sent to a charger, or away from it."""
     robots, out = world.robots, decisions.charging
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         goal_cell, charge_target = np.int64(out.goal_cell[k]), np.int64(out.charge_target[k])
         i = np.int64(batch.robot[k])
         if goal_cell == KEEP:
@@ -414,7 +410,7 @@ MAX_COMMAND_TICKS = 10_000  # of one wait or retreat
 def commit_right_of_way(world, record, batch, decisions):
     robots = world.robots
     out = decisions.right_of_way
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         command, value = out.command[k], np.int64(out.value[k])
         if world.rules.steered[0]:
@@ -456,13 +452,13 @@ def commit_steering(world, record, i, command, value):
         robots.step[i] = value
         if robots.parked[i]:
             robots.parked[i] = 0
-            world.clock[CLOCK_UNPARKED] += 1
+            world.clock.unparked += 1
             if robots.goal_type[i] == GOAL_NONE:  # pushed from its place: it comes back by itself
                 set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
     elif command == CMD_HOLD and -1 <= value < 4:
         if robots.parked[i] and in_bay == 0 and robots.goal_type[i] != GOAL_NONE:
             robots.parked[i] = 0  # it has work: what it loses counts from now on
-            world.clock[CLOCK_UNPARKED] += 1
+            world.clock.unparked += 1
         if waits_in_bay or robots.parked[i] == 0:
             robots.step[i] = HOLD | (NO_STEP if value == NIL else value)
     elif command == CMD_WAIT and 1 <= value <= MAX_COMMAND_TICKS and robots.parked[i] == 0:
@@ -498,7 +494,7 @@ def step(world, i, direction):
         clear_right_of_way(world, i)
     if robots.parked[i]:
         robots.parked[i] = 0
-        world.clock[CLOCK_UNPARKED] += 1
+        world.clock.unparked += 1
     robots.step[i] = direction
 
 

@@ -20,9 +20,6 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import CONSTANT, Struct, field
 from automaton.engine.operations import is_drivable
 from automaton.engine.state import (
-    CLOCK_DECISION_WORDS,
-    CLOCK_PHASE,
-    CLOCK_TICK,
     KEEP,
     LAYER_ALLOCATION,
     LAYER_CHARGING,
@@ -58,7 +55,7 @@ read_right_of_way = reading(RightOfWayDecisions)
 @kernel
 def key_of(world):
     """What the words of the decisions that are given now begin with."""
-    return (world.clock[CLOCK_TICK] << PHASE_BITS) | world.clock[CLOCK_PHASE]
+    return (world.clock.tick << PHASE_BITS) | world.clock.phase
 
 
 @kernel
@@ -82,14 +79,14 @@ def keep_decisions(world, record, batch, decisions, layer):
         return
     if layer == LAYER_ALLOCATION:
         keep_plans(world, record, batch, decisions.allocation)
-    for k in range(batch.count[0]):
-        at = world.clock[CLOCK_DECISION_WORDS]
+    for k in range(batch.count):
+        at = world.clock.decision_words
         size = put(world, record.decisions, at + 2, batch, decisions, layer, k)
         if size:
             identity = np.int64(world.robots.identity[batch.robot[k]])
             record.decisions[at] = key_of(world)
             record.decisions[at + 1] = (identity << COUNT_BITS) | size
-            world.clock[CLOCK_DECISION_WORDS] = at + 2 + size
+            world.clock.decision_words = at + 2 + size
 
 
 @kernel
@@ -101,7 +98,7 @@ def keep_plans(world, record, batch, out):
         if count == KEEP or not may_set_order_queue(world, batch, i):
             continue
         count = count if 0 <= count <= world.robots.order_queue.shape[1] else ILLEGAL_PLAN
-        at = world.clock[CLOCK_DECISION_WORDS]
+        at = world.clock.decision_words
         size = PLAN_WORDS + max(count, 0)
         record.decisions[at] = key_of(world)
         record.decisions[at + 1] = (identity << COUNT_BITS) | size
@@ -109,7 +106,7 @@ def keep_plans(world, record, batch, out):
             record.decisions[at + 2 + k] = count
         for k in range(count):
             record.decisions[at + 2 + PLAN_WORDS + k] = out.order_queue[i, k]
-        world.clock[CLOCK_DECISION_WORDS] = at + 2 + size
+        world.clock.decision_words = at + 2 + size
 
 
 @kernel
@@ -172,8 +169,8 @@ class ReplayState(Struct):
 
     layer: int = field("int64")
     words: Array = field("(w,) int64", "the stream of decisions", role=CONSTANT)
-    cursor: Array = field("(1,) int64", "words given")
-    end: Array = field("(1,) int64", "words in the stream")
+    cursor: int = field("() int64", "words given")
+    end: int = field("() int64", "words in the stream")
 
 
 @kernel
@@ -182,11 +179,11 @@ def repeat(view, batch, decisions, memory, workspace):
     state = ReplayState.of(memory)
     layer, words = state.layer, state.words
     key = key_of(view)
-    at, end = state.cursor[0], state.end[0]
+    at, end = state.cursor, state.end
     if layer == LAYER_ZONING:
-        state.cursor[0] = repeat_zoning(view, batch, decisions.zoning, words, at, end, key)
+        state.cursor = repeat_zoning(view, batch, decisions.zoning, words, at, end, key)
         return
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         if layer == LAYER_ALLOCATION:
             # Of robots that were asked one by one, each plan stands by its decision.
             at = skip_others(view, batch, words, at, end, key)
@@ -202,7 +199,7 @@ def repeat(view, batch, decisions, memory, workspace):
                 break  # the recording was altered
             give(words, at + 2, size, decisions, layer, k)
             at += 2 + size
-    state.cursor[0] = at
+    state.cursor = at
 
 
 @kernel
@@ -213,7 +210,7 @@ def skip_others(view, batch, words, at, end, key):
         identity, size = words[at + 1] >> COUNT_BITS, words[at + 1] & ((1 << COUNT_BITS) - 1)
         if words[at] == key and 0 <= identity < view.robots.cell.shape[0]:
             i = np.int64(view.robots.at_index[identity])
-            if allocation_of(view, i) == batch.strategy[0]:
+            if allocation_of(view, i) == batch.strategy:
                 return at
         at += 2 + size
     return at
@@ -309,7 +306,7 @@ def max_zoning_words(world):
 @kernel
 def begin_row(world, record, key, kind):
     """Leave room for the head of a row; returns where its first value goes."""
-    at = world.clock[CLOCK_DECISION_WORDS]
+    at = world.clock.decision_words
     record.decisions[at] = key
     record.decisions[at + 1] = (ROW_MARK + kind) << COUNT_BITS
     return at + 2
@@ -318,25 +315,25 @@ def begin_row(world, record, key, kind):
 @kernel
 def end_row(world, record, at):
     """The row ends before word `at`."""
-    begin = world.clock[CLOCK_DECISION_WORDS]
+    begin = world.clock.decision_words
     record.decisions[begin + 1] += at - begin - 2
-    world.clock[CLOCK_DECISION_WORDS] = at
+    world.clock.decision_words = at
 
 
 @kernel
 def keep_zoning(world, record, batch, out, key):
     """Append the decisions of a call of zoning, before they are committed."""
-    if batch.count[0] == 0:
+    if batch.count == 0:
         return
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         keep_robot(world, record, batch, out, key, k)
-    if out.refused[0]:
+    if out.refused:
         at = begin_row(world, record, key, ROW_REFUSED)
-        record.decisions[at] = out.refused[0]
+        record.decisions[at] = out.refused
         end_row(world, record, at + 1)
     if world.service_zones.queue.shape[0] == 0:
         return
-    if out.redesigned[0]:
+    if out.redesigned:
         keep_design(world, record, out.design, key)
     for zone in range(out.server.shape[0]):
         if out.server[zone] != KEEP:
@@ -345,9 +342,9 @@ def keep_zoning(world, record, batch, out, key):
                 record.decisions[at + other] = out.server[other]
             end_row(world, record, at + out.server.shape[0])
             break
-    for first in range(0, out.queued[0], MAX_QUEUED):
+    for first in range(0, out.queued, MAX_QUEUED):
         at = begin_row(world, record, key, ROW_QUEUES)
-        for k in range(first, min(first + MAX_QUEUED, out.queued[0])):
+        for k in range(first, min(first + MAX_QUEUED, out.queued)):
             record.decisions[at] = out.order[k]
             record.decisions[at + 1] = out.queue[k]
             record.decisions[at + 2] = out.next_slot[k]
@@ -359,7 +356,7 @@ def keep_zoning(world, record, batch, out, key):
 @kernel
 def keep_robot(world, record, batch, out, key, k):
     """Append what zoning says of one robot, unless it is nothing."""
-    at = world.clock[CLOCK_DECISION_WORDS]
+    at = world.clock.decision_words
     words = record.decisions
     size = append_zoning(out, k, words, at + 2)
     if size == 0:
@@ -370,7 +367,7 @@ def keep_robot(world, record, batch, out, key, k):
         size += MESSAGE_WORDS
     words[at] = key
     words[at + 1] = (np.int64(world.robots.identity[batch.robot[k]]) << COUNT_BITS) | size
-    world.clock[CLOCK_DECISION_WORDS] = at + 2 + size
+    world.clock.decision_words = at + 2 + size
 
 
 @kernel
@@ -388,7 +385,7 @@ def keep_design(world, record, design, key):
                     words[at], words[at + 1], words[at + 2] = a, b, station
                     at += 3
     end_row(world, record, at)
-    for segment in range(min(max(0, design.segments[0]), design.owner.shape[0])):
+    for segment in range(min(max(0, design.segments), design.owner.shape[0])):
         at = begin_row(world, record, key, ROW_SEGMENT)
         words[at] = design.owner[segment]
         words[at + 1] = design.ends[segment, 0]
@@ -422,7 +419,7 @@ def repeat_zoning(view, batch, out, words, at, end, key):
 @kernel
 def place_of(view, batch, identity):
     """Which entry of a batch a robot is, or NIL."""
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         if view.robots.identity[batch.robot[k]] == identity:
             return k
     return NIL
@@ -442,19 +439,19 @@ def give_robot(out, words, at, size, k):
 @kernel
 def give_row(view, out, words, at, size, kind):
     if kind == ROW_REFUSED:
-        out.refused[0] += words[at]
+        out.refused += words[at]
     if view.service_zones.queue.shape[0] == 0:
         return
     if kind == ROW_QUEUES:
         for first in range(at, at + size - 3, 4):
-            k = out.queued[0]
+            k = out.queued
             if k == out.order.shape[0]:
                 return
             out.order[k] = words[first]
             out.queue[k] = words[first + 1]
             out.next_slot[k] = words[first + 2]
             out.skips_transfer[k] = words[first + 3]
-            out.queued[0] = k + 1
+            out.queued = k + 1
     elif kind == ROW_SERVERS and size == out.server.shape[0]:
         for zone in range(size):
             if words[at + zone] != KEEP:
@@ -469,8 +466,8 @@ def give_row(view, out, words, at, size, kind):
 def give_stations(out, words, at, size):
     design = out.design
     stations, zones = design.zone.shape[0], design.transfer.shape[0]
-    out.redesigned[0] = 1
-    design.segments[0] = 0
+    out.redesigned = 1
+    design.segments = 0
     design.transfer[:] = 0
     for station in range(stations):
         design.zone[station] = words[at + station]
@@ -482,7 +479,7 @@ def give_stations(out, words, at, size):
 
 @kernel
 def give_segment(design, words, at, size):
-    segment = design.segments[0]
+    segment = design.segments
     count = size - 3
     if segment >= design.owner.shape[0] or count > design.path.shape[1]:
         return
@@ -492,4 +489,4 @@ def give_segment(design, words, at, size):
     design.points[segment] = count
     for k in range(count):
         design.path[segment, k] = words[at + 3 + k]
-    design.segments[0] = segment + 1
+    design.segments = segment + 1

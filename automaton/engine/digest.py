@@ -11,7 +11,7 @@ import numpy as np
 from automaton.engine.jit.field_kernels import digest_names, digesting
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.random_numbers import splitmix64
-from automaton.engine.state import CLOCK_TICK, NIL, World
+from automaton.engine.state import NIL, World
 
 DIGEST_NAMES = digest_names(World)
 FIRST_OPTIONAL = 60  # number of the first array that only some scenarios have
@@ -42,10 +42,10 @@ def code_of_route(robots, i):
 def hash_of_design(service_zones):
     """A hash of the design of the zones."""
     design = service_zones.design
-    total = np.uint64(design.segments[0])
+    total = np.uint64(design.segments)
     for station in range(design.zone.shape[0]):
         total = splitmix64(total ^ np.uint64(np.int64(design.zone[station])))
-    for segment in range(design.segments[0]):
+    for segment in range(design.segments):
         total = splitmix64(total ^ np.uint64(design.owner[segment]))
         for k in range(design.points[segment]):
             total = splitmix64(total ^ np.uint64(design.path[segment, k]))
@@ -68,7 +68,7 @@ def hash_of_order_queue(r, i):
 @kernel
 def hash_of_tick(world):
     """A hash of the tick."""
-    return splitmix64(np.uint64(world.clock[CLOCK_TICK]))
+    return splitmix64(np.uint64(world.clock.tick))
 
 
 VALUES = (code_of_cell, code_of_route, hash_of_order_queue, hash_of_design, hash_of_tick)

@@ -17,6 +17,7 @@ in the largest unit that all steps and turns are a multiple of.
 
 from typing import Final
 
+from automaton.engine.jit.named_numbers import NamedNumbers, number
 from automaton.engine.jit.structs import CONSTANT, NIL, SCRATCH, STATIC, STOP, Array, Struct, field
 
 UNREACHABLE: Final = 1 << 30  # cost of what cannot be reached
@@ -32,12 +33,16 @@ MAX_PATTERNS: Final = 256
 MAX_NARROW_TURN: Final = 3  # cost of a turn up to which a cell is one of so many patterns
 BYTES_PER_WORD: Final = 2
 
-TABLES_ENCODING: Final = 0  # entries of tables.status
-TABLES_WORDS: Final = 1  # of a table, 2 bytes each; 0: none was asked for yet
-TABLES_ROWS: Final = 2  # that fit the pool
-TABLES_TAKEN: Final = 3  # rows that were in use at some time: the memory that is taken
-TABLES_HAND: Final = 4  # the row at which the clock hand is
-TABLES_REFUSED: Final = 5  # 1: there was no room for a table
+
+class TablesStatus(NamedNumbers):
+    """How much of the memory of the tables is in use."""
+
+    encoding: int = number("JOINT, SPLIT, POSE16 or POSE32")
+    words: int = number("of a table, 2 bytes each; 0: none was asked for yet")
+    rows: int = number("tables that fit the pool")
+    taken: int = number("rows that were in use at some time: the memory that is taken")
+    hand: int = number("the row at which the clock hand is")
+    refused: int = number("1 = there was no room for a table")
 
 
 class DistanceTables(Struct, role=SCRATCH):
@@ -83,7 +88,7 @@ class DistanceTables(Struct, role=SCRATCH):
     owner: Array = field("(R,) int32", "which entry of row_of a row has, or NIL", default=NIL)
     kept_in: Array = field("(R,) int64", "the tick in which a row must stay", default=NIL)
     used: Array = field("(R,) uint8", "1 = looked at since the clock hand came by")
-    status: Array = field("(6,) int64", "TABLES_*")
+    status: TablesStatus = field(TablesStatus)
     reached: Array = field("(C,) uint8", "of a search: headings whose cost is known, bit h")
     least: Array = field("(C,) int32", "of a search: the cost of the best heading")
     turns: Array = field("(C,) uint16", "of a search: what each heading costs more, 3 bits each")

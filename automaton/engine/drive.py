@@ -85,10 +85,6 @@ from automaton.engine.state import (
     ACTION_TRY_DROP,
     ACTION_TURN,
     ACTION_WAIT,
-    CLOCK_COARSE_TICK,
-    CLOCK_HALTED_UNTIL,
-    CLOCK_TICK,
-    CLOCK_UNPARKED,
     FOLLOWING_CONVOY,
     GOAL_CHARGE,
     GOAL_DROP,
@@ -116,7 +112,7 @@ from automaton.engine.trips import has_trips, is_in_own_queue, is_queueing_at_st
 @kernel
 def leave_parking_bays(world):
     """Place robots with a task on their home cells if those had room at the start of the tick."""
-    robots, tick = world.robots, world.clock[CLOCK_TICK]
+    robots, tick = world.robots, world.clock.tick
     gated = has_gates(world)
     if gated:
         ask_gates_of_bays(world)
@@ -124,7 +120,7 @@ def leave_parking_bays(world):
         i = np.int64(robots.at_index[identity])
         if robots.parked[i] == 0 or robots.busy[i] or robots.goal_type[i] in (GOAL_NONE, GOAL_PARK):
             continue
-        if world.clock[CLOCK_HALTED_UNTIL] >= tick and world.service_zones.halt[i] >= tick:
+        if world.clock.halted_until >= tick and world.service_zones.halt[i] >= tick:
             continue
         if not may_leave_bay(world, i):
             continue
@@ -144,7 +140,7 @@ def leave_parking_bays(world):
             if gated:
                 enter_from_bay(world, home)
         robots.parked[i] = 0
-        world.clock[CLOCK_UNPARKED] += 1
+        world.clock.unparked += 1
 
 
 @kernel
@@ -167,7 +163,7 @@ def may_leave_bay(world, i):
 @kernel
 def halt_robots(world, record):
     """Robots that zoning halts wait from now on until it lets them go; who is down does not."""
-    robots, tick = world.robots, world.clock[CLOCK_TICK]
+    robots, tick = world.robots, world.clock.tick
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         if robots.status[i] > STATUS_EXHAUSTED:
@@ -308,7 +304,7 @@ def turn(world, i, direction):
     cell = np.int64(robots.cell[i])
     if np.int64(grid.cell_flags[cell]) >> 5 & 3 == 2:
         other_lane = np.int64(robots.travel[i]) ^ 2
-        if not is_empty(world.traffic, cell, other_lane, world.clock[CLOCK_TICK]):
+        if not is_empty(world.traffic, cell, other_lane, world.clock.tick):
             world.traffic.intent[i] = NO_TURN
             return
         occupy(world.traffic.occupancy, cell, other_lane)
@@ -390,7 +386,7 @@ def park_if_home(world, i):
     drop_route(robots, i)
     clear_route_request(world, i)
     robots.executed[i] = np.int64(robots.executed[i]) | ENTERED_PARKING_BAY
-    world.clock[CLOCK_UNPARKED] -= 1
+    world.clock.unparked -= 1
     if world.rules.steered[0] == 0 or robots.need[i] & NEED_ALLOCATION == 0:
         request_allocation(world, i, REASON_IDLE)  # who was pushed from its place waits as before
     if robots.bay[i] != NIL or world.rules.leave:
@@ -556,7 +552,7 @@ def ticks_of_move(world, i, intent):
         ticks *= robots_in_zone(world, i, intent)
     if rules.extra_tick:
         identity = world.robots.identity[U(i)]
-        tick = world.clock[CLOCK_COARSE_TICK]
+        tick = world.clock.coarse_tick
         bits = random_bits(rules.seed, STREAM_EXTRA_TICKS, tick, identity)
         ticks += rules.refinement if np.int64(bits >> np.uint64(32)) < rules.extra_tick else 0
     return ticks

@@ -25,8 +25,6 @@ from automaton.engine.state import (
     ACTION_PICK,
     ACTION_QUEUE,
     BATTERY_FULL,
-    CLOCK_TICK,
-    CLOCK_TICKETS_ISSUED,
     GOAL_CHARGE,
     GOAL_NONE,
     NIL,
@@ -64,7 +62,7 @@ def charge_up(world, i):
     robots = world.robots
     first = robots.action[i] != ACTION_CHARGE
     robots.ticket[i] = 0
-    world.tally.progress[i] = world.clock[CLOCK_TICK]
+    world.tally.progress[i] = world.clock.tick
     count_lost_tick(world, i, ACTION_CHARGE)
     robots.busy[i] = 1  # motion takes it away again in this tick
     world.tally.operations[i, ACTION_CHARGE, 0] -= 0 if first else 1
@@ -174,8 +172,8 @@ def join_charger_queue(world, i):
     """Robot i keeps its place in the line before its charger, or gets the last one."""
     robots, chargers = world.robots, world.chargers
     if robots.ticket[i] == 0:
-        world.clock[CLOCK_TICKETS_ISSUED] += 1
-        robots.ticket[i] = world.clock[CLOCK_TICKETS_ISSUED]
+        world.clock.tickets_issued += 1
+        robots.ticket[i] = world.clock.tickets_issued
     charger = chargers.charger_at[robots.goal_cell[i]]
     if chargers.first_ticket[charger] == 0 or robots.ticket[i] < chargers.first_ticket[charger]:
         chargers.first_ticket[charger] = robots.ticket[i]

@@ -5,7 +5,6 @@ import numpy as np
 from automaton.engine.blockers import walk_to_cycle
 from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.observation import (
-    COUNT_EVENTS,
     DEADLOCK_TICKS,
     EVENT_BACK,
     EVENT_CHARGING,
@@ -27,8 +26,6 @@ from automaton.engine.observation import (
     EVENT_VISITED,
     EVENT_WAIT_CYCLE,
     EVENT_ZONES_REDESIGNED,
-    EVENTFUL,
-    WAITERS,
 )
 from automaton.engine.record_codes import (
     ACTION_MASK,
@@ -44,7 +41,6 @@ from automaton.engine.record_codes import (
 )
 from automaton.engine.state import (
     ACTION_CHARGE,
-    CLOCK_TICK,
     NIL,
     ORDER_DELIVERED,
     STATUS_DEPLETED,
@@ -70,7 +66,7 @@ def note_events(world, observation):
     note_work(world, observation)
     note_zones(world, observation)
     robots, scratch = world.robots, observation.scratch
-    for k in range(scratch.count[EVENTFUL]):
+    for k in range(scratch.count.eventful):
         i = np.int64(scratch.eventful[U(k)])
         identity = np.int64(robots.identity[i])
         order, before = np.int64(robots.order[i]), np.int64(observation.order_before[i])
@@ -121,11 +117,11 @@ def note_zones(world, observation):
             observation.zone_before[station] = now
             if before != NIL:  # at the start it had none
                 moved += 1
-                observation.reshaped[before] = world.clock[CLOCK_TICK]
-                observation.reshaped[now] = world.clock[CLOCK_TICK]
+                observation.reshaped[before] = world.clock.tick
+                observation.reshaped[now] = world.clock.tick
     if moved:
         event(world, observation, EVENT_ZONES_REDESIGNED, NIL, NIL, moved)
-        observation.redesigns[0] += 1
+        observation.redesigns += 1
 
 
 @kernel
@@ -138,13 +134,13 @@ def action_of(executed):
 
 @kernel
 def event(world, observation, code, robot, subject, value):
-    row = observation.count[COUNT_EVENTS]
-    observation.events[row, 0] = world.clock[CLOCK_TICK]
+    row = observation.count.events
+    observation.events[row, 0] = world.clock.tick
     observation.events[row, 1] = code
     observation.events[row, 2] = robot
     observation.events[row, 3] = subject
     observation.events[row, 4] = value
-    observation.count[COUNT_EVENTS] = row + 1
+    observation.count.events = row + 1
 
 
 @kernel
@@ -216,7 +212,7 @@ def find_cycles(world, observation):
     """
     scratch = observation.scratch
     color = scratch.color
-    waiters = scratch.count[WAITERS]
+    waiters = scratch.count.waiters
     for k in range(waiters):
         color[U(scratch.waiters[U(k)])] = 0
     for k in range(waiters):

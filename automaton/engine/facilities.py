@@ -500,7 +500,7 @@ class Design(Struct, role=STATE):
     """A zone design; a segment is a path of points from one station of its zone to another."""
 
     zone: Array = field("(S,) int32", "the zone of each station", default=NIL)
-    segments: Array = field("(1,) int64", "how many are in use; the first ones")
+    segments: int = field("() int64", "how many are in use; the first ones")
     owner: Array = field("(M,) int32", "zone of a segment", default=NIL)
     ends: Array = field("(M, 2) int32", "the stations that it joins", default=NIL)
     points: Array = field("(M,) int32", "how many points it has, both ends included")

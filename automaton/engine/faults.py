@@ -53,13 +53,6 @@ from automaton.engine.state import (
     ACTION_DELAYED,
     ACTION_DOWN,
     ACTION_IDLE,
-    CLOCK_COARSE_TICK,
-    CLOCK_NEEDING_CHARGING,
-    CLOCK_NEXT_FAULT,
-    CLOCK_REVISION,
-    CLOCK_ROBOTS_DOWN,
-    CLOCK_TICK,
-    CLOCK_UNPARKED,
     FAILURE_DEPLETED,
     FAILURE_FAULT,
     FAILURE_TOWED,
@@ -87,15 +80,12 @@ from automaton.engine.trips import give_place_back, has_trips, offer, store_pod
 def break_down_and_repair(world, record, workspace):
     """At the start of a tick: robots are towed and come back; others fail, or lack energy."""
     clock, faults = world.clock, world.rules.faults
-    while (
-        clock[CLOCK_NEXT_FAULT] < faults.shape[0]
-        and faults[clock[CLOCK_NEXT_FAULT], 0] <= clock[CLOCK_TICK]
-    ):
-        fail(world, np.int64(world.robots.at_index[faults[clock[CLOCK_NEXT_FAULT], 1]]))
-        clock[CLOCK_NEXT_FAULT] += 1
+    while clock.next_fault < faults.shape[0] and faults[clock.next_fault, 0] <= clock.tick:
+        fail(world, np.int64(world.robots.at_index[faults[clock.next_fault, 1]]))
+        clock.next_fault += 1
     if world.rules.breakdown and chance_decides(world):
         draw_faults(world)
-    if clock[CLOCK_ROBOTS_DOWN]:
+    if clock.robots_down:
         tow_and_repair(world, record, workspace)
         take_all_out(world, record)
 
@@ -105,7 +95,7 @@ def fail(world, i):
     """Robot i breaks down when what it does is over."""
     if world.robots.status[i] == STATUS_UP:
         world.robots.status[i] = STATUS_FAILING
-        world.clock[CLOCK_ROBOTS_DOWN] += 1
+        world.clock.robots_down += 1
 
 
 @kernel
@@ -116,7 +106,7 @@ def draw_faults(world):
         if robots.cell[i] != NIL and robots.status[i] == STATUS_UP:
             identity = np.int64(robots.identity[i])
             bits = random_bits(
-                rules.seed, STREAM_BREAKDOWNS, world.clock[CLOCK_COARSE_TICK], identity
+                rules.seed, STREAM_BREAKDOWNS, world.clock.coarse_tick, identity
             ) >> np.uint64(32)
             if np.int64(bits) < rules.breakdown:
                 fail(world, i)
@@ -125,7 +115,7 @@ def draw_faults(world):
 @kernel
 def tow_and_repair(world, record, workspace):
     """Robots come back, or are towed; one with a pod as soon as there is a cell to put it into."""
-    robots, tick = world.robots, world.clock[CLOCK_TICK]
+    robots, tick = world.robots, world.clock.tick
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         status = robots.status[i]
@@ -169,14 +159,14 @@ def take_all_out(world, record):
 @kernel
 def stop_in_place(world, record, i):
     """Robot i is down where it stands until it is repaired there; it keeps all that it has to do."""
-    robots, rules, tick = world.robots, world.rules, world.clock[CLOCK_TICK]
+    robots, rules, tick = world.robots, world.rules, world.clock.tick
     become(world, record, i, STATUS_FAILED)
     entry = random_between(
         0,
         rules.repair_in_place.shape[0] - 1,
         rules.seed,
         STREAM_REPAIRS,
-        world.clock[CLOCK_COARSE_TICK],
+        world.clock.coarse_tick,
         np.int64(robots.identity[i]),
     )
     robots.status_until[i] = tick + rules.repair_in_place[entry]
@@ -190,7 +180,7 @@ def go_on_in_place(world, record, i):
     """Robot i is in order again where it stands."""
     world.robots.status_until[i] = 0
     become(world, record, i, STATUS_UP)
-    world.clock[CLOCK_ROBOTS_DOWN] -= 1
+    world.clock.robots_down -= 1
 
 
 @kernel
@@ -205,13 +195,13 @@ def take_out(world, record, i, status):
     world.tally.operations[i, ACTION_DOWN, 0] += 1
     robots.action[i] = ACTION_DOWN
     after = world.rules.tow_after
-    robots.status_until[i] = NIL if after == NIL else world.clock[CLOCK_TICK] + after
-    world.clock[CLOCK_REVISION] += 1
+    robots.status_until[i] = NIL if after == NIL else world.clock.tick + after
+    world.clock.revision += 1
     if robots.cell[i] == NIL:
         tow(world, record, i)
     elif robots.parked[i]:
         robots.parked[i] = 0
-        world.clock[CLOCK_UNPARKED] += 1
+        world.clock.unparked += 1
 
 
 @kernel
@@ -236,7 +226,7 @@ def return_orders(world, record, i):
     clear_right_of_way(world, i)
     clear_allocation_request(world, i)
     if robots.need[i] & NEED_CHARGING:
-        world.clock[CLOCK_NEEDING_CHARGING] -= 1
+        world.clock.needing_charging -= 1
     robots.need[i] = 0
     robots.retreat_moves[i] = 0
     robots.try_drop[i] = 0
@@ -325,16 +315,16 @@ def tow(world, record, i):
         world.tally.failures[i, FAILURE_TOWED] += 1
     if robots.parked[i] == 0:
         robots.parked[i] = 1
-        world.clock[CLOCK_UNPARKED] -= 1
+        world.clock.unparked -= 1
     robots.action[i] = ACTION_IDLE
     if rules.battery and rules.repair != NIL:
         charge_in_repair(world, i)
     become(world, record, i, STATUS_REMOVED if rules.repair == NIL else STATUS_TOWED)
     if rules.repair == NIL:
-        world.clock[CLOCK_ROBOTS_DOWN] -= 1
+        world.clock.robots_down -= 1
         robots.status_until[i] = NIL
     else:
-        robots.status_until[i] = world.clock[CLOCK_TICK] + rules.repair
+        robots.status_until[i] = world.clock.tick + rules.repair
 
 
 @kernel
@@ -359,7 +349,7 @@ def come_back(world, record, i):
     robots = world.robots
     robots.status_until[i] = 0
     become(world, record, i, STATUS_UP)
-    world.clock[CLOCK_ROBOTS_DOWN] -= 1
+    world.clock.robots_down -= 1
     if robots.load[i] == NIL:
         request_allocation(world, i, REASON_IDLE)
     else:
@@ -455,7 +445,7 @@ def leave_out_held(world, workspace, i):
 @kernel
 def delay_robots(world, record):
     """Begin delays, and let delayed robots stand; call after robots have gone down and come back."""
-    robots, delays, tick = world.robots, world.delays, world.clock[CLOCK_TICK]
+    robots, delays, tick = world.robots, world.delays, world.clock.tick
     draws = chance_decides(world)
     last_hash = find_last_hash(world) if delays.poisson and draws else np.uint64(0)
     lengthened = 0
@@ -478,7 +468,7 @@ def delay_robots(world, record):
 @kernel
 def begins_delay(world, identity, last_hash):
     """Whether a robot that may begin a delay does."""
-    bits = random_bits(world.rules.seed, STREAM_DELAYS, world.clock[CLOCK_COARSE_TICK], identity)
+    bits = random_bits(world.rules.seed, STREAM_DELAYS, world.clock.coarse_tick, identity)
     if world.delays.poisson:
         return bits <= last_hash
     return np.int64(bits >> np.uint64(32)) < world.delays.probability
@@ -487,9 +477,9 @@ def begins_delay(world, identity, last_hash):
 @kernel
 def begin_delay(world, record, i):
     """Robot i is delayed from this tick on; returns 1 if what it drives takes longer, else 0."""
-    robots, delays, tick = world.robots, world.delays, world.clock[CLOCK_TICK]
+    robots, delays, tick = world.robots, world.delays, world.clock.tick
     identity, last = np.int64(robots.identity[i]), delays.ticks.shape[0] - 1
-    drawn_in = world.clock[CLOCK_COARSE_TICK]
+    drawn_in = world.clock.coarse_tick
     entry = random_between(0, last, world.rules.seed, STREAM_DELAY_TICKS, drawn_in, identity)
     busy = np.int64(robots.busy[i])
     ticks = min(np.int64(delays.ticks[entry]), MAX_BUSY - busy)
@@ -510,7 +500,7 @@ def hand_delays_on(world):
     mark_claims(world, 1)
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[U(identity)])
-        if is_between_cells(robots, i) and until[U(identity)] >= world.clock[CLOCK_TICK]:
+        if is_between_cells(robots, i) and until[U(identity)] >= world.clock.tick:
             put_off_end(world, i, 0)
             hand_on(world, i)
     mark_claims(world, 0)
@@ -556,7 +546,7 @@ def put_off_end(world, i, ticks):
     robots.busy[U(i)] += np.uint16(ticks)
     if ticks:
         count_following(world, i, ticks)
-    last = world.clock[CLOCK_TICK] + np.int64(robots.busy[U(i)]) - 1
+    last = world.clock.tick + np.int64(robots.busy[U(i)]) - 1
     way = direction_between(world.grid, np.int64(robots.cell[U(i)]), np.int64(robots.claim[U(i)]))
     traffic.leaving[U(own_resource(robots, traffic, i))] = (last << 2) | way
 
@@ -565,12 +555,12 @@ def put_off_end(world, i, ticks):
 def find_last_hash(world):
     """The hash up to which robots begin delays in this tick, 0: none does."""
     robots, delays, rules = world.robots, world.delays, world.rules
-    drawn_in, count, able = world.clock[CLOCK_COARSE_TICK], 0, 0
+    drawn_in, count, able = world.clock.coarse_tick, 0, 0
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[U(identity)])
         if robots.cell[U(i)] == NIL or robots.status[U(i)] > STATUS_EXHAUSTED:
             continue
-        if delays.until[U(identity)] >= world.clock[CLOCK_TICK]:
+        if delays.until[U(identity)] >= world.clock.tick:
             continue
         delays.hash[U(able)] = random_bits(rules.seed, STREAM_DELAYS, drawn_in, identity)
         able += 1
@@ -603,7 +593,7 @@ def is_held_up(world, i):
     delays, robots = world.delays, world.robots
     if delays.until.shape[0] == 0 or robots.parked[U(i)]:
         return False
-    if delays.until[U(robots.identity[U(i)])] < world.clock[CLOCK_TICK]:
+    if delays.until[U(robots.identity[U(i)])] < world.clock.tick:
         return False
     action = np.int64(robots.action[U(i)])
     return action == ACTION_DELAYED or delays.lengthens[U(action)] != 0

@@ -29,11 +29,6 @@ from automaton.engine.jit.struct_types import declared_type
 from automaton.engine.observation import Observation
 from automaton.engine.observe import observe
 from automaton.engine.state import (
-    CLOCK_DIGEST_EVERY,
-    CLOCK_OBSERVING,
-    CLOCK_RECORDED_TICKS,
-    CLOCK_RECORDING,
-    CLOCK_TICK,
     LAYER_CHARGING,
     LAYER_ZONING,
     NIL,
@@ -140,14 +135,14 @@ def recording(world, record, batch, decisions, layer):
 @kernel
 def write_record(world, record):
     """Keep what was committed in this tick, by identity, and the digests after it when they are due."""
-    row = world.clock[CLOCK_RECORDED_TICKS]
+    row = world.clock.recorded_ticks
     for i in range(world.robots.executed.shape[0]):
         record.executed[row, world.robots.identity[i]] = world.robots.executed[i]
-    if world.clock[CLOCK_TICK] % world.clock[CLOCK_DIGEST_EVERY] == 0:
+    if world.clock.tick % world.clock.digest_every == 0:
         digest_world(world, record.digests[row])
     else:
         record.digests[row, :] = 0
-    world.clock[CLOCK_RECORDED_TICKS] = row + 1
+    world.clock.recorded_ticks = row + 1
 
 
 @kernel
@@ -194,12 +189,12 @@ FEATURES = (
     Feature(
         recording,
         (World, Record, Batch, Decisions, "int64"),
-        lambda world, mode: world.clock[CLOCK_RECORDING],
+        lambda world, mode: world.clock.recording,
     ),
     Feature(
         observation,
         (World, Observation, "int64"),
-        lambda world, mode: world.clock[CLOCK_OBSERVING],
+        lambda world, mode: world.clock.observing,
     ),
 )
 (

@@ -51,15 +51,6 @@ from automaton.engine.state import (
     ACTION_SERVE,
     ACTION_STATION_QUEUE,
     ACTION_TURN,
-    CLOCK_FIRST_OPEN,
-    CLOCK_KNOWN_ORDERS,
-    CLOCK_NEXT_PART,
-    CLOCK_NEXT_RELEASE,
-    CLOCK_OPEN_JOBS,
-    CLOCK_REVISION,
-    CLOCK_SEQUENCED,
-    CLOCK_TICK,
-    CLOCK_UNDELIVERED,
     GOAL_NONE,
     GOAL_STOP,
     NIL,
@@ -93,21 +84,21 @@ def release_orders(world):
     Where they are dealt out, each robot's next one is, once it has done the one before.
     """
     orders, clock = world.orders, world.clock
-    while clock[CLOCK_NEXT_RELEASE] < orders.release_sequence.shape[0]:
-        order = np.int64(orders.release_sequence[clock[CLOCK_NEXT_RELEASE]])
+    while clock.next_release < orders.release_sequence.shape[0]:
+        order = np.int64(orders.release_sequence[clock.next_release])
         if order == NIL:
             return
         if world.rules.in_system:
-            delivered = orders.release_sequence.shape[0] - clock[CLOCK_UNDELIVERED]
-            if clock[CLOCK_NEXT_RELEASE] - delivered >= world.rules.in_system:
+            delivered = orders.release_sequence.shape[0] - clock.undelivered
+            if clock.next_release - delivered >= world.rules.in_system:
                 return
-            orders.release_tick[order] = clock[CLOCK_TICK]
-        elif orders.release_tick[order] > clock[CLOCK_TICK]:
+            orders.release_tick[order] = clock.tick
+        elif orders.release_tick[order] > clock.tick:
             return
         orders.state[order] = ORDER_WAITING
-        clock[CLOCK_KNOWN_ORDERS] = max(clock[CLOCK_KNOWN_ORDERS], order + 1)
-        clock[CLOCK_NEXT_RELEASE] += 1
-        clock[CLOCK_REVISION] += 1
+        clock.known_orders = max(clock.known_orders, order + 1)
+        clock.next_release += 1
+        clock.revision += 1
         request_zoning(world)
 
 
@@ -119,9 +110,9 @@ def announce_next(world, i, order):
     while following < orders.state.shape[0]:
         cell = world.stops.cell[orders.first_stop[following]]
         if world.rules.skip_reached == 0 or cell != world.robots.cell[i]:
-            orders.release_tick[following] = clock[CLOCK_TICK] + 1
-            orders.release_sequence[clock[CLOCK_SEQUENCED]] = following
-            clock[CLOCK_SEQUENCED] += 1
+            orders.release_tick[following] = clock.tick + 1
+            orders.release_sequence[clock.sequenced] = following
+            clock.sequenced += 1
             return
         following += robots
 
@@ -130,7 +121,7 @@ def announce_next(world, i, order):
 def reserve_order(world, record, order, identity):
     """Give an order to a robot, or back (NIL)."""
     world.orders.reserved_by[order] = identity
-    world.clock[CLOCK_REVISION] += 1
+    world.clock.revision += 1
     record_change(world.clock, record, CHANGE_ORDER_RESERVED, order, identity)
 
 
@@ -140,7 +131,7 @@ def reserve_slot(world, record, slot, identity):
     if world.slots.unbounded[slot]:
         return
     world.slots.reserved_by[slot] = identity
-    world.clock[CLOCK_REVISION] += 1
+    world.clock.revision += 1
     record_change(world.clock, record, CHANGE_SLOT_RESERVED, slot, identity)
 
 
@@ -189,12 +180,12 @@ def complete_order(world, order):
     """An order is done in this tick."""
     orders, clock = world.orders, world.clock
     orders.state[order] = ORDER_DELIVERED
-    orders.delivered[order] = clock[CLOCK_TICK]
-    clock[CLOCK_UNDELIVERED] -= 1
-    first = clock[CLOCK_FIRST_OPEN]
+    orders.delivered[order] = clock.tick
+    clock.undelivered -= 1
+    first = clock.first_open
     while first < orders.state.shape[0] and orders.state[first] == ORDER_DELIVERED:
         first += 1
-    clock[CLOCK_FIRST_OPEN] = first
+    clock.first_open = first
 
 
 @kernel
@@ -255,7 +246,7 @@ def pick_up(world, record, i, ticks):
     robots.goal_cell[i] = NIL
     drop_route(robots, i)
     orders.legs[order] += 1
-    orders.picked[order] = world.clock[CLOCK_TICK]
+    orders.picked[order] = world.clock.tick
     begin_leg(world, i)
     record_change(world.clock, record, CHANGE_PICKED, robots.identity[i], order)
     if slot == orders.target[order] and not has_trips(world):
@@ -271,7 +262,7 @@ def pick_up(world, record, i, ticks):
     if has_trips(world):
         lift_pod(world, order)
         take_pod_out(world.traffic.occupancy, world.slots.cell[slot])
-    world.clock[CLOCK_REVISION] += 1
+    world.clock.revision += 1
     drive_on_with_load(world, i, REASON_PICKED)
 
 
@@ -333,7 +324,7 @@ def set_down(world, record, i, ticks):
 @kernel
 def handle(world, i, action, ticks):
     """Count a pick or drop; one of 0 ticks is part of the move that it follows."""
-    world.tally.progress[i] = world.clock[CLOCK_TICK]
+    world.tally.progress[i] = world.clock.tick
     if ticks:
         begin(world, i, action, ticks)
     else:
@@ -353,7 +344,7 @@ def serve(world, record, i):
     ticks = np.int64(world.stops.ticks[stop])
     if ticks == 0:
         return
-    note_arrival(world, order, stop, np.int64(world.clock[CLOCK_TICK]) - 1)
+    note_arrival(world, order, stop, np.int64(world.clock.tick) - 1)
     if has_trips(world):
         if has_break(world, order):
             return
@@ -415,11 +406,11 @@ def complete_visit(world, record, i):
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
     stop = next_stop(world, order)
-    world.stops.done[stop] = world.clock[CLOCK_TICK]
-    note_arrival(world, order, stop, np.int64(world.clock[CLOCK_TICK]))
+    world.stops.done[stop] = world.clock.tick
+    note_arrival(world, order, stop, np.int64(world.clock.tick))
     orders.stops_done[order] += 1
     world.tally.visits[i] += 1
-    world.tally.progress[i] = world.clock[CLOCK_TICK]
+    world.tally.progress[i] = world.clock.tick
     world.tally.visited[i] = order
     record_change(world.clock, record, CHANGE_VISITED, robots.identity[i], order)
     if robots.action[i] == ACTION_SERVE:
@@ -459,7 +450,7 @@ def deliver(world, order, ticks):
     if world.stations.job_of_order.shape[0]:
         work = np.int64(world.stations.job_of_order[order])
         if work != NIL:
-            come(world, work, world.clock[CLOCK_TICK] + ticks)
+            come(world, work, world.clock.tick + ticks)
 
 
 @kernel
@@ -491,18 +482,18 @@ def come(world, work, tick):
 def work_at_stations(world):
     """Parts enter that come in this tick; jobs that are done end, and the next ones begin."""
     stations, clock = world.stations, world.clock
-    while clock[CLOCK_NEXT_PART] < stations.part_arrivals.shape[0]:
-        work = np.int64(stations.part_arrivals[clock[CLOCK_NEXT_PART]])
-        if stations.arrival_tick[work] > clock[CLOCK_TICK]:
+    while clock.next_part < stations.part_arrivals.shape[0]:
+        work = np.int64(stations.part_arrivals[clock.next_part])
+        if stations.arrival_tick[work] > clock.tick:
             break
-        come(world, work, clock[CLOCK_TICK])
-        clock[CLOCK_NEXT_PART] += 1
+        come(world, work, clock.tick)
+        clock.next_part += 1
     for k in range(stations.slot.shape[0]):
         work = np.int64(stations.in_service[k])
-        if work == NIL or stations.job_done_tick[k] > clock[CLOCK_TICK]:
+        if work == NIL or stations.job_done_tick[k] > clock.tick:
             continue
-        stations.completion_tick[work] = clock[CLOCK_TICK]
-        clock[CLOCK_OPEN_JOBS] -= 1
+        stations.completion_tick[work] = clock.tick
+        clock.open_jobs -= 1
         if stations.releases_order[work] != NIL:
             make_known(world, np.int64(stations.releases_order[work]))
         following = np.int64(stations.next_in_queue[work])
@@ -510,7 +501,7 @@ def work_at_stations(world):
         if following == NIL:
             stations.queue_tail[k] = NIL
         else:
-            begin = max(clock[CLOCK_TICK], np.int64(stations.arrival_tick[following]))
+            begin = max(clock.tick, np.int64(stations.arrival_tick[following]))
             stations.job_done_tick[k] = begin + stations.processing_time[following]
 
 
@@ -519,9 +510,9 @@ def make_known(world, order):
     """The order waits at its station from now on."""
     orders, clock = world.orders, world.clock
     orders.state[order] = ORDER_WAITING
-    orders.release_tick[order] = clock[CLOCK_TICK]
-    clock[CLOCK_KNOWN_ORDERS] = max(clock[CLOCK_KNOWN_ORDERS], order + 1)
-    orders.release_sequence[clock[CLOCK_NEXT_RELEASE]] = order
-    clock[CLOCK_NEXT_RELEASE] += 1
-    clock[CLOCK_REVISION] += 1
+    orders.release_tick[order] = clock.tick
+    clock.known_orders = max(clock.known_orders, order + 1)
+    orders.release_sequence[clock.next_release] = order
+    clock.next_release += 1
+    clock.revision += 1
     request_zoning(world)

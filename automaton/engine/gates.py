@@ -5,9 +5,6 @@ import numpy as np
 from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.motion import AT_GATE, LIVE, is_before, is_empty
 from automaton.engine.state import (
-    CLOCK_COARSE_TICK,
-    CLOCK_HALTED_UNTIL,
-    CLOCK_TICK,
     GATE_BLOCK,
     GATE_CLOSING,
     GATE_DOOR,
@@ -45,7 +42,7 @@ def index_in(gates, cell, gate):
 def is_closed_now(view, gate):
     """Whether a closing lasts."""
     row = view.gates.first_closing[gate] + view.gates.closing[gate]
-    tick = view.clock[CLOCK_TICK]
+    tick = view.clock.tick
     return (
         row < view.gates.first_closing[gate + 1]
         and view.gates.closings[row, 0] <= tick < view.gates.closings[row, 1]
@@ -75,9 +72,7 @@ def is_shut(view, gate):
     """Whether a closing or a door lets no robot in."""
     if view.gates.kind[gate] == GATE_CLOSING:
         return is_closed_now(view, gate)
-    return view.gates.kind[gate] == GATE_DOOR and (
-        view.gates.open_from[gate] > view.clock[CLOCK_TICK]
-    )
+    return view.gates.kind[gate] == GATE_DOOR and (view.gates.open_from[gate] > view.clock.tick)
 
 
 @kernel
@@ -97,7 +92,7 @@ def gate_before(view, i, to):
         if gates.robots[gate] >= gates.max_robots[gate]:
             return gate
         if gates.kind[gate] == GATE_LIFT:
-            if gates.mouth[gate] != to or gates.open_from[gate] > view.clock[CLOCK_TICK]:
+            if gates.mouth[gate] != to or gates.open_from[gate] > view.clock.tick:
                 return gate
             if gates.caller[gate] != view.robots.identity[i]:
                 return gate
@@ -160,7 +155,7 @@ def is_cabin_move(world, i, direction):
 @kernel
 def update_gates(world):
     """Before anything is decided: closings go on, doors shut, cabins stand where they were left."""
-    gates, tick = world.gates, world.clock[CLOCK_TICK]
+    gates, tick = world.gates, world.clock.tick
     count_robots(world)
     for gate in range(gates.kind.shape[0]):
         if gates.kind[gate] == GATE_CLOSING:
@@ -226,7 +221,7 @@ def hold_at_gates(world):
 @kernel
 def ask_gates_of_bays(world):
     """Find which robots in parking bays their gates hold there: those come before all that move."""
-    gates, robots, tick = world.gates, world.robots, world.clock[CLOCK_TICK]
+    gates, robots, tick = world.gates, world.robots, world.clock.tick
     entrants = 0
     for i in range(robots.cell.shape[0]):
         if robots.cell[i] != NIL:
@@ -243,10 +238,10 @@ def ask_gates_of_bays(world):
 @kernel
 def wants_out(world, i):
     """Whether robot i, parked, is about to leave its parking bay."""
-    robots, tick = world.robots, world.clock[CLOCK_TICK]
+    robots, tick = world.robots, world.clock.tick
     if robots.busy[i] or robots.goal_type[i] in (GOAL_NONE, GOAL_PARK):
         return False
-    if world.clock[CLOCK_HALTED_UNTIL] >= tick and world.service_zones.halt[i] >= tick:
+    if world.clock.halted_until >= tick and world.service_zones.halt[i] >= tick:
         return False
     if world.rules.steered[0]:
         return robots.step[i] < NO_STEP
@@ -286,7 +281,7 @@ def ask(world, i, cell, to, entrants):
 @kernel
 def use_door(world, gate):
     """A robot asks for a door: it begins to open, or stays open."""
-    gates, tick = world.gates, world.clock[CLOCK_TICK]
+    gates, tick = world.gates, world.clock.tick
     gates.used[gate] = tick
     if gates.open_from[gate] == NEVER:
         gates.open_from[gate] = tick + gates.opening_ticks[gate]
@@ -316,7 +311,7 @@ def best_entrant(world, gate, mouth):
         fits = mouth == NIL or gates.entrant_cell[entry] == mouth
         if fits and gates.held[i] == NIL:
             if best == NIL or is_before(
-                world.robots, world.clock[CLOCK_COARSE_TICK], i, np.int64(gates.entrant[best])
+                world.robots, world.clock.coarse_tick, i, np.int64(gates.entrant[best])
             ):
                 best = entry
         entry = gates.next_entrant[entry]
@@ -375,7 +370,7 @@ def move_entry(gates, gate, entry, head):
 @kernel
 def let_into_lift(world, gate):
     """The robot that called enters when the cabin is there; a lift that was not called is called."""
-    gates, tick = world.gates, world.clock[CLOCK_TICK]
+    gates, tick = world.gates, world.clock.tick
     if gates.robots[gate] == 0:
         caller = find_caller(world, gate)
         if caller == NIL:
@@ -391,7 +386,7 @@ def find_caller(world, gate):
 
     It is the one that called, else one at the same mouth, else one for which the cabin is called again.
     """
-    gates, tick = world.gates, world.clock[CLOCK_TICK]
+    gates, tick = world.gates, world.clock.tick
     entry = gates.first_entrant[gate]
     while entry != NIL:
         i = np.int64(gates.entrant[entry])

@@ -52,26 +52,11 @@ from automaton.engine.holders import enter_holders, keep_rows, remove_holders, s
 from automaton.engine.jit.kernel import jit_is_on, kernel
 from automaton.engine.jit.struct_types import declared_type
 from automaton.engine.motion import move_all
-from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS, Observation
+from automaton.engine.observation import Observation
 from automaton.engine.operations import MAX_CHANGES_PER_ROBOT
 from automaton.engine.random_numbers import is_begin, is_due, is_end, next_tick
 from automaton.engine.record_codes import EXECUTED_NOTHING
 from automaton.engine.state import (
-    CLOCK_CHANGE_ROWS,
-    CLOCK_DECISION_WORDS,
-    CLOCK_FINISHED,
-    CLOCK_HALTED_UNTIL,
-    CLOCK_KNOWN_ORDERS,
-    CLOCK_NEXT_RELEASE,
-    CLOCK_OBSERVING,
-    CLOCK_OPEN_JOBS,
-    CLOCK_PHASE,
-    CLOCK_RECORDED_TICKS,
-    CLOCK_RECORDING,
-    CLOCK_STOP_TICK,
-    CLOCK_TICK,
-    CLOCK_UNDELIVERED,
-    CLOCK_UNPARKED,
     LAYER_ALLOCATION,
     LAYER_CHARGING,
     LAYER_ROUTING,
@@ -107,7 +92,7 @@ def ticks(
     break_down_and_repair, delay_robots, gates, trips, work_at_stations, complete_visits, move_ticks,
     cancel_infeasible_moves, mask_world, zoning_layer, charging_layer, recording, observation,
 ):  # fmt: skip
-    """Run ticks until world.clock[CLOCK_STOP_TICK]; pause there, when a buffer is full, and at the end.
+    """Run ticks until world.clock.stop_tick; pause there, when a buffer is full, and at the end.
 
     `worlds`: the world; what strategies see of it; the same memory, read-only, which they get.
     `batches`: the robots that a layer is asked about; those of one call; the same, read-only.
@@ -123,11 +108,7 @@ def ticks(
     )  # fmt: skip
     clock = world.clock
     while True:
-        if (
-            clock[CLOCK_TICK] >= clock[CLOCK_STOP_TICK]
-            or clock[CLOCK_FINISHED]
-            or is_full(world, record, observed)
-        ):
+        if clock.tick >= clock.stop_tick or clock.finished or is_full(world, record, observed):
             yield LOOP_PAUSED
             continue
         if workspace.stop[0]:
@@ -142,7 +123,7 @@ def ticks(
                 delay_robots(world, record)
             if used[GATES]:
                 gates(world, TICK_BEGINS)
-            first = clock[CLOCK_NEXT_RELEASE]
+            first = clock.next_release
             release_orders(world)
             if used[TRIPS]:
                 trips(world, record, TICK_BEGINS, first)
@@ -150,7 +131,7 @@ def ticks(
                 work_at_stations(world)
         for phase in range(PHASES if begins else 0):
             layer = LAYER_SEQUENCE[phase]
-            clock[CLOCK_PHASE] = phase
+            clock.phase = phase
             if mode[layer] == MODE_ABSENT:
                 continue
             if layer == LAYER_ZONING:
@@ -168,9 +149,9 @@ def ticks(
                     mask_world(world, visible_world, i)
                     if world.rules.radius > 0:
                         show_rows(memory.rows, i)
-                if batch.count[0] == 0 and not is_due(world, strategy):
+                if batch.count == 0 and not is_due(world, strategy):
                     continue  # it is about robots of other allocations
-                clear_decisions(batch, decisions, layer, clock[CLOCK_KNOWN_ORDERS])
+                clear_decisions(batch, decisions, layer, clock.known_orders)
                 if world.rules.holders[strategy]:
                     enter_holders(visible_world)
                 if mode[strategy] == MODE_COMPILED:
@@ -195,7 +176,7 @@ def ticks(
                     commit(world, record, batch, decisions, layer)
                 if world.rules.radius > 0:
                     keep_rows(memory.rows, np.int64(full_batch.robot[call]))
-        clock[CLOCK_PHASE] = 0
+        clock.phase = 0
         if begins:
             if used[MOVE_TICKS]:
                 move_ticks(world, BEFORE_DRIVING)
@@ -210,7 +191,7 @@ def ticks(
                 gates(world, MOVES_FEASIBLE)
         else:
             world.traffic.intent[:] = 0
-        move_all(world.grid, world.rules, world.robots, world.traffic, clock[CLOCK_TICK])
+        move_all(world.grid, world.rules, world.robots, world.traffic, clock.tick)
         if used[TRIPS]:
             trips(world, record, BEFORE_OPERATIONS, 0)
         apply_move_outcomes(world, record)
@@ -224,15 +205,15 @@ def ticks(
             recording(world, record, batch, decisions, NIL)
         if used[OBSERVATION]:
             observation(world, observed, np.int64(begins))
-        clock[CLOCK_FINISHED] = is_finished(world)
+        clock.finished = is_finished(world)
 
 
 @kernel
 def begin_actions(world, record):
     """Bays, halts, and what robots begin: operations, and the moves that they want."""
-    if world.clock[CLOCK_UNPARKED] < world.robots.cell.shape[0]:
+    if world.clock.unparked < world.robots.cell.shape[0]:
         leave_parking_bays(world)
-    if world.clock[CLOCK_HALTED_UNTIL] >= world.clock[CLOCK_TICK]:
+    if world.clock.halted_until >= world.clock.tick:
         halt_robots(world, record)
     drive(world, record)
 
@@ -262,32 +243,32 @@ def commit(world, record, batch, decisions, layer):
 def is_full(world, record, observation):
     """Whether another tick might not fit into the buffers of a recording or of an observation."""
     clock, robots = world.clock, world.robots.cell.shape[0]
-    if clock[CLOCK_OBSERVING]:
-        if observation.count[COUNT_EVENTS] + max_events(world) > observation.events.shape[0]:
+    if clock.observing:
+        if observation.count.events + max_events(world) > observation.events.shape[0]:
             return True
-        if observation.count[COUNT_CURVE_ROWS] >= observation.curve.shape[0]:
+        if observation.count.curve_rows >= observation.curve.shape[0]:
             return True
-    if clock[CLOCK_RECORDING] == 0:
+    if clock.recording == 0:
         return False
-    if clock[CLOCK_RECORDED_TICKS] >= record.executed.shape[0]:
+    if clock.recorded_ticks >= record.executed.shape[0]:
         return True
     if (
-        clock[CLOCK_DECISION_WORDS]
+        clock.decision_words
         + max_zoning_words(world)
         + robots * max_words(world.robots.route.shape[1], world.robots.order_queue.shape[1])
         > record.decisions.shape[0]
     ):
         return True
-    return clock[CLOCK_CHANGE_ROWS] + MAX_CHANGES_PER_ROBOT * (robots + 1) > record.changes.shape[0]
+    return clock.change_rows + MAX_CHANGES_PER_ROBOT * (robots + 1) > record.changes.shape[0]
 
 
 @kernel
 def is_finished(world):
     clock = world.clock
-    if clock[CLOCK_UNDELIVERED] > 0 or clock[CLOCK_OPEN_JOBS] > 0:
+    if clock.undelivered > 0 or clock.open_jobs > 0:
         return 0
     if world.rules.stop == STOP_PARKED:
-        return 1 if clock[CLOCK_UNPARKED] == 0 else 0
+        return 1 if clock.unparked == 0 else 0
     return 1 if world.rules.stop == STOP_DELIVERED else 0
 
 

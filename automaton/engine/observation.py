@@ -11,6 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from automaton.engine.jit.named_numbers import NamedNumbers, number
 from automaton.engine.jit.structs import MEASURED, NIL, SCRATCH, Struct, field
 from automaton.engine.state import Array
 
@@ -249,15 +250,6 @@ EVENT_NAMES: Final = (
 )
 DEADLOCK_TICKS: Final = 64  # most wait cycles are two robots head-on that soon retreat
 
-# Entries of observation.count.
-COUNT_EVENTS: Final = 0  # rows of observation.events in use
-COUNT_CURVE_ROWS: Final = 1  # rows of observation.curve in use
-COUNTS: Final = 2
-
-# Entries of scratch.count.
-WAITERS: Final = 0  # entries of scratch.waiters in use
-EVENTFUL: Final = 1  # entries of scratch.eventful in use
-
 # Bits of scratch.marks.
 IS_WAITING: Final = 1  # for anything but an order
 IS_EVENTFUL: Final = 2
@@ -277,13 +269,27 @@ DELAY_COLUMNS: Final = 4  # a power of two: no cell lies in two lines of the cac
 MEMORY_TICKS: Final = 128  # in which the congestion of a cell halves
 
 
+class ObservationCounts(NamedNumbers):
+    """Rows in the buffers of an observation."""
+
+    events: int = number("rows of observation.events in use")
+    curve_rows: int = number("rows of observation.curve in use")
+
+
+class WaiterCounts(NamedNumbers):
+    """Robots in the lists of a tick."""
+
+    waiters: int = number("entries of scratch.waiters in use")
+    eventful: int = number("entries of scratch.eventful in use")
+
+
 class ObservationScratch(Struct, role=SCRATCH):
     """What the kernels that observe a tick need meanwhile; n robots, C cells.
 
     `marks` and `words` share their memory, so that eight marks are looked at in one.
     """
 
-    count: Array = field("(2,) int64")
+    count: WaiterCounts = field(WaiterCounts)
     entry: Array = field(
         "(n,) int32", "the resource of `holder` that a waiting robot wants, or NIL", default=NIL
     )
@@ -339,10 +345,10 @@ class Observation(Struct, role=MEASURED):
     reshaped: Array = field(
         "(P,) int64", "the last tick in which stations came to or left a zone, or NIL", default=NIL
     )
-    redesigns: Array = field("(1,) int64", "ticks in which stations changed their zones")
+    redesigns: int = field("() int64", "ticks in which stations changed their zones")
     lost_ticks_by_cell: Array = field(f"(C, {DELAY_COLUMNS}) int32", "robot ticks lost in a cell")
     flow: Array = field("(C, 4) int32", "moves out of a cell, E S W N")
-    count: Array = field(f"({COUNTS},) int64", role=SCRATCH)
+    count: ObservationCounts = field(ObservationCounts, role=SCRATCH)
     events: Array = field("(E, 5) int64", role=SCRATCH)
     curve: Array = field(f"(T, {CURVE_COLUMNS}) int32", "one row for each tick", role=SCRATCH)
     scratch: ObservationScratch

@@ -49,12 +49,9 @@ from automaton.engine.observation import (
     CAUSE_STATION_BREAK,
     CAUSE_STATION_QUEUE,
     CAUSE_UNDECIDED,
-    COUNT_CURVE_ROWS,
     DELIVERED_ORDERS,
-    EVENTFUL,
     IS_EVENTFUL,
     IS_WAITING,
-    WAITERS,
     WAITING_ROBOTS,
     WORKING_ROBOTS,
 )
@@ -79,10 +76,6 @@ from automaton.engine.state import (
     ACTION_QUEUE,
     ACTION_STATION_QUEUE,
     ACTION_WAIT,
-    CLOCK_HALTED_UNTIL,
-    CLOCK_ORDERS_DONE,
-    CLOCK_TICK,
-    CLOCK_UNDELIVERED,
     FOLLOWING_CONVOY,
     GOAL_NONE,
     GOAL_STOP,
@@ -109,25 +102,25 @@ EVENT_ACTIONS = (
 def observe(world, observation):
     """Note what this tick was like."""
     waiting, working, marked = scan_robots(world, observation)
-    observation.scratch.count[WAITERS] = 0
-    observation.scratch.count[EVENTFUL] = 0
+    observation.scratch.count.waiters = 0
+    observation.scratch.count.eventful = 0
     if marked:
         list_waiting(world, observation)
-    if observation.scratch.count[WAITERS]:
+    if observation.scratch.count.waiters:
         find_blockers(world, observation)
-    row = observation.count[COUNT_CURVE_ROWS]
+    row = observation.count.curve_rows
     observation.curve[row, WAITING_ROBOTS] = waiting
     observation.curve[row, WORKING_ROBOTS] = working
     observation.curve[row, DELIVERED_ORDERS] = orders_done(world)
-    observation.count[COUNT_CURVE_ROWS] = row + 1
+    observation.count.curve_rows = row + 1
 
 
 @kernel
 def orders_done(world):
     """How many orders are done; where pods are carried, those whose lines are."""
     if world.lines.order.shape[0]:
-        return world.clock[CLOCK_ORDERS_DONE]
-    return world.orders.state.shape[0] - world.clock[CLOCK_UNDELIVERED]
+        return world.clock.orders_done
+    return world.orders.state.shape[0] - world.clock.undelivered
 
 
 @kernel
@@ -251,7 +244,7 @@ def note_wait(world, observation, i, cause):
     """Robot i lost this tick; a wait for an order and a wait on the way begin again."""
     before = np.int64(observation.cause[U(i)])
     if before == CAUSE_NOT_WAITING or (before == CAUSE_NO_ORDER) != (cause == CAUSE_NO_ORDER):
-        observation.since[U(i)] = world.clock[CLOCK_TICK] - 1
+        observation.since[U(i)] = world.clock.tick - 1
     observation.cause[U(i)] = cause
     if cause == CAUSE_NO_ORDER:
         observation.wait_cycle_ticks[U(i)] = 0
@@ -276,8 +269,8 @@ def list_waiting(world, observation):
                 scratch.eventful[U(eventful)] = at_index[U(identity)]
                 eventful += 1
         scratch.words[U(word)] = 0
-    scratch.count[WAITERS] = waiters
-    scratch.count[EVENTFUL] = eventful
+    scratch.count.waiters = waiters
+    scratch.count.eventful = eventful
 
 
 @kernel
@@ -303,8 +296,8 @@ def find_wait(world, observation, i, want, did):
     if is_held_up(world, i):
         return CAUSE_DELAYED
     if (
-        world.clock[CLOCK_HALTED_UNTIL] >= world.clock[CLOCK_TICK]
-        and world.service_zones.halt[U(i)] >= world.clock[CLOCK_TICK]
+        world.clock.halted_until >= world.clock.tick
+        and world.service_zones.halt[U(i)] >= world.clock.tick
     ):
         if robots.action[U(i)] == ACTION_WAIT and robots.parked[U(i)] == 0:
             return CAUSE_REDESIGN

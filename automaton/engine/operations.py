@@ -11,15 +11,6 @@ from automaton.engine.record_codes import EXECUTED_ILLEGAL
 from automaton.engine.state import (
     ACTION_FOLLOWING,
     ACTION_ILLEGAL,
-    CLOCK_CHANGE_ROWS,
-    CLOCK_FRESH_ALLOCATION,
-    CLOCK_NEEDING_CHARGING,
-    CLOCK_NEEDING_RIGHT_OF_WAY,
-    CLOCK_NEEDING_ROUTE,
-    CLOCK_RECORDING,
-    CLOCK_ROBOTS_DOWN,
-    CLOCK_TICK,
-    CLOCK_UNQUEUED_ORDERS,
     GOAL_NONE,
     GOAL_PARK,
     GOAL_STOP,
@@ -50,7 +41,7 @@ def energy_cost(world, i, action, ticks):
 def exhaust(world, i):
     """The battery of robot i lacks what it needs: it is down from the next tick on."""
     if world.robots.status[i] == STATUS_UP:
-        world.clock[CLOCK_ROBOTS_DOWN] += 1
+        world.clock.robots_down += 1
     if world.robots.status[i] <= STATUS_EXHAUSTED:
         world.robots.status[i] = STATUS_EXHAUSTED
 
@@ -154,14 +145,14 @@ def refuse(world, layer, i):
 def request_zoning(world):
     """Something happened: zoning is asked in this tick, or in the next one."""
     if world.service_zones.wake.shape[0]:
-        world.clock[CLOCK_UNQUEUED_ORDERS] += 1
+        world.clock.unqueued_orders += 1
 
 
 @kernel
 def request_allocation(world, i, reason):
     robots, clock = world.robots, world.clock
     if robots.need[i] & NEED_ALLOCATION == 0 or robots.seen_revision[i] >= 0:
-        clock[CLOCK_FRESH_ALLOCATION] += 1
+        clock.fresh_allocation += 1
     robots.need[i] |= np.uint8(NEED_ALLOCATION)
     robots.reason[i] = reason
     robots.seen_revision[i] = NIL
@@ -174,9 +165,9 @@ def clear_allocation_request(world, i):
     robots = world.robots
     if robots.need[i] & NEED_ALLOCATION:
         if robots.seen_revision[i] == NIL:
-            world.clock[CLOCK_FRESH_ALLOCATION] -= 1
+            world.clock.fresh_allocation -= 1
         else:
-            world.tally.progress[i] = world.clock[CLOCK_TICK]  # it had nothing to do up to now
+            world.tally.progress[i] = world.clock.tick  # it had nothing to do up to now
         robots.need[i] &= np.uint8(255 - NEED_ALLOCATION)
     robots.seen_revision[i] = NIL
 
@@ -188,7 +179,7 @@ def request_charging(world, i, reason):
     if world.rules.battery == 0:
         return
     if robots.need[i] & NEED_CHARGING == 0:
-        world.clock[CLOCK_NEEDING_CHARGING] += 1
+        world.clock.needing_charging += 1
     robots.need[i] |= np.uint8(NEED_CHARGING)
     robots.charging_reason[i] = reason
 
@@ -201,7 +192,7 @@ def request_route(world, i, reason):
     if world.rules.steered[0]:
         return
     if robots.need[i] & NEED_ROUTE == 0:
-        world.clock[CLOCK_NEEDING_ROUTE] += 1
+        world.clock.needing_route += 1
     robots.need[i] |= np.uint8(NEED_ROUTE)
     robots.route_reason[i] = reason
 
@@ -209,21 +200,21 @@ def request_route(world, i, reason):
 @kernel
 def request_right_of_way(world, i):
     if world.robots.need[i] & NEED_RIGHT_OF_WAY == 0:
-        world.clock[CLOCK_NEEDING_RIGHT_OF_WAY] += 1
+        world.clock.needing_right_of_way += 1
     world.robots.need[i] |= np.uint8(NEED_RIGHT_OF_WAY)
 
 
 @kernel
 def clear_route_request(world, i):
     if world.robots.need[i] & NEED_ROUTE:
-        world.clock[CLOCK_NEEDING_ROUTE] -= 1
+        world.clock.needing_route -= 1
         world.robots.need[i] &= np.uint8(255 - NEED_ROUTE)
 
 
 @kernel
 def clear_right_of_way(world, i):
     if world.robots.need[i] & NEED_RIGHT_OF_WAY:
-        world.clock[CLOCK_NEEDING_RIGHT_OF_WAY] -= 1
+        world.clock.needing_right_of_way -= 1
         world.robots.need[i] &= np.uint8(255 - NEED_RIGHT_OF_WAY)
 
 
@@ -402,10 +393,10 @@ MAX_CHANGES_PER_ROBOT = 13  # rows that a robot may add in a tick
 @kernel
 def record_change(clock, record, code, subject, value):
     """Append a row of changes if the run is recorded."""
-    if clock[CLOCK_RECORDING]:
-        row = clock[CLOCK_CHANGE_ROWS]
-        record.changes[row, 0] = clock[CLOCK_TICK]
+    if clock.recording:
+        row = clock.change_rows
+        record.changes[row, 0] = clock.tick
         record.changes[row, 1] = code
         record.changes[row, 2] = subject
         record.changes[row, 3] = value
-        clock[CLOCK_CHANGE_ROWS] = row + 1
+        clock.change_rows = row + 1

@@ -8,7 +8,6 @@ finalizer (Steele, Lea & Flood 2014).
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.state import CLOCK_COARSE_TICK, CLOCK_TICK
 
 # Streams of the world; a method declares its own beside what it draws, from the numbers left out.
 STREAM_ORDERS = 1
@@ -106,33 +105,33 @@ def draw_releases(out, chance, seed, last):
 def next_tick(world):
     """The clock goes on by a tick."""
     clock = world.clock
-    clock[CLOCK_TICK] += 1
-    clock[CLOCK_COARSE_TICK] = (clock[CLOCK_TICK] - 1) // world.rules.refinement + 1
+    clock.tick += 1
+    clock.coarse_tick = (clock.tick - 1) // world.rules.refinement + 1
 
 
 @kernel
 def is_begin(world):
     """Whether strategies decide in this tick, and robots begin something."""
-    return (world.clock[CLOCK_TICK] - 1) % world.rules.stride == 0
+    return (world.clock.tick - 1) % world.rules.stride == 0
 
 
 @kernel
 def is_end(world):
     """Whether they do in the next one."""
-    return world.clock[CLOCK_TICK] % world.rules.stride == 0
+    return world.clock.tick % world.rules.stride == 0
 
 
 @kernel
 def is_due(world, strategy):
     """Whether a strategy asked for this tick, or for one that ends in this coarse tick."""
     period = world.rules.period[strategy]
-    return period > 0 and (world.clock[CLOCK_TICK] + world.rules.stride - 1) % period == 0
+    return period > 0 and (world.clock.tick + world.rules.stride - 1) % period == 0
 
 
 @kernel
 def chance_decides(world):
     """Whether a coarse tick begins: breakdowns and delays are drawn."""
-    return (world.clock[CLOCK_TICK] - 1) % world.rules.refinement == 0
+    return (world.clock.tick - 1) % world.rules.refinement == 0
 
 
 @kernel
@@ -144,6 +143,6 @@ def random_ticks(view, low, high, stream, identity):
         high // refinement,
         view.rules.seed,
         stream,
-        view.clock[CLOCK_COARSE_TICK],
+        view.clock.coarse_tick,
         identity,
     )

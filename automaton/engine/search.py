@@ -16,8 +16,6 @@ from automaton.engine.distance_tables import (
     FAR_WORD,
     JOINT,
     POSE16,
-    TABLES_ENCODING,
-    TABLES_WORDS,
     UNREACHABLE,
 )
 from automaton.engine.gates import closed_until
@@ -27,7 +25,6 @@ from automaton.engine.operations import heading_towards, headings_of, limited_ti
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_TURN,
-    CLOCK_TICK,
     MAY_TURN,
     NIL,
     NO_WAY_THROUGH,
@@ -76,7 +73,7 @@ def table_of(view, workspace, robot_type, goal_cell):
 
     It is good for the rest of the tick. One tick may have as many as fit world.distance_tables.
     """
-    return row_to(workspace.tables, robot_type, goal_cell, view.clock[CLOCK_TICK], True)
+    return row_to(workspace.tables, robot_type, goal_cell, view.clock.tick, True)
 
 
 @kernel
@@ -91,8 +88,8 @@ def fetch_cost(view, workspace, table, cell):
     tables = workspace.tables
     number = np.int64(tables.number[cell])
     if number >= 0 and table >= 0:
-        per_cell = tables.headings if tables.status[TABLES_ENCODING] >= POSE16 else 1
-        prefetch(tables.pool, np.uint64(table * tables.status[TABLES_WORDS] + number * per_cell))
+        per_cell = tables.headings if tables.status.encoding >= POSE16 else 1
+        prefetch(tables.pool, np.uint64(table * tables.status.words + number * per_cell))
 
 
 @kernel
@@ -101,13 +98,13 @@ def weighted_table_of(view, tables, cost_set, goal_cell):
 
     NIL: the run is given up. It is good for the rest of the tick.
     """
-    return row_to(tables, cost_set, goal_cell, view.clock[CLOCK_TICK], True)
+    return row_to(tables, cost_set, goal_cell, view.clock.tick, True)
 
 
 @kernel
 def passing_table(view, workspace, robot_type, goal_cell):
     """The same as table_of, good until the next table is asked for; there always is room for it."""
-    return row_to(workspace.tables, robot_type, goal_cell, view.clock[CLOCK_TICK], False)
+    return row_to(workspace.tables, robot_type, goal_cell, view.clock.tick, False)
 
 
 @kernel
@@ -369,7 +366,7 @@ def find_step_costs(view, tables, robots, count, table, out):
     `table`: by robot, rows of `tables`. out[i, d]: the cost from the next cell of robot i, with the
     heading of direction d, to the goal cell of its table; UNREACHABLE: no way, or the exit is not open.
     """
-    if tables.status[TABLES_ENCODING] == JOINT:
+    if tables.status.encoding == JOINT:
         read_words(view, tables, robots, count, table, out)
         decode_words(view, tables, robots, count, out)
         close_storage(view, robots, count, out)
@@ -417,7 +414,7 @@ def read_words(view, tables, robots, count, table, out):
     cells, types, flags_of = view.robots.cell, view.robots.type, view.grid.type_cell_flags
     pool, number, offset = tables.pool, tables.number, tables.offset
     east, south, west, north = offset[0], offset[1], offset[2], offset[3]
-    words = U(tables.status[TABLES_WORDS])
+    words = U(tables.status.words)
     for k in range(count):
         i = U(robots[U(k)])
         cell = np.int64(cells[i])

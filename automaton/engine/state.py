@@ -30,6 +30,7 @@ from automaton.engine.facilities import (
 )
 from automaton.engine.facilities import STRATEGY_COUNT as STRATEGY_COUNT
 from automaton.engine.facilities import Grid as Grid
+from automaton.engine.jit.named_numbers import NamedNumbers, number
 from automaton.engine.jit.structs import (
     BY_ENTRY,
     CALL,
@@ -169,44 +170,6 @@ GATE_BLOCK: Final = 2  # it holds so many robots, or robots of one direction
 GATE_LIFT: Final = 3  # a block of one robot, whose cabin comes when it is called
 GATE_KINDS: Final = ("closed", "door", "block", "lift")
 
-# Entries of world.clock.
-CLOCK_TICK: Final = 0  # ticks executed
-CLOCK_STOP_TICK: Final = 1  # the loop pauses after this tick
-CLOCK_UNDELIVERED: Final = 2
-CLOCK_UNPARKED: Final = 3
-CLOCK_REVISION: Final = 4  # grows with every change of an order or a reservation
-CLOCK_ALLOCATION_REVISION: Final = 5  # CLOCK_REVISION when allocation last looked
-CLOCK_FRESH_ALLOCATION: Final = 6  # robots that need allocation and do not wait for a change
-CLOCK_NEEDING_ROUTE: Final = 7
-CLOCK_NEEDING_RIGHT_OF_WAY: Final = 8
-CLOCK_FINISHED: Final = 9
-CLOCK_RECORDING: Final = 10
-CLOCK_RECORDED_TICKS: Final = 11  # ticks in the record's buffers
-CLOCK_CHANGE_ROWS: Final = 12  # rows of record.changes in use
-CLOCK_DECISION_WORDS: Final = 13  # words of record.decisions in use
-CLOCK_DIGEST_EVERY: Final = 14  # a recording holds the digests of every so many ticks
-CLOCK_OBSERVING: Final = 15
-CLOCK_NEXT_RELEASE: Final = 16  # entry of orders.release_sequence that is released next
-CLOCK_NEEDING_CHARGING: Final = 17
-CLOCK_TICKETS_ISSUED: Final = 18  # tickets issued for the queues of chargers
-CLOCK_NEXT_FAULT: Final = 19  # row of rules.faults that comes next
-CLOCK_ROBOTS_DOWN: Final = 20  # robots that are down or going to be
-CLOCK_PHASE: Final = 21  # entry of LAYER_SEQUENCE that is being asked
-CLOCK_OPEN_JOBS: Final = 22  # jobs at stations that are not done
-CLOCK_NEXT_PART: Final = 23  # entry of stations.part_arrivals that comes next
-CLOCK_UNQUEUED_ORDERS: Final = 24  # orders released or dropped since zoning was last asked
-CLOCK_HALTED_UNTIL: Final = 25  # the last tick for which zoning made a robot stand still
-CLOCK_NEXT_WAKEUP: Final = 26  # the first tick in which zoning asked to be woken, or NIL
-CLOCK_ZONES_REDESIGNED: Final = 27  # the last tick in which the design of the zones changed
-CLOCK_SEQUENCED: Final = 28  # entries of orders.release_sequence in use, where orders are assigned
-CLOCK_KNOWN_ORDERS: Final = 29  # all orders that were released have lower numbers
-CLOCK_NEXT_LINE: Final = 30  # entry of lines.sequence that is known next
-CLOCK_STORED_PODS: Final = 31  # entries of pods.stored in use
-CLOCK_FIRST_OPEN: Final = 32  # all orders with lower numbers are delivered
-CLOCK_ORDERS_DONE: Final = 33  # of lines
-CLOCK_COARSE_TICK: Final = 34  # the tick as the scenario counts it: draws and ties go by it
-CLOCK_SIZE: Final = 35
-
 # When a robot may begin to move into a cell.
 FOLLOWING_NONE: Final = 0  # if it was free when the tick began
 FOLLOWING_HANDOVER: Final = 1  # also if its holder gives it up in this tick
@@ -313,7 +276,7 @@ class Robots(Struct):
     )
     seen_revision: Array = field(
         "(n,) int64",
-        "CLOCK_REVISION when allocation last let it park",
+        "clock.revision when allocation last let it park",
         default=NIL,
         digest=24,
         recorded=False,
@@ -496,6 +459,46 @@ class Tally(Struct, role=MEASURED):
     leg_queued: Array = field("(n,) int64", "its ticks in queues of stations before that leg")
 
 
+class Clock(NamedNumbers):
+    """The tick, and counts that belong to no robot and no order."""
+
+    tick: int = number("ticks executed")
+    stop_tick: int = number("the loop pauses after this tick")
+    undelivered: int = number("orders that are not delivered")
+    unparked: int = number("robots that are not parked")
+    revision: int = number("grows with every change of an order or a reservation")
+    allocation_revision: int = number("`revision` when allocation last looked")
+    fresh_allocation: int = number("robots that need allocation and do not wait for a change")
+    needing_route: int = number("robots for which routing is to be asked")
+    needing_right_of_way: int = number("robots for which right of way is to be asked")
+    finished: int = number("1 = the stop condition holds")
+    recording: int = number("1 = the run is recorded")
+    recorded_ticks: int = number("ticks in the record's buffers")
+    change_rows: int = number("rows of record.changes in use")
+    decision_words: int = number("words of record.decisions in use")
+    digest_every: int = number("a recording holds the digests of every so many ticks")
+    observing: int = number("1 = the run is observed")
+    next_release: int = number("entry of orders.release_sequence that is released next")
+    needing_charging: int = number("robots for which charging is to be asked")
+    tickets_issued: int = number("tickets issued for the queues of chargers")
+    next_fault: int = number("row of rules.faults that comes next")
+    robots_down: int = number("robots that are down or going to be")
+    phase: int = number("entry of LAYER_SEQUENCE that is being asked")
+    open_jobs: int = number("jobs at stations that are not done")
+    next_part: int = number("entry of stations.part_arrivals that comes next")
+    unqueued_orders: int = number("orders released or dropped since zoning was last asked")
+    halted_until: int = number("the last tick for which zoning made a robot stand still")
+    next_wakeup: int = number("the first tick in which zoning asked to be woken, or NIL")
+    zones_redesigned: int = number("the last tick in which the design of the zones changed")
+    sequenced: int = number("entries of orders.release_sequence in use, where orders are assigned")
+    known_orders: int = number("all orders that were released have lower numbers")
+    next_line: int = number("entry of lines.sequence that is known next")
+    stored_pods: int = number("entries of pods.stored in use")
+    first_open: int = number("all orders with lower numbers are delivered")
+    orders_done: int = number("orders of lines that are done")
+    coarse_tick: int = number("the tick as the scenario counts it: draws and ties go by it")
+
+
 class World(Struct):
     """Everything that a tick reads and writes."""
 
@@ -516,20 +519,16 @@ class World(Struct):
     traffic: Traffic
     tally: Tally
     delays: Delays
-    clock: Array = field(
-        f"({CLOCK_SIZE},) int64", "entries: CLOCK_*", role=BY_ENTRY, digest=59, by="hash_of_tick"
-    )
+    clock: Clock = field(Clock, role=BY_ENTRY, digest=59, by="hash_of_tick")
 
 
 class Batch(Struct):
     """A batch: the robots that a layer is asked about, sorted by identity."""
 
-    count: Array = field("(1,) int64", "how many they are")
+    count: int = field("() int64", "how many they are")
     robot: Array = field("(n,) int32", "storage indices; the first `count` are valid")
     reason: Array = field("(n,) uint8", "why the layer is asked about each: REASON_*")
-    strategy: Array = field(
-        "(1,) uint8", "which strategy is asked: a layer, or a further allocation"
-    )
+    strategy: int = field("() uint8", "which strategy is asked: a layer, or a further allocation")
 
 
 def decided(meaning: str, default: int = 0, dtype: str = "int32") -> Any:
@@ -551,15 +550,15 @@ class ZoningDecisions(Struct):
         default=KEEP,
         role=CALL,
     )
-    redesigned: Array = field("(1,) int64", "1 = the design changes, to", role=CALL)
+    redesigned: int = field("() int64", "1 = the design changes, to", role=CALL)
     design: Design
-    queued: Array = field("(1,) int64", "how many of the next four are in use", role=CALL)
+    queued: int = field("() int64", "how many of the next four are in use", role=CALL)
     order: Array = field("(m,) int32", "this order")
     queue: Array = field("(m,) int32", "comes into the queue of this zone")
     next_slot: Array = field("(m,) int32", "and is to be dropped at this slot")
     skips_transfer: Array = field("(m,) uint8", "1 = past transfer stations")
-    refused: Array = field(
-        "(1,) int64", "illegal decisions that a recording tells of, and no strategy", role=CALL
+    refused: int = field(
+        "() int64", "illegal decisions that a recording tells of, and no strategy", role=CALL
     )
 
 

@@ -13,9 +13,6 @@ from automaton.engine.distance_tables import (
     JOINT,
     MAX_PATTERNS,
     POSE16,
-    TABLES_ENCODING,
-    TABLES_TAKEN,
-    TABLES_WORDS,
     DistanceTables,
     is_narrow_for,
 )
@@ -114,7 +111,7 @@ def renew(tables: DistanceTables) -> None:
     Whether a run has enough room must not depend on the runs before it.
     """
     tables.kept_in[:] = NIL
-    if tables.status[TABLES_ENCODING] != tables.first_encoding:
+    if tables.status.encoding != tables.first_encoding:
         tables.status[:] = 0
         tables.row_of[:] = NIL
         tables.owner[:] = NIL
@@ -122,7 +119,7 @@ def renew(tables: DistanceTables) -> None:
 
 def bytes_taken(tables: DistanceTables) -> int:
     """Bytes of the rows that were in use at some time."""
-    return int(BYTES_PER_WORD * tables.status[TABLES_TAKEN] * tables.status[TABLES_WORDS])
+    return int(BYTES_PER_WORD * tables.status.taken * tables.status.words)
 
 
 def turn_patterns(turn: int) -> list[tuple[int, ...]]:

@@ -25,12 +25,6 @@ from automaton.engine.distance_tables import (
     POSE32,
     SPLIT,
     STOP_NO_ROOM,
-    TABLES_ENCODING,
-    TABLES_HAND,
-    TABLES_REFUSED,
-    TABLES_ROWS,
-    TABLES_TAKEN,
-    TABLES_WORDS,
     UNREACHABLE,
 )
 from automaton.engine.jit.kernel import kernel
@@ -208,7 +202,7 @@ def row_to(tables, cost_set, goal, tick, keeps):
     """
     cost_set, goal = np.int64(cost_set), np.int64(goal)
     row = np.int64(tables.row_of[cost_set * tables.number.shape[0] + goal])
-    if row != NIL and keeps and row == tables.status[TABLES_ROWS] - 1:
+    if row != NIL and keeps and row == tables.status.rows - 1:
         forget(tables, row)  # the last row is never kept
         row = np.int64(NIL)
     if row == NIL:
@@ -234,8 +228,8 @@ def known_row(tables, cost_set, goal):
 def has_room_for(tables, more):
     """Whether so many more tables fit without one being replaced; True where all there can be do."""
     status, goals = tables.status, tables.entries.shape[0] * tables.drivable.shape[0]
-    last = min(status[TABLES_ROWS] - 1, goals)
-    return last == goals or status[TABLES_TAKEN] + more <= last
+    last = min(status.rows - 1, goals)
+    return last == goals or status.taken + more <= last
 
 
 @kernel
@@ -244,8 +238,8 @@ def cost_in(tables, row, cell, heading):
     number = np.int64(tables.number[cell])
     if number < 0 or row < 0:
         return np.int64(UNREACHABLE)
-    at = row * tables.status[TABLES_WORDS] + number
-    if tables.status[TABLES_ENCODING] != JOINT:
+    at = row * tables.status.words + number
+    if tables.status.encoding != JOINT:
         return wide_cost_in(tables, row, number, heading)
     word = np.int64(tables.pool[np.uint64(at)])
     if word == FAR_WORD:
@@ -258,8 +252,8 @@ def cost_in(tables, row, cell, heading):
 @kernel
 def wide_cost_in(tables, row, number, heading):
     """The same in the other encodings, by the number of the cell."""
-    begin = row * tables.status[TABLES_WORDS]
-    encoding = tables.status[TABLES_ENCODING]
+    begin = row * tables.status.words
+    encoding = tables.status.encoding
     if encoding == SPLIT:
         least = np.int64(tables.pool[np.uint64(begin + number)])
         if least == FAR_WORD:
@@ -281,7 +275,7 @@ def add_row(tables, cost_set, goal, tick, keeps):
     """Compute a table that is not there; its row, or NIL if there is no room or the run is given up."""
     if tables.stop[0]:
         return np.int64(NIL)
-    if tables.status[TABLES_WORDS] == 0:
+    if tables.status.words == 0:
         lay_out(tables, tables.first_encoding)
     row = free_row(tables, tick, keeps)
     while row != NIL:
@@ -294,7 +288,7 @@ def add_row(tables, cost_set, goal, tick, keeps):
         row = free_row(tables, tick, keeps) if widen(tables, tick) else np.int64(NIL)
     if tables.stop[0] == 0:
         tables.stop[0] = STOP_NO_ROOM
-        tables.status[TABLES_REFUSED] = 1
+        tables.status.refused = 1
     return row
 
 
@@ -305,13 +299,13 @@ def free_row(tables, tick, keeps):
     The last row is never kept, so that there always is one for a single look-up.
     """
     status = tables.status
-    last = status[TABLES_ROWS] - 1
-    if status[TABLES_TAKEN] < last:
-        status[TABLES_TAKEN] += 1
-        return status[TABLES_TAKEN] - 1
+    last = status.rows - 1
+    if status.taken < last:
+        status.taken += 1
+        return status.taken - 1
     for _ in range(2 * last):
-        row = status[TABLES_HAND]
-        status[TABLES_HAND] = row + 1 if row + 1 < last else 0
+        row = status.hand
+        status.hand = row + 1 if row + 1 < last else 0
         if tables.kept_in[row] == tick:
             continue
         if tables.used[row]:
@@ -345,20 +339,20 @@ def lay_out(tables, encoding):
     elif encoding == POSE32:
         words = 2 * cells * headings
     status = tables.status
-    status[TABLES_ENCODING] = encoding
-    status[TABLES_WORDS] = words
-    status[TABLES_ROWS] = min(np.int64(tables.owner.shape[0]), tables.pool.shape[0] // words)
-    status[TABLES_HAND] = 0
+    status.encoding = encoding
+    status.words = words
+    status.rows = min(np.int64(tables.owner.shape[0]), tables.pool.shape[0] // words)
+    status.hand = 0
 
 
 @kernel
 def widen(tables, tick):
     """Go on to a wider encoding, with the rows that are kept in this tick; False if they do not fit."""
     status = tables.status
-    wider = SPLIT if status[TABLES_ENCODING] == JOINT else POSE32
+    wider = SPLIT if status.encoding == JOINT else POSE32
     lay_out(tables, wider)
-    taken = status[TABLES_TAKEN]
-    status[TABLES_TAKEN] = min(taken, max(status[TABLES_ROWS] - 1, 0))
+    taken = status.taken
+    status.taken = min(taken, max(status.rows - 1, 0))
     cells = tables.number.shape[0]
     for row in range(tables.owner.shape[0]):
         entry = np.int64(tables.owner[row])
@@ -367,7 +361,7 @@ def widen(tables, tick):
         if tables.kept_in[row] != tick:
             forget(tables, row)
             continue
-        if row >= status[TABLES_TAKEN] or not find_costs(tables, entry // cells, entry % cells):
+        if row >= status.taken or not find_costs(tables, entry // cells, entry % cells):
             return False
         write_row(tables, row)  # what fits the narrower encoding fits the wider one
     return True
@@ -376,8 +370,8 @@ def widen(tables, tick):
 @kernel
 def write_row(tables, row):
     """Write what a search has found into a row; False if it does not fit the encoding."""
-    encoding = tables.status[TABLES_ENCODING]
-    begin = row * tables.status[TABLES_WORDS]
+    encoding = tables.status.encoding
+    begin = row * tables.status.words
     if encoding == JOINT:
         return write_joint(tables, begin)
     if encoding == SPLIT:

@@ -16,14 +16,6 @@ from automaton.engine.operations import next_stop_cell, record_change, request_a
 from automaton.engine.record_codes import CHANGE_ORDER_RESERVED
 from automaton.engine.state import (
     ACTION_SERVE,
-    CLOCK_KNOWN_ORDERS,
-    CLOCK_NEXT_LINE,
-    CLOCK_NEXT_RELEASE,
-    CLOCK_ORDERS_DONE,
-    CLOCK_REVISION,
-    CLOCK_STORED_PODS,
-    CLOCK_TICK,
-    CLOCK_UNDELIVERED,
     GOAL_PARK,
     GOAL_STOP,
     MAX_BUSY,
@@ -52,14 +44,14 @@ def has_lines(world):
 def plan_trips(world, record):
     """New trips of pods that were stored in the last tick, then the lines that are released."""
     clock, lines = world.clock, world.lines
-    for k in range(clock[CLOCK_STORED_PODS]):
+    for k in range(clock.stored_pods):
         take_waiting_lines(world, record, np.int64(world.pods.stored[k]))
-    clock[CLOCK_STORED_PODS] = 0
-    while clock[CLOCK_NEXT_LINE] < lines.sequence.shape[0]:
-        line = np.int64(lines.sequence[clock[CLOCK_NEXT_LINE]])
-        if lines.release_tick[line] > clock[CLOCK_TICK]:
+    clock.stored_pods = 0
+    while clock.next_line < lines.sequence.shape[0]:
+        line = np.int64(lines.sequence[clock.next_line])
+        if lines.release_tick[line] > clock.tick:
             return
-        clock[CLOCK_NEXT_LINE] += 1
+        clock.next_line += 1
         choose_station(world, line)
         choose_pod(world, line)
         take_line(world, record, line)
@@ -159,7 +151,7 @@ def take_waiting_lines(world, record, pod):
 def new_trip(world, record, pod):
     """A trip of a pod that stands in storage is known from now on; who stands beneath may have it."""
     orders, clock, pods = world.orders, world.clock, world.pods
-    trip = np.int64(clock[CLOCK_NEXT_RELEASE])
+    trip = np.int64(clock.next_release)
     slot = np.int64(pods.slot[pod])
     world.trips.pod[trip] = pod
     pods.trip[pod] = trip
@@ -168,10 +160,10 @@ def new_trip(world, record, pod):
     orders.current_slot[trip] = slot
     orders.state[trip] = ORDER_WAITING
     orders.release_sequence[trip] = trip
-    clock[CLOCK_NEXT_RELEASE] += 1
-    clock[CLOCK_KNOWN_ORDERS] = trip + 1
-    clock[CLOCK_UNDELIVERED] += 1
-    clock[CLOCK_REVISION] += 1
+    clock.next_release += 1
+    clock.known_orders = trip + 1
+    clock.undelivered += 1
+    clock.revision += 1
     offer(world, record, trip, np.int64(world.slots.cell[slot]))
     return trip
 
@@ -264,7 +256,7 @@ def offer(world, record, trip, cell):
 @kernel
 def reserve(world, record, trip, identity):
     world.orders.reserved_by[trip] = identity
-    world.clock[CLOCK_REVISION] += 1
+    world.clock.revision += 1
     record_change(world.clock, record, CHANGE_ORDER_RESERVED, trip, identity)
 
 
@@ -290,7 +282,7 @@ def leave_stations_and_pods(world, record):
         cell = robots.cell[robots.at_index[identity]]
         if leaving != NIL and cell != world.pod_stations.cell[leaving]:
             world.pod_stations.taken[leaving] -= 1
-            world.clock[CLOCK_REVISION] += 1
+            world.clock.revision += 1
             trips.leaving[identity] = NIL
         if offered != NIL:
             slot = world.orders.current_slot[offered]
@@ -332,7 +324,7 @@ def give_place_back(world, identity):
     world.trips.place[identity] = NIL
     if station != NIL:
         world.pod_stations.taken[station] -= 1
-        world.clock[CLOCK_REVISION] += 1
+        world.clock.revision += 1
 
 
 @kernel
@@ -344,7 +336,7 @@ def has_break(world, trip):
 @kernel
 def is_in_break(world, station):
     """Whether no visit begins now at a station, or NIL."""
-    tick, breaks = world.clock[CLOCK_TICK], world.pod_stations.breaks
+    tick, breaks = world.clock.tick, world.pod_stations.breaks
     for row in range(breaks.shape[0]):
         if station != NIL and breaks[row, 0] == station and breaks[row, 1] <= tick < breaks[row, 2]:
             return True
@@ -379,16 +371,16 @@ def end_visit(world, identity, trip, stop):
 
 @kernel
 def complete_line(world, line):
-    lines, tick = world.lines, world.clock[CLOCK_TICK]
+    lines, tick = world.lines, world.clock.tick
     order = lines.order[line]
     lines.done[line] = tick
     lines.left[order] -= 1
     if lines.left[order] == 0:
         lines.order_done[order] = tick
-        world.clock[CLOCK_ORDERS_DONE] += 1
+        world.clock.orders_done += 1
     world.pod_stations.open_lines[lines.served_at[line]] -= 1
     world.pods.open_lines[lines.taken_from[line]] -= 1
-    world.clock[CLOCK_UNDELIVERED] -= 1
+    world.clock.undelivered -= 1
 
 
 @kernel
@@ -439,12 +431,12 @@ def store_pod(world, trip, slot, is_over):
         return
     pods.trip[pod] = NIL
     if pods.first_line[pod] != NIL:
-        place = world.clock[CLOCK_STORED_PODS]
+        place = world.clock.stored_pods
         while place > 0 and pods.stored[place - 1] > pod:  # robots store pods in any sequence
             pods.stored[place] = pods.stored[place - 1]
             place -= 1
         pods.stored[place] = pod
-        world.clock[CLOCK_STORED_PODS] += 1
+        world.clock.stored_pods += 1
 
 
 # Orders of a list that carry pods: each waits for its turn, since a pod has one order at a time.
@@ -461,13 +453,13 @@ def take_turns(world, record, first):
     `first`: the place of these in the sequence of releases.
     """
     clock, pods, orders = world.clock, world.pods, world.orders
-    for k in range(clock[CLOCK_STORED_PODS]):
+    for k in range(clock.stored_pods):
         pod = np.int64(pods.stored[k])
         order = np.int64(pods.first_line[pod])
         pods.first_line[pod] = world.trips.following[order]
         begin_turn(world, record, pod, order)
-    clock[CLOCK_STORED_PODS] = 0
-    for k in range(first, clock[CLOCK_NEXT_RELEASE]):
+    clock.stored_pods = 0
+    for k in range(first, clock.next_release):
         order = np.int64(orders.release_sequence[k])
         pod = np.int64(world.trips.pod[order])
         if pod == NIL:
@@ -499,7 +491,7 @@ def begin_turn(world, record, pod, order):
     orders.source[order] = slot
     orders.current_slot[order] = slot
     orders.state[order] = ORDER_WAITING
-    world.clock[CLOCK_REVISION] += 1
+    world.clock.revision += 1
     offer(world, record, order, np.int64(world.slots.cell[slot]))
 
 
@@ -524,7 +516,7 @@ def mark_queues(world):
 @kernel
 def count_starved(world):
     """After `mark_queues`: count the tick for stations that could serve, and have no robot."""
-    stations, tick = world.pod_stations, world.clock[CLOCK_TICK]
+    stations, tick = world.pod_stations, world.clock.tick
     for k in range(stations.cell.shape[0]):
         if stations.open_lines[k] and stations.visited_at[k] != tick and not is_in_break(world, k):
             stations.starved_ticks[k] += 1
@@ -537,7 +529,7 @@ def mark_if_queueing(world, i, cell):
     station = stations.queue_at[cell]
     own = station if station != NIL else stations.station_at[cell]
     if own != NIL:
-        stations.visited_at[own] = world.clock[CLOCK_TICK]
+        stations.visited_at[own] = world.clock.tick
     queues = robots.goal_type[i] == GOAL_STOP and station != NIL
     if stations.station_at[cell] != NIL or (
         queues and robots.goal_cell[i] == stations.cell[station]

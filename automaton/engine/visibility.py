@@ -46,20 +46,20 @@ hide_job, show_job = hiding(Stations, "j"), showing(Stations, "j")
 def call_count(world, full_batch, layer):
     """How often a layer is called for a batch: once for each strategy, or for each robot."""
     if world.rules.radius != NIL:
-        return full_batch.count[0]
+        return full_batch.count
     return np.int64(world.rules.allocations if layer == LAYER_ALLOCATION else 1)
 
 
 @kernel
 def name_robots(world, full_batch, batch, strategy, call):
     """Enter the robots that call number `call` is about: the strategy's of the batch, or one of them."""
-    batch.strategy[0] = strategy
-    batch.count[0] = 0
+    batch.strategy = strategy
+    batch.count = 0
     if world.rules.radius != NIL:
         append(batch, np.int64(full_batch.robot[call]), np.int64(full_batch.reason[call]))
         return
     several = world.rules.allocations > 1 and is_allocation(strategy)
-    for k in range(full_batch.count[0]):
+    for k in range(full_batch.count):
         i = np.int64(full_batch.robot[k])
         if not several or allocation_of(world, i) == strategy:
             append(batch, i, np.int64(full_batch.reason[k]))
@@ -157,8 +157,8 @@ def mask_zones(world, visible_world, i):
         zone = np.int64(b.design.held[point])
         a.design.held[point] = zone if zone == NIL or a.server[zone] != NIL else HIDDEN_POINT
     hide_segments(a.design)
-    a.design.segments[0] = b.design.segments[0]
-    for segment in range(b.design.segments[0]):
+    a.design.segments = b.design.segments
+    for segment in range(b.design.segments):
         if a.server[b.design.owner[segment]] != NIL:
             copy_segment(b.design, segment, a.design, segment)
     for x in range(zones):
@@ -184,7 +184,7 @@ def copy_segment(source, m, design, to):
 @kernel
 def hide_segments(design):
     """Segments look as if no robot owned them."""
-    for segment in range(design.segments[0]):
+    for segment in range(design.segments):
         for k in range(design.points[segment]):
             design.path[segment, k] = NIL
         design.points[segment] = 0

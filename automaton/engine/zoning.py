@@ -11,11 +11,6 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.operations import record_change
 from automaton.engine.record_codes import CHANGE_ZONE
 from automaton.engine.state import (
-    CLOCK_HALTED_UNTIL,
-    CLOCK_NEXT_WAKEUP,
-    CLOCK_REVISION,
-    CLOCK_TICK,
-    CLOCK_ZONES_REDESIGNED,
     KEEP,
     LAYER_ZONING,
     NIL,
@@ -30,24 +25,24 @@ MAX_HALT_TICKS = 60_000  # ticks
 def commit_zoning(world, record, batch, decisions):
     """Enter what zoning decided about robots, the design and the queues."""
     out = decisions.zoning
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         commit_robot(world, record, np.int64(batch.robot[k]), out, k)
     if world.service_zones.queue.shape[0] == 0:
         return
-    if out.redesigned[0] and is_sound(world, out.design):
+    if out.redesigned and is_sound(world, out.design):
         adopt(world.service_zones.design, out.design)
-        if world.clock[CLOCK_ZONES_REDESIGNED] != world.clock[CLOCK_TICK]:
-            world.clock[CLOCK_REVISION] += 1
-        world.clock[CLOCK_ZONES_REDESIGNED] = world.clock[CLOCK_TICK]
+        if world.clock.zones_redesigned != world.clock.tick:
+            world.clock.revision += 1
+        world.clock.zones_redesigned = world.clock.tick
     for zone in range(out.server.shape[0]):
         server = out.server[zone]
         if server != KEEP and 0 <= server < world.robots.cell.shape[0]:
             if server != world.service_zones.server[zone]:
                 world.service_zones.server[zone] = server
-                world.clock[CLOCK_REVISION] += 1
+                world.clock.revision += 1
         elif server != KEEP:
             world.tally.illegal[LAYER_ZONING] += 1
-    for k in range(out.queued[0]):
+    for k in range(out.queued):
         enqueue_order(world, out, k)
 
 
@@ -59,15 +54,15 @@ def judge_zoning(world, batch, out):
     cannot be.
     """
     most = 2 * world.robots.cell.shape[0]  # of a replay, which tells of all calls at once
-    refused = min(max(np.int64(0), out.refused[0]), most)
-    if not 0 <= out.queued[0] <= out.order.shape[0]:
-        out.queued[0] = 0
+    refused = min(max(np.int64(0), out.refused), most)
+    if not 0 <= out.queued <= out.order.shape[0]:
+        out.queued = 0
         refused += 1
-    if out.redesigned[0] and world.service_zones.queue.shape[0]:
+    if out.redesigned and world.service_zones.queue.shape[0]:
         if not may_become(world, batch, out.design):
-            out.redesigned[0] = 0
+            out.redesigned = 0
             refused += 1
-    out.refused[0] = refused
+    out.refused = refused
     world.tally.illegal[LAYER_ZONING] += refused
 
 
@@ -76,7 +71,7 @@ def may_become(world, batch, design):
     """Whether a design, made whole, is sound and changes only what may be changed."""
     if not has_room_for(design):
         return False
-    if world.rules.own_zones and batch.count[0]:
+    if world.rules.own_zones and batch.count:
         fill_in_hidden(world, np.int64(batch.robot[0]), design)
     return is_sound(world, design) and may_change(world, batch, design)
 
@@ -84,9 +79,9 @@ def may_become(world, batch, design):
 @kernel
 def has_room_for(design):
     """Whether the segments of a design and their points are as many as there is room for."""
-    if not 0 <= design.segments[0] <= design.owner.shape[0]:
+    if not 0 <= design.segments <= design.owner.shape[0]:
         return False
-    for segment in range(design.segments[0]):
+    for segment in range(design.segments):
         if not 0 <= design.points[segment] <= design.path.shape[1]:
             return False
     return True
@@ -95,7 +90,7 @@ def has_room_for(design):
 @kernel
 def commit_robot(world, record, i, out, k):
     """What zoning says of robot i, decision k of the batch."""
-    service_zones, tick = world.service_zones, world.clock[CLOCK_TICK]
+    service_zones, tick = world.service_zones, world.clock.tick
     service_zone = np.int64(out.service_zone[k])
     if service_zone != KEEP and not may_serve(world, service_zone):
         world.tally.illegal[LAYER_ZONING] += 1
@@ -108,18 +103,16 @@ def commit_robot(world, record, i, out, k):
     if halt != KEEP:
         if 0 <= halt <= MAX_HALT_TICKS:
             service_zones.halt[i] = tick - 1 + halt
-            world.clock[CLOCK_HALTED_UNTIL] = max(
-                np.int64(world.clock[CLOCK_HALTED_UNTIL]), tick - 1 + halt
-            )
+            world.clock.halted_until = max(np.int64(world.clock.halted_until), tick - 1 + halt)
         else:
             world.tally.illegal[LAYER_ZONING] += 1
     if again != KEEP and again < NIL:
         world.tally.illegal[LAYER_ZONING] += 1
     elif again != KEEP:
         service_zones.wake[i] = tick + max(np.int64(1), again) if again != NIL else NIL
-        waking = np.int64(world.clock[CLOCK_NEXT_WAKEUP])
+        waking = np.int64(world.clock.next_wakeup)
         if again != NIL and (waking == NIL or service_zones.wake[i] < waking):
-            world.clock[CLOCK_NEXT_WAKEUP] = service_zones.wake[i]
+            world.clock.next_wakeup = service_zones.wake[i]
     if out.sends_message[k]:
         for word in range(service_zones.messages.shape[1]):
             service_zones.messages[i, word] = out.messages[k, word]
@@ -141,16 +134,16 @@ def fill_in_hidden(world, i, design):
         if design.zone[station] == NIL:
             design.zone[station] = now.zone[station]
     kept = 0
-    for segment in range(design.segments[0]):
+    for segment in range(design.segments):
         if design.owner[segment] != NIL:
             copy_segment(design, segment, design, kept)
             kept += 1
-    for segment in range(now.segments[0]):
+    for segment in range(now.segments):
         hidden = not is_zone_visible(world, i, np.int64(now.owner[segment]))
         if hidden and kept < design.owner.shape[0]:
             copy_segment(now, segment, design, kept)
             kept += 1
-    design.segments[0] = kept
+    design.segments = kept
     for a in range(design.transfer.shape[0]):
         for b in range(design.transfer.shape[0]):
             if not (is_zone_visible(world, i, a) and is_zone_visible(world, i, b)):
@@ -172,7 +165,7 @@ def is_sound(world, design):
         held[roads.point[station]] = zone
     if not has_room_for(design):
         return False
-    for segment in range(design.segments[0]):
+    for segment in range(design.segments):
         if not is_path(roads, design, segment):
             return False
         owner = np.int64(design.owner[segment])
@@ -229,7 +222,7 @@ def transfers_are_sound(design, accessible):
 @kernel
 def may_change(world, batch, design):
     """With limited sight: whether all stations that change their zone do so between robots in sight."""
-    if world.rules.radius == NIL or batch.count[0] == 0:
+    if world.rules.radius == NIL or batch.count == 0:
         return True
     i = np.int64(batch.robot[0])
     for station in range(design.zone.shape[0]):
@@ -246,8 +239,8 @@ def may_change(world, batch, design):
 @kernel
 def adopt(design, given):
     """Copy a design."""
-    count = np.int64(given.segments[0])
-    design.segments[0] = count
+    count = np.int64(given.segments)
+    design.segments = count
     for station in range(design.zone.shape[0]):
         design.zone[station] = given.zone[station]
     for segment in range(design.owner.shape[0]):
@@ -286,7 +279,7 @@ def enqueue_order(world, out, k):
         world.tally.illegal[LAYER_ZONING] += 1
         return
     if service_zones.queue[order] != queue or service_zones.next_slot[order] != next_slot:
-        world.clock[CLOCK_REVISION] += 1
+        world.clock.revision += 1
     service_zones.queue[order] = queue
     service_zones.next_slot[order] = next_slot
     service_zones.skips_transfer[order] = out.skips_transfer[k]

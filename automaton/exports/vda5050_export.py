@@ -21,7 +21,7 @@ from typing import Any, BinaryIO, Final, NamedTuple
 import msgspec
 import numpy as np
 
-from automaton.engine.observation import COUNT_EVENTS, EVENT_ORDER_TAKEN
+from automaton.engine.observation import EVENT_ORDER_TAKEN
 from automaton.engine.record_codes import (
     ACTION_MASK,
     EXECUTED_DROP,
@@ -343,7 +343,7 @@ class StateTrace:
         if content is not None and content["first"] != self._frame:
             self._count(content)
         observation = simulation.observation
-        events = observation.events[: observation.count[COUNT_EVENTS]]
+        events = observation.events[: observation.count.events]
         for tick, _, robot, *_ in events[events[:, 1] == EVENT_ORDER_TAKEN].tolist():
             self._before_order[robot] = self._moves[tick - self._frame, robot]
         simulation.empty_observation()

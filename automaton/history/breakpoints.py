@@ -30,7 +30,6 @@ from automaton.engine.robot_states import is_charging, is_queueing
 from automaton.engine.state import (
     ACTION_NAMES,
     BATTERY_PERCENT,
-    CLOCK_TICK,
     NIL,
     STATUS_DEPLETED,
     STATUS_FAILED,
@@ -120,7 +119,7 @@ def _members(run: Simulation, mask: Array) -> Array:
 
 def _redesigned(run: Simulation) -> Array:
     """Robots whose zones gained or lost stations in the last tick."""
-    zones = np.flatnonzero(run.observation.reshaped == run.world.clock[CLOCK_TICK])
+    zones = np.flatnonzero(run.observation.reshaped == run.world.clock.tick)
     servers: Array = run.world.service_zones.server[zones]
     return np.unique(servers[servers != NIL])
 
@@ -128,7 +127,7 @@ def _redesigned(run: Simulation) -> Array:
 def _delivering(run: Simulation, load: int | None) -> Array:
     """Robots that delivered in the last tick."""
     orders, given = run.world.orders, run.observation.dropped
-    done = (given != NIL) & (orders.delivered[given] == run.world.clock[CLOCK_TICK])
+    done = (given != NIL) & (orders.delivered[given] == run.world.clock.tick)
     return _members(run, done if load is None else done & (given == load))
 
 

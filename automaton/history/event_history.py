@@ -12,13 +12,11 @@ import numpy as np
 
 from automaton.engine import observation as codes
 from automaton.engine.observation import (
-    COUNT_CURVE_ROWS,
-    COUNT_EVENTS,
     CURVE_COLUMNS,
     EVENT_DEADLOCK,
     EVENT_ZONES_REDESIGNED,
 )
-from automaton.engine.state import BATTERY_PERCENT, CLOCK_TICK, Array
+from automaton.engine.state import BATTERY_PERCENT, Array
 from automaton.runs.simulation import Simulation
 
 EVENT_FIELDS = 5
@@ -133,12 +131,12 @@ class EventHistory:
 
     def __call__(self, simulation: Simulation) -> None:
         """Take what the buffers of an observation hold, and empty them."""
-        observation, last = simulation.observation, int(simulation.world.clock[CLOCK_TICK])
-        rows = int(observation.count[COUNT_CURVE_ROWS])
+        observation, last = simulation.observation, int(simulation.world.clock.tick)
+        rows = int(observation.count.curve_rows)
         fresh = min(rows, last - self.known)
         if fresh > 0:
             self._curve.append(observation.curve[rows - fresh : rows])
-            events = observation.events[: observation.count[COUNT_EVENTS]]
+            events = observation.events[: observation.count.events]
             events = events[events[:, 0] > last - fresh]
             self._events.append(events)
             self._deadlocks.append(events[events[:, 1] == EVENT_DEADLOCK, :1])

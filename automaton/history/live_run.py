@@ -16,7 +16,7 @@ from typing import BinaryIO, Final, overload
 import numpy as np
 
 from automaton.engine.digest import DIGEST_NAMES
-from automaton.engine.state import CLOCK_DIGEST_EVERY, CLOCK_TICK, NIL
+from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.history.playback import Keyframes, Playback
 from automaton.history.watched_run import COMPUTE_SLICE_S, WatchedRun
@@ -58,7 +58,7 @@ class LiveRun(WatchedRun):
         simulation = Simulation(
             resolved, seed, on_record=self.recorder, on_observe=self.event_history
         )
-        simulation.world.clock[CLOCK_DIGEST_EVERY] = DIGEST_TICKS
+        simulation.world.clock.digest_every = DIGEST_TICKS
         return simulation
 
     @property
@@ -123,9 +123,9 @@ class LiveRun(WatchedRun):
         self.recorder(broken)
         self.recorder.flush()
         last = self.frames.last_tick
-        broken.world.clock[CLOCK_TICK] = last  # those of the failed tick are in none of the buffers
+        broken.world.clock.tick = last  # those of the failed tick are in none of the buffers
         self.event_history(broken)
-        broken.world.clock[CLOCK_TICK] = last + 1
+        broken.world.clock.tick = last + 1
         self._failed = failure
         whole = Playback(self.header, self.frames, self._keyframes)
         whole.go_to(last)

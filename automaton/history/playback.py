@@ -17,7 +17,7 @@ import numpy as np
 from automaton.engine.decision_stream import ReplayState, repeat
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.observation import Observation
-from automaton.engine.state import CLOCK_TICK, LAYER_NAMES, Array, World
+from automaton.engine.state import LAYER_NAMES, Array, Clock, World
 from automaton.errors import InputError
 from automaton.recording.contents import Content
 from automaton.recording.frames import StoredFrames
@@ -155,7 +155,7 @@ class Playback:
             self._loaded = content["first"]
         for state in self.simulation.states:
             if isinstance(state, ReplayState):
-                state.cursor[0], state.end[0] = 0, len(words)
+                state.cursor, state.end = 0, len(words)
 
     def _rebuild_for(self, tick: int) -> None:
         """Change the rules where the run was branched off."""
@@ -210,7 +210,7 @@ class Keyframe(NamedTuple):
     arrays: dict[str, Delta]
     routes: Array  # the steps of all routes, one after another
     plans: Array  # likewise the orders of all plans
-    clock: Array
+    clock: Clock
 
     @property
     def nbytes(self) -> int:
@@ -244,7 +244,7 @@ class Keyframes:
 
     def keep(self, world: World, observation: Observation) -> None:
         """Keep the state; when they outgrow the budget, those go that leave the smallest gaps."""
-        tick = int(world.clock[CLOCK_TICK])
+        tick = int(world.clock.tick)
         if self.ticks and tick <= self.ticks[-1]:
             return
         arrays = {

@@ -20,7 +20,7 @@ from automaton.engine.facilities import (
 )
 from automaton.engine.jit.structs import CARRIED, Struct
 from automaton.engine.observation import Observation
-from automaton.engine.state import CLOCK_TICK, NIL, Array, Orders, Robots
+from automaton.engine.state import NIL, Array, Orders, Robots
 from automaton.runs.simulation import Simulation
 
 AnyStruct = TypeVar("AnyStruct", bound=Struct)
@@ -99,7 +99,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
     fields |= {name: getattr(observation, name)[by_identity] for name in _OBSERVED}
     fields["route_length"] = (world.robots.route_length - world.robots.route_index)[by_identity]
     return Snapshot(
-        tick=int(world.clock[CLOCK_TICK]),
+        tick=int(world.clock.tick),
         finished=simulation.finished,
         robots=FleetSnapshot(**fields),
         orders=_copied(world.orders),
@@ -117,7 +117,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         service_zones=_copied(world.service_zones).replaced(
             design=world.service_zones.design.copied()
         ),
-        redesigns=int(observation.redesigns[0]),
+        redesigns=int(observation.redesigns),
         selected=selected,
         route=_route(simulation, selected),
         order_queue=_plan(simulation, selected),
@@ -134,7 +134,7 @@ def _copied(struct: AnyStruct) -> AnyStruct:
     changing = [
         name for name, one in struct._declared.items() if one.role in CARRIED and one.is_array
     ]
-    return struct.replaced(**{name: getattr(struct, name).copy() for name in changing})
+    return struct.replaced(**{name: struct.array(name).copy() for name in changing})
 
 
 def _route(simulation: Simulation, selected: int) -> Array:

@@ -12,7 +12,6 @@ from automaton.engine.robot_states import is_charging, is_queueing
 from automaton.engine.state import (
     ACTION_SERVE,
     BATTERY_FULL,
-    CLOCK_TICK,
     GATE_BLOCK,
     GATE_CLOSING,
     GATE_DOOR,
@@ -157,7 +156,7 @@ def gate_states(world: World) -> Array:
     1 for a closing that lasts and for a door that opens or is open, the number of the robot that called
     a lift, from 1; always 0 for blocks.
     """
-    gates, tick = world.gates, int(world.clock[CLOCK_TICK])
+    gates, tick = world.gates, int(world.clock.tick)
     states = np.zeros(len(gates.kind), np.int64)
     rows = gates.first_closing[:-1] + gates.closing
     at = np.flatnonzero((gates.kind == GATE_CLOSING) & (rows < gates.first_closing[1:]))

@@ -143,14 +143,14 @@ def drive(stations: tuple[int, ...], start: int, charge: int, rule: BatteryRules
     cost = quotes.quote(task_costs, rule, scratch, start - 1, 0, charge, order, len(stations))
     plan = scratch.plan
     return Driven(
-        cost=float(plan.cost[0]),
-        gross=float(plan.gross[0]),
-        net=float(plan.net[0]),
-        end=int(plan.end_charge[0]),
-        lowest=int(plan.lowest_charge[0]),
-        stops=int(scratch.plan.stops[0]),
+        cost=float(plan.cost),
+        gross=float(plan.gross),
+        net=float(plan.net),
+        end=int(plan.end_charge),
+        lowest=int(plan.lowest_charge),
+        stops=int(scratch.plan.stops),
         feasible=bool(cost < INF_COST),
-        states=int(scratch.count.states[0]),
+        states=int(scratch.count.states),
     )
 
 

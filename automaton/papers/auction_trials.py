@@ -278,8 +278,8 @@ def solve(lanes: str, robots: int, n: int, seed: int, method: str, epsilon: int)
     stations = task_set(seed, n)
     return Solved(
         metaheuristics.objective(one.fleet, epsilon) / 1000,
-        int(one.scratch.count.bids[0]),
-        int(one.scratch.count.positions[0]),
+        int(one.scratch.count.bids),
+        int(one.scratch.count.positions),
         tuple(tuple(stations[task] for task in listed(one.fleet, r)) for r in range(robots)),
     )
 
@@ -432,8 +432,8 @@ def bids_for(setting: str) -> list[Bid]:
         order = [tasks[task] for task in fleet.order[r, : fleet.length[r]]]
         for position, charger in reversed(stops_of(scratch)):
             order.insert(position, chosen["chargers"][charger])
-        arrival = int(scratch.plan.arrival[0]) if scratch.plan.stops[0] else None
-        charged, end = int(plan.charging[0]), int(plan.end_charge[0])
+        arrival = int(scratch.plan.arrival[0]) if scratch.plan.stops else None
+        charged, end = int(plan.charging), int(plan.end_charge)
         found.append(Bid(before, cost, added, mixed, tuple(order), arrival, charged, end))
     return found
 
@@ -441,7 +441,7 @@ def bids_for(setting: str) -> list[Bid]:
 def stops_of(scratch: AuctionScratch) -> list[tuple[int, int]]:
     """(position in the list, number of the charger) of the plan's stops."""
     plan = scratch.plan
-    return [(int(plan.position[k]), int(plan.charger[k])) for k in range(plan.stops[0])]
+    return [(int(plan.position[k]), int(plan.charger[k])) for k in range(plan.stops)]
 
 
 def winner(offers: list[Bid]) -> int | None:

@@ -20,15 +20,7 @@ from automaton.atomic_write import put_in_place
 from automaton.engine.decision_stream import words_until
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import KEYFRAME_TICKS
-from automaton.engine.state import (
-    CLOCK_CHANGE_ROWS,
-    CLOCK_DECISION_WORDS,
-    CLOCK_DIGEST_EVERY,
-    CLOCK_RECORDED_TICKS,
-    CLOCK_TICK,
-    Array,
-    Record,
-)
+from automaton.engine.state import Array, Clock, Record
 from automaton.errors import InputError
 from automaton.recording.contents import (
     FRAME_KIND_CONDITIONS,
@@ -83,7 +75,7 @@ class BaseRecorder:
         """Take what the buffers of a simulation hold, and empty them."""
         self._begin(simulation)
         world, record = simulation.world, simulation.record
-        rows = int(world.clock[CLOCK_RECORDED_TICKS])
+        rows = int(world.clock.recorded_ticks)
         if rows:
             if self._held + rows > FRAME_TICKS or self._bytes > FRAME_BYTES:
                 self.flush()
@@ -94,11 +86,7 @@ class BaseRecorder:
         if self._held >= FRAME_TICKS or due:
             self.flush()
         tick = self._first + self._held - 1
-        if (
-            tick % KEYFRAME_TICKS == 0
-            and tick > self._keyframe_at
-            and world.clock[CLOCK_TICK] == tick
-        ):
+        if tick % KEYFRAME_TICKS == 0 and tick > self._keyframe_at and world.clock.tick == tick:
             self.flush()
             self._keyframe(world)
 
@@ -114,12 +102,12 @@ class BaseRecorder:
             self._keyframe(self._start)
         self._simulation = simulation
 
-    def _rows(self, clock: Array, record: Record, rows: int) -> Rows:
+    def _rows(self, clock: Clock, record: Record, rows: int) -> Rows:
         # After an interrupt those of an unfinished tick may be there: they are not kept.
         last = self._first + self._held + rows - 1
-        changes = record.changes[: clock[CLOCK_CHANGE_ROWS]]
+        changes = record.changes[: clock.change_rows]
         decisions = record.decisions[
-            : words_until(record.decisions, int(clock[CLOCK_DECISION_WORDS]), last)
+            : words_until(record.decisions, int(clock.decision_words), last)
         ]
         kept = changes[changes[:, 0] <= last].copy()
         return record.executed[:rows].copy(), decisions.copy(), kept, record.digests[:rows].copy()
@@ -128,7 +116,7 @@ class BaseRecorder:
         """The run goes on as `simulation`, in which something was changed after this tick."""
         self.flush()
         self._simulation = simulation
-        simulation.world.clock[CLOCK_DIGEST_EVERY] = self.header["digest_every"]
+        simulation.world.clock.digest_every = self.header["digest_every"]
         self.write(FRAME_KIND_CONDITIONS, rules_of(simulation, settings))
 
     def flush(self) -> None:
@@ -173,7 +161,7 @@ class BaseRecorder:
 
     def _keyframe(self, world: Any) -> None:
         state = state_of(world, KEYFRAME_ARRAYS)
-        self._keyframe_at = int(world.clock[CLOCK_TICK])
+        self._keyframe_at = int(world.clock.tick)
         self.write(FRAME_KIND_KEYFRAME, {"tick": self._keyframe_at, **state})
 
 

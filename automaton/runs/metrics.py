@@ -33,7 +33,6 @@ from automaton.engine.state import (
     ACTION_TURN,
     ACTION_WAIT,
     BATTERY_FULL,
-    CLOCK_TICK,
     FAILURE_DEPLETED,
     FAILURE_FAULT,
     FAILURE_TOWED,
@@ -174,7 +173,7 @@ def counted(run: Measured) -> Counted:
         sums["delayed"] = int(world.delays.lasted.sum())
     found = {**dict(run.counted), **sums}
     served = int(world.pod_stations.served_ticks.sum())
-    return Counted(int(world.clock[CLOCK_TICK]), found, ticks.sum(1), busy_ticks(world), served)
+    return Counted(int(world.clock.tick), found, ticks.sum(1), busy_ticks(world), served)
 
 
 def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float | int]:
@@ -230,7 +229,7 @@ def _of_stretch(robots: int, ticks: int) -> dict[str, int]:
 
 def _of_tasks(world: World, tasks: FinishedTasks, robots: int, warm_up: int) -> dict[str, int]:
     """The sums of the tasks that were taken after a warm-up, and of what was delivered after it."""
-    orders, after = world.orders, max(0, int(world.clock[CLOCK_TICK]) - warm_up)
+    orders, after = world.orders, max(0, int(world.clock.tick) - warm_up)
     completed = (orders.state == ORDER_DELIVERED) & (orders.delivered > warm_up)
     return {
         **{name: int(value.sum()) for name, value in tasks.sums.items()},
@@ -309,7 +308,7 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     `lost_following` if they follow each other in moves of several ticks.
     """
     world = run.world
-    elapsed = int(world.clock[CLOCK_TICK])
+    elapsed = int(world.clock.tick)
     ticks = executed_ticks(world)
     slows, names = may_slow(world), type_names(run)
     rows = []
@@ -359,7 +358,7 @@ def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
         }
         row |= {"payload": kind.payload, "delivered": int((done == number).sum())}
         row |= {f"{name}_ticks": total for name, total in spent.items()}
-        share = _ratio(active, mine.sum() * int(world.clock[CLOCK_TICK]))
+        share = _ratio(active, mine.sum() * int(world.clock.tick))
         rows.append(row | {"utilization": share})
     return rows
 
@@ -415,7 +414,7 @@ def sums_of_parts(world: World, borders: Array) -> dict[str, Array]:
 
 def busy_ticks(world: World) -> Array:
     """(k,) ticks in which each station worked, what it works on now included."""
-    stations, now = world.stations, int(world.clock[CLOCK_TICK])
+    stations, now = world.stations, int(world.clock.tick)
     ended = np.flatnonzero(stations.completion_tick != NIL)
     count = len(stations.slot)
     busy = np.bincount(stations.station[ended], stations.processing_time[ended], count).astype(

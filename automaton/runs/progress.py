@@ -15,7 +15,6 @@ from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,
     ACTION_PICK,
-    CLOCK_TICK,
     GOAL_CHARGE,
     GOAL_NONE,
     GOAL_PARK,
@@ -64,14 +63,14 @@ def asked_orders(world: World) -> AskedOrders:
         done = np.where(is_done, orders.delivered, NIL).astype(np.int64)
         known = orders.state != ORDER_UNRELEASED
         if len(world.pods.slot):  # some may wait for their pods
-            known |= orders.release_tick <= world.clock[CLOCK_TICK]
+            known |= orders.release_tick <= world.clock.tick
         return AskedOrders(
             orders.release_tick.astype(np.int64), orders.due.astype(np.int64), done, known
         )
     release, due = (np.full(len(lines.left), NEVER, np.int64) for _ in range(2))
     np.minimum.at(release, lines.order, lines.release_tick)
     np.minimum.at(due, lines.order, lines.due)
-    known = release <= world.clock[CLOCK_TICK]
+    known = release <= world.clock.tick
     return AskedOrders(release, due, lines.order_done.astype(np.int64), known)
 
 
@@ -135,7 +134,7 @@ def starved_robots(world: World, ticks: int | None = None) -> Array:
     at_work &= (robots.status == STATUS_UP) & (robots.ticket == 0)
     ticks = starved_ticks(world) if ticks is None else ticks
     stalled: Array = np.flatnonzero(
-        at_work & (world.tally.progress <= int(world.clock[CLOCK_TICK]) - ticks)
+        at_work & (world.tally.progress <= int(world.clock.tick) - ticks)
     )
     return stalled
 
@@ -145,7 +144,7 @@ def stuck_robots(world: World, ticks: int) -> Array:
 
     Those wait for a charger that others use, or for a station that has had a break in these ticks.
     """
-    stations, tick, robots = world.pod_stations, int(world.clock[CLOCK_TICK]), world.robots
+    stations, tick, robots = world.pod_stations, int(world.clock.tick), world.robots
     began, ended = stations.breaks[:, 1], stations.breaks[:, 2]
     lately = stations.breaks[(began <= tick) & (ended > tick - ticks), 0]
     waits = np.isin(robots.goal_cell, stations.cell[lately]) | (robots.goal_type == GOAL_CHARGE)
@@ -159,7 +158,7 @@ def oldest_order(world: World) -> int:
     orders = asked_orders(world)
     if not orders.is_open.any():
         return 0
-    return int(world.clock[CLOCK_TICK]) - int(orders.release[orders.is_open].min())
+    return int(world.clock.tick) - int(orders.release[orders.is_open].min())
 
 
 def largest_jam(world: World, floor_plan: FloorPlan) -> Jam | None:

@@ -21,9 +21,6 @@ from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
 from automaton.engine.distance_tables import (
     BYTES_PER_WORD,
     STOP_NO_ROOM,
-    TABLES_REFUSED,
-    TABLES_ROWS,
-    TABLES_WORDS,
     DistanceTables,
 )
 from automaton.engine.features import (
@@ -37,18 +34,8 @@ from automaton.engine.holders import NO_STATE_ROWS, state_rows
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel import first_compilation_announced, jit_is_on
 from automaton.engine.jit.structs import Struct, registered_address, window
-from automaton.engine.observation import COUNT_CURVE_ROWS, COUNT_EVENTS
 from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.engine.state import (
-    CLOCK_CHANGE_ROWS,
-    CLOCK_DECISION_WORDS,
-    CLOCK_DIGEST_EVERY,
-    CLOCK_FINISHED,
-    CLOCK_OBSERVING,
-    CLOCK_RECORDED_TICKS,
-    CLOCK_RECORDING,
-    CLOCK_STOP_TICK,
-    CLOCK_TICK,
     FOLLOWING_CONVOY,
     LAYER_ALLOCATION,
     LAYER_NAMES,
@@ -56,6 +43,7 @@ from automaton.engine.state import (
     NIL,
     STRATEGY_COUNT,
     Array,
+    Clock,
     Memory,
     World,
 )
@@ -135,11 +123,11 @@ class Simulation:
         self._batch_view = self.batch.read_only()
         self.on_record = on_record
         self.record = build_record(self.world, RECORD_TICKS if on_record else 0, len(DIGEST_NAMES))
-        self.world.clock[CLOCK_RECORDING] = 1 if on_record else 0
-        self.world.clock[CLOCK_DIGEST_EVERY] = digest_interval(self.world) if on_record else 1
+        self.world.clock.recording = 1 if on_record else 0
+        self.world.clock.digest_every = digest_interval(self.world) if on_record else 1
         self.on_observe = on_observe
         self.observation = build_observation(self.world, OBSERVED_TICKS if on_observe else 0)
-        self.world.clock[CLOCK_OBSERVING] = 1 if on_observe else 0
+        self.world.clock.observing = 1 if on_observe else 0
         picked = (
             [self._load_strategy(layer, choice) for layer, choice in resolved.choices]
             if strategies is None
@@ -350,12 +338,12 @@ class Simulation:
     @property
     def tick(self) -> int:
         """Ticks executed so far."""
-        return int(self.world.clock[CLOCK_TICK])
+        return int(self.world.clock.tick)
 
     @property
     def finished(self) -> bool:
         """Whether the scenario's stop condition holds."""
-        return bool(self.world.clock[CLOCK_FINISHED])
+        return bool(self.world.clock.finished)
 
     def run(self, until: int | None = None) -> None:
         """Run to the stop condition, or to tick `until`, or to the scenario's `stop.max_duration`.
@@ -375,7 +363,7 @@ class Simulation:
                 raise
 
     def _run_to(self, limit: int) -> None:
-        self.world.clock[CLOCK_STOP_TICK] = self._next_pause(limit)
+        self.world.clock.stop_tick = self._next_pause(limit)
         for event in self._ticks:
             if event == loop_kernels.LOOP_GIVEN_UP:
                 if self.workspace.stop[0] == STOP_NO_ROOM:
@@ -388,9 +376,9 @@ class Simulation:
                 self.on_record(self)
             if self.on_observe:
                 self.on_observe(self)
-            if self.finished or self.world.clock[CLOCK_TICK] >= limit:
+            if self.finished or self.world.clock.tick >= limit:
                 return
-            self.world.clock[CLOCK_STOP_TICK] = self._next_pause(limit)
+            self.world.clock.stop_tick = self._next_pause(limit)
 
     @contextmanager
     def _constants_kept(self) -> Iterator[None]:
@@ -427,15 +415,16 @@ class Simulation:
 
     def update_finished(self) -> None:
         """Update whether the stop condition holds: the state or the rules were replaced."""
-        self.world.clock[CLOCK_FINISHED] = self.tick > 0 and loop_kernels.is_finished(self.world)
+        self.world.clock.finished = self.tick > 0 and loop_kernels.is_finished(self.world)
 
     def empty_record(self) -> None:
         """What `on_record` does when it has taken what the buffers of the recording hold."""
-        self.world.clock[[CLOCK_RECORDED_TICKS, CLOCK_CHANGE_ROWS, CLOCK_DECISION_WORDS]] = 0
+        clock = self.world.clock
+        clock.recorded_ticks = clock.change_rows = clock.decision_words = 0
 
     def empty_observation(self) -> None:
         """What `on_observe` does when it has taken what the buffers of the observation hold."""
-        self.observation.count[[COUNT_EVENTS, COUNT_CURVE_ROWS]] = 0
+        self.observation.count[:] = 0
 
     def _decide(self, number: int) -> None:
         strategy = self.strategies[number]
@@ -455,7 +444,7 @@ class Simulation:
         if changed:
             raise PermissionError(f"it has written to {changed[0]} of the world")
 
-    def _changed_since(self, digests: Array, clock: Array) -> Sequence[str]:
+    def _changed_since(self, digests: Array, clock: Clock) -> Sequence[str]:
         """The arrays that are not as they were: somebody writes to bare memory."""
         arrays = [DIGEST_NAMES[k] for k in np.flatnonzero(self.digests() != digests)]
         return arrays or ([] if np.array_equal(self.world.clock, clock) else ["the clock"])
@@ -527,11 +516,11 @@ def _compiled_loop(
 
 def no_room(world: World, structs: Iterable[Struct]) -> InputError:
     """The sentence about the tables among these structs that a table did not fit in."""
-    tables = next(one for one in tables_in(structs) if one.status[TABLES_REFUSED])
-    robots, size = len(world.robots.cell), BYTES_PER_WORD * int(tables.status[TABLES_WORDS])
-    at_once = max(int(tables.status[TABLES_ROWS]) - 1, 0)
+    tables = next(one for one in tables_in(structs) if one.status.refused)
+    robots, size = len(world.robots.cell), BYTES_PER_WORD * int(tables.status.words)
+    at_once = max(int(tables.status.rows) - 1, 0)
     return InputError(
-        f"tick {world.clock[CLOCK_TICK]} needs more distance tables than world.distance_tables "
+        f"tick {world.clock.tick} needs more distance tables than world.distance_tables "
         f"({memory(world.rules.table_bytes)}) has room for: {count(at_once, 'table')} of {memory(size)} "
         f"at a time; set it to {memory((robots + 1) * size)}, for a table for each of "
         f"{count(robots, 'robot')}"

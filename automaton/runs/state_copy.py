@@ -15,16 +15,6 @@ from automaton.engine.jit.structs import CARRIED, SCRATCH, STOP, Struct, window
 from automaton.engine.motion import room_bit
 from automaton.engine.observation import Observation
 from automaton.engine.state import (
-    CLOCK_CHANGE_ROWS,
-    CLOCK_DECISION_WORDS,
-    CLOCK_DIGEST_EVERY,
-    CLOCK_NEEDING_RIGHT_OF_WAY,
-    CLOCK_NEEDING_ROUTE,
-    CLOCK_OBSERVING,
-    CLOCK_RECORDED_TICKS,
-    CLOCK_RECORDING,
-    CLOCK_STOP_TICK,
-    CLOCK_TICK,
     FOLLOWING_CONVOY,
     NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
@@ -33,6 +23,7 @@ from automaton.engine.state import (
     REASON_NEW_GOAL,
     RETRY_NONE,
     Array,
+    Clock,
     World,
 )
 from automaton.errors import InputError
@@ -41,13 +32,13 @@ from automaton.floor.floor_plan import DRIVABLE
 from automaton.world.starts import occupy_starts
 
 OF_THE_BUFFERS: Final = (
-    CLOCK_STOP_TICK,
-    CLOCK_RECORDING,
-    CLOCK_RECORDED_TICKS,
-    CLOCK_CHANGE_ROWS,
-    CLOCK_DECISION_WORDS,
-    CLOCK_DIGEST_EVERY,
-    CLOCK_OBSERVING,
+    "stop_tick",
+    "recording",
+    "recorded_ticks",
+    "change_rows",
+    "decision_words",
+    "digest_every",
+    "observing",
 )
 
 
@@ -57,7 +48,7 @@ def state_arrays(struct: Struct, path: str = "") -> Iterator[tuple[str, Array]]:
         if not declared.kind:
             yield from state_arrays(getattr(struct, name), f"{path}{name}.")
         elif declared.role in CARRIED and not declared.used:
-            yield f"{path}{name}", getattr(struct, name)
+            yield f"{path}{name}", struct.array(name)
 
 
 def ragged_arrays(world: World) -> Iterator[tuple[Array, Array]]:
@@ -79,11 +70,11 @@ def arrays_of_run(world: World, observation: Observation) -> dict[str, Array]:
     return dict(state_arrays(world)) | dict(state_arrays(observation, "observation."))
 
 
-def copy_clock(to: Array, since: Array) -> None:
-    """Copy the entries of a clock that belong to the state."""
-    kept = to[list(OF_THE_BUFFERS)]
-    to[:] = since
-    to[list(OF_THE_BUFFERS)] = kept
+def copy_clock(to: Clock, since: Clock) -> None:
+    """Copy the numbers of a clock that belong to the state."""
+    for name in Clock.meanings:
+        if name not in OF_THE_BUFFERS:
+            setattr(to, name, getattr(since, name))
 
 
 class RunState(NamedTuple):
@@ -91,7 +82,7 @@ class RunState(NamedTuple):
 
     arrays: dict[str, Array]  # of the state and of the observation
     rows: list[Array]  # of different lengths: routes and plans
-    clock: Array
+    clock: Clock
     memories: list[dict[str, Array]]  # of each strategy: the arrays of its struct
     strategies: list[Any]  # their objects; None where a layer has none
 
@@ -188,11 +179,11 @@ def hold_cells(world: World) -> None:
     if not is_convoy and (times[held >= 0] > 1).any():
         raise InputError(
             f"a robot follows into a cell that another one is still leaving at tick "
-            f"{world.clock[CLOCK_TICK]}, so world.following stays convoy there; choose another tick"
+            f"{world.clock.tick}, so world.following stays convoy there; choose another tick"
         )
     if is_convoy:
         left = resources(world, robots.cell[moves], robots.travel[moves])
-        last = int(world.clock[CLOCK_TICK]) + robots.busy[moves].astype(np.int64)
+        last = int(world.clock.tick) + robots.busy[moves].astype(np.int64)
         world.traffic.leaving[left[left >= 0]] = (4 * last + way)[left >= 0]
         own = world.traffic.own_ticks  # whose following is not known drives by itself
         own[moves] = np.maximum(own[moves], robots.busy[moves] + 1)
@@ -225,8 +216,8 @@ def plan_anew(world: World) -> None:
     robots.retreat_moves[:], robots.failed_retries[:], robots.retry_state[:] = 0, 0, RETRY_NONE
     robots.step[:] = NO_STEP
     robots.need[:] &= 255 - (NEED_ROUTE | NEED_RIGHT_OF_WAY)
-    clock[CLOCK_NEEDING_RIGHT_OF_WAY] = 0
+    clock.needing_right_of_way = 0
     asking = (robots.goal_cell != NIL) & (world.rules.steered[0] == 0)
     robots.need[asking] |= NEED_ROUTE
     robots.route_reason[asking] = REASON_NEW_GOAL
-    clock[CLOCK_NEEDING_ROUTE] = int(asking.sum())
+    clock.needing_route = int(asking.sum())

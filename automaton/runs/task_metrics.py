@@ -18,7 +18,6 @@ import numpy as np
 from automaton.engine.state import (
     ACTION_DROP,
     ACTION_PICK,
-    CLOCK_TICK,
     NEVER,
     NIL,
     ORDER_DELIVERED,
@@ -145,7 +144,7 @@ def due_orders(world: World) -> DueOrders:
     orders = asked_orders(world)
     known = np.flatnonzero((orders.due != NEVER) & orders.is_known)
     is_open = orders.is_open[known]
-    ends = np.where(is_open, world.clock[CLOCK_TICK], orders.done[known])
+    ends = np.where(is_open, world.clock.tick, orders.done[known])
     return DueOrders(ends, np.maximum(0, ends - orders.due[known]), is_open)
 
 
@@ -182,7 +181,7 @@ def lead_times(world: World, since: int) -> dict[str, float | int]:
 
     The longest one may be the age of an order that is open.
     """
-    orders, now = asked_orders(world).after(since), int(world.clock[CLOCK_TICK])
+    orders, now = asked_orders(world).after(since), int(world.clock.tick)
     times = (orders.done - orders.release)[~orders.is_open]
     ages = now - orders.release[orders.is_open]
     figures: dict[str, float | int] = {}
@@ -211,7 +210,7 @@ def metrics_by_station(run: Measured) -> list[dict[str, Any]]:
     """For each station, in the order of numbers, what Station has; () where no pods are carried."""
     world = run.world
     names = run.resolved.station_names
-    stations, elapsed = world.pod_stations, max(int(world.clock[CLOCK_TICK]), 1)
+    stations, elapsed = world.pod_stations, max(int(world.clock.tick), 1)
     done_at = world.stops.cell[world.stops.done != NIL]
     visited = stations.station_at[done_at] if names else NO_STATIONS
     done = world.lines.served_at[world.lines.done != NIL]

@@ -22,6 +22,7 @@ from automaton.engine.gates import (
 )
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel, prefetch
+from automaton.engine.jit.named_numbers import NamedNumbers, number
 from automaton.engine.jit.structs import CONSTANT, DERIVED, SCRATCH, STATIC, STOP, Struct, field
 from automaton.engine.motion import direction_between, has_room, is_empty
 from automaton.engine.operations import (
@@ -99,16 +100,6 @@ from automaton.engine.state import (
     ACTION_WAIT,
     BATTERY_FULL,
     BATTERY_PERCENT,
-    CLOCK_COARSE_TICK,
-    CLOCK_FIRST_OPEN,
-    CLOCK_KNOWN_ORDERS,
-    CLOCK_NEXT_RELEASE,
-    CLOCK_OPEN_JOBS,
-    CLOCK_REVISION,
-    CLOCK_ROBOTS_DOWN,
-    CLOCK_TICK,
-    CLOCK_UNDELIVERED,
-    CLOCK_ZONES_REDESIGNED,
     CMD_DROP_AT,
     CMD_GO,
     CMD_HOLD,

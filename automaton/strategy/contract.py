@@ -17,7 +17,7 @@ old one when that is over. It begins in `position(view, robot)`, in a long move 
 enters.
 
 Where types of robots have allocations of their own, each of these is asked about its robots alone, one
-after another; `batch.strategy[0]` is its number, `view.rules.allocation` that of each type. A charging
+after another; `batch.strategy` is its number, `view.rules.allocation` that of each type. A charging
 strategy with `watches_chargers` is also asked about idle robots as soon as a place at a charger is free.
 
 What others ask of a strategy that they do not know, it declares, as an attribute of its class or of its
@@ -59,7 +59,7 @@ class Strategy:
             layer = "allocation"
 
             def decide(self, view, batch, decisions, memory, workspace):
-                print(view.clock[0], batch.robot[: batch.count[0]])
+                print(view.clock.tick, batch.robot[: batch.count])
 
 
         automaton.Simulation("tabletop-mini", strategies={"allocation": Keep}).step(5)

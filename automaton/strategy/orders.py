@@ -8,8 +8,6 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.engine.state import (
-    CLOCK_FIRST_OPEN,
-    CLOCK_KNOWN_ORDERS,
     NIL,
     ORDER_WAITING,
     AllocationDecisions,
@@ -25,7 +23,7 @@ def list_open(view: World, out: AllocationDecisions, robot: int) -> list[int]:
 
     They wait, are reserved for no other robot, nor taken earlier in this batch.
     """
-    known = slice(int(view.clock[CLOCK_FIRST_OPEN]), int(view.clock[CLOCK_KNOWN_ORDERS]))
+    known = slice(int(view.clock.first_open), int(view.clock.known_orders))
     waiting = known.start + np.flatnonzero(view.orders.state[known] == ORDER_WAITING)
     return [
         order

@@ -99,7 +99,7 @@ class LocalView:
     @property
     def tick(self) -> int:
         """The tick in which it is asked."""
-        return int(self.view.clock[state.CLOCK_TICK])
+        return int(self.view.clock.tick)
 
     def open_orders(self) -> list[Order]:
         """Orders that wait and that no other robot reserved, of those that the robot can do, by index."""
@@ -216,7 +216,7 @@ def per_robot(
             self: Any, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any
         ) -> None:
             own = OwnNumbers.of(memory)
-            for k in range(batch.count[0]):
+            for k in range(batch.count):
                 robot = int(batch.robot[k])
                 me = Me(view, workspace, robot, int(batch.reason[k]), own.numbers[robot])
                 decision = decide_one(me, LocalView(view, decisions.allocation, robot))

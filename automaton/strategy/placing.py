@@ -36,9 +36,6 @@ from automaton.engine.random_numbers import STREAM_STORAGE, random_between
 from automaton.engine.search import begin_search, distance, mark_goal, nearest_mark
 from automaton.engine.state import (
     ACTION_MOVE,
-    CLOCK_COARSE_TICK,
-    CLOCK_FIRST_OPEN,
-    CLOCK_KNOWN_ORDERS,
     CMD_DROP_AT,
     CMD_TAKE_ORDER,
     NIL,
@@ -183,7 +180,7 @@ def highest_priority(view, out, i):
     highest = LEAST_PRIORITY
     if view.rules.priorities.shape[0] == 1:
         return highest
-    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
+    for order in range(view.clock.first_open, view.clock.known_orders):
         priority = np.int64(view.orders.priority[order])
         if priority > highest and is_open(view, out, i, order) and can_do(view, i, order):
             highest = priority
@@ -391,7 +388,7 @@ def any_left(view, out, i):
         count - 1,
         view.rules.seed,
         STREAM_STORAGE,
-        view.clock[CLOCK_COARSE_TICK],
+        view.clock.coarse_tick,
         np.int64(view.robots.identity[i]),
     )
     for slot in range(view.slots.first_spare):

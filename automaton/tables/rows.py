@@ -15,7 +15,6 @@ from automaton.engine.observation import (
     CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
     CAUSES,
-    COUNT_EVENTS,
     EVENT_CHARGING,
     EVENT_DELIVERED,
     EVENT_DEPLETED,
@@ -32,7 +31,6 @@ from automaton.engine.state import (
     ACTION_IDLE,
     ACTION_NAMES,
     BATTERY_FULL,
-    CLOCK_TICK,
     NEVER,
     NIL,
     ORDER_DELIVERED,
@@ -87,7 +85,7 @@ def order_table(run: Measured) -> Table:
 
 
 def _orders(world: World, names: Array) -> Iterator[Rows]:
-    orders, now = asked_orders(world), int(world.clock[CLOCK_TICK])
+    orders, now = asked_orders(world), int(world.clock.tick)
     priority, lines = _priority_and_lines(world, len(names))
     for number in pieces(np.arange(len(names))):
         release, due, done, is_known = (column[number] for column in orders)
@@ -287,7 +285,7 @@ def station_table(run: Measured) -> Table:
         "visits": visits,
         "lines": lines,
         "work": work,
-        "utilization": work / max(1, int(world.clock[CLOCK_TICK])),
+        "utilization": work / max(1, int(world.clock.tick)),
     }
     return form_of("stations", resolved, station=names), [rows]
 
@@ -352,7 +350,7 @@ class EventTaker:
     def __call__(self, simulation: Simulation) -> None:
         """Take what the buffers hold."""
         observation = simulation.observation
-        events = observation.events[: observation.count[COUNT_EVENTS]]
+        events = observation.events[: observation.count.events]
         if self._append is not None and len(events):
             if self._robots is not None:
                 events = events[np.isin(events[:, 2], self._robots)]

@@ -23,10 +23,6 @@ from automaton.engine.record_codes import (
     PICKED_ON_ARRIVAL,
 )
 from automaton.engine.state import (
-    CLOCK_CHANGE_ROWS,
-    CLOCK_DECISION_WORDS,
-    CLOCK_DIGEST_EVERY,
-    CLOCK_RECORDED_TICKS,
     Array,
 )
 from automaton.errors import InputError
@@ -159,13 +155,12 @@ class Rerun:
         self._parts: list[tuple[Array, Array, Array, Array]] = []
         self.simulation = Simulation(resolved_of(header), header["seed"], on_record=self._take)
         self._due = int(header["digest_every"])
-        self.simulation.world.clock[CLOCK_DIGEST_EVERY] = self._due
+        self.simulation.world.clock.digest_every = self._due
 
     def _take(self, simulation: Simulation) -> None:
         clock, record = simulation.world.clock, simulation.record
-        rows, changed, decided = (
-            int(clock[k]) for k in (CLOCK_RECORDED_TICKS, CLOCK_CHANGE_ROWS, CLOCK_DECISION_WORDS)
-        )
+        rows, changed = int(clock.recorded_ticks), int(clock.change_rows)
+        decided = int(clock.decision_words)
         self._parts.append(
             (
                 record.executed[:rows].copy(),
@@ -197,7 +192,7 @@ class Rerun:
             if resolved.scenario != as_branched(before, resolved, tuple(rules["settings"])):
                 return Difference(tick, "conditions", "they are not what was set")
             self.simulation = self.simulation.continue_with(resolved)
-            self.simulation.world.clock[CLOCK_DIGEST_EVERY] = self._due
+            self.simulation.world.clock.digest_every = self._due
         now = rules_of(self.simulation, rules["settings"])
         found = _unequal(rules, now, ("files",))
         if found is None and not _has_files(rules, self.simulation.resolved):

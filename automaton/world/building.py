@@ -23,18 +23,6 @@ from automaton.engine.motion import POD
 from automaton.engine.observation import Observation, ObservationScratch
 from automaton.engine.operations import MAX_CHANGES_PER_ROBOT
 from automaton.engine.state import (
-    CLOCK_ALLOCATION_REVISION,
-    CLOCK_FRESH_ALLOCATION,
-    CLOCK_HALTED_UNTIL,
-    CLOCK_KNOWN_ORDERS,
-    CLOCK_NEXT_RELEASE,
-    CLOCK_NEXT_WAKEUP,
-    CLOCK_OPEN_JOBS,
-    CLOCK_SEQUENCED,
-    CLOCK_SIZE,
-    CLOCK_UNDELIVERED,
-    CLOCK_UNPARKED,
-    CLOCK_UNQUEUED_ORDERS,
     FOLLOWING_CONVOY,
     NEVER,
     NIL,
@@ -44,6 +32,7 @@ from automaton.engine.state import (
     Array,
     Batch,
     ChargingDecisions,
+    Clock,
     Decisions,
     Record,
     RightOfWayDecisions,
@@ -127,22 +116,22 @@ def _build_coarse(
     most = len(orders.state)
     robots = build_robots(resolved, floor, starts, occupancy, seed, storage, steps, most)
     n = scenario.fleet.robots
-    clock = np.zeros(CLOCK_SIZE, np.int64)
+    clock = Clock.zeros()
     stations = build_stations(resolved, floor.grid.slot, len(slots.cell), len(orders.state), seed)
-    clock[CLOCK_UNDELIVERED] = len(orders.state)  # of lines: until a trip is known, the lines
-    clock[CLOCK_OPEN_JOBS] = len(stations.completion_tick)
+    clock.undelivered = len(orders.state)  # of lines: until a trip is known, the lines
+    clock.open_jobs = len(stations.completion_tick)
     service_zones = build_service_zones(resolved, floor, slots, stations, len(orders.state))
     # Zoning is asked in the first tick.
-    clock[CLOCK_UNQUEUED_ORDERS] = int(len(service_zones.wake) > 0)
-    clock[CLOCK_NEXT_WAKEUP] = NIL
-    clock[CLOCK_HALTED_UNTIL] = NIL
+    clock.unqueued_orders = int(len(service_zones.wake) > 0)
+    clock.next_wakeup = NIL
+    clock.halted_until = NIL
     known = np.flatnonzero((orders.release_tick == 0) & (orders.state == ORDER_WAITING))
-    clock[CLOCK_NEXT_RELEASE] = len(known)
-    clock[CLOCK_KNOWN_ORDERS] = int(known[-1]) + 1 if len(known) else 0
-    clock[CLOCK_SEQUENCED] = clock[CLOCK_NEXT_RELEASE]
-    clock[CLOCK_UNPARKED] = n - int(robots.parked.sum())
-    clock[CLOCK_FRESH_ALLOCATION] = n
-    clock[CLOCK_ALLOCATION_REVISION] = NIL
+    clock.next_release = len(known)
+    clock.known_orders = int(known[-1]) + 1 if len(known) else 0
+    clock.sequenced = clock.next_release
+    clock.unparked = n - int(robots.parked.sum())
+    clock.fresh_allocation = n
+    clock.allocation_revision = NIL
     loaded_differ = len(floor.move) > len(types)
     rules = rules_for(scenario, seed, loaded_differ, in_convoy, resolved.allocation_of_types)
     on_floor = starts[0][starts[1] == NIL]

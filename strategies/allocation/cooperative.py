@@ -66,7 +66,7 @@ def alley_state(view):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out, state = decisions.allocation, AlleyState.of(memory)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         if workspace.stop[0]:
             return
         i = np.int64(batch.robot[k])
@@ -236,7 +236,7 @@ def pass_right(view, out, state, k, i):
 @kernel
 def decide_adaptive(view, batch, decisions, memory, workspace):
     out, state = decisions.allocation, AlleyState.of(memory)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         if workspace.stop[0]:
             return
         i = np.int64(batch.robot[k])

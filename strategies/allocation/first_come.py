@@ -10,9 +10,6 @@ only what is near, both are forgotten and every robot looks at all orders.)
 import numpy as np
 
 from automaton.strategy.api import (
-    CLOCK_FIRST_OPEN,
-    CLOCK_KNOWN_ORDERS,
-    CLOCK_NEXT_RELEASE,
     CMD_PARK,
     NIL,
     REASON_PERIODIC,
@@ -38,8 +35,8 @@ class DueQueue(Struct):
     order: Array = field("(K, q) int32", "by type: its heap; the first `size` are in use")
     size: Array = field("(K,) int64", "how many orders that are")
     place: Array = field("(K, q) int32", "by type and order: 1 + its place in the heap, or 0")
-    released: Array = field("(1,) int64", "entries of orders.release_sequence that were looked at")
-    looked: Array = field("(1,) int64", "orders entered and taken out: what the queue has cost")
+    released: int = field("() int64", "entries of orders.release_sequence that were looked at")
+    looked: int = field("() int64", "orders entered and taken out: what the queue has cost")
 
 
 class FirstComeState(Struct):
@@ -50,7 +47,7 @@ class FirstComeState(Struct):
         "(K, p) int64",
         "by type and priority: orders.release_sequence before it was taken, or is not for the type",
     )
-    looked: Array = field("(1,) int64", "orders looked at so far: what the search has cost")
+    looked: int = field("() int64", "orders looked at so far: what the search has cost")
     storage: int = field("int64", "where pods are stored: its place among STORAGE_POLICIES")
     by_due: int = field("int64", "1: orders are taken from the queue, by when they are due")
     queue: DueQueue
@@ -65,7 +62,7 @@ def decide(view, batch, decisions, memory, workspace):
         fill_queue(view, out, state)
     else:
         again = has_returned_order(view, out, state)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         if workspace.stop[0]:
             return
         i = np.int64(batch.robot[k])
@@ -162,9 +159,9 @@ def next_order(view, out, state, i, rank):
     The cursor stops there.
     """
     robot_type = view.robots.type[i]
-    for k in range(state.cursor[robot_type, rank], view.clock[CLOCK_NEXT_RELEASE]):
+    for k in range(state.cursor[robot_type, rank], view.clock.next_release):
         order = np.int64(view.orders.release_sequence[k])
-        state.looked[0] += 1
+        state.looked += 1
         state.cursor[robot_type, rank] = k + 1
         if order == NIL or view.orders.priority[order] != view.rules.priorities[rank]:
             continue  # another zone's, out of sight
@@ -181,7 +178,7 @@ def first_trip(view, out, state, i):
     """
     orders = view.orders
     best, first, least = np.int64(NIL), np.int64(0), highest_priority(view, out, i)
-    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
+    for order in range(view.clock.first_open, view.clock.known_orders):
         if orders.priority[order] < least or not is_open(view, out, i, order):
             continue
         when = np.int64(orders.due[order] if state.by_due else orders.release_tick[order])
@@ -228,11 +225,11 @@ def fill_queue(view, out, state):
 @kernel
 def enter_released(view, queue):
     """Enter the orders that were released since the last time."""
-    for k in range(queue.released[0], view.clock[CLOCK_NEXT_RELEASE]):
+    for k in range(queue.released, view.clock.next_release):
         order = np.int64(view.orders.release_sequence[k])
         if order != NIL:  # another zone's, out of sight
             enter_order(view, queue, order)
-    queue.released[0] = view.clock[CLOCK_NEXT_RELEASE]
+    queue.released = view.clock.next_release
 
 
 @kernel
@@ -243,7 +240,7 @@ def enter_order(view, queue, order):
         if at == NIL:
             at = queue.size[robot_type]
             queue.size[robot_type] = at + 1
-        queue.looked[0] += 1
+        queue.looked += 1
         while at > 0:
             above = np.int64(queue.order[robot_type, (at - 1) >> 1])
             if comes_before(view, above, order):
@@ -258,7 +255,7 @@ def drop_first(view, queue, robot_type):
     """Take the first order out of a heap."""
     heap, last = queue.order[robot_type], queue.size[robot_type] - 1
     queue.size[robot_type] = last
-    queue.looked[0] += 1
+    queue.looked += 1
     order, at = np.int64(heap[last]), 0
     queue.place[robot_type, heap[0]] = 0
     if last == 0:

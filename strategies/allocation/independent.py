@@ -14,8 +14,6 @@ import numpy as np
 
 from automaton.strategy import orders, paths
 from automaton.strategy.api import (
-    CLOCK_FIRST_OPEN,
-    CLOCK_KNOWN_ORDERS,
     CMD_PARK,
     NIL,
     REASON_ORDER_RETURNED,
@@ -42,7 +40,7 @@ from strategies.allocation.allocation_parameters import IndependentParameters
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out, state = decisions.allocation, PlacingState.of(memory)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         if workspace.stop[0]:
             return
         i = np.int64(batch.robot[k])
@@ -85,7 +83,7 @@ def nearest_order(view, out, workspace, i, around):
     search = begin_search(workspace)
     found = False
     here, robot_type = position(view, i), view.robots.type[i]
-    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
+    for order in range(view.clock.first_open, view.clock.known_orders):
         if view.orders.priority[order] < least or not is_open(view, out, i, order):
             continue
         if can_do(view, i, order):
@@ -111,7 +109,7 @@ class IndependentPython(Strategy):
 
     def decide(self, view, batch, decisions, memory, workspace):
         out = decisions.allocation
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             robot, reason = batch.robot[k], batch.reason[k]
             if orders.asks_for_place(reason):
                 orders.place_load(view, out, workspace, k, robot)

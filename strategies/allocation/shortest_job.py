@@ -10,9 +10,6 @@ zoning says; without, any order, which it carries to its target.
 import numpy as np
 
 from automaton.strategy.api import (
-    CLOCK_FIRST_OPEN,
-    CLOCK_KNOWN_ORDERS,
-    CLOCK_TICK,
     CMD_PARK,
     LEAST_PRIORITY,
     NIL,
@@ -54,7 +51,7 @@ class ShortestJobState(Struct):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out, state = decisions.allocation, ShortestJobState.of(memory)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         if workspace.stop[0]:
             return
         i = np.int64(batch.robot[k])
@@ -90,7 +87,7 @@ def best_order(view, out, state, workspace, i):
     """The open order of highest score, of those of the highest priority, for robot i; NIL: none."""
     found, highest, first = NIL, WORST, LEAST_PRIORITY
     identity = view.robots.identity[i]
-    for order in range(view.clock[CLOCK_FIRST_OPEN], view.clock[CLOCK_KNOWN_ORDERS]):
+    for order in range(view.clock.first_open, view.clock.known_orders):
         priority = np.int64(view.orders.priority[order])
         if priority < first or not is_open(view, out, i, order):
             continue
@@ -123,7 +120,7 @@ def score(view, workspace, state, i, order, least):
         return WORST
     here, heading = position(view, i), np.int64(view.robots.heading[i])
     begin = begin_cell(view, robot_type, order, here)
-    age = state.age * (view.clock[CLOCK_TICK] - view.orders.release_tick[order])
+    age = state.age * (view.clock.tick - view.orders.release_tick[order])
     job = distance(view, workspace, robot_type, here, heading, begin)
     if age - state.job * job <= least:
         return WORST

@@ -154,7 +154,7 @@ def choose_charging(view, batch, out, market, workspace, idle_below):
     """Decide for a batch; idle robots below `idle_below` go to a free charger and may be called away."""
     robots = view.robots
     count_queues(view, market)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         if robots.load[i] != NIL or robots.goal_type[i] == GOAL_CHARGE or robots.retreat_moves[i]:
             continue
@@ -165,7 +165,7 @@ def choose_charging(view, batch, out, market, workspace, idle_below):
             continue
         home = market.costs.begin[0]
         if tasks == 0:
-            robot_type = market.costs.robot_type[0]
+            robot_type = market.costs.robot_type
             market.cell[robot_type, home] = robots.home[i]
             market.cell[robot_type, home + 1] = robots.home[i]
         measure_distances(view, workspace, market, robots.type[i], 1, max(tasks, 1))
@@ -217,7 +217,7 @@ def charge_for_list(view, out, market, k, tasks):
         nearest = best_charger(market, charge)
         if nearest != NIL and charge < BATTERY_FULL:
             send(view, out, k, nearest, BATTERY_FULL, 0)
-    elif plan.stops[0] > 0 and plan.position[0] == 0 and plan.duration[0] > 0:
+    elif plan.stops > 0 and plan.position[0] == 0 and plan.duration[0] > 0:
         send(view, out, k, np.int64(plan.charger[0]), np.int64(plan.level[0]), 0)
 
 
@@ -227,7 +227,7 @@ def charge_when_idle(view, out, market, k, home, idle_below):
 
     It is about to drive home, or is there: from there it must still get to a charger.
     """
-    battery, robot_type = market.battery, market.costs.robot_type[0]
+    battery, robot_type = market.battery, market.costs.robot_type
     ticks, energy = market.costs.ticks[robot_type], market.costs.energy[robot_type]
     reach = battery.reach[robot_type]
     charge = np.int64(market.fleet.charge[0])
@@ -254,7 +254,7 @@ def charge_when_idle(view, out, market, k, home, idle_below):
 def best_charger(market, charge):
     """The charger at which the robot can begin soonest, of those that it gets to; NIL: none."""
     best, least = np.int64(NIL), np.int64(INF_COST)
-    robot_type = market.costs.robot_type[0]
+    robot_type = market.costs.robot_type
     ticks, energy = market.costs.ticks[robot_type], market.costs.energy[robot_type]
     for c in range(market.battery.charger.shape[0]):
         place = market.battery.charger[c]
@@ -267,7 +267,7 @@ def best_charger(market, charge):
 @kernel
 def free_charger(view, market):
     """The nearest charger with a place to which no robot was sent, NIL if there is none."""
-    chargers, robot_type = view.chargers, market.costs.robot_type[0]
+    chargers, robot_type = view.chargers, market.costs.robot_type
     best, least = np.int64(NIL), np.int64(INF_COST)
     for c in range(chargers.cell.shape[0]):
         place = market.battery.charger[c]

@@ -10,7 +10,6 @@ nothing to do makes room for one that wants its cell.
 import numpy as np
 
 from automaton.strategy.api import (
-    CLOCK_COARSE_TICK,
     CMD_RETREAT,
     CMD_STEP,
     CMD_WAIT,
@@ -56,7 +55,7 @@ class RetreatState(Struct):
         "(2,) int64", "least and most ticks to wait where every way is closed", role=CONSTANT
     )
     replans: int = field("int64", "1: after a failed retry the plan is made again")
-    calls: Array = field("(1,) int64", "calls so far", role=SCRATCH)
+    calls: int = field("() int64", "calls so far", role=SCRATCH)
     queues: Array = field(
         "(q,) int64",
         "call << 2 | LINK_*: what that call has found of two robots, one behind another (link_of)",
@@ -71,11 +70,11 @@ class RetreatState(Struct):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out = decisions.right_of_way
-    seed, tick = view.rules.seed, view.clock[CLOCK_COARSE_TICK]
+    seed, tick = view.rules.seed, view.clock.coarse_tick
     state = RetreatState.of(memory)
-    state.calls[0] += 1
+    state.calls += 1
     list_crowds(view, state)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         identity = np.int64(view.robots.identity[i])
         if batch.reason[k] == REASON_PERIODIC:
@@ -301,7 +300,7 @@ def is_pressed_by_queue(view, state, i, first):
     """
     behind, at = np.int64(i), np.int64(first)
     found = LINK_FREE
-    queues, call = state.queues, state.calls[0]
+    queues, call = state.queues, state.calls
     walked = 0
     while at != NIL and walked < view.robots.cell.shape[0]:
         link = link_of(view, behind, at)
@@ -456,7 +455,7 @@ def next_place(view, state, cell, place):
 @kernel
 def first_place(state, cell):
     """The first place in a cell without limit, as far as this call has listed them."""
-    return np.int64(state.crowd_first[cell] if state.crowd_call[cell] == state.calls[0] else 0)
+    return np.int64(state.crowd_first[cell] if state.crowd_call[cell] == state.calls else 0)
 
 
 @kernel(inline=True)
@@ -471,7 +470,7 @@ def list_crowds(view, state):
         for place, cell in ((1 + i, robots.cell[i]), (1 + n + i, robots.claim[i])):
             if cell != NIL and capacity_of(view, cell) == 0:
                 state.crowd_next[place - 1] = first_place(state, cell)
-                state.crowd_call[cell] = state.calls[0]
+                state.crowd_call[cell] = state.calls
                 state.crowd_first[cell] = place
 
 

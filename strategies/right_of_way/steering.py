@@ -7,8 +7,6 @@ from automaton.strategy.api import (
     ACTION_COUNT,
     ACTION_MOVE,
     ACTION_TURN,
-    CLOCK_COARSE_TICK,
-    CLOCK_TICK,
     CONSTANT,
     FOLLOWING_CONVOY,
     GATE_BLOCK,
@@ -308,8 +306,8 @@ class Deadlocks(Struct):
 @kernel
 def is_time_to_look(view, deadlocks):
     """Return whether wait cycles are looked for in this tick; then note who has stood since when."""
-    robots, tick = view.robots, view.clock[CLOCK_TICK]
-    if view.clock[CLOCK_COARSE_TICK] % LOOK and deadlocks.look_again[0] == 0:
+    robots, tick = view.robots, view.clock.tick
+    if view.clock.coarse_tick % LOOK and deadlocks.look_again[0] == 0:
         return False
     deadlocks.look_again[0] = 0
     for i in range(robots.cell.shape[0]):
@@ -330,7 +328,7 @@ def is_time_to_look(view, deadlocks):
 @kernel
 def has_stood_long(view, deadlocks, i):
     """Return whether robot i has stood for so long that it may be part of a deadlock."""
-    age = view.clock[CLOCK_TICK] - deadlocks.stood_since[i]
+    age = view.clock.tick - deadlocks.stood_since[i]
     return view.robots.cell[i] != NIL and age >= deadlocks.patience
 
 
@@ -357,7 +355,7 @@ def has_lasted(view, deadlocks, first):
         since = max(since, deadlocks.stood_since[i])
         i = np.int64(robots.at_index[deadlocks.blocker[i]])
         if i == first:
-            return view.clock[CLOCK_TICK] - since >= deadlocks.patience + longest
+            return view.clock.tick - since >= deadlocks.patience + longest
 
 
 @kernel
@@ -380,17 +378,17 @@ def robot_to_step_aside(view, deadlocks, first):
 @kernel
 def let_step_aside(view, deadlocks, i):
     """Robot i chooses another cell in the next tick, and is looked at again; once all have, they rest."""
-    if deadlocks.tries[i] == 0 or view.clock[CLOCK_COARSE_TICK] % LOOK == 0:
+    if deadlocks.tries[i] == 0 or view.clock.coarse_tick % LOOK == 0:
         deadlocks.tries[i] += 1
         deadlocks.aside[i] = deadlocks.first_choice[i]
-        deadlocks.aside_since[i] = view.clock[CLOCK_TICK]
+        deadlocks.aside_since[i] = view.clock.tick
         deadlocks.look_again[0] = 1
 
 
 @kernel
 def is_given_up(view, deadlocks, i):
     """Return whether robot i has been to step aside for so long that it is the turn of another one."""
-    return view.clock[CLOCK_TICK] - deadlocks.aside_since[i] > deadlocks.patience
+    return view.clock.tick - deadlocks.aside_since[i] > deadlocks.patience
 
 
 @kernel
@@ -415,15 +413,15 @@ def note_progress(view, deadlocks):
         before, goal_type = deadlocks.aim_type[i], robots.goal_type[i]
         is_quiet = is_quiet and not has_work(goal_type)
         if robots.busy[i] and has_work(goal_type) and robots.cell[i] == robots.goal_cell[i]:
-            deadlocks.progress[0] = view.clock[CLOCK_COARSE_TICK]
+            deadlocks.progress[0] = view.clock.coarse_tick
         if before == goal_type and deadlocks.aim_cell[i] == robots.goal_cell[i]:
             continue
         was_there = robots.cell[i] == deadlocks.aim_cell[i]
         if was_there if has_work(before) else has_work(goal_type):
-            deadlocks.progress[0] = view.clock[CLOCK_COARSE_TICK]
+            deadlocks.progress[0] = view.clock.coarse_tick
         deadlocks.aim_type[i], deadlocks.aim_cell[i] = goal_type, robots.goal_cell[i]
     if is_quiet:
-        deadlocks.progress[0] = view.clock[CLOCK_COARSE_TICK]
+        deadlocks.progress[0] = view.clock.coarse_tick
 
 
 @kernel
@@ -433,5 +431,5 @@ def round_of_stall(view, deadlocks):
     Each is tried for two times the patience.
     """
     patience = deadlocks.patience // view.rules.refinement
-    ticks = view.clock[CLOCK_COARSE_TICK] - deadlocks.progress[0] - STALLED * patience
+    ticks = view.clock.coarse_tick - deadlocks.progress[0] - STALLED * patience
     return max(ticks // (2 * patience) + 1, np.int64(0))

@@ -25,6 +25,7 @@ from automaton.strategy.api import (
     STOP,
     Array,
     Grid,
+    NamedNumbers,
     Strategy,
     Struct,
     field,
@@ -33,6 +34,7 @@ from automaton.strategy.api import (
     how_turned,
     kernel,
     limited_ticks,
+    number,
     parent_of,
     position,
     random_bits,
@@ -49,20 +51,23 @@ RANDOM = 2
 LARGER_G_HEAP = 3
 TIES = ("fifo", "larger_g", "random")  # names of the rules, by their numbers
 
-# Entries of RouteSpace.state:
-OPEN_STAMP = 0  # counts down: marks what earlier searches left as worse than anything
-OPEN_LEVEL = 1  # the f that is expanded
-OPEN_HEAP = 2  # items in the heap
-OPEN_HEAD = 3  # the lane's first item: queues only
-OPEN_TAIL = 4  # one past its last item
-OPEN_FOUND = 5  # poses found in this search
-OPEN_EXPANDED = 6  # poses expanded in all searches
-OPEN_COST = 7  # of the path found last
-
 POSE_MASK = (1 << 32) - 1  # an item of the lane: row << 32 | pose; of the heap: number << 32 | pose
 STREAM_ROUTE_TIES = 10  # of random draws; each stream has a number of its own
 
 NORTH_SOUTH_EAST_WEST = 0x2013  # directions, four bits each, the first one lowest
+
+
+class SearchState(NamedNumbers):
+    """Of a search in time, and of the heap and the lane in which its poses wait."""
+
+    stamp: int = number("counts down: marks what earlier searches left as worse than anything")
+    level: int = number("the f that is expanded")
+    heap: int = number("items in the heap")
+    head: int = number("the lane's first item: queues only")
+    tail: int = number("one past its last item")
+    found: int = number("poses found in this search")
+    expanded: int = number("poses expanded in all searches")
+    cost: int = number("of the path found last")
 
 
 class RouteSpace(Struct, role=SCRATCH):
@@ -74,7 +79,7 @@ class RouteSpace(Struct, role=SCRATCH):
     key: Array = field("(4P + 1,) int64", "heap: f << 32 | tie")
     item: Array = field("(4P + 1,) int64", "heap: number << 32 | pose")
     lane: Array = field("(4P + 1,) int64", "row << 32 | pose of the level that is expanded")
-    state: Array = field("(8,) int64", "OPEN_STAMP to OPEN_COST")
+    state: SearchState = field(SearchState)
     stop: Array = field("(1,) int64", "not 0 = searches find nothing any more", role=STOP)
     closed: Array = field("(Z,) uint8", "1 = no robot may enter")
     count: Array = field("(Z,) int32", "others that are predicted in each zone")
@@ -95,7 +100,7 @@ class AStarState(Struct):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     seed, state = view.rules.seed, AStarState.of(memory)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         steps = decisions.routing.steps[k]
         length = around_robots(view, workspace, i, batch.reason[k], steps)
@@ -164,7 +169,7 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
     `duration`: (A,) ticks of each action of the robot's type. `ties`: FIFO, LARGER_G or RANDOM;
     random ties are drawn by (seed, start, target), so a path is a pure function of those.
     `avoid_zones`: zones z with workspace.closed[z] may not be entered. The path is left in
-    workspace.came, backwards, and its ticks in workspace.state[OPEN_COST].
+    workspace.came, backwards, and its ticks in workspace.state.cost.
     """
     width, shift, headings = grid.width, grid.headings >> 1, headings_of(grid, robot_type)
     mask = headings - 1
@@ -188,14 +193,14 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
         pose, row = item & POSE_MASK, item >> 32
         cell = pose >> shift
         column = cell - row * width
-        g = state[OPEN_LEVEL] - move * (abs(column - goal_x) + abs(row - goal_y))
+        g = state.level - move * (abs(column - goal_x) + abs(row - goal_y))
         if label[pose] != fresh | g:
             continue  # a better way to this pose was found meanwhile
-        state[OPEN_EXPANDED] += 1
+        state.expanded += 1
         if cell == target:
-            state[OPEN_COST] = g
+            state.cost = g
             return pose
-        flags, heading, before = np.int64(type_cell_flags[cell]), pose & mask, state[OPEN_TAIL]
+        flags, heading, before = np.int64(type_cell_flags[cell]), pose & mask, state.tail
         ways = ways_on(flags, cell == start >> shift)
         for k in range(0, 16, 4):
             way = (NORTH_SOUTH_EAST_WEST >> k) & 3
@@ -214,11 +219,9 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
                 h = move * (abs(x - goal_x) + abs(y - goal_y))
                 put(workspace, ties, salt, to, y, moved + h, h)
         if mask and flags & MAY_TURN:
-            find_turns(
-                workspace, ties, salt, mask, pose, row, fresh, g + turn, state[OPEN_LEVEL] + turn
-            )
-        if ties == LARGER_G and state[OPEN_TAIL] - before == 2:
-            swap_last(workspace.lane, state[OPEN_TAIL])  # the one found first is expanded first
+            find_turns(workspace, ties, salt, mask, pose, row, fresh, g + turn, state.level + turn)
+        if ties == LARGER_G and state.tail - before == 2:
+            swap_last(workspace.lane, state.tail)  # the one found first is expanded first
     return np.int64(NIL)
 
 
@@ -282,58 +285,58 @@ def write_steps(grid, workspace, pose, steps):
 def begin(workspace):
     """Empty the open list for a new search; returns the label of its poses at cost 0."""
     state = workspace.state
-    if state[OPEN_STAMP] == 0:
+    if state.stamp == 0:
         workspace.label[:] = np.iinfo(np.int64).max
-        state[OPEN_STAMP] = (1 << 31) - 1
-    state[OPEN_STAMP] -= 1
-    state[OPEN_LEVEL] = NIL
-    state[OPEN_HEAP] = 0
-    state[OPEN_HEAD] = 0
-    state[OPEN_TAIL] = 0
-    state[OPEN_FOUND] = 0
-    return state[OPEN_STAMP] << 32
+        state.stamp = (1 << 31) - 1
+    state.stamp -= 1
+    state.level = NIL
+    state.heap = 0
+    state.head = 0
+    state.tail = 0
+    state.found = 0
+    return state.stamp << 32
 
 
 @kernel
 def put(workspace, ties, salt, pose, row, f, h):
     """Enter a pose of that f and h; `row` is its y, `salt` (uint64) addresses the draws of ties."""
     state = workspace.state
-    if f == state[OPEN_LEVEL] and ties < RANDOM:
-        workspace.lane[state[OPEN_TAIL]] = (row << 32) | pose
-        state[OPEN_TAIL] += 1
+    if f == state.level and ties < RANDOM:
+        workspace.lane[state.tail] = (row << 32) | pose
+        state.tail += 1
         return
-    number = state[OPEN_FOUND]
-    state[OPEN_FOUND] = number + 1
+    number = state.found
+    state.found = number + 1
     tie = number
     if ties == LARGER_G or ties == LARGER_G_HEAP:
         tie = h
     elif ties == RANDOM:
         tie = np.int64(splitmix64(salt + np.uint64(number)) >> np.uint64(33))
-    sift_up(workspace, state[OPEN_HEAP], (f << 32) | tie, (number << 32) | pose)
-    state[OPEN_HEAP] += 1
+    sift_up(workspace, state.heap, (f << 32) | tie, (number << 32) | pose)
+    state.heap += 1
 
 
 @kernel
 def take(workspace, ties, width, shift):
     """Remove the next item, row << 32 | pose; NIL if there is none. Sets the level."""
     state = workspace.state
-    waiting = state[OPEN_TAIL] > state[OPEN_HEAD]
+    waiting = state.tail > state.head
     if waiting and ties == LARGER_G:
-        state[OPEN_TAIL] -= 1
-        return workspace.lane[state[OPEN_TAIL]]
-    if waiting and (state[OPEN_HEAP] == 0 or workspace.key[0] >> 32 > state[OPEN_LEVEL]):
-        state[OPEN_HEAD] += 1
-        return workspace.lane[state[OPEN_HEAD] - 1]
-    if state[OPEN_HEAP] == 0:
+        state.tail -= 1
+        return workspace.lane[state.tail]
+    if waiting and (state.heap == 0 or workspace.key[0] >> 32 > state.level):
+        state.head += 1
+        return workspace.lane[state.head - 1]
+    if state.heap == 0:
         return np.int64(NIL)
     f = workspace.key[0] >> 32
-    if f > state[OPEN_LEVEL]:
-        state[OPEN_LEVEL] = f
-        state[OPEN_HEAD] = 0
-        state[OPEN_TAIL] = 0
+    if f > state.level:
+        state.level = f
+        state.head = 0
+        state.tail = 0
     pose = workspace.item[0] & POSE_MASK
-    state[OPEN_HEAP] -= 1
-    sift_down(workspace, state[OPEN_HEAP])
+    state.heap -= 1
+    sift_down(workspace, state.heap)
     return (((pose >> shift) // width) << 32) | pose
 
 

@@ -58,11 +58,11 @@ BOTH = 32
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
-    if batch.count[0] == 0:
+    if batch.count == 0:
         return
     state = CongestionState.of(memory)
     look_ahead(view, workspace, state)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         steps = decisions.routing.steps[k]
         detour = 1 + np.int64(view.robots.goal_cell[i])

@@ -13,7 +13,6 @@ from automaton.strategy.api import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_TURN,
-    CLOCK_TICK,
     DERIVED,
     GOAL_DROP,
     GOAL_NONE,
@@ -79,7 +78,7 @@ class CongestionState(Struct):
     visit_end: Array = field("(n, h + 2) uint16", "the tick in which it is over", role=SCRATCH)
     # Of all robots; these are zero between two calls:
     counts: Array = field("(Z, words) int64", "robots in a zone, tick by tick", role=DERIVED)
-    overflowed: Array = field("(1,) int64", "1: a count has overflowed", role=DERIVED)
+    overflowed: int = field("() int64", "1: a count has overflowed", role=DERIVED)
     zone_share: Array = field("(Z,) int64", "shares of a zone, in 1 / FULL_SHARE", role=DERIVED)
     crowd: Array = field("(Z,) int64", "robots in a zone at the tick of a replay", role=DERIVED)
     calendar: Array = field("(h,) int64", "1 + a robot whose step begins in a tick", role=DERIVED)
@@ -155,7 +154,7 @@ def add_within_bounds(state, counts, begin, end, sign):
         count = (counts[word] >> shift) & MASK
         if count == MASK or count + sign > MASK:
             counts[word] |= MASK << shift
-            state.overflowed[0] = 1
+            state.overflowed = 1
         else:
             counts[word] += sign << shift
 
@@ -191,9 +190,9 @@ def forget_all(state):
     """Leave the counts as they are found: all zero."""
     for i in range(state.zone.shape[0]):
         forget(state, i)
-    if state.overflowed[0]:
+    if state.overflowed:
         state.counts[:] = 0
-        state.overflowed[0] = 0
+        state.overflowed = 0
     if state.shares:
         state.zone_share[:] = 0
 
@@ -554,7 +553,7 @@ def replay_task(view, state, i):
     begin_task(view, state, i)
     state.zone[i] = NIL
     state.since[i] = 0
-    tick = np.int64(view.orders.dispatched[view.robots.order[i]]) - view.clock[CLOCK_TICK]
+    tick = np.int64(view.orders.dispatched[view.robots.order[i]]) - view.clock.tick
     while state.step[i] < state.step_count[i] and tick < state.horizon:
         zone = zone_of(view.grid, state.place[i], state.travel[i])
         enter_zone(state, i, zone, max(tick, 0))

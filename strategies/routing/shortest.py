@@ -12,7 +12,6 @@ from automaton.strategy.api import (
     AROUND_CLOSED,
     AROUND_KNOWN,
     AROUND_ROBOTS,
-    CLOCK_TICK,
     NIL,
     REASON_AROUND_CLOSED,
     REASON_AROUND_ROBOTS,
@@ -31,7 +30,7 @@ from strategies.routing.routing_parameters import ShortestRoutes
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     robots = view.robots
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         robot_type, cell = robots.type[i], position(view, i)
         heading = np.int64(robots.heading[i])
@@ -88,7 +87,7 @@ def ticks_of_route(view, i, steps, length, waits):
     grid, duration = view.grid, view.rules.duration[view.robots.type[i]]
     cell, heading = position(view, i), np.int64(view.robots.heading[i])
     headings = headings_of(grid, view.robots.type[i])
-    ticks, now = np.int64(0), view.clock[CLOCK_TICK]
+    ticks, now = np.int64(0), view.clock.tick
     for k in range(length):
         direction = np.int64(steps[k])
         toward = direction & (headings - 1)

@@ -17,7 +17,6 @@ from typing import ClassVar
 import numpy as np
 
 from automaton.strategy.api import (
-    CLOCK_TICK,
     NIL,
     UNREACHABLE,
     Array,
@@ -28,7 +27,6 @@ from automaton.strategy.api import (
     position,
 )
 from strategies.routing.astar import (
-    OPEN_COST,
     TIES,
     RouteSpace,
     around_robots,
@@ -87,11 +85,11 @@ class AvoidanceState(Struct):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     state = AvoidanceState.of(memory)
-    for k in range(batch.count[0]):  # first: tasks that begin now, all from where they begin
+    for k in range(batch.count):  # first: tasks that begin now, all from where they begin
         i = np.int64(batch.robot[k])
         if not is_on_second_leg(view, state, i):
             foresee_task(view, state, i)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         steps = decisions.routing.steps[k]
         length = around_robots(view, workspace, i, batch.reason[k], steps)
@@ -152,7 +150,7 @@ def foresee_task(view, state, i):
                 add_zones(view.grid, routes, pose, used)
     keep, add = state.keep_chance, state.add_chance
     if keep < CERTAIN or add > 0:
-        traffic_zone_count, tick = view.grid.traffic_zone_count, view.clock[CLOCK_TICK]
+        traffic_zone_count, tick = view.grid.traffic_zone_count, view.clock.tick
         who = np.int64(view.robots.identity[i])
         blur(used, traffic_zone_count, keep, add, view.rules.seed, tick, who)
 
@@ -318,9 +316,7 @@ def foreseen_time(grid, robot_type, duration, workspace, ties, seed, start, pick
         )
         if pose == NIL:
             return UNREACHABLE
-        ticks += workspace.state[OPEN_COST] + delay_of(
-            grid, duration, workspace, pose, workspace.count
-        )
+        ticks += workspace.state.cost + delay_of(grid, duration, workspace, pose, workspace.count)
     return ticks
 
 

@@ -64,7 +64,7 @@ def repair(roads, rules, flow, hot, cold, steps, repairs, design, workspace, rea
     In the last one of these, zones that are cut off are joined however far apart they are.
     reach: (Z,) ones. Returns 0 if that cannot be either; `design` is spoiled then.
     """
-    workspace.drawn[0] = DRAWS_ANNEALING
+    workspace.drawn = DRAWS_ANNEALING
     for _ in range(repairs):
         found = first_design(roads, flow, design, workspace)
         if found == 0:

@@ -15,7 +15,6 @@ from typing import ClassVar
 import numpy as np
 
 from automaton.strategy.api import (
-    CLOCK_TICK,
     NIL,
     ORDER_CARRIED,
     ORDER_WAITING,
@@ -117,10 +116,10 @@ class NegotiatorState(Struct):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out, state = decisions.zoning, NegotiatorState.of(memory)
-    zones, now = state.zones, view.clock[CLOCK_TICK]
+    zones, now = state.zones, view.clock.tick
     copy_design(view.service_zones.design, out.design)
     set_zone_move_time_factors(view, zones)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         identity = np.int64(view.robots.identity[i])
         if state.next_look[i] == 0:
@@ -192,7 +191,7 @@ class DecentralizedZones(Strategy):
 @kernel
 def begin(view, out, state, k, i):
     """The first call for robot i: its timers, its zone, and the transfer stations to its neighbours."""
-    now = view.clock[CLOCK_TICK]
+    now = view.clock.tick
     identity = np.int64(view.robots.identity[i])
     out.service_zone[k] = identity
     state.next_look[i] = now + state.look_every
@@ -210,7 +209,7 @@ def begin(view, out, state, k, i):
             view.service_zones.roads, state.rules, INITIAL_TEMPERATURE, FINAL_TEMPERATURE,
             ANNEALING_STEPS, state.first_try, design, zones, reach, view.rules.seed, 0,
         )  # fmt: skip
-        out.redesigned[0] = 1
+        out.redesigned = 1
         return
     find_robots_in_range(view, reach, i, state.range)
     for station in range(design.zone.shape[0]):
@@ -219,7 +218,7 @@ def begin(view, out, state, k, i):
                 return  # the scenario's design has them
     zones.load[:] = 0.0
     find_transfers(view.service_zones.roads, state.rules, design, zones, reach)
-    out.redesigned[0] = 1
+    out.redesigned = 1
 
 
 @kernel
@@ -299,7 +298,7 @@ def others_can(view, i, zone, far):
 @kernel
 def share_near(view, out, workspace, state, i):
     """Out of tolerance, robot i gives an order that lies near a neighbour's zone to that neighbour."""
-    now = view.clock[CLOCK_TICK]
+    now = view.clock.tick
     state.next_share[i] = now + state.share_every
     identity = np.int64(view.robots.identity[i])
     mine = queue_length(view, identity)
@@ -375,7 +374,7 @@ def fill_parts(view, parts):
         fixed = taken or is_reassigned(view, order, at)
         parts.carried[count] = 1 if fixed else 0
         count += 1
-    parts.count[0] = count
+    parts.count = count
 
 
 @kernel
@@ -394,7 +393,7 @@ def average(view, out, state, k, i, degree, load):
 
     All robots reckon with what was told in the step before, degrees too, so that the sum is preserved.
     """
-    now = view.clock[CLOCK_TICK]
+    now = view.clock.tick
     if state.step[i] == NIL:
         state.next_average[i] = next_multiple(now, state.average_every)
         if degree == 0:
@@ -436,7 +435,7 @@ def next_multiple(now, every):
 @kernel
 def update_tolerance_state(view, state, i, load):
     """In or out of tolerance, and since when; long in tolerance it is calm."""
-    now = view.clock[CLOCK_TICK]
+    now = view.clock.tick
     state.next_look[i] = now + state.look_every
     if state.mean[i] == NIL:
         return
@@ -451,7 +450,7 @@ def update_tolerance_state(view, state, i, load):
 @kernel
 def wants_redesign(view, state, i):
     """Whether robot i is out of tolerance, and has not been calm for long."""
-    now = view.clock[CLOCK_TICK]
+    now = view.clock.tick
     out = state.in_tolerance[i] == 0 and now - state.since[i] >= state.hysteresis
     return out and now - state.calm[i] > state.patience
 
@@ -462,7 +461,7 @@ def wants_redesign(view, state, i):
 @kernel
 def negotiate(view, out, state, k, i):
     """What robot i does in a redesign, or to begin one; returns whether it takes part."""
-    now, messages = view.clock[CLOCK_TICK], view.service_zones.messages
+    now, messages = view.clock.tick, view.service_zones.messages
     identity = np.int64(view.robots.identity[i])
     active = messages[i, REDESIGN] > 0 and messages[i, DONE] == 0
     over, newest = False, np.int64(0)
@@ -499,7 +498,7 @@ def negotiate(view, out, state, k, i):
 @kernel
 def join(view, out, state, k, i, began):
     """Robot i takes part in the redesign that began in a tick, and stands still."""
-    now = view.clock[CLOCK_TICK]
+    now = view.clock.tick
     begin_message(view, out, k, i)
     out.messages[k, REDESIGN] = began
     out.messages[k, LEADER] = NIL
@@ -518,7 +517,7 @@ def leave(view, out, state, k, i):
     """The redesign is over for robot i; it looks and reckons again when it drives again."""
     begin_message(view, out, k, i)
     out.messages[k, DONE] = 1
-    goes_on = max(np.int64(view.clock[CLOCK_TICK]), out.messages[k, REDESIGN] + state.pause)
+    goes_on = max(np.int64(view.clock.tick), out.messages[k, REDESIGN] + state.pause)
     state.calm[i] = goes_on
     state.since[i] = goes_on
     state.next_look[i] = goes_on + state.look_every
@@ -529,7 +528,7 @@ def leave(view, out, state, k, i):
 @kernel
 def take_turn(view, out, state, k, i, turn):
     """Robot i leads: exchanges about the mean, then the next leader is named, or the end."""
-    now = view.clock[CLOCK_TICK]
+    now = view.clock.tick
     identity = np.int64(view.robots.identity[i])
     parts, reach = state.parts, state.zones.reach
     find_robots_in_range(view, reach, i, state.range)
@@ -543,7 +542,7 @@ def take_turn(view, out, state, k, i, turn):
             view.service_zones.roads, state.rules, parts, state.hot, state.cold, steps, state.scale,
             before, state.iterations, out.design, state.zones, identity, reach, mean, seed, now,
         )  # fmt: skip
-        out.redesigned[0] = 1
+        out.redesigned = 1
         enter_parts(view, out, parts, reach)
         state.led[i] += 1
     begin_message(view, out, k, i)
@@ -573,7 +572,7 @@ def take_turn(view, out, state, k, i, turn):
 def enter_parts(view, out, parts, reach):
     """Decide where the parts of a negotiation wait now, and where they are brought."""
     service_zones = view.service_zones
-    for n in range(parts.count[0]):
+    for n in range(parts.count):
         order = np.int64(parts.order[n])
         if parts.carried[n] or reach[parts.zone[n]] == 0:
             continue

@@ -172,18 +172,18 @@ def _read_segment(
             raise InputError(
                 f"{where} ends at {floor_plan.xy(roads.cell[p])}, no station of the zone"
             )
-    if design.segments[0] == len(design.owner):
+    if design.segments == len(design.owner):
         raise InputError(f"{where} is one too many: a zone has one less than it has stations")
-    m = int(design.segments[0])
+    m = int(design.segments)
     design.owner[m], design.ends[m] = zone, ends
     design.points[m], design.path[m, : len(path)] = len(path), path
-    design.segments[0] = m + 1
+    design.segments = m + 1
 
 
 def _check_points(floor_plan: FloorPlan, roads: Roads, design: Design) -> None:
     """No point is in two zones."""
     owner = {int(roads.point[s]): int(design.zone[s]) for s in range(len(design.zone))}
-    for m in range(int(design.segments[0])):
+    for m in range(int(design.segments)):
         zone = int(design.owner[m])
         for p in design.path[m, : design.points[m]].tolist():
             if owner.setdefault(p, zone) != zone:
@@ -203,7 +203,7 @@ def _join(roads: Roads, design: Design, free: list[bool]) -> None:
                 raise InputError(f"zone {zone + 1} cannot be joined without points of other zones")
             continue
         stations = int((design.zone == zone).sum())
-        segments = int((design.owner[: design.segments[0]] == zone).sum())
+        segments = int((design.owner[: design.segments] == zone).sum())
         if label_parts(design, workspace, zone) > 1:
             own = [s for s in range(len(design.zone)) if design.zone[s] == zone]
             apart = next(s for s in own if workspace.part[s] != workspace.part[own[0]])

@@ -56,13 +56,13 @@ def remove(roads, design, workspace, s, to):
 def drop_segments(design, zone, p):
     """Remove the segments of a zone that have the point; the others keep their order."""
     kept = np.int64(0)
-    for m in range(design.segments[0]):
+    for m in range(design.segments):
         if design.owner[m] == zone and passes(design, m, p) == 1:
             continue
         if kept < m:
             copy_segment(design, m, design, kept)
         kept += 1
-    design.segments[0] = kept
+    design.segments = kept
 
 
 @kernel
@@ -105,7 +105,7 @@ def label_parts(design, workspace, zone):
         workspace.part[s] = s
         if design.zone[s] == zone:
             pieces += 1
-    for m in range(design.segments[0]):
+    for m in range(design.segments):
         a, b = np.int64(design.ends[m, 0]), np.int64(design.ends[m, 1])
         if design.owner[m] == zone and workspace.part[a] != workspace.part[b]:
             merge(design, workspace, zone, a, b)
@@ -209,14 +209,14 @@ def find_extent(roads, flow, workspace):
             if a == b:
                 continue
             far, loads = roads.between[a, b], flow[a, b]
-            if not found or far < workspace.least_distance[0]:
-                workspace.least_distance[0] = far
-            if not found or far > workspace.largest_distance[0]:
-                workspace.largest_distance[0] = far
-            if not found or loads < workspace.least_flow[0]:
-                workspace.least_flow[0] = loads
-            if not found or loads > workspace.largest_flow[0]:
-                workspace.largest_flow[0] = loads
+            if not found or far < workspace.least_distance:
+                workspace.least_distance = far
+            if not found or far > workspace.largest_distance:
+                workspace.largest_distance = far
+            if not found or loads < workspace.least_flow:
+                workspace.least_flow = loads
+            if not found or loads > workspace.largest_flow:
+                workspace.largest_flow = loads
             found = True
 
 
@@ -224,12 +224,12 @@ def find_extent(roads, flow, workspace):
 def relation(workspace, loads, far, by_distance, by_flow):
     """RC of two stations that are `far` cells apart with so many loads between them."""
     value = 0.0
-    apart = workspace.largest_distance[0] - workspace.least_distance[0]
+    apart = workspace.largest_distance - workspace.least_distance
     if apart > 0.0:
-        value += by_distance * (workspace.largest_distance[0] - far) / apart
-    spread_of_loads = workspace.largest_flow[0] - workspace.least_flow[0]
+        value += by_distance * (workspace.largest_distance - far) / apart
+    spread_of_loads = workspace.largest_flow - workspace.least_flow
     if spread_of_loads > 0.0:
-        value += by_flow * (loads - workspace.least_flow[0]) / spread_of_loads
+        value += by_flow * (loads - workspace.least_flow) / spread_of_loads
     return value
 
 

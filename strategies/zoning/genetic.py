@@ -76,7 +76,7 @@ def evolve(
 
     reach: (Z,) ones. Returns 0 if there is none; `design` is spoiled then.
     """
-    workspace.drawn[0] = DRAWS_GENETIC
+    workspace.drawn = DRAWS_GENETIC
     rows = population.rank.shape[0]
     individuals = population.now
     for row in range(rows):
@@ -318,7 +318,7 @@ def rename(design, name):
     for s in range(design.zone.shape[0]):
         if design.zone[s] != NIL:
             design.zone[s] = name[design.zone[s]]
-    for m in range(design.segments[0]):
+    for m in range(design.segments):
         design.owner[m] = name[design.owner[m]]
     for p in range(design.held.shape[0]):
         if design.held[p] >= 0:
@@ -335,8 +335,8 @@ def keep(design, individuals, row):
         individuals.zone[row, s] = design.zone[s]
     for p in range(design.held.shape[0]):
         individuals.held[row, p] = design.held[p]
-    individuals.segments[row] = design.segments[0]
-    for m in range(design.segments[0]):
+    individuals.segments[row] = design.segments
+    for m in range(design.segments):
         individuals.owner[row, m] = design.owner[m]
         individuals.ends[row, m, 0] = design.ends[m, 0]
         individuals.ends[row, m, 1] = design.ends[m, 1]
@@ -353,7 +353,7 @@ def take(individuals, row, design):
         design.zone[s] = individuals.zone[row, s]
     for p in range(design.held.shape[0]):
         design.held[p] = individuals.held[row, p]
-    design.segments[0] = 0
+    design.segments = 0
     for m in range(individuals.segments[row]):
         take_segment(individuals, row, m, design, individuals.owner[row, m])
 
@@ -361,14 +361,14 @@ def take(individuals, row, design):
 @kernel
 def take_segment(individuals, row, m, design, owner):
     """Append a segment of a row to a design."""
-    at = design.segments[0]
+    at = design.segments
     design.owner[at] = owner
     design.ends[at, 0] = individuals.ends[row, m, 0]
     design.ends[at, 1] = individuals.ends[row, m, 1]
     design.points[at] = individuals.points[row, m]
     for k in range(individuals.points[row, m]):
         design.path[at, k] = individuals.path[row, m, k]
-    design.segments[0] = at + 1
+    design.segments = at + 1
 
 
 @kernel

@@ -36,7 +36,7 @@ def is_tip(roads, design, s):
     """1 if a station is a tip of its zone."""
     p = np.int64(roads.point[s])
     only = np.int64(NIL)
-    for m in range(design.segments[0]):
+    for m in range(design.segments):
         if design.owner[m] != design.zone[s] or passes(design, m, p) == 0:
             continue
         for k in range(design.points[m]):

@@ -15,7 +15,6 @@ from typing import Any, ClassVar, Final
 import numpy as np
 
 from automaton.strategy.api import (
-    CLOCK_TICK,
     CONSTANT,
     NIL,
     SCRATCH,
@@ -77,14 +76,14 @@ class MonitoredState(Struct):
     )
     ticks_watched: Array = field("(n,) int64", "between looks")
     # Ticks, 0 where there is none:
-    begun: Array = field("(1,) int64", "1: the first zones are made")
-    next_look: Array = field("(1,) int64")
-    last_look: Array = field("(1,) int64")
-    was_good: Array = field("(1,) int64", "the last look: 1 balanced, 0 not, NIL without flow")
-    good_since: Array = field("(1,) int64")
-    bad_since: Array = field("(1,) int64", "the look that saw them out of balance")
-    next_share: Array = field("(1,) int64")
-    new_zones_at: Array = field("(1,) int64")
+    begun: int = field("() int64", "1: the first zones are made")
+    next_look: int = field("() int64")
+    last_look: int = field("() int64")
+    was_good: int = field("() int64", "the last look: 1 balanced, 0 not, NIL without flow")
+    good_since: int = field("() int64")
+    bad_since: int = field("() int64", "the look that saw them out of balance")
+    next_share: int = field("() int64")
+    new_zones_at: int = field("() int64")
     flow: Array = field("(k, k) int64", "between stations, of which they are made")
     recent_flow: Array = field("(k, k) float64", "that is looked at", role=SCRATCH)
     rules: ZoneRules
@@ -121,33 +120,33 @@ class MonitoredZones(Strategy):
     ) -> None:
         """Queue what is new, look at the balance, share, or bring new zones into effect."""
         out, state = decisions.zoning, MonitoredState.of(memory)
-        now = int(view.clock[CLOCK_TICK])
+        now = int(view.clock.tick)
         copy_design(view.service_zones.design, out.design)
         state.zones.reach[:] = 1
         set_zone_move_time_factors(view, state.zones)
-        if not state.begun[0]:
+        if not state.begun:
             self._begin(view, batch, out, state)
         else:
             self._apply_redesign(view, out, state)
-        redesigned = int(out.redesigned[0])
+        redesigned = int(out.redesigned)
         take_over(view, out)
         queue_orders(view, out.design, state.zones, out, ROUTING_CENTRAL, redesigned)
         reassign_orders(view, out, NIL)
-        if now >= state.next_look[0]:
+        if now >= state.next_look:
             self._check_balance(view, out, state)
         self._check_redesign(view, state)
-        due = state.bad_since[0] and not redesigned
-        if self.parameters.sharing and due and now >= state.next_share[0]:
+        due = state.bad_since and not redesigned
+        if self.parameters.sharing and due and now >= state.next_share:
             if self._shares(state):
                 shared = share(view, workspace, out, state.age, state.job)
                 state.shared_orders[view.robots.at_index[0]] += shared
-            state.next_share[0] = now + ticks(view, self.parameters.share_every)
-        out.again[: int(batch.count[0])] = max(1, min(self._due(view, state)) - now)
+            state.next_share = now + ticks(view, self.parameters.share_every)
+        out.again[: int(batch.count)] = max(1, min(self._due(view, state)) - now)
 
     def _due(self, view: World, state: MonitoredState) -> list[int]:
         """The ticks in which something is to be done next."""
-        sharing = self.parameters.sharing and state.bad_since[0]
-        return [int(state.next_look[0]), *([int(state.next_share[0])] if sharing else [])]
+        sharing = self.parameters.sharing and state.bad_since
+        return [int(state.next_look), *([int(state.next_share)] if sharing else [])]
 
     def _begin(self, view: World, batch: Batch, out: Any, state: MonitoredState) -> None:
         """The first zones: those of the scenario, or annealed on the flow between all stations."""
@@ -159,11 +158,11 @@ class MonitoredZones(Strategy):
             record_flow(view, 2 * EVER, EVER, state.recent_flow)  # of all orders, known or not
             find_loads(roads, state.rules, state.recent_flow, 0, out.design, zones)
             find_transfers(roads, state.rules, out.design, zones, zones.reach)
-        out.redesigned[0] = 1
-        for k in range(int(batch.count[0])):
+        out.redesigned = 1
+        for k in range(int(batch.count)):
             out.service_zone[k] = view.robots.identity[batch.robot[k]]
-        state.begun[0] = 1
-        state.next_look[0] = int(view.clock[CLOCK_TICK]) + ticks(view, FIRST_LOOK)
+        state.begun = 1
+        state.next_look = int(view.clock.tick) + ticks(view, FIRST_LOOK)
 
     def _anneal_first(self, view: World, design: Any, state: MonitoredState) -> bool:
         """The first zones, where the scenario gives none; False if none are found."""
@@ -171,7 +170,7 @@ class MonitoredZones(Strategy):
         has_zones = first_zones(
             view.service_zones.roads, state.rules, float(given.hot), float(given.cold), given.steps,
             0, design, state.zones, state.zones.reach, np.uint64(view.rules.seed),
-            int(view.clock[CLOCK_TICK]),
+            int(view.clock.tick),
         )  # fmt: skip
         return bool(has_zones)
 
@@ -181,11 +180,11 @@ class MonitoredZones(Strategy):
 
     def _check_balance(self, view: World, out: Any, state: MonitoredState) -> None:
         """How balanced the zones are now, and what follows from it."""
-        now, robot = int(view.clock[CLOCK_TICK]), view.robots.at_index[0]
-        if state.last_look[0]:
-            passed = now - state.last_look[0]
+        now, robot = int(view.clock.tick), view.robots.at_index[0]
+        if state.last_look:
+            passed = now - state.last_look
             state.ticks_watched[robot] += passed
-            state.ticks_in_balance[robot] += passed * (state.was_good[0] == 1)
+            state.ticks_in_balance[robot] += passed * (state.was_good == 1)
         flow, zones = state.recent_flow, state.zones
         window = ticks_of_minutes(view, self.parameters.window)
         good = NIL
@@ -195,19 +194,19 @@ class MonitoredZones(Strategy):
             value = balance(zones.load)
             if len(zones.load) > 1:  # one zone is out of balance with no robot
                 good = int(0.0 < value <= self.parameters.tolerance)
-        state.last_look[0], state.was_good[0] = now, good
+        state.last_look, state.was_good = now, good
         often = ticks(view, self.parameters.often)
-        state.next_look[0] = now + often
+        state.next_look = now + often
         if good == 1:
-            state.bad_since[0] = 0
-            state.good_since[0] = state.good_since[0] or now
+            state.bad_since = 0
+            state.good_since = state.good_since or now
             calm = ticks_of_minutes(view, self.parameters.calm)
-            if now - state.good_since[0] >= calm:
-                state.next_look[0] = now + ticks(view, self.parameters.seldom)
+            if now - state.good_since >= calm:
+                state.next_look = now + ticks(view, self.parameters.seldom)
         elif good == 0:
-            state.good_since[0] = 0
-            if not state.bad_since[0]:
-                state.bad_since[0], state.next_share[0] = now, now
+            state.good_since = 0
+            if not state.bad_since:
+                state.bad_since, state.next_share = now, now
 
     def _check_redesign(self, view: World, state: MonitoredState) -> None:
         """Called after every look, and when `_due` says: are new zones needed? Here never."""
@@ -231,46 +230,46 @@ class RedesignedZones(MonitoredZones, ABC):
 
     def _check_redesign(self, view: World, state: MonitoredState) -> None:
         """Out of balance for longer than patience: new zones are made of the flow of this moment."""
-        now = int(view.clock[CLOCK_TICK])
-        if not state.bad_since[0] or state.new_zones_at[0]:
+        now = int(view.clock.tick)
+        if not state.bad_since or state.new_zones_at:
             return
         if now < self._patience_ends(view, state):
             return
         window = ticks_of_minutes(view, self.parameters.window)
         record_flow(view, window, now, state.recent_flow)
         state.flow[:] = state.recent_flow.astype(np.int64)
-        state.new_zones_at[0] = now + max(1, ticks(view, self.parameters.compute))
+        state.new_zones_at = now + max(1, ticks(view, self.parameters.compute))
 
     def _patience_ends(self, view: World, state: MonitoredState) -> int:
         patience = ticks_of_minutes(view, self.parameters.patience)
-        return int(state.bad_since[0]) + patience + 1
+        return int(state.bad_since) + patience + 1
 
     def _due(self, view: World, state: MonitoredState) -> list[int]:
         """As for zones that stay, and when new ones are begun or take effect."""
         times = super()._due(view, state)
-        if state.new_zones_at[0]:
-            times.append(int(state.new_zones_at[0]))
-        elif state.bad_since[0]:
+        if state.new_zones_at:
+            times.append(int(state.new_zones_at))
+        elif state.bad_since:
             times.append(self._patience_ends(view, state))
         return times
 
     def _shares(self, state: MonitoredState) -> bool:
         """Not while new zones are computed, if the scenario says so."""
-        return self.parameters.share_while_computing or not state.new_zones_at[0]
+        return self.parameters.share_while_computing or not state.new_zones_at
 
     def _apply_redesign(self, view: World, out: Any, state: MonitoredState) -> None:
         """New zones of the flow that was recorded take effect when they are due."""
-        now = int(view.clock[CLOCK_TICK])
-        if not state.new_zones_at[0] or now < state.new_zones_at[0]:
+        now = int(view.clock.tick)
+        if not state.new_zones_at or now < state.new_zones_at:
             return
         state.recent_flow[:] = state.flow
         if self._design(view, out.design, state):
-            out.redesigned[0] = 1
+            out.redesigned = 1
             state.redesigns[view.robots.at_index[0]] += 1
         else:
             copy_design(view.service_zones.design, out.design)
-        state.new_zones_at[0] = state.bad_since[0] = 0
-        state.next_look[0] = now + ticks(view, AFTER_REPAIR)
+        state.new_zones_at = state.bad_since = 0
+        state.next_look = now + ticks(view, AFTER_REPAIR)
 
     @abstractmethod
     def _design(self, view: World, design: Any, state: Any) -> bool:
@@ -292,7 +291,7 @@ class AnnealedZones(RedesignedZones):
         has_zones = repair(
             view.service_zones.roads, state.rules, state.recent_flow, float(given.hot),
             float(given.cold), given.steps, MAX_REPAIRS, design, state.zones, state.zones.reach,
-            np.uint64(view.rules.seed), int(view.clock[CLOCK_TICK]),
+            np.uint64(view.rules.seed), int(view.clock.tick),
         )  # fmt: skip
         return bool(has_zones)
 
@@ -325,7 +324,7 @@ class GeneticZones(RedesignedZones):
         found = evolve(
             view.service_zones.roads, state.rules, state.recent_flow, parameters.generations,
             parameters.selected, float(parameters.mutation), state.population, design, state.zones,
-            state.zones.reach, np.uint64(view.rules.seed), int(view.clock[CLOCK_TICK]),
+            state.zones.reach, np.uint64(view.rules.seed), int(view.clock.tick),
         )  # fmt: skip
         if found and parameters.matched:
             self._assign_zones(view, design, state.poses)
@@ -369,7 +368,7 @@ class GeneticZones(RedesignedZones):
             ]
             name[free[int(np.argmin(far))]] = robot
         design.zone[:] = name[design.zone]
-        used = int(design.segments[0])
+        used = int(design.segments)
         design.owner[:used] = name[design.owner[:used]]
         transfer = design.transfer.copy()
         for a in range(zones):

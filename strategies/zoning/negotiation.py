@@ -33,7 +33,7 @@ from strategies.zoning.zone_workspace import DRAWS_NEGOTIATION, below, chance, c
 class NegotiatedParts(Struct, role=SCRATCH):
     """Parts in the queues or hands of robots; room for K."""
 
-    count: Array = field("(1,) int64", "how many there are")
+    count: int = field("() int64", "how many there are")
     order: Array = field("(K,) int32", "the order of each, whatever that is to the caller")
     at: Array = field("(K,) int32", "the station where it is, or was picked up")
     to: Array = field("(K,) int32", "the next station of its route")
@@ -59,7 +59,7 @@ def lead(
     Leaves the best design of the turn, that at its start included, and the parts queued by it;
     returns its sigma. before: iterations that this robot led in earlier turns.
     """
-    workspace.drawn[0] = DRAWS_NEGOTIATION + (leader << 32)
+    workspace.drawn = DRAWS_NEGOTIATION + (leader << 32)
     loads_of_queues(roads, rules, design, workspace, parts, parts.zone, parts.stop, reach)
     sigma = sigma_about(workspace.load, reach, mean)
     best = sigma
@@ -153,7 +153,7 @@ def has_transfer(design, zone):
 @kernel
 def requeue(roads, design, workspace, parts, reach):
     """parts.proposed_zone and proposed_slot: queued parts of zones in reach, from where they are."""
-    for k in range(parts.count[0]):
+    for k in range(parts.count):
         parts.proposed_zone[k] = parts.zone[k]
         parts.proposed_slot[k] = parts.stop[k]
         if parts.carried[k] == 1 or reach[parts.zone[k]] == 0:
@@ -169,7 +169,7 @@ def requeue(roads, design, workspace, parts, reach):
 @kernel
 def adopt(parts):
     """What was tried becomes what is."""
-    for k in range(parts.count[0]):
+    for k in range(parts.count):
         parts.zone[k] = parts.proposed_zone[k]
         parts.stop[k] = parts.proposed_slot[k]
 
@@ -178,7 +178,7 @@ def adopt(parts):
 def loads_of_queues(roads, rules, design, workspace, parts, zone, stop, reach):
     """workspace.load of the zones in reach, each from the legs in its own queue; others stay."""
     workspace.leg_flow[:] = 0.0
-    for k in range(parts.count[0]):
+    for k in range(parts.count):
         if parts.at[k] != stop[k]:
             workspace.leg_flow[zone[k], parts.at[k], stop[k]] += 1.0
     for z in range(reach.shape[0]):

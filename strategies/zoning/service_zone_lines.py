@@ -17,7 +17,6 @@ from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,
     ACTION_PICK,
-    CLOCK_TICK,
     NIL,
     ORDER_CARRIED,
     ORDER_WAITING,
@@ -56,7 +55,7 @@ def design_picture(floor_plan: FloorPlan, roads: Roads, design: Design) -> str:
     """
     driven = floor_plan.drivable[1:-1, 1:-1].tolist()
     rows = [["." if cell else "#" for cell in row] for row in driven]
-    for m in range(int(design.segments[0])):
+    for m in range(int(design.segments)):
         path = [floor_plan.xy(roads.cell[p]) for p in design.path[m, : design.points[m]]]
         for start, end in pairwise(path):
             _line(rows, start, end, ZONE_LETTERS[int(design.owner[m]) % len(ZONE_LETTERS)])
@@ -110,7 +109,7 @@ def station_line(world: World, station: int) -> str:
         work = int(stations.next_in_queue[work])
     said = ["no work"]
     if works:
-        left = count(int(stations.job_done_tick[station] - world.clock[CLOCK_TICK]), "tick")
+        left = count(int(stations.job_done_tick[station] - world.clock.tick), "tick")
         said = [f"part {stations.part[works[0]]}, {left} left"]
     if works[1:]:
         named = [str(stations.part[work]) for work in works[1 : 1 + MAX_NAMED_PARTS]]
@@ -158,7 +157,7 @@ def ways_of(roads: Roads, design: Design, stride: int) -> tuple[Array, Array]:
 
     A cell comes as often as segments lead through it; it is in one zone, as points are.
     """
-    used = int(design.segments[0])
+    used = int(design.segments)
     path, follows = design.path[:used], np.arange(1, design.path.shape[1])
     ways = follows < design.points[:used, None]
     here, there = roads.cell[path[:, :-1][ways]], roads.cell[path[:, 1:][ways]]

@@ -15,7 +15,6 @@ from automaton.strategy.api import (
     ACTION_MOVE,
     ACTION_PICK,
     BATTERY_FULL,
-    CLOCK_TICK,
     KEEP,
     NIL,
     ORDER_WAITING,
@@ -128,13 +127,13 @@ def slot_at(view, station):
 @kernel
 def enter(out, order, queue, stop, direct):
     """One more decision: an order comes into a queue."""
-    k = out.queued[0]
+    k = out.queued
     if k < out.order.shape[0]:
         out.order[k] = order
         out.queue[k] = queue
         out.next_slot[k] = stop
         out.skips_transfer[k] = direct
-        out.queued[0] = k + 1
+        out.queued = k + 1
 
 
 @kernel
@@ -163,7 +162,7 @@ def queue_length(view, zone):
 def length_then(view, out, zone):
     """The same after the decisions of this batch so far."""
     count = queue_length(view, zone)
-    for k in range(out.queued[0]):
+    for k in range(out.queued):
         count += out.queue[k] == zone
         count -= view.service_zones.queue[out.order[k]] == zone
     return count
@@ -225,7 +224,7 @@ def reassign_orders(view, out, robot):
 @kernel
 def is_entered(out, order):
     """Whether a decision of this batch has put an order into a queue."""
-    for k in range(out.queued[0]):
+    for k in range(out.queued):
         if out.order[k] == order:
             return True
     return False
@@ -352,7 +351,7 @@ def first_for(view, out, workspace, zone, other, taker, direct, near, age, job):
         ticks += distance(view, workspace, with_load(view, robot_type), pick, heading, drop)
         if ticks >= UNREACHABLE:
             continue
-        worth = age * (view.clock[CLOCK_TICK] - view.orders.release_tick[order]) - job * ticks
+        worth = age * (view.clock.tick - view.orders.release_tick[order]) - job * ticks
         if worth > highest:
             found, highest = order, worth
     return found

@@ -123,16 +123,16 @@ class ZoneSpace(Struct, role=SCRATCH):
     load: Array = field("(Z,) float64", "minutes")
     reach: Array = field("(Z,) uint8", "1 = a zone that a negotiation is about")
     # Between any two stations:
-    least_distance: Array = field("(1,) float64", "cells")
-    largest_distance: Array = field("(1,) float64")
-    least_flow: Array = field("(1,) float64", "loads")
-    largest_flow: Array = field("(1,) float64")
+    least_distance: float = field("() float64", "cells")
+    largest_distance: float = field("() float64")
+    least_flow: float = field("() float64", "loads")
+    largest_flow: float = field("() float64")
     level: Array = field("(Z,) int32", "transfers to some zone, or NIL")
     frontier: Array = field("(Z,) int32")
     zones: Array = field("(Z * Z, 2) int32", "pairs of zones")
     length: Array = field("(S * S,) int64", "of pairs of stations")
     pair: Array = field("(S * S, 2) int32")
-    drawn: Array = field("(1,) int64", "draws so far")
+    drawn: int = field("() int64", "draws so far")
     serves: Array = field(
         "(Z, S) uint8", "1 = the robot of the zone gets to the station", default=1, role=CONSTANT
     )
@@ -218,7 +218,7 @@ def whole_cells(limit):
 @kernel
 def add_segment(roads, design, workspace, zone, first, last):
     """Append the path that `spread` found from station `first` to station `last`."""
-    m = design.segments[0]
+    m = design.segments
     count = np.int64(1)
     p = np.int64(roads.point[last])
     while workspace.back[p] != NIL:
@@ -233,7 +233,7 @@ def add_segment(roads, design, workspace, zone, first, last):
     design.owner[m] = zone
     design.ends[m, 0] = first
     design.ends[m, 1] = last
-    design.segments[0] = m + 1
+    design.segments = m + 1
 
 
 @kernel
@@ -245,7 +245,7 @@ def hold(roads, design):
     for s in range(design.zone.shape[0]):
         if design.zone[s] != NIL:
             design.held[roads.point[s]] = design.zone[s]
-    for m in range(design.segments[0]):
+    for m in range(design.segments):
         for k in range(design.points[m]):
             design.held[design.path[m, k]] = design.owner[m]
 
@@ -254,7 +254,7 @@ def hold(roads, design):
 def clear_design(design):
     """No station has a zone."""
     design.zone[:] = NIL
-    design.segments[0] = 0
+    design.segments = 0
     design.held[:] = NIL
     design.transfer[:] = 0
 
@@ -266,8 +266,8 @@ def copy_design(source, design):
     zones = source.transfer.shape[0]
     for s in range(stations):
         design.zone[s] = source.zone[s]
-    design.segments[0] = source.segments[0]
-    for m in range(source.segments[0]):
+    design.segments = source.segments
+    for m in range(source.segments):
         copy_segment(source, m, design, m)
     for p in range(source.held.shape[0]):
         design.held[p] = source.held[p]
@@ -293,15 +293,15 @@ def size(design, zone):
 @kernel
 def below(workspace, count, seed, tick):
     """A uniform integer from 0 to count - 1."""
-    workspace.drawn[0] += 1
-    return random_between(0, count - 1, seed, STREAM_ZONES, tick, workspace.drawn[0])
+    workspace.drawn += 1
+    return random_between(0, count - 1, seed, STREAM_ZONES, tick, workspace.drawn)
 
 
 @kernel
 def chance(workspace, seed, tick):
     """A uniform number from 0 to below 1."""
-    workspace.drawn[0] += 1
-    bits = random_bits(seed, STREAM_ZONES, tick, workspace.drawn[0]) >> np.uint64(11)
+    workspace.drawn += 1
+    bits = random_bits(seed, STREAM_ZONES, tick, workspace.drawn) >> np.uint64(11)
     return np.float64(np.int64(bits)) / 9007199254740992.0
 
 

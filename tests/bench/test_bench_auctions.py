@@ -18,7 +18,7 @@ def test_everything_is_sold_and_half_of_the_bids_plan_charging() -> None:
         assert one.fleet.length.sum() == auction_speed.SMALL_AUCTION[1]
         assert one.fleet.cost.max() < INF_COST
         count = one.scratch.count
-        assert low <= count.plans[0] / count.bids[0] <= high
+        assert low <= count.plans / count.bids <= high
 
 
 def test_the_parts_take_samples() -> None:

@@ -16,7 +16,7 @@ OWN = """from automaton.strategy.api import Strategy, kernel
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
-    batch.count[0] = view.no_such_field
+    batch.count = view.no_such_field
 
 
 class Broken(Strategy):

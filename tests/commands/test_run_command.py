@@ -69,7 +69,7 @@ class Counts(Idle):
     def reset(self, view):
         return Asked.sized({"n": len(view.robots.cell)})
     def decide(self, view, batch, decisions, memory, workspace):
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             Asked.of(memory).times[batch.robot[k]] += 1
 '''
 

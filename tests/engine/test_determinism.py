@@ -13,7 +13,7 @@ import pytest
 from fresh_process import told, told_here
 
 from automaton.engine.digest import DIGEST_NAMES
-from automaton.engine.state import CLOCK_TICK
+from automaton.engine.state import Clock
 from automaton.history.live_run import LiveRun
 from automaton.pytest_plugin import GridSnapshot
 from automaton.runs.simulation import Simulation
@@ -199,7 +199,7 @@ def test_the_digest_changes_with_every_field(name: str) -> None:
     run.run(until=300)
     arrays, whole = run.digests(), run.digest
     if name == "tick":
-        values, element = run.world.clock, CLOCK_TICK
+        values, element = run.world.clock, list(Clock.meanings).index("tick")
     elif name == "service_zones.design":
         values, element = run.world.service_zones.design.zone, 2
     else:

@@ -21,10 +21,6 @@ from automaton.engine.distance_tables import (
     POSE32,
     SPLIT,
     STOP_NO_ROOM,
-    TABLES_ENCODING,
-    TABLES_ROWS,
-    TABLES_TAKEN,
-    TABLES_WORDS,
     DistanceTables,
     least_table_bytes,
 )
@@ -145,7 +141,7 @@ def test_tables_hold_what_dijkstra_finds_from_every_pose(case: Case, random: Any
         kept: dict[int, tuple[int, int]] = {}
         for _ in range(4):
             cost_set, goal = random.randrange(len(case.step)), random.choice(goals)
-            keeps = len(kept) < tables.status[TABLES_ROWS] - 1 and random.random() < 0.5
+            keeps = len(kept) < tables.status.rows - 1 and random.random() < 0.5
             row = int(row_to(tables, cost_set, goal, tick, keeps))
             if row == NIL:  # a wider encoding has less room
                 assert keeps or kept
@@ -191,8 +187,8 @@ def test_the_narrowest_encoding_that_holds_the_costs_is_taken(
     near, far = case.floor_plan.cell(2, 2), case.floor_plan.cell(0, 0)
     first = int(row_to(tables, 0, near, 1, True))
     last = int(row_to(tables, 0, far, 1, True))
-    assert tables.status[TABLES_ENCODING] == encoding
-    assert 2 * tables.status[TABLES_WORDS] == pytest.approx(21 * bytes_per_cell, abs=1)
+    assert tables.status.encoding == encoding
+    assert 2 * tables.status.words == pytest.approx(21 * bytes_per_cell, abs=1)
     assert case.found(tables, first) == case.expected(0, near)
     assert case.found(tables, last) == case.expected(0, far)
 
@@ -214,7 +210,7 @@ def test_the_hand_spares_what_is_kept_and_takes_what_nobody_has_looked_at() -> N
     assert row_to(tables, 0, start + 11, 1, False) == 11  # all others are kept
     assert row_to(tables, 0, start + 3, 1, True) == 3
     assert row_to(tables, 0, start + 11, 2, True) == 0  # in the next tick any may go
-    assert tables.status[TABLES_TAKEN] == 11
+    assert tables.status.taken == 11
     assert tables.stop[0] == 0
 
 

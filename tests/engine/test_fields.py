@@ -250,7 +250,7 @@ def test_each_field_of_the_state_has_a_role() -> None:
 
 def arrays(struct: Struct, path: str = "") -> Iterator[tuple[str, Field, Array]]:
     for name, declared in struct._declared.items():
-        value = getattr(struct, name)
+        value = struct.array(name)
         if isinstance(value, Struct):
             yield from arrays(value, f"{path}{name}.")
         elif declared.is_array:
@@ -341,7 +341,7 @@ def filled(struct: type[Struct], value: int) -> Struct:
     made = struct.sized(dict.fromkeys(filter(str.isidentifier, extents), 3), **parts)
     for name, declared in struct._declared.items():
         if declared.is_array:
-            getattr(made, name)[...] = value
+            made.array(name)[...] = value
     for declared in struct._declared.values():
         if declared.used:
             getattr(made, declared.used)[:] = 3

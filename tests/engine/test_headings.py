@@ -151,4 +151,4 @@ def test_a_mixed_fleet_delivers_under_every_strategy(routing: str, right_of_way:
     simulation.run()
     report = validate_stored(recorder.recording())
     assert report.valid, report.violations[:3]
-    assert simulation.world.clock[0] < 300 and not simulation.world.tally.illegal.any()
+    assert simulation.world.clock.tick < 300 and not simulation.world.tally.illegal.any()

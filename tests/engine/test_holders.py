@@ -132,9 +132,9 @@ class Probe(RandomRightOfWay):
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         assert np.array_equal(view.traffic.holder, naive_holders(view))
         state = self.state = self.state or WITHDRAW.reset(view)
-        state.calls[0] += 1
+        state.calls += 1
         retreat.list_crowds(view, state)
-        for i in batch.robot[: batch.count[0]]:
+        for i in batch.robot[: batch.count]:
             if standing(view, i):
                 wants = naive_wants(view, i)
                 assert retreat.robot_entering_cell_of(view, state, i) == wants

@@ -166,7 +166,7 @@ from another import doubled
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out = decisions.right_of_way
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         out.command[k] = CMD_WAIT
         out.value[k] = doubled(TICKS)
 
@@ -258,7 +258,7 @@ class CountingState(Struct):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     state = CountingState.of(memory)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         state.{name}[batch.robot[k]] += 1
 
 

@@ -11,7 +11,6 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
 from automaton.strategy.api import (
-    CLOCK_TICK,
     CMD_DROP_AT,
     CMD_PARK,
     CMD_RETREAT,
@@ -65,7 +64,7 @@ class Late(Strategy):
 
     def decide(self, view, batch, decisions, memory, workspace):
         out, robots = decisions.allocation, view.robots
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             i = batch.robot[k]
             load, order = robots.load[i], int((view.orders.state != ORDER_WAITING).sum())
             if load != NIL and robots.slot[i] == NIL:
@@ -73,7 +72,7 @@ class Late(Strategy):
                 out.goal_cell[k] = dropoff_cell(view, 0, out.slot[k], -1)
             elif robots.order[i] != NIL or robots.busy[i]:
                 continue
-            elif i == 0 and order < 3 and view.clock[CLOCK_TICK] > 20 * order:
+            elif i == 0 and order < 3 and view.clock.tick > 20 * order:
                 out.command[k], out.order[k] = CMD_TAKE_ORDER, order
                 out.goal_cell[k] = pickup_cell(view, 0, view.orders.current_slot[order], -1)
             else:
@@ -87,8 +86,8 @@ class Wrong(Strategy):
     period = 1
 
     def decide(self, view, batch, decisions, memory, workspace):
-        decisions.right_of_way.command[: batch.count[0]] = CMD_RETREAT
-        decisions.right_of_way.value[: batch.count[0]] = -1
+        decisions.right_of_way.command[: batch.count] = CMD_RETREAT
+        decisions.right_of_way.value[: batch.count] = -1
 
 
 def test_who_would_leave_and_loses_the_tick_is_not_parked_any_more(scenario):

@@ -9,7 +9,7 @@ from handmade_recordings import rules
 from pod_scenes import RING, pod_scene
 
 from automaton.engine.observation import CAUSES
-from automaton.engine.state import CLOCK_NEEDING_ROUTE, NIL
+from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.history.event_history import EventHistory
 from automaton.recording.recorder import MemoryRecorder
@@ -36,7 +36,7 @@ def test_who_does_not_lift_it_stops_before_a_pod() -> None:
     robots = run.world.robots
     robots.route[0, 0], robots.route_length[0], robots.route_index[0] = 1, 1, 0
     robots.need[0] = 0
-    run.world.clock[CLOCK_NEEDING_ROUTE] = 0
+    run.world.clock.needing_route = 0
     run.run(2)
     assert CAUSES[run.observation.cause[0]].name == "pod ahead"
     assert run.resolved.floor_plan.xy(int(robots.cell[0])) == (4, 0)

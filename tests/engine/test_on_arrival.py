@@ -27,7 +27,6 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_TURN,
-    CLOCK_TICK,
     ORDER_CARRIED,
 )
 from automaton.history.event_history import EventHistory
@@ -180,7 +179,7 @@ def test_whole_fleets(name: str) -> None:
         picked = (robots.executed & PICKED_ON_ARRIVAL) != 0
         assert (simulation.world.orders.state[robots.load[picked]] == ORDER_CARRIED).all()
         arrived.append(int(picked.sum()))
-    assert sum(arrived) > 5 and simulation.world.clock[CLOCK_TICK] > 50
+    assert sum(arrived) > 5 and simulation.world.clock.tick > 50
     assert validated(recorder) == []
 
 

@@ -57,9 +57,9 @@ class Announcing(Strategy):
 
     def decide(self, view, batch, decisions, memory, workspace):
         out = decisions.allocation
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             out.command[k] = CMD_PARK
-        if memory is not None and view.clock[0] == 1:
+        if memory is not None and view.clock.tick == 1:
             out.order_queue[0, : len(self.plan)] = self.plan
             out.order_queue_length[0] = self.length
 

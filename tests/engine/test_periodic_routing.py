@@ -21,7 +21,6 @@ from automaton.strategy.api import (
     ACTION_MOVE,
     ACTION_TURN,
     ACTION_WAIT,
-    CLOCK_TICK,
     NIL,
     REASON_PERIODIC,
     Strategy,
@@ -52,8 +51,8 @@ class Told(Strategy):
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         width = view.grid.width
-        for k in range(batch.count[0]):
-            i, tick = int(batch.robot[k]), int(view.clock[CLOCK_TICK])
+        for k in range(batch.count):
+            i, tick = int(batch.robot[k]), int(view.clock.tick)
             name = chr(ord("A") + int(view.robots.identity[i]))
             y, x = divmod(paths.position(view, i), width)
             self.questions.append(Question(tick, name, int(batch.reason[k]), (x - 1, y - 1)))
@@ -182,7 +181,7 @@ class Shortest(Strategy):
     again = True
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             i = int(batch.robot[k])
             if batch.reason[k] == REASON_PERIODIC and not self.again:
                 continue

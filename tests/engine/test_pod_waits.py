@@ -7,7 +7,7 @@ from typing import Any
 from pod_scenes import pod_scene
 
 from automaton.engine.observation import CAUSES
-from automaton.engine.state import CLOCK_NEEDING_ROUTE, NIL
+from automaton.engine.state import NIL
 from automaton.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import Resolved, resolve
@@ -58,7 +58,7 @@ def test_a_pod_in_the_way_keeps_a_robot_with_a_load() -> None:
     assert robots.load[0] != NIL and robots.busy[0] == 0
     robots.route[0, 0], robots.route_length[0], robots.route_index[0] = 0, 1, 0
     robots.need[0] = 0
-    run.world.clock[CLOCK_NEEDING_ROUTE] = 0
+    run.world.clock.needing_route = 0
     run.run(4)
     wanted: Any = run.resolved.floor_plan.xy(int(run.observation.wanted[0]))
     assert why(run, 0) == ("pod ahead", NIL)

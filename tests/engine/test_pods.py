@@ -9,7 +9,7 @@ from pod_scenes import line_ticks, played, pod_scene, trips
 
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.strategy.api import ACTION_STATION_QUEUE, CLOCK_TICK, CMD_TAKE_ORDER, NIL, Strategy
+from automaton.strategy.api import ACTION_STATION_QUEUE, CMD_TAKE_ORDER, NIL, Strategy
 from automaton.world.resolve import resolve
 
 TWO_STATIONS = """\
@@ -132,7 +132,7 @@ class Changes(Strategy):
     period = 1
 
     def decide(self, view, batch, decisions, memory, workspace):
-        trip = view.clock[CLOCK_TICK] - 1
+        trip = view.clock.tick - 1
         if trip < 2:
             slot = view.orders.current_slot[trip]
             decisions.allocation.command[0] = CMD_TAKE_ORDER

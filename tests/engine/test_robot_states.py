@@ -12,7 +12,7 @@ import pytest
 from docs_pages import page
 
 from automaton.engine.robot_states import Motion, Task, motions_of, tasks_of
-from automaton.engine.state import ACTION_NAMES, CLOCK_TICK, World
+from automaton.engine.state import ACTION_NAMES, World
 from automaton.runs.simulation import Simulation
 from automaton.vocabulary import CONDITION_WORDS
 from automaton.world.resolve import resolve
@@ -104,7 +104,7 @@ def table() -> dict[Change, str]:
 
 def states(world: World) -> dict[str, list[int]]:
     """Each robot's states after a tick, by kind and identity."""
-    robots, tick = world.robots, world.clock[CLOCK_TICK]
+    robots, tick = world.robots, world.clock.tick
     halt = world.service_zones.halt
     halted = halt >= tick if len(halt) else np.zeros(len(robots.cell), bool)
     arrays = {

@@ -101,8 +101,8 @@ class Asked(Strategy):
         self.drops_in = drops_in  # a tick in which it wants the load dropped, whatever it is asked
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
-        out, tick = decisions.allocation, int(view.clock[0])
-        for k in range(batch.count[0]):
+        out, tick = decisions.allocation, int(view.clock.tick)
+        for k in range(batch.count):
             reason = int(batch.reason[k])
             if tick == 1:
                 out.command[k], out.order[k], out.goal_cell[k] = (

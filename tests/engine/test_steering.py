@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from small_runs import STEPS, SmallRun
 
-from automaton.engine.state import CLOCK_UNPARKED, LAYER_ALLOCATION, LAYER_RIGHT_OF_WAY
+from automaton.engine.state import LAYER_ALLOCATION, LAYER_RIGHT_OF_WAY
 from automaton.runs.simulation import Simulation
 from automaton.strategy.api import (
     ACTION_HELD_BACK,
@@ -36,9 +36,9 @@ class Scripted(Strategy):
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         out = decisions.right_of_way
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             name = chr(ord("A") + int(view.robots.identity[batch.robot[k]]))
-            script = self.scripts.get(name, "")[int(view.clock[0]) - 1 :]
+            script = self.scripts.get(name, "")[int(view.clock.tick) - 1 :]
             if not script or script[0] == ".":
                 continue
             letter = script[0]
@@ -97,13 +97,13 @@ def test_a_robot_that_is_parked_on_the_floor_and_has_work_is_held_back_like_any_
     run = SmallRun("A.B", strategies={"right_of_way": Scripted(A="heE")})
     robots = run.world.robots
     robots.parked[:] = 1
-    run.world.clock[CLOCK_UNPARKED] = 0
+    run.world.clock.unparked = 0
     robots.goal_type[0], robots.goal_cell[0] = GOAL_PICK, run.floor_plan.cell(1, 0)
     run.tick(1)
     assert run.why("A") == ("held back", "", None)
     run.tick(1)
     assert run.world.tally.ticks[run.index("A"), ACTION_HELD_BACK].sum() == 2
-    assert run.world.clock[CLOCK_UNPARKED] == 1
+    assert run.world.clock.unparked == 1
 
 
 def test_a_robot_that_was_pushed_from_its_place_goes_home_and_allocation_is_not_asked_about_it():
@@ -113,7 +113,7 @@ def test_a_robot_that_was_pushed_from_its_place_goes_home_and_allocation_is_not_
     )
     robots = run.world.robots
     robots.parked[:] = 1
-    run.world.clock[3] = 0
+    run.world.clock.unparked = 0
     run.tick(1)
     asked = allocation.asked
     run.tick(2)

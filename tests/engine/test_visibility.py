@@ -36,7 +36,7 @@ def contents(view: Struct, known: set[str], path: str = "") -> dict[str, bytes]:
     """All arrays of a view by their paths, what is known aside."""
     found = {}
     for name in view._fields:
-        value, here = getattr(view, name), path + name
+        value, here = view.array(name), path + name
         if here in known:
             continue
         if isinstance(value, Struct):
@@ -89,7 +89,7 @@ def poison_zones(world: Any, b: int, draws: Any) -> int:
                 poison(getattr(orders, name)[order : order + 1], draws)
         for name in ("next_slot", "skips_transfer", "picked_from"):
             poison(getattr(service_zones, name)[order : order + 1], draws)
-    for segment in range(int(design.segments[0])):
+    for segment in range(int(design.segments)):
         if design.owner[segment] in hidden:
             poison(design.ends[segment], draws)
             design.points[segment] = design.path.shape[1]

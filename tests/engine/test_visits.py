@@ -14,7 +14,6 @@ from automaton.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
 from automaton.strategy.api import (
-    CLOCK_TICK,
     CMD_RETREAT,
     CMD_STEP,
     CMD_TAKE_ORDER,
@@ -111,7 +110,7 @@ class Steers(Strategy):
     period = 1
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
-        if view.clock[CLOCK_TICK] <= 3:
+        if view.clock.tick <= 3:
             decisions.right_of_way.command[0] = CMD_STEP
             decisions.right_of_way.value[0] = 0
 
@@ -154,8 +153,8 @@ class Gives(Strategy):
         self.ticks = {int(name[1:]): given for name, given in ticks.items()}
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
-        given = self.ticks.get(int(view.clock[CLOCK_TICK]), {})
-        for k in range(batch.count[0]):
+        given = self.ticks.get(int(view.clock.tick), {})
+        for k in range(batch.count):
             order = given.get(int(view.robots.identity[batch.robot[k]]))
             if order is not None:
                 stop = view.orders.first_stop[order] + view.orders.stops_done[order]
@@ -256,7 +255,7 @@ class Retreats(Strategy):
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         out = decisions.right_of_way
-        if view.clock[CLOCK_TICK] == self.tick:
+        if view.clock.tick == self.tick:
             out.command[0], out.value[0], out.return_order[0] = (
                 CMD_RETREAT,
                 self.moves,
@@ -285,7 +284,7 @@ def test_who_has_begun_an_order_does_not_go_to_charge() -> None:
 
     class ChargesLate(ChargeFirst):
         def decide(self, view: Any, *others: Any) -> None:
-            if view.clock[CLOCK_TICK] == 3:
+            if view.clock.tick == 3:
                 others[1].charging.goal_cell[0] = view.chargers.cell[0]
                 others[1].charging.charge_target[0] = 1_000
 

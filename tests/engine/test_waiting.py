@@ -21,7 +21,6 @@ from automaton.engine.observation import (
     MEMORY_TICKS,
     congestion_of,
 )
-from automaton.engine.state import CLOCK_HALTED_UNTIL
 from automaton.runs.simulation import Simulation
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Battery, Drain, Durations, Fault, Faults, WorldRules
@@ -53,7 +52,7 @@ class Answers(Strategy):
         return (1, 1, 1, 1, 255)
 
     def decide(self, view, batch, decisions, memory, workspace):
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             who = int(view.robots.identity[batch.robot[k]])
             if who in self.given:
                 decisions.right_of_way.command[k], decisions.right_of_way.value[k] = self.given[who]
@@ -274,7 +273,7 @@ def test_redesign() -> None:
     run = Simulation(resolve("factory"), on_observe=Simulation.empty_observation)
     run.run(until=100)
     i = int(np.flatnonzero(run.world.robots.parked == 0)[0])
-    run.world.service_zones.halt[i] = run.world.clock[CLOCK_HALTED_UNTIL] = 110
+    run.world.service_zones.halt[i] = run.world.clock.halted_until = 110
     run.run(until=108)
     assert CAUSES[run.observation.cause[i]].name == "redesign" and run.observation.blocker[i] == NIL
     run.run(until=115)
@@ -292,7 +291,7 @@ class HoldsBack(Strategy):
     period = 1
 
     def decide(self, view, batch, decisions, memory, workspace):
-        out, count = decisions.right_of_way, batch.count[0]
+        out, count = decisions.right_of_way, batch.count
         out.command[:count], out.value[:count] = CMD_HOLD, 0
 
 

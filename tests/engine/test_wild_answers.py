@@ -24,7 +24,7 @@ class Says(Strategy):
     period = 1
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
-        if view.clock[0] == 2:
+        if view.clock.tick == 2:
             self.say(view, decisions.zoning)
 
     def say(self, view: Any, out: Any) -> None:
@@ -33,17 +33,17 @@ class Says(Strategy):
 
 class QueuesTooMany(Says):
     def say(self, view: Any, given: Any) -> None:
-        given.queued[0] = 10**8
+        given.queued = 10**8
 
 
 class QueuesOneTooMany(Says):
     def say(self, view: Any, given: Any) -> None:
-        given.queued[0] = len(given.order) + 1
+        given.queued = len(given.order) + 1
 
 
 class QueuesLessThanNone(Says):
     def say(self, view: Any, given: Any) -> None:
-        given.queued[0] = -5
+        given.queued = -5
 
 
 class ServesNoZone(Says):
@@ -58,12 +58,12 @@ class WakesInThePast(Says):
 
 class EndlessDesign(Says):
     def say(self, view: Any, given: Any) -> None:
-        given.redesigned[0], given.design.segments[0] = 1, 10**8
+        given.redesigned, given.design.segments = 1, 10**8
 
 
 class EndlessSegment(Says):
     def say(self, view: Any, given: Any) -> None:
-        given.redesigned[0], given.design.segments[0] = 1, 1
+        given.redesigned, given.design.segments = 1, 1
         given.design.points[0] = 10**8
 
 

@@ -74,7 +74,7 @@ def market_of(
 def stops_of(scratch: AuctionScratch) -> tuple[tuple[int, int], ...]:
     """The stops of the plan: (position, number of the charger)."""
     plan = scratch.plan
-    return tuple((int(plan.position[k]), int(plan.charger[k])) for k in range(plan.stops[0]))
+    return tuple((int(plan.position[k]), int(plan.charger[k])) for k in range(plan.stops))
 
 
 def random_auction(

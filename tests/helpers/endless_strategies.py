@@ -1,7 +1,6 @@
 """Strategies whose decision in one tick never ends, in compiled code."""
 
 from automaton.strategy.api import (
-    CLOCK_TICK,
     NIL,
     Array,
     Struct,
@@ -22,7 +21,7 @@ class Told(IndependentPython):
     period = 1
 
     def decide(self, view, batch, decisions, memory, workspace):
-        print(f"tick {view.clock[CLOCK_TICK]}", flush=True)
+        print(f"tick {view.clock.tick}", flush=True)
         super().decide(view, batch, decisions, memory, workspace)
 
 
@@ -30,7 +29,7 @@ class Told(IndependentPython):
 def search_on(view, batch, decisions, memory, workspace):
     shortest.decide(view, batch, decisions, memory, workspace)
     here = position(view, 0)
-    while view.clock[CLOCK_TICK] == LONG_TICK:
+    while view.clock.tick == LONG_TICK:
         if find_path(view, workspace, 0, here, 0, here, False, workspace.steps) == NIL:
             break
 
@@ -45,7 +44,7 @@ class Count(Struct):
 def count_on(view, batch, decisions, memory, workspace):
     shortest.decide(view, batch, decisions, memory, workspace)
     state = Count.of(memory)
-    while view.clock[CLOCK_TICK] == LONG_TICK:
+    while view.clock.tick == LONG_TICK:
         state.count[0] += 1
 
 

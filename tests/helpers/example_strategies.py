@@ -7,7 +7,6 @@ import numpy as np
 from automaton.floor.cells import CHARGER
 from automaton.strategy.api import (
     BATTERY_FULL,
-    CLOCK_TICK,
     CMD_DROP_AT,
     CMD_PARK,
     CMD_TAKE_ORDER,
@@ -32,7 +31,7 @@ class HalfAndHalf(Strategy):
     period = 5
 
     def decide(self, view, batch, decisions, memory, workspace):
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             decisions.zoning.service_zone[k] = view.robots.identity[batch.robot[k]] % 2
 
 
@@ -43,8 +42,8 @@ class Halts(Strategy):
     period = 10
 
     def decide(self, view, batch, decisions, memory, workspace):
-        if view.clock[CLOCK_TICK] % 10 == 0:
-            decisions.zoning.halt[: batch.count[0]] = 6
+        if view.clock.tick % 10 == 0:
+            decisions.zoning.halt[: batch.count] = 6
 
 
 class HasCharged(Struct):
@@ -65,7 +64,7 @@ class ChargeFirst(Strategy):
     def decide(self, view, batch, decisions, memory, workspace):
         state = HasCharged.of(memory)
         charger = int(np.flatnonzero(view.grid.kind == CHARGER)[0])
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             robot = batch.robot[k]
             idle = view.robots.order[robot] == NIL and view.robots.goal_type[robot] == GOAL_NONE
             if idle and view.robots.busy[robot] == 0 and not state.sent[robot]:
@@ -83,7 +82,7 @@ class Greedy(Strategy):
 
     def decide(self, view, batch, decisions, memory, workspace):
         out = decisions.allocation
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             out.command[k] = CMD_DROP_AT if batch.reason[k] == REASON_IDLE else CMD_TAKE_ORDER
             out.order[k] = 10_000
             out.slot[k] = -5
@@ -95,7 +94,7 @@ class Idle(Strategy):
     layer = "allocation"
 
     def decide(self, view, batch, decisions, memory, workspace):
-        decisions.allocation.command[: batch.count[0]] = CMD_PARK
+        decisions.allocation.command[: batch.count] = CMD_PARK
 
 
 class Writes(Strategy):
@@ -160,7 +159,7 @@ class Watcher(Strategy):
 
     def decide(self, view, batch, decisions, memory, workspace):
         robots, state = view.robots, Asked.of(memory)
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             i = int(batch.robot[k])
             seen = {int(robots.identity[j]) for j in (robots.cell != NIL).nonzero()[0]}
             self.sightings.append((int(robots.identity[i]), frozenset(seen)))
@@ -196,5 +195,5 @@ class FailsLater(Strategy):
     period = 1
 
     def decide(self, view, batch, decisions, memory, workspace):
-        if view.clock[CLOCK_TICK] == 50:
+        if view.clock.tick == 50:
             raise ZeroDivisionError("own mistake")

@@ -10,7 +10,7 @@ from reference_motion import Floor, Robot
 
 from automaton.engine.faults import hand_delays_on
 from automaton.engine.motion import ENTERED, LIVE, MOVED, move_all
-from automaton.engine.state import ACTION_FOLLOWING, CLOCK_TICK, FOLLOWING_CONVOY, NIL
+from automaton.engine.state import ACTION_FOLLOWING, FOLLOWING_CONVOY, NIL
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.runs.pictures.pictures import Following
@@ -125,7 +125,7 @@ class KernelWorld:
 
     def delay(self, number: int, delays: Mapping[int, int]) -> None:
         world = self.world
-        world.clock[CLOCK_TICK] = number
+        world.clock.tick = number
         for identity, ticks in delays.items():
             i = world.robots.at_index[identity]
             if world.robots.busy[i]:

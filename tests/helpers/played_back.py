@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_DIGEST_EVERY
 from automaton.history.playback import Playback
 from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.recording.frames import Recording
@@ -25,7 +24,7 @@ def recorded(resolved: Resolved, until: int | None = None, storage: Any = None) 
     memory = EachTick(resolved)
     order = None if storage is None else np.array(storage, np.int32)
     simulation = Simulation(resolved, storage=order, on_record=memory)
-    simulation.world.clock[CLOCK_DIGEST_EVERY] = 1
+    simulation.world.clock.digest_every = 1
     simulation.run(until)
     return memory.recording()
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import msgspec
 
-from automaton.engine.state import CLOCK_TICK, NIL, ORDER_WAITING
+from automaton.engine.state import NIL, ORDER_WAITING
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.world.resolve import resolve
@@ -43,11 +43,11 @@ class Queues:
         orders.current_slot[:] = [slot[station - 1] for station in at]
         orders.target[:] = self.service_zones.next_slot[:] = [slot[station - 1] for station in to]
         orders.weight[:] = weights or 0
-        now = int(self.run.world.clock[CLOCK_TICK])
+        now = int(self.run.world.clock.tick)
         orders.release_tick[:] = [now - ticks for ticks in age or [0] * len(queue)]
         self.service_zones.queue[:] = queue
         self.out = self.run.decisions.zoning
-        self.out.queued[0] = 0
+        self.out.queued = 0
 
     def shared(self, age: int = 1, job: int = 0) -> tuple[list[int], list[int], int]:
         """Queue and direct flag of each order after a round by these weights, and how many it shared."""
@@ -63,7 +63,7 @@ class Queues:
         """Queues and direct flags as the decisions make them."""
         queue = self.service_zones.queue.tolist()
         direct = self.service_zones.skips_transfer.tolist()
-        for k in range(int(self.out.queued[0])):
+        for k in range(int(self.out.queued)):
             order = int(self.out.order[k])
             queue[order], direct[order] = int(self.out.queue[k]), int(self.out.skips_transfer[k])
         return queue, direct

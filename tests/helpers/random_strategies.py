@@ -16,7 +16,6 @@ from automaton.floor.cells import CHARGER
 from automaton.strategy import paths
 from automaton.strategy.api import (
     BATTERY_FULL,
-    CLOCK_TICK,
     CMD_DROP_AT,
     CMD_GO,
     CMD_HOLD,
@@ -74,10 +73,10 @@ class RandomStrategy(Strategy):
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
         layer = LAYER_NAMES.index(self.layer)
         mood = self.parameters
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             i = int(batch.robot[k])
             who = int(view.robots.identity[i])
-            dice = Dice(mood.seed, layer, int(view.clock[CLOCK_TICK]), who)
+            dice = Dice(mood.seed, layer, int(view.clock.tick), who)
             roll = dice.below(256)
             if roll < mood.illegal:
                 self.offend(view, dice, i, k, getattr(decisions, self.layer))
@@ -118,13 +117,13 @@ class RandomZoning(RandomStrategy):
         out.server[dice.below(zones)] = dice.below(zones)
         if dice.below(4) == 0:
             design = out.design
-            design.segments[0] = 0
+            design.segments = 0
             design.transfer[:] = 0
             design.zone[:] = [dice.below(zones) for _ in design.zone]
-            out.redesigned[0] = 1
-        row = int(out.queued[0])
+            out.redesigned = 1
+        row = int(out.queued)
         if row < len(view.orders.state):
-            out.queued[0] = row + 1
+            out.queued = row + 1
             out.order[row] = order = dice.below(len(view.orders.state))
             out.queue[row], out.next_slot[row] = dice.below(zones), view.orders.target[order]
             out.skips_transfer[row] = dice.below(2)

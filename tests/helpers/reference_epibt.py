@@ -102,10 +102,10 @@ class Reference(Strategy):
             y, x = divmod(int(robots.cell[i]), width)
             self.pose[int(robots.identity[i])] = (x, y, int(robots.heading[i]))
         chosen = {}
-        for k in range(int(batch.count[0])):
+        for k in range(int(batch.count)):
             i = int(batch.robot[k])
             r, cell, goal = (int(a[i]) for a in (robots.identity, robots.cell, robots.goal_cell))
-            self.note(r, goal, cell, int(view.clock[0]))
+            self.note(r, goal, cell, int(view.clock.tick))
             has_goal = robots.goal_type[i] != GOAL_NONE
             if has_goal and goal == cell:
                 continue

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.engine.state import CLOCK_NEEDING_ROUTE, LAYER_NAMES
+from automaton.engine.state import LAYER_NAMES
 from automaton.floor.cells import FLOOR, UNLIMITED, Symbol
 from automaton.floor.drawn_floors import draw_floor
 from automaton.runs.simulation import Simulation
@@ -115,7 +115,7 @@ class Traffic:
             robots.goal_type[i], robots.goal_cell[i] = GOAL_PARK, self.floor_plan.cell(*place)
             robots.need[i] |= NEED_ROUTE
             robots.route_reason[i] = REASON_NEW_GOAL
-            self.world.clock[CLOCK_NEEDING_ROUTE] += 1
+            self.world.clock.needing_route += 1
         return self
 
     def tick(self, ticks: int = 1) -> Traffic:

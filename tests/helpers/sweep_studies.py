@@ -180,7 +180,7 @@ class DiesOnce(Strategy):
     def decide(self, view, batch, decisions, memory, workspace):
         if mark("died once"):
             os.kill(os.getpid(), signal.SIGKILL)
-        decisions.allocation.command[: batch.count[0]] = CMD_PARK
+        decisions.allocation.command[: batch.count] = CMD_PARK
 
 
 class DiesUntilMended(Strategy):
@@ -191,7 +191,7 @@ class DiesUntilMended(Strategy):
     def decide(self, view, batch, decisions, memory, workspace):
         if len(view.robots.cell) == 2 and not (Path(os.environ[TROUBLE]) / "mended").exists():
             os.kill(os.getpid(), signal.SIGKILL)
-        decisions.allocation.command[: batch.count[0]] = CMD_PARK
+        decisions.allocation.command[: batch.count] = CMD_PARK
 
 
 class Raises(Strategy):
@@ -202,7 +202,7 @@ class Raises(Strategy):
     def decide(self, view, batch, decisions, memory, workspace):
         if len(view.robots.cell) == 2:
             raise ValueError("two are too many")
-        decisions.allocation.command[: batch.count[0]] = CMD_PARK
+        decisions.allocation.command[: batch.count] = CMD_PARK
 
 
 class NeverAnswers(Raises):
@@ -211,7 +211,7 @@ class NeverAnswers(Raises):
     def decide(self, view, batch, decisions, memory, workspace):
         while len(view.robots.cell) == 2:
             time.sleep(0.01)  # which takes none of the time of others
-        decisions.allocation.command[: batch.count[0]] = CMD_PARK
+        decisions.allocation.command[: batch.count] = CMD_PARK
 
 
 class Quits(Raises):

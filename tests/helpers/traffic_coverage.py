@@ -19,8 +19,6 @@ from automaton.engine.record_codes import (
 from automaton.engine.state import (
     ACTION_CHARGE,
     ACTION_QUEUE,
-    CLOCK_TICK,
-    CLOCK_ZONES_REDESIGNED,
     LAYER_NAMES,
     NIL,
     ORDER_DELIVERED,
@@ -117,7 +115,7 @@ def contests(
     reached: Counter[str],
 ) -> None:
     """Cells that several robots wanted, and who got them."""
-    tick = int(world.clock[CLOCK_TICK])
+    tick = int(world.clock.tick)
     rivals: dict[int, list[Want]] = {}
     for want in live:
         if capacity[want.to] == 1 and (want.to, want.start) not in edges:
@@ -177,14 +175,14 @@ def conditions(world: World, reached: Counter[str]) -> None:
     reached["load left behind"] += int((slots.cell[slots.first_spare :] != NIL).any())
     reached["charging"] += int((robots.action == ACTION_CHARGE).any())
     reached["in the queue before a charger"] += int((robots.action == ACTION_QUEUE).any())
-    reached["order came later"] += int((orders.release_tick == world.clock[CLOCK_TICK]).any())
+    reached["order came later"] += int((orders.release_tick == world.clock.tick).any())
     visits = (orders.source == orders.target) & (orders.state == ORDER_DELIVERED)
     reached["visited"] += int(visits.any())
     if len(world.service_zones.halt):
-        halted = (world.service_zones.halt >= world.clock[CLOCK_TICK]) & (robots.cell != NIL)
+        halted = (world.service_zones.halt >= world.clock.tick) & (robots.cell != NIL)
         reached["halted by zoning"] += int(halted.any())
         out = (robots.status == STATUS_DEPLETED) | (robots.status == STATUS_FAILED)
         reached["halted while down"] += int((halted & out).any())
-        reached["redesigned"] += int(world.clock[CLOCK_ZONES_REDESIGNED] == world.clock[CLOCK_TICK])
+        reached["redesigned"] += int(world.clock.zones_redesigned == world.clock.tick)
     standing = robots.cell[robots.cell != NIL]
     reached["on a station"] += int((world.grid.kind[standing] == STATION).any())

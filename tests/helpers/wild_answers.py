@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import numpy as np
 
-from automaton.strategy.api import CLOCK_TICK, KEEP, Strategy, Struct
+from automaton.strategy.api import KEEP, Strategy, Struct
 
 ANSWERS: Counter[str] = Counter()  # given in this process, by layer
 EDGES = (0, 1, -1, 2, 3, -2, 4, 255, 256, -32769, 32768, 65536, 10**8, -(10**8), KEEP, 2**31 - 1)
@@ -36,18 +36,20 @@ class Wild(Strategy):
         self.period = self.parameters.every
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
-        ANSWERS[self.layer] += int(batch.count[0])
-        tick, phase = int(view.clock[CLOCK_TICK]), int(batch.robot[0])
+        ANSWERS[self.layer] += int(batch.count)
+        tick, phase = int(view.clock.tick), int(batch.robot[0])
         draws = np.random.default_rng([self.parameters.seed, tick, phase, len(self.layer)])
         small = [len(view.robots.cell), len(view.orders.state), len(view.grid.cell_flags)]
         self.fill(getattr(decisions, self.layer), draws, small)
 
     def fill(self, out: Struct, draws: Any, small: list[int]) -> None:
         for name in out._fields:
-            field = getattr(out, name)
+            field = out.array(name)
             if isinstance(field, Struct):
                 self.fill(field, draws, small)
-            elif field.size and draws.random() < self.parameters.share:
+                continue
+            field = np.atleast_1d(field)  # the same memory
+            if field.size and draws.random() < self.parameters.share:
                 field[...] = self.numbers(field, draws, small)
 
     def numbers(self, field: Any, draws: Any, small: list[int]) -> Any:

@@ -131,7 +131,7 @@ def segments(floor_plan: FloorPlan, roads: Roads, design: Design, zone: int) -> 
     """The segments of a zone as lists of (x, y)."""
     return [
         [floor_plan.xy(roads.cell[p]) for p in design.path[m, : design.points[m]]]
-        for m in range(int(design.segments[0]))
+        for m in range(int(design.segments))
         if design.owner[m] == zone
     ]
 
@@ -143,7 +143,7 @@ def check_partition(roads: Roads, design: Design) -> None:
     for s, zone in enumerate(design.zone.tolist()):
         held[int(roads.point[s])] = zone
     parts = {s: s for s in range(len(design.zone))}
-    for m in range(int(design.segments[0])):
+    for m in range(int(design.segments)):
         zone, path = int(design.owner[m]), design.path[m, : design.points[m]].tolist()
         a, b = design.ends[m].tolist()
         assert [roads.point[a], roads.point[b]] == [path[0], path[-1]]

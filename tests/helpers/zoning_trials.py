@@ -49,7 +49,7 @@ def evolved(flow: Any, seed: int, generations: int = 12, individuals: int = 30) 
 def waiting(legs: list[tuple[int, int]]) -> NegotiatedParts:
     """Parts at stations on their way to others, as users count them; nobody has queued them."""
     parts = parts_for(len(legs) + 3)
-    parts.count[0] = len(legs)
+    parts.count = len(legs)
     for k, (at, to) in enumerate(legs):
         parts.at[k], parts.to[k] = at - 1, to - 1
     return parts
@@ -64,7 +64,7 @@ def south() -> dict[str, Any]:
     parts = waiting([(17, 11), (16, 8), (12, 15), (11, 18), (18, 12), (8, 13), (13, 17)] * 3)
     negotiation.requeue(roads, design, workspace, parts, reach)
     negotiation.adopt(parts)
-    parts.zone[: parts.count[0]] = 2
+    parts.zone[: parts.count] = 2
     return dict(
         roads=roads, rules=rules, parts=parts, design=design, workspace=workspace, reach=reach
     )

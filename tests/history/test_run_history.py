@@ -41,7 +41,7 @@ class Moody(Strategy):
         self.question = 0
 
     def decide(self, view, batch, decisions, memory, workspace):
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             self.question += 1
             if self.question % 97 == 0 and not view.robots.parked[batch.robot[k]]:
                 decisions.right_of_way.command[k], decisions.right_of_way.value[k] = 3, 1

@@ -56,13 +56,13 @@ class Recount:
         held = np.concatenate((cell[stays], claim[claim != NIL]))
         count = np.bincount(held, minlength=len(self.capacity))
         if ((count > self.capacity) & (self.capacity > 0)).any():
-            self.wrong = f"tick {self.world.clock[0]}: a cell holds too many robots"
+            self.wrong = f"tick {self.world.clock.tick}: a cell holds too many robots"
         left = np.bincount(leaving, minlength=len(self.capacity))
         if self.convoy and ((left > self.capacity) & (self.capacity > 0)).any():
-            self.wrong = f"tick {self.world.clock[0]}: too many robots leave a cell"
+            self.wrong = f"tick {self.world.clock.tick}: too many robots leave a cell"
         moved = (before != NIL) & (cell != NIL) & (before != cell)
         if not set((cell[moved] - before[moved]).tolist()) <= self.step:
-            self.wrong = f"tick {self.world.clock[0]}: a robot jumps"
+            self.wrong = f"tick {self.world.clock.tick}: a robot jumps"
 
 
 def look(run: Simulation) -> str:

@@ -13,7 +13,7 @@ from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from automaton.engine.state import CLOCK_SIZE, GOAL_CHARGE, ORDER_DELIVERED
+from automaton.engine.state import GOAL_CHARGE, ORDER_DELIVERED, Clock
 from automaton.errors import InputError
 from automaton.floor.drawn_floors import draw_floor, symbol_of
 from automaton.floor.floor_plan import make_floor_plan
@@ -34,7 +34,7 @@ from automaton.world.resolve import Resolved, resolve
 from layouts.tabletop import Tabletop
 
 SHIPPED = ("tabletop-mini", "tabletop-1", "crossing")
-DERIVED = [k for k in range(CLOCK_SIZE) if k not in OF_THE_BUFFERS]
+DERIVED = [k for k, name in enumerate(Clock.meanings) if name not in OF_THE_BUFFERS]
 SYMBOLS = "#.-|+sdc><v^=~$b"
 LEGEND = (
     ("o", symbol_of("track", exits=("east",))),

@@ -10,7 +10,6 @@ from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,
     ACTION_PICK,
-    CLOCK_TICK,
     GOAL_PICK,
     ORDER_WAITING,
 )
@@ -54,7 +53,7 @@ def test_on_a_large_floor_robots_may_take_longer(columns, rows, move, handling, 
     assert starved_ticks(run.world) == ticks
     run.world.robots.goal_type[0] = GOAL_PICK
     for now, starved in ((ticks - 1, 0), (ticks, 1)):
-        run.world.clock[CLOCK_TICK] = now
+        run.world.clock.tick = now
         assert len(starved_robots(run.world)) == starved
 
 

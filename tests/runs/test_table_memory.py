@@ -10,7 +10,6 @@ import pytest
 from reference_costs import CostSet
 from reference_paths import FAR
 
-from automaton.engine.distance_tables import TABLES_ROWS
 from automaton.runs.simulation import Simulation, tables_in
 from automaton.strategy.api import (
     NIL,
@@ -35,7 +34,7 @@ def test_a_run_with_room_for_few_tables_is_the_same_run() -> None:
     large.run()
     small.run()
     goals = np.count_nonzero(large.workspace.tables.owner != NIL)
-    assert small.workspace.tables.status[TABLES_ROWS] < goals
+    assert small.workspace.tables.status.rows < goals
     assert small.digest == large.digest
 
 

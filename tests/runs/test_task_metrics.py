@@ -198,7 +198,7 @@ class Plainly(Strategy):
 
     def decide(self, view, batch, decisions, memory, workspace):
         out = decisions.allocation
-        for k in range(batch.count[0]):
+        for k in range(batch.count):
             i = int(batch.robot[k])
             waits = (view.orders.state == ORDER_WAITING) & (view.orders.reserved_by == NIL)
             open_orders = np.flatnonzero(waits & (out.order_taken == 0))

@@ -261,7 +261,7 @@ class Does(Strategy):
         return Asked.sized({"n": len(view.robots.cell)})
 
     def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
-        if view.clock[0] == 3:
+        if view.clock.tick == 3:
             TRICK[0](view, decisions, memory, workspace)
 
 

@@ -55,7 +55,7 @@ def watch(view, batch, decisions, memory, workspace):
     state.totals.largest[0] = state.weights[1] + state.share
     state.trial.tried.calls[0] += 1
     state.work[0] = 0
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         state.work[0] += 1
         i = batch.robot[k]
         for j in range(state.asked.shape[0]):
@@ -196,7 +196,8 @@ def test_scratch_decides_nothing(
         for state in poisoned.states:
             for name, declared, array in state.arrays():
                 if declared.role == SCRATCH and not name.startswith("routes."):  # it has stamps
-                    array.view(np.uint8)[...] = draws.integers(0, 256, array.view(np.uint8).shape)
+                    words = np.atleast_1d(array).view(np.uint8)
+                    words[...] = draws.integers(0, 256, words.shape)
         poisoned.run(until=tick)
     clean.run(until=399)
     assert clean.world.tally.operations.sum() > operations

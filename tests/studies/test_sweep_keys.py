@@ -42,7 +42,7 @@ class Own(Strategy):
     Parameters = Parameters
 
     def decide(self, view, batch, decisions, memory, workspace):
-        decisions.allocation.command[: batch.count[0]] = CMD_PARK
+        decisions.allocation.command[: batch.count] = CMD_PARK
 """
 SCENARIO = """name: own
 layout: {file: floor.txt}

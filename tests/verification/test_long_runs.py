@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from manual_clock import FLEET, ManualClock, clock, live, manual_player
 
 from automaton.engine.observation import DELIVERED_ORDERS, EVENT_DEADLOCK, EVENT_ORDER_TAKEN
-from automaton.engine.state import CLOCK_DIGEST_EVERY
 from automaton.errors import InputError
 from automaton.history.event_history import (
     AppendLog,
@@ -209,5 +208,5 @@ def test_what_memory_need_not_hold_is_not_held() -> None:
     run.recorder.flush()
     kinds = {run.recorder._store.kinds[index] for index in run.recorder._store._memory}
     assert kinds == {FRAME_KIND_TICKS, FRAME_KIND_CONDITIONS}
-    assert run.leading_simulation.world.clock[CLOCK_DIGEST_EVERY] > 1
+    assert run.leading_simulation.world.clock.digest_every > 1
     assert isinstance(run.recorder, LiveRecorder) and isinstance(run.recorder._store, FrameStore)

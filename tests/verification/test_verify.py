@@ -13,7 +13,6 @@ import pytest
 from automaton.commands import main
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import ENTERED_PARKING_BAY, EXECUTED_BLOCKED, EXECUTED_ILLEGAL
-from automaton.engine.state import CLOCK_DIGEST_EVERY
 from automaton.errors import InputError
 from automaton.recording import frames as stored
 from automaton.recording.contents import (
@@ -96,7 +95,7 @@ def test_digests_of_a_branch_come_as_often_as_before_it() -> None:
     simulation = Simulation(resolved, 4, on_record=recorder)
     simulation.run(until=20)
     branch = simulation.continue_with(branched(resolved, ("durations.pick=3",)))
-    branch.world.clock[CLOCK_DIGEST_EVERY] = 7
+    branch.world.clock.digest_every = 7
     recorder.change(branch, ("durations.pick=3",))
     branch.run(until=60)
     assert verify_recording(recorder.recording()).passed

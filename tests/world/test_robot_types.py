@@ -277,7 +277,7 @@ def test_a_route_into_a_closed_cell_is_illegal() -> None:
         def decide(
             self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any
         ) -> None:
-            for k in range(batch.count[0]):
+            for k in range(batch.count):
                 decisions.routing.route_length[k] = 1
                 decisions.routing.steps[k, 0] = 0
 

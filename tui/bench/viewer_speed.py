@@ -35,7 +35,6 @@ from automaton.bench.measurement import (
 )
 from automaton.bench.random_walk import random_walk
 from automaton.bench.steering_speed import BUSY_CROWD, busy_fleet
-from automaton.engine.state import CLOCK_TICK
 from automaton.floor.cells import DIRECTION_VECTORS, FLOOR, TURNTABLE, WALL
 from automaton.floor.floor_plan import make_floor_plan
 from automaton.history.live_run import LiveRun
@@ -562,7 +561,7 @@ class Walk(WatchedRun):
     def _compute(self, until: int) -> None:
         world = self._walkers.world
         random_walk(world, self._walkers.tick + 1, until + 1)
-        world.clock[CLOCK_TICK] = until
+        world.clock.tick = until
 
 
 def walkers(width: int, height: int, robots: int) -> Resolved:

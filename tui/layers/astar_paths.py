@@ -16,7 +16,7 @@ import numpy as np
 from automaton.engine.operations import first_cell
 from automaton.engine.state import NIL, Array, World
 from automaton.scenario.schema import Scenario
-from strategies.routing.astar import LARGER_G, OPEN_STAMP, TIES, astar, route_space
+from strategies.routing.astar import LARGER_G, TIES, astar, route_space
 from strategies.routing.predicted_paths import count_predicted
 
 
@@ -42,7 +42,7 @@ class Paths:
         """The cells that a search for a type's way from a pose to a cell finds, and those of its path."""
         workspace, headings = self._space, self._grid.headings
         path = self._search(kind, pose, target)
-        poses = np.flatnonzero(workspace.label >> 32 == workspace.state[OPEN_STAMP])
+        poses = np.flatnonzero(workspace.label >> 32 == workspace.state.stamp)
         return np.unique(poses // headings), path
 
     def counted(self, world: World, besides: int) -> Array:

@@ -117,7 +117,7 @@ def digesting(world: type[Struct], add_value: Any, values: Iterable[Any]) -> Any
 def clearing(struct: type[Struct]) -> Any:
     """A kernel (s, count): the first `count` decisions, and what holds for a call, begin as declared."""
     for_call = [
-        f"    s.{name}[:] = {one.default}"
+        f"    s.{name} = {one.default}" if one.is_cell else f"    s.{name}[:] = {one.default}"
         for name, one in struct._declared.items()
         if one.role == CALL
     ]

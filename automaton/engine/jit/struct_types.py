@@ -6,7 +6,7 @@ import ctypes
 import hashlib
 from collections.abc import Iterator
 from functools import cache
-from typing import Any
+from typing import Any, Final
 
 from llvmlite import ir
 from numba import from_dtype, types
@@ -23,6 +23,7 @@ from numba.extending import (
     unbox,
 )
 
+from automaton.engine.jit.named_numbers import NamedNumbers
 from automaton.engine.jit.numba_parts import (
     AttributeTemplate,
     cgutils,
@@ -30,6 +31,8 @@ from automaton.engine.jit.numba_parts import (
     populate_array,
 )
 from automaton.engine.jit.structs import CONSTANT, WORDS_PER_ROW, Struct, StructClass
+
+WORD: Final = ir.IntType(64)
 
 
 class StructType(types.Type):
@@ -45,10 +48,35 @@ class StructType(types.Type):
         return [field for field, _ in self.fields].index(attribute)
 
 
+class NumbersType(types.Type):
+    """The Numba type of numbers with names: its class, their names, and whether kernels may write."""
+
+    def __init__(self, cls: type[NamedNumbers], writable: bool) -> None:
+        self.entries = tuple(cls.meanings)
+        self.writable = writable
+        names = hashlib.sha256(", ".join(self.entries).encode()).hexdigest()[:8]
+        super().__init__(name=f"{'' if writable else 'Closed'}{cls.__name__}_{names}")
+
+
+class CellType(types.Type):
+    """What a struct has for a number that kernels write: its type, and whether they may."""
+
+    def __init__(self, number: types.Type, writable: bool) -> None:
+        self.number = number
+        self.writable = writable
+        super().__init__(name=f"cell({number}, {writable})")
+
+
+@register_model(NumbersType)
 @register_model(StructType)
 class _StructModel(models.PrimitiveModel):
-    def __init__(self, manager: Any, kind: StructType) -> None:
-        super().__init__(manager, kind, ir.IntType(64))
+    def __init__(self, manager: Any, kind: types.Type) -> None:
+        super().__init__(manager, kind, WORD)
+
+
+@typeof_impl.register(NamedNumbers)
+def _typeof_numbers(value: NamedNumbers, context: Any) -> types.Type:
+    return NumbersType(type(value), value.flags.writeable)
 
 
 @typeof_impl.register(Struct)
@@ -74,6 +102,10 @@ def _struct_type(cls: type[Struct], writable: bool, inner: Iterator[types.Type])
             kind = next(inner)
         elif not declared.is_array:
             kind = from_dtype(declared.dtype)
+        elif declared.numbers is not None:
+            kind = NumbersType(declared.numbers, writable and declared.role != CONSTANT)
+        elif declared.is_cell:
+            kind = CellType(from_dtype(declared.dtype), writable and declared.role != CONSTANT)
         else:
             readonly = not writable or declared.role == CONSTANT
             kind = types.Array(from_dtype(declared.dtype), len(declared.extents), "C", readonly)
@@ -140,8 +172,9 @@ def _lower_class_attribute(
     return context.get_dummy_value()
 
 
+@unbox(NumbersType)
 @unbox(StructType)
-def _unbox_struct(kind: StructType, obj: Any, c: Any) -> NativeValue:
+def _unbox_struct(kind: types.Type, obj: Any, c: Any) -> NativeValue:
     attribute = c.pyapi.object_getattr_string(obj, "_address")
     address = c.pyapi.long_as_ulonglong(attribute)
     c.pyapi.decref(attribute)
@@ -153,38 +186,54 @@ class _StructAttributes(AttributeTemplate):
     key = StructType
 
     def generic_resolve(self, kind: StructType, attribute: str) -> types.Type | None:
-        return dict(kind.fields).get(attribute)
+        field = dict(kind.fields).get(attribute)
+        return field.number if isinstance(field, CellType) else field
+
+
+def _load_word(builder: Any, kind: StructType, address: Any, attribute: str, column: int) -> Any:
+    """A word of a field's row; the table never changes, so LLVM may read it once for a whole loop."""
+    table = builder.inttoptr(address, WORD.as_pointer())
+    row = kind.row(attribute)
+    place = builder.gep(table, [ir.Constant(WORD, row * WORDS_PER_ROW + column)], inbounds=True)
+    loaded = builder.load(place)
+    loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
+    return loaded
+
+
+def _cell_of(context: Any, builder: Any, kind: StructType, address: Any, attribute: str) -> Any:
+    """Where a number is that kernels write."""
+    number = dict(kind.fields)[attribute].number
+    data = _load_word(builder, kind, address, attribute, 0)
+    return builder.inttoptr(data, context.get_data_type(number).as_pointer())
 
 
 @lower_getattr_generic(StructType)
 def _lower_attribute(
     context: Any, builder: Any, kind: StructType, address: Any, attribute: str
 ) -> Any:
-    word = ir.IntType(64)
-    row = kind.row(attribute)
-    field = kind.fields[row][1]
-    table = builder.inttoptr(address, word.as_pointer())
+    field = dict(kind.fields)[attribute]
+    if isinstance(field, CellType):
+        return builder.load(_cell_of(context, builder, kind, address, attribute))
+    if isinstance(field, types.Array):
+        return _lower_array(context, builder, kind, address, attribute)
+    number = _load_word(builder, kind, address, attribute, 0)
+    return builder.bitcast(number, ir.DoubleType()) if field == types.float64 else number
 
-    def load(column: int) -> Any:
-        place = builder.gep(table, [ir.Constant(word, row * WORDS_PER_ROW + column)], inbounds=True)
-        loaded = builder.load(place)
-        # The table never changes, so LLVM may read it once for a whole loop.
-        loaded.set_metadata("invariant.load", builder.module.add_metadata([]))
-        return loaded
 
-    if not isinstance(field, types.Array):
-        number = load(0)
-        return builder.bitcast(number, ir.DoubleType()) if field == types.float64 else number
+def _lower_array(context: Any, builder: Any, kind: StructType, address: Any, attribute: str) -> Any:
+    field = dict(kind.fields)[attribute]
     array = context.make_array(field)(context, builder)
     model = context.data_model_manager[field.dtype]
     size = context.get_abi_sizeof(model.get_data_type())
-    shape = [load(1 + axis) for axis in range(field.ndim)]
-    strides = [ir.Constant(word, size)]
+    data, *shape = (
+        _load_word(builder, kind, address, attribute, column) for column in range(1 + field.ndim)
+    )
+    strides = [ir.Constant(WORD, size)]
     for extent in reversed(shape[1:]):
         strides.insert(0, builder.mul(strides[0], extent))
     populate_array(
         array,
-        data=builder.inttoptr(load(0), context.get_data_type(field.dtype).as_pointer()),
+        data=builder.inttoptr(data, context.get_data_type(field.dtype).as_pointer()),
         shape=shape,
         strides=strides,
         itemsize=size,
@@ -194,14 +243,48 @@ def _lower_attribute(
 
 
 @lower_setattr_generic(StructType)
-def _refuse_to_set(
+def _store_attribute(
     context: Any, builder: Any, signature: Any, arguments: Any, attribute: str
 ) -> None:
-    struct = signature.args[0].name.rpartition("_")[0]
-    raise NumbaTypeError(
-        f"{struct}.{attribute} can only be read in kernels; what a kernel writes is an array, such as "
-        "(1,) int64"
-    )
+    kind = signature.args[0]
+    field, struct = dict(kind.fields)[attribute], kind.name.rpartition("_")[0]
+    if not isinstance(field, CellType):
+        raise NumbaTypeError(
+            f"{struct}.{attribute} can only be read in kernels; what a kernel writes is an array, or a "
+            'number that is declared as "() int64"'
+        )
+    if not field.writable:
+        raise NumbaTypeError(f"{struct}.{attribute} is read-only here")
+    address, number = arguments
+    builder.store(number, _cell_of(context, builder, kind, address, attribute))
+
+
+@infer_getattr
+class _NumbersAttributes(AttributeTemplate):
+    key = NumbersType
+
+    def generic_resolve(self, kind: NumbersType, attribute: str) -> types.Type | None:
+        return types.int64 if attribute in kind.entries else None
+
+
+def _place_of_number(builder: Any, kind: NumbersType, address: Any, attribute: str) -> Any:
+    entry = ir.Constant(WORD, kind.entries.index(attribute))
+    return builder.gep(builder.inttoptr(address, WORD.as_pointer()), [entry], inbounds=True)
+
+
+@lower_getattr_generic(NumbersType)
+def _load_number(context: Any, builder: Any, kind: NumbersType, address: Any, name: str) -> Any:
+    return builder.load(_place_of_number(builder, kind, address, name))
+
+
+@lower_setattr_generic(NumbersType)
+def _store_number(
+    context: Any, builder: Any, signature: Any, arguments: Any, attribute: str
+) -> None:
+    kind = signature.args[0]
+    if not kind.writable:
+        raise NumbaTypeError(f"{kind.name.rpartition('_')[0]}.{attribute} is read-only here")
+    builder.store(arguments[1], _place_of_number(builder, kind, arguments[0], attribute))
 
 
 # Bytes at bare addresses: what has no type where it is copied.

@@ -3,10 +3,11 @@
     cell: Array = field("(n,) int32", "where it stands; NIL: off the floor", hidden=NIL, digest=0)
     width: int = field("int64", "cells in a row, border included")
 
-A field is an array (of 1 to 3 dimensions, C-contiguous), a number of 64 bits, or, by annotation alone,
-another struct. The kind of an array is its shape and dtype. An extent is a number, or a name that stands
-for the same number wherever a struct uses it; "4n" and "n + 1" follow from n, any other text is a name
-as it stands. Arrays are checked against their declarations when a struct is made.
+A field is an array (of 1 to 3 dimensions, C-contiguous), a number of 64 bits that stays as it is, a
+number that kernels write, "() int64", several such numbers in one array (named_numbers), or, by
+annotation alone, another struct. The kind of an array is its shape and dtype. An extent is a number, or
+a name that stands for the same number wherever a struct uses it; "4n" and "n + 1" follow from n, any
+other text is a name as it stands. Arrays are checked against their declarations when a struct is made.
 
 default    its value where none is given (`Struct.sized`)
 role       what it is to a run (below); what has a number in the digest is state
@@ -21,6 +22,7 @@ In Python, and with the JIT off, a struct is a plain object with these attribute
 address of a table with one row per field, and reads a field from there when it is used:
 
     array:    data pointer, shape (3)        number: value        struct: its table
+    numbers that kernels write: data pointer
 
 A NamedTuple of arrays would be passed by value, seven words for each array, at every call: the same
 kernels then compiled in 122 s instead of 34 s (measured with Numba 0.68). Arrays of constants and of
@@ -36,11 +38,13 @@ from ctypes import addressof, c_char
 from functools import cache
 from math import prod
 from operator import index
-from typing import TYPE_CHECKING, Any, ClassVar, Final, NoReturn, Self
+from typing import TYPE_CHECKING, Any, ClassVar, Final, Self
 from weakref import WeakKeyDictionary, WeakValueDictionary
 
 import numpy as np
 from numpy.typing import NDArray
+
+from automaton.engine.jit.named_numbers import NamedNumbers
 
 Array = NDArray[Any]
 
@@ -86,7 +90,7 @@ class Field:
 
     def __init__(
         self,
-        kind: str,
+        kind: str | type[NamedNumbers],
         meaning: str = "",
         default: int = 0,
         hidden: Any = _UNSAID,
@@ -97,10 +101,12 @@ class Field:
         recorded: bool = True,
         header: bool = False,
     ) -> None:
-        self.kind = kind
+        self.kind = kind if isinstance(kind, str) else kind.kind()
+        self.numbers = None if isinstance(kind, str) else kind
         self.meaning = meaning
-        self.extents, self.dtype = _parsed(kind)
-        self.is_array = bool(self.extents)
+        self.extents, self.dtype = _parsed(self.kind)
+        self.is_array = self.kind.startswith("(")
+        self.is_cell = self.is_array and not self.extents  # a number that kernels write
         self.default = default
         self.role = role or ("" if digest is None else STATE)
         self._hidden = hidden
@@ -120,7 +126,7 @@ class Field:
     @property
     def is_per_robot(self) -> bool:
         """Whether it has a row for each robot."""
-        return self.extents[0] == "n"
+        return self.extents[:1] == ("n",)
 
     @property
     def is_kept(self) -> bool:
@@ -144,6 +150,10 @@ class Field:
         is_float = self.dtype == np.float64
         return int(np.float64(number).view(np.uint64)) if is_float else int(number) % 2**64
 
+    def named(self, array: Any) -> Any:
+        """The same memory; where its entries have names, by these."""
+        return array if self.numbers is None else array.view(self.numbers)
+
     def value(self, shape: tuple[int, ...]) -> Any:
         """The default: a number, or a new array of this shape."""
         if not self.default:
@@ -156,8 +166,9 @@ class Field:
         return array
 
 
-def field(kind: str, meaning: str = "", **options: Any) -> Any:
-    """Declare a field of a struct: an array, "(n, 4) int32", or a number, "int64" or "float64"."""
+def field(kind: str | type[NamedNumbers], meaning: str = "", **options: Any) -> Any:
+    """Declare a field of a struct: an array, "(n, 4) int32", a number, "int64" or "float64", a number
+    that kernels write, "() int64", or several of these, by their class."""
     return Field(kind, meaning, **options)
 
 
@@ -177,7 +188,7 @@ class Sizes:
 
     def complete(self, sizes: Mapping[str, int]) -> dict[str, int]:
         """These sizes, and those that follow from them."""
-        known = {**self.fixed, **sizes}
+        known = {**sizes, **self.fixed}
         for extent, (factor, name, more) in self._derived.items():
             if name in known:
                 known.setdefault(extent, factor * known[name] + more)
@@ -323,7 +334,9 @@ class Struct(metaclass=StructClass):
         own = {name: vars(cls).get(name) or nested() for name in cls.__annotations__}
         for name, declared in own.items():
             declared.role = declared.role or role
-            if name in vars(cls):
+            if declared.is_cell:
+                setattr(cls, name, _cell(name))
+            elif name in vars(cls):
                 delattr(cls, name)  # instances have the values
         cls._declared = cls._declared | own
         cls._fields = tuple(cls._declared)
@@ -347,9 +360,12 @@ class Struct(metaclass=StructClass):
         rows: list[tuple[int, ...]] = []
         for name, value in values.items():
             declared = self._declared[name]
+            if declared.is_cell and not isinstance(value, np.ndarray):
+                value = np.array(value, declared.dtype)
             if declared.is_array:
                 address = self._checked(name, declared, value, sizes, shapes)
                 rows.append((address, *value.shape, *NO_SHAPE[len(value.shape) :]))
+                values[name] = declared.named(value)
             elif declared.kind:
                 values[name] = self._number(name, declared, value)
                 rows.append((declared.word(values[name]), *NO_SHAPE))
@@ -407,8 +423,19 @@ class Struct(metaclass=StructClass):
         kind = self._declared[name].kind
         return TypeError(f"{type(self).__name__}.{name} {fault}; it is declared as {kind}")
 
-    def __setattr__(self, name: str, value: Any) -> NoReturn:
-        raise AttributeError(f"{type(self).__name__}.{name} cannot be replaced; write into arrays")
+    def __setattr__(self, name: str, value: Any) -> None:
+        if name not in self._declared or not self._declared[name].is_cell:
+            raise AttributeError(
+                f"{type(self).__name__}.{name} cannot be replaced; write into arrays"
+            )
+        self.array(name)[()] = value
+
+    def array(self, name: str) -> Any:
+        """The array of a field; of a number that kernels write, one without dimensions."""
+        if not self._declared[name].is_cell:
+            return getattr(self, name)
+        array = self.__dict__.get(name)
+        return self._make_array(name) if array is None else array
 
     @classmethod
     def sized(cls, sizes: Mapping[str, int] = NO_SIZES, **values: Any) -> Self:
@@ -462,7 +489,7 @@ class Struct(metaclass=StructClass):
 
     def replaced(self, **values: Any) -> Self:
         """The same struct with some fields replaced."""
-        return type(self)(**{name: values.get(name, getattr(self, name)) for name in self._fields})
+        return type(self)(**{name: values.get(name, self.array(name)) for name in self._fields})
 
     def copied(self) -> Self:
         """The same struct over copies of its arrays, and of those of the structs in it.
@@ -495,7 +522,7 @@ class Struct(metaclass=StructClass):
 
     def _over(self, other: Callable[[Field, bool, Any], Any], in_scratch: bool = False) -> Self:
         """The same struct over other arrays, and those in it, by (declaration, is it scratch, array)."""
-        values = {name: getattr(self, name) for name in self._fields}
+        values = {name: self.array(name) for name in self._fields}
         for name, value in values.items():
             declared = self._declared[name]
             if isinstance(value, Struct):
@@ -510,7 +537,7 @@ class Struct(metaclass=StructClass):
         What is scratch only because the struct that it is in is scratch is left out.
         """
         for name, declared in self._declared.items():
-            value = getattr(self, name)
+            value = self.array(name)
             if isinstance(value, Struct):
                 parts = value.arrays(in_scratch or declared.role == SCRATCH)
                 yield from ((f"{name}.{part}", *rest) for part, *rest in parts)
@@ -565,20 +592,29 @@ class Struct(metaclass=StructClass):
     if not TYPE_CHECKING:
 
         def __getattr__(self, name: str) -> Any:
-            """An array, made when it is asked for, since most runs ask for few: one of its own, or, of a
-            view, a window."""
-            places = self.__dict__.get("_places")
-            if places is not None and name in places:
-                array = np.ndarray(*places[name][:2], self._block, places[name][2])
-            elif name in self._fields and self in _ORIGINALS:
-                original, python = _ORIGINALS[self]
-                array = getattr(original, name)
-                is_constant = self._declared[name].role == CONSTANT
-                array = window(array, python and array.flags.writeable and not is_constant)
-            else:
-                raise AttributeError(f"{type(self).__name__} has no field {name}")
-            self.__dict__[name] = array
-            return array
+            return self._make_array(name)
+
+    def _make_array(self, name: str) -> Any:
+        """An array, made when it is asked for, since most runs ask for few: one of its own, or, of a
+        view, a window."""
+        places = self.__dict__.get("_places")
+        if places is not None and name in places:
+            shape, dtype, offset = places[name]
+            array = np.ndarray(shape, dtype, self.__dict__["_block"], offset)
+        elif name in self._fields and self in _ORIGINALS:
+            original, python = _ORIGINALS[self]
+            array = original.array(name)
+            is_constant = self._declared[name].role == CONSTANT
+            array = window(array, python and array.flags.writeable and not is_constant)
+        else:
+            raise AttributeError(f"{type(self).__name__} has no field {name}")
+        self.__dict__[name] = array = self._declared[name].named(array)
+        return array
+
+
+def _cell(name: str) -> property:
+    """The attribute by which Python reads a number that kernels write."""
+    return property(lambda struct: struct.array(name)[()])
 
 
 _ORIGINALS: WeakKeyDictionary[Struct, tuple[Struct, bool]] = WeakKeyDictionary()  # of views

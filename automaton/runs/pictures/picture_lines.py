@@ -395,7 +395,7 @@ def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False)
     """The line of the robot at storage index i; brief: without what tells a person nothing."""
     robots = world.robots
     facts = robot_facts(world, floor_plan, i)
-    default = default_facts(facts, int(world.clock[0]), type(robots))
+    default = default_facts(facts, int(world.clock.tick), type(robots))
     headings = int(world.grid.type_headings[robots.type[i]])
     if brief:
         facts |= {name: default[name] for name in idle_facts(world, headings)}

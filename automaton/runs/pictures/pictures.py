@@ -30,23 +30,6 @@ from automaton.engine.motion import LIVE, REFUSED, move_all
 from automaton.engine.random_numbers import splitmix64
 from automaton.engine.state import (
     ACTION_MOVE,
-    CLOCK_ALLOCATION_REVISION,
-    CLOCK_COARSE_TICK,
-    CLOCK_FINISHED,
-    CLOCK_FIRST_OPEN,
-    CLOCK_FRESH_ALLOCATION,
-    CLOCK_KNOWN_ORDERS,
-    CLOCK_NEEDING_CHARGING,
-    CLOCK_NEEDING_RIGHT_OF_WAY,
-    CLOCK_NEEDING_ROUTE,
-    CLOCK_NEXT_FAULT,
-    CLOCK_NEXT_RELEASE,
-    CLOCK_REVISION,
-    CLOCK_ROBOTS_DOWN,
-    CLOCK_TICK,
-    CLOCK_TICKETS_ISSUED,
-    CLOCK_UNDELIVERED,
-    CLOCK_UNPARKED,
     GOAL_PARK,
     NEED_ALLOCATION,
     NEED_CHARGING,
@@ -132,16 +115,10 @@ def _of_simulation(simulation: Simulation) -> tuple[World, FloorPlan]:
 def head_line(world: World) -> str:
     """When it is, how often orders and reservations have changed, and what allocation saw of it."""
     clock = world.clock
-    seen = (
-        "none" if clock[CLOCK_ALLOCATION_REVISION] == NIL else str(clock[CLOCK_ALLOCATION_REVISION])
-    )
-    seed, changes = int(world.rules.seed), clock[CLOCK_REVISION]
-    text = (
-        f"tick {clock[CLOCK_TICK]}, seed {seed}, {changes} order changes, {seen} seen by allocation"
-    )
-    return text + (
-        f", {clock[CLOCK_TICKETS_ISSUED]} tickets" if clock[CLOCK_TICKETS_ISSUED] else ""
-    )
+    seen = "none" if clock.allocation_revision == NIL else str(clock.allocation_revision)
+    seed, changes = int(world.rules.seed), clock.revision
+    text = f"tick {clock.tick}, seed {seed}, {changes} order changes, {seen} seen by allocation"
+    return text + (f", {clock.tickets_issued} tickets" if clock.tickets_issued else "")
 
 
 def map_rows(world: World, floor_plan: FloorPlan) -> list[str]:
@@ -390,34 +367,33 @@ def set_reservations(world: World) -> None:
 def set_clock(world: World, said: Said, resolved: Resolved) -> None:
     """The tick, and the counters that follow from the robots and orders."""
     robots, clock = world.robots, world.clock
-    clock[CLOCK_TICK] = said.tick
-    clock[CLOCK_COARSE_TICK] = (said.tick - 1) // world.rules.refinement + 1
-    clock[CLOCK_REVISION] = said.changes
-    clock[CLOCK_ALLOCATION_REVISION] = said.seen
+    clock.tick = said.tick
+    clock.coarse_tick = (said.tick - 1) // world.rules.refinement + 1
+    clock.revision = said.changes
+    clock.allocation_revision = said.seen
     is_open = world.orders.state != ORDER_DELIVERED
-    clock[CLOCK_UNDELIVERED] = np.count_nonzero(is_open)
-    clock[CLOCK_FIRST_OPEN] = np.argmax(is_open) if is_open.any() else len(is_open)
-    clock[CLOCK_UNPARKED] = np.count_nonzero(robots.parked == 0)
+    clock.undelivered = int(np.count_nonzero(is_open))
+    clock.first_open = int(np.argmax(is_open)) if is_open.any() else len(is_open)
+    clock.unparked = int(np.count_nonzero(robots.parked == 0))
     orders = world.orders
     if world.rules.in_system:
         restore_closed_loop(world, said.tick)
     known = orders.release_tick <= said.tick
     orders.state[known & (orders.state == ORDER_UNRELEASED)] = ORDER_WAITING
-    clock[CLOCK_NEXT_RELEASE] = np.count_nonzero(known)
-    clock[CLOCK_KNOWN_ORDERS] = len(known)
-    clock[CLOCK_NEXT_FAULT] = np.count_nonzero(world.rules.faults[:, 0] <= said.tick)
-    clock[CLOCK_TICKETS_ISSUED] = said.tickets
-    clock[CLOCK_ROBOTS_DOWN] = np.count_nonzero(
-        (robots.status != STATUS_UP) & (robots.status != STATUS_REMOVED)
-    )
-    clock[CLOCK_NEEDING_CHARGING] = np.count_nonzero(robots.need & NEED_CHARGING)
+    clock.next_release = int(np.count_nonzero(known))
+    clock.known_orders = len(known)
+    clock.next_fault = int(np.count_nonzero(world.rules.faults[:, 0] <= said.tick))
+    clock.tickets_issued = said.tickets
+    is_down = (robots.status != STATUS_UP) & (robots.status != STATUS_REMOVED)
+    clock.robots_down = int(np.count_nonzero(is_down))
+    clock.needing_charging = int(np.count_nonzero(robots.need & NEED_CHARGING))
     asking = robots.need & NEED_ALLOCATION != 0
-    clock[CLOCK_FRESH_ALLOCATION] = np.count_nonzero(asking & (robots.seen_revision == NIL))
-    clock[CLOCK_NEEDING_ROUTE] = np.count_nonzero(robots.need & NEED_ROUTE)
-    clock[CLOCK_NEEDING_RIGHT_OF_WAY] = np.count_nonzero(robots.need & NEED_RIGHT_OF_WAY)
+    clock.fresh_allocation = int(np.count_nonzero(asking & (robots.seen_revision == NIL)))
+    clock.needing_route = int(np.count_nonzero(robots.need & NEED_ROUTE))
+    clock.needing_right_of_way = int(np.count_nonzero(robots.need & NEED_RIGHT_OF_WAY))
     when = resolved.scenario.stop.when
-    over = when == "delivered" or (when == "parked" and clock[CLOCK_UNPARKED] == 0)
-    clock[CLOCK_FINISHED] = int(said.tick > 0 and clock[CLOCK_UNDELIVERED] == 0 and over)
+    over = when == "delivered" or (when == "parked" and clock.unparked == 0)
+    clock.finished = int(said.tick > 0 and clock.undelivered == 0 and over)
 
 
 def restore_closed_loop(world: World, tick: int) -> None:
@@ -504,7 +480,7 @@ class Story:
             raise InputError("the picture of a story has no robots; draw them as A, B, C ...")
         order = None if storage is None else np.array(storage, np.int32)
         self.world, _ = build_world(_scenario(self, following, move, slow), 1, order)
-        self.world.clock[CLOCK_TICK] = tick
+        self.world.clock.tick = tick
         for name, value in (priority or {}).items():
             self.world.robots.priority[self._index(name)] = value
 
@@ -525,13 +501,11 @@ class Story:
                 raise InputError(f"robot {name} is still on its way")
             traffic.intent[i] = LIVE | DIRECTIONS.index(direction)
         traffic.move_ticks[:] = self.world.rules.duration[0, ACTION_MOVE]
-        self.world.clock[CLOCK_TICK] += 1
+        self.world.clock.tick += 1
         with np.errstate(over="ignore"):
             count_robots(self.world.grid, robots, traffic.zone_occupancy)
             set_move_ticks(self.world)
-            move_all(
-                self.world.grid, self.world.rules, robots, traffic, self.world.clock[CLOCK_TICK]
-            )
+            move_all(self.world.grid, self.world.rules, robots, traffic, self.world.clock.tick)
         return self.picture
 
     @property

@@ -18,8 +18,6 @@ import numpy as np
 
 from automaton.strategy.api import (
     BATTERY_FULL,
-    CLOCK_NEXT_RELEASE,
-    CLOCK_TICK,
     CMD_PARK,
     GOAL_CHARGE,
     KEEP,
@@ -105,10 +103,10 @@ class AuctionState(Struct):
     bids: Array = field("(n,) int64")
     messages: Array = field("(n,) int64")
     due: Array = field("(n,) int64", "tick at which a robot's list was to be done, or 0")
-    delivered: Array = field("(1,) int64", "orders.release_sequence is delivered before this entry")
-    unsold: Array = field("(1,) int64", "orders that the last auction left")
-    auctioneer: Array = field("(1,) int64", "the robot that sells now")
-    rounds: Array = field("(1,) int64", "auctions so far")
+    delivered: int = field("() int64", "orders.release_sequence is delivered before this entry")
+    unsold: int = field("() int64", "orders that the last auction left")
+    auctioneer: int = field("() int64", "the robot that sells now")
+    rounds: int = field("() int64", "auctions so far")
     limit: int = field("int64", "orders in a robot's list")
     sellable: Array = field("(S,) int32", "the orders for sale", role=SCRATCH)
     market: FloorMarket
@@ -161,23 +159,23 @@ class Auction(Strategy):
     ) -> None:
         """Hold an auction if there is reason to, and give out what robots do next."""
         out, state = decisions.allocation, AuctionState.of(memory)
-        drop_lost_orders(view, out, int(batch.strategy[0]))
+        drop_lost_orders(view, out, int(batch.strategy))
         if self.parameters.reauction_after is not None:
             self._take_back_late(view, batch, out, state, workspace)
-        own = view.rules.allocation[view.robots.type] == batch.strategy[0]
+        own = view.rules.allocation[view.robots.type] == batch.strategy
         if self.parameters.while_charging == "release" and has_empty_list(view, batch, out):
             charging = (view.robots.goal_type == GOAL_CHARGE) & (view.robots.order_queue_length > 0)
             charging &= own
             out.order_queue_length[charging] = state.due[charging] = 0
         mark_planned(view, out)
-        count, delivered = find_items(view, out, state.delivered[0], state.sellable)
-        state.delivered[0] = delivered
-        if count and (count != state.unsold[0] or has_empty_list(view, batch, out)):
+        count, delivered = find_items(view, out, state.delivered, state.sellable)
+        state.delivered = delivered
+        if count and (count != state.unsold or has_empty_list(view, batch, out)):
             if self.parameters.mechanism == "exact":  # it knows no lists to begin with
                 count = self._take_back(view, out, state, own)
             for center, items in self._auctioneers(view, state, int(count)):
                 self._sell(view, batch, out, state, workspace, center, items)
-            state.unsold[0], _ = find_items(view, out, delivered, state.sellable)
+            state.unsold, _ = find_items(view, out, delivered, state.sellable)
         policy = STORAGE_POLICIES.index(self.parameters.storage)
         serve(view, batch, out, workspace, state.due, policy)
 
@@ -188,12 +186,12 @@ class Auction(Strategy):
         if not (state.due > 0).any():
             return
         market, tolerance = state.market, self.parameters.reauction_after or 0
-        strategy = int(batch.strategy[0])
+        strategy = int(batch.strategy)
         robots = open_auction(view, out, workspace, market, strategy, state.sellable, 0)
         for r in range(robots):
             i = int(market.robot[r])
             due = int(state.due[i])
-            done = int(view.clock[CLOCK_TICK]) + int(market.fleet.cost[r])
+            done = int(view.clock.tick) + int(market.fleet.cost[r])
             if due and market.fleet.length[r] and done > due + tolerance:
                 out.order_queue_length[i] = state.due[i] = 0
 
@@ -202,7 +200,7 @@ class Auction(Strategy):
         out.order_queue_length[own] = 0
         out.order_taken[out.order_taken == ORDER_PLANNED] = 0
         mark_planned(view, out)
-        count, _ = find_items(view, out, state.delivered[0], state.sellable)
+        count, _ = find_items(view, out, state.delivered, state.sellable)
         return int(count)
 
     def _auctioneers(
@@ -213,16 +211,16 @@ class Auction(Strategy):
         if robot_type == "central":
             return [(NIL, items)]
         robots = len(view.robots.cell)
-        state.rounds[0] += 1
+        state.rounds += 1
         if robot_type == "fixed":
             seats = [self._cell(view, i) for i in range(min(self.parameters.auctioneers, robots))]
             nearest = self._nearest(view, seats, items)
             return [(seat, items[nearest == k]) for k, seat in enumerate(seats)]
         if robot_type == "time":
-            state.auctioneer[0] = view.clock[CLOCK_TICK] // self.parameters.auctioneer_term % robots
+            state.auctioneer = view.clock.tick // self.parameters.auctioneer_term % robots
         else:
-            state.auctioneer[0] = state.rounds[0] % robots
-        return [(self._cell(view, int(state.auctioneer[0])), items)]
+            state.auctioneer = state.rounds % robots
+        return [(self._cell(view, int(state.auctioneer)), items)]
 
     def _cell(self, view: World, identity: int) -> int:
         """Where the robot with this number is."""
@@ -249,7 +247,7 @@ class Auction(Strategy):
         items: Any,
     ) -> None:
         """One auctioneer's auction; its region is doubled while orders are left unsold."""
-        asked, strategy = int(batch.robot[0]), int(batch.strategy[0])  # it is counted in that row
+        asked, strategy = int(batch.robot[0]), int(batch.strategy)  # it is counted in that row
         bidders = int((view.rules.allocation[view.robots.type] == strategy).sum())
         parameters, market = self.parameters, state.market
         most = MAX_SOLD.get(parameters.mechanism)
@@ -265,8 +263,8 @@ class Auction(Strategy):
             self._hold(view, state, bidders, len(items))
             enter_plans(view, out, market, robots, state.due)
             state.auctions[asked] += 1
-            state.bids[asked] += market.scratch.count.bids[0]
-            state.messages[asked] += market.scratch.count.messages[0]
+            state.bids[asked] += market.scratch.count.bids
+            state.messages[asked] += market.scratch.count.messages
             items = items[market.scratch.sold[: len(items)] == NIL]
             if radius == NIL or radius >= view.grid.width + len(view.grid.kind) // view.grid.width:
                 return
@@ -322,7 +320,7 @@ class Auction(Strategy):
         """Thousandths of MiniSum in the bids of this auction."""
         given = self.parameters.epsilon
         if isinstance(given, EpsilonSchedule):
-            share = min(1.0, int(view.clock[CLOCK_TICK]) / given.until)
+            share = min(1.0, int(view.clock.tick) / given.until)
             return round(1000 * (given.first + share * (given.last - given.first)))
         if given == "load":
             return min(1000, 1000 * count // (BUSY * bidders))
@@ -407,7 +405,7 @@ def find_items(view, allocation, since, out):
     found = np.int64(0)
     first = np.int64(since)
     done = True
-    for k in range(since, view.clock[CLOCK_NEXT_RELEASE]):
+    for k in range(since, view.clock.next_release):
         order = np.int64(view.orders.release_sequence[k])
         done = done and view.orders.delivered[order] != NIL
         first = k + 1 if done else first
@@ -422,7 +420,7 @@ def find_items(view, allocation, since, out):
 @kernel
 def has_empty_list(view, batch, out):
     """Whether a robot that is asked what to do next has nothing ahead of it."""
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         if not places_load(batch.reason[k]) and batch.reason[k] != REASON_PERIODIC:
             if planned_count(view, out, i) == 0:
@@ -513,7 +511,7 @@ def enter_plans(view, out, market, robots, due):
             out.order_queue[i, k] = order
             out.order_taken[order] = ORDER_PLANNED
         known = length > 0 and fleet.cost[r] < INF_COST
-        due[i] = view.clock[CLOCK_TICK] + fleet.cost[r] if known else 0
+        due[i] = view.clock.tick + fleet.cost[r] if known else 0
 
 
 # What robots do next.
@@ -526,7 +524,7 @@ def serve(view, batch, out, workspace, due, policy):
     due[i] = 0 where robot i's list is done; (n,) int64. `policy`: its place in STORAGE_POLICIES.
     """
     carries_pods = view.trips.pod.shape[0] > 0
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         if places_load(batch.reason[k]):
             place_load(view, out, workspace, k, i, policy)

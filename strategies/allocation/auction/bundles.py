@@ -62,7 +62,7 @@ def combinatorial(costs, battery, fleet, scratch, bundles, items, count, epsilon
         fleet.length[r] = length
         settle(costs, battery, fleet, scratch, r)
     record_sales(bundles, scratch, robots, count)
-    scratch.count.messages[0] = robots * count + scratch.count.bids[0] + robots
+    scratch.count.messages = robots * count + scratch.count.bids + robots
     return value
 
 
@@ -79,7 +79,7 @@ def bid_by_insertion(costs, battery, fleet, scratch, bundles, items, count):
             if length != NIL:
                 cost = quote_list(costs, battery, fleet, scratch, r, scratch.order, length)
             bundles.cost[r, subset] = cost
-            scratch.count.bids[0] += subset > 0
+            scratch.count.bids += subset > 0
 
 
 @kernel
@@ -96,9 +96,9 @@ def build_list(costs, fleet, scratch, items, count, r, subset):
             return np.int64(NIL)
         first = min(np.int64(fleet.first[r]), length)
         place = np.int64(fleet.place[r])
-        costs.robot_type[0] = fleet.robot_type[r]
+        costs.robot_type = fleet.robot_type[r]
         position, _ = cheapest_insertion(costs, place, scratch.order, length, task, first)
-        scratch.count.positions[0] += length + 1 - first
+        scratch.count.positions += length + 1 - first
         insert(scratch.order, length, task, position)
         length += 1
     return length
@@ -213,7 +213,7 @@ def exact(costs, battery, fleet, scratch, bundles, items, count, epsilon):
     if value >= INF_COST:
         return value
     for r in range(robots):
-        costs.robot_type[0] = fleet.robot_type[r]
+        costs.robot_type = fleet.robot_type[r]
         shortest_paths(costs, bundles, np.int64(fleet.place[r]), items, count)
         chosen = np.int64(bundles.chosen[r])
         fleet.length[r] = write_path(costs, bundles, items, count, chosen, fleet.order[r])
@@ -226,7 +226,7 @@ def exact(costs, battery, fleet, scratch, bundles, items, count, epsilon):
 def bid_by_shortest_paths(costs, fleet, bundles, items, count):
     """bundles.cost of every robot and subset, by the best sequence."""
     for r in range(fleet.place.shape[0]):
-        costs.robot_type[0] = fleet.robot_type[r]
+        costs.robot_type = fleet.robot_type[r]
         shortest_paths(costs, bundles, np.int64(fleet.place[r]), items, count)
         bundles.cost[r, 0] = fleet.ready[r]
         for subset in range(1, 1 << count):
@@ -245,7 +245,7 @@ def bid_by_shortest_paths(costs, fleet, bundles, items, count):
 @kernel
 def shortest_paths(costs, bundles, place, items, count):
     """bundles.ends[S, k] = ticks of the shortest path from `place` through S that ends with item k."""
-    ticks_to, inside = costs.ticks[costs.robot_type[0]], costs.inside[costs.robot_type[0]]
+    ticks_to, inside = costs.ticks[costs.robot_type], costs.inside[costs.robot_type]
     for k in range(count):
         task = np.int64(items[k])
         for subset in range(1 << count):
@@ -283,7 +283,7 @@ def write_path(costs, bundles, items, count, subset, order):
             if (left >> k) & 1 == 0:
                 continue
             if after != NIL:
-                ticks += costs.ticks[costs.robot_type[0], costs.end[items[k]], costs.begin[after]]
+                ticks += costs.ticks[costs.robot_type, costs.end[items[k]], costs.begin[after]]
             if ticks < best:
                 best, item = ticks, np.int64(k)
         after = np.int64(items[item])

@@ -40,7 +40,7 @@ POLICY_THRESHOLD_REACHABLE: Final = 5  # and before one from whose end no charge
 class TaskCosts(Struct, role=SCRATCH):
     """T tasks and P places, as robots of each of K types find them."""
 
-    robot_type: Array = field("(1,) int64", "the robot type whose rows count")
+    robot_type: int = field("() int64", "the robot type whose rows count")
     ticks: Array = field("(K, P, P) int32", "from place to place")
     energy: Array = field("(K, P, P) int64", "units: from place to place")
     begin: Array = field("(T,) int32", "place at which a task begins", role=CONSTANT)
@@ -52,7 +52,7 @@ class TaskCosts(Struct, role=SCRATCH):
 class BatteryRules(Struct, role=SCRATCH):
     """The rules of energy, the same for all robots; C chargers."""
 
-    robot_type: Array = field("(1,) int64", "the robot type whose rows count")
+    robot_type: int = field("() int64", "the robot type whose rows count")
     charger: Array = field("(C,) int32", "its place", role=CONSTANT)
     wait: Array = field("(C,) int32", "ticks until it is free of the robots that come before")
     nearest: Array = field(
@@ -95,44 +95,44 @@ class FleetLists(Struct, role=SCRATCH):
 class ChargingPlan(Struct, role=SCRATCH):
     """The charging stops of one list."""
 
-    stops: Array = field("(1,) int64", "how many")
+    stops: int = field("() int64", "how many")
     position: Array = field("(S,) int32", "before which task of the list")
     charger: Array = field("(S,) int32")
     arrival: Array = field("(S,) int64", "units on arrival")
     level: Array = field("(S,) int64", "units on leaving")
     duration: Array = field("(S,) int64", "ticks of charging")
     waited: Array = field("(S,) int64", "ticks in the queue before it")
-    cost: Array = field("(1,) int64", "ticks until the list is done; INF_COST: no plan")
-    charging: Array = field("(1,) int64", "ticks of charging")
-    charger_wait: Array = field("(1,) int64", "ticks at busy chargers")
-    gross: Array = field("(1,) int64", "ticks to chargers, at them, and on to the next task")
-    net: Array = field("(1,) int64", "gross less the legs that were replaced")
-    end_charge: Array = field("(1,) int64", "units at the end")
-    lowest_charge: Array = field("(1,) int64", "units: the least on any arrival")
+    cost: int = field("() int64", "ticks until the list is done; INF_COST: no plan")
+    charging: int = field("() int64", "ticks of charging")
+    charger_wait: int = field("() int64", "ticks at busy chargers")
+    gross: int = field("() int64", "ticks to chargers, at them, and on to the next task")
+    net: int = field("() int64", "gross less the legs that were replaced")
+    end_charge: int = field("() int64", "units at the end")
+    lowest_charge: int = field("() int64", "units: the least on any arrival")
 
 
 class PathSearch(Struct, role=SCRATCH):
     """A search for the stops of a list (strategies.allocation.auction.quotes)."""
 
-    ready: Array = field("(1,) int64", "ticks until the robot sets out: set by the quote")
-    nodes: Array = field("(1,) int64", "stops to go on from: scratch.node[:nodes]")
-    last: Array = field("(1,) int64", "the last stop of the best path so far, or NIL")
-    best: Array = field("(1,) int64", "its weight")
-    ticks_to_stop: Array = field("(1,) int64", "ticks from the task before to that stop")
-    position: Array = field("(1,) int64", "the position of that stop")
-    rest_ticks: Array = field("(1,) int64", "of the whole list")
-    rest_energy: Array = field("(1,) int64", "and of the way to a charger at its end")
+    ready: int = field("() int64", "ticks until the robot sets out: set by the quote")
+    nodes: int = field("() int64", "stops to go on from: scratch.node[:nodes]")
+    last: int = field("() int64", "the last stop of the best path so far, or NIL")
+    best: int = field("() int64", "its weight")
+    ticks_to_stop: int = field("() int64", "ticks from the task before to that stop")
+    position: int = field("() int64", "the position of that stop")
+    rest_ticks: int = field("() int64", "of the whole list")
+    rest_energy: int = field("() int64", "and of the way to a charger at its end")
 
 
 class AuctionCounts(Struct, role=SCRATCH):
     """What an auction has taken."""
 
-    bids: Array = field("(1,) int64", "bids computed")
-    positions: Array = field("(1,) int64", "places in lists that were tried")
-    plans: Array = field("(1,) int64", "charging plans made")
-    messages: Array = field("(1,) int64", "announcements, bids sent, awards")
-    states: Array = field(
-        "(1,) int64", "what plans looked at: chargers before tasks, or legs for a threshold"
+    bids: int = field("() int64", "bids computed")
+    positions: int = field("() int64", "places in lists that were tried")
+    plans: int = field("() int64", "charging plans made")
+    messages: int = field("() int64", "announcements, bids sent, awards")
+    states: int = field(
+        "() int64", "what plans looked at: chargers before tasks, or legs for a threshold"
     )
 
 
@@ -275,7 +275,7 @@ def cheapest_insertion(costs, place, order, length, task, first):
 
     Positions below `first` stay as they are (1: the robot is on its way to its first task).
     """
-    ticks = costs.ticks[costs.robot_type[0]]
+    ticks = costs.ticks[costs.robot_type]
     enter, leave = np.int64(costs.begin[task]), np.int64(costs.end[task])
     before = np.int64(place)
     at, least = NIL, INF_COST
@@ -288,13 +288,13 @@ def cheapest_insertion(costs, place, order, length, task, first):
     added = np.int64(ticks[before, enter])
     if added <= least:
         at, least = length, added
-    return at, least + costs.inside[costs.robot_type[0], task]
+    return at, least + costs.inside[costs.robot_type, task]
 
 
 @kernel
 def energy_added(costs, place, order, length, task, position):
     """Units that `task` adds to the list at this position."""
-    energy, robot_type = costs.energy[costs.robot_type[0]], costs.robot_type[0]
+    energy, robot_type = costs.energy[costs.robot_type], costs.robot_type
     before = place_before(costs, place, order, position)
     added = np.int64(energy[before, costs.begin[task]]) + costs.use[robot_type, task]
     if position < length:
@@ -331,7 +331,7 @@ def remove(order, length, position):
 @kernel
 def measure(costs, scratch, place, order, length):
     """Ticks and energy along the list, without charging, into done_* and begun_* of the scratch."""
-    robot_type = costs.robot_type[0]
+    robot_type = costs.robot_type
     ticks_to, energy_to = costs.ticks[robot_type], costs.energy[robot_type]
     inside, use = costs.inside[robot_type], costs.use[robot_type]
     ticks, energy = np.int64(0), np.int64(0)

@@ -117,7 +117,7 @@ def cost_inserted(costs, battery, fleet, scratch, r, length, task):
     """(position, quote) of scratch.order[:length] with the task inserted; the list is left there."""
     first = min(np.int64(fleet.first[r]), length)
     place = np.int64(fleet.place[r])
-    costs.robot_type[0] = fleet.robot_type[r]
+    costs.robot_type = fleet.robot_type[r]
     position, _ = cheapest_insertion(costs, place, scratch.order, length, task, first)
     insert(scratch.order, length, task, position)
     return position, quote_list(costs, battery, fleet, scratch, r, scratch.order, length + 1)
@@ -286,9 +286,9 @@ def decode(costs, battery, fleet, scratch, population, items, count, individual)
             continue
         first = min(np.int64(fleet.first[r]), length)
         place = np.int64(fleet.place[r])
-        costs.robot_type[0] = fleet.robot_type[r]
+        costs.robot_type = fleet.robot_type[r]
         position, _ = cheapest_insertion(costs, place, fleet.order[r], length, task, first)
-        scratch.count.positions[0] += length + 1 - first
+        scratch.count.positions += length + 1 - first
         insert(fleet.order[r], length, task, position)
         fleet.length[r] += 1
     for r in range(fleet.place.shape[0]):

@@ -36,14 +36,14 @@ def quote(costs, battery, scratch, place, ready, charge, order, length):
     A robot that is at `place` in `ready` ticks, then with `charge` units.
     """
     measure(costs, scratch, place, order, length)
-    scratch.path.ready[0] = ready
+    scratch.path.ready = ready
     policy = battery.policy
     if policy == POLICY_NO_CHARGING:
         clear(scratch, charge, length)
         return ready + scratch.done_ticks[length]
     if policy == POLICY_THRESHOLD or policy == POLICY_THRESHOLD_REACHABLE:
         cost = plan_threshold(costs, battery, scratch, place, charge, order, length)
-        if scratch.plan.lowest_charge[0] < 0:
+        if scratch.plan.lowest_charge < 0:
             cost = np.int64(INF_COST)
     elif policy == POLICY_FILL_UP:
         cost = plan_single_stop(costs, battery, scratch, place, charge, order, length, 1)
@@ -57,8 +57,8 @@ def quote(costs, battery, scratch, place, ready, charge, order, length):
 @kernel
 def select_robot_type(costs, battery, robot_type):
     """Select the type of robots whose ticks and energy count from now on."""
-    costs.robot_type[0] = robot_type
-    battery.robot_type[0] = robot_type
+    costs.robot_type = robot_type
+    battery.robot_type = robot_type
 
 
 @kernel
@@ -99,7 +99,7 @@ def insertion_quote(costs, battery, fleet, scratch, r, task):
     order = fleet.order[r]
     first = min(np.int64(fleet.first[r]), length)
     place = np.int64(fleet.place[r])
-    scratch.count.positions[0] += length + 1 - first
+    scratch.count.positions += length + 1 - first
     position, added = cheapest_insertion(costs, place, order, length, task, first)
     direct = fleet.ready[r] + fleet.travel[r] + added
     policy = battery.policy
@@ -134,18 +134,18 @@ def joint_insertion(costs, battery, fleet, scratch, r, task, first):
 def clear_counts(scratch):
     """Count what is done from now on."""
     count = scratch.count
-    count.bids[0] = 0
-    count.positions[0] = 0
-    count.plans[0] = 0
-    count.messages[0] = 0
-    count.states[0] = 0
+    count.bids = 0
+    count.positions = 0
+    count.plans = 0
+    count.messages = 0
+    count.states = 0
 
 
 @kernel
 def fits(battery, charge, energy, last):
     """Whether a list that takes `energy` and ends at place `last` needs no charging."""
     tail = energy_to_charger(battery, last)
-    return tail < INF_COST and charge - energy - tail >= battery.reserve[battery.robot_type[0]]
+    return tail < INF_COST and charge - energy - tail >= battery.reserve[battery.robot_type]
 
 
 @kernel
@@ -153,7 +153,7 @@ def energy_to_charger(battery, place):
     """Units that must be left at the end of a list for the way to a charger; INF_COST: none is there."""
     if battery.end_reach == 0:
         return np.int64(0)
-    return np.int64(battery.reach[battery.robot_type[0], place])
+    return np.int64(battery.reach[battery.robot_type, place])
 
 
 @kernel
@@ -162,35 +162,35 @@ def waiting_at(battery, scratch, c, ticks):
 
     Charging before that, which makes it come later, is not counted: the wait is never too short.
     """
-    return max(np.int64(0), np.int64(battery.wait[c]) - scratch.path.ready[0] - ticks)
+    return max(np.int64(0), np.int64(battery.wait[c]) - scratch.path.ready - ticks)
 
 
 @kernel
 def clear(scratch, charge, length):
     """A plan without stops, of the list that was measured last."""
     plan = scratch.plan
-    plan.stops[0] = 0
-    plan.charging[0] = 0
-    plan.charger_wait[0] = 0
-    plan.gross[0] = 0
-    plan.net[0] = 0
-    plan.cost[0] = scratch.done_ticks[length]
-    plan.end_charge[0] = charge - scratch.done_energy[length]
-    plan.lowest_charge[0] = plan.end_charge[0]
+    plan.stops = 0
+    plan.charging = 0
+    plan.charger_wait = 0
+    plan.gross = 0
+    plan.net = 0
+    plan.cost = scratch.done_ticks[length]
+    plan.end_charge = charge - scratch.done_energy[length]
+    plan.lowest_charge = plan.end_charge
 
 
 @kernel
 def stop_at(battery, plan, k, level, goal, wait):
     """Charge from `level` to `goal` at stop k of the plan, after a wait; returns the level then."""
-    duration = charging_ticks(battery.curve[battery.robot_type[0]], level, goal)
+    duration = charging_ticks(battery.curve[battery.robot_type], level, goal)
     plan.waited[k] = wait
     plan.arrival[k] = level
     plan.duration[k] = duration
-    plan.level[k] = level_after(battery.curve[battery.robot_type[0]], level, duration, BATTERY_FULL)
-    plan.lowest_charge[0] = min(plan.lowest_charge[0], level)
-    plan.charging[0] += duration
-    plan.charger_wait[0] += wait
-    plan.cost[0] += duration + wait
+    plan.level[k] = level_after(battery.curve[battery.robot_type], level, duration, BATTERY_FULL)
+    plan.lowest_charge = min(plan.lowest_charge, level)
+    plan.charging += duration
+    plan.charger_wait += wait
+    plan.cost += duration + wait
     return plan.level[k]
 
 
@@ -198,7 +198,7 @@ def stop_at(battery, plan, k, level, goal, wait):
 def add_detours(costs, battery, scratch, place, order):
     """Gross: to the charger, charging, and on; net: less the leg that this replaces."""
     plan = scratch.plan
-    for k in range(plan.stops[0]):
+    for k in range(plan.stops):
         i = plan.position[k]
         at = np.int64(battery.charger[plan.charger[k]])
         before = place_before(costs, place, order, i)
@@ -206,12 +206,12 @@ def add_detours(costs, battery, scratch, place, order):
         if k > 0 and plan.position[k - 1] == i:
             before = np.int64(battery.charger[plan.charger[k - 1]])
         else:
-            plan.net[0] -= costs.ticks[costs.robot_type[0], before, after]
-        gross = plan.duration[k] + plan.waited[k] + costs.ticks[costs.robot_type[0], before, at]
-        if k + 1 == plan.stops[0] or plan.position[k + 1] != i:
-            gross += costs.ticks[costs.robot_type[0], at, after]
-        plan.gross[0] += gross
-        plan.net[0] += gross
+            plan.net -= costs.ticks[costs.robot_type, before, after]
+        gross = plan.duration[k] + plan.waited[k] + costs.ticks[costs.robot_type, before, at]
+        if k + 1 == plan.stops or plan.position[k + 1] != i:
+            gross += costs.ticks[costs.robot_type, at, after]
+        plan.gross += gross
+        plan.net += gross
 
 
 # Optimal insertion of charging: the shortest path over states (position i, charger c).
@@ -232,13 +232,13 @@ def plan_charging(costs, battery, scratch, place, charge, order, length):
     if length == 0 or fits(
         battery, charge, scratch.done_energy[length], np.int64(costs.end[order[length - 1]])
     ):
-        return scratch.plan.cost[0]
-    scratch.count.plans[0] += 1
+        return scratch.plan.cost
+    scratch.count.plans += 1
     last = np.int64(NIL)
     if energy_to_charger(battery, costs.end[order[length - 1]]) < INF_COST:
         last = find_stops(costs, battery, scratch, place, charge, order, length)
     if last == NIL:
-        scratch.plan.cost[0] = INF_COST
+        scratch.plan.cost = INF_COST
         return INF_COST
     note_stops(battery, scratch, last)
     return charge_just_enough(costs, battery, scratch, place, charge, order, length)
@@ -249,44 +249,44 @@ def find_stops(costs, battery, scratch, place, charge, order, length):
     """The last stop, i * C + c, of the best way through chargers; NIL if there is none."""
     chargers = battery.charger.shape[0]
     path = scratch.path
-    path.nodes[0] = 0
-    path.last[0] = NIL
-    path.best[0] = INF_COST
-    path.ticks_to_stop[0] = INF_COST
-    path.rest_ticks[0] = scratch.done_ticks[length]
-    path.rest_energy[0] = scratch.done_energy[length]
-    path.rest_energy[0] += energy_to_charger(battery, costs.end[order[length - 1]])
+    path.nodes = 0
+    path.last = NIL
+    path.best = INF_COST
+    path.ticks_to_stop = INF_COST
+    path.rest_ticks = scratch.done_ticks[length]
+    path.rest_energy = scratch.done_energy[length]
+    path.rest_energy += energy_to_charger(battery, costs.end[order[length - 1]])
     for i in range(length):
-        in_reach = scratch.done_energy[i] <= charge - battery.reserve[battery.robot_type[0]]
-        if not in_reach and path.nodes[0] == 0:
+        in_reach = scratch.done_energy[i] <= charge - battery.reserve[battery.robot_type]
+        if not in_reach and path.nodes == 0:
             break
-        scratch.count.states[0] += chargers
+        scratch.count.states += chargers
         reach_chargers(costs, battery, scratch, place, charge, order, i)
-        nodes = path.nodes[0]
+        nodes = path.nodes
         relax_to_end(costs, battery, scratch, place, order, i)
-        goes_on = chargers > 1 and path.nodes[0] > nodes
+        goes_on = chargers > 1 and path.nodes > nodes
         if goes_on and relax_charger_to_charger(costs, battery, scratch, i):
-            path.nodes[0] = nodes
+            path.nodes = nodes
             relax_to_end(costs, battery, scratch, place, order, i)
-    return path.last[0]
+    return path.last
 
 
 @kernel
 def reach_chargers(costs, battery, scratch, place, charge, order, i):
     """weight[i], parent[i]: the best ways to the chargers before task i, from the start or a stop."""
-    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
+    rate = np.int64(battery.curve[battery.robot_type, 0, CURVE_RATE])
     before = place_before(costs, place, order, i)
     for c in range(battery.charger.shape[0]):
         at = np.int64(battery.charger[c])
-        into_energy = costs.energy[costs.robot_type[0], before, at] + scratch.done_energy[i]
+        into_energy = costs.energy[costs.robot_type, before, at] + scratch.done_energy[i]
         best = np.int64(INF_COST)
-        if into_energy <= charge - battery.reserve[battery.robot_type[0]]:
-            into_ticks = costs.ticks[costs.robot_type[0], before, at] + scratch.done_ticks[i]
+        if into_energy <= charge - battery.reserve[battery.robot_type]:
+            into_ticks = costs.ticks[costs.robot_type, before, at] + scratch.done_ticks[i]
             into_ticks += waiting_at(battery, scratch, c, into_ticks)
             best = rate * into_ticks + into_energy
         scratch.weight[i, c] = best
         scratch.parent[i, c] = NIL
-        if scratch.path.nodes[0] > 0:
+        if scratch.path.nodes > 0:
             relax_from_stops(costs, battery, scratch, before, order, i, c)
 
 
@@ -294,21 +294,21 @@ def reach_chargers(costs, battery, scratch, place, charge, order, i):
 def relax_from_stops(costs, battery, scratch, before, order, i, c):
     """Improve weight[i, c], parent[i, c] by ways from the stops that are noted."""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
+    rate = np.int64(battery.curve[battery.robot_type, 0, CURVE_RATE])
     at = np.int64(battery.charger[c])
-    ticks_to, energy_to = costs.ticks[costs.robot_type[0]], costs.energy[costs.robot_type[0]]
+    ticks_to, energy_to = costs.ticks[costs.robot_type], costs.energy[costs.robot_type]
     into_ticks = ticks_to[before, at] + scratch.done_ticks[i]
     into_ticks += waiting_at(battery, scratch, c, into_ticks)
     into_energy = energy_to[before, at] + scratch.done_energy[i]
     best, parent = scratch.weight[i, c], np.int64(NIL)
-    for node in range(scratch.path.nodes[0]):
+    for node in range(scratch.path.nodes):
         k, b = scratch.node[node] // chargers, scratch.node[node] % chargers
         if scratch.weight[k, b] >= best:
             continue
         stop = np.int64(battery.charger[b])
         after = np.int64(costs.begin[order[k]])
         energy = energy_to[stop, after] + into_energy - scratch.begun_energy[k]
-        if energy > BATTERY_FULL - battery.reserve[battery.robot_type[0]]:
+        if energy > BATTERY_FULL - battery.reserve[battery.robot_type]:
             continue
         ticks = ticks_to[stop, after] + into_ticks - scratch.begun_ticks[k]
         weight = scratch.weight[k, b] + rate * ticks + energy
@@ -322,38 +322,38 @@ def relax_from_stops(costs, battery, scratch, before, order, i, c):
 def relax_to_end(costs, battery, scratch, place, order, i):
     """Drive on to the end from each charger before task i, or note it as one to go on from."""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
+    rate = np.int64(battery.curve[battery.robot_type, 0, CURVE_RATE])
     path = scratch.path
     before = place_before(costs, place, order, i)
     after = np.int64(costs.begin[order[i]])
-    rest_ticks = path.rest_ticks[0] - scratch.begun_ticks[i]
-    rest_energy = path.rest_energy[0] - scratch.begun_energy[i]
+    rest_ticks = path.rest_ticks - scratch.begun_ticks[i]
+    rest_energy = path.rest_energy - scratch.begun_energy[i]
     for c in range(chargers):
         so_far = scratch.weight[i, c]
         at = np.int64(battery.charger[c])
-        energy = costs.energy[costs.robot_type[0], at, after] + rest_energy
-        total = so_far + rate * (costs.ticks[costs.robot_type[0], at, after] + rest_ticks) + energy
-        if so_far >= INF_COST or total > path.best[0]:
+        energy = costs.energy[costs.robot_type, at, after] + rest_energy
+        total = so_far + rate * (costs.ticks[costs.robot_type, at, after] + rest_ticks) + energy
+        if so_far >= INF_COST or total > path.best:
             continue  # what goes on from here is no better than the best that is known
-        if energy > BATTERY_FULL - battery.reserve[battery.robot_type[0]]:
-            scratch.node[path.nodes[0]] = i * chargers + c
-            path.nodes[0] += 1
+        if energy > BATTERY_FULL - battery.reserve[battery.robot_type]:
+            scratch.node[path.nodes] = i * chargers + c
+            path.nodes += 1
             continue
         # The end is in reach: another stop would only make the way longer.
-        detour = np.int64(costs.ticks[costs.robot_type[0], before, at])
-        later = detour == path.ticks_to_stop[0] and path.position[0] != i
-        if total < path.best[0] or detour < path.ticks_to_stop[0] or later:
-            path.best[0], path.ticks_to_stop[0] = total, detour
-            path.last[0] = i * chargers + c
-            path.position[0] = i
+        detour = np.int64(costs.ticks[costs.robot_type, before, at])
+        later = detour == path.ticks_to_stop and path.position != i
+        if total < path.best or detour < path.ticks_to_stop or later:
+            path.best, path.ticks_to_stop = total, detour
+            path.last = i * chargers + c
+            path.position = i
 
 
 @kernel
 def relax_charger_to_charger(costs, battery, scratch, i):
     """Ways from one charger straight to another, where the way between tasks is long; found any?"""
     chargers = battery.charger.shape[0]
-    rate = np.int64(battery.curve[battery.robot_type[0], 0, CURVE_RATE])
-    most = BATTERY_FULL - battery.reserve[battery.robot_type[0]]
+    rate = np.int64(battery.curve[battery.robot_type, 0, CURVE_RATE])
+    most = BATTERY_FULL - battery.reserve[battery.robot_type]
     found = False
     changed = True
     while changed:
@@ -363,8 +363,8 @@ def relax_charger_to_charger(costs, battery, scratch, i):
                 continue
             for c in range(chargers):
                 here, there = battery.charger[b], battery.charger[c]
-                between = np.int64(costs.energy[costs.robot_type[0], here, there])
-                ticks = np.int64(costs.ticks[costs.robot_type[0], here, there])
+                between = np.int64(costs.energy[costs.robot_type, here, there])
+                ticks = np.int64(costs.ticks[costs.robot_type, here, there])
                 ticks += waiting_at(battery, scratch, c, scratch.done_ticks[i] + ticks)
                 weight = scratch.weight[i, b] + rate * ticks + between
                 if c != b and between <= most and weight < scratch.weight[i, c]:
@@ -384,7 +384,7 @@ def note_stops(battery, scratch, last):
     while node != NIL:
         stops += 1
         node = np.int64(scratch.parent[node // chargers, node % chargers])
-    scratch.plan.stops[0] = stops
+    scratch.plan.stops = stops
     node = np.int64(last)
     while node != NIL:
         stops -= 1
@@ -400,28 +400,28 @@ def charge_just_enough(costs, battery, scratch, place, charge, order, length):
     tail = energy_to_charger(battery, costs.end[order[length - 1]])
     ticks, energy = stretch(costs, battery, scratch, place, order, length, 0)
     level = np.int64(charge)
-    plan.cost[0] = ticks
-    plan.lowest_charge[0] = BATTERY_FULL
-    for k in range(plan.stops[0]):
+    plan.cost = ticks
+    plan.lowest_charge = BATTERY_FULL
+    for k in range(plan.stops):
         level -= energy
         ticks, energy = stretch(costs, battery, scratch, place, order, length, k + 1)
-        spare = tail if k + 1 == plan.stops[0] else np.int64(0)
-        goal = max(level, energy + spare + battery.reserve[battery.robot_type[0]])
-        wait = waiting_at(battery, scratch, np.int64(plan.charger[k]), plan.cost[0])
+        spare = tail if k + 1 == plan.stops else np.int64(0)
+        goal = max(level, energy + spare + battery.reserve[battery.robot_type])
+        wait = waiting_at(battery, scratch, np.int64(plan.charger[k]), plan.cost)
         level = stop_at(battery, plan, k, level, goal, wait)
-        plan.cost[0] += ticks
-    plan.end_charge[0] = level - energy
-    plan.lowest_charge[0] = min(plan.lowest_charge[0], plan.end_charge[0])
+        plan.cost += ticks
+    plan.end_charge = level - energy
+    plan.lowest_charge = min(plan.lowest_charge, plan.end_charge)
     add_detours(costs, battery, scratch, place, order)
-    return plan.cost[0]
+    return plan.cost
 
 
 @kernel
 def stretch(costs, battery, scratch, place, order, length, k):
     """(ticks, units) from stop k - 1 of the plan (the start for 0) to stop k, or to the end."""
     plan = scratch.plan
-    ticks_to, energy_to = costs.ticks[costs.robot_type[0]], costs.energy[costs.robot_type[0]]
-    to = plan.position[k] if k < plan.stops[0] else length
+    ticks_to, energy_to = costs.ticks[costs.robot_type], costs.energy[costs.robot_type]
+    to = plan.position[k] if k < plan.stops else length
     ticks, energy = scratch.done_ticks[to], scratch.done_energy[to]
     here = np.int64(place) if to == 0 else np.int64(costs.end[order[to - 1]])
     if k > 0:
@@ -433,7 +433,7 @@ def stretch(costs, battery, scratch, place, order, length, k):
             after = np.int64(costs.begin[order[begun]])
             ticks += ticks_to[here_before, after] - scratch.begun_ticks[begun]
             energy += energy_to[here_before, after] - scratch.begun_energy[begun]
-    if k < plan.stops[0]:
+    if k < plan.stops:
         at = np.int64(battery.charger[plan.charger[k]])
         ticks += ticks_to[here, at]
         energy += energy_to[here, at]
@@ -460,14 +460,14 @@ def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill
     if length == 0 or fits(
         battery, charge, scratch.done_energy[length], np.int64(costs.end[order[length - 1]])
     ):
-        return scratch.plan.cost[0]
+        return scratch.plan.cost
     position, charger = find_stop(costs, battery, scratch, place, charge, order, length, fill)
     if position == NIL:
         return plan_charging(costs, battery, scratch, place, charge, order, length)
-    scratch.count.plans[0] += 1
+    scratch.count.plans += 1
     plan = scratch.plan
-    ticks, energy = costs.ticks[costs.robot_type[0]], costs.energy[costs.robot_type[0]]
-    plan.stops[0] = 1
+    ticks, energy = costs.ticks[costs.robot_type], costs.energy[costs.robot_type]
+    plan.stops = 1
     plan.position[0] = position
     plan.charger[0] = charger
     at = np.int64(battery.charger[charger])
@@ -476,22 +476,22 @@ def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill
     arrival = charge - scratch.done_energy[position] - energy[before, at]
     rest = energy[at, after] + scratch.done_energy[length] - scratch.begun_energy[position]
     tail = energy_to_charger(battery, costs.end[order[length - 1]])
-    plan.cost[0] += ticks[before, at] + ticks[at, after]
-    plan.cost[0] -= ticks[before, after]
+    plan.cost += ticks[before, at] + ticks[at, after]
+    plan.cost -= ticks[before, after]
     then = scratch.done_ticks[position] + ticks[before, at]
     wait = waiting_at(battery, scratch, charger, then)
     goal = goal_of(battery, arrival, rest + tail, fill)
     level = stop_at(battery, plan, 0, arrival, goal, wait)
-    plan.end_charge[0] = level - rest
-    plan.lowest_charge[0] = min(arrival, level - rest)
+    plan.end_charge = level - rest
+    plan.lowest_charge = min(arrival, level - rest)
     add_detours(costs, battery, scratch, place, order)
-    return plan.cost[0]
+    return plan.cost
 
 
 @kernel
 def goal_of(battery, arrival, rest, fill):
     """The level to charge to: what the rest needs, and when filling up at least the target."""
-    goal = max(np.int64(arrival), rest + battery.reserve[battery.robot_type[0]])
+    goal = max(np.int64(arrival), rest + battery.reserve[battery.robot_type])
     return max(goal, np.int64(battery.target)) if fill == 1 else goal
 
 
@@ -499,18 +499,18 @@ def goal_of(battery, arrival, rest, fill):
 def find_stop(costs, battery, scratch, place, charge, order, length, fill):
     """(position, charger) of the best single stop, or (NIL, NIL)."""
     tail = energy_to_charger(battery, costs.end[order[length - 1]])
-    reserve = np.int64(battery.reserve[battery.robot_type[0]])
-    curve = battery.curve[battery.robot_type[0]]
+    reserve = np.int64(battery.reserve[battery.robot_type])
+    curve = battery.curve[battery.robot_type]
     rate = np.int64(curve[0, CURVE_RATE])
     best, nearest = np.int64(INF_COST), np.int64(INF_COST)
     position, charger = np.int64(NIL), np.int64(NIL)
     if tail >= INF_COST:
         return position, charger
-    ticks_to, energy_to = costs.ticks[costs.robot_type[0]], costs.energy[costs.robot_type[0]]
+    ticks_to, energy_to = costs.ticks[costs.robot_type], costs.energy[costs.robot_type]
     for i in range(length):
         before = place_before(costs, place, order, i)
         after = np.int64(costs.begin[order[i]])
-        scratch.count.states[0] += battery.charger.shape[0]
+        scratch.count.states += battery.charger.shape[0]
         for c in range(battery.charger.shape[0]):
             at = np.int64(battery.charger[c])
             into = np.int64(ticks_to[before, at])
@@ -546,43 +546,43 @@ def plan_threshold(costs, battery, scratch, place, charge, order, length):
     """Leave the stops of the rule in scratch.plan; returns the ticks of the measured list.
 
     INF_COST where the rule asks for a charger and none is there. A level below 0 is for the caller to
-    judge (scratch.plan.lowest_charge[0]).
+    judge (scratch.plan.lowest_charge).
     """
     clear(scratch, charge, length)
     plan = scratch.plan
-    plan.lowest_charge[0] = charge
+    plan.lowest_charge = charge
     level = np.int64(charge)
-    ticks, energy = costs.ticks[costs.robot_type[0]], costs.energy[costs.robot_type[0]]
-    use = costs.use[costs.robot_type[0]]
-    scratch.count.states[0] += length
+    ticks, energy = costs.ticks[costs.robot_type], costs.energy[costs.robot_type]
+    use = costs.use[costs.robot_type]
+    scratch.count.states += length
     for i in range(length):
         task = np.int64(order[i])
         here, begin = place_before(costs, place, order, i), costs.begin[task]
         then = level - energy[here, begin] - use[task]
         if is_low(battery, then, np.int64(costs.end[task])):
-            charger = np.int64(battery.nearest[battery.robot_type[0], here])
+            charger = np.int64(battery.nearest[battery.robot_type, here])
             if charger == NIL:
-                plan.cost[0] = INF_COST
+                plan.cost = INF_COST
                 return INF_COST
-            k = plan.stops[0]
+            k = plan.stops
             at = np.int64(battery.charger[charger])
-            plan.stops[0] = k + 1
+            plan.stops = k + 1
             plan.position[k] = i
             plan.charger[k] = charger
-            done = plan.cost[0] - scratch.done_ticks[length] + scratch.done_ticks[i]
+            done = plan.cost - scratch.done_ticks[length] + scratch.done_ticks[i]
             wait = waiting_at(battery, scratch, charger, done + ticks[here, at])
             arrival = level - energy[here, at]
             level = stop_at(battery, plan, k, arrival, np.int64(BATTERY_FULL), wait)
-            plan.cost[0] += ticks[here, at] + ticks[at, begin]
-            plan.cost[0] -= ticks[here, begin]
+            plan.cost += ticks[here, at] + ticks[at, begin]
+            plan.cost -= ticks[here, begin]
             here = at
         level -= energy[here, begin] + use[task]
-        plan.lowest_charge[0] = min(plan.lowest_charge[0], level)
-    plan.end_charge[0] = level
-    if plan.stops[0] > 0:
-        scratch.count.plans[0] += 1
+        plan.lowest_charge = min(plan.lowest_charge, level)
+    plan.end_charge = level
+    if plan.stops > 0:
+        scratch.count.plans += 1
     add_detours(costs, battery, scratch, place, order)
-    return plan.cost[0]
+    return plan.cost
 
 
 @kernel
@@ -592,5 +592,5 @@ def is_low(battery, level, place):
         return True
     return (
         battery.policy == POLICY_THRESHOLD_REACHABLE
-        and level < battery.reach[battery.robot_type[0], place]
+        and level < battery.reach[battery.robot_type, place]
     )

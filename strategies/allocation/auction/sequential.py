@@ -51,7 +51,7 @@ def sequential(costs, battery, fleet, scratch, items, count, rule, epsilon, winn
             elif scratch.best[r] == item:
                 note_best(scratch, r, open_items)
     sold = np.int64(count) - open_items
-    scratch.count.messages[0] += scratch.count.bids[0] + sold
+    scratch.count.messages += scratch.count.bids + sold
     return sold
 
 
@@ -71,7 +71,7 @@ def by_arrival(costs, battery, fleet, scratch, items, count, rule, epsilon):
             award(costs, battery, fleet, scratch, robot, task)
             scratch.sold[k] = robot
             sold += 1
-    scratch.count.messages[0] += scratch.count.bids[0] + sold
+    scratch.count.messages += scratch.count.bids + sold
     return sold
 
 
@@ -99,7 +99,7 @@ def parallel(costs, battery, fleet, scratch, items, count, rule, epsilon):
             scratch.sold[k] = NIL
         else:
             sold += 1
-    scratch.count.messages[0] += scratch.count.bids[0] + sold
+    scratch.count.messages += scratch.count.bids + sold
     return sold
 
 
@@ -116,7 +116,7 @@ def assign_once(costs, battery, fleet, scratch, workspace, items, count, rule, e
         scratch.sold[k] = NIL
         for r in range(robots):
             offer = bid(costs, battery, fleet, scratch, r, np.int64(items[k]), rule, epsilon)
-            scratch.count.messages[0] += fleet.may_bid[r, items[k]]
+            scratch.count.messages += fleet.may_bid[r, items[k]]
             if turned:
                 workspace.cost[k, r] = offer
             else:
@@ -131,7 +131,7 @@ def assign_once(costs, battery, fleet, scratch, workspace, items, count, rule, e
         award(costs, battery, fleet, scratch, r, np.int64(items[k]))
         scratch.sold[k] = r
         given += 1
-    scratch.count.messages[0] += scratch.count.bids[0] + given
+    scratch.count.messages += scratch.count.bids + given
     return given
 
 
@@ -144,7 +144,7 @@ def begin(fleet, scratch, items, count):
         scratch.sold[k] = NIL
         scratch.needs_update[k] = 1
         for r in range(fleet.place.shape[0]):
-            scratch.count.messages[0] += fleet.may_bid[r, items[k]]
+            scratch.count.messages += fleet.may_bid[r, items[k]]
 
 
 @kernel
@@ -198,7 +198,7 @@ def bid(costs, battery, fleet, scratch, r, task, rule, epsilon):
     """The bid of robot r; INF_COST where it cannot or may not do the task."""
     if fleet.may_bid[r, task] == 0:
         return np.int64(INF_COST)
-    scratch.count.bids[0] += 1
+    scratch.count.bids += 1
     position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
     if cost >= INF_COST or fleet.cost[r] >= INF_COST:
         return np.int64(INF_COST)
@@ -220,13 +220,13 @@ def sum_of_arrivals(costs, battery, fleet, scratch, r, order, length):
     """Ticks until each task of a feasible list is done, added up."""
     quote_list(costs, battery, fleet, scratch, r, order, length)
     plan = scratch.plan
-    ticks, inside = costs.ticks[costs.robot_type[0]], costs.inside[costs.robot_type[0]]
+    ticks, inside = costs.ticks[costs.robot_type], costs.inside[costs.robot_type]
     now, total = np.int64(fleet.ready[r]), np.int64(0)
     here = np.int64(fleet.place[r])
     k = 0
     for i in range(length):
         task = np.int64(order[i])
-        while k < plan.stops[0] and plan.position[k] == i:
+        while k < plan.stops and plan.position[k] == i:
             at = np.int64(battery.charger[plan.charger[k]])
             now += ticks[here, at] + plan.duration[k] + plan.waited[k]
             here = at

@@ -51,7 +51,7 @@ class PairHeap(Struct, role=SCRATCH):
 
     key: Array = field("(h,) int64")
     tag: Array = field("(h,) int64")
-    size: Array = field("(1,) int64")
+    size: int = field("() int64")
 
 
 class Pairs(Struct, role=SCRATCH):
@@ -68,8 +68,8 @@ class GreedyState(Struct):
     active: int = field("int64", "robots that may have an order at once; NIL: all")
     parks: int = field("int64", "1: robots without an order drive home")
     storage: int = field("int64", "where pods are stored: its place among STORAGE_POLICIES")
-    keeps_off: Array = field(
-        "(1,) uint8", "1 = `active` keeps robots from open orders now", role=SCRATCH
+    keeps_off: int = field(
+        "() uint8", "1 = `active` keeps robots from open orders now", role=SCRATCH
     )
     open_orders: OpenOrders
     marks: OrderMarks
@@ -82,20 +82,20 @@ class GreedyState(Struct):
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     out, state = decisions.allocation, GreedyState.of(memory)
-    collect_seekers(view, batch, state.seekers, is_due(view, np.int64(batch.strategy[0])))
-    if state.seekers.count[0] > 0:
+    collect_seekers(view, batch, state.seekers, is_due(view, np.int64(batch.strategy)))
+    if state.seekers.count > 0:
         first = update_open_orders(view, state.open_orders)
         if state.open_orders.rest.shape[0]:
             weigh_rest(view, workspace, state.open_orders, first, state.rest)
         mark_orders(view, out, state.open_orders, state.marks, state.seekers)
         allowed = robots_allowed(view, state)
         match(view, workspace.stop, state, allowed)
-        state.keeps_off[0] = is_kept_off(state, allowed)
-    for k in range(batch.count[0]):
+        state.keeps_off = is_kept_off(state, allowed)
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         if places_load(batch.reason[k]):
             place_load(view, out, workspace, k, i, state.storage)
-    for k in range(state.seekers.count[0]):
+    for k in range(state.seekers.count):
         enter_decision(view, out, state, batch, np.int64(state.seekers.robot[k]))
     clear_candidates(state.marks, state.seekers)
 
@@ -115,7 +115,7 @@ def robots_allowed(view, state):
 def is_kept_off(state, allowed):
     """Whether `active` alone keeps robots from orders that are left; `allowed`: as for match."""
     left = np.int64(state.marks.count[1])
-    for k in range(state.seekers.count[0]):
+    for k in range(state.seekers.count):
         i = np.int64(state.seekers.robot[k])
         if state.pairs.place[i] != NIL:
             left -= 1
@@ -131,7 +131,7 @@ def enter_decision(view, out, state, batch, i):
         order = np.int64(state.open_orders.order[place])
         if order != view.robots.order[i]:
             take_order(view, out, k, i, order)
-    elif view.robots.order[i] == NIL and state.parks and state.keeps_off[0] == 0:
+    elif view.robots.order[i] == NIL and state.parks and state.keeps_off == 0:
         if batch.reason[k] != REASON_PERIODIC:
             out.command[k] = CMD_PARK
 
@@ -166,7 +166,7 @@ class Greedy(Strategy):
             active=NIL if parameters.active is None else parameters.active,
             parks=int(parameters.idle == "park"),
             storage=STORAGE_POLICIES.index(parameters.storage),
-            keeps_off=np.zeros(1, np.uint8),
+            keeps_off=0,
             open_orders=OpenOrders.sized(sizes),
             marks=OrderMarks.sized(sizes),
             seekers=Seekers.sized(sizes),
@@ -197,12 +197,12 @@ def most_open_orders(view):
 def match(view, stop, state, allowed):
     """Enter pairs; `allowed`: how many robots without an order may get one, NIL: all."""
     marks, seekers, pairs = state.marks, state.seekers, state.pairs
-    for k in range(seekers.count[0]):
+    for k in range(seekers.count):
         pairs.place[seekers.robot[k]] = NIL
-    state.heap.size[0] = 0
-    if seekers.count[0] == 0 or marks.count[1] == 0:
+    state.heap.size = 0
+    if seekers.count == 0 or marks.count[1] == 0:
         return
-    if seekers.count[0] <= marks.count[1]:
+    if seekers.count <= marks.count[1]:
         match_robots(view, stop, state, allowed)
     else:
         match_orders(view, stop, state, allowed)
@@ -212,10 +212,10 @@ def match(view, stop, state, allowed):
 def match_robots(view, stop, state, allowed):
     """Each robot searches its order."""
     marks, seekers, pairs, heap = state.marks, state.seekers, state.pairs, state.heap
-    for k in range(seekers.count[0]):
+    for k in range(seekers.count):
         if allowed != 0 or seekers.place[seekers.robot[k]] != NIL:
             search_order(view, stop, state, np.int64(seekers.robot[k]))
-    while heap.size[0] > 0 and stop[0] == 0:
+    while heap.size > 0 and stop[0] == 0:
         i = np.int64(view.robots.at_index[heap.tag[0] >> TAG_BITS])
         place = np.int64(pairs.candidate[i])
         drop_least(heap)
@@ -249,10 +249,10 @@ def match_orders(view, stop, state, allowed):
     enter_poses(seekers)
     if allowed == 0:
         leave_out_idle(seekers)
-    for place in range(state.open_orders.count[0]):
+    for place in range(state.open_orders.count):
         if marks.taken[place] == 0:
             search_robot(view, stop, state, place)
-    while heap.size[0] > 0 and stop[0] == 0:
+    while heap.size > 0 and stop[0] == 0:
         i = np.int64(view.robots.at_index[heap.tag[0] >> TAG_BITS])
         place = heap.tag[0] & TAG_MASK
         drop_least(heap)
@@ -270,7 +270,7 @@ def match_orders(view, stop, state, allowed):
 @kernel
 def leave_out_idle(seekers):
     """Robots that have no order get none."""
-    for k in range(seekers.count[0]):
+    for k in range(seekers.count):
         if seekers.place[seekers.robot[k]] == NIL:
             seekers.seeks[seekers.robot[k]] = 0
 
@@ -299,8 +299,8 @@ def swap(heap, a, b):
 
 @kernel
 def push_pair(heap, key, tag):
-    at = heap.size[0]
-    heap.size[0] = at + 1
+    at = heap.size
+    heap.size = at + 1
     heap.key[at] = key
     heap.tag[at] = tag
     while at > 0 and is_less(heap, at, (at - 1) >> 1):
@@ -311,8 +311,8 @@ def push_pair(heap, key, tag):
 @kernel
 def drop_least(heap):
     """Take the least pair out."""
-    last = heap.size[0] - 1
-    heap.size[0] = last
+    last = heap.size - 1
+    heap.size = last
     swap(heap, 0, last)
     at = 0
     while 2 * at + 1 < last:

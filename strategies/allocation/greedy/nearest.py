@@ -9,7 +9,6 @@ import numpy as np
 from automaton.strategy.api import (
     ACTION_MOVE,
     ACTION_TURN,
-    CLOCK_NEXT_RELEASE,
     GOAL_CHARGE,
     MAY_TURN,
     NIL,
@@ -49,8 +48,8 @@ class OpenOrders(Struct):
     """Orders that are known and not done."""
 
     order: Array = field("(p,) int32", "in the sequence of their releases")
-    count: Array = field("(1,) int64", "how many they are")
-    cursor: Array = field("(1,) int64", "entries of orders.release_sequence that were looked at")
+    count: int = field("() int64", "how many they are")
+    cursor: int = field("() int64", "entries of orders.release_sequence that were looked at")
     rest: Array = field(
         "(w,) int64",
         "by order: the cost of what follows on its first stop, and of its priority; (0,): none",
@@ -68,14 +67,14 @@ class OrderMarks(Struct, role=SCRATCH):
     place: Array = field("(k,) int32", "of the order")
     cell: Array = field("(k,) int32")
     count: Array = field("(2,) int64", "marks; orders")
-    least_rest: Array = field("(1,) int64", "the least of what follows on a first stop")
+    least_rest: int = field("() int64", "the least of what follows on a first stop")
 
 
 class Seekers(Struct, role=SCRATCH):
     """The robots that may get an order now; by storage index but for `robot`."""
 
     robot: Array = field("(robots,) int32", "storage indices")
-    count: Array = field("(1,) int64")
+    count: int = field("() int64")
     entry: Array = field("(robots,) int32", "its place in the batch")
     seeks: Array = field("(robots,) uint8", "1 = it is one of them; zero between calls")
     pose: Array = field(
@@ -91,19 +90,19 @@ class Seekers(Struct, role=SCRATCH):
 def update_open_orders(view, open_orders):
     """Leave out what is done, and add what was released; returns the first place of that."""
     count = 0
-    for place in range(open_orders.count[0]):
+    for place in range(open_orders.count):
         order = open_orders.order[place]
         if view.orders.state[order] != ORDER_DELIVERED:
             open_orders.order[count] = order
             count += 1
     first = count
-    for k in range(open_orders.cursor[0], view.clock[CLOCK_NEXT_RELEASE]):
+    for k in range(open_orders.cursor, view.clock.next_release):
         order = np.int64(view.orders.release_sequence[k])
         if order != NIL and view.orders.state[order] != ORDER_DELIVERED:
             open_orders.order[count] = order
             count += 1
-    open_orders.cursor[0] = view.clock[CLOCK_NEXT_RELEASE]
-    open_orders.count[0] = count
+    open_orders.cursor = view.clock.next_release
+    open_orders.count = count
     return first
 
 
@@ -117,7 +116,7 @@ def weigh_rest(view, workspace, open_orders, first, weight):
     """
     orders = view.orders
     carries_pods = view.trips.pod.shape[0] > 0
-    for place in range(0 if carries_pods else first, open_orders.count[0]):
+    for place in range(0 if carries_pods else first, open_orders.count):
         order = np.int64(open_orders.order[place])
         ticks, stop = np.int64(0), np.int64(orders.first_stop[order])
         pod_cell = NIL
@@ -161,13 +160,13 @@ def rest_of(open_orders, order):
 def collect_seekers(view, batch, seekers, again):
     """List the robots of a batch that may get an order; `again`: and those that have not begun theirs."""
     robots, headings = view.robots, view.grid.headings
-    seekers.count[0] = 0
-    for k in range(batch.count[0]):
+    seekers.count = 0
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         if not may_seek(view, i, batch.reason[k], again):
             continue
-        seekers.robot[seekers.count[0]] = i
-        seekers.count[0] += 1
+        seekers.robot[seekers.count] = i
+        seekers.count += 1
         seekers.entry[i] = k
         seekers.seeks[i] = 1
         seekers.pose[i] = first_cell(robots, i) * headings + robots.heading[i]
@@ -194,9 +193,9 @@ def may_seek(view, i, reason, again):
 def mark_orders(view, out, open_orders, marks, seekers):
     """Mark the orders that wait and are free, or are those of robots that seek."""
     marks.count[:] = 0
-    marks.least_rest[0] = 1 << 50
-    for back in range(open_orders.count[0]):
-        place = open_orders.count[0] - 1 - back  # the marks of a cell begin with the earliest
+    marks.least_rest = 1 << 50
+    for back in range(open_orders.count):
+        place = open_orders.count - 1 - back  # the marks of a cell begin with the earliest
         order = np.int64(open_orders.order[place])
         marks.taken[place] = 1
         if view.orders.state[order] != ORDER_WAITING or out.order_taken[order]:
@@ -212,7 +211,7 @@ def mark_orders(view, out, open_orders, marks, seekers):
                 seekers.place[i] = place
         marks.taken[place] = 0
         marks.count[1] += 1
-        marks.least_rest[0] = min(marks.least_rest[0], rest_of(open_orders, order))
+        marks.least_rest = min(marks.least_rest, rest_of(open_orders, order))
         if not has_load(view.orders, order):
             mark(marks, next_stop_cell(view, order), place)
         else:
@@ -251,8 +250,8 @@ def mark(marks, cell, place):
 @kernel
 def enter_poses(seekers):
     """Enter the robots that seek at their poses, of each pose the least identity first."""
-    for k in range(seekers.count[0]):
-        i = np.int64(seekers.robot[seekers.count[0] - 1 - k])  # the batch is sorted by identity
+    for k in range(seekers.count):
+        i = np.int64(seekers.robot[seekers.count - 1 - k])  # the batch is sorted by identity
         seekers.following[i] = seekers.head[seekers.pose[i]]
         seekers.head[seekers.pose[i]] = i
 
@@ -262,7 +261,7 @@ def clear_candidates(marks, seekers):
     """Leave nothing behind for the next call."""
     for k in range(marks.count[0]):
         marks.head[marks.cell[k]] = NIL
-    for k in range(seekers.count[0]):
+    for k in range(seekers.count):
         i = seekers.robot[k]
         seekers.head[seekers.pose[i]] = NIL
         seekers.seeks[i] = 0
@@ -284,8 +283,8 @@ class PairSearch(Struct, role=SCRATCH):
     """Buckets, and what has been reached."""
 
     reached: Array = field("(P,) int64", "by pose: number of the search << 32 | cost")
-    number: Array = field("(1,) int64", "searches so far")
-    poses: Array = field("(1,) int64", "poses expanded so far: what searches have cost")
+    number: int = field("() int64", "searches so far")
+    poses: int = field("() int64", "poses expanded so far: what searches have cost")
     bucket: Array = field(
         "(power of two,) int32",
         "the first entry of a cost, modulo their number; NIL between searches",
@@ -293,7 +292,7 @@ class PairSearch(Struct, role=SCRATCH):
     )
     pose: Array = field("(E,) int32", "of an entry")
     following: Array = field("(E,) int32", "the next entry of its bucket, or NIL")
-    entries: Array = field("(1,) int64")
+    entries: int = field("() int64")
     found: Array = field("(2,) int64", "cost, and place of the order or storage index of the robot")
 
 
@@ -307,13 +306,13 @@ def find_order(view, stop, search, open_orders, marks, seekers, i):
     delay = TICK_COST * seekers.delay[i]
     cost = next_cost(search, 0)
     while cost != NIL and stop[0] == 0:
-        if 2 * (TICK_COST * cost + delay + marks.least_rest[0]) > search.found[0]:
+        if 2 * (TICK_COST * cost + delay + marks.least_rest) > search.found[0]:
             break
         pose = next_pose(search, cost)
         if pose == NIL:
             cost = next_cost(search, cost)
             continue
-        search.poses[0] += 1
+        search.poses += 1
         cell = pose >> shift
         if marks.head[U(cell)] != NIL:
             look_at_marks(
@@ -430,7 +429,7 @@ def search_back(view, stop, search, open_orders, seekers, robot_type, order, pla
         if pose == NIL:
             cost = next_cost(search, cost)
             continue
-        search.poses[0] += 1
+        search.poses += 1
         i = np.int64(seekers.head[pose])
         while i != NIL:
             fits = seekers.seeks[i] and view.robots.type[i] == robot_type
@@ -473,8 +472,8 @@ def go_back(view, search, robot_type, cell, heading, cost):
 
 @kernel
 def begin(search):
-    search.number[0] += 1
-    search.entries[0] = 0
+    search.number += 1
+    search.entries = 0
     search.found[0] = NO_CANDIDATE
     search.found[1] = NIL
 
@@ -483,12 +482,12 @@ def begin(search):
 def reach(search, pose, cost):
     """Enter a pose into the bucket of a cost unless it was reached cheaper."""
     before = search.reached[U(pose)]
-    number = search.number[0]
+    number = search.number
     if before >> COST_BITS == number and before & COST_MASK <= cost:
         return
     search.reached[U(pose)] = (number << COST_BITS) | cost
-    entry = search.entries[0]
-    search.entries[0] = entry + 1
+    entry = search.entries
+    search.entries = entry + 1
     at = U(cost & (search.bucket.shape[0] - 1))
     search.pose[U(entry)] = pose
     search.following[U(entry)] = search.bucket[at]

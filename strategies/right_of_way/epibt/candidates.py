@@ -10,7 +10,6 @@ that is in the way of another would rather end in another cell.
 import numpy as np
 
 from automaton.strategy.api import (
-    CLOCK_TICK,
     GOAL_NONE,
     GOAL_PARK,
     NIL,
@@ -82,7 +81,7 @@ def rank_candidates(view, workspace, state, i, stall):
         draw = splitmix64(np.uint64(view.rules.seed) ^ number)
         state.sequence_key[i] = np.int64(draw % np.uint64(FIRST_IDLE_KEY))
     elif state.oldest_first or stall:
-        age = view.clock[CLOCK_TICK] - state.idle_since[i]
+        age = view.clock.tick - state.idle_since[i]
         state.sequence_key[i] = max(FIRST_IDLE_KEY - 1 - age, 0)
     else:
         state.sequence_key[i] = min(way, FIRST_IDLE_KEY - 1)
@@ -455,7 +454,7 @@ def is_coming_from(state, robot, cell, tick):
 @kernel
 def may_push(state, root, u, repairs):
     """Return whether the chain of `root` may push robot u."""
-    stamp = state.stamp[0]
+    stamp = state.stamp
     if state.is_fixed[u] or state.settled[u] == stamp:
         return False
     if state.visit_stamp[u] == stamp and state.visits[u] >= state.visits_allowed:
@@ -466,7 +465,7 @@ def may_push(state, root, u, repairs):
 @kernel
 def append_to_chain(state, top, i):
     """Robot i, whose path has been taken out, comes next in the chain."""
-    stamp = state.stamp[0]
+    stamp = state.stamp
     state.chain_robot[top] = i
     state.chain_tried[top] = 0
     state.chain_plan[top] = state.plan[i]

@@ -14,8 +14,6 @@ from typing import ClassVar
 import numpy as np
 
 from automaton.strategy.api import (
-    CLOCK_COARSE_TICK,
-    CLOCK_TICK,
     CMD_GO,
     CMD_HOLD,
     GOAL_NONE,
@@ -82,7 +80,7 @@ def decide(view, batch, decisions, memory, workspace):
     count_callers(view, state.service_areas)
     count = steer_robots(view, batch, state)
     inherit_plans(view, state)
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         if waits_in_bay(view, i):
             enter_floor(view, state, i)
@@ -137,7 +135,7 @@ def steer_robots(view, batch, state):
     for i in range(robots.cell.shape[0]):
         look_where_it_is(view, state, i)
         state.is_fixed[i] = state.delay[i] == 0 or robots.status[i] != STATUS_UP
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         note_finished_goal(view, state, i)
         state.is_fixed[i] = 0
@@ -171,7 +169,7 @@ def note_finished_goal(view, state, i):
     if goal == state.last_goal[i]:
         return
     if state.last_goal[i] == 0 or state.last_goal[i] == view.robots.cell[i] + 1:
-        state.idle_since[i] = view.clock[CLOCK_TICK]
+        state.idle_since[i] = view.clock.tick
     state.last_goal[i] = goal
 
 
@@ -239,7 +237,7 @@ def enter_floor(view, state, i):
     home = np.int64(robots.home[i])
     if gate_before(view, i, home) != NIL:
         return False
-    if not is_empty(view.traffic, home, 0, view.clock[CLOCK_TICK]):
+    if not is_empty(view.traffic, home, 0, view.clock.tick):
         return False
     for tick in range(state.ticks):
         if state.occupied[home, tick] != NIL:
@@ -292,8 +290,8 @@ def choose_plans(state, count):
     Where actions take several ticks, one that was pushed in vain has not: it may be on its way out, and
     only too late for the robot that pushed it.
     """
-    state.stamp[0] += 1
-    stamp = state.stamp[0]
+    state.stamp += 1
+    stamp = state.stamp
     for place in range(count):
         i = np.int64(state.sequence[place])
         if state.sequence_key[i] == LAST_KEY:
@@ -313,12 +311,12 @@ def repair_plans(view, state, count):
         i = np.int64(state.sequence[place])
         power = ((count - place) << POWER_BITS) // count
         state.power[i] = power * power if state.sequence_key[i] != LAST_KEY else 0
-    seed, tick = view.rules.seed, view.clock[CLOCK_COARSE_TICK]
+    seed, tick = view.rules.seed, view.clock.coarse_tick
     for number in range(count * state.repair_tries):
         place = random_between(0, count - 1, seed, STREAM_PLAN_REPAIRS, tick, number)
         i = np.int64(state.steered[place])
         if state.sequence_key[i] != LAST_KEY:
-            state.stamp[0] += 1
+            state.stamp += 1
             build(state, i, True)
 
 
@@ -329,7 +327,7 @@ def repair_plans(view, state, count):
 def give_commands(view, batch, decisions, state):
     """Answer with the first actions of all plans."""
     out, robots = decisions.right_of_way, view.robots
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         if waits_in_bay(view, i):
             at_gate = gate_before(view, i, np.int64(robots.home[i])) != NIL

@@ -220,7 +220,7 @@ class EpibtState(Struct):
     sorted_count: Array = field("(n,) int32", "this", role=SCRATCH)
     cost: Array = field("(n,) int64", "of its plan", role=SCRATCH)
     power: Array = field("(n,) int64", "what its cost counts in repairs", role=SCRATCH)
-    stamp: Array = field("(1,) int64", "number of this round of plans", role=SCRATCH)
+    stamp: int = field("() int64", "number of this round of plans", role=SCRATCH)
     visit_stamp: Array = field("(n,) int64", "round in which it was last visited", role=SCRATCH)
     visits: Array = field("(n,) int32", "how often in that round", role=SCRATCH)
     settled: Array = field("(n,) int64", "round in which its plan was settled", role=SCRATCH)

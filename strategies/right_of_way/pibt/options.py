@@ -7,8 +7,6 @@ from automaton.strategy.api import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_TURN,
-    CLOCK_COARSE_TICK,
-    CLOCK_TICK,
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,
@@ -203,10 +201,7 @@ def rank_options(view, state, workspace, i):
     state.asks[U(i)] = 0
     draws = splitmix64(
         np.uint64(view.rules.seed)
-        ^ (
-            np.uint64(view.clock[CLOCK_COARSE_TICK]) << np.uint64(32)
-            | np.uint64(robots.identity[U(i)])
-        )
+        ^ (np.uint64(view.clock.coarse_tick) << np.uint64(32) | np.uint64(robots.identity[U(i)]))
     )
     east, a = key_of(view, state, i, 0, draws)
     south, b = key_of(view, state, i, 1, draws)
@@ -344,7 +339,7 @@ def is_beside_fixed(view, state, i):
 def ticks_until_free(view, state, i, cell, direction):
     """Ticks until a robot that does not choose makes way to robot i in a cell, 0 without one."""
     if has_gates(view) and closed_until(view, cell, True):
-        return closed_until(view, cell, True) - view.clock[CLOCK_TICK]
+        return closed_until(view, cell, True) - view.clock.tick
     if state.holds_fixed[U(cell)] == 0:
         return np.int64(0)
     u = holder_of(view, cell, direction)
@@ -358,7 +353,7 @@ def remaining_ticks(view, state, u):
     """Ticks until robot u, which does not take part in this tick's decisions, leaves its cell."""
     robots = view.robots
     if robots.status[u] > STATUS_EXHAUSTED:
-        until = np.int64(robots.status_until[u]) - view.clock[CLOCK_TICK]
+        until = np.int64(robots.status_until[u]) - view.clock.tick
         return until if 0 < until < LONG_WAIT else LONG_WAIT
     if robots.busy[u] or state.mode[u] == MODE_LEAVING:
         return np.int64(robots.busy[u])
@@ -416,7 +411,7 @@ def compare_detours(view, state, workspace, i, here, costs):
 
 @kernel
 def is_on_detour(view, state, i):
-    return state.detour_until[U(i)] > view.clock[CLOCK_TICK]
+    return state.detour_until[U(i)] > view.clock.tick
 
 
 @kernel
@@ -439,7 +434,7 @@ def begin_detour(view, state, i, cost, wait):
         state.detour_cell[U(i)] = view.robots.cell[U(i)]
         state.detour_goal[U(i)] = view.robots.goal_cell[U(i)]
         state.detour_cost[U(i)] = cost
-    until = view.clock[CLOCK_TICK] + wait
+    until = view.clock.tick + wait
     state.detour_until[U(i)] = max(np.int64(state.detour_until[U(i)]), until)
 
 
@@ -448,7 +443,7 @@ def wait_for_return(view, state, i, to):
     """Ticks that going back to the cell that robot i left on a detour costs it."""
     if not is_on_detour(view, state, i) or to != state.detour_from[U(i)]:
         return np.int64(0)
-    return state.detour_until[U(i)] - view.clock[CLOCK_TICK]
+    return state.detour_until[U(i)] - view.clock.tick
 
 
 @kernel

@@ -21,7 +21,6 @@ import numpy as np
 from automaton.strategy.api import (
     ACTION_GATE,
     ACTION_TURN,
-    CLOCK_TICK,
     CMD_GO,
     CMD_HOLD,
     FOLLOWING_CONVOY,
@@ -169,7 +168,7 @@ class Pibt(Strategy):
 def look_at_robots(view, batch, state):
     """Who takes part, who is on the way to which cell, and who is in which dead end or wants into it."""
     robots, limited = view.robots, view.rules.radius != NIL
-    state.calls[0] += 1
+    state.calls += 1
     empty_dead_ends(state)
     count_callers(view, state.service_areas)
     for i in range(robots.cell.shape[0]):
@@ -186,7 +185,7 @@ def look_at_robots(view, batch, state):
             let_choose(view, state, i)
         if sees_plans:
             state.turning[i] = state.begun[i]
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         let_choose(view, state, np.int64(batch.robot[k]))
 
 
@@ -301,8 +300,8 @@ def list_robots_in_sight(view, batch, decisions, state):
     """
     robots, own = view.robots, np.int64(batch.robot[0])
     if has_finished(view, state, own) or state.since[own] == 0:
-        state.since[own] = view.clock[CLOCK_TICK]
-    age = view.clock[CLOCK_TICK] - state.since[own]
+        state.since[own] = view.clock.tick
+    age = view.clock.tick - state.since[own]
     decisions.right_of_way.priority[0] = min(age, MAX_PRIORITY)
     count = 0
     for i in range(robots.cell.shape[0]):
@@ -459,7 +458,7 @@ def leave_bay(view, state, i):
 @kernel
 def give_commands(view, batch, decisions, state):
     out, robots = decisions.right_of_way, view.robots
-    for k in range(batch.count[0]):
+    for k in range(batch.count):
         i = np.int64(batch.robot[k])
         if state.mode[i] != MODE_DECIDED:
             continue

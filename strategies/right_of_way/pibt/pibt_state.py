@@ -83,7 +83,7 @@ class PibtState(Struct):
     )
     service_areas: ServiceAreas
     stall: Array = field("(s,) int64", "which round of a stall it is, or 0")
-    calls: Array = field("(s,) int64", "how often it has decided, one number", role=SCRATCH)
+    calls: int = field("() int64", "how often it has decided", role=SCRATCH)
     in_sight: Array = field(
         "(n,) int64", "with limited sight: who chooses, those first in the lowest", role=SCRATCH
     )
@@ -144,7 +144,7 @@ def own_resource(view, i):
 @kernel
 def reserve(state, resource, i):
     if resource != NIL:
-        state.reserved[U(resource)] = (state.calls[0] << 32) | i
+        state.reserved[U(resource)] = (state.calls << 32) | i
 
 
 @kernel
@@ -153,7 +153,7 @@ def reserver_of(state, resource):
     if resource == NIL:
         return np.int64(NIL)
     word = state.reserved[U(resource)]
-    return word & 0xFFFFFFFF if word >> 32 == state.calls[0] else np.int64(NIL)
+    return word & 0xFFFFFFFF if word >> 32 == state.calls else np.int64(NIL)
 
 
 @kernel

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from drawn_scenes import scene
 
-from automaton.engine.state import BATTERY_FULL, CLOCK_TICK, LAYER_ALLOCATION, NIL, ORDER_DELIVERED
+from automaton.engine.state import BATTERY_FULL, LAYER_ALLOCATION, NIL, ORDER_DELIVERED
 from automaton.errors import InputError
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import metrics_of
@@ -184,7 +184,7 @@ def test_a_schedule_goes_evenly_from_one_epsilon_to_another() -> None:
     strategy: Any = run.strategies[LAYER_ALLOCATION]
     found = []
     for tick in (0, 500, 1000, 9000):
-        run.world.clock[CLOCK_TICK] = tick
+        run.world.clock.tick = tick
         found.append(strategy._epsilon(run.view, 1, 1))
     assert found == [200, 400, 600, 600]
 
@@ -212,15 +212,15 @@ def test_a_token_is_passed_on_after_each_auction_and_a_term_after_its_ticks() ->
     held = set()
     for until in range(1, 900, 10):
         run.run(until=until)
-        assert state.auctioneer[0] == state.rounds[0] % 4
-        held.add(int(state.auctioneer[0]))
+        assert state.auctioneer == state.rounds % 4
+        held.add(int(state.auctioneer))
     assert held == {0, 1, 2, 3}
     run = auction("auctioneer: time, auctioneer_term: 250", FIFTY)
     state = run.states[LAYER_ALLOCATION]
     for tick in range(1, 1200):
-        rounds = int(state.rounds[0])
+        rounds = int(state.rounds)
         run.run(until=tick)
-        assert state.rounds[0] == rounds or state.auctioneer[0] == tick // 250 % 4
+        assert state.rounds == rounds or state.auctioneer == tick // 250 % 4
 
 
 def test_fixed_auctioneers_sell_the_orders_nearest_to_them() -> None:

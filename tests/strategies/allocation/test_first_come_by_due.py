@@ -143,7 +143,7 @@ def test_each_order_is_looked_at_a_few_times_however_many_wait() -> None:
     run = Simulation(corridor(lines, fleet=fleet))
     run.run(until=200)
     queue = run._states[LAYER_ALLOCATION].queue
-    assert queue.size[0] > 0 and queue.looked[0] <= 4 * len(lines)
+    assert queue.size[0] > 0 and queue.looked <= 4 * len(lines)
 
 
 def test_what_there_is_to_go_by_is_named() -> None:

@@ -15,7 +15,6 @@ from drawn_scenes import recorded_run, scene
 from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_TURN,
-    CLOCK_TICK,
     GOAL_PARK,
     MAY_TURN,
     NIL,
@@ -90,7 +89,7 @@ def test_without_orders_robots_park_or_stay() -> None:
     for idle, cell in (("park", 0), ("stay", 3)):
         resolved = greedy(".....", [(0, 0)], orders, idle=idle)
         run = Simulation(resolved)
-        run.world.clock[2] += 1  # one order more, which never comes: the run goes on
+        run.world.clock.undelivered += 1  # one order more, which never comes: the run goes on
         run.run(until=20)
         assert resolved.floor_plan.xy(int(run.world.robots.cell[0])) == (cell, 0)
 
@@ -289,7 +288,7 @@ def test_how_robots_are_stored_does_not_matter() -> None:
         order = None if storage is None else np.array(storage, np.int32)
         run = Simulation(resolved, 7, storage=order)
         run.run(until=300)
-        digests.add((run.digest, int(run.world.clock[CLOCK_TICK])))
+        digests.add((run.digest, int(run.world.clock.tick)))
     assert len(digests) == 1
 
 

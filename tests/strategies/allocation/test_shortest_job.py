@@ -6,7 +6,7 @@ import numpy as np
 from example_counts import examples
 from pod_floors import drawn_pods
 
-from automaton.engine.state import CLOCK_FIRST_OPEN, CLOCK_KNOWN_ORDERS, NIL
+from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.strategy.placing import is_open
@@ -32,7 +32,7 @@ def test_no_open_order_scores_higher() -> None:
         for i in np.flatnonzero((world.robots.cell != NIL) & (world.robots.load == NIL)):
             worth = {
                 order: (int(world.orders.priority[order]), score(*asked, WORST), -order)
-                for order in range(*world.clock[[CLOCK_FIRST_OPEN, CLOCK_KNOWN_ORDERS]])
+                for order in range(world.clock.first_open, world.clock.known_orders)
                 if is_open(world, out, i, order)
                 for asked in [(world, run.workspace, state, i, order)]
             }

@@ -38,7 +38,7 @@ def test_one_stop_is_the_best_of_all_positions_and_chargers() -> None:
     seen = 0
     for case in short_of_energy(800, seed=1):
         *_, fleet, scratch = market_of(case)
-        if scratch.plan.stops[0] != 1 or fleet.cost[0] >= INF_COST:
+        if scratch.plan.stops != 1 or fleet.cost[0] >= INF_COST:
             continue
         best = best_single(case)
         assert best is not None
@@ -53,7 +53,7 @@ def test_several_stops_are_the_best_of_all_sequences_of_three() -> None:
     several = infeasible = 0
     for case in short_of_energy(150, seed=2, chargers=2):
         *_, fleet, scratch = market_of(case)
-        if scratch.plan.stops[0] > 3:
+        if scratch.plan.stops > 3:
             continue
         best = best_ticks(case, 3)
         if best is None:
@@ -61,7 +61,7 @@ def test_several_stops_are_the_best_of_all_sequences_of_three() -> None:
             infeasible += 1
             continue
         assert best == fleet.cost[0]
-        several += scratch.plan.stops[0] > 1
+        several += scratch.plan.stops > 1
     assert several >= 15
     assert infeasible >= 10
 
@@ -73,17 +73,17 @@ def test_no_charging_where_none_is_needed() -> None:
         direct = ticks_of(case, ())
         if direct is not None:
             *_, fleet, scratch = market_of(case)
-            assert (fleet.cost[0], scratch.plan.stops[0]) == (direct[0], 0)
+            assert (fleet.cost[0], scratch.plan.stops) == (direct[0], 0)
 
 
 def check_figures(case: Situation, plan: ChargingPlan, target: int | None = None) -> None:
     """What the plan says of itself adds up."""
     path = [case.start, *case.stops]
     direct = sum(case.between[a][b] for a, b in itertools.pairwise(path))
-    assert plan.cost[0] == direct + plan.net[0]
-    assert plan.lowest_charge[0] >= case.reserve
-    assert plan.end_charge[0] >= case.reserve
-    assert plan.gross[0] >= plan.net[0] >= plan.charging[0] + plan.charger_wait[0]
+    assert plan.cost == direct + plan.net
+    assert plan.lowest_charge >= case.reserve
+    assert plan.end_charge >= case.reserve
+    assert plan.gross >= plan.net >= plan.charging + plan.charger_wait
 
 
 @pytest.mark.parametrize("policy", [POLICY_HIERARCHICAL, POLICY_FILL_UP])
@@ -103,7 +103,7 @@ def test_with_a_taper_one_stop_is_the_best_by_the_curve() -> None:
         *_, fleet, scratch = market_of(case)
         best = best_single(case)
         if best is None:
-            assert scratch.plan.stops[0] != 1
+            assert scratch.plan.stops != 1
             continue
         done = ticks_of(case, best)
         assert done is not None and done[0] == fleet.cost[0]
@@ -177,7 +177,7 @@ def test_threshold_charges_fully_at_the_nearest_charger(policy: int) -> None:
         ticks, lowest, stops = threshold_by_hand(
             case, 200_000_000, policy == POLICY_THRESHOLD_REACHABLE
         )
-        assert scratch.plan.lowest_charge[0] == lowest
+        assert scratch.plan.lowest_charge == lowest
         assert [position for position, _ in stops_of(scratch)] == stops
         assert fleet.cost[0] == (INF_COST if lowest < 0 else ticks)
         stopped += bool(stops)
@@ -262,11 +262,11 @@ def test_on_every_variant_of_the_floor_plans_are_those_of_trying_everything() ->
             drawn = random_situation(rng)
             case = Situation(**vars(drawn) | {"between": between})
             *_, fleet, scratch = market_of(case)
-            if fleet.cost[0] < INF_COST and scratch.plan.stops[0] <= 1:
+            if fleet.cost[0] < INF_COST and scratch.plan.stops <= 1:
                 done = ticks_of(case, best_single(case) or ())
                 assert done is not None and done[0] == fleet.cost[0]
                 assert stops_of(scratch) == best_single(case)
-                stopped += scratch.plan.stops[0]
+                stopped += scratch.plan.stops
             elif fleet.cost[0] >= INF_COST:
                 assert best_single(case) is None
     assert stopped > 100

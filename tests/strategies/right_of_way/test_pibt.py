@@ -15,7 +15,6 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_WAIT,
-    CLOCK_UNPARKED,
     GOAL_CHARGE,
     GOAL_NONE,
     LAYER_RIGHT_OF_WAY,
@@ -46,7 +45,7 @@ def drive(picture, ticks=40, **options):
         robots.busy[run.index(name)], robots.action[run.index(name)] = left, ACTION_WAIT
     for name in parked:
         robots.parked[run.index(name)] = 1
-        run.world.clock[CLOCK_UNPARKED] -= 1
+        run.world.clock.unparked -= 1
     arrived = {}
     for tick in range(1, ticks + 1):
         run.tick()

@@ -18,7 +18,7 @@ from reference_paths import FAR, Ways
 
 from automaton.engine.state import NIL
 from automaton.floor.drawn_floors import draw_floor
-from strategies.routing.astar import OPEN_COST, OPEN_EXPANDED, OPEN_STAMP, TIES, RouteSpace, astar
+from strategies.routing.astar import TIES, RouteSpace, astar
 
 PLAIN_RULES = ("fifo", "larger_g")  # those that need no draw
 
@@ -45,7 +45,7 @@ def found(
             closed is not None,
             steps,
         )
-    return None if length == NIL else (int(workspace.state[OPEN_COST]), steps[:length].tolist())
+    return None if length == NIL else (int(workspace.state.cost), steps[:length].tolist())
 
 
 @settings(max_examples=examples(100))
@@ -105,7 +105,7 @@ def test_what_was_searched_before_decides_nothing(case: Case, ties: str) -> None
     workspace = case.built()[2]
     for target in case.ways.cells()[:5]:
         found(case._replace(target=target), "fifo", workspace=workspace)
-    workspace.state[OPEN_STAMP] = 1  # the last stamp: the one after it starts afresh
+    workspace.state.stamp = 1  # the last stamp: the one after it starts afresh
     assert [found(case, ties, workspace=workspace) for _ in range(3)] == [first] * 3
 
 
@@ -144,7 +144,7 @@ def test_the_larger_g_looks_at_fewer_cells() -> None:
     for ties in PLAIN_RULES:
         workspace = case.built()[2]
         found(case, ties, workspace=workspace)
-        expanded[ties] = workspace.state[OPEN_EXPANDED]
+        expanded[ties] = workspace.state.expanded
     assert expanded == {"fifo": 400, "larger_g": 39}
 
 
@@ -163,7 +163,7 @@ def test_a_path_that_does_not_fit_is_cut() -> None:
     with np.errstate(over="ignore"):
         arguments = (floor.grid.read_only(), 0, duration, workspace, 0, np.uint64(1))
         assert astar(*arguments, case.start_pose(), case.target, False, steps) == 3
-    assert workspace.state[OPEN_COST] == 5
+    assert workspace.state.cost == 5
 
 
 @pytest.mark.parametrize("ties", TIES)

@@ -111,9 +111,9 @@ def test_a_tip_is_given_if_a_partner_takes_it(seed: int, all_pairs: bool) -> Non
     for a, b in ((0, 1), (1, 2), (2, 0)):
         if not annealing.facing_tips(roads, rules, design, workspace, a, b):
             continue
-        drawn_before = int(workspace.drawn[0])
+        drawn_before = int(workspace.drawn)
         tip = int(annealing.random_tip(workspace, a, b, np.uint64(seed), 0))
-        workspace.drawn[0] = drawn_before
+        workspace.drawn = drawn_before
         given_away = annealing.give_random_tip(
             roads, rules, design, workspace, a, b, np.uint64(seed), 0
         )

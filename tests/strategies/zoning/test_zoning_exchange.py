@@ -137,6 +137,6 @@ def test_removing_keeps_the_rest_a_partition(seed: int, station: int) -> None:
     if len(before[zone]) > 1 and remove(roads, design, workspace, station, (zone + 1) % 3):
         after = stations(design)
         assert after[zone] == before[zone] - {station + 1}
-        assert design.owner[: design.segments[0]].tolist().count(zone) == len(after[zone]) - 1
-        for m in range(int(design.segments[0])):
+        assert design.owner[: design.segments].tolist().count(zone) == len(after[zone]) - 1
+        for m in range(int(design.segments)):
             assert roads.point[station] not in design.path[m, : design.points[m]]

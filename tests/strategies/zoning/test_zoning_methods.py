@@ -151,7 +151,7 @@ def test_breeding_ends_where_no_zone_has_a_station_to_give() -> None:
     genetic.evolve(
         roads, rules, flow, *limits, herd, design, workspace, everyone(8), np.uint64(1), 0
     )
-    assert workspace.drawn[0] - DRAWS_GENETIC < 4_000_000, (
+    assert workspace.drawn - DRAWS_GENETIC < 4_000_000, (
         "500 tries to mutate each child are 36 million"
     )
 
@@ -206,7 +206,7 @@ def test_a_turn_never_ends_worse_than_it_began(busy: dict[str, Any]) -> None:
 def test_after_a_turn_parts_are_queued_by_the_new_design(busy: dict[str, Any]) -> None:
     turn(busy, 2, 20.0, seed=3)
     parts, design = busy["parts"], busy["design"]
-    for k in range(int(parts.count[0])):
+    for k in range(int(parts.count)):
         if parts.stop[k] != parts.to[k]:
             assert design.transfer[parts.zone[k], :, parts.stop[k]].any()
 

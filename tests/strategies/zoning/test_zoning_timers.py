@@ -7,7 +7,6 @@ from typing import Any
 
 import pytest
 
-from automaton.engine.state import CLOCK_TICK, CLOCK_ZONES_REDESIGNED
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from strategies.zoning import monitored
@@ -37,12 +36,12 @@ def watched(
 
     def look(self: Any, view: Any, *rest: Any) -> None:
         nonlocal now
-        now = int(view.clock[CLOCK_TICK])
+        now = int(view.clock.tick)
         log.looks.append(now)
         usual_look(self, view, *rest)
 
     def share(view: Any, *_: Any) -> int:
-        log.shares.append(int(view.clock[CLOCK_TICK]))
+        log.shares.append(int(view.clock.tick))
         return 0
 
     def flow(view: Any, window: int, tick: int, found: Any) -> int:
@@ -60,7 +59,7 @@ def watched(
     )
     while run.tick < until:
         run.run(until=run.tick + 1)
-        if run.tick > 1 and run.world.clock[CLOCK_ZONES_REDESIGNED] == run.tick:
+        if run.tick > 1 and run.world.clock.zones_redesigned == run.tick:
             log.redesigns.append(run.tick)
     return log
 

@@ -136,7 +136,7 @@ def test_exchanges_of_a_leader_keep_to_what_robots_serve_and_to_priority() -> No
         find_loads(roads, rules, training_flow(), 0, design, workspace)
         find_transfers(roads, rules, design, workspace, everyone(3))
         parts = parts_for(17)
-        parts.count[0] = 17
+        parts.count = 17
         parts.at[:], parts.to[:] = range(17), range(1, 18)
         parts.zone[:], parts.stop[:] = design.zone[:17], parts.to
         for turn in range(6):

@@ -87,14 +87,14 @@ def test_one_run_and_equal_runs() -> None:
     assert mean_interval([7.0]).low is None
     assert mean_interval([7.0]).warning == "one run gives no interval"
     assert mean_interval([7.0, 7.0])[:3] == (7.0, 7.0, 7.0)
-    assert "all runs gave the same" in mean_interval([7.0] * 100).warning
+    assert "all runs have the same value" in mean_interval([7.0] * 100).warning
     assert skewness([7.0, 7.0, 7.0]) == 0
 
 
 def test_runs_without_spread_have_the_p_of_a_permutation_and_a_warning() -> None:
     for paired, p in ((False, 2 / 6), (True, 2 / 4)):
         found = effect([1.0, 1.0], [2.0, 2.0], paired)
-        assert found.p == pytest.approx(p) and "gave the same" in found.difference.warning
+        assert found.p == pytest.approx(p) and "have the same value" in found.difference.warning
     # Its reverse is not an arrangement.
     assert effect([1.0] * 3, [2.0] * 5).p == pytest.approx(1 / 56)
     assert effect([1.0] * 60, [2.0] * 60).p < 1e-12

@@ -123,7 +123,7 @@ def test_the_report_as_one_html_file_that_loads_nothing(
     assert tags.open == [] and tags.loads == []
     text = out.read_text()
     for told in ("estimand", "Student&#x27;s", "automaton sweep study.yaml", "<svg", "Lost time",
-                 "p Holm", "var. ratio", "least"):  # fmt: skip
+                 "p Holm", "var. ratio", "lower bound"):  # fmt: skip
         assert told in text
     folded = text.partition("<details><summary>study.yaml</summary>")[2].partition("</details>")[0]
     assert "name: tiny" in folded
@@ -210,7 +210,7 @@ def test_a_report_says_what_is_damaged(folder: Path, capsys: Any, tmp_path: Path
     file.write_bytes(file.read_bytes()[:-100])
     code, _, err = report(capsys, str(out))
     assert code == 2
-    said = f"holds no runs that can be read: damaged are {file.name}; sweep again to repair\n"
+    said = f"holds no readable runs; damaged: {file.name}; sweep again to repair\n"
     assert err == f"automaton: {out}: {said}"
 
 
@@ -245,7 +245,7 @@ def test_what_was_not_measured_is_in_no_mean() -> None:
     (table,) = tables(blocks := list(metric_section(results, {}, "makespan")))
     assert [row[1] for row in table.rows] == ["100", "100"]
     (listed, *_) = (block for block in blocks if isinstance(block, Listed))
-    assert listed.items[0].startswith("robots 1: 20 of 60 runs without makespan")
+    assert listed.items[0].startswith("robots 1: makespan was not measured in 20 of 60 runs")
 
 
 def test_runs_that_lack_are_told() -> None:
@@ -290,7 +290,8 @@ def test_of_many_warnings_the_most_skewed_point_is_named() -> None:
     results = synthetic_store(study, lambda p, r: 100.0 - (r == 9) * 50 if p == 2 else noise(p, r))
     (listed,) = (b for b in metric_section(results, {}, "makespan") if isinstance(b, Listed))
     assert (
-        "5 points have fewer than 60 runs (least 10); the most skewed: robots 3" in listed.items[0]
+        "5 points have fewer than 60 runs (fewest: 10); the most skewed: robots 3"
+        in listed.items[0]
     )
     assert "skew -2.7" in listed.items[0]
 

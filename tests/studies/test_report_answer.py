@@ -46,8 +46,8 @@ def sentence(results: Results) -> str:
 
 def test_a_best_point_is_named_with_its_certainty() -> None:
     said = sentence(results_of(lambda p, r: noise(p, r) + 20 * abs(p - 1)))
-    assert said.startswith("Best, with 95 % certainty: robots 2 (")
-    assert said.endswith("No other of the 3 points compared has a lower mean makespan.")
+    assert said.startswith("Best, with 95 % confidence: robots 2 (")
+    assert said.endswith("None of the 3 points compared has a lower mean makespan.")
 
 
 def test_points_that_cannot_be_told_apart_are_named_with_the_leading_one_first() -> None:
@@ -60,13 +60,16 @@ def test_points_that_cannot_be_told_apart_are_named_with_the_leading_one_first()
     ]
     assert means == sorted(means)
     said = answer_sentence(results, answer)
-    assert said.startswith("Cannot be told apart: robots ")
-    assert "is at one of these 2, and not at the other." in said
+    assert said.startswith("No statistically significant difference: robots ")
+    assert (
+        "one of these 2 has the lowest mean makespan of the 3 points compared; the other is worse."
+        in said
+    )
 
 
 def test_a_best_point_at_the_edge_of_what_was_tried_says_where_to_go_on() -> None:
     said = [sentence(results_of(lambda p, r, b=b: noise(p, r) + 20 * abs(p - b))) for b in range(3)]
-    edge = "The best is at the edge of what was tried: try more than 3 robots."
+    edge = "The best is at the limit of the tested range: try more than 3 robots."
     assert [edge in one for one in said] == [False, False, True]
     assert "edge" not in said[0] + said[1]  # fewer than 1 robot there are not
 
@@ -77,7 +80,9 @@ def test_the_table_of_the_answer_says_what_its_heads_mean() -> None:
     page = list(first_page(results, answers(results), comparisons(results), []))
     at = next(number for number, block in enumerate(page) if isinstance(block, Table))
     baseline, p_holm = (str(block.text) for block in page[at + 1 : at + 3])
-    assert baseline.startswith("baseline: ") and baseline.endswith("fleet.robots 1.")
+    assert baseline.startswith("baseline: ") and baseline.endswith(
+        "fleet.robots 1, as the study declares."
+    )
     assert p_holm.startswith("p Holm: ") and "below 0.05" in p_holm
 
 
@@ -107,7 +112,7 @@ def test_a_metric_that_is_not_better_low_or_high_has_no_best_point() -> None:
     (answer,) = answers(results)
     assert answer.better is None and answer.best is None
     assert answer_sentence(results, answer).startswith(
-        "No best point, since redesigns is not better"
+        "No best point: redesigns has no better direction"
     )
 
 
@@ -122,7 +127,7 @@ def test_a_point_whose_runs_failed_or_did_not_finish_is_not_compared() -> None:
     assert [point.number for point in answer.compared] == [2]
     said = answer_sentence(results, answer)
     assert "robots 3" in said.partition("is the only point")[0]
-    assert said.endswith("did not finish or were not measured: robots 1; robots 2.")
+    assert said.endswith("unfinished or not measured: robots 1; robots 2.")
 
 
 def test_a_point_that_lacks_planned_runs_is_not_compared() -> None:
@@ -134,7 +139,7 @@ def test_a_point_that_lacks_planned_runs_is_not_compared() -> None:
     )
     (answer,) = answers(lacking)
     assert [point.number for point in answer.incomplete] == [0]
-    assert "Not compared, since runs of them lack, failed," in answer_sentence(lacking, answer)
+    assert "Not compared, because runs are missing, failed," in answer_sentence(lacking, answer)
 
 
 def test_a_point_with_runs_that_were_not_measured_is_not_compared() -> None:
@@ -144,7 +149,9 @@ def test_a_point_with_runs_that_were_not_measured_is_not_compared() -> None:
 
 
 def test_without_runs_there_is_no_answer() -> None:
-    assert sentence(results_of(noise, runs=1)).startswith("No answer: no point has two runs")
+    assert sentence(results_of(noise, runs=1)).startswith(
+        "No answer: no point has at least two runs"
+    )
 
 
 def test_equal_runs_are_one_point() -> None:
@@ -179,7 +186,7 @@ def test_conditions_have_answers_of_their_own_that_hold_together() -> None:
     assert [one.best.number for one in given if one.best] == [1, 2]
     assert {one.level for one in given} == {0.975}
     said = answer_sentence(results, given[0])
-    assert said.startswith("mean_interarrival_time 8: Best, with 95 % certainty: routing b (")
+    assert said.startswith("mean_interarrival_time 8: Best, with 95 % confidence: routing b (")
     assert "for each mean_interarrival_time (8, 11)?" in question(results)
 
 
@@ -213,7 +220,7 @@ def test_a_baseline_that_leads_is_called_so() -> None:
     )
     results = synthetic_store(study, lambda p, r: noise(p, r) + 30 * p)
     table = answer_table(results, answers(results), comparisons(results))
-    assert table is not None and table.rows[0][2] == "it is the baseline"
+    assert table is not None and table.rows[0][2] == "is the baseline"
 
 
 def test_where_all_runs_failed_the_page_says_so() -> None:
@@ -222,7 +229,7 @@ def test_where_all_runs_failed_the_page_says_so() -> None:
     )
     results = synthetic_store(study, lambda p, r: None, error=lambda p, r: "it broke")
     blocks = list(first_page(results, answers(results), [], ["2 runs failed"]))
-    assert Text("No answer: no run has a metric.", strong=True) in blocks
+    assert Text("No answer: no run has metrics.", strong=True) in blocks
     assert blocks[-1] == Listed(["2 runs failed"])
 
 

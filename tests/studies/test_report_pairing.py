@@ -83,7 +83,7 @@ def test_correlated_runs_need_fewer_pairs_for_the_declared_precision() -> None:
     assert cells["correlation"] == "+0.98" and cells["var. ratio"] == "0.02"
     # sd of differences 2.02, of single runs 10.1, half an mean_interarrival_time: 2 % of 100
     assert (cells["needs paired"], cells["unpaired"]) == ("7", "199")
-    said = "take 7 runs of each point paired and 199 unpaired"
+    said = "needs 7 runs per point paired and 199 unpaired"
     assert any(said in text and "pairing saves 96 %" in text for text in texts)
 
 
@@ -94,7 +94,7 @@ def test_where_pairs_do_not_help_the_report_says_so_for_the_precision_too() -> N
     texts, table = told(synthetic_store(precise(), against))
     cells = dict(zip(table.head, table.rows[0], strict=True))
     assert int(cells["needs paired"]) > int(cells["unpaired"])
-    assert any("runs of each point paired" in text and "does not help" in text for text in texts)
+    assert any("runs per point paired" in text and "does not help" in text for text in texts)
     none = study_of({"fleet.robots": (1, 2)}, comparisons="pairs")
     texts, table = told(synthetic_store(none, against))
     assert "needs paired" not in table.head and not any("unpaired" in text for text in texts)
@@ -110,7 +110,7 @@ def test_runs_with_seeds_of_their_own_are_no_pairs() -> None:
     assert [cells[name] for name in ("correlation", "var. ratio", "needs paired")] == ["-"] * 3
     assert int(cells["unpaired"]) > 100
     assert not any("pairing" in text for text in texts)
-    assert any(f"take {cells['unpaired']} runs of each point unpaired" in text for text in texts)
+    assert any(f"needs {cells['unpaired']} runs per point unpaired" in text for text in texts)
 
 
 def test_runs_for_a_precision_by_hand_and_by_the_interval_they_give() -> None:

@@ -45,7 +45,7 @@ def test_the_same_runs_leave_the_family(family: str) -> None:
     assert found.adjusted == found.effect.p and found.effect.difference.level == 0.95
     assert left_out(results) == 1
     texts = [block.text for block in comparison_section(results) if isinstance(block, Text)]
-    assert texts[0].startswith("1 comparison left out of the family: the same runs")
+    assert texts[0].startswith("1 comparison excluded from the family: identical runs")
 
 
 def test_what_is_compared_with_both_counts_once() -> None:
@@ -61,7 +61,7 @@ def test_the_inert_factor_is_named_and_every_table_says_where() -> None:
     (remark,) = same_remarks(results)
     assert remark.startswith("strategy.right_of_way has no effect with robots 1: its levels give")
     (table,) = (b for b in metric_section(results, {}, "makespan") if isinstance(b, Table))
-    at = table.head.index("the same runs as")
+    at = table.head.index("same runs as")
     assert [row[at] for row in table.rows] == ["-", "point 0", "-", "-"]
 
 
@@ -73,7 +73,7 @@ def test_a_factor_without_any_effect_is_named_without_a_place() -> None:
     assert remark.startswith("strategy.right_of_way has no effect: ")
     assert comparisons(results) == []
     texts = [block.text for block in comparison_section(results) if isinstance(block, Text)]
-    assert texts[1:] == ["None is left."]
+    assert texts[1:] == ["No comparison is left."]
 
 
 def test_two_levels_of_three_with_the_same_runs_are_named_by_their_points() -> None:
@@ -81,7 +81,7 @@ def test_two_levels_of_three_with_the_same_runs_are_named_by_their_points() -> N
     results = synthetic_store(
         study, lambda p, r: noise(p and 1, r), digest=lambda p, r: f"{p and 1}-{r}"
     )
-    assert list(same_remarks(results)) == ["the same runs, digest by digest: point 2 and point 1"]
+    assert list(same_remarks(results)) == ["identical runs (equal digests): point 2 and point 1"]
 
 
 def test_runs_that_failed_do_not_hide_that_the_others_are_the_same() -> None:
@@ -127,8 +127,8 @@ def test_a_warm_up_changes_no_run_but_what_is_measured() -> None:
     assert [(one.a.number, one.b.number) for one in comparisons(results)] == [(1, 0)]
     assert left_out(results) == 2
     assert list(same_remarks(results)) == [
-        "measure.warm_up changes no run: its levels give the same runs, digest by digest, "
-        "measured otherwise (makespan)"
+        "measure.warm_up does not change the runs: its levels give identical runs (equal digests), "
+        "measured differently (makespan)"
     ]
 
 
@@ -139,7 +139,7 @@ def test_a_figure_that_only_one_of_two_points_has_is_measured_otherwise() -> Non
         digest=lambda p, r: f"{p // 2}-{r}",
     )
     (remark,) = same_remarks(results)
-    assert "measured otherwise" in remark and left_out(results) == 0
+    assert "measured differently" in remark and left_out(results) == 0
 
 
 def test_one_seed_in_common_is_too_little() -> None:
@@ -163,7 +163,7 @@ def test_points_that_differ_where_a_third_failed_are_compared() -> None:
     )
     assert [(one.a.number, one.b.number) for one in comparisons(results)] == [(2, 1)]
     (remark,) = same_remarks(results)
-    assert remark.startswith("the same runs, digest by digest: "), "the factor has an effect"
+    assert remark.startswith("identical runs (equal digests): "), "the factor has an effect"
 
 
 def test_comparisons_with_twins_of_fewer_runs_are_comparisons_of_their_own() -> None:
@@ -211,4 +211,4 @@ def test_one_robot_gives_the_same_runs_under_every_right_of_way(
     assert main(["report", out]) == 0
     text = capsys.readouterr().out
     assert "strategy.right_of_way has no effect with robots 1" in text
-    assert "the same runs as" in text
+    assert "same runs as" in text

@@ -104,7 +104,7 @@ def test_a_steady_state_needs_no_scenario_to_be_reported(steady: Path) -> None:
     store = Store(steady)
     document = compose(store)
     told = [item for block in document.blocks if isinstance(block, Listed) for item in block.items]
-    assert any("without lower bounds and maps" in item for item in told)
+    assert any("no bounds and maps" in item for item in told)
     table = next(one for one in tables(document.blocks) if "orders/1000 ticks" in one.head)
     series = np.array(store.rows().column("series").to_pylist())[:, 400 // 20 :]  # 1,200 ticks
     assert float(table.rows[0][1]) == pytest.approx(series.mean() * 1000 / 20, rel=1e-3)
@@ -112,7 +112,7 @@ def test_a_steady_state_needs_no_scenario_to_be_reported(steady: Path) -> None:
 
 def test_a_warm_up_in_ticks_is_left_out_of_all_figures_by_the_runs_themselves(steady: Path) -> None:
     text = as_text(compose(Store(steady)))
-    assert "the first 400 ticks of every run, which count in no metric; declared" in text
+    assert "the first 400 ticks of every run, excluded from all metrics; declared" in text
     assert "for --floor: 0 robots 10" in text
     row = Store(steady).rows().to_pylist()[0]
     run = Simulation(resolve(steady / "own.yaml", ["fleet.robots=10"]), row["seed"])
@@ -146,7 +146,7 @@ def test_runs_of_a_given_length_are_measured_after_their_warm_up_by_default_too(
     code, out, _ = report(capsys, str(tmp_path / "out"), "--floor", "1")
     assert code == 0 and "ticks 201 to 600" in out
     told = " ".join(out.split())
-    assert "no warm-up is left out: runs of warm_up 0 go on for a given time" in told
+    assert "no warm-up period is discarded: runs of warm_up 0 have a fixed length" in told
     assert "runs of warm_up 200" not in told
 
 
@@ -156,7 +156,7 @@ def test_whoever_is_given_a_report_can_repeat_it(steady: Path) -> None:
     for line in (*study.splitlines(), *own.splitlines()):
         assert line.strip() in text
     (steady / "own.yaml").unlink()
-    assert "And own.yaml as it was" in as_text(compose(Store(steady)))
+    assert "Also needed: the original own.yaml" in as_text(compose(Store(steady)))
 
 
 def test_a_scenario_that_changed_gives_no_bounds_and_no_maps(steady: Path, capsys: Any) -> None:
@@ -167,10 +167,12 @@ def test_a_scenario_that_changed_gives_no_bounds_and_no_maps(steady: Path, capsy
     (steady / "own.yaml").write_text(own.read_text().replace("count: 2000", "count: 1999"))
     code, out, _ = report(capsys, str(steady))
     assert code == 0
-    told = "without lower bounds and maps of 1 of 1 point, since another scenario is found now"
+    told = "no bounds and maps for 1 of 1 point, because the scenario has changed since"
     assert told in " ".join(out.split())
     code, _, err = report(capsys, str(steady), "--floor", "0")
-    assert code == 2 and "--floor 0: no map can be made" in err and "own.yaml changed" in err
+    assert (
+        code == 2 and "--floor 0: no map can be made" in err and "since it was run: own.yaml" in err
+    )
 
 
 def replace_study(**more: Any) -> Study:

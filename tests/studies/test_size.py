@@ -116,7 +116,7 @@ def test_what_a_run_did_not_measure_is_missed(capsys: Any) -> None:
             *short, *options,
         )  # fmt: skip
         assert code == 1 and "not reachable up to 1 robot" in out
-        told = r"^1: \d+ runs without delay, since nothing ended; such runs miss the target$"
+        told = r"^1: \d+ runs without delay, because nothing was completed; these runs miss the target$"
         assert re.search(told, out, re.M)
 
 
@@ -189,7 +189,7 @@ def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:
     )
     told = texts(session)
     assert "so that on average makespan <= 60 ticks (30 s)?" in told
-    assert "Zone 0.6 ticks (0.3 s): " in told
+    assert "Indifference zone 0.6 ticks (0.3 s): " in told
 
 
 def test_runs_of_the_answer_that_did_not_finish_are_told_with_it() -> None:
@@ -222,7 +222,7 @@ def test_a_fleet_that_a_bound_excludes_shows_the_runs_it_had_all_the_same() -> N
     told = texts(session)
     assert re.search(r"^ +1 +60 +0 +0 .*fails \(bound\)$", told, re.M)
     assert "1: fails without a run, too much work" in told
-    assert "A verdict falls after so many runs of a fleet; the others were under way" in told
+    assert "The verdict states the runs that it needed" in told
 
 
 def test_what_is_left_of_the_budget_and_what_would_be_needed_are_told() -> None:
@@ -234,7 +234,7 @@ def test_what_is_left_of_the_budget_and_what_would_be_needed_are_told() -> None:
     assert session.moved == [] and session.place == FleetConfig(2)
     left = 450 - session.spent
     assert 0 < left < 300
-    assert f"longer: not examined, which takes 300 runs: {left} of the budget are left" in texts(
+    assert f"longer: not examined, 300 runs are needed and {left} of the budget are left" in texts(
         session
     )
 
@@ -291,8 +291,8 @@ def test_the_command_answers_in_text(capsys: Any) -> None:
     assert code == 0
     assert "Answer: 3 robots, 4,500 at 1,500 each" in out
     assert re.search(r"^ +1 +10 +0 +0 .*fails after \d+$", out, re.M)
-    for told in ("Estimand", "Zone 0.02", "Robot time lost", "The last robot (2 -> 3)", "Assumed",
-                 "Durations 10 % longer", "Spent", "error 0.05 / 4"):  # fmt: skip
+    for told in ("Estimand", "Indifference zone 0.02", "Robot time lost", "The last robot (2 -> 3)",
+                 "Assumptions", "Durations 10 % longer", "Used", "error 0.05 / 4"):  # fmt: skip
         assert told in out
 
 
@@ -388,7 +388,7 @@ def test_depots_tell_the_use_of_stations_and_chargers(capsys: Any) -> None:
     )  # fmt: skip
     assert code == 1
     assert "not reachable up to 4 robots" in out
-    assert re.search(r"Time in use: robots at stations .* %, chargers .* %, robots .* %", out)
+    assert re.search(r"Utilization: robots at stations .* %, chargers .* %, robots .* %", out)
 
 
 def test_replications_have_the_seeds_of_a_sweep() -> None:
@@ -446,7 +446,7 @@ def test_ctrl_c_prints_what_is_known(capsys: Any, monkeypatch: Any) -> None:
     )  # fmt: skip
     assert (code, err) == (130, "automaton: interrupted\n")
     assert "undecided between 3 and 4, or more (interrupted)" in out
-    assert "Interrupted: what follows is what was known then" in out
+    assert "Interrupted: results so far" in out
     assert re.search(r"^ +1 .* fails after", out, re.M)
 
 
@@ -480,7 +480,9 @@ def test_a_steady_state_is_asked_for_its_mean_after_the_warm_up(capsys: Any) -> 
         _, out, _ = size(capsys, *given, "--target", target, *settings)
         assert "after a warm-up of 200 ticks?" in out
         metric = target.partition(">")[0]
-        assert f"Estimand: the mean of {metric} after the first 200 ticks over runs" in out
+        assert (
+            f"Estimand: the mean of {metric} after the first 200 ticks over independent runs" in out
+        )
         answers.append(re.findall(r"(?:fails|meets|undecided)[^\n]*", out)[0])
     assert answers[0] == answers[1]
     _, out, _ = size(capsys, *given, "--target", "throughput>=12", *settings, "--json")
@@ -489,7 +491,7 @@ def test_a_steady_state_is_asked_for_its_mean_after_the_warm_up(capsys: Any) -> 
     _, out, _ = size(
         capsys, *given, "--target", "throughput>=12", "--success-share", ".9", *settings
     )
-    assert "that reach throughput >= 12 after the first 200 ticks; wanted 90.0 %" in out
+    assert "that reach throughput >= 12 after the first 200 ticks; required: 90.0 %" in out
 
 
 def test_the_length_of_runs_without_an_end_of_their_own_is_no_target(capsys: Any) -> None:
@@ -512,6 +514,6 @@ def test_a_steady_state_without_a_warm_up_is_no_target(measure: str, capsys: Any
 
 
 def test_shorter_durations_say_what_becomes_of_moves() -> None:
-    assert changed(["durations.turn=20"]) == "turn 20, moves as they are"
+    assert changed(["durations.turn=20"]) == "turn 20, moves unchanged"
     late = "world.extra_tick_probability=0.1"
-    assert changed(["durations.turn=24", late]) == "turn 24, moves a tick longer in 10 %"
+    assert changed(["durations.turn=24", late]) == "turn 24, 10 % of moves a tick longer"

@@ -70,7 +70,7 @@ def test_no_worker_outlives_a_killed_search() -> None:
 def test_a_worker_that_dies_ends_the_search_with_what_is_known() -> None:
     code, out, err = ended(["size", *QUESTION], kill_a_worker)
     assert code == 1 and err.endswith(DIED) and "Traceback" not in err
-    assert "Interrupted: what follows is what was known then" in out
+    assert "Interrupted: results so far" in out
 
 
 def test_a_worker_that_dies_ends_a_reproduction_with_one_sentence() -> None:
@@ -84,4 +84,4 @@ def test_the_time_limit_of_a_job_prints_what_is_known(send: Callable[[int, int],
     code, out, err = ended(["size", *QUESTION], lambda process: send(process.pid, signal.SIGTERM))
     assert code == 143 and err.endswith("automaton: terminated\n")
     assert "leaked" not in err and "Traceback" not in err
-    assert "Interrupted: what follows is what was known then" in out
+    assert "Interrupted: results so far" in out

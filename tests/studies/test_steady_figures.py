@@ -160,8 +160,8 @@ def test_times_that_grow_have_no_figure_though_deliveries_are_steady(tmp_path: P
     assert len(results.values(point, "throughput")) == len(results.values(point, "task_time")) == 6
     assert not results.values(point, "lead_time")
     told = as_text(compose(Store(tmp_path / "out")))
-    assert "no lead_time of" in told and "not stationary or too short: MSER-5 would" in told
-    assert "No point has a metric of lead_time after the warm-up" in told
+    assert "no lead_time for" in told and "not stationary or too short: MSER-5 would" in told
+    assert "No point has lead_time after the warm-up period" in told
 
 
 LENGTHS = """
@@ -206,8 +206,8 @@ def test_a_point_whose_runs_end_before_the_cut_says_so(tmp_path: Path) -> None:
     assert cut is not None and cut.ticks >= 600
     why = f"its runs of 400 ticks end before the cut at {cut.ticks:,}"
     assert cut.refused == {0: why}
-    assert f"None can be made: max_duration 400: {why}." in told
-    assert f"no metrics of max_duration 400: {why}" in told
+    assert f"No comparison is possible: max_duration 400: {why}." in told
+    assert f"no metrics for max_duration 400: {why}" in told
 
 
 def test_a_report_would_be_the_same_whatever_the_warm_up_had_been(
@@ -225,8 +225,8 @@ def test_a_report_would_be_the_same_whatever_the_warm_up_had_been(
         monkeypatch.setattr(Store, "rows", lambda store: table)  # noqa: B023
         monkeypatch.setattr(study_results, "cut_of", lambda *_: cut)  # noqa: B023
     assert told[0] == told[1]
-    assert "lead_time_p95: left out, since rows keep no sums" in told[0][1]
-    assert "makespan is how long runs last" in told[0][1]
+    assert "lead_time_p95: excluded, because the warm-up period cannot" in told[0][1]
+    assert "makespan measures the length of runs" in told[0][1]
 
 
 def poisoned(store: Store) -> Any:

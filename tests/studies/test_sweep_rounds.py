@@ -74,7 +74,7 @@ def test_a_sweep_ends_when_its_intervals_are_as_narrow_as_declared(
     store = Store(out)
     rounds = store.manifest.rounds
     assert isinstance(rounds, tuple) and len(rounds) > 1 and rounds[-1] < 60
-    assert told.err.count("going on to") == len(rounds) - 1
+    assert told.err.count("continuing to") == len(rounds) - 1
     assert "reached" in told.out and "not reached" not in told.out
     rows = store.rows().to_pylist()
     by_point = [[r["replication"] for r in rows if r["point"] == point] for point in (0, 1)]
@@ -84,7 +84,7 @@ def test_a_sweep_ends_when_its_intervals_are_as_narrow_as_declared(
     half = 2.26 * difference.std(ddof=1) / np.sqrt(len(difference))  # at most: t of 9 degrees
     assert half <= 1.13 * 0.05 * makespan[0].mean()
     text = str(compose(store).blocks)
-    assert f"{len(rounds)} rounds of" in text and "a little less often" in text
+    assert f"{len(rounds)} rounds of" in text and "slightly lower" in text
 
 
 def test_the_bound_ends_it_and_says_what_it_would_have_taken(
@@ -94,7 +94,9 @@ def test_the_bound_ends_it_and_says_what_it_would_have_taken(
     study, out = written(tmp_path, at_most=12, precision="0.01"), tmp_path / "out"
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
     told = capsys.readouterr().out
-    assert "2 rounds of 10, 12 runs, until differences are within 1.0 %: not reached" in told
+    assert (
+        "2 rounds of 10, 12 runs, until differences have a half-width of 1.0 %: not reached" in told
+    )
     assert "the declared precision is not reached: makespan of allocation cooperative" in told
 
 
@@ -194,7 +196,7 @@ def test_rounds_are_remembered_when_at_least_is_raised_and_when_n_is_fixed(tmp_p
     assert "3 rounds of 10, 12, 15 runs" in said and "raised from 12 after runs" in said
     study.write_text(study.read_text().replace("{at_least: 15, at_most: 15}", "16"))
     swept_here(study, out)
-    assert "n not fixed beforehand: raised from 12, then 15" in fixed(read_results(Store(out)))
+    assert "number not fixed in advance: raised from 12, then 15" in fixed(read_results(Store(out)))
 
 
 def test_runs_added_to_rounds_that_had_ended_were_not_fixed_beforehand(tmp_path: Path) -> None:

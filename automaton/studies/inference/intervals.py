@@ -32,7 +32,7 @@ STUDENT_MIN_RUNS: Final = 60  # runs from which there is no warning
 DEFAULT_CONFIDENCE: Final = 0.95
 ROUNDING: Final = 1e-12
 NO_SPREAD_WARNING: Final = (
-    "all runs gave the same: without spread nothing is known of how far the mean may be off"
+    "all runs have the same value: without spread the error of the mean is unknown"
 )
 MAX_LOG_RATIO: Final = math.log(1e6)  # from a ratio to the upper end of its interval
 MIN_GROWTH: Final = 1.1  # of the runs from one round to the next
@@ -122,8 +122,8 @@ def few(*samples: Values) -> str:
         return "one run gives no interval"
     skew = max(map(skewness, samples), key=abs)
     return (
-        f"only {n} runs, skew {skew:.1f}: the interval may hold the truth less often "
-        f"than it says; {STUDENT_MIN_RUNS} runs are enough for most fleets"
+        f"only {n} runs, skew {skew:.1f}: the coverage of the interval may be lower than "
+        f"stated; {STUDENT_MIN_RUNS} runs are enough for most fleets"
     )
 
 

@@ -101,7 +101,7 @@ def mser5_of_means(means: Values) -> int:
 
 
 def _too_late(cut: int, of: int, what: str) -> str:
-    return f"not stationary or too short: MSER-5 would leave out {cut:,} of {of:,} {what}"
+    return f"not stationary or too short: MSER-5 would discard {cut:,} of {of:,} {what}"
 
 
 def _least_error(y: Values) -> int:

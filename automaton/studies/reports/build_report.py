@@ -56,10 +56,9 @@ from automaton.world.resolve import Resolved
 
 MAX_POINTS_IN_REMARK: Final = 6
 NOT_DECLARED = (
-    "Not declared by the study: reported of every floor whose orders arrive over time, or whose "
-    "tasks are "
-    "measured. Quantiles are taken within each run, and then over runs: orders of a run depend on each "
-    "other."
+    "Not declared by the study: reported for every floor with arriving orders or measured tasks. "
+    "Percentiles are computed within each run and then averaged over runs, because the orders of a run "
+    "depend on each other."
 )
 MAX_POINTS_NAMED = 24  # points
 
@@ -114,7 +113,7 @@ def read_report(store: Store) -> StudyReport:
         why = "holds no runs of its study yet"
         if results.damaged:
             names = ", ".join(results.damaged)
-            why = f"holds no runs that can be read: damaged are {names}; sweep again to repair"
+            why = f"holds no readable runs; damaged: {names}; sweep again to repair"
         raise InputError(why, str(store.folder))
     scenarios, lacking = scenarios_of(store)
     results = replace(results, units=units_of_points(scenarios.values(), len(results.points)))
@@ -133,12 +132,12 @@ def numbered_points(study: Study) -> str:
 def without(results: Results, metric: str) -> str:
     """Why there is no table of a metric."""
     if results.study.design == "steady-state" and metric in LENGTHS:
-        return f"{metric} is how long runs last, not what they do in a steady state."
+        return f"{metric} measures the length of runs, not their steady state."
     if results.cut is not None and metric in results.cut.left_out:
         return not_cut([metric], results.cut)
     unsteady = results.cut is not None and any(name == metric for _, name in results.cut.unsteady)
     if unsteady or (results.cut is not None and len(results.cut.refused) == len(results.points)):
-        return f"No point has a metric of {metric} after the warm-up: the remarks above say why."
+        return f"No point has {metric} after the warm-up period: see the caveats above."
     return "No run has this metric."
 
 
@@ -148,7 +147,7 @@ def scenarios_of(store: Store) -> tuple[Scenarios, str]:
     try:
         _, _, scenarios = resolved_study(study_document_in(store.folder, store.manifest))
     except InputError as error:
-        return {}, f"without lower bounds and maps, since a scenario cannot be read: {error}"
+        return {}, f"no bounds and maps, because a scenario cannot be read: {error}"
     same = {
         number: resolved
         for number, (point, resolved) in enumerate(zip(planned, scenarios, strict=True))
@@ -160,8 +159,8 @@ def scenarios_of(store: Store) -> tuple[Scenarios, str]:
     names = ", ".join(dict.fromkeys(point.scenario for point in other))
     what = f"{len(other)} of {count(len(planned), 'point')}"
     return same, (
-        f"without lower bounds and maps of {what}, since another scenario is found now than was "
-        f"run: {names} changed (the file, its floor, or the code)"
+        f"no bounds and maps for {what}, because the scenario has changed since it was run: {names} "
+        "(the file, its floor, or the code)"
     )
 
 
@@ -183,8 +182,7 @@ def add_floors(
             raise InputError(f"--floor {number}: the study has the points 0 to {last}")
         if number not in scenarios:
             raise InputError(
-                f"--floor {number}: no map can be made, so nothing is written; there is a report "
-                f"without --floor, {lacking}"
+                f"--floor {number}: no map can be made, so nothing is written; omit --floor: {lacking}"
             )
         point = results.points[number]
         first = results.first_run(point)
@@ -202,17 +200,19 @@ def add_repeat(document: ReportDocument, store: Store) -> None:
     command = f"automaton sweep {shlex.quote(STUDY_FILE)} --out {shlex.quote(folder.name)}"
     document.add(
         Heading("Repeat"),
-        Text("This command, with the code named above and these files, gives the same rows:"),
+        Text("With the code named above and these files, this command reproduces the rows:"),
         Text(f"{command} && automaton report {shlex.quote(folder.name)}", code=True),
         Folded(STUDY_FILE, [Text(store.manifest.text.strip(), code=True)]),
     )
     for name in dict.fromkeys(point.scenario for point in store.manifest.points):
         if (folder / name).is_file():  # a copy; shipped ones come with the code
             text = content_of(folder / name).decode(errors="replace").strip()
-            title = f"{name} (files that it names lie in the folder of results, too)"
+            title = f"{name} (the files that it names are also in the results folder)"
             document.add(Folded(title, [Text(text, code=True)]))
         elif name not in shipped():
-            document.add(Text(f"And {name} as it was, which lies outside the study's folder."))
+            document.add(
+                Text(f"Also needed: the original {name}, which is outside the study's folder.")
+            )
 
 
 # What a reader must know before the tables.
@@ -228,8 +228,8 @@ def remarks(results: Results) -> Iterator[str]:
         yield f"{count(missing, 'run')} of {results.study.runs:,} not done yet: metrics may change"
     if censored:
         yield (
-            f"{count(censored, 'run')} did not finish within the limit; means leave them out, and so "
-            "favour points that have some"
+            f"{count(censored, 'run')} did not finish within the limit; means exclude these runs, which "
+            "favours points that have some"
         )
     if failed:
         reasons = {reason for reason in results.columns["error"] if reason}
@@ -237,20 +237,20 @@ def remarks(results: Results) -> Iterator[str]:
     if results.earlier:
         yield (
             f"the analysis or warm-up was changed {count(results.earlier, 'time')} after runs had been "
-            "made: what it finds is a lead, not a test"
+            "made: treat its results as exploratory"
         )
     cut = results.cut
     if cut is not None and not cut.ticks and not cut.refused:
-        yield "no warm-up is left out: the start of runs is part of all metrics"
+        yield "no warm-up period is discarded: all metrics include the start of runs"
     for number, why in cut.refused.items() if cut is not None else ():
-        yield f"no metrics of {point_name(results.study, results.points[number])}: {why}"
+        yield f"no metrics for {point_name(results.study, results.points[number])}: {why}"
     for (number, metric), why in cut.unsteady.items() if cut is not None else ():
-        yield f"no {metric} of {point_name(results.study, results.points[number])}: {why}"
+        yield f"no {metric} for {point_name(results.study, results.points[number])}: {why}"
     lost = [] if cut is None else [m for m in cut.left_out if m not in results.analysis.metrics]
     if cut is not None and lost:
         yield not_cut(lost, cut)
     if results.damaged:
-        yield f"damaged and left out: {', '.join(results.damaged)}; sweep again to repair"
+        yield f"damaged and ignored: {', '.join(results.damaged)}; sweep again to repair"
     yield from stopping_remarks(results)
     yield from same_remarks(results)
 
@@ -268,8 +268,8 @@ def started_cold(results: Results, scenarios: Scenarios) -> Iterator[str]:
     if results.cut is None and cold:
         which = "" if len(cold) == len(results.points) else f" of {points_named(results, cold)}"
         yield (
-            f"no warm-up is left out: runs{which} go on for a given time (stop: {{when: never}}), and "
-            "their start is part of all metrics; set measure: {warm_up: N}"
+            f"no warm-up period is discarded: runs{which} have a fixed length (stop: {{when: never}}), "
+            "and all metrics include their start; set measure: {warm_up: N}"
         )
 
 
@@ -307,12 +307,12 @@ def floor_maps(
     )
     note = f"one run, seed {seed}, {ticks}"
     if simulation.digest != digest:
-        note += "; this code comes to another end than that of the results"
+        note += "; the current code gives another result than the study"
     zone = grid.traffic_zone.max(axis=1)
     slowed = np.where(zone == NIL, 0.0, by_cell(in_zone, zone))
     yield HeatMap(f"Lost time, {name}", "robot ticks", laid_out(resolved, lost), note)
     if slowed.any():
-        title = f"Driving slowly, {name}"
+        title = f"Reduced speed, {name}"
         yield HeatMap(title, "robot ticks by cell of a zone", laid_out(resolved, slowed), note)
     yield HeatMap(f"Visits, {name}", "robots", laid_out(resolved, visits), note)
 

@@ -41,8 +41,8 @@ from automaton.studies.reports.study_results import Cut, MetricScale, Results
 from automaton.studies.sweeps.study import SCENARIO_FACTOR
 from automaton.units import count, percent, ticks_and_time
 
-INTERVALS: Final = f"Student's, with a warning on skew below {STUDENT_MIN_RUNS} runs"
-NO_WARM_UP: Final = "none: whole runs count"
+INTERVALS: Final = f"Student's t, with a warning about skew below {STUDENT_MIN_RUNS} runs"
+NO_WARM_UP: Final = "none: metrics cover whole runs"
 MAX_REASONS: Final = 6  # why there is no comparison
 Array = npt.NDArray[np.float64]
 ROUND_OFF: Final = 1e-12  # of what is summed up; a sum that is less is 0
@@ -56,10 +56,12 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     study, analysis = results.study, results.analysis
     endings = "steady-state" if study.design == "steady-state" else "terminating"
     seeds = "replication r has the seed hash(study seed, r)"
-    common = "the same for every point" if study.common_random_numbers else "one for each point"
+    common = (
+        "the same for every point" if study.common_random_numbers else "different for each point"
+    )
     varied = [name for name in study.factor_names if name.startswith("durations.")]
     rows = [
-        ["estimand", "mean of each metric over runs with seeds of their own, those that finish"],
+        ["estimand", "mean of each metric over independent runs that finished"],
         ["design", f"{endings}; {count(len(study.points), 'point')}, {runs_planned(results)}"],
         ["runs", fixed(results)],
         ["seeds", f"study seed {study.seed}; {seeds}, {common}"],
@@ -91,24 +93,24 @@ def warm_up(results: Results) -> str:
     cut, declared, tick = results.cut, max(results.warm_ups), results.units.tick
     if cut is None:
         ticks = " or ".join(ticks_and_time(one, tick) for one in results.warm_ups)
-        return f"the first {ticks}, as the scenarios say" if declared else NO_WARM_UP
+        return f"the first {ticks}, as the scenarios declare" if declared else NO_WARM_UP
     if not cut.ticks:
         return NO_WARM_UP
-    of = f"the first {ticks_and_time(cut.ticks, tick)} of every run, which count in no metric"
+    of = f"the first {ticks_and_time(cut.ticks, tick)} of every run, excluded from all metrics"
     if not cut.found:
         return f"{of}; declared"
-    least = f", not less than the {declared:,} that scenarios declare" if declared else ""
+    least = f"; at least the {declared:,} that scenarios declare" if declared else ""
     return (
-        f"{of}: the largest that MSER-5 finds at a point, by the deliveries in windows of "
-        f"{count(cut.window, 'tick')} and by the times of orders and tasks{least}"
+        f"{of}: the largest cut that MSER-5 finds at a point, from deliveries in windows of "
+        f"{count(cut.window, 'tick')} and from times of orders and tasks{least}"
     )
 
 
 def not_cut(metrics: Sequence[str], cut: Cut) -> str:
     """Why metrics of the runs are not those of a steady state."""
     return (
-        f"{', '.join(metrics)}: left out, since rows keep no sums from which the warm-up could be "
-        f"taken; a study with warm_up: {cut.ticks} has runs that measure after it"
+        f"{', '.join(metrics)}: excluded, because the warm-up period cannot be subtracted from stored "
+        f"rows; in a study with warm_up: {cut.ticks} runs measure after it"
     )
 
 
@@ -122,11 +124,11 @@ def fixed(results: Results) -> str:
     """Whether the number of runs was declared before any was made."""
     rounds = stopping_text(results) if results.rounds else ""
     if not results.raised:
-        return rounds or "n fixed beforehand"
+        return rounds or "number fixed in advance"
     before = ", then ".join(map(str, results.raised))
     return f"{rounds}; " * bool(rounds) + (
-        f"n not fixed beforehand: raised from {before} after runs had been made; if their metrics "
-        "were the reason, intervals and p values say too much"
+        f"number not fixed in advance: raised from {before} after runs had been made; if their "
+        "results were the reason, intervals and p values are too optimistic"
     )
 
 
@@ -142,7 +144,9 @@ def family(results: Results) -> str:
     pairs = "paired by replication" if results.study.paired else "not paired"
     scope = "each metric" if analysis.family == "metric" else "the whole study"
     wanted = (
-        "" if analysis.precision is None else f"; wanted to within {percent(analysis.precision)}"
+        ""
+        if analysis.precision is None
+        else f"; target half-width {percent(analysis.precision)} of the reference mean"
     )
     return f"{what}, {pairs}; family: {scope}, p by Holm, intervals by Bonferroni{wanted}"
 
@@ -161,11 +165,13 @@ def comparison_section(
     same = left_out(results)
     if same:
         yield Text(
-            f"{count(same, 'comparison')} left out of the family: the same runs, or the same as in "
-            "another one."
+            f"{count(same, 'comparison')} excluded from the family: identical runs, or the same as in "
+            "another comparison."
         )
     if not compared:
-        yield Text("None is left." if same else f"None can be made: {why_none(results)}.")
+        yield Text(
+            "No comparison is left." if same else f"No comparison is possible: {why_none(results)}."
+        )
         return
     yield Text(comparison_text(results, compared))
     for metric in dict.fromkeys(one.metric for one in compared):
@@ -182,21 +188,20 @@ def comparison_section(
     small = sum(bool(one.effect.difference.warning) for one in compared) - still
     if small:
         yield Text(
-            f"Warning: {small} of these intervals rest on fewer than {STUDENT_MIN_RUNS} runs and may "
-            "hold the "
-            "truth less often than they say."
+            f"Warning: {small} of these intervals are based on fewer than {STUDENT_MIN_RUNS} runs; their "
+            "coverage may be lower than stated."
         )
     if still:
         yield Text(
-            f"Warning: in {still} of these comparisons all runs of a point gave the same: without "
-            "spread the interval has no width, and p is that of a permutation test."
+            f"Warning: in {still} of these comparisons all runs of a point have the same value: the "
+            "interval has no width, and p comes from a permutation test."
         )
 
 
 def why_none(results: Results) -> str:
     """Why no comparison can be made."""
     if not list(declared_pairs(results)):
-        return "the study has no two points that it compares"
+        return "the study declares no pair of points to compare"
     metrics, reasons = results.analysis.metrics, []
     if results.cut is not None:
         refused, unsteady = results.cut.refused, results.cut.unsteady
@@ -210,8 +215,8 @@ def why_none(results: Results) -> str:
         more = len(reasons) - MAX_REASONS
         return "; ".join(reasons[:MAX_REASONS]) + (f"; and {more:,} more" if more > 0 else "")
     if not any(results.has(metric) for metric in metrics):
-        return f"the runs have no metrics of {', '.join(metrics)}"
-    return "two finished runs of each point are needed"
+        return f"no run has {', '.join(metrics)}"
+    return "each point needs two finished runs"
 
 
 def comparison_text(results: Results, compared: list[Comparison]) -> str:
@@ -219,10 +224,11 @@ def comparison_text(results: Results, compared: list[Comparison]) -> str:
     sizes = sorted({one.family for one in compared})
     families = " and ".join(f"{size}" for size in sizes)
     return (
-        f"Differences of means, {family(results)}; comparisons in the family: {families}. Holm's p "
-        f"decides: below {results.analysis.error:g} it is an effect. Intervals say how large it is; "
-        f"those of a family hold together with {percent(1 - results.analysis.error, 0)}. They come by "
-        "another method and may hold 0 where p is below, or leave it out where p is above."
+        f"Differences of means, {family(results)}; comparisons in the family: {families}. Differences "
+        f"with Holm-adjusted p below {results.analysis.error:g} are called significant. The intervals "
+        f"of a family hold simultaneously with {percent(1 - results.analysis.error, 0)} confidence. "
+        f"An interval may include 0 although p < {results.analysis.error:g}, or exclude 0 although p "
+        "is larger, because intervals use Bonferroni and p uses Holm."
     )
 
 
@@ -505,7 +511,7 @@ def effects_section(results: Results) -> Iterator[Block]:
         return
     yield Heading("Effects of the factors")
     if crossed(results) is None:
-        yield Text("Not separable: the study does not cross its factors.")
+        yield Text("Main effects cannot be estimated: the study does not cross its factors.")
         return
     for metric in results.analysis.metrics:
         if not results.has(metric):
@@ -513,7 +519,9 @@ def effects_section(results: Results) -> Iterator[Block]:
         effects = factor_effects(results, metric)
         yield Heading(f"{metric} by factor", 3)
         if effects is None:
-            yield Text(f"Not separable: a point has no finished run with {metric}.")
+            yield Text(
+                f"Main effects cannot be estimated: a point has no finished run with {metric}."
+            )
             continue
         if effects.shares:
             yield Text(shares_text(results, effects))
@@ -521,22 +529,22 @@ def effects_section(results: Results) -> Iterator[Block]:
         if effects.interactions:
             yield interaction_table(results, effects)
         level = percent(1 - results.analysis.error, 0)
-        yield Text(
-            f"Means over all levels of the other factors; {count(effects.family, 'interval')}, which "
-            f"hold together with {level} (Bonferroni)."
-        )
+        intervals = f"{effects.family:,} simultaneous intervals ({level}, Bonferroni)"
+        if effects.family == 1:
+            intervals = f"1 interval ({level})"
+        yield Text(f"Means over all levels of the other factors; {intervals}.")
 
 
 def shares_text(results: Results, effects: FactorEffects) -> str:
     """How much of the differences between points each factor makes up."""
     heads = heads_by_factor(results.study)
     names = [
-        (" with ".join(heads.get(name, name) for name in group) or "the rest", share)
+        (" x ".join(heads.get(name, name) for name in group) or "the rest", share)
         for group, share in effects.shares.items()
     ]
     parts = sorted(names, key=lambda item: -item[1])
     shown = ", ".join(f"{name} {percent(share)}" for name, share in parts if share >= 0.0005)
-    return f"Of the squared differences between the means of points, chance included: {shown}."
+    return f"Share of variance explained (includes noise): {shown}."
 
 
 def main_table(results: Results, effects: FactorEffects) -> Table:
@@ -561,5 +569,5 @@ def interaction_table(results: Results, effects: FactorEffects) -> Table:
         (a, b), (c, d) = one.levels, one.against
         cells = difference_cells(one.difference, scale)
         rows.append([f"{first} {a} instead of {c}", f"{second} {b} instead of {d}", *cells])
-    head = ("largest interaction of", "and", f"beyond both alone, {scale.unit}")
+    head = ("largest interaction of", "and", f"interaction effect, {scale.unit}")
     return Table((*head, "low", "high"), rows, left=2)

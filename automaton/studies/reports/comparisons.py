@@ -38,8 +38,8 @@ if TYPE_CHECKING:
 
 HELPS: Final = 0.95  # variance ratios, and shares of the runs needed, below which pairing helps
 COVERAGE_NOTE: Final = (
-    "intervals decided how many runs were made, and hold the truth a little less often than with n "
-    "fixed beforehand (docs/explanation/statistics.md says how often)"
+    "the intervals decided the number of runs, so their coverage is slightly lower than with a number "
+    "fixed in advance (docs/explanation/statistics.md)"
 )
 
 
@@ -314,13 +314,13 @@ def precision_remark(compared: list[Comparison], precision: float | None) -> str
     if precision is None or not needed:
         return ""
     unpaired = max(one.unpaired for one in needed)
-    wanted = f"Differences to within {percent(precision)} of the mean that is compared with, all of them,"
-    by = "(by the variances found)"
+    wanted = f"A half-width of {percent(precision)} of the reference mean in all comparisons"
+    by = "(estimated from these runs)"
     pairs = [one.paired for one in needed if one.paired is not None]
     if len(pairs) < len(needed):
-        return f"{wanted} take {unpaired:,} runs of each point unpaired {by}."
+        return f"{wanted} needs {unpaired:,} runs per point unpaired {by}."
     paired = max(pairs)
-    what = f"{wanted} take {paired:,} runs of each point paired and {unpaired:,} unpaired {by}"
+    what = f"{wanted} needs {paired:,} runs per point paired and {unpaired:,} unpaired {by}"
     if paired < HELPS * unpaired:
         return f"{what}: pairing saves {percent(1 - paired / unpaired, 0)} of the runs."
     return f"{what}: pairing does not help."
@@ -358,8 +358,8 @@ def next_replications(store: Store) -> NextRound | None:
         return None
     precision = percent(results.analysis.precision or 0.0)
     why = (
-        f"{n:,} runs of each point are done; {wanted.interval} to within {precision} takes about "
-        f"{wanted.runs:,}: going on to {replications:,}"
+        f"{n:,} runs per point are done; {wanted.interval} needs about {wanted.runs:,} for a half-width "
+        f"of {precision}: continuing to {replications:,}"
     )
     return NextRound(replications, why)
 
@@ -420,16 +420,16 @@ def stopping_text(results: Results) -> str:
     rounds, precision = results.rounds, percent(results.analysis.precision or 0.0)
     what = "means" if results.analysis.comparisons == "none" else "differences"
     sizes = ", ".join(f"{n:,}" for n in rounds)
-    text = f"{count(len(rounds), 'round')} of {sizes} runs, until {what} are within {precision}"
+    text = f"{count(len(rounds), 'round')} of {sizes} runs, until {what} have a half-width of {precision}"
     return f"{text}: {_end(results)}"
 
 
 def _end(results: Results) -> str:
     if any(results.counts(point).missing for point in results.points):
-        return "the last one is not done yet"
+        return "the last round is not done yet"
     wanted, n = most_wanted(results), results.rounds[-1]
     if wanted is None:
-        return "ended, since no interval can be compared with a mean"
+        return "ended, because no interval can be expressed as a share of a mean"
     if wanted.runs > n:
         bounded = n >= results.at_most
         return f"not reached, ended by at_most {n:,}" if bounded else "not reached yet"
@@ -444,6 +444,6 @@ def stopping_remarks(results: Results) -> Iterator[str]:
         return
     wanted = most_wanted(results)
     if wanted is not None and wanted.runs > results.rounds[-1]:
-        yield f"the declared precision is not reached: {wanted.interval} takes about {wanted.runs:,} runs"
+        yield f"the declared precision is not reached: {wanted.interval} needs about {wanted.runs:,} runs"
     if len(results.rounds) > 1:
         yield COVERAGE_NOTE

@@ -207,7 +207,7 @@ def is_worse(
     return difference.low > 0 if better == "lowest" else difference.high < 0
 
 
-# Whether the best point is at the edge of what was tried: a better one may lie beyond.
+# Whether the best point is at the limit of the tested range: a better one may lie beyond.
 
 
 def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
@@ -229,7 +229,7 @@ def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
         beyond = f"{heads_by_factor(study)[factor]} {'above' if own == high else 'below'} {shown}"
         if factor == ROBOTS_FACTOR:
             beyond = f"{'more' if own == high else 'fewer'} than {shown} robots"
-        yield f"The {what} is at the edge of what was tried: try {beyond}."
+        yield f"The {what} is at the limit of the tested range: try {beyond}."
 
 
 # The page.
@@ -252,7 +252,7 @@ def first_page(
     """Question, answer, the best point against the baseline, a picture, and what to know first."""
     if not answers:
         yield Heading("Answer")
-        yield Text("No answer: no run has a metric.", strong=True)
+        yield Text("No answer: no run has metrics.", strong=True)
     else:
         yield Heading("Question")
         yield Text(question(results))
@@ -267,7 +267,7 @@ def first_page(
             yield from (Text(line) for line in table_words(results, table))
         yield from [drawn] if drawn is not None else []
     if notes:
-        yield Text("To know beforehand:")
+        yield Text("Caveats:")
         yield Listed(notes)
 
 
@@ -307,8 +307,8 @@ def answer_lines(results: Results, answers: Sequence[Answer]) -> list[str]:
         return [answer_sentence(results, answer) for answer in answers]
     settled = sum(answer.best is not None for answer in answers)
     return [
-        f"Of {len(answers):,} conditions the best point is certain under {settled:,}; the table has "
-        "the leading point of each."
+        f"The best point is certain under {settled:,} of {len(answers):,} conditions; the table "
+        "lists the leading point of each."
     ]
 
 
@@ -322,45 +322,48 @@ def answer_sentence(results: Results, answer: Answer) -> str:
 def _verdict(results: Results, answer: Answer) -> str:
     metric, leading = answer.metric, answer.leading
     of = count(len(answer.compared), "point")
-    sure = f"{percent(1 - results.analysis.error, 0)} certainty"
+    sure = f"{percent(1 - results.analysis.error, 0)} confidence"
     if not answer.compared:
-        return f"No answer: no point has two runs with {metric}, all of them finished."
+        return f"No answer: no point has at least two runs that all finished with {metric}."
     if len(answer.compared) == 1:
-        return f"{_with_mean(results, answer, answer.compared[0])} is the only point to judge by."
+        return f"Only {_with_mean(results, answer, answer.compared[0])} has usable results."
     if answer.better is None:
         ordered = sorted(answer.compared, key=lambda point: mean_of(results, point, metric))
         low, high = (_with_mean(results, answer, point) for point in (ordered[0], ordered[-1]))
-        return f"No best point, since {metric} is not better low or high: from {low} to {high}."
+        return f"No best point: {metric} has no better direction. Means range from {low} to {high}."
     assert leading is not None
     if answer.best is not None:
         return (
-            f"Best, with {sure}: {_with_mean(results, answer, leading)}. No other of the {of} "
+            f"Best, with {sure}: {_with_mean(results, answer, leading)}. None of the {of} "
             f"compared has a {_WORSE[answer.better]} mean {metric}."
         )
     names = [_with_mean(results, answer, point) for point in answer.candidates[:MAX_NAMED]]
     more = len(answer.candidates) - len(names)
     rest = f"; and {more:,} more" if more else ""
     others = len(answer.compared) - len(answer.candidates)
-    apart = f", and not at the {f'{others:,} others' if others > 1 else 'other'}" if others else ""
+    apart = (
+        f"; {f'{others:,} others are' if others > 1 else 'the other is'} worse" if others else ""
+    )
     return (
-        f"Cannot be told apart: {'; '.join(names)}{rest}. With {sure} the {answer.better} mean "
-        f"{metric} of the {of} compared is at one of these {len(answer.candidates)}{apart}."
+        f"No statistically significant difference: {'; '.join(names)}{rest}. With {sure} one of "
+        f"these {len(answer.candidates)} has the {answer.better} mean {metric} of the {of} "
+        f"compared{apart}."
     )
 
 
 def certainty(results: Results, answers: Sequence[Answer]) -> str:
     """With what certainty the answers hold, and what takes from it."""
     sure, few = percent(1 - results.analysis.error, 0), max(one.few_runs for one in answers)
-    sentences = [f"In brackets: means, with their {sure} intervals."]
+    sentences = [f"In brackets: means with {sure} confidence intervals."]
     if len(answers) > 1:
-        sentences.append(f"All of these answers hold together with {sure} certainty.")
+        sentences.append(f"All answers hold simultaneously with {sure} confidence.")
     if few:
         sentences.append(
-            f"There are only {min(a.few_runs for a in answers if a.few_runs)} runs of a point: with "
-            f"fewer than {STUDENT_MIN_RUNS} it may be less certain."
+            f"A point has only {min(a.few_runs for a in answers if a.few_runs)} runs: with fewer than "
+            f"{STUDENT_MIN_RUNS} the confidence may be lower."
         )
     if any(results.counts(point).missing for point in results.points):
-        sentences.append("Not all runs are done: the answer may change.")
+        sentences.append("Some runs are not done yet: the answer may change.")
     return " ".join(sentences)
 
 
@@ -371,7 +374,7 @@ def _limits(results: Results, answer: Answer) -> Iterator[str]:
         more = len(answer.incomplete) - len(names)
         rest = f"; and {more:,} more" if more else ""
         yield (
-            "Not compared, since runs of them lack, failed, did not finish or were not measured: "
+            "Not compared, because runs are missing, failed, unfinished or not measured: "
             f"{'; '.join(names)}{rest}."
         )
 
@@ -381,11 +384,11 @@ def table_words(results: Results, table: Table) -> Iterator[str]:
     if results.analysis.baseline:
         levels = results.analysis.baseline.items()
         what = ", ".join(f"{key} {level_text(results.study, key, one)}" for key, one in levels)
-        yield f"baseline: what the study declares to compare with, {what}."
+        yield f"baseline: {what}, as the study declares."
     if "p Holm" in table.head:
         yield (
-            "p Holm: how likely a difference at least as large is by chance alone, corrected for all "
-            f"comparisons that are made (Holm); below {results.analysis.error:g} it is taken for more."
+            "p Holm: p value adjusted for all comparisons of the family (Holm); a difference is called "
+            f"significant below {results.analysis.error:g}."
         )
 
 
@@ -445,7 +448,7 @@ def answer_table(
                 "-" if adjusted is None else p_text(adjusted),
             ]
         elif any(one.b.number == leading.number for one in compared):
-            cells[0] = "it is the baseline"
+            cells[0] = "is the baseline"
         value = mean_of(results, leading, answer.metric) * scale.factor
         row = [_name(results, leading), NumberText(number(value), value), *cells]
         rows.append([*([answer.conditions] if answer.conditions else []), *row])

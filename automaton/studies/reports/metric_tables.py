@@ -130,7 +130,7 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
     points = [summary(results, scenarios, point, metric) for point in results.points]
     is_bounded = any(one.bound is not None for one in points)
     level = percent(1 - results.analysis.error, 0)
-    limit = "most" if metric == "throughput" else "least"
+    limit = "upper bound" if metric == "throughput" else "lower bound"
     heads = ["mean", f"{level} low", "high", "sd", *([limit] if is_bounded else [])]
     rows = []
     for one in points:
@@ -143,13 +143,13 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
     yield point_table(results, heads, rows)
     if is_bounded:
         yield Text(
-            f"{limit}: no strategy can do better; by the work of the orders over the robots, each "
-            "the cheapest way, and by what stations and chargers can do"
+            f"{limit}: no strategy can do better. It follows from the cheapest way to do all orders, "
+            "shared by the robots, and from the capacity of stations and chargers."
         )
     lacking = [
-        f"{point_name(results.study, one.point)}: {without} of "
-        f"{count(one.counts.finished, 'run')} without {metric}, since nothing ended that it is "
-        "measured by; the mean is of the others"
+        f"{point_name(results.study, one.point)}: {metric} was not measured in {without} of "
+        f"{count(one.counts.finished, 'run')}, because nothing that it measures was completed; the mean "
+        "excludes these runs"
         for one in points
         if one.interval is not None and (without := one.counts.finished - one.interval.n)
     ]
@@ -175,7 +175,7 @@ def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
         few = min(one.interval.n for one in found if one.interval is not None)
         worst = max(told, key=skews.__getitem__)
         many = sum(one.interval is not None and one.interval.n < STUDENT_MIN_RUNS for one in found)
-        rest = f"{many} points have fewer than {STUDENT_MIN_RUNS} runs (least {few}); the most skewed: "
+        rest = f"{many} points have fewer than {STUDENT_MIN_RUNS} runs (fewest: {few}); the most skewed: "
         same = (
             [f"warning: {', '.join(told[NO_SPREAD_WARNING])}: {NO_SPREAD_WARNING}"]
             if NO_SPREAD_WARNING in told
@@ -211,7 +211,7 @@ def figure(value: float | None) -> str:
 
 def same_heads(results: Results) -> list[str]:
     """The head of a table's column about the same runs; none if all points differ."""
-    return ["the same runs as"] if results.repeats else []
+    return ["same runs as"] if results.repeats else []
 
 
 def same_cells(results: Results, point: Point) -> list[str]:
@@ -232,7 +232,7 @@ def same_remarks(results: Results) -> Iterator[str]:
         ]
         more = len(results.repeats) - len(named)
         rest = f"; and {more:,} more" if more else ""
-        yield f"the same runs, digest by digest: {'; '.join(named)}{rest}"
+        yield f"identical runs (equal digests): {'; '.join(named)}{rest}"
 
 
 def inert_factors(results: Results) -> Iterator[str]:
@@ -252,13 +252,13 @@ def inert_factors(results: Results) -> Iterator[str]:
         if inert:
             yield (
                 f"{factor} has no effect{_where(results, inert, compared, factor)}: its levels give "
-                "the same runs, digest by digest, and are not compared"
+                "identical runs (equal digests) and are not compared"
             )
         if otherwise:
             differ = dict.fromkeys(metric for metrics in apart for metric in metrics)
             yield (
-                f"{factor} changes no run{_where(results, otherwise, compared, factor)}: its levels "
-                f"give the same runs, digest by digest, measured otherwise ({', '.join(differ)})"
+                f"{factor} does not change the runs{_where(results, otherwise, compared, factor)}: its "
+                f"levels give identical runs (equal digests), measured differently ({', '.join(differ)})"
             )
 
 
@@ -328,9 +328,8 @@ def steady_section(results: Results) -> Iterator[Block]:
         return
     yield Heading("Steady throughput")
     yield Text(
-        f"From the deliveries after the first {ticks_and_time(cut.ticks, results.units.tick)}, which are "
-        "left out at all points; "
-        "beside it what MSER-5 would leave out at each."
+        f"From deliveries after the warm-up period, {ticks_and_time(cut.ticks, results.units.tick)} at "
+        "all points. MSER-5: the warm-up period that it finds at each."
     )
     scale = results.scale("throughput")
     rows, refused = [], []

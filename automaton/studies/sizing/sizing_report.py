@@ -55,8 +55,8 @@ USES = {
     "utilization": "robots",
 }
 VERDICT_NOTE = (
-    "A verdict falls after so many runs of a fleet; the others were under way in the same round, or are "
-    "for the comparisons below."
+    "The verdict states the runs that it needed; further runs belong to the same round or to the "
+    "comparisons below."
 )
 MAX_CAUSES = 4
 MIN_SHARE_SHOWN = 0.0005  # of the robots' time
@@ -99,13 +99,13 @@ def headline(session: SizingSession, price: float) -> Iterator[str]:
         known = "" if session.settled else " known to meet it"
         yield f"Smallest fleet{known}: {count(place.robots, 'robot')} with {label(place.strategy)}"
     if not session.complete:
-        yield "Interrupted: what follows is what was known then"
+        yield "Interrupted: results so far"
 
 
 def label(strategy: str) -> str:
     """A strategy in words: "allocation cooperative"."""
     layer, _, choice = strategy.removeprefix("strategy.").partition("=")
-    return f"{layer.replace('_', ' ')} {choice}" if strategy else "as the scenario says"
+    return f"{layer.replace('_', ' ')} {choice}" if strategy else "as in the scenario"
 
 
 def sentence(search: FleetSearch, session: SizingSession) -> str:
@@ -116,7 +116,7 @@ def sentence(search: FleetSearch, session: SizingSession) -> str:
     if answer.kind == "not reachable":
         return f"not reachable up to {count(last, 'robot')}"
     upper = f"{answer.robots}" if answer.robots else f"{last}, or more"
-    share = f"its {search.budget:,} runs of the budget are spent"
+    share = f"its share of the budget, {search.budget:,} runs, is spent"
     spent = share if len(session.question.strategies) > 1 else "the budget is spent"
     why = spent if session.complete else "interrupted"
     return f"undecided between {answer.least} and {upper} ({why})"
@@ -166,8 +166,10 @@ def candidate_notes(search: FleetSearch, question: Question) -> Iterator[str]:
     for one in search.candidates:
         lacking = one.unmeasured(question.target.metric)
         if lacking:
-            what = f"{count(lacking, 'run')} without {question.target.metric}, since nothing ended"
-            yield f"{one.place.robots}: {what}; such runs miss the target"
+            what = f"{count(lacking, 'run')} without {question.target.metric}"
+            yield (
+                f"{one.place.robots}: {what}, because nothing was completed; these runs miss the target"
+            )
 
 
 def last_run(search: FleetSearch) -> Candidate | None:
@@ -231,7 +233,7 @@ def spent_time(candidate: Candidate) -> Iterator[str]:
         if not math.isnan(mean_of(candidate, name))
     ]
     if uses:
-        yield f"Time in use: {', '.join(uses)}"
+        yield f"Utilization: {', '.join(uses)}"
 
 
 def gain_lines(gain: MarginalGain, question: Question) -> Iterator[str]:
@@ -263,11 +265,11 @@ def best_lines(best: StrategySelection | None) -> list[str]:
     means = ", ".join(
         f"{label(name)} {number(mean)} ({count(runs, 'run')})" for name, mean, runs in found
     )
-    zone = f"differences below {number(best.zone)} do not matter"
+    zone = f"indifference zone {number(best.zone)}"
     head = f"With {count(best.robots, 'robot')} (Kim & Nelson; {zone}): {means}"
     if len(best.left) == 1:
         return [head, f"Best: {label(best.left[0])}"]
-    return [head, f"Not told apart: {', '.join(map(label, best.left))}"]
+    return [head, f"No statistically significant difference: {', '.join(map(label, best.left))}"]
 
 
 def moved_lines(session: SizingSession, question: Question) -> list[str]:
@@ -283,7 +285,7 @@ def moved_lines(session: SizingSession, question: Question) -> list[str]:
             settings = changed(session.changes[percent_off])
             lines.append(f"{how}{moved_line(moved, question)} ({settings})")
         elif percent_off not in session.changes:
-            lines.append(how + "not examined, they are too short for that in whole ticks")
+            lines.append(how + "not examined, they are too short to change by whole ticks")
         else:
             lines.append(how + f"not examined, {too_little(session, place)}")
     return lines
@@ -295,24 +297,24 @@ def too_little(session: SizingSession, place: FleetConfig) -> str:
         return "interrupted"
     needed = TRIAL_RUNS * len(around(place, session.question))
     left = session.question.budget - session.spent
-    return f"which takes {count(needed, 'run')}: {left:,} of the budget are left"
+    return f"{count(needed, 'run')} are needed and {left:,} of the budget are left"
 
 
 def changed(settings: Sequence[str]) -> str:
-    """What makes durations longer or shorter: "turn 24, pick 10, moves a tick longer in 10 %".
+    """What makes durations longer or shorter: "turn 24, pick 10, 10 % of moves a tick longer".
 
     Moves that are too short to be shortened in whole ticks are named as well.
     """
     as_they_are = (
         ""
         if any(setting.startswith((MOVES_LATE, "durations.move")) for setting in settings)
-        else ", moves as they are"
+        else ", moves unchanged"
     )
     parts = [setting.removeprefix("durations.").replace("=", " ") for setting in settings]
     late = f"{MOVES_LATE}="
     return (
         ", ".join(
-            f"moves a tick longer in {percent(float(part.partition(' ')[2]), 0)}"
+            f"{percent(float(part.partition(' ')[2]), 0)} of moves a tick longer"
             if setting.startswith(late)
             else part
             for setting, part in zip(settings, parts, strict=True)
@@ -354,37 +356,34 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
     sure = percent(1 - question.alpha, 0)
     after = f" after the first {count(question.warm_up, 'tick')}" if question.warm_up else ""
     if question.mean:
-        yield (
-            f"Estimand: the mean of {question.target.metric}{after} over runs with seeds of their own."
-        )
+        yield (f"Estimand: the mean of {question.target.metric}{after} over independent runs.")
         unit = question.target.in_unit(question.indifference)
         width = f"{shown(question.indifference)} {unit}".strip()
         yield (
-            f"Zone {width}: with probability {sure} every fleet whose mean is better than the "
-            "target by that much passes and every one worse by that much fails; between them either "
-            "may happen."
+            f"Indifference zone {width}: with {sure} confidence every fleet whose mean is better than "
+            "the target by that much passes and every fleet worse by that much fails; in between either "
+            "verdict is possible."
         )
         test = "Batur & Kim's region on means of 10 runs, 20 of them at first"
     else:
         yield (
-            f"Estimand: the share of runs, each with a seed of its own, that reach {question.target.text}"
-            f"{after}; wanted {percent(question.success_share)}."
+            f"Estimand: the share of independent runs that reach {question.target.text}{after}; "
+            f"required: {percent(question.success_share)}."
         )
         low, high = zone(question)
         yield (
-            f"Zone {question.indifference:g}: with probability {sure} every fleet that reaches it in "
-            f"{percent(high)} of runs or more passes and every one in {percent(low)} or fewer fails; "
-            "between them either may happen."
+            f"Indifference zone {question.indifference:g}: with {sure} confidence every fleet that "
+            f"reaches it in {percent(high)} of runs or more passes and every fleet in {percent(low)} "
+            "or fewer fails; in between either verdict is possible."
         )
         test = "Wald's sequential test"
     yield (
-        f"Each fleet by {test}, error {question.alpha:g} / {question.candidates} each; none is "
-        "inferred from "
-        "another. Intervals of shares are confidence sequences, which stopping does not spoil; "
-        "means are for orientation."
+        f"Each fleet is tested by {test} with error {question.alpha:g} / {question.candidates}; none is "
+        "inferred from another. Intervals of shares are confidence sequences, which stay valid under "
+        "sequential stopping; means are for orientation."
     )
     yield (
-        f"Spent {session.spent:,} of {question.budget:,} runs, "
+        f"Used {session.spent:,} of {question.budget:,} runs, "
         f"{session.after:,} of them after the search. " + ends
     )
     demand = "replication r has the same seed, and so the same demand, for every fleet"
@@ -394,8 +393,8 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
             "since the orders are listed, so the answer holds for these orders alone"
         )
     yield (
-        f"Assumed: runs with different seeds are independent; {demand}; durations and orders are as "
-        "the scenario says."
+        f"Assumptions: runs with different seeds are independent; {demand}; durations and orders are as "
+        "in the scenario."
     )
 
 

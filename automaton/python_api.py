@@ -37,7 +37,7 @@ if TYPE_CHECKING:
     from automaton.studies.sweeps.result_store import Store
     from automaton.tables.table_files import Tables
     from automaton.tables.table_run import TableRun
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
 
 # A path, the name of a shipped scenario, what a scenario file says as a dict, or a Scenario.
 ScenarioLike: TypeAlias = "str | Path | Mapping[str, Any] | Scenario"

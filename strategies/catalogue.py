@@ -115,7 +115,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
             "oldest unreserved order, or the one due first, carried to its destination",
         ),
         "greedy": CatalogueEntry(
-            "strategies.allocation.greedy.greedy:Greedy",
+            "strategies.allocation.greedy:Greedy",
             GreedyParameters,
             "cheapest pair of robot and order first; orders not yet begun may be matched again",
             default_for=IMPORTED,

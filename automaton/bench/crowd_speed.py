@@ -22,7 +22,7 @@ from automaton.engine.holders import enter_holders, remove_holders
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.strategy import lookup
-from automaton.world.resolve import StrategyChoice
+from automaton.world.resolved import StrategyChoice
 
 SPARSE, ROUNDS = WalkingFleet(100_000, 1000), 20
 CROWDS, TICKS = (1_000, 4_000), 50

@@ -18,7 +18,7 @@ from automaton.floor.cells import ALL_EXITS, FLOOR, UNLIMITED
 from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
 from automaton.scenario.schema import LAYER_NAMES, Durations, Fleet, Scenario, Stop, Strategies
 from automaton.strategy import lookup
-from automaton.world.resolve import Resolved, StrategyChoice
+from automaton.world.resolved import Resolved, StrategyChoice
 
 Sample = Callable[[], float]  # takes one sample, in the unit of the measurement
 

@@ -18,14 +18,14 @@ from automaton.scenario.document import Override, parse
 from automaton.scenario.quantities import is_clock_time
 from automaton.scenario.schema import MAX_REFINEMENT
 from automaton.scenario.text_files import read_text
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 from automaton.world.scenario_warnings import scenario_warnings
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
 
     from automaton.documents.report_document import ReportDocument
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:

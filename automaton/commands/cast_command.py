@@ -100,7 +100,7 @@ def run(args: argparse.Namespace) -> int:
     elif args.out is not None and args.out.suffix.lower() in FILM_SUFFIXES:
         print(f"{args.out}: {_make_pixel_film(args)}")
     else:
-        viewer("cast.film").make_film(args.file, _screen_request(args), args.out)
+        viewer("playback.film").make_film(args.file, _screen_request(args), args.out)
     return 0
 
 
@@ -119,7 +119,7 @@ def _make_picture(args: argparse.Namespace) -> str:
 
         _check_drawn(args, args.picture)
         return make_pixel_picture(args.file, _pixel_request(args), args.picture, args.at)
-    make_picture = viewer("cast.film").make_picture
+    make_picture = viewer("playback.film").make_picture
     return str(make_picture(args.file, _screen_request(args), args.picture, args.at))
 
 
@@ -141,7 +141,7 @@ def _pixel_request(args: argparse.Namespace) -> PixelRequest:
 def _screen_request(args: argparse.Namespace) -> Any:
     how = ("size", "zoom", "follow", "layer", "theme", "color", "ascii")
     when = ("first", "last", "speed", "fps")
-    return viewer("cast.film").Request(**_given(args, (*how, *when)))
+    return viewer("playback.film").Request(**_given(args, (*how, *when)))
 
 
 def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict[str, Any]:

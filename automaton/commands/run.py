@@ -29,7 +29,8 @@ from automaton.commands.arguments import (
 )
 from automaton.errors import InputError
 from automaton.units import count, ticks_and_time, unit
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 if TYPE_CHECKING:
     from automaton.documents.report_document import Block, ReportDocument

@@ -14,7 +14,7 @@ from automaton.drawings.looks import Looks, RobotLooks, box_of, cell_of, looks_o
 from automaton.engine.state import GATE_CLOSING, GATE_DOOR, NIL
 from automaton.floor.floor_plan import UNBOUNDED, FloorPlan
 from automaton.vocabulary import STATE_WORDS, robot_states
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 Cells = NDArray[np.int32]  # flat indices
 

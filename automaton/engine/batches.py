@@ -1,9 +1,11 @@
-"""Who is asked: the batch of robots that concern a layer in this tick, sorted by identity."""
+"""Who is asked, and with what: the batch of robots that concern a layer in this tick, by identity."""
 
 import numpy as np
+from numba import types
 
 from automaton.engine.jit.field_kernels import clearing
 from automaton.engine.jit.kernel import kernel
+from automaton.engine.jit.struct_types import declared_type
 from automaton.engine.operations import clear_route_request, first_cell
 from automaton.engine.random_numbers import is_due
 from automaton.engine.state import (
@@ -27,11 +29,22 @@ from automaton.engine.state import (
     STATUS_EXHAUSTED,
     STATUS_UP,
     AllocationDecisions,
+    Batch,
     ChargingDecisions,
+    Decisions,
+    Memory,
     RightOfWayDecisions,
     RoutingDecisions,
+    Workspace,
+    World,
     ZoningDecisions,
 )
+
+
+def decide_signature():
+    """The types of the arguments of a strategy's `decide`."""
+    shown = (declared_type(kind, writable=False) for kind in (World, Batch))
+    return types.void(*shown, *(declared_type(kind) for kind in (Decisions, Memory, Workspace)))
 
 
 @kernel

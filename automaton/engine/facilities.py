@@ -22,6 +22,7 @@ from automaton.engine.jit.structs import (
 )
 
 ACTION_COUNT: Final = 20  # actions that automaton.engine.state numbers
+MICRO: Final = 1_000_000  # parts of a tick in which handling at stations is summed
 # Strategies by number: of the layers, then further ones that allocate orders to some types of robots.
 STRATEGY_COUNT: Final = 8
 

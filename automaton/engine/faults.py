@@ -585,15 +585,3 @@ def least_hash(hashes, able, count):
         if within < count:
             result |= bit
     return result
-
-
-@kernel
-def is_held_up(world, i):
-    """Whether robot i stands because it is delayed, between two operations or in one."""
-    delays, robots = world.delays, world.robots
-    if delays.until.shape[0] == 0 or robots.parked[U(i)]:
-        return False
-    if delays.until[U(robots.identity[U(i)])] < world.clock.tick:
-        return False
-    action = np.int64(robots.action[U(i)])
-    return action == ACTION_DELAYED or delays.lengthens[U(action)] != 0

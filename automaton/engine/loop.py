@@ -16,6 +16,7 @@ from automaton.engine.batches import (
     batch_right_of_way,
     batch_routing,
     clear_decisions,
+    decide_signature,
     strategy_of_call,
 )
 from automaton.engine.commit import commit_allocation, commit_right_of_way, commit_routing
@@ -292,9 +293,3 @@ def compile_loop():
         *[types.FunctionType(signature(feature)) for feature in FEATURES],
     )
     return kernel(ticks, signature=kinds), decide
-
-
-def decide_signature():
-    """The types of the arguments of a strategy's `decide`."""
-    shown = (declared_type(kind, writable=False) for kind in (World, Batch))
-    return types.void(*shown, *(declared_type(kind) for kind in (Decisions, Memory, Workspace)))

@@ -10,7 +10,6 @@ import numpy as np
 
 from automaton.engine.blockers import find_blockers
 from automaton.engine.drive import robots_in_zone
-from automaton.engine.faults import is_held_up
 from automaton.engine.gates import has_gates, is_cabin_move
 from automaton.engine.jit.kernel import U, kernel, prefetch
 from automaton.engine.motion import (
@@ -55,7 +54,7 @@ from automaton.engine.observation import (
     WAITING_ROBOTS,
     WORKING_ROBOTS,
 )
-from automaton.engine.operations import is_facing
+from automaton.engine.operations import is_facing, is_held_up
 from automaton.engine.random_numbers import is_begin
 from automaton.engine.record_codes import (
     ACTION_MASK,

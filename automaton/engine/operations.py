@@ -9,6 +9,7 @@ import numpy as np
 from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.record_codes import EXECUTED_ILLEGAL
 from automaton.engine.state import (
+    ACTION_DELAYED,
     ACTION_FOLLOWING,
     ACTION_ILLEGAL,
     GOAL_NONE,
@@ -126,6 +127,18 @@ def count_following(world, i, ticks):
         units = energy_cost(world, i, ACTION_FOLLOWING, ticks)
         consume_energy(world, i, min(units, np.int64(world.robots.charge[i])))
     world.tally.ticks[i, ACTION_FOLLOWING, loaded] += ticks
+
+
+@kernel
+def is_held_up(world, i):
+    """Whether robot i stands because it is delayed, between two operations or in one."""
+    delays, robots = world.delays, world.robots
+    if delays.until.shape[0] == 0 or robots.parked[U(i)]:
+        return False
+    if delays.until[U(robots.identity[U(i)])] < world.clock.tick:
+        return False
+    action = np.int64(robots.action[U(i)])
+    return action == ACTION_DELAYED or delays.lengthens[U(action)] != 0
 
 
 @kernel

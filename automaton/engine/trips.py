@@ -11,6 +11,7 @@ without one the trip ends in storage. So no robot waits for a place with a pod o
 
 import numpy as np
 
+from automaton.engine.facilities import MICRO
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.operations import next_stop_cell, record_change, request_allocation
 from automaton.engine.record_codes import CHANGE_ORDER_RESERVED
@@ -24,8 +25,6 @@ from automaton.engine.state import (
     ORDER_WAITING,
     REASON_REPLAN,
 )
-
-MICRO = 1_000_000  # parts of a tick in which handling is summed
 
 
 @kernel

@@ -34,7 +34,7 @@ from automaton.recording.recording_reader import title_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.text_files import is_recording
 from automaton.units import Unit, count, number, unit
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 
 @dataclass(frozen=True)

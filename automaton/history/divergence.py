@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,6 @@ from numpy.typing import NDArray
 from automaton.errors import InputError
 from automaton.recording.contents import Content
 from automaton.recording.frames import Recording, StoredFrames
-
-if TYPE_CHECKING:  # they need Numba
-    from automaton.history.live_run import LiveRun
-    from automaton.runs.simulation import Simulation
 
 DIFFERENT_START = "the runs differ from the start: another fleet, floor or order list"
 
@@ -31,14 +27,15 @@ def first_difference(one: Recording, other: Recording) -> Divergence:
 
     Raises InputError for a recording in which ticks are missing.
     """
-    if not _same_start(one.header, other.header):
+    if not begin_alike(one.header, other.header):
         return Divergence(0, DIFFERENT_START)
     # Frames of their own: the player decodes the others in its thread.
     mine, its = (StoredFrames(recording.stored().payloads) for recording in (one, other))
-    return _compared(mine, its)
+    return compared(mine, its)
 
 
-def _compared(mine: StoredFrames, its: StoredFrames) -> Divergence:
+def compared(mine: StoredFrames, its: StoredFrames) -> Divergence:
+    """The first tick whose actions differ; if none does, the first whose digests do, and the ends."""
     state: int | None = None  # the first tick whose digests differ
     for begin, end, left, right in _common_stretches(mine, its, 1):
         acted = _first_action(left, right, begin, end)
@@ -55,7 +52,17 @@ def _compared(mine: StoredFrames, its: StoredFrames) -> Divergence:
     return Divergence(None, f"the runs are equal in all {ends[0]:,} ticks")
 
 
-def _same_start(one: Content, other: Content) -> bool:
+def first_action(one: StoredFrames, other: StoredFrames, tick: int) -> Divergence | None:
+    """The first tick, from `tick` on, in which robots did something else, if any."""
+    for begin, end, left, right in _common_stretches(one, other, tick):
+        acted = _first_action(left, right, begin, end)
+        if acted is not None:
+            return acted
+    return None
+
+
+def begin_alike(one: Content, other: Content) -> bool:
+    """Whether two headers have the same fleet, orders, slots and floor."""
     for part in ("robots", "orders", "slots"):
         if any(not np.array_equal(one[part][name], other[part][name]) for name in one[part]):
             return False
@@ -109,55 +116,3 @@ def _rows(frame: Content, name: str, begin: int, end: int) -> NDArray[np.uint64]
     first = frame["first"]
     rows: NDArray[np.uint64] = frame[name][begin - first : end + 1 - first]
     return rows
-
-
-class LiveDivergence:
-    """Looks for the tick at which two live runs part, as far as both are computed.
-
-    As long as positions and operations are the same, no frame is compared, since that would write
-    short frames into the recordings.
-    """
-
-    def __init__(self, one: LiveRun, other: LiveRun) -> None:
-        self._runs = (one, other)
-        same = _same_start(one.header, other.header)
-        self._settled = not same
-        self.result: Divergence | None = None if same else Divergence(0, DIFFERENT_START)
-        self._compared_until = 0
-
-    def look(self) -> Divergence | None:
-        """Compare what is new; None as long as the runs are equal and one goes on."""
-        one, other = (run.leading_simulation for run in self._runs)
-        ended = all(run.end is not None for run in self._runs)
-        tick = min(one.tick, other.tick)
-        if self._settled or not (ended or (tick > self._compared_until and _differ(one, other))):
-            return self.result
-        for run in self._runs:
-            run.recorder.flush()
-        frames = [run.frames for run in self._runs]
-        try:
-            self.result = _compared(*frames) if ended else self._first_new(*frames)
-        except InputError:
-            text = "the runs differ, first in a tick that is not kept any more"
-            self.result = Divergence(None, text)
-        self._settled = self.result is not None
-        self._compared_until = tick
-        return self.result
-
-    def _first_new(self, one: StoredFrames, other: StoredFrames) -> Divergence | None:
-        for begin, end, left, right in _common_stretches(one, other, self._compared_until + 1):
-            acted = _first_action(left, right, begin, end)
-            if acted is not None:
-                return acted
-        return None
-
-
-def _differ(one: Simulation, other: Simulation) -> bool:
-    """Whether robots are elsewhere, or have done something else so far."""
-    if one.tick != other.tick:
-        return False
-    first, second = (simulation.world for simulation in (one, other))
-    mine, its = (world.robots.at_index for world in (first, second))
-    same = np.array_equal(first.robots.cell[mine], second.robots.cell[its])
-    operations = first.tally.operations[mine], second.tally.operations[its]
-    return not (same and np.array_equal(*operations))

@@ -18,6 +18,13 @@ import numpy as np
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.state import NIL
 from automaton.errors import InputError
+from automaton.history.divergence import (
+    DIFFERENT_START,
+    Divergence,
+    begin_alike,
+    compared,
+    first_action,
+)
 from automaton.history.playback import Keyframes, Playback
 from automaton.history.watched_run import COMPUTE_SLICE_S, WatchedRun
 from automaton.recording.contents import (
@@ -31,7 +38,8 @@ from automaton.recording.header import changed, resolved_of
 from automaton.recording.recorder import BaseRecorder, RecordingFile
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import Resolved, branched
+from automaton.world.resolve import branched
+from automaton.world.resolved import Resolved
 
 ZONES = "service_zones."  # arrays of the state that change with the rules
 
@@ -384,3 +392,52 @@ class LiveRecorder(BaseRecorder):
                 self.write_error = (
                     f"{self.file.path}: cannot finish the recording: {error.strerror}"
                 )
+
+
+# Two live runs side by side.
+
+
+class LiveDivergence:
+    """Looks for the tick at which two live runs part, as far as both are computed.
+
+    As long as positions and operations are the same, no frame is compared, since that would write
+    short frames into the recordings.
+    """
+
+    def __init__(self, one: LiveRun, other: LiveRun) -> None:
+        self._runs = (one, other)
+        same = begin_alike(one.header, other.header)
+        self._settled = not same
+        self.result: Divergence | None = None if same else Divergence(0, DIFFERENT_START)
+        self._compared_until = 0
+
+    def look(self) -> Divergence | None:
+        """Compare what is new; None as long as the runs are equal and one goes on."""
+        one, other = (run.leading_simulation for run in self._runs)
+        ended = all(run.end is not None for run in self._runs)
+        tick = min(one.tick, other.tick)
+        if self._settled or not (ended or (tick > self._compared_until and _differ(one, other))):
+            return self.result
+        for run in self._runs:
+            run.recorder.flush()
+        mine, its = (run.frames for run in self._runs)
+        try:
+            new = self._compared_until + 1
+            self.result = compared(mine, its) if ended else first_action(mine, its, new)
+        except InputError:
+            text = "the runs differ, first in a tick that is not kept any more"
+            self.result = Divergence(None, text)
+        self._settled = self.result is not None
+        self._compared_until = tick
+        return self.result
+
+
+def _differ(one: Simulation, other: Simulation) -> bool:
+    """Whether robots are elsewhere, or have done something else so far."""
+    if one.tick != other.tick:
+        return False
+    first, second = (simulation.world for simulation in (one, other))
+    mine, its = (world.robots.at_index for world in (first, second))
+    same = np.array_equal(first.robots.cell[mine], second.robots.cell[its])
+    operations = first.tally.operations[mine], second.tally.operations[its]
+    return not (same and np.array_equal(*operations))

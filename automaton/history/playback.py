@@ -26,7 +26,7 @@ from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import arrays_of_run, copy_clock, ragged_arrays, used_entries
 from automaton.strategy.contract import Strategy, WaitRanges
 from automaton.strategy.lookup import NO_STRATEGY
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 FIRST_WORDS = 4096
 

@@ -20,8 +20,10 @@ from automaton.engine.facilities import (
 )
 from automaton.engine.jit.structs import CARRIED, Struct
 from automaton.engine.observation import Observation
-from automaton.engine.state import NIL, Array, Orders, Robots
-from automaton.runs.simulation import Simulation
+from automaton.engine.state import GATE_CLOSING, GATE_DOOR, NIL, Array, Orders, Robots
+
+if TYPE_CHECKING:  # it needs Numba
+    from automaton.runs.simulation import Simulation
 
 AnyStruct = TypeVar("AnyStruct", bound=Struct)
 
@@ -158,3 +160,40 @@ def _plan(simulation: Simulation, selected: int) -> Array:
     i = robots.at_index[selected]
     orders: Array = robots.order_queue[i, : robots.order_queue_length[i]].copy()
     return orders
+
+
+# Gates at that tick.
+
+
+def closed_until(snapshot: Snapshot, gate: int) -> int:
+    """The tick from which a closing is over that lasts; NIL if it is open."""
+    gates = snapshot.gates
+    row = int(gates.first_closing[gate] + gates.closing[gate])
+    if gates.kind[gate] != GATE_CLOSING or row >= gates.first_closing[gate + 1]:
+        return NIL
+    first, end = gates.closings[row].tolist()
+    return end if first <= snapshot.tick < end else NIL
+
+
+def cells_of(snapshot: Snapshot, gate: int) -> Array:
+    """(k,) int32: the flat cells of a gate."""
+    gates = snapshot.gates
+    entries = np.flatnonzero(gates.cell_gate == gate)
+    cells: Array = np.searchsorted(gates.cell_first, entries, side="right").astype(np.int32) - 1
+    return cells
+
+
+def shut_cells(snapshot: Snapshot) -> tuple[Array, Array]:
+    """(k,) int32 flat cells that are closed now, and (d,) of doors that are not open."""
+    gates = snapshot.gates
+    closed = [
+        cells_of(snapshot, gate)
+        for gate in range(len(gates.kind))
+        if closed_until(snapshot, gate) != NIL
+    ]
+    shut = [
+        cells_of(snapshot, int(gate))
+        for gate in np.flatnonzero((gates.kind == GATE_DOOR) & (gates.open_from > snapshot.tick))
+    ]
+    none = np.zeros(0, np.int32)
+    return np.concatenate([none, *closed]), np.concatenate([none, *shut])

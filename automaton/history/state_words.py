@@ -26,6 +26,7 @@ from automaton.engine.state import (
     Orders,
     World,
 )
+from automaton.history.snapshot import cells_of, closed_until
 from automaton.scenario.quantities import Scale, clock_text
 from automaton.units import count, duration, number, percent, ticks_and_time
 
@@ -67,24 +68,6 @@ def keeps(snapshot: Snapshot, gate: int, kind: int) -> bool:
     if kind == GATE_BLOCK:
         return bool(snapshot.gates.same_way[gate]) or len(robots_in(snapshot, gate)) > 0
     return True
-
-
-def closed_until(snapshot: Snapshot, gate: int) -> int:
-    """The tick from which a closing is over that lasts; NIL if it is open."""
-    gates = snapshot.gates
-    row = int(gates.first_closing[gate] + gates.closing[gate])
-    if gates.kind[gate] != GATE_CLOSING or row >= gates.first_closing[gate + 1]:
-        return NIL
-    first, end = gates.closings[row].tolist()
-    return end if first <= snapshot.tick < end else NIL
-
-
-def cells_of(snapshot: Snapshot, gate: int) -> Array:
-    """(k,) int32: the flat cells of a gate."""
-    gates = snapshot.gates
-    entries = np.flatnonzero(gates.cell_gate == gate)
-    cells: Array = np.searchsorted(gates.cell_first, entries, side="right").astype(np.int32) - 1
-    return cells
 
 
 def robots_in(snapshot: Snapshot, gate: int) -> list[int]:
@@ -132,22 +115,6 @@ def names_of(robots: list[int]) -> str:
         return ""
     names = ", ".join(f"robot {robot}" for robot in robots[:3])
     return f": {names}{' and others' if len(robots) > 3 else ''}"
-
-
-def shut_cells(snapshot: Snapshot) -> tuple[Array, Array]:
-    """(k,) int32 flat cells that are closed now, and (d,) of doors that are not open."""
-    gates = snapshot.gates
-    closed = [
-        cells_of(snapshot, gate)
-        for gate in range(len(gates.kind))
-        if closed_until(snapshot, gate) != NIL
-    ]
-    shut = [
-        cells_of(snapshot, int(gate))
-        for gate in np.flatnonzero((gates.kind == GATE_DOOR) & (gates.open_from > snapshot.tick))
-    ]
-    none = np.zeros(0, np.int32)
-    return np.concatenate([none, *closed]), np.concatenate([none, *shut])
 
 
 def gate_states(world: World) -> Array:

@@ -13,7 +13,7 @@ from automaton.recording.frames import Recording, StoredFrames
 from automaton.recording.header import changed, resolved_of
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 COMPUTE_SLICE_S = 0.005  # of computing between two looks at the clock
 KEYFRAME_S = 0.03  # of computing between two keyframes: what going back may cost,

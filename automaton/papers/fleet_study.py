@@ -38,7 +38,8 @@ from automaton.papers.reproduction_study import (
 from automaton.scenario.text_files import read_text
 from automaton.strategy import lookup
 from automaton.studies.process_pool import OnDone, RunResult, run_all
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 from layouts.random_floor import RandomFloor
 
 EPIBT: Final = "epibt"

@@ -20,7 +20,7 @@ from automaton.floor.cells import DOCK, RACK
 from automaton.papers.training_settings import measured
 from automaton.scenario.robot_types import RobotType, types_of
 from automaton.world.prepared_floor import PreparedFloor, floor_for, frozen
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 from automaton.world.rules import duration_table
 from automaton.world.starts import first_headings
 from strategies.routing import predicted_paths

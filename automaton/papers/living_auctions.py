@@ -35,7 +35,7 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fault
 from automaton.studies.process_pool import OnDone, RunResult, run_and_measure
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 SATURATED: Final = "orders={generator: stations, count: 100}"  # all known at the start
 COMING: Final = "orders={generator: stations, count: 100, mean_interarrival_time: 45}"

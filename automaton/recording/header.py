@@ -22,7 +22,7 @@ from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
 from automaton.strategy.lookup import AsRecorded
 from automaton.world.floor_parts import with_speed_limits
-from automaton.world.resolve import Resolved, StrategyChoice, in_fine_ticks
+from automaton.world.resolved import Resolved, StrategyChoice, in_fine_ticks
 
 FLOOR_ARRAYS = ("kind", "exits", "capacity", "bays", "loads", "opens")
 

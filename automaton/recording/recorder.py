@@ -39,7 +39,7 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.text_files import is_recording
 from automaton.world.building import build_world, digest_interval
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 FRAME_SECONDS = 1.0  # what a killed process may lose
 # Of decisions and changes: what a frame holds of those of several calls at most.

@@ -16,13 +16,13 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from multiprocessing import parent_process
 
+from automaton.engine.batches import decide_signature
 from automaton.engine.features import compiled_feature
 from automaton.engine.jit.kernel import COMPILATIONS, jit_is_on, world_marker
-from automaton.engine.loop import decide_signature
 from automaton.runs.cores import cores
 from automaton.scenario.schema import Faults
 from automaton.strategy.contract import Strategy, compiled_decide
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 
 @contextmanager

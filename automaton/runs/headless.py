@@ -55,7 +55,7 @@ from automaton.runs.simulation import RECORD_TICKS, Simulation
 from automaton.runs.task_metrics import metrics_by_station, summed, tasks_after
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.units import count
-from automaton.world.resolve import Resolved, StrategyChoice
+from automaton.world.resolved import Resolved, StrategyChoice
 
 # Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
 # that looking changes no recording; 5 robots drive them in 0.3 ms.

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Final
 from automaton.units import Unit, duration, unit
 
 if TYPE_CHECKING:
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
 
 PER_1000_TICKS: Final = "orders/1000 ticks"  # of every throughput, here and in targets
 

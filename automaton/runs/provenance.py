@@ -11,7 +11,7 @@ from typing import Any
 
 from automaton.scenario.text_files import content_hash
 from automaton.strategy.lookup import files_of
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 PACKAGES = ("automaton", "strategies", "layouts")
 DECIDING = (".py", ".npz")  # files of these packages from which runs follow: code and networks

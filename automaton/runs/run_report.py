@@ -11,7 +11,7 @@ from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles
 from automaton.scenario.schema import Scenario
 from automaton.strategy.lookup import NO_STRATEGY
 from automaton.units import SECONDS_PER_UNIT, Unit, count, duration, number, percent, shown_unit
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 LOST_METRIC_PREFIX = "lost_"
 ROBOT_COLUMNS = {  # head: what of the robot's metrics

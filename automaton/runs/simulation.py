@@ -74,7 +74,7 @@ from automaton.world.building import (
     build_world,
     digest_interval,
 )
-from automaton.world.resolve import Resolved, StrategyChoice
+from automaton.world.resolved import Resolved, StrategyChoice
 
 RECORD_TICKS = 256  # ticks in the buffers of a recording
 OBSERVED_TICKS = 1024  # and of an observation

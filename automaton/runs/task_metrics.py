@@ -28,7 +28,7 @@ from automaton.engine.state import (
 from automaton.runs.interruption import interruptible
 from automaton.runs.progress import asked_orders, has_lines
 from automaton.runs.task_lower_bounds import min_drive_ticks
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 
 class Measured(Protocol):

@@ -10,7 +10,7 @@ from automaton.runs.run_diagnosis import JamWatch, describe_jam, describe_wait_c
 from automaton.runs.simulation import Simulation
 from automaton.units import count
 from automaton.world.bounds import bounds, least_ticks, most_throughput
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 MIN_TICKS: Final = 500
 TRIAL_ROBOT_TICKS: Final = 2_000_000

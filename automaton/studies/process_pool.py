@@ -24,7 +24,7 @@ from automaton.runs.first_compilation import compiled_parts
 from automaton.runs.headless import attribute_strategy_errors, run_to_end
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 POOL_START_DELAY_S: Final = 2.0
 END_TIMEOUT_S: Final = 5.0  # for a process to end, once it was told

@@ -23,7 +23,7 @@ from automaton.units import exact_time
 if TYPE_CHECKING:
     import pyarrow as pa
 
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
 
 Array = NDArray[Any]
 Rows = Mapping[str, Array]  # (k,) each, by column

@@ -64,7 +64,7 @@ from automaton.tables.columns import (
     texts_where,
     where,
 )
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 Table = tuple[Form, Iterable[Rows]]
 

@@ -42,7 +42,7 @@ from automaton.tables.rows import (
     trip_table,
 )
 from automaton.tables.table_files import PARQUET, Tables, sink_for
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 
 class WantedTables(NamedTuple):

@@ -40,7 +40,7 @@ from automaton.scenario.schema import Battery, ChargeRange, Scenario
 from automaton.units import count
 from automaton.world.capabilities import loaded_driving
 from automaton.world.floor_parts import places_of_chargers
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
 LEAST_DRAWN: Final = 1  # ticks of work

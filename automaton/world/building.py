@@ -59,7 +59,7 @@ from automaton.world.floor_parts import places_of_chargers
 from automaton.world.gates import build_gates
 from automaton.world.pods import build_pods
 from automaton.world.prepared_floor import PreparedFloor, floor_for
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 from automaton.world.rules import rules_for
 from automaton.world.starts import first_charges, homes, occupy_starts, start_headings
 

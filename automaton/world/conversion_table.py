@@ -20,7 +20,7 @@ from automaton.scenario.quantities import Dimension, Scale, rounded
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import Conversion, Plan, plan_of
 from automaton.units import Unit, duration, number
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 TOLERANCE: Final = Fraction(2, 100)
 TICKS_TO_CHOOSE_FROM: Final = tuple(

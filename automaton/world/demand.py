@@ -25,7 +25,7 @@ from automaton.scenario.schema import Scenario
 from automaton.world.capabilities import FleetOnFloor, Service, served_with_load, service_for
 from automaton.world.draws import geometric, integers
 from automaton.world.prepared_floor import PreparedFloor
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 from automaton.world.rules import may_fail
 from automaton.world.task_lists import assign_in_turn, cells_of_tasks, order_count
 

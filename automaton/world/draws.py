@@ -14,9 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.engine import random_numbers
-from automaton.engine.facilities import Delays
+from automaton.engine.facilities import MICRO, Delays
 from automaton.engine.state import ACTION_COUNT, ACTION_NAMES, MAX_BUSY, Array
-from automaton.engine.trips import MICRO
 from automaton.scenario.durations import Distribution, Handling
 from automaton.scenario.fleet import Delays as DelayRules
 from automaton.scenario.fleet import Faults

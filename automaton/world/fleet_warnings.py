@@ -22,7 +22,7 @@ from automaton.units import count
 from automaton.world.capabilities import default_right_of_way, has_ringless_part, why_not_steered
 from automaton.world.floor_parts import queue_path
 from automaton.world.gate_cells import Gate, cells_of, gates_of, mouths_of, moves_between, shares
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 # Both by `automaton sweep crowds`, shares of the cells for one robot each.
 JAM_SHARE: Final = 0.06  # half of 12 %, where retreat does 23 to 36 % of pibt's orders

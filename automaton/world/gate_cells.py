@@ -11,11 +11,18 @@ import numpy.typing as npt
 from automaton.engine.state import GATE_BLOCK, GATE_CLOSING, GATE_DOOR, GATE_LIFT
 from automaton.errors import Finding, InputError, Keys
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.changing_floor import Block, ChangingFloor, Closing, Door, Lift, MeanGap
+from automaton.scenario.changing_floor import (
+    Block,
+    ChangingFloor,
+    Closing,
+    Door,
+    Lift,
+    MeanGap,
+    cells_of_set,
+)
 from automaton.scenario.durations import Distribution
 from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario
 from automaton.units import ticks_and_time, unit
-from automaton.world.floor_parts import cells_of_set
 
 CELL_KEYS: Final = {GATE_CLOSING: "cells", GATE_DOOR: "at", GATE_BLOCK: "cells", GATE_LIFT: "shaft"}
 MAX_CLOSINGS: Final = 4_000_000  # of a run

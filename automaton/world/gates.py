@@ -24,7 +24,7 @@ from automaton.world.gate_cells import (
     shares,
     too_many_closings,
 )
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 REPLAN_AFTER_S = 30  # where the scenario does not say
 

@@ -23,7 +23,7 @@ from automaton.world.capabilities import loaded_driving
 from automaton.world.draws import geometric, handling_of_lines, integers, whole_micro
 from automaton.world.floor_parts import queue_path, station_numbers
 from automaton.world.prepared_floor import PreparedFloor
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 Column = npt.NDArray[np.int64]
 

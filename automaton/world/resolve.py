@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
-from functools import cached_property
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -15,30 +14,22 @@ import numpy as np
 from automaton.engine.distance_tables import least_table_bytes
 from automaton.errors import Finding, InputError, InvalidValueError, Keys, refuse
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.carried_pods import carries_pods, pod_cells, pod_names
 from automaton.scenario.document import Override
 from automaton.scenario.reading import Reading, document_of
-from automaton.scenario.refinement import refined, refined_value, too_long
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import LAYER_NAMES, Scenario
-from automaton.scenario.validation import Conversion, dotted, validated, with_numbers
-from automaton.strategy.lookup import (
-    NoParameters,
-    ZoningParameters,
-    files_of,
-    resolve_paths,
-    zoning_parameters_of,
-)
+from automaton.scenario.validation import dotted, validated, with_numbers
+from automaton.strategy.lookup import files_of, resolve_paths, zoning_parameters_of
 from automaton.units import bytes_of, memory
-from automaton.world.capabilities import FleetOnFloor, Start, with_right_of_way
+from automaton.world.capabilities import with_right_of_way
 from automaton.world.feasibility import check_energy, feasible_fleet
 from automaton.world.floor_parts import (
-    all_station_names,
     check_speed_limits,
     with_charger_blocks,
     with_shared_chargers,
     with_speed_limits,
 )
+from automaton.world.resolved import Resolved, StrategyChoice, in_fine_ticks, objection_to
 
 MAX_ALLOCATIONS = 4  # strategies that a run asks for allocations
 CHANGEABLE = ("strategy", "durations", "information", "world", "stop")  # while a run goes on
@@ -103,106 +94,6 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
     vars(resolved)["fleet"] = fleet  # with the facts that the checks have found
     refuse(check_allocations(resolved))
     return in_fine_ticks(resolved)
-
-
-class StrategyChoice(NamedTuple):
-    """The strategy of one layer."""
-
-    name: str  # of the table of built-ins, of a plug-in, or "module:Class"
-    parameters: msgspec.Struct
-    conversions: tuple[Conversion, ...] = ()  # of texts in them
-
-
-@dataclass(frozen=True)
-class Resolved:
-    """Everything that a run follows from."""
-
-    scenario: Scenario
-    floor_plan: FloorPlan
-    strategies: dict[str, StrategyChoice]  # by layer
-    start: Start
-    source: str  # text of the scenario file; "" for a Scenario built in Python
-    overrides: tuple[str, ...] = ()  # the --set arguments as typed
-    files: tuple[tuple[str, str], ...] = ()  # read for the scenario: path, 16 hex digits of content
-    conversions: tuple[Conversion, ...] = ()  # of texts with units, but for those of strategies
-    file_notes: tuple[str, ...] = ()  # what was read of a file of orders, for `check`
-    file_warnings: tuple[str, ...] = ()  # and what is odd in it
-    coarse: Resolved | None = None  # as it was read, where this is in finer ticks
-    # Of each type of robots the allocation that it has to itself; None: that of `strategies`.
-    own_allocations: tuple[StrategyChoice | None, ...] = ()
-    orders_of_file: bool = False  # whether its orders, or their lines, come from a file
-
-    @cached_property
-    def fleet(self) -> FleetOnFloor:
-        """The robots on the floor: types, starts, what they reach."""
-        return FleetOnFloor(self.scenario, self.floor_plan, self.start)
-
-    @cached_property
-    def pod_names(self) -> tuple[str, ...]:
-        """The name of each pod, its number from 1 where it has none; () where none is carried."""
-        if not carries_pods(self.scenario, self.floor_plan):
-            return ()
-        return tuple(pod_names(self.scenario, len(pod_cells(self.scenario, self.floor_plan))))
-
-    @cached_property
-    def station_names(self) -> tuple[str, ...]:
-        """The name of each station, its number from 1 where it has none; () where no pod is carried."""
-        if not carries_pods(self.scenario, self.floor_plan):
-            return ()
-        return all_station_names(self.scenario, self.floor_plan)
-
-    def __reduce__(self) -> Any:
-        """A refined scenario is refined again: made from its parts, it would be checked as read."""
-        if self.coarse is None:
-            return object.__new__, (Resolved,), self.__getstate__()
-        return in_fine_ticks, (replace(self.coarse, overrides=self.overrides),)
-
-    def __getstate__(self) -> dict[str, Any]:
-        """All but the fleet, which follows from the rest and may be larger than all of it."""
-        return {name: value for name, value in vars(self).items() if name != "fleet"}
-
-    @property
-    def unrefined(self) -> Resolved:
-        """The scenario in the ticks in which it was read."""
-        return self if self.coarse is None else self.coarse
-
-    @property
-    def allocations(self) -> tuple[StrategyChoice, ...]:
-        """The strategies that allocate orders, each once: that of `strategies`, unless all types have
-        their own, then these."""
-        is_used = self.strategies and (None in self.own_allocations or not self.own_allocations)
-        choices = [self.strategies["allocation"]] if is_used else []
-        for own in self.own_allocations:
-            if own is not None and all(own[:2] != other[:2] for other in choices):
-                choices.append(own)
-        return tuple(choices)
-
-    @property
-    def allocation_of_types(self) -> list[int]:
-        """Of each type of robots, which of `allocations` is its own; empty where no type has one."""
-        known = [choice[:2] for choice in self.allocations]
-        return [0 if own is None else known.index(own[:2]) for own in self.own_allocations]
-
-    @property
-    def may_stay(self) -> bool:
-        """Whether robots without an order stay where they are."""
-        return any(
-            getattr(choice.parameters, "idle", "park") == "stay" for choice in self.allocations
-        )
-
-    @property
-    def choices(self) -> tuple[tuple[str, StrategyChoice], ...]:
-        """The layer and the choice of all strategies, by number: those of layers, then of types."""
-        first, *further = self.allocations or (None,)
-        strategies = self.strategies | ({"allocation": first} if first else {})
-        of_layers = ((name, strategies[name]) for name in LAYER_NAMES if strategies)
-        return (*of_layers, *(("allocation", choice) for choice in further))
-
-    @property
-    def zoning(self) -> ZoningParameters:
-        """What the zoning strategy says of the zones at the start. Raises InputError."""
-        choice = self.strategies.get("zoning")  # a story has no strategies
-        return zoning_parameters_of(choice.parameters if choice else NoParameters())
 
 
 def check_table_memory(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
@@ -311,13 +202,6 @@ def check_choice(
         yield Finding(keys, f"{dotted(keys)} is {choice.name}: {sentence}")
 
 
-def objection_to(choice: StrategyChoice, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-    """What the parameters of a strategy have to say against a scenario, if they look at it."""
-    check = getattr(choice.parameters, "check_scenario", None)
-    sentence: str | None = check(scenario, floor_plan) if check else None
-    return sentence
-
-
 def check_allocations(resolved: Resolved) -> Iterator[Finding]:
     """There are no more strategies of allocation than a run asks."""
     number = len(resolved.allocations)
@@ -361,39 +245,7 @@ def _naming_files(spec: Any, choice: StrategyChoice) -> Any:
     return {key: resolved_parameters.get(key, spec[key]) for key in spec}
 
 
-# What is made of a resolved scenario: it in finer ticks, and in the middle of a run.
-
-
-def in_fine_ticks(resolved: Resolved) -> Resolved:
-    """A scenario as `refine` says, in finer ticks; itself if that is 1. Raises InvalidValueError."""
-    scenario = resolved.scenario
-    if scenario.refine == 1:
-        return resolved
-    wrong = too_long(scenario)
-    if wrong:
-        raise InvalidValueError(("refine",), wrong)
-    fine = refined(scenario)
-    floor_plan = with_speed_limits(resolved.floor_plan, fine.floor.speed_limits)
-
-    def in_fine(choice: StrategyChoice) -> StrategyChoice:
-        return choice._replace(parameters=refined_value(choice.parameters, scenario.refine))
-
-    strategies = {layer: in_fine(choice) for layer, choice in resolved.strategies.items()}
-    own_allocations = tuple(own and in_fine(own) for own in resolved.own_allocations)
-    further = (("fleet.types: allocation", own) for own in own_allocations if own is not None)
-    of_layers = ((f"strategy.{layer}", choice) for layer, choice in strategies.items())
-    for key, choice in (*of_layers, *further):
-        if sentence := objection_to(choice, fine, floor_plan):
-            text = f"with refine {scenario.refine} {key} is {choice.name}: {sentence}"
-            raise InvalidValueError(("refine",), text)
-    return replace(
-        resolved,
-        scenario=fine,
-        floor_plan=floor_plan,
-        strategies=strategies,
-        own_allocations=own_allocations,
-        coarse=resolved,
-    )
+# A resolved scenario with other settings, in the middle of a run.
 
 
 def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:

@@ -25,7 +25,7 @@ from automaton.world.fleet_warnings import (
     standstill_warnings,
 )
 from automaton.world.floor_parts import places_of_chargers, service_cells
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 if TYPE_CHECKING:
     from automaton.engine.state import Array, Grid

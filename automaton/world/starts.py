@@ -15,7 +15,7 @@ from automaton.world.capabilities import FleetOnFloor
 from automaton.world.draws import integers
 from automaton.world.floor_parts import service_cells
 from automaton.world.gate_cells import cells_to_start
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 from automaton.world.rules import charge_units
 
 

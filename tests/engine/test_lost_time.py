@@ -56,7 +56,8 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Fleet
 from automaton.strategy.lookup import NoParameters
-from automaton.world.resolve import Resolved, StrategyChoice, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved, StrategyChoice
 
 LIMIT = 24
 NAMES_BLOCKER = {code for code, cause in enumerate(CAUSES) if "{blocker}" in cause.text}

@@ -38,7 +38,7 @@ from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.runs.pictures.pictures import Following
 from automaton.scenario.schema import Durations, Fleet, Scenario, WorldRules
 from automaton.world import building as build
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 CROWDED, SPARSE = 10**9, 0  # values of build.CROWDED that choose the contest
 

@@ -15,7 +15,7 @@ from automaton.history.event_history import EventHistory
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 SHORT_CUT = """\
 >>>>>>>v

@@ -10,7 +10,8 @@ from automaton.engine.observation import CAUSES
 from automaton.engine.state import NIL
 from automaton.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 BREAK = {"P1": {"at": [5, 3], "breaks": [{"from": 10, "for": 40}]}}
 

@@ -22,7 +22,7 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.scenario.fleet import FleetType
 from automaton.scenario.schema import Durations, Fleet, Scenario
 from automaton.world.building import build_world
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 SYMBOLS = ".....++--||==~><v^##"
 

@@ -27,7 +27,7 @@ from automaton.strategy.api import (
     Strategy,
 )
 from automaton.verification.verification import verify_recording
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 STRATEGY = {"allocation": "first-come", "right_of_way": "wait"}
 CORRIDOR = "t......t"

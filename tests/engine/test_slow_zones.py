@@ -27,7 +27,8 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Scenario, Stop, WorldRules
 from automaton.strategy.lookup import NoParameters
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import Resolved, StrategyChoice, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved, StrategyChoice
 
 
 def rows(*lines: str) -> str:

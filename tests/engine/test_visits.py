@@ -23,7 +23,7 @@ from automaton.strategy.api import (
     Strategy,
 )
 from automaton.verification.verification import verify_recording
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 CORRIDOR = "........"
 STRATEGY = {"allocation": "first-come", "right_of_way": "wait"}

@@ -27,7 +27,8 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.text_files import shipped
 from automaton.world.floor_parts import all_station_names
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 SITE = """\
 name: site

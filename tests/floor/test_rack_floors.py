@@ -73,7 +73,7 @@ def test_every_slot_but_27_of_e2_has_one_cell_to_stand_on(e1):
 
 def world_on(floor_plan):
     """A world with one robot and one order on this floor."""
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
 
     scenario = Scenario(
         name="racks",

@@ -38,7 +38,7 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.verification.pod_rules import ReplayedTrips
 from automaton.verification.validator import Validator
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 FLOORS = 10_000
 AT_ONCE = 250  # floors between two lines of figures

@@ -17,7 +17,7 @@ from automaton.runs.pictures.pictures import Following
 from automaton.scenario.fleet import Delays, DelayTicks
 from automaton.scenario.schema import Durations, Faults, Fleet, Scenario, WorldRules
 from automaton.world.building import build_world
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 
 class Want(NamedTuple):

@@ -11,7 +11,7 @@ from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.recording.frames import Recording
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 
 class EachTick(MemoryRecorder):

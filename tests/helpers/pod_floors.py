@@ -8,7 +8,8 @@ from typing import Any
 import msgspec
 
 from automaton.scenario.schema import Scenario
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 TICKS = 300  # of a run
 WAYS = {"omni": ("..", "==", "><", "<>"), "differential": ("..", "==", "><"), "rail": ("++",)}

@@ -37,7 +37,7 @@ from automaton.scenario.schema import (
 )
 from automaton.strategy.lookup import NoParameters
 from automaton.world.building import build_world
-from automaton.world.resolve import Resolved, StrategyChoice
+from automaton.world.resolved import Resolved, StrategyChoice
 from strategies.right_of_way.right_of_way_parameters import PibtParameters
 
 TICKS = 24  # of a run

@@ -20,7 +20,7 @@ from automaton.strategy.api import (
     Strategy,
 )
 from automaton.strategy.lookup import NoParameters
-from automaton.world.resolve import Resolved, StrategyChoice
+from automaton.world.resolved import Resolved, StrategyChoice
 from strategies.routing.forecasts import CongestionState, congestion_state
 from strategies.routing.routing_parameters import SharedPlans
 

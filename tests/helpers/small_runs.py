@@ -27,7 +27,7 @@ from automaton.scenario.schema import (
 )
 from automaton.strategy.api import GOAL_PARK, NIL, Strategy
 from automaton.strategy.lookup import NoParameters
-from automaton.world.resolve import Resolved, StrategyChoice
+from automaton.world.resolved import Resolved, StrategyChoice
 
 STEPS = "ESWN"
 

@@ -18,9 +18,9 @@ from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from tui.playback.run_source import Opening, live, recorded
-from tui.session.session import Display, Session
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer
+from tui.viewer.session import Display, Session
 
 PATIENCE_S = 60.0
 

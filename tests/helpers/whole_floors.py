@@ -17,7 +17,8 @@ import pod_floors
 from pod_floors import Place, cells
 
 from automaton.scenario.schema import Scenario
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 TICKS = 400  # of a run
 RULES = flow_floors.RULES

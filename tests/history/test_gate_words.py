@@ -8,8 +8,7 @@ import pytest
 from gate_scenes import gate_scene, watched
 
 from automaton.history.explanation import explain
-from automaton.history.snapshot import Snapshot, take_snapshot
-from automaton.history.state_words import shut_cells
+from automaton.history.snapshot import Snapshot, shut_cells, take_snapshot
 
 AISLE = ".........."
 START = [[0, 0], [4, 0]]

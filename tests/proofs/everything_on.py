@@ -54,7 +54,7 @@ from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify_recording
 from automaton.world.bounds import bounds_in_words
 from automaton.world.conversion_table import conversion_lines
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 from automaton.world.scenario_warnings import misfits, scenario_warnings
 
 LENGTHS = (200, 400, 400, 1000, 2000)  # ticks of runs

@@ -29,7 +29,7 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.progress import starved_robots, starved_ticks
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 TICKS = 4000  # of a run
 LOOK = 50  # ticks between two looks

@@ -39,7 +39,8 @@ from automaton.recording.recorder import MemoryRecorder, Recorder
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 SETTINGS = ("stop.max_duration=600",)
 

@@ -30,7 +30,8 @@ from automaton.runs.pictures.picture_lines import read_route, write_route
 from automaton.runs.pictures.pictures import CROWD_LEGEND
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import OF_THE_BUFFERS
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 from layouts.tabletop import Tabletop
 
 SHIPPED = ("tabletop-mini", "tabletop-1", "crossing")

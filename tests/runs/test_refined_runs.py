@@ -14,7 +14,8 @@ from automaton.commands import main
 from automaton.engine.state import NEVER, World
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 RING = """name: ring
 layout:

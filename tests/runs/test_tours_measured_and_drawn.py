@@ -11,7 +11,7 @@ from automaton.errors import InputError
 from automaton.runs.metrics import metrics_of
 from automaton.runs.pictures import picture_of, world_from
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 FLOOR = "......\n.##.#.\n......"
 TOURS = {"generator": "tours", "count": 12, "stops": {"from": 1, "to": 3}}

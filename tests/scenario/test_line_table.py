@@ -10,7 +10,8 @@ from automaton.scenario.order_lines import LineTable, line_column, listed_lines,
 from automaton.scenario.orders import Line
 from automaton.scenario.quantities import DueAt
 from automaton.world.pods import line_columns
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 SCENARIO = """\
 name: shift

@@ -13,7 +13,8 @@ from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.run_keys import fingerprint
 from automaton.verification.verification import verify
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 SCENARIO = """name: from-file
 layout:

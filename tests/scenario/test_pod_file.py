@@ -14,7 +14,8 @@ from automaton.history.event_history import EventHistory
 from automaton.history.explanation import explain
 from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 SCENARIO = """\
 name: shift

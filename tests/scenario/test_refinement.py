@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from automaton.commands import main
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 YARD = """name: yard
 layout:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.sweep_plan import check_study
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 TURN = 4
 ROBOTS = 200

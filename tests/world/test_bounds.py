@@ -9,7 +9,8 @@ import pytest
 
 from automaton.studies.process_pool import PersistentPool
 from automaton.world.bounds import Bounds, bounds, least_ticks, most_throughput
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 
 @pytest.mark.parametrize("scenario", ["tabletop-mini", "crossing", "depots", "tabletop-2"])

@@ -28,7 +28,7 @@ from tui.render.scene import Scene
 from tui.render.styles import Entries, GlyphSet, code, style
 
 if TYPE_CHECKING:
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
 
 
 NO_ZONES_TEXT: Final = "zones: robots have none here, or none yet"

@@ -26,7 +26,7 @@ from tui.render.scene import Scene, ShownFloor
 from tui.render.styles import Entries, GlyphSet, code, style
 
 if TYPE_CHECKING:
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
 
 
 # zones that are told from those that they touch; more go by their numbers

@@ -18,7 +18,7 @@ from tui.render.scene import NO_CELLS, Choice, Scene, floor_of
 from tui.render.styles import Codes, GlyphSet, code, style
 
 if TYPE_CHECKING:
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
     from tui.playback.playback_state import PlaybackState
 
 

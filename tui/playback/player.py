@@ -19,8 +19,8 @@ import numpy as np
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.history.breakpoints import Breakpoint
-from automaton.history.divergence import Divergence, LiveDivergence
-from automaton.history.live_run import LiveRun
+from automaton.history.divergence import Divergence
+from automaton.history.live_run import LiveDivergence, LiveRun
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.watched_run import COMPUTE_SLICE_S, WatchedRun
 from tui.playback.playback_state import (

@@ -27,7 +27,7 @@ from automaton.recording.recording_reader import (
     read_recording,
     title_of,
 )
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 if TYPE_CHECKING:
     from automaton.history.watched_run import WatchedRun

@@ -18,7 +18,7 @@ from tui.render.styles import GlyphSet
 
 if TYPE_CHECKING:
     from automaton.runs.simulation import Simulation
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
     from tui.render.cell_looks import Canvas, Pixels
     from tui.render.scene import Choice
     from tui.render.styles import Entries

@@ -19,13 +19,13 @@ from automaton.engine.state import GOAL_STOP, NIL
 from automaton.floor.cells import FLOOR, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.floor.traffic_zones import TrafficZones, traffic_zones_of
-from automaton.history.state_words import shut_cells
+from automaton.history.snapshot import shut_cells
 from tui.registration import layer_named, layers
 
 if TYPE_CHECKING:
     from automaton.engine.facilities import ServiceZones
     from automaton.history.snapshot import Snapshot
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
 
 # Details of cells that drawings do not tell apart, see automaton.drawings.looks.
 DETAIL_PASSING: Final = 5

@@ -24,19 +24,18 @@ from textual.widget import Widget
 from textual.widgets import Static
 
 from automaton.engine.state import NIL
-from tui.actions import Actions, Command
-from tui.actions.branch_actions import BranchActions, Reloading
-from tui.actions.seek_actions import ClockActions, FindActions
-from tui.actions.view_actions import CaptureActions, LayerActions, MapActions, PanelActions
 from tui.playback.run_source import Opening
 from tui.registration import layers, panels
 from tui.render import styles
 from tui.render.styles import ASCII, COLOUR_TABLE, Depth, Look, Theme, to_ascii
 from tui.screens.dialogs import ACROSS, DOWN, MIN_TERMINAL_COLUMNS, MIN_TERMINAL_ROWS, size_classes
-from tui.session.session import Display, Session
 from tui.terminal.frame_pacing import quiet_collector
 from tui.terminal.map_view import MapView
 from tui.terminal.options import Options
+from tui.viewer.branch_actions import BranchActions, Reloading
+from tui.viewer.seek_actions import ClockActions, FindActions
+from tui.viewer.session import Actions, Command, Display, Session
+from tui.viewer.view_actions import CaptureActions, LayerActions, MapActions, PanelActions
 from tui.widgets.bindings import COMPARING, VIEWER_ACTIONS, HelpScreen, bindings, key_text
 from tui.widgets.status import Keys
 from tui.widgets.timeline import Timeline

@@ -12,9 +12,9 @@ from typing import Final
 import numpy as np
 
 from automaton.engine.state import NIL
-from automaton.history.divergence import LiveDivergence, first_difference
+from automaton.history.divergence import first_difference
 from automaton.history.fleet_summary import summary_of
-from automaton.history.live_run import LiveRun
+from automaton.history.live_run import LiveDivergence, LiveRun
 from automaton.history.narration import SENTENCES, Scope, kinds_named, narrate
 from automaton.history.watched_run import WatchedRun
 from automaton.recording.header import changed, resolved_of
@@ -25,7 +25,7 @@ from automaton.runs.progress import asked_orders, largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.run_report import print_report, sentences
 from automaton.runs.task_metrics import metrics_by_station
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 from tui.playback.run_source import Opening
 from tui.terminal.options import Options
 

@@ -42,13 +42,13 @@ from automaton.history.state_words import (
 )
 from automaton.units import Unit, number
 from automaton.vocabulary import robot_word, with_cause
-from tui.actions import do
 from tui.registration import layers
 from tui.render import styles
 from tui.render.layer import scale_line
 from tui.render.scene import DETAIL_PASSING, DETAIL_UNLIMITED, Scene
 from tui.render.styles import ASCII, GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style, text
 from tui.terminal.map_view import MapView
+from tui.widgets.bindings import do
 
 if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot

@@ -18,10 +18,10 @@ from textual.binding import Binding
 from textual.message import Message
 
 from automaton.engine.observation import DELIVERED_ORDERS
-from tui.actions import do
 from tui.render import styles
 from tui.render.styles import Codes, GlyphSet, code, style, text
 from tui.terminal.map_view import MapView
+from tui.widgets.bindings import do
 
 if TYPE_CHECKING:
     from automaton.history.event_history import Curve

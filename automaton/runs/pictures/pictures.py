@@ -69,7 +69,7 @@ from automaton.runs.state_copy import hold_cells
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, WorldRules
 from automaton.units import count
 from automaton.world.building import build_world
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 CROWD = "@"
 CROWD_LEGEND = (

@@ -52,7 +52,7 @@ from automaton.studies.sweeps.run_keys import fingerprint
 from automaton.studies.sweeps.study import Study
 from automaton.studies.sweeps.sweep_plan import resolved_study
 from automaton.units import count
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 MAX_POINTS_IN_REMARK: Final = 6
 NOT_DECLARED = (

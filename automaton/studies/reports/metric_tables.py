@@ -53,7 +53,7 @@ from automaton.studies.reports.study_results import (
 from automaton.studies.sweeps.study import RUN_METRICS, SCENARIO_FACTOR, Point
 from automaton.units import count, number, percent, ticks_and_time
 from automaton.world.bounds import bounds, least_ticks
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 MAX_SAME_RUNS_NAMED: Final = 6  # pairs of points
 Scenarios = Mapping[int, Resolved]  # by number of the point; none where a file is not found

@@ -40,7 +40,7 @@ from automaton.studies.sweeps.study import (
     sum_names,
 )
 from automaton.units import SECONDS_PER_UNIT, Unit, duration
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 if TYPE_CHECKING:
     import pyarrow as pa

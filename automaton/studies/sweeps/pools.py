@@ -59,7 +59,7 @@ from automaton.studies.sweeps.run_keys import (
     reason,
 )
 from automaton.studies.sweeps.study import SERIES_COLUMN, SUMS_COLUMN
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 CHUNK_BEGUN_TOPIC: Final = "automaton: chunk begun"  # a topic of the scheduler's
 SCHEDULER_TIMEOUT_S: Final = 10  # for a scheduler to answer

@@ -23,7 +23,7 @@ from automaton.scenario.order_lines import plain_data
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.strategy import lookup
 from automaton.studies.sweeps.study import Levels, Study
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 DATA_SUFFIXES: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
 MANIFEST: Final = "sweep.json"

@@ -47,7 +47,8 @@ from automaton.studies.sweeps.study import (
     checked_study,
     study_document,
 )
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
 
 DEFAULT_WINDOWS = 200  # of a run, if a study does not say how long they are
 MSER = "mser-5"  # as a warm-up

@@ -14,7 +14,7 @@ from automaton.engine.state import LAYER_ALLOCATION, NEVER, NIL, ORDER_WAITING
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify_recording
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 from strategies.allocation.first_come import DueQueue, drop_first, enter_order
 
 CORRIDOR = "t.......t"

@@ -22,7 +22,7 @@ from automaton.engine.state import (
 )
 from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify_recording
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 FLOOR = "..........\n.##.##.##.\n..........\n.##.##.##.\n.........."
 ONE_WAY = ">>>>>>v\n^#####v\n^#####v\n^<<<<<<"

@@ -11,7 +11,7 @@ from drawn_scenes import recorded_run, scene
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify_recording
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 
 CORRIDOR = "t.......t"
 ALLOCATIONS = ("first-come", "independent", "independent-python", "shortest-job", "greedy")

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tui.actions.branch_actions import ScenarioFiles
+from tui.viewer.branch_actions import ScenarioFiles
 
 
 @pytest.fixture

@@ -111,7 +111,7 @@ def test_an_error_inside_restores_the_terminal(tmp_path: Path) -> None:
     program = tmp_path / "fails.py"
     program.write_text(
         "import sys\n"
-        "from tui.actions.view_actions import LayerActions\n"
+        "from tui.viewer.view_actions import LayerActions\n"
         "def fail(self): raise RuntimeError('made to fail')\n"
         "LayerActions._next = fail\n"
         "from automaton.commands import main\n"

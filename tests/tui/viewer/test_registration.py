@@ -15,12 +15,12 @@ from viewer_harness import record
 
 from automaton.errors import InputError
 from tui import registration
-from tui.actions import view_actions
-from tui.cast import film
-from tui.cast.film import Request
+from tui.playback import film
+from tui.playback.film import Request
 from tui.registration import LAYER_GROUP, PANEL_GROUP, RESERVED, layers, panels
 from tui.render.layer import Layer
 from tui.render.scene import Choice
+from tui.viewer import view_actions
 from tui.widgets.bindings import VIEWER_ACTIONS
 from tui.widgets.panel import Panel
 
@@ -56,7 +56,7 @@ wrong = my_viewer:WRONG
 """
 RECORDED = """
 import asyncio
-from tui.session.session import Notices
+from tui.viewer.session import Notices
 from tui.viewer.app import Viewer
 from viewer_harness import screen_text, viewing
 
@@ -147,7 +147,7 @@ my.notes = my_viewer:NOTES
 """
 TABLE = """
 from collections import Counter
-from tui.actions.seek_actions import FindActions
+from tui.viewer.seek_actions import FindActions
 from tui.registration import layers, panels
 from tui.terminal.options import Options
 from tui.viewer.app import Viewer

@@ -13,7 +13,7 @@ from automaton.errors import InputError
 from automaton.history.event_history import EventHistory
 from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import Resolved
+from automaton.world.resolved import Resolved
 from tui.screens.find_dialog import find
 
 CELLS = [[2, 1], [3, 1], [4, 1], [5, 1]]

@@ -29,7 +29,7 @@ from automaton.world.resolve import resolve
 from strategies.zoning.loads_and_transfers import load_of
 from strategies.zoning.service_zone_lines import coloured, partition_picture
 from strategies.zoning.zone_workspace import space_for, zone_rules
-from tui.cast.film import Request, make_picture
+from tui.playback.film import Request, make_picture
 from tui.playback.panel_view import View
 from tui.screens.find_dialog import find
 from tui.widgets.event_list import EventFilter, kinds_of

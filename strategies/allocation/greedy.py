@@ -27,7 +27,7 @@ from automaton.strategy.api import (
     take_order,
 )
 from strategies.allocation.allocation_parameters import GreedyParameters
-from strategies.allocation.greedy.nearest import (
+from strategies.allocation.nearest import (
     OpenOrders,
     OrderMarks,
     PairSearch,

@@ -20,15 +20,14 @@ from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.recording.recording_reader import short, title_of
 from automaton.scenario.reading import named_files
-from tui.actions import Command
 from tui.playback.run_source import Opening, beside, comparing_command, give_up_unused, short_path
 from tui.screens.dialogs import ReloadErrorScreen
-from tui.session.session import Display, Session
+from tui.viewer.session import Command, Display, Session
 from tui.widgets.panel import signs_of
 
 if TYPE_CHECKING:
     from automaton.history.watched_run import WatchedRun
-    from automaton.world.resolve import Resolved
+    from automaton.world.resolved import Resolved
     from tui.playback.player import Player
     from tui.screens.breakpoint_dialog import StopCondition
 

@@ -1,6 +1,8 @@
 """What the viewer shows: one or two runs, what is chosen of them, and how they are looked at.
 
-Groups of actions change the session, the display shows it.
+Groups of actions change the session, the display shows it. Textual calls one action of the app,
+`do('ID')`, for every key of the table tui.widgets.bindings; the app finds the ID in what `commands` of
+the groups return.
 """
 
 from __future__ import annotations
@@ -9,10 +11,10 @@ import asyncio
 import math
 import os
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, NamedTuple, Protocol
 
 import numpy as np
 from textual.app import App
@@ -74,6 +76,16 @@ HINTS: Final = (  # what there is to be done, what a click on it does, and its r
     ("click a robot or a cell", "", 2),
     ("ctrl+p all commands", "command_palette", 3),
 )
+
+
+Command = Callable[[], Awaitable[None] | None]
+
+
+class Actions(Protocol):
+    """A group of actions."""
+
+    def commands(self) -> dict[str, Command]:
+        """What each action does, by its id in the table of bindings."""
 
 
 class Session:

@@ -20,14 +20,13 @@ from textual.app import App
 from automaton.atomic_write import replacing
 from automaton.engine.observation import is_waiting
 from automaton.engine.state import NIL
-from tui.actions import Command
 from tui.playback.frame_cache import robot_cell
 from tui.playback.run_source import capture_file, short_path
 from tui.registration import layer_named, layers, panels
 from tui.render.drawn_robots import COLOURINGS, is_possible
 from tui.render.encode import TextRun, as_text, svg_of
 from tui.render.styles import COLOUR_TEXT, COLOUR_VOID, Depth, Look, style
-from tui.session.session import Display, Notices, Session
+from tui.viewer.session import Command, Display, Notices, Session
 
 STEP_COLUMNS: Final = 4
 STEP_ROWS: Final = 2

@@ -12,12 +12,11 @@ from numpy.typing import NDArray
 from textual.app import App
 
 from automaton.engine.state import NIL
-from tui.actions import Command
-from tui.actions.view_actions import PanelActions
 from tui.playback.frame_cache import robot_cell
 from tui.render.scene import NO_CELLS
-from tui.session.session import Display, Session
 from tui.terminal.options import SPEEDS
+from tui.viewer.session import Command, Display, Session
+from tui.viewer.view_actions import PanelActions
 
 if TYPE_CHECKING:
     from tui.playback.player import Player

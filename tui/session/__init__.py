@@ -1,1 +1,0 @@
-"""What a viewer shows, and how: the runs and what is chosen, the path of a frame, notices."""

@@ -27,8 +27,7 @@ from automaton.papers.tabletop_study import TABLETOP_STRATEGIES, cases, seeing_e
 from automaton.recording.recorder import Recorder
 from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 SEEDS: Final = (1, 2, 3)  # of each cell of the table
 GOODS_SCENARIO: Final = "goods-60x40"  # robots carry pods to stations

@@ -37,8 +37,7 @@ from automaton.units import count, shown_unit
 from automaton.world.bounds import bounds_in_words
 from automaton.world.capabilities import default_right_of_way
 from automaton.world.conversion_table import conversion_lines, plain_number_line
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import misfits, scenario_warnings
 
 SLOTS = {  # what a scenario's line counts

@@ -21,8 +21,7 @@ from automaton.scenario.text_files import shipped
 from automaton.strategy import lookup
 from automaton.studies.sweeps.sweep_plan import check_study
 from automaton.units import count
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 COMPILED_TICKS = 100  # of each run: enough to pick, to drop, and to be measured
 

@@ -29,8 +29,7 @@ from automaton.commands.arguments import (
 )
 from automaton.errors import InputError
 from automaton.units import count, ticks_and_time, unit
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 if TYPE_CHECKING:
     from automaton.documents.report_document import Block, ReportDocument

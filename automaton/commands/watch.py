@@ -13,8 +13,7 @@ from typing import Any
 
 from automaton.commands.arguments import add_scenario_arguments, frame_rate, tick, whole
 from automaton.errors import InputError
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:

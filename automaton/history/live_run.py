@@ -38,8 +38,7 @@ from automaton.recording.header import changed, resolved_of
 from automaton.recording.recorder import BaseRecorder, RecordingFile
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import branched
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, branched
 
 ZONES = "service_zones."  # arrays of the state that change with the rules
 

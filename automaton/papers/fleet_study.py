@@ -38,8 +38,7 @@ from automaton.papers.reproduction_study import (
 from automaton.scenario.text_files import read_text
 from automaton.strategy import lookup
 from automaton.studies.process_pool import OnDone, RunResult, run_all
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from layouts.random_floor import RandomFloor
 
 EPIBT: Final = "epibt"

@@ -20,8 +20,7 @@ from automaton.scenario.document import Override, parse_setting
 from automaton.studies.inference.intervals import Interval, student
 from automaton.studies.inference.proportions import exact_share
 from automaton.studies.process_pool import OnDone, RunFunction, RunResult, run_all, run_and_measure
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 T = TypeVar("T")
 Label = str | int

@@ -59,8 +59,7 @@ from automaton.scenario.validation import validated
 from automaton.strategy import lookup
 from automaton.world.feasibility import check_energy, feasible_fleet
 from automaton.world.floor_parts import check_speed_limits
-from automaton.world.resolve import CHANGEABLE, choose_strategies, choose_strategy
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import CHANGEABLE, Resolved, choose_strategies, choose_strategy
 from automaton.world.task_lists import order_count
 
 

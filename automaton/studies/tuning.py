@@ -37,8 +37,7 @@ from automaton.studies.process_pool import PersistentPool, RunResult
 from automaton.studies.reports.first_page import direction_of
 from automaton.studies.sweeps.run_keys import replication_seeds
 from automaton.units import count
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 TUNED_LAYERS: Final = ("right_of_way", "allocation")
 Choice = dict[str, Any]  # a strategy as scenarios write it: {name: NAME, ...parameters}

@@ -47,8 +47,7 @@ from automaton.scenario.text_files import content_hash
 from automaton.strategy.lookup import files_of
 from automaton.verification.validator import ACTS, Report, validate_stored
 from automaton.world.floor_parts import with_shared_chargers, with_speed_limits
-from automaton.world.resolve import branched
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, branched
 
 # What of a header nothing follows from: it is not checked.
 NOT_COMPARED: Final = ("text", "overrides", "sources", "versions", "files", "digest_every")

@@ -29,7 +29,8 @@ from automaton.world.floor_parts import (
     with_shared_chargers,
     with_speed_limits,
 )
-from automaton.world.resolved import Resolved, StrategyChoice, in_fine_ticks, objection_to
+from automaton.world.resolved import Resolved as Resolved
+from automaton.world.resolved import StrategyChoice, in_fine_ticks, objection_to
 
 MAX_ALLOCATIONS = 4  # strategies that a run asks for allocations
 CHANGEABLE = ("strategy", "durations", "information", "world", "stop")  # while a run goes on

@@ -24,8 +24,7 @@ from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.recording.recorder import Recorder
 from automaton.runs.simulation import Simulation
 from automaton.units import unit
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from tui.playback.film import Status, schedule
 from tui.playback.playback_state import Overlays
 from tui.render.camera import Camera

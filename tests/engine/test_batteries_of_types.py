@@ -15,8 +15,7 @@ from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import validated
 from automaton.verification.validator import validate_stored
 from automaton.world.bounds import bounds
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 PICTURE = """\
 c.......t

@@ -28,8 +28,7 @@ from automaton.scenario.validation import validated
 from automaton.verification.move_time_rules import durations_of, poisson_number, repairs_of
 from automaton.verification.validator import validate_recording, validate_stored
 from automaton.world.draws import delay_ticks, poisson_counts, repair_ticks
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 RARE = 0.02  # of a robot and tick
 

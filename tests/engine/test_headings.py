@@ -20,8 +20,7 @@ from automaton.scenario.schema import Scenario
 from automaton.tables.columns import NO_TEXT
 from automaton.tables.rows import heading_texts, state_form
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from tui.render.drawn_robots import robots_of
 from tui.render.scene import Scene, floor_of
 

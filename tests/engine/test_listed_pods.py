@@ -21,8 +21,7 @@ from automaton.errors import InputError
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 POD_1, POD_2, EMPTY, STATION = [2, 1], [3, 1], [7, 1], [5, 3]
 VISIT = {"at": STATION, "for": 20}

@@ -37,8 +37,7 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.verification.verification import action_text, verify_recording
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 # The shelf is served from (1, 0), the destination from (4, 0).
 FLOOR = """\

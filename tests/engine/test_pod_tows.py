@@ -17,8 +17,7 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.verification.validator import Report, validate_stored
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 LINE = {"pod": 1, "station": "P1"}
 FULL = """\

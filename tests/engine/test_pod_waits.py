@@ -10,8 +10,7 @@ from automaton.engine.observation import CAUSES
 from automaton.engine.state import NIL
 from automaton.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 BREAK = {"P1": {"at": [5, 3], "breaks": [{"from": 10, "for": 40}]}}
 

@@ -23,8 +23,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.verification.validator import validate_stored
 from automaton.world.bounds import bounds
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 SPUR = """\
 ......

@@ -27,8 +27,7 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.text_files import shipped
 from automaton.world.floor_parts import all_station_names
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 SITE = """\
 name: site

@@ -16,8 +16,7 @@ from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import dead_ends_of
 from automaton.scenario.schema import Scenario
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 RULES = ("none", "handover", "convoy")
 SHARE = {"none": 0.6, "handover": 0.6, "convoy": 0.95}  # of the places outside dead ends

@@ -12,8 +12,7 @@ from automaton.engine.state import NIL
 from automaton.history.event_history import EventHistory
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 AISLE = "........"
 

@@ -8,8 +8,7 @@ from typing import Any
 import msgspec
 
 from automaton.scenario.schema import Scenario
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 TICKS = 300  # of a run
 WAYS = {"omni": ("..", "==", "><", "<>"), "differential": ("..", "==", "><"), "rail": ("++",)}

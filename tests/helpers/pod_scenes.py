@@ -10,8 +10,7 @@ import msgspec
 from automaton.engine.state import NIL
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 RING = """\
 >>>>>>>>>v

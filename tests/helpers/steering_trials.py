@@ -30,8 +30,7 @@ from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 STRATEGIES = ("pibt", "epibt")
 ROBOT_TICKS = 1_000_000

@@ -40,8 +40,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import LAYER_NAMES
 from automaton.scenario.text_files import shipped
 from automaton.strategy.lookup import names
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 TICKS = 8000
 MAX_ROBOTS = 40  # scenarios with more robots are tried with so many: some strategies are in Python

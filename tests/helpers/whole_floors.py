@@ -17,8 +17,7 @@ import pod_floors
 from pod_floors import Place, cells
 
 from automaton.scenario.schema import Scenario
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 TICKS = 400  # of a run
 RULES = flow_floors.RULES

@@ -12,8 +12,7 @@ from automaton.errors import InputError
 from automaton.history.event_history import EVENT_GROUPS
 from automaton.history.live_run import LiveRun
 from automaton.history.narration import KINDS, Scope, kinds_named, narrate
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 AISLE = ".........."
 

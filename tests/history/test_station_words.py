@@ -9,8 +9,7 @@ from automaton.history.explanation import explain
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.state_words import station_queue
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 FLEET = {"kinematics": "omni", "start": [[2, 1], [3, 1], [4, 1]], "robots": 3}
 

@@ -39,8 +39,7 @@ from automaton.recording.recorder import MemoryRecorder, Recorder
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 SETTINGS = ("stop.max_duration=600",)
 

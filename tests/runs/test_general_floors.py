@@ -10,8 +10,7 @@ import pytest
 from automaton.errors import InputError
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 ALLOCATIONS = ["independent", "cooperative", "adaptive"]
 

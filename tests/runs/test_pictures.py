@@ -30,8 +30,7 @@ from automaton.runs.pictures.picture_lines import read_route, write_route
 from automaton.runs.pictures.pictures import CROWD_LEGEND
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import OF_THE_BUFFERS
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from layouts.tabletop import Tabletop
 
 SHIPPED = ("tabletop-mini", "tabletop-1", "crossing")

@@ -14,8 +14,7 @@ from automaton.commands import main
 from automaton.engine.state import NEVER, World
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 RING = """name: ring
 layout:

@@ -33,8 +33,7 @@ from automaton.errors import InputError
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Scenario, Strategies
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 ALLOCATIONS = ("independent", "cooperative", "adaptive")
 CYCLES = Durations(move=1, turn=22, pick=9, drop=9, try_drop=4)

@@ -12,8 +12,7 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.scenario.quantities import clock_text, read_moment
 from automaton.scenario.schema import Scenario
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import scenario_warnings
 
 UNITS = 'units: {tick: 0.5 s, clock: "2026-03-02 06:00"}'

@@ -10,8 +10,7 @@ from automaton.scenario.order_lines import LineTable, line_column, listed_lines,
 from automaton.scenario.orders import Line
 from automaton.scenario.quantities import DueAt
 from automaton.world.pods import line_columns
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 SCENARIO = """\
 name: shift

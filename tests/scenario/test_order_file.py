@@ -13,8 +13,7 @@ from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.run_keys import fingerprint
 from automaton.verification.verification import verify
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 SCENARIO = """name: from-file
 layout:

@@ -14,8 +14,7 @@ from automaton.history.event_history import EventHistory
 from automaton.history.explanation import explain
 from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 SCENARIO = """\
 name: shift

@@ -29,8 +29,7 @@ from automaton.scenario.quantities import (
     quantity,
 )
 from automaton.scenario.validation import NumberRange, Place, convert, with_numbers
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 HALF_SECONDS = Scale(tick="0.5 s", cell="0.8 m")
 WIDE = NumberRange(is_whole=False)

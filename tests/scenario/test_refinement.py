@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 
 from automaton.commands import main
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 YARD = """name: yard
 layout:

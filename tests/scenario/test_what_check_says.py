@@ -10,8 +10,7 @@ from automaton.commands import main
 from automaton.errors import InputError
 from automaton.scenario.reading import document_of
 from automaton.world.conversion_table import plain_number_line
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import scenario_warnings
 
 SCENARIO = """\

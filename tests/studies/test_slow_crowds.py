@@ -5,8 +5,7 @@ from __future__ import annotations
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.sweep_plan import check_study
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 TURN = 4
 ROBOTS = 200

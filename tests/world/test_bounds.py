@@ -9,8 +9,7 @@ import pytest
 
 from automaton.studies.process_pool import PersistentPool
 from automaton.world.bounds import Bounds, bounds, least_ticks, most_throughput
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 
 @pytest.mark.parametrize("scenario", ["tabletop-mini", "crossing", "depots", "tabletop-2"])

@@ -8,8 +8,7 @@ import pytest
 
 from automaton.commands import main
 from automaton.world.conversion_table import coarse_conversions, conversion_lines
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 SCENARIO = """name: yard
 layout: {generator: tabletop, tables: 2, positions: 3}

@@ -16,8 +16,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.verification.validator import validate_recording
 from automaton.world.bounds import bounds, least_ticks
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 LANE = """\
 s.....d

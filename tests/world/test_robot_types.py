@@ -19,8 +19,7 @@ from automaton.scenario.schema import Scenario
 from automaton.strategy import lookup, paths
 from automaton.strategy.api import ACTION_MOVE, CMD_TAKE_ORDER, NIL, ORDER_DELIVERED, Strategy
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import scenario_warnings
 from tui.widgets.inspector import Inspector
 from tui.widgets.robot_table import ROBOT_TABLE_COLUMNS

@@ -21,8 +21,7 @@ import numpy as np
 from automaton.bench.steering_speed import BUSY_CROWD, busy_fleet
 from automaton.floor.cells import WALL
 from automaton.history.watched_run import WatchedRun
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from tui.bench.viewer_speed import Walk, walkers
 from tui.playback.player import NORMAL_TICKS_PER_S
 from tui.playback.run_source import Opening, live

@@ -44,8 +44,7 @@ from automaton.history.watched_run import ReplayedRun, WatchedRun
 from automaton.recording.frames import StoredFrames
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from tui.render.styles import (
     COLOUR_CURSOR,
     COLOUR_FLOOR,

@@ -58,8 +58,7 @@ from automaton.studies.sweeps.run_keys import replication_seeds
 from automaton.units import Unit, count, ticks_and_time, unit
 from automaton.world.bounds import bounds, least_ticks, most_throughput
 from automaton.world.floor_parts import places_of_chargers
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 PERCENTS_OFF: Final = (-10, 10)  # percent
 MOVES_LATE: Final = "world.extra_tick_probability"  # makes moves longer that take too few ticks

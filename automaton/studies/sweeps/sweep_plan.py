@@ -47,8 +47,7 @@ from automaton.studies.sweeps.study import (
     checked_study,
     study_document,
 )
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 DEFAULT_WINDOWS = 200  # of a run, if a study does not say how long they are
 MSER = "mser-5"  # as a warm-up

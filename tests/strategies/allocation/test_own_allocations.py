@@ -26,8 +26,7 @@ from automaton.runs.run_report import heading
 from automaton.runs.simulation import Simulation
 from automaton.units import unit
 from automaton.verification.verification import verify_recording
-from automaton.world.resolve import MAX_ALLOCATIONS, branched, resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import MAX_ALLOCATIONS, Resolved, branched, resolve
 from tui.widgets.inspector import Inspector
 
 BRIGADE, CARRIERS = (0, 1), (2, 3)

@@ -14,8 +14,7 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Scenario
 from automaton.verification.verification import verify_recording
 from automaton.world.floor_parts import places_of_chargers
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 
 FLOOR = """\
 t.......t

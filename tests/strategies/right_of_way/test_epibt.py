@@ -21,8 +21,7 @@ from automaton.engine.state import (
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from strategies.right_of_way.epibt.epibt_state import (
     FORWARD,
     LEFT,

@@ -25,8 +25,7 @@ from automaton.scenario.reading import read
 from automaton.scenario.text_files import shipped
 from automaton.scenario.unavailable_metrics import name_of
 from automaton.strategy.lookup import STEERS, declares
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from strategies.routing import monte_carlo, predicted_paths, traffic_avoidance
 from strategies.routing.astar import LARGER_G
 

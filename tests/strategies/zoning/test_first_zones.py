@@ -9,8 +9,7 @@ import pytest
 
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
-from automaton.world.resolve import resolve
-from automaton.world.resolved import Resolved
+from automaton.world.resolve import Resolved, resolve
 from strategies.zoning import monitored
 
 NEGOTIATED = "strategy.zoning={name: decentralized, adjacency: 300}"

@@ -77,7 +77,7 @@ def properties_table(strategies: list[dict[str, Any]]) -> tuple[Heading, Table]:
     properties = {one["name"]: one["properties"] for one in strategies if "properties" in one}
     names = list(next(iter(properties.values())))
     rows = [
-        [method, *("yes" if has[name] else "-" for name in names)]
+        [method, *("yes" if has[name] else "no" for name in names)]
         for method, has in properties.items()
     ]
     title = Heading("what zoning is for (Keith & La, Table 1)", 3)

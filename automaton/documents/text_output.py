@@ -7,7 +7,6 @@ with the same columns. Colours and emphasis are for terminals.
 
 from __future__ import annotations
 
-import html
 import math
 import os
 import shutil
@@ -58,7 +57,7 @@ HTML_SIGNS = "\\<"  # in titles, where names stand as they are
 CURVE_MARKS: Final = "ox+*#%@&"
 INTERVAL_MARK: Final = ":"
 CHART_HEIGHT: Final = 14
-MIN_CHART_WIDTH, WIDEST_CHART = 20, 60  # columns
+MIN_CHART_WIDTH, WIDEST_CHART = 9, 60  # columns
 SHADES: Final = ".:-=+*%@"  # from a little to the most
 WALL_MARK, EMPTY_MARK = " ", "·"
 
@@ -193,7 +192,7 @@ def wrapped(text: str, width: int, first: str = "", rest: str = "") -> list[str]
 # Tables.
 
 
-class Layout(NamedTuple):
+class TableLayout(NamedTuple):
     """Which columns of a table are printed beside each other, and how wide they are."""
 
     columns: list[int]
@@ -221,37 +220,38 @@ def table_lines(table: Table, width: int, is_styled: bool = False) -> Iterator[L
             yield from ([*margin, *line] for line in row_lines(table, row, layout))
 
 
-def layouts(table: Table, width: int) -> list[Layout]:
+def layouts(table: Table, width: int) -> list[TableLayout]:
     """The parts of a table, one if it can be made to fit."""
     every = list(range(len(table.head)))
     cells = [column[1:] for column in table.columns]
-    told = [at for at in every if any(one not in ABSENT for one in cells[at])] or every
-    for columns in (every, told):
+    speaking = [at for at in every if any(one not in ABSENT for one in cells[at])] or every
+    for columns in (every, speaking):
         for gap in GAPS:
             layout = layout_of(table, columns, gap)
             if layout.total <= width:
                 return [layout]
     for gap in GAPS:
-        layout = narrowed(table, layout_of(table, told, gap), width)
+        layout = narrowed(table, layout_of(table, speaking, gap), width)
         if layout.total <= width:
             return [layout]
-    return divided(table, told, width)
+    return divided(table, speaking, width)
 
 
-def layout_of(table: Table, columns: list[int], gap: int) -> Layout:
+def layout_of(table: Table, columns: list[int], gap: int) -> TableLayout:
     """Columns in which nothing wraps; the name of each group has room above its own."""
     widths = [cells_width(table.columns[at]) for at in columns]
     for name, group in groups_of(table, columns):
         places = [columns.index(at) for at in group]
         room = sum(widths[place] for place in places) + gap * (len(places) - 1)
         widths[places[-1]] += max(0, len(name) - room)
-    return Layout(columns, widths, gap)
+    return TableLayout(columns, widths, gap)
 
 
-def divided(table: Table, columns: list[int], width: int) -> list[Layout]:
+def divided(table: Table, columns: list[int], width: int) -> list[TableLayout]:
     """Parts of a table that is too wide, each with its first columns; no group is torn apart."""
     keys = [at for at in columns if at < table.keys]
-    parts: list[Layout] = []
+    keys = columns[:1] if keys == columns else keys
+    parts: list[TableLayout] = []
     for _, group in groups_of(table, [at for at in columns if at not in keys]):
         before = parts[-1].columns if parts else keys
         layout = narrowed(table, layout_of(table, [*before, *group], GAPS[1]), width)
@@ -260,21 +260,21 @@ def divided(table: Table, columns: list[int], width: int) -> list[Layout]:
         else:
             alone = layout_of(table, [*keys, *group], GAPS[1])
             parts.append(narrowed(table, alone, width))
-    return parts
+    return parts or [narrowed(table, layout_of(table, keys, GAPS[1]), width)]
 
 
 def groups_of(table: Table, columns: list[int]) -> list[tuple[str, list[int]]]:
     """The names above columns, each with those of its columns that are printed; or each column."""
     if not table.groups:
         return [("", [at]) for at in columns]
-    first, found = table.keys, []
+    first, groups = table.keys, []
     for name, size in table.groups:
-        found.append((name, [at for at in columns if first <= at < first + size]))
+        groups.append((name, [at for at in columns if first <= at < first + size]))
         first += size
-    return [one for one in found if one[1]]
+    return [one for one in groups if one[1]]
 
 
-def narrowed(table: Table, layout: Layout, width: int) -> Layout:
+def narrowed(table: Table, layout: TableLayout, width: int) -> TableLayout:
     """A layout with heads wrapped, then the texts of cells, then all cells, as far as is needed."""
     widths = list(layout.widths)
     cells = [table.columns[at] for at in layout.columns]
@@ -298,7 +298,7 @@ def shrink(widths: list[int], least: Sequence[int], excess: int) -> None:
             widths[max(able, key=widths.__getitem__)] -= 1
 
 
-def group_line(table: Table, layout: Layout) -> Iterator[Line]:
+def group_line(table: Table, layout: TableLayout) -> Iterator[Line]:
     """The names of groups above the heads of their columns."""
     text = ""
     for name, group in groups_of(table, layout.columns) if table.groups else ():
@@ -308,7 +308,7 @@ def group_line(table: Table, layout: Layout) -> Iterator[Line]:
         yield [(text, "bold")]
 
 
-def head_lines(table: Table, layout: Layout, style: str) -> Iterator[Line]:
+def head_lines(table: Table, layout: TableLayout, style: str) -> Iterator[Line]:
     """The heads of columns, each right above its cells."""
     texts = texts_of(table.head, layout)
     height = max(map(len, texts))
@@ -320,7 +320,7 @@ def head_lines(table: Table, layout: Layout, style: str) -> Iterator[Line]:
     )
 
 
-def row_lines(table: Table, row: Sequence[str], layout: Layout) -> Iterator[Line]:
+def row_lines(table: Table, row: Sequence[str], layout: TableLayout) -> Iterator[Line]:
     """The cells of a row, in as many lines as the longest one takes."""
     if row:
         cells = (row[at] for at in layout.columns)
@@ -330,14 +330,14 @@ def row_lines(table: Table, row: Sequence[str], layout: Layout) -> Iterator[Line
         yield []
 
 
-def texts_of(row: Sequence[str], layout: Layout) -> list[list[str]]:
+def texts_of(row: Sequence[str], layout: TableLayout) -> list[list[str]]:
     """The lines of each cell that is printed."""
     places = zip(layout.columns, layout.widths, strict=True)
     return [cell_lines(row[at], width) for at, width in places]
 
 
 def side_by_side(
-    table: Table, layout: Layout, texts: list[list[str]], styles: Sequence[str]
+    table: Table, layout: TableLayout, texts: list[list[str]], styles: Sequence[str]
 ) -> Iterator[Line]:
     """The lines of cells beside each other."""
     for parts in zip_longest(*texts, fillvalue=""):
@@ -508,7 +508,9 @@ def markdown_lines(block: Block) -> Iterator[str]:
     elif isinstance(block, Text) and not block.code:
         yield f"**{escaped(block.text)}**" if block.strong else escaped(block.text)
     elif isinstance(block, Folded):
-        yield f"<details><summary>{html.escape(block.title)}</summary>"
+        from html import escape  # reads a table of 2,231 names
+
+        yield f"<details><summary>{escape(block.title)}</summary>"
         for inner in block.blocks:
             yield ""
             yield from markdown_lines(inner)

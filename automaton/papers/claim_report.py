@@ -42,7 +42,7 @@ EXPLANATION = (
     "contradicted, or does not hold, and how many runs may be otherwise is said "
     "(Clopper-Pearson). Shown is the figure that decides."
 )
-LONGEST_SENTENCE = 150  # characters on the first screen: two lines of 80 columns
+SHORTENED_TO = 150  # characters on the first screen: two lines of 80 columns
 UNITS = {"%": " %", "points": " pt"}  # pt: points of per cent
 COUNTED: dict[Verdict, tuple[str, str]] = {
     "holds": ("holds", "hold"),
@@ -74,7 +74,7 @@ def first_screen(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> Repor
 
 def shortened(text: str) -> str:
     """The beginning of a text that is too long."""
-    return textwrap.shorten(text, LONGEST_SENTENCE, placeholder=" ...")
+    return textwrap.shorten(text, SHORTENED_TO, placeholder=" ...")
 
 
 def effort_of_all(reproduced: Reproduced) -> str:

@@ -153,14 +153,14 @@ def by_hour(value: float, kind: str, tick: Unit) -> str:
 
 def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[NumberText, str]:
     """A value and its unit as text; `kind` is the unit in METRIC_CATALOGUE."""
-    amount, told = value, kind
+    amount, name = value, kind
     if kind == "share":
         return NumberText(f"{100 * value:.1f}", 100 * value), "%"
     if kind == "ticks":
-        amount, told = duration(value, tick) if cell else (tick.of(value), tick.plural)
+        amount, name = duration(value, tick) if cell else (tick.of(value), tick.plural)
     elif kind == "cells" and cell is not None:
-        amount, told = cell.of(value), cell.name
-    return NumberText(number(amount), amount), told
+        amount, name = cell.of(value), cell.name
+    return NumberText(number(amount), amount), name
 
 
 def lost_table(outcome: Outcome, tick: Unit) -> Table:

@@ -27,10 +27,10 @@ COMMANDS = {
     "verify": "verify {folder}/a.rec",
     "sweep": "sweep {folder}/small.yaml --out {folder}/out --workers 1",
     "report": "report {folder}/out",
-    "tune": "tune tabletop-mini --budget 20 --workers 1",
+    "tune": "tune tabletop-mini --budget 60 --workers 1",
     "bench": "bench --only tables --repeat 1",
 }
-TIMES = re.compile(r"computed in \S+ ms|[\d,.]+ (s|ms|minutes)\b")
+TIMES = re.compile(r"computed in \S+ ms|\(?[\d,.]+ (s|ms|minutes)\b\S*")
 DRAWN = re.compile(r"^[^A-Za-z]*$|[|+].*[|:o-]{3}|^ {8}")  # scales and curves, which do not wrap
 
 
@@ -53,8 +53,8 @@ def printed(
 
 
 def words(lines: list[str]) -> set[str]:
-    found = TIMES.sub("", " ".join(lines)).split()
-    return {word for word in found if re.search("[A-Za-z]", word)}
+    text = " ".join(" ".join(lines).split())
+    return {word for word in TIMES.sub("", text).split() if re.search("[A-Za-z]", word)}
 
 
 @pytest.mark.parametrize("name", COMMANDS)

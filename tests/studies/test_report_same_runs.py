@@ -197,8 +197,9 @@ def test_the_search_for_the_same_runs_reads_each_run_once() -> None:
 
 
 def test_one_robot_gives_the_same_runs_under_every_right_of_way(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
     study = tmp_path / "rules.yaml"
     study.write_text(
         "name: rules\nscenario: tabletop-mini\nfactors:\n  fleet.robots: [1, 2]\n"

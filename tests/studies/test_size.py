@@ -278,7 +278,9 @@ def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -
 
 
 def size(capsys: Any, *arguments: str) -> tuple[int, str, str]:
-    code = main(["size", *arguments])
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("COLUMNS", "1000")  # nothing wraps
+        code = main(["size", *arguments])
     out, err = capsys.readouterr()
     return code, out, err
 

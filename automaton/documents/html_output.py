@@ -32,6 +32,7 @@ from automaton.documents.report_document import (
     ReportDocument,
     Table,
     Text,
+    has_no_line,
     span,
 )
 from automaton.documents.text_output import coarse
@@ -331,6 +332,8 @@ def printed_width(table: Table) -> int:
 
 def html_parts(block: Block) -> Iterator[str]:
     """One block."""
+    if has_no_line(block):
+        return
     if isinstance(block, Heading):
         yield f"<h{block.level}>{escape(block.text)}</h{block.level}>"
     elif isinstance(block, Text):

@@ -192,6 +192,13 @@ class PageBreak:
 Block = Heading | Text | Listed | CharacterPicture | Table | Curves | HeatMap | Folded | PageBreak
 
 
+def has_no_line(block: Block) -> bool:
+    """Whether a block has no line, as a list that is made of what may not be there."""
+    if isinstance(block, Listed):
+        return not block.items
+    return isinstance(block, CharacterPicture) and not block.rows
+
+
 def span(values: Sequence[float]) -> tuple[float, float]:
     """The least and the most of some values, apart."""
     low, high = min(values), max(values)

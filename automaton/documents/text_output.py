@@ -31,6 +31,7 @@ from automaton.documents.report_document import (
     StyledText,
     Table,
     Text,
+    has_no_line,
     span,
 )
 from automaton.units import number
@@ -496,7 +497,7 @@ def as_markdown(document: ReportDocument) -> str:
     """For a repository or an editor; charts are text, kept as they are."""
     lines: list[str] = []
     for block in document.blocks:
-        if not isinstance(block, PageBreak):
+        if not isinstance(block, PageBreak) and not has_no_line(block):
             lines += [*markdown_lines(block), ""]
     return "\n".join(lines).rstrip() + "\n"
 

@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from automaton.commands import main
-from automaton.commands.explain import chain_lines
+from automaton.commands.explain import chain_blocks
+from automaton.documents.report_document import Listed
 from automaton.engine.observation import is_waiting
 from automaton.history.explanation import explain
 from automaton.history.snapshot import take_snapshot
@@ -119,8 +120,10 @@ def test_a_circle_is_named() -> None:
     from small_runs import SmallRun
 
     floor = SmallRun("CAB", {"A": "E", "B": "W", "C": "E"}).tick()
-    lines = chain_lines(explain(floor.snapshot(), floor.floor_plan, 2))
-    assert lines[-1] == "a wait cycle: robot 0 -> robot 1 -> robot 0; none of them can go first"
+    blocks = chain_blocks("title", explain(floor.snapshot(), floor.floor_plan, 2))
+    assert isinstance(blocks[-1], Listed)
+    last = blocks[-1].items[-1]
+    assert last == "a wait cycle: robot 0 -> robot 1 -> robot 0; none of them can go first"
 
 
 @pytest.mark.parametrize(

@@ -50,6 +50,7 @@ MIN_ATTACHED_LEVEL: Final = 3  # of headings that stand right above what they na
 MIN_CELL_WIDTH: Final = 12  # columns of a cell that wraps, unless it is shorter
 GAPS: Final = (2, 1)  # blanks between columns, the second if there is little room
 ABSENT: Final = ("", "-")  # cells that say nothing
+HELD_SIGN: Final = "\0%"  # a number keeps its per cent sign; a text has no NUL
 HEAD_STYLE: Final = "bold underline"
 SGR: Final = {"bold": "1", "underline": "4", "reverse": "7"}  # codes of a terminal
 COLOURS: Final = {"red": "31", "green": "32", "yellow": "33", "cyan": "36"}
@@ -180,14 +181,14 @@ def wrapped(text: str, width: int, first: str = "", rest: str = "") -> list[str]
     `first` stands before the first line, `rest` before all others.
     """
     lines = textwrap.wrap(
-        text,
+        text.replace(" %", HELD_SIGN),
         width,
         initial_indent=first,
         subsequent_indent=rest,
         break_long_words=False,
         break_on_hyphens=False,
     )
-    return lines or [""]
+    return [line.replace(HELD_SIGN, " %") for line in lines] or [""]
 
 
 # Tables.

@@ -30,6 +30,10 @@ def test_prose_breaks_at_blanks_alone() -> None:
     assert lines(told, width=20) == ["recorded in", PATH, "by", "--strategy-timeout 5"]
 
 
+def test_a_number_keeps_its_unit_of_per_cent() -> None:
+    assert lines(Text("a share of 83 %"), width=13) == ["a share of", "83 %"]
+
+
 def test_lines_of_a_list_hang() -> None:
     assert lines(Listed(["one two three"]), width=9) == ["- one two", "  three"]
     first, more = Listed(["one two three"], mark=""), Listed(["four five six"], mark=INDENT)

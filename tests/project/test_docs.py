@@ -191,6 +191,7 @@ def test_zones_of_ones_own_floor(tmp_path: Path) -> None:
     write_files(page("docs/how-to/divide-a-floor-into-zones.md"), tmp_path)
     with in_this_process(tmp_path):
         printed = carry_out("automaton run my-plant.yaml --picture", tmp_path)
+    printed = " ".join(printed.split())
     assert "zone 1 (d): 1 2* 4; robot 0, " in printed and "60 of 60 orders delivered" in printed
     assert (
         resolve(str(tmp_path / "my-plant.yaml")).strategies["zoning"].parameters.design is not None

@@ -30,6 +30,12 @@ from automaton.world import building
 from automaton.world.resolve import branched, resolve
 
 
+@pytest.fixture(autouse=True)
+def wide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing wraps, however long the paths of files are."""
+    monkeypatch.setenv("COLUMNS", "1000")
+
+
 @pytest.fixture(scope="module")
 def good() -> Recording:
     resolved = resolve("tabletop-1", ["fleet.robots=3", "stop.max_duration=1000"])

@@ -65,7 +65,7 @@ class SearchState(NamedNumbers):
     heap: int = number("items in the heap")
     head: int = number("the lane's first item: queues only")
     tail: int = number("one past its last item")
-    found: int = number("poses found in this search")
+    discovered: int = number("poses discovered in this search")
     expanded: int = number("poses expanded in all searches")
     cost: int = number("of the path found last")
 
@@ -293,7 +293,7 @@ def begin(workspace):
     state.heap = 0
     state.head = 0
     state.tail = 0
-    state.found = 0
+    state.discovered = 0
     return state.stamp << 32
 
 
@@ -305,8 +305,8 @@ def put(workspace, ties, salt, pose, row, f, h):
         workspace.lane[state.tail] = (row << 32) | pose
         state.tail += 1
         return
-    number = state.found
-    state.found = number + 1
+    number = state.discovered
+    state.discovered = number + 1
     tie = number
     if ties == LARGER_G or ties == LARGER_G_HEAP:
         tie = h

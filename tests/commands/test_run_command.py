@@ -234,7 +234,7 @@ def test_driving_slowly_is_told_beside_lost_time(capsys: pytest.CaptureFixture[s
     lost, robots = capsys.readouterr().out.split("\nlost time")[1].split("\nrobot ")
     row = next(line for line in lost.splitlines() if line.startswith("slowdown_ticks"))
     assert row.split()[:3] == ["slowdown_ticks", number(ticks), "-"]
-    assert "reduced speed, not waiting" in row
+    assert "extra duration of moves" in row
     assert "slowdown" in robots.splitlines()[0]
     shown = sum(int(line.split()[-1].replace(",", "")) for line in robots.splitlines()[2:7])
     assert shown == ticks and all(len(line) <= 80 for line in robots.splitlines())

@@ -89,7 +89,7 @@ def test_tables_and_pictures_name_the_headings_of_each_type() -> None:
     assert [names[place] if place != NO_TEXT else "" for place in places] == ["NS", "S", ""]
     plan = simulation.resolved.floor_plan
     lines = [robot_line(simulation.world, plan, i, brief=True) for i in range(3)]
-    starts = ["A (0, 0) vertical", "B (4, 0) facing south", "C (4, 2)"]
+    starts = ["A (0, 0) north-south", "B (4, 0) facing south", "C (4, 2)"]
     assert [line[: len(start)] for line, start in zip(lines, starts, strict=True)] == starts
     assert "facing" not in lines[2]
 

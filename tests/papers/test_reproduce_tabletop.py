@@ -337,7 +337,7 @@ def test_the_report_fits_the_terminal(
     lines = text.splitlines()
     assert max(map(len, lines)) <= columns
     assert "…" not in text and "\x1b" not in text
-    cells = [line for line in lines if re.match(r" +[12] (independent|cooperative) +[1-5] ", line)]
+    cells = [line for line in lines if re.match(r" +[12] +(independent|cooperative) +[1-5] ", line)]
     assert len(cells) == 2 * 20 * (3 if columns == 80 else 2)
     assert "mean |error|: T_total" in text and "(information: everything)" in text
     assert "Claims with another verdict by information: everything" in text

@@ -188,7 +188,7 @@ def test_every_order_is_looked_at_once_in_a_run(scenario):
     simulation.run()
     taken = int((simulation.world.orders.dispatched != NIL).sum())
     assert taken > 200
-    assert simulation.states[LAYER_ALLOCATION].looked[0] == taken
+    assert simulation.states[LAYER_ALLOCATION].looked == taken
 
 
 class Plainly(Strategy):

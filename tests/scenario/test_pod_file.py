@@ -81,7 +81,7 @@ def test_what_is_said_of_a_robot_has_the_name_of_its_pod(tmp_path: Path) -> None
     while run.world.robots.load[0] < 0:
         run.run(run.tick + 1)
     found = explain(take_snapshot(run), run.resolved.floor_plan, 0)
-    assert "lifts pod A-17-8" in found.lines[0]
+    assert "picking up pod A-17-8" in found.lines[0]
 
 
 def test_columns_are_called_as_the_scenario_says(tmp_path: Path) -> None:

@@ -73,7 +73,8 @@ def automaton(command: list[str], folder: Path, *arguments: str) -> str:
 
 @pytest.mark.parametrize("command", [CONSOLE, MODULE], ids=["console script", "python -m"])
 def test_own_folders_neither_hide_ours_nor_are_hidden(command: list[str], folder: Path) -> None:
-    mine, shipped = automaton(command, folder, "check", "mine.yaml", "tabletop-1").splitlines()
+    checked = automaton(command, folder, "check", "mine.yaml", "tabletop-1")
+    mine, shipped = checked.replace("\n  ", " ").splitlines()
     assert "own folders: 1 shelf, 1 destination, 1 robot, right of way retreat" in mine
     assert "tabletop-1" in shipped
     ran = json.loads(automaton(command, folder, "run", "mine.yaml", "--json"))

@@ -131,7 +131,7 @@ def test_all_figures_of_a_report_are_those_of_runs_cut_by_hand(folder: Path, cap
             told = results.values(point, name)
             assert list(told.values()) == pytest.approx(by_hand, rel=1e-12)
             mean = float(np.mean(by_hand))
-            assert f"  {mean:.4g} " in out.partition(f"\n{name}\n---")[2].partition("\n---\n")[0]
+            assert f"  {mean:.4g} " in out.partition(f"\n{name}\n")[2].partition("\n\n\n")[0]
 
 
 def cuts_by_times(runs: list[Watched]) -> list[int]:

@@ -97,9 +97,9 @@ def observed(first: int, ticks: int) -> Any:
     events[:, 0], events[:, 1] = at, np.where(at % 100 == 1, EVENT_DEADLOCK, EVENT_ORDER_TAKEN)
     events = events[at % 10 == 1]
     curve = np.stack((at, at, at // 100), axis=1)
-    counts = np.array([len(events), ticks])
+    counts = SimpleNamespace(events=len(events), curve_rows=ticks)
     watch = SimpleNamespace(events=events, curve=curve, count=counts)
-    world = SimpleNamespace(clock=np.array([first + ticks - 1]))
+    world = SimpleNamespace(clock=SimpleNamespace(tick=first + ticks - 1))
     return SimpleNamespace(observation=watch, world=world, empty_observation=lambda: None)
 
 

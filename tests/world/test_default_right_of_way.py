@@ -83,7 +83,7 @@ def test_robots_are_steered_where_they_can_be(
     assert resolved.scenario.strategy.right_of_way == name, "recordings and studies name it"
     assert main(["check", str(path), *(f"--set={one}" for one in settings)]) == 0
     told = f"right of way {name} by default" + (f" ({why})" if why else "")
-    assert f"1 robot, {told}, ok" in capsys.readouterr().out
+    assert f"1 robot, {told}, ok" in capsys.readouterr().out.replace("\n  ", " ")
 
 
 def test_what_is_named_is_taken_and_not_told(

@@ -60,7 +60,10 @@ def holders(world: World, cells: Any) -> Any:
 
 def quoted(text: str) -> Iterator[tuple[str, set[str]]]:
     """Each line of the page's tables of `bench` that names sizes: its part, and the sizes."""
-    for heading, part in (("Per robot and tick", "step"), ("Auctions (`automaton", "auctions")):
+    for heading, part in (
+        ("Time per robot and tick", "step"),
+        ("Auctions in the plane", "auctions"),
+    ):
         table = text.partition(heading)[2].partition("|---")[2].partition("\n\n")[0]
         for line in table.splitlines()[1:]:
             yield part, set(re.findall(r"([\d,]*\d) (?:robots|tasks|x)", line.split("|")[1]))
@@ -282,7 +285,7 @@ def test_bench_prints_a_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "--only", "loop", "--repeat", "1"]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].split() == ["measured", "median", "low", "high", "unit"]
-    assert lines[1].startswith("loop, idle fleet") and lines[1].endswith("ns per tick")
+    assert lines[2].startswith("loop, idle fleet") and lines[2].endswith("ns per tick")
     assert lines[-1].startswith("1 sample each at most; ")
 
 

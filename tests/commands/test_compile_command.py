@@ -55,7 +55,7 @@ def test_a_strategy_that_does_not_compile_is_named(
         "strategy: {allocation: greedy, right_of_way: 'own_broken_kernel:Broken'}\n"
     )
     assert main(["compile", str(tmp_path / "mine.yaml")]) == 2
-    assert "own_broken_kernel.py:5: the strategy does not compile: " in capsys.readouterr().err
+    assert "own_broken_kernel.py:4: the strategy does not compile: " in capsys.readouterr().err
 
 
 def test_without_the_compiler_there_is_nothing_to_do(

@@ -565,7 +565,7 @@ def test_a_label_is_not_checked_and_listed_as_one(
     alter(taken)
     assert verified(tmp_path / "run.rec", taken.header, taken.frames) == 0
     text = page("docs/explanation/trust.md").text
-    labels = text.partition("Labels, which are not checked:")[2].partition(".\n")[0]
+    labels = text.partition("It does not check labels:")[2].partition(". ")[0]
     assert f"`{name.removeprefix('scenario.')}`" in labels
 
 

@@ -562,7 +562,5 @@ def test_the_validator_shares_no_code_with_the_kernels() -> None:
             *("service_zones", "state", "stops"),
         )
     }
-    shared |= {
-        f"automaton.engine.jit{name}" for name in ("", ".fields", ".struct_layout", ".structs")
-    }
+    shared |= {f"automaton.engine.jit{name}" for name in ("", ".named_numbers", ".structs")}
     assert not [name for name in loaded if name.startswith(foreign) and name not in shared]

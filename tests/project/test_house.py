@@ -18,14 +18,14 @@ SHORT = 60  # lines
 
 # What there is. A change that makes one of these larger needs a reason; one that makes it smaller
 # writes the new number here.
-MOST_FILES = 421
-MOST_FOLDERS = 51  # automaton.documents stands below all that answers
-MOST_SHORT_FILES = 28
+MOST_FILES = 419
+MOST_FOLDERS = 47
+MOST_SHORT_FILES = 26
 LONGEST_FILE = 650
-LONGEST_CHAIN = 28  # of files that import each other in a row
-IMPORTS_A_FILE = 5.93  # of ours
+LONGEST_CHAIN = 24  # of files that import each other in a row
+IMPORTS_A_FILE = 5.76  # of ours
 HEAD_SHARE = 0.112  # lines before the first definition
-CLASSES_OF_ONE_NAME = 7
+CLASSES_OF_ONE_NAME = 6
 CONSTANTS_OF_ONE_NAME = 10  # with different values
 
 

@@ -49,4 +49,4 @@ def check_options(kind: str, options: ImportOptions, path: Path) -> None:
     for option in (field.name for field in fields(options)):
         if option not in known and getattr(options, option) != getattr(plain, option):
             what = FILE_KINDS.get(kind, "folder of a problem")
-            raise InputError(f"--{option} does nothing for this file (a {what})", str(path))
+            raise InputError(f"--{option} has no effect on this file (a {what})", str(path))

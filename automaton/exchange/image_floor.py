@@ -56,13 +56,14 @@ def read_image_floor(path: Path, options: ImportOptions) -> ImportedFloor:
     cells = cells_of(centres(open_, reach_of(options.robot or cell, pixel)), k)
     if cells is None:
         return _nothing_left(ros_map, options.robot or cell)
-    check_size(cells.free.shape[1], cells.free.shape[0], file, "take a larger --cell")
+    check_size(cells.free.shape[1], cells.free.shape[0], file, "use a larger --cell")
     exits = _exits(cells)
     picture, legend = _drawn(cells.free, exits)
     robots = _starts(cells, options.robots or 1, file)
     sections = {
         "name": re.sub(r"[^\w. -]", "-", path.stem)[:200] or "map",
-        "summary": f"{count(len(robots), 'robot')} on {cells.free.shape[1]} x {cells.free.shape[0]} "
+        "summary": f"{count(len(robots), 'robot')} on {cells.free.shape[1]} x "
+        f"{cells.free.shape[0]} "
         f"cells of {metres(cell)}, imported.",
         "fleet": {"robots": len(robots), "kinematics": "omni", "start": robots},
         **_times(cell, options, file),
@@ -94,21 +95,22 @@ def _pixels_of_a_cell(
         cell = pixel * -(-options.robot // pixel)
     if cell is None:
         raise InputError(
-            f"an image does not say how large a cell is: give --cell, in whole pixels of {metres(pixel)}",
+            f"an image has no cell size: set --cell to whole pixels of {metres(pixel)}",
             file,
         )
     if cell % pixel:
         lower = cell // pixel * pixel
         near = [metres(one) for one in (lower, lower + pixel) if one]
         raise InputError(
-            f"--cell {metres(cell)} is not in whole pixels of {metres(pixel)}: take {' or '.join(near)}",
+            f"--cell {metres(cell)} is not a whole number of pixels of {metres(pixel)}: use "
+            f"{' or '.join(near)}",
             file,
         )
     k = int(cell / pixel)
     if k > min(MAX_CELL_PIXELS, *shape):
         raise InputError(
-            f"--cell {metres(cell)} is {k:,} pixels; the image has {shape[1]:,} x {shape[0]:,} of them, "
-            f"and a cell {MAX_CELL_PIXELS} each way at most",
+            f"--cell {metres(cell)} is {k:,} pixels; the image has {shape[1]:,} x {shape[0]:,} "
+            f"pixels, and a cell has at most {MAX_CELL_PIXELS} per side",
             file,
         )
     return k
@@ -117,7 +119,8 @@ def _pixels_of_a_cell(
 def _nothing_left(ros_map: RosMap, robot: Fraction) -> ImportedFloor:
     free = int(np.count_nonzero(ros_map.free))
     refusal = (
-        f"nothing is left: a robot of {metres(robot)} fits nowhere on {count(free, 'free pixel')}"
+        f"no free cell is left: a robot of {metres(robot)} does not fit on "
+        f"{count(free, 'free pixel')}"
     )
     report = ImportReport(FORMAT, {"pixels_free": free}, lost=_lost(ros_map), refusal=refusal)
     return ImportedFloor("", {}, {}, report)
@@ -170,8 +173,8 @@ def _times(cell: Fraction, options: ImportOptions, file: str) -> dict[str, dict[
     move = floor(cell / speed / tick + Fraction(1, 2))
     if not 1 <= move <= MAX_MOVE:
         raise InputError(
-            f"a move over {metres(cell)} would take {move:,} ticks; it takes 1 to {MAX_MOVE:,}: "
-            "change --tick or --speed",
+            f"a move over {metres(cell)} would take {move:,} ticks, but 1 to {MAX_MOVE:,} are "
+            "allowed: change --tick or --speed",
             file,
         )
     seconds = metres(tick).removesuffix("m") + "s"
@@ -225,7 +228,8 @@ def _comments(ros_map: RosMap, cells: PixelCells) -> tuple[str, ...]:
     height, width = ros_map.free.shape
     left, top = cells.first
     return (
-        f"Image of {width} x {height} pixels of {metres(ros_map.resolution)}; its lower left pixel is at "
+        f"Image of {width} x {height} pixels of {metres(ros_map.resolution)}; its lower left "
+        "pixel is at "
         f"x {x:g} m, y {y:g} m, yaw {yaw:g}.",
         f"Cell (0, 0) begins at pixel column {left}, row {top} from the upper left.",
     )

@@ -108,7 +108,7 @@ def read_bytes(path: Path, most: int = MAX_FLOOR_FILE_BYTES, cut: bool = False) 
     except OSError as error:
         raise InputError(f"cannot be read: {error.strerror or error}", str(path)) from None
     if len(data) > most:
-        raise InputError(f"has more than {most // 2**20} MiB, which is the most", str(path))
+        raise InputError(f"has more than {most // 2**20} MiB, the limit", str(path))
     return data
 
 
@@ -297,7 +297,7 @@ def tasks_text(problem: Problem) -> str:
 
 
 class _PlainDumper(yaml.SafeDumper):
-    """A dumper that writes what is there twice twice, without an alias."""
+    """A dumper that writes what appears twice twice, without an alias."""
 
     def ignore_aliases(self, data: object) -> bool:
         """Whether data has no alias."""

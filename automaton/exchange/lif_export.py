@@ -65,7 +65,8 @@ def floor_graph(floor_plan: FloorPlan) -> FloorGraph:
         )
         more = ", ..." if len(crowded) > LONGEST_LIST else ""
         raise InputError(
-            f"{len(crowded):,} cells of the floor hold more than one robot ({places}{more}); a node of a "
+            f"{len(crowded):,} cells of the floor hold more than one robot ({places}{more}); a "
+            "node of a "
             "graph holds one"
         )
     exits = floor_plan.exits.reshape(-1)
@@ -160,7 +161,7 @@ def lif_file(
     cell = scenario.units.scale.cell_metres
     graph = floor_graph(floor_plan)
     if not graph.edges:
-        raise InputError("the floor has no way from one cell to another")
+        raise InputError("no cells of the floor are connected")
     writer = (_Lif1 if version == "1.0.0" else _Lif2)(scenario, floor_plan, cell)
     layout = {
         "layoutId": LAYOUT_ID,

@@ -126,7 +126,7 @@ def read_output(path: Path) -> PlanvizOutput:
         raise InputError(f"teamSize must be at least 1, found {robots}", file)
     for robot, (_, _, heading) in enumerate(said.start):
         if heading not in HEADING_LETTERS or len(heading) != 1:
-            text = f"start[{robot}] has the heading {shown(heading)}; E, S, W and N are possible"
+            text = f"start[{robot}] has the heading {shown(heading)}; E, S, W and N are allowed"
             raise InputError(text, file)
     actions = actions_of(said.actual_paths, file)
     tasks = _tasks(said.tasks, file)
@@ -184,7 +184,7 @@ def actions_of(paths: list[str], file: str) -> Actions:
     if len(unknown):
         robot, at = unknown[0].tolist()
         text = f"actualPaths: robot {robot} has the action {plain[robot][at]!r} in tick {at + 1:,}"
-        raise InputError(f"{text}; F, R, C and W are possible", file)
+        raise InputError(f"{text}; F, R, C and W are allowed", file)
     if not ticks:
         return np.zeros((0, len(paths)), np.uint8)
     return np.ascontiguousarray(actions.T)
@@ -196,7 +196,7 @@ def _tasks(
     tasks: dict[int, tuple[int, list[tuple[int, int]]]] = {}
     for number, (task, released, places) in enumerate(listed):
         if task in tasks:
-            raise InputError(f"tasks[{number}] is task {task} once more", file)
+            raise InputError(f"tasks[{number}] repeats task {task}", file)
         if not places or len(places) % 2:
             text = f"tasks[{number}] has {count(len(places), 'number')}"
             raise InputError(f"{text} for its cells, not a row and a column for each", file)
@@ -216,7 +216,7 @@ def _check_event(
     ticks, robots = shape
     wrong = ""
     if not 1 <= tick <= ticks:
-        wrong = f"tick {tick}; there are ticks 1 to {ticks:,}"
+        wrong = f"tick {tick}; the ticks are 1 to {ticks:,}"
     elif not 0 <= robot < robots:
         wrong = f"robot {robot}; there are robots 0 to {robots - 1:,}"
     elif task not in tasks:
@@ -371,7 +371,7 @@ def _broken_by(
     if done == len(places):
         text = f"visits for task {task}, which is finished"
     elif visit != done + 1:
-        text = f"does visit {visit} of task {task}, of which {done} of {len(places)} are done"
+        text = f"does visit {visit} of task {task}, after {done} of {len(places)} visits"
     elif tick <= released:
         text = f"visits for task {task}, which is released at the end of tick {released:,}"
     elif progress.last_tick[robot] == tick:

@@ -139,7 +139,7 @@ def _check_tasks(problem: Problem) -> None:
         at = int(np.flatnonzero(apart)[0]) + 1
         text = f"task {owner[at]} leads from {grid.place(int(cells[at - 1]))}"
         raise places.error(
-            int(owner[at]), f"{text} to {grid.place(int(cells[at]))}, which no way joins"
+            int(owner[at]), f"{text} to {grid.place(int(cells[at]))}, which are not connected"
         )
 
 
@@ -293,7 +293,10 @@ def read_trips(path: Path) -> tuple[GridMap, list[Trip]]:
             text += "width, height, start x, start y, goal x, goal y, length"
             raise InputError(text, file, number)
         if row[1] != rows[0][1][1]:
-            text = f"the line names the map {quoted(row[1])}, the first one {quoted(rows[0][1][1])}"
+            text = (
+                f"the line names the map {quoted(row[1])}, but the first line "
+                f"{quoted(rows[0][1][1])}"
+            )
             raise InputError(text, file, number)
     grid = read_map(_map_beside(path, rows[0][1][1], rows[0][0]))
     return grid, [_trip(grid, row, file, number) for number, row in rows]
@@ -310,7 +313,7 @@ def _map_beside(path: Path, name: str, line: int) -> Path:
     for place in places:
         if os.path.isfile(place):
             return place
-    raise InputError(f"there is no map {quoted(name)} beside the file", str(path), line)
+    raise InputError(f"there is no map {quoted(name)} next to the file", str(path), line)
 
 
 def _trip(grid: GridMap, row: list[str], file: str, line: int) -> Trip:

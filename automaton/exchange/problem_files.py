@@ -211,16 +211,16 @@ def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
     head = ",".join(columns)
     first = lines[0] if lines else ContentLine(1, "")
     if [name.strip() for name in re.split(",", first.text)] != list(columns):
-        raise InputError(f"its head must be '{head}', found {quoted(first.text)}", file, 1)
+        raise InputError(f"its header must be '{head}', found {quoted(first.text)}", file, 1)
     rows = []
     for line in lines[1:]:
         values = line.text.split(",")
         if len(values) != len(columns):
-            text = f"the line has {len(values)} values, the head names {len(columns)} columns"
+            text = f"the line has {len(values)} values, but the header has {len(columns)} columns"
             raise InputError(text, file, line.number)
         rows.append((line.number, values))
     if not rows:
-        raise InputError("holds no row below its head", file, first.number)
+        raise InputError("has no rows below its header", file, first.number)
     return rows
 
 
@@ -236,7 +236,7 @@ def read_league_problem(path: Path, robots: int | None = None) -> Problem:
             raise InputError(_missing(data, key, f"the file of {meaning}"), file)
     team = _number(data, "teamSize", file, integral=True)
     if robots is not None and robots > team:
-        raise InputError(f"--robots {robots} of a problem for {int(team)} robots", file)
+        raise InputError(f"--robots {robots} but the problem has {int(team)} robots", file)
     grid = read_map(folder / data["mapFile"])
     starts, starts_from = read_agents(folder / data["agentFile"])
     if team > len(starts):

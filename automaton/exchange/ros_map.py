@@ -146,7 +146,7 @@ class _Fields:
         for key in KEYS:
             if key not in self.data and key not in OPTIONAL_KEYS:
                 hint = nearest(key, [name for name in self.data if name not in KEYS])
-                text = f"a map of ROS has the key {key}, this one does not{hint}"
+                text = f"the key {key} of the map of ROS is missing{hint}"
                 raise InputError(text, self.document.file)
 
     def mode(self) -> str:
@@ -268,7 +268,7 @@ def _pgm(head: bytes, stream: BinaryIO, size: int) -> ImageValues:
         _check_count(max(0, size - begin - 1) // kind.itemsize, width * height, "holds")
         values = np.frombuffer(stream.read(wanted), kind)
     if (most := int(values.max())) > white:
-        raise InputError(f"has a pixel of {most:,} and a maxval of {white:,}")
+        raise InputError(f"has a pixel value of {most:,}, above its maxval of {white:,}")
     dtype = np.uint8 if white <= 255 else np.uint16
     return ImageValues(values.astype(dtype, copy=False).reshape(height, width), white)
 
@@ -297,7 +297,7 @@ def _text_values(text: bytes, pixels: int) -> npt.NDArray[np.int32]:
 
 def _png(head: bytes, stream: BinaryIO) -> ImageValues:
     if len(head) < PNG_HEAD:
-        raise InputError("is cut short: a PNG without its head")
+        raise InputError("is truncated: the PNG has no header")
     _check_size(*PNG_SIZE.unpack(head[PNG_HEAD - PNG_SIZE.size : PNG_HEAD]))
     try:
         from matplotlib.image import imread
@@ -322,13 +322,13 @@ def _check_size(width: int, height: int) -> None:
         or width * height > MAX_PIXELS
     ):
         raise InputError(
-            f"says that it has {width:,} x {height:,} pixels; an image has 1 to {MAX_PIXELS:,} pixels, "
-            f"and {MAX_IMAGE_SIDE:,} on a side at most"
+            f"declares {width:,} x {height:,} pixels; allowed are 1 to {MAX_PIXELS:,} pixels and "
+            f"at most {MAX_IMAGE_SIDE:,} per side"
         )
 
 
 def _check_count(there: int, wanted: int, verb: str) -> None:
     if there < wanted:
         raise InputError(
-            f"is cut short: its head says {count(wanted, 'pixel')}, it {verb} {there:,}"
+            f"is truncated: its header declares {count(wanted, 'pixel')}, it {verb} {there:,}"
         )

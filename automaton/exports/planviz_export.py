@@ -83,7 +83,8 @@ def _ticks_of(recording: Recording) -> tuple[npt.NDArray[np.uint16], npt.NDArray
             wrong = next(_unfit(recording.header, content["scenario"]), "")
             if wrong:
                 raise InputError(
-                    f"PlanViz shows robots that move and turn in one tick and visit cells; {wrong}"
+                    "PlanViz requires robots that move and turn in one tick and only visit "
+                    f"cells, but {wrong}"
                 )
         elif kind == FRAME_KIND_TICKS:
             executed.append(content["executed"])

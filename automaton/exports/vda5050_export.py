@@ -133,7 +133,8 @@ def _period(every: Fraction | None, tick: Fraction) -> int:
         lower = every // tick * tick
         near = " or ".join(f"{float(one):g} s" for one in (lower, lower + tick) if one)
         raise InputError(
-            f"--every {float(every):g} s is not a whole number of ticks of {float(tick):g} s: take {near}"
+            f"--every {float(every):g} s is not a whole number of ticks of {float(tick):g} s: use "
+            f"{near}"
         )
     return int(every / tick)
 

@@ -111,7 +111,7 @@ def symbol_of(
     if opens is not None and exits is not None:
         raise InputError("a symbol has either exits or the sides that it opens, not both")
     if kind.opens and exits is not None:
-        raise InputError(f"say over which sides a {kind_name} is left and entered by opens")
+        raise InputError(f"set opens to the sides over which robots enter and leave a {kind_name}")
     if kind.opens and capacity not in (None, 1):
         raise InputError(f"a {kind_name} has room for one robot")
     if loaded and kind.holds != ONE_LOAD:
@@ -120,7 +120,7 @@ def symbol_of(
     bits = None if exits is None else _bits(exits)
     sides = (ALL_EXITS if kind.opens else NO_EXITS) if opens is None else _bits(opens)
     if opens is not None and not sides:
-        raise InputError("opens must name a side at least")
+        raise InputError("opens must name at least one side")
     if kind.code == TRACK and (not bits or (bits & ~ALONG_X and bits & ~ALONG_Y)):
         raise InputError("a track needs exits along one axis: [east, west] or [north, south]")
     if bits is None:
@@ -182,7 +182,8 @@ def _symbols_of(codes: npt.NDArray[np.uint32], symbols: dict[str, Symbol]) -> di
             known = "".join(sorted(set(symbols) - {" "}))
             raise PictureError(
                 f"row {row + 1}, column {x + 1} of the picture: {character!r} has no meaning"
-                f"{_alike(character, symbols)}; known are {known}, blanks, and A to Z for robots; a "
+                f"{_alike(character, symbols)}; known are {known}, blanks, and A to Z for robots; "
+                "a "
                 "legend may add others",
                 row,
             )
@@ -232,7 +233,9 @@ def check_new_symbol(character: str) -> None:
     if len(character) != 1:
         raise InputError(f"a symbol is a single character, found '{character}'")
     if character in ROBOT_LETTERS:
-        raise InputError(f"'{character}': capital letters stand for robots")
+        raise InputError(
+            f"'{character}': capital letters are reserved for robots; use a lower-case letter"
+        )
     if character in SYMBOLS:
         name = CELL_KINDS[SYMBOLS[character].kind].name
         free = alternatives(sorted(set("oxytkz*:") - set(SYMBOLS)))
@@ -506,9 +509,9 @@ def write_matrix(floor_plan: FloorPlan) -> str:
         raise InputError(f"a matrix has no code for the parking bay at ({x}, {y})")
     capacities = np.unique(floor_plan.capacity[free]).tolist()
     if len(capacities) > 1:
-        raise InputError("a matrix cannot say that free cells hold different numbers of robots")
+        raise InputError("a matrix cannot store different capacities of free cells")
     if not np.array_equal(_plan(floor_plan.kind, 0).exits, floor_plan.exits):
-        raise InputError("a matrix cannot say which cells are one-way")
+        raise InputError("a matrix cannot store one-way cells")
     codes = np.vectorize(CODE_OF.get, otypes=[np.int64])(kind)
     crossing = traffic_zones_of(floor_plan).intersection.reshape(free.shape)[1:-1, 1:-1]
     codes = np.where(crossing, INTERSECTION, codes)

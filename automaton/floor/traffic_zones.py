@@ -166,7 +166,7 @@ def _check(floor_plan: FloorPlan, stations: list[int]) -> None:
     for number, cell in enumerate(stations, 1):
         where = f"station {number} at {floor_plan.xy(cell)}"
         if not drivable[cell]:
-            raise InputError(f"{where} is on no cell that robots drive on")
+            raise InputError(f"{where} is not on a drivable cell")
         if cell in first:
             raise InputError(f"{where} is in the cell of station {first[cell]}")
         first[cell] = number
@@ -177,7 +177,7 @@ def _check_reachable(floor_plan: FloorPlan, stations: list[int], between: Number
     if len(apart):
         a, b = (int(number) for number in apart[0])
         raise InputError(
-            f"no way leads from station {a + 1} at {floor_plan.xy(stations[a])} "
+            f"no route leads from station {a + 1} at {floor_plan.xy(stations[a])} "
             f"to station {b + 1} at {floor_plan.xy(stations[b])}"
         )
 

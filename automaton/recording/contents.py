@@ -233,7 +233,7 @@ def inflated(payload: bytes | memoryview, most: int) -> bytes:
     if len(data) > most:
         raise InvalidFrameError(f"its content has more than {most:,} bytes")
     if not unpacking.eof or unpacking.unused_data:
-        raise InvalidFrameError("its content is not one compressed piece")
+        raise InvalidFrameError("its content is not a single compressed stream")
     return data
 
 
@@ -307,19 +307,19 @@ def _array_in(code: int, data: memoryview) -> Array:
     try:
         name, shape, content = _DESCRIBED.decode(data)
     except msgspec.MsgspecError as error:
-        raise InvalidFrameError(f"an array of it cannot be read: {error}") from None
+        raise InvalidFrameError(f"one of its arrays cannot be read: {error}") from None
     dtype = _DTYPES.get(name)
     if dtype is None:
-        raise InvalidFrameError(f"an array of it has the type {name[:20]!r}")
+        raise InvalidFrameError(f"one of its arrays has the type {name[:20]!r}")
     count = 1
     for extent in shape:
         if not 0 <= extent < MAX_NUMBER:
-            raise InvalidFrameError(f"an array of it has an extent of {extent}")
+            raise InvalidFrameError(f"one of its arrays has an extent of {extent}")
         count *= extent
     if not count and max(shape) > MAX_EMPTY:
-        raise InvalidFrameError(f"an array of it has no values and an extent of {max(shape):,}")
+        raise InvalidFrameError(f"one of its arrays has no values but an extent of {max(shape):,}")
     if len(shape) > 2 or count * dtype.itemsize != len(content):
-        raise InvalidFrameError("an array of it has another size than its shape says")
+        raise InvalidFrameError("the size of one of its arrays does not match its shape")
     array: Array = np.frombuffer(content, dtype).reshape(shape)
     return array
 
@@ -406,7 +406,7 @@ def check_arrays(content: Content, wanted: Mapping[str, Range], sizes: dict[str,
         if array.size and not (int(array.min()) >= least and int(array.max()) < most):
             found = int(array.min()) if int(array.min()) < least else int(array.max())
             raise InvalidFrameError(
-                f"{name} has the value {found}; {least} to {most - 1} are possible"
+                f"{name} has the value {found}; {least} to {most - 1} are allowed"
             )
 
 
@@ -418,9 +418,7 @@ def _check_shape(
     for extent, size in zip(array.shape, shape, strict=True):
         expected = sizes.setdefault(size, extent) if isinstance(size, str) else size
         if extent != expected:
-            raise InvalidFrameError(
-                f"{name} has {extent:,} rows or columns where there are {expected:,}"
-            )
+            raise InvalidFrameError(f"{name} has {extent:,} rows or columns, not {expected:,}")
 
 
 def check_keyframe(content: Content, sizes: dict[str, int]) -> None:
@@ -431,8 +429,8 @@ def check_keyframe(content: Content, sizes: dict[str, int]) -> None:
             if array.ndim != 1:
                 raise InvalidFrameError(f"{part}.{name} has {array.ndim} dimensions, not 1")
             if part in STATE_SIZES and len(array) != sizes[STATE_SIZES[part]]:
-                text = f"{len(array):,} {part} where there are {sizes[STATE_SIZES[part]]:,}"
-                raise InvalidFrameError(f"{part}.{name} tells of {text}")
+                text = f"{len(array):,} {part}, not {sizes[STATE_SIZES[part]]:,}"
+                raise InvalidFrameError(f"{part}.{name} has {text}")
 
 
 def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
@@ -444,12 +442,12 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
     ticks = content["executed"].shape[1] if content["executed"].ndim == 2 else 0
     sizes = {**known, "ticks": ticks}
     if not 0 < ticks <= FRAME_TICKS or not 0 < content["first"] <= LAST_TICK:
-        raise InvalidFrameError(f"it tells of {ticks} ticks from tick {content['first']} on")
+        raise InvalidFrameError(f"it holds {ticks} ticks from tick {content['first']} on")
     most = MAX_ROWS * (len(content["executed"]) + 1)  # in a tick
     if content["changes"].ndim == 2 and content["changes"].shape[1] > min(
         MAX_CHANGES, most * ticks
     ):
-        raise InvalidFrameError(f"it tells of more than {min(MAX_CHANGES, most * ticks):,} changes")
+        raise InvalidFrameError(f"it has more than {min(MAX_CHANGES, most * ticks):,} changes")
     check_arrays(
         content,
         {
@@ -462,16 +460,16 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
         sizes,
     )
     if (content["executed"] & ACTION_MASK >= EXECUTED_CODES).any():
-        raise InvalidFrameError("it has an action that there is not")
+        raise InvalidFrameError("it has an unknown action")
     due, changes = content["due"], content["changes"].T.astype(np.int64)
     if (np.diff(due) <= 0).any():
-        raise InvalidFrameError("digests are not in the sequence of their ticks")
+        raise InvalidFrameError("its digests are not ordered by tick")
     if len(changes) and (
         (np.diff(changes[:, 0]) < 0).any() or changes[0, 0] < 0 or changes[-1, 0] >= ticks
     ):
-        raise InvalidFrameError("changes are not in the sequence of its ticks")
+        raise InvalidFrameError("its changes are not ordered by tick")
     if np.bincount(changes[:, 0], minlength=1).max() > most:
-        raise InvalidFrameError(f"it tells of more than {most:,} changes in a tick")
+        raise InvalidFrameError(f"it has more than {most:,} changes in a tick")
     changes[:, 0] += content["first"]
     digests = np.zeros((ticks, len(content["digests"])), np.uint64)
     digests[due] = np.bitwise_xor.accumulate(content["digests"].T, axis=0)
@@ -506,7 +504,7 @@ def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
     wrong = ~known | (subject < 0) | (subject >= subjects) | (value < least) | (value >= values)
     if wrong.any():
         tick, *row = changes[int(wrong.argmax())].tolist()
-        raise InvalidFrameError(f"in tick {tick} it tells of a change that cannot be: {row}")
+        raise InvalidFrameError(f"it has an invalid change in tick {tick}: {row}")
 
 
 def refusal(error: InvalidFrameError, file: str, number: int, kind: int, at: int) -> InputError:

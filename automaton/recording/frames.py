@@ -312,7 +312,7 @@ def _with_list(content: Content, form: str, rows: list[Any] | None) -> Content:
     scenario = content["scenario"]
     orders = scenario.get("orders")
     if not isinstance(orders, dict):
-        raise InvalidFrameError("its scenario has no orders to list")
+        raise InvalidFrameError("its scenario has no list of orders")
     return {**content, "scenario": {**scenario, "orders": {**orders, form: rows}}}
 
 
@@ -362,7 +362,7 @@ def _rows(columns: dict[str, Column], names: dict[str, list[Any]]) -> list[dict[
     if len({len(column) for column in columns.values()}) != 1 or any(
         (name in PAIRS_OF_CELLS) != (column.ndim == 2) for name, column in columns.items()
     ):
-        raise InvalidFrameError("its listed orders are not a table")
+        raise InvalidFrameError("its table of orders is not valid")
     values = {
         name: _named(name, column, names[name]) if name in names else _values(column)
         for name, column in columns.items()
@@ -378,7 +378,7 @@ def _named(name: str, column: Column, names: list[Any]) -> list[Any]:
     """What the codes of a column stand for."""
     codes = _values(column)
     if any(code is not None and not 0 <= code < len(names) for code in codes):
-        raise InvalidFrameError(f"an unnamed {name} is in its lines")
+        raise InvalidFrameError(f"its lines contain a {name} without a name")
     return [None if code is None else names[code] for code in codes]
 
 

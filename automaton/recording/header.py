@@ -171,7 +171,8 @@ def _strategy_choice(layer: str, name: str, parameters: Content) -> StrategyChoi
         return StrategyChoice(name, msgspec.convert(parameters, wanted))
     except msgspec.ValidationError as error:
         raise InputError(
-            f"the recorded parameters of the {layer} strategy {name!r} do not fit it now: {error}"
+            f"the recorded parameters of the {layer} strategy {name!r} are not valid for it now: "
+            f"{error}"
         ) from None
 
 

@@ -193,10 +193,10 @@ class RecordingFile:
         self.path = Path(path)
         self.part = self.path.with_name(self.path.name + ".part")
         if self.path.is_dir():
-            raise InputError("cannot write the recording: this is a folder", str(path))
+            raise InputError("cannot write the recording: the path is a folder", str(path))
         try:
             if self.path.exists() and not is_recording(self.path):
-                raise InputError("is not a recording, so it is not replaced by one", str(path))
+                raise InputError("is not a recording and is not overwritten", str(path))
             self._file = self.part.open("wb")
         except OSError as error:
             raise InputError(f"cannot write the recording: {error.strerror}", str(path)) from None

@@ -95,8 +95,8 @@ def _check_preamble(data: bytes, file: str) -> None:
     version = PREAMBLE.unpack(data)[1]
     if version != RECORDING_FORMAT:
         raise InputError(
-            f"the recording has format {version}, "
-            f"this version of automaton reads format {RECORDING_FORMAT}",
+            f"the recording has format {version}, but this version of automaton reads format "
+            f"{RECORDING_FORMAT}",
             file,
         )
 
@@ -107,28 +107,31 @@ def _frames_of(stream: BinaryIO, size: int, file: str) -> Iterator[Payload]:
     at, number = PREAMBLE.size, 0
 
     def damaged(why: str) -> InputError:
-        kept = f"; ticks 0 to {sequence.tick:,} come before it, and `head -c {at} FILE > NEW` keeps them"
+        kept = (
+            f"; ticks 0 to {sequence.tick:,} before it are intact; `head -c {at} FILE > NEW` "
+            "saves them"
+        )
         text = f"damaged: frame {number} at byte {at:,} {why}"
         return InputError(text + (kept if sequence.keyframe >= 0 else ""), file)
 
     while len(head := stream.read(FRAME.size)) == FRAME.size:
         kind, length, tick, _, _ = FRAME.unpack(head)
         if not chain.leads_to(head):
-            raise damaged("does not follow the one before it")
+            raise damaged("does not continue the chain of the previous frame")
         if length > MAX_BYTES.get(kind, 0):
-            raise damaged(f"says that it has {length:,} bytes")
+            raise damaged(f"has an invalid length of {length:,} bytes")
         if at + FRAME.size + length > size:
             return  # cut short
         data = stream.read(length)
         if not chain.follow(head, data):
-            raise damaged("is not what was written")
+            raise damaged("has a wrong checksum")
         before = sequence.tick
         if why := sequence.check_scenario(kind, tick):
             raise damaged(why)
         yield Payload(kind, tick, data, at, before)
         at, number = at + FRAME.size + length, number + 1
     if sequence.ended and head:
-        raise damaged("stands after the end")
+        raise damaged("follows the end frame")
 
 
 class Sequel:
@@ -148,35 +151,35 @@ class Sequel:
         if number < len(first) or kind == FRAME_KIND_HEADER:
             wrong = number >= len(first) or kind != first[number] or tick != 0
             self.keyframe = 0 if number == len(first) - 1 else -1
-            return "stands out of sequence" if wrong else ""
+            return "is out of sequence" if wrong else ""
         if self.ended:
-            return "stands after the end"
+            return "follows the end frame"
         if kind == FRAME_KIND_TICKS:
             return self._ticks(tick)
         if tick != self.tick:
-            return f"tells of tick {tick:,} after tick {self.tick:,}"
+            return f"has tick {tick:,} after tick {self.tick:,}"
         if kind == FRAME_KIND_KEYFRAME:
             wrong = self.keyframe == tick
             self.keyframe = tick
-            return f"is a second state after tick {tick:,}" if wrong else ""
+            return f"is a second keyframe of tick {tick:,}" if wrong else ""
         if kind == FRAME_KIND_CONDITIONS:
             wrong = self.keyframe == tick and tick % KEYFRAME_TICKS > 0
             wrong |= self._conditions == tick > 0
             self._conditions = tick
-            return f"changes conditions once more after tick {tick:,}" if wrong else ""
+            return f"changes the conditions of tick {tick:,} twice" if wrong else ""
         self.ended = True
-        return "" if self.keyframe == tick else f"is an end without the state after tick {tick:,}"
+        return "" if self.keyframe == tick else f"is an end without a keyframe of tick {tick:,}"
 
     def _ticks(self, tick: int) -> str:
         before, self.tick = self.tick, tick
         if not before < tick <= before + FRAME_TICKS:
-            return f"tells of ticks up to {tick:,} after tick {before:,}"
+            return f"holds ticks up to {tick:,} after tick {before:,}"
         if before % KEYFRAME_TICKS == 0 and self.keyframe != before:
-            return f"goes on without the state after tick {before:,}"
+            return f"continues without a keyframe of tick {before:,}"
         if self.keyframe == before and before % KEYFRAME_TICKS:
-            return f"goes on after the last state, of tick {before:,}"
+            return f"continues after the last keyframe, of tick {before:,}"
         if before // KEYFRAME_TICKS != (tick - 1) // KEYFRAME_TICKS:
-            return f"goes past tick {(before // KEYFRAME_TICKS + 1) * KEYFRAME_TICKS:,}"
+            return f"continues past tick {(before // KEYFRAME_TICKS + 1) * KEYFRAME_TICKS:,}"
         return ""
 
 
@@ -238,7 +241,9 @@ class Admission:
         if not 0 <= header["seed"] < 1 << 63:
             raise InvalidFrameError(f"a seed cannot be {header['seed']}")
         if not 1 <= header["digest_every"] <= MAX_DIGEST_INTERVAL:
-            raise InvalidFrameError(f"digests cannot be {header['digest_every']:,} ticks apart")
+            raise InvalidFrameError(
+                f"the digest interval cannot be {header['digest_every']:,} ticks"
+            )
         sizes |= {"rows": height + 2, "columns": width + 2, "cells": (width + 2) * (height + 2)}
         sizes |= {"spare": header["slots"]["first_spare"], "names": len(header["digest_names"])}
         self.scenario = scenario_of(header["scenario"])
@@ -248,35 +253,35 @@ class Admission:
         wanted = self.scenario.orders.lines is not None
         there = [name in header for name in ("pods", "pod_stations", "lines")]
         if there[0] != there[1] or there[2] != wanted or there[2] > there[0]:
-            raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
+            raise InvalidFrameError("its pods, lines or stations do not match its scenario")
         if not wanted:
             sizes["rules"] = sizes["cells"]  # of handling; without lines stations have them in vain
         if ("gates" in header) and not self.scenario.floor.closed:
-            raise InvalidFrameError("it has closed cells, and its scenario none")
+            raise InvalidFrameError("it has closed cells, but its scenario has none")
         check_arrays(header, HEADER_ARRAYS, sizes)
         self._check_stops(header)
         self._check_trips(header)
         self.floor_plan = floor_plan_of(floor)
         check_plan(self.floor_plan)
         if there[0] != carries_pods(self.scenario, self.floor_plan):
-            raise InvalidFrameError("it has not the pods, lines and stations of its scenario")
+            raise InvalidFrameError("its pods, lines or stations do not match its scenario")
         self._check_slots(header)
         refuse(check_speed_limits(self.scenario, self.floor_plan))
         start = feasible_fleet(self.scenario, Floor(self.floor_plan)).start
         if start != (
             header["start"] if isinstance(header["start"], str) else tuple(header["start"])
         ):
-            raise InvalidFrameError("robots start elsewhere than its scenario says")
+            raise InvalidFrameError("the start cells of its robots do not match its scenario")
         self._check_strategies(self.scenario, header["strategies"])
         self._check_counts(header)
 
     def _check_slots(self, header: Content) -> None:
         cells, spare = header["slots"]["cell"], self.sizes["spare"]
         if not 0 <= spare <= len(cells) or not np.array_equal(cells[:spare], self.floor_plan.slots):
-            raise InvalidFrameError("its slots are not those of its floor")
+            raise InvalidFrameError("its slots do not match its floor")
         stations = header.get("pod_stations", {}).get("cell", self.floor_plan.stations)
         if not np.array_equal(stations, self.floor_plan.stations):
-            raise InvalidFrameError("its stations are not those of its floor")
+            raise InvalidFrameError("its stations do not match its floor")
 
     def _check_stops(self, header: Content) -> None:
         """Each order has a load or stops, or both; the stops are the orders' one after another."""
@@ -288,7 +293,7 @@ class Admission:
         ends = len(first) == sizes["orders"] + 1 and (first[0], first[-1]) == (0, sizes["stops"])
         count = np.diff(first)
         if not ends or (count < 0).any() or (count > MAX_STOPS).any():
-            raise InvalidFrameError("its stops are not those of its orders")
+            raise InvalidFrameError("its stops do not match its orders")
         without = orders["source"] == NIL
         nowhere = orders["target"] == NIL
         if "pods" in header:  # the order of one may end anywhere
@@ -301,7 +306,7 @@ class Admission:
         cells = header["stops"]["cell"] if "stops" in header else np.zeros(0, np.int32)
         if self.scenario.orders.lines is None:
             if (cells == NIL).any():
-                raise InvalidFrameError("a stop of its orders is nowhere")
+                raise InvalidFrameError("a stop of its orders has no cell")
             if "pods" in header:
                 self._check_pods(header)
             return
@@ -309,9 +314,9 @@ class Admission:
         stops = sizes["lines"] * self.scenario.pods.max_stops
         first = np.arange(0, stops + 1, self.scenario.pods.max_stops)
         if sizes["orders"] != sizes["lines"] or not np.array_equal(orders.get("first_stop"), first):
-            raise InvalidFrameError("its trips are not as many as its lines, or have other stops")
+            raise InvalidFrameError("its trips do not match its lines")
         if (orders["source"] != NIL).any() or (cells != NIL).any():
-            raise InvalidFrameError("a trip is known before its lines are")
+            raise InvalidFrameError("a trip is released before its lines")
         self._check_pods(header)
         self._check_skus(header)
 
@@ -321,7 +326,7 @@ class Admission:
         if len(np.unique(slots)) != len(slots):
             raise InvalidFrameError("two of its pods stand in one cell")
         if not np.isin(source[source != NIL], slots).all():
-            raise InvalidFrameError("an order of its list takes no pod")
+            raise InvalidFrameError("an order of its list has no pod")
 
     def _check_skus(self, header: Content) -> None:
         """Each line wants a pod, or a SKU that some pod holds."""
@@ -330,7 +335,7 @@ class Admission:
         if not any(there) and not wants_any.any():
             return
         if not all(there):
-            raise InvalidFrameError("it has only a part of what its lines by SKU need")
+            raise InvalidFrameError("arrays for its lines by SKU are missing")
         first, held, wanted = (
             header["pods"]["sku_first"],
             header["pods"]["sku_pod"],
@@ -338,12 +343,12 @@ class Admission:
         )
         ends = len(first) > 1 and (first[0], first[-1]) == (0, len(held))
         if not ends or (np.diff(first) < 1).any():
-            raise InvalidFrameError("a SKU of its pods is in none of them")
+            raise InvalidFrameError("a SKU is in none of its pods")
         if ((wanted < 0) | (wanted >= len(first) - 1)).any():
-            raise InvalidFrameError("a line wants a SKU that no pod holds")
+            raise InvalidFrameError("a line needs a SKU that no pod holds")
         ticks = header["pod_stations"]["ticks_from"]
         if ticks.shape != (self.sizes["stations"], self.sizes["spare"]):
-            raise InvalidFrameError("its ways from slots to stations are not those of its floor")
+            raise InvalidFrameError("its distances from slots to stations do not match its floor")
 
     def _check_counts(self, header: Content) -> None:
         """As many orders and jobs as the scenario has, before a world is built for them."""
@@ -351,13 +356,13 @@ class Admission:
         for name, wanted in (("orders", orders), ("jobs", jobs)):
             if self.sizes[name] != wanted:
                 raise InvalidFrameError(
-                    f"it has {self.sizes[name]:,} {name}, its scenario {wanted:,}"
+                    f"it has {self.sizes[name]:,} {name}, but its scenario has {wanted:,}"
                 )
         coming = header["orders"].get("release_sequence")
         if self.scenario.orders.in_system(self.scenario.fleet.robots) and (
             coming is None or not np.array_equal(np.sort(coming), np.arange(len(coming)))
         ):
-            raise InvalidFrameError("its orders do not come one after another")
+            raise InvalidFrameError("the release sequence of its orders is not a permutation")
 
     def _check_strategies(self, scenario: Scenario, recorded: Content) -> None:
         """Strategies are recorded as the scenario names them; parameters of plug-ins are not known."""
@@ -372,7 +377,7 @@ class Admission:
             name = spec.get("name") if isinstance(spec, dict) else spec
             if given[key].name != name:
                 raise InvalidFrameError(
-                    f"strategy.{key} is {name} here and {given[key].name} there"
+                    f"strategy.{key} is {name} in the scenario but recorded as {given[key].name}"
                 )
         known = [layer for layer in LAYER_NAMES if lookup.is_built_in(layer, given[layer].name)]
         choices = choose_strategies(scenario, self.floor_plan, known)
@@ -382,7 +387,7 @@ class Admission:
         for key, strategy in choices.items():
             if _as_stored(strategy.parameters) != given[key].parameters:
                 raise InvalidFrameError(
-                    f"the parameters of strategy.{key} are not those of its scenario"
+                    f"the parameters of strategy.{key} do not match its scenario"
                 )
 
     def _admit_conditions(self, content: Content) -> None:
@@ -394,7 +399,7 @@ class Admission:
             if not same and (
                 name not in CHANGEABLE or not (content["tick"] or content["settings"])
             ):
-                raise InvalidFrameError(f"{name} is not as in the header")
+                raise InvalidFrameError(f"{name} differs from the header")
         refuse(check_energy(scenario, self.floor_plan))
         self._check_strategies(scenario, content["strategies"])
 
@@ -409,7 +414,7 @@ def recorded_strategies(recorded: Content) -> dict[str, _RecordedStrategy]:
     try:
         return msgspec.convert(recorded, dict[str, _RecordedStrategy])
     except msgspec.ValidationError as error:
-        raise InvalidFrameError(f"its strategies cannot be: {error}") from None
+        raise InvalidFrameError(f"its strategies are not valid: {error}") from None
 
 
 def _as_stored(parameters: msgspec.Struct) -> Any:
@@ -421,7 +426,7 @@ def scenario_of(given: Content) -> Scenario:
     try:
         return msgspec.convert(given, Scenario)
     except msgspec.ValidationError as error:
-        raise InvalidFrameError(f"its scenario cannot be: {error}") from None
+        raise InvalidFrameError(f"its scenario is not valid: {error}") from None
 
 
 def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
@@ -457,22 +462,24 @@ def check_plan(floor_plan: FloorPlan) -> None:
     inside = np.zeros_like(drivable)
     inside[1:-1, 1:-1] = True
     if drivable[~inside].any():
-        raise InvalidFrameError("robots can drive off its floor")
+        raise InvalidFrameError("its floor has drivable cells at its edge")
     for direction, (x, y) in enumerate(DIRECTION_VECTORS):
         leads = floor_plan.exits >> direction & 1 == 1
         if (leads & ~(drivable & np.roll(drivable, (-y, -x), (0, 1)))).any():
-            raise InvalidFrameError("a cell of its floor has an exit to where no robot can stand")
+            raise InvalidFrameError(
+                "a cell of its floor has an exit to a cell that is not drivable"
+            )
     if not np.array_equal(floor_plan.bays, bays_of(floor_plan.kind)):
-        raise InvalidFrameError("its parking bays are not those of its floor")
+        raise InvalidFrameError("its parking bays do not match its floor")
     cells = drivable.reshape(-1)
     if not all(0 <= cell < cells.size and cells[cell] for cell in floor_plan.starts):
-        raise InvalidFrameError("robots are drawn where none can stand")
+        raise InvalidFrameError("its floor has robots on cells that are not drivable")
     stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
     if floor_plan.numbered and sorted(floor_plan.numbered) != stations:
-        raise InvalidFrameError("its stations are not those of its floor")
+        raise InvalidFrameError("its stations do not match its floor")
     holds = np.isin(floor_plan.kind, (SHELF, STORAGE))
     if (floor_plan.loads[~holds] != 0).any():
-        raise InvalidFrameError("a load is drawn where there is no shelf")
+        raise InvalidFrameError("its floor has a load on a cell that is not a shelf")
 
 
 def check_ticks(payload: Payload, content: Content) -> None:
@@ -480,9 +487,7 @@ def check_ticks(payload: Payload, content: Content) -> None:
     last = tick_of(payload.kind, content)
     first = content["first"] if payload.kind == FRAME_KIND_TICKS else payload.before + 1
     if (first, last) != (payload.before + 1, payload.tick):
-        raise InvalidFrameError(
-            f"it tells of the ticks up to {last:,} where those up to {payload.tick:,} go"
-        )
+        raise InvalidFrameError(f"it holds ticks up to {last:,} instead of {payload.tick:,}")
 
 
 def check_digest(text: str) -> None:

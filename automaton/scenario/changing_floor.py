@@ -35,7 +35,8 @@ Cell = tuple[int, int]
 Locations = Annotated[
     dict[SingleLine, Pair] | NonEmptyText,
     Meta(
-        description="Names of cells, for orders: {NAME: [x, y]}, or a CSV file with the columns name, "
+        description="Names of cells, for orders: {NAME: [x, y]}, or a CSV file with the columns "
+        "name, "
         "x and y; path relative to the scenario."
     ),
 ]
@@ -52,7 +53,7 @@ def cell_named(name: str, names: Mapping[str, Cell]) -> Cell:
         return cell
     if not names:
         raise InputError(
-            f"{quoted(name)} is a name, and the scenario names no cells; write [x, y], or set "
+            f"{quoted(name)} is a name, and the scenario has no locations; write [x, y], or set "
             "locations: {NAME: [x, y]}"
         )
     raise InputError(f"{quoted(name)} is not a location{nearest(name, names)}")
@@ -112,7 +113,8 @@ class SpeedLimit(ConfigSection, frozen=True, kw_only=True):
     max_speed: Annotated[
         MoveTicks,
         Meta(
-            description="A move between two of these cells takes at least as long as at this speed; a "
+            description="A move between two of these cells takes at least as long as at this "
+            "speed; a "
             "plain number is the least duration in ticks. Slow zones multiply the result."
         ),
     ]
@@ -157,13 +159,15 @@ class Closing(ConfigSection, frozen=True, kw_only=True):
     def __post_init__(self) -> None:
         by_chance = isinstance(self.every, MeanGap)
         if by_chance and self.begin is not None:
-            raise ValueError("from belongs to closings by schedule; every {mean: ...} draws them")
+            raise ValueError(
+                "from belongs to scheduled closings, not to random ones (every: {mean: ...})"
+            )
         if not by_chance and self.begin is None:
-            raise ValueError("a closing by schedule needs from, the tick in which it begins")
+            raise ValueError("a scheduled closing needs from, its first tick")
         if not by_chance and isinstance(self.ticks, Distribution):
             raise ValueError(
-                "a closing by schedule lasts so many ticks; for may be drawn where every is "
-                "{mean: ...}"
+                "for must be a number of ticks in a scheduled closing; only random closings "
+                "(every: {mean: ...}) may have a random for"
             )
         if isinstance(self.every, int) and isinstance(self.ticks, int) and self.ticks >= self.every:
             raise ValueError(
@@ -185,7 +189,8 @@ class Door(ConfigSection, frozen=True, kw_only=True):
             TIME,
             ge=0,
             le=LAST_TICK,
-            description="Ticks without a robot in the door or a request, after which the door shuts.",
+            description="Ticks without a robot in the door or a request, after which the door "
+            "shuts.",
         ),
     ]
 
@@ -217,7 +222,8 @@ class Lift(ConfigSection, frozen=True, kw_only=True):
     shaft: Annotated[
         Corners,
         Meta(
-            description="Corners of the path of the shaft; each exit to the outside is a mouth of the "
+            description="Corners of the path of the shaft; each exit to the outside is a mouth of "
+            "the "
             "lift."
         ),
     ]
@@ -241,7 +247,8 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
         Lasting | Literal["30 s"] | None,
         Meta(
             description="Ticks that a robot waits before a closed cell until it gets a new route "
-            "around closed cells, once for each closing; null: never. The default is 30 ticks where a "
+            "around closed cells, once for each closing; null: never. The default is 30 ticks "
+            "where a "
             "tick has no unit of time."
         ),
     ] = "30 s"

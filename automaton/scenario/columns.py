@@ -113,7 +113,9 @@ def _check_file(path: Path, encoding: str) -> None:
     if b"\0" in start:
         raise InputError("is not a text file (it holds zero bytes)", file)
     if encoding != "utf-8" and start.startswith(UTF8_MARK):
-        raise InputError(f"begins with the mark of UTF-8: leave out encoding: {encoding}", file)
+        raise InputError(
+            f"begins with a UTF-8 byte order mark: leave out encoding: {encoding}", file
+        )
 
 
 def _decoding_error(path: Path, encoding: str) -> InputError:
@@ -186,9 +188,9 @@ def _rows(reader: Any, skipped: int, file: str) -> Iterator[tuple[int, list[str]
 
 def _what_is_wrong(error: str) -> str:
     if "unexpected end" in error or "field larger" in error:
-        return "a quote begins in this row and does not end"
+        return "a quoted value begins in this row and is not closed"
     if "expected after" in error:
-        return "a quoted value goes on behind its quote; a quote within one is written twice"
+        return "text follows the closing quote of a value; double quotes inside quoted values"
     return f"is not CSV: {error}"
 
 
@@ -213,7 +215,7 @@ def _chunks(
 
 
 def _width_sentence(values: int, width: int) -> str:
-    return f"the row has {count(values, 'value')}, the head names {count(width, 'column')}"
+    return f"the row has {count(values, 'value')}, but the header has {count(width, 'column')}"
 
 
 def _as_array(numbers: array[int]) -> Array:
@@ -390,7 +392,8 @@ def _read_sheet(pairs: Iterator[Pair], place: str, time: str | None, choose: Cho
 
 def _no_value(cell: str) -> InputError:
     return InputError(
-        "is a formula whose value is not in the file; open the file in the program that made it, and "
+        "is a formula whose value is not in the file; open the file in the program that made it, "
+        "and "
         "save it again",
         cell,
     )

@@ -305,7 +305,7 @@ def _put(data: dict[str, Any], setting: Override) -> None:
                 inner[str(key)] = inner = copy.copy(opened)
         else:
             where = _dotted(setting.keys[:depth])
-            raise InputError(f"{where} has no parts that could be set", setting.argument)
+            raise InputError(f"{where} has no keys that can be set", setting.argument)
 
 
 def _opened(value: Any, keys: Keys) -> Any:

@@ -83,10 +83,10 @@ class Distribution(ConfigSection, frozen=True, kw_only=True):
         stated = (self.uniform, self.lognormal, self.empirical, self.exponential)
         if sum(form is not None for form in stated) != 1:
             raise ValueError(
-                "a distribution is one of uniform, lognormal, empirical and exponential"
+                "a distribution must be one of uniform, lognormal, empirical and exponential"
             )
         if isinstance(self.empirical, str) != (self.column is not None):
-            raise ValueError("a file of durations and its column belong together")
+            raise ValueError("a file of durations needs a column, and a column needs a file")
         if self.exponential is not None and self.exponential < 1:
             raise ValueError(f"exponential must be at least a tick, found {self.exponential:g}")
 

@@ -8,7 +8,7 @@
 
 Without units.clock the earliest of the times is tick 0. Times without an offset are counted as if
 every day had 24 hours. What is released before tick 0 is known from the start, and what is due before
-its release is late at once: files of running warehouses have both, so they are counted.
+its release is late from the start: files of running warehouses have both, so they are counted.
 """
 
 from __future__ import annotations
@@ -167,10 +167,10 @@ def unreadable(
     formats = fitting_formats([text, *others, *([good] if good is not None else [])])
     offers = "; set " + " or ".join(f'time: "{one}"' for one in formats) if formats else ""
     if good is not None and not formats:
-        offers = f"; other rows are such as {good!r}: write it so"
+        offers = f"; other rows are such as {good!r}: use this format"
     elif of_format is not None and _DATED.fullmatch(text):
-        offers = "; leave out time, and it is read as ISO 8601"
-    return f"{text[:40]!r} is not a time; expected is {expected}{offers}"
+        offers = "; leave out time to read it as ISO 8601"
+    return f"{text[:40]!r} is not a time; expected {expected}{offers}"
 
 
 def _example(of_format: str) -> str:
@@ -225,16 +225,16 @@ def misplaced(text: str, form: int, start: Start, has_clock: bool) -> str:
     """Describe a time of a form in which tick 0 is not known."""
     if form == OFFSET:
         hint = "units.clock has none" if has_clock else "the other times have none"
-        return f"{text!r} has an offset from UTC, and {hint}"
+        return f"{text!r} has an offset from UTC, but {hint}"
     if OFFSET in start.of_form:
         hint = "units.clock has one" if has_clock else "the other times have one"
-        return f"{text!r} has no offset from UTC, and {hint}"
+        return f"{text!r} has no offset from UTC, but {hint}"
     if has_clock:
-        return f"{text!r} has a date, and units.clock has none; set it with a date"
+        return f"{text!r} has a date, but units.clock has none; set it with a date"
     if not start.of_form:
         return (
-            f"{text!r} is a clock time, and units.clock does not say what time it is in tick 0; set "
-            f"it, such as units: {{clock: '{text}'}}"
+            f"{text!r} is a clock time, but the clock time of tick 0 is unknown; set units.clock, "
+            f"such as units: {{clock: '{text}'}}"
         )
     return f"{text!r} has {'a' if form == DATED else 'no'} date, unlike the other times"
 

@@ -58,7 +58,8 @@ class Drain(ConfigSection, frozen=True, kw_only=True):
     wait: Annotated[
         Rate,
         Meta(
-            description="Percent of a full battery in a tick of standing on the floor, whatever the "
+            description="Percent of a full battery in a tick of standing on the floor, whatever "
+            "the "
             "reason."
         ),
     ] = 0.0
@@ -89,7 +90,8 @@ class Battery(ConfigSection, frozen=True, kw_only=True):
     charge_rate: Annotated[
         GivingRate | tuple[tuple[Percent, GivingRate], ...],
         Meta(
-            description="Charge gained per tick at a charger, in percent; or a curve of [from, rate] "
+            description="Charge gained per tick at a charger, in percent; or a curve of [from, "
+            "rate] "
             "pairs, the first from 0."
         ),
     ]
@@ -260,15 +262,18 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
     start: Annotated[
         Literal["parking-bays", "random", "racks"] | tuple[Pair, ...] | StartFile | None,
         Meta(
-            description="Start cells of the robots: parking-bays, random, racks (in front of random "
-            "racks), a list of cells, or a file. Left out: the robots drawn in the picture, else the "
+            description="Start cells of the robots: parking-bays, random, racks (in front of "
+            "random "
+            "racks), a list of cells, or a file. Left out: the robots drawn in the picture, else "
+            "the "
             "parking bays, else random."
         ),
     ] = None
     heading: Annotated[
         Direction | tuple[Direction, ...] | None,
         Meta(
-            description="Initial heading of differential robots: one for all, or one for each. Left "
+            description="Initial heading of differential robots: one for all, or one for each. "
+            "Left "
             "out: towards an exit of their cell, south before north, east and west."
         ),
     ] = None
@@ -295,20 +300,21 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
         names = [kind.name for kind in self.types]
         for kind in self.types:
             if kind.name in GROUPS:
-                raise ValueError(f"types must not name a type {kind.name}: areas mean others by it")
+                raise ValueError(
+                    f"types must not name a type {kind.name}: the word has another meaning in areas"
+                )
             if kind.durations.turn is not None and self.kinematics_of(kind) == "omni":
                 raise ValueError(
-                    f"types gives {kind.name} durations.turn, but omni robots do not turn; leave it "
+                    f"types gives {kind.name} durations.turn, but omni robots do not turn; leave "
+                    "it "
                     "out, or set kinematics"
                 )
         for name in names:
             if names.count(name) > 1:
-                raise ValueError(f"types names {name} twice")
+                raise ValueError(f"types contains {name} twice")
         rest = [kind.name for kind in self.types if kind.robots is None]
         if len(rest) > 1:
-            raise ValueError(
-                f"types must say how many robots all but one are: {rest[0]} or {rest[1]}"
-            )
+            raise ValueError(f"types must set robots for all types but one: {rest[0]} or {rest[1]}")
         given = sum(kind.robots or 0 for kind in self.types)
         if rest and given >= self.robots:
             raise ValueError(
@@ -418,31 +424,31 @@ class Delays(ConfigSection, frozen=True, kw_only=True):
         Literal["bernoulli", "poisson"],
         Meta(
             description="bernoulli: each robot is drawn by itself; poisson: the number of newly "
-            "delayed robots is Poisson distributed, with mean probability times the number of robots "
+            "delayed robots is Poisson distributed, with mean probability times the number of "
+            "robots "
             "that may be delayed."
         ),
     ] = "bernoulli"
     distribution: Annotated[
         Literal["uniform"] | BellDelays,
         Meta(
-            description="Distribution of the duration. uniform: all values equally likely; {gaussian: "
+            description="Distribution of the duration. uniform: all values equally likely; "
+            "{gaussian: "
             "{mean_ratio, sd_ratio}}: normal, rounded, and limited to the range of ticks."
         ),
     ] = "uniform"
     of: Annotated[
         tuple[Literal["move", "turn"], ...],
         Meta(
-            description="Operations that a delay lengthens; other operations continue, and the robot "
+            description="Operations that a delay lengthens; other operations continue, and the "
+            "robot "
             "stands for the rest of the delay after them."
         ),
     ] = ("move", "turn")
 
     def __post_init__(self) -> None:
         if self.probability >= 1:
-            raise ValueError(
-                "probability must be below 1: with 1 a robot is delayed again as soon as a delay ends, "
-                "for ever"
-            )
+            raise ValueError("probability must be below 1: with 1 robots would be delayed forever")
 
 
 class Faults(ConfigSection, frozen=True, kw_only=True):
@@ -463,7 +469,8 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     mtbf: Annotated[
         Annotated[float, quantity(TIME, ge=1, le=1e9)] | None,
         Meta(
-            description="The mean time between failures of a robot on the floor, in ticks; instead of "
+            description="The mean time between failures of a robot on the floor, in ticks; "
+            "instead of "
             "failure_probability, which is 1 / this."
         ),
     ] = None
@@ -480,8 +487,10 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     repair_in_place: Annotated[
         LongTicks | Distribution | None,
         Meta(
-            description="Duration of a repair on the spot, after which the robot continues with its "
-            "load and order; null: robots that break down are towed. Robots without charge are always "
+            description="Duration of a repair on the spot, after which the robot continues with "
+            "its "
+            "load and order; null: robots that break down are towed. Robots without charge are "
+            "always "
             "towed."
         ),
     ] = None
@@ -491,14 +500,15 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     charge: Annotated[
         Percent | Literal["kept"],
         Meta(
-            description="Charge with which a repaired robot comes back, percent. kept: the charge at "
+            description="Charge with which a repaired robot comes back, percent. kept: the charge "
+            "at "
             "which it was towed, but at least battery.reserve if the battery was empty."
         ),
     ] = "kept"
 
     def __post_init__(self) -> None:
         if self.mtbf is not None and self.failure_probability:
-            raise ValueError("mtbf and failure_probability say the same; set one of them")
+            raise ValueError("mtbf and failure_probability are alternatives; set one of them")
 
     @property
     def probability(self) -> float:

@@ -84,7 +84,7 @@ def with_orders_of_file(
     )
     if not names and {"from", "to"} & set(table.column_of):
         raise InputError(
-            "names cells, and the scenario has no names of cells; set locations: {NAME: [x, y]} or "
+            "names cells, but the scenario has no locations; set locations: {NAME: [x, y]} or "
             "locations: FILE, or use columns from_x, from_y, to_x and to_y",
             str(path),
             1,

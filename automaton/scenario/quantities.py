@@ -3,7 +3,8 @@
     durations: {move: 1.5 m/s, pick: 20 s}      beside      durations: {move: 2, pick: 40}
 
 A text is a number with a unit ("20 s", "1.5 m/s", "120/h", "9 %/h", "0:10:00") or a clock time
-("2026-03-02 06:30", or "06:30" on the day of units.clock). A field of a struct says what it counts by
+("2026-03-02 "
+ "06:30", or "06:30" on the day of units.clock). A field of a struct says what it counts by
 `quantity(TIME, ...)` among its annotations, in a plug-in as well. Texts are read as exact fractions;
 automaton.scenario.validation rounds them where a whole number is wanted.
 """
@@ -140,7 +141,8 @@ def _not_a_number(text: str) -> str:
         return f"'{text}' must not be below 0"
     if _COMMA.search(text):
         return (
-            f"'{text}' is not one number with a unit; write it with a decimal point and nothing between "
+            f"'{text}' is not one number with a unit; write it with a decimal point and nothing "
+            "between "
             "the digits, such as 1.5 s or 1000 s"
         )
     return f"'{text}' is not a number with a unit, such as 20 s"
@@ -261,9 +263,7 @@ def read_clock(text: str) -> ClockTime:
 
 def _why_not(text: str) -> str:
     if _ZONE.search(text) and _MOMENT.fullmatch(_ZONE.sub("", text)):
-        return (
-            f"'{text}' has a time zone; write it in the time of the place, such as {CLOCK_EXAMPLES}"
-        )
+        return f"'{text}' has a time zone; write the local time, such as {CLOCK_EXAMPLES}"
     if _LIKE_A_DATE.match(text):
         return f"'{text}' is not a date with a time, such as '2026-03-02 06:30'"
     return f"'{text}' is not a clock time, such as {CLOCK_EXAMPLES}"
@@ -290,17 +290,19 @@ def seconds_after(clock: ClockTime | None, text: str, may_precede: bool = False)
     moment = read_moment(text)
     if clock is None:
         raise InputError(
-            f"'{text}' is a clock time, and units.clock does not say what time it is in tick 0; set it, "
+            f"'{text}' is a clock time, but the clock time of tick 0 is unknown; set units.clock, "
             f"such as units: {{clock: '{text}'}}"
         )
     days = 0
     if moment.day is not None:
         if clock.day is None:
-            raise InputError(f"'{text}' has a date, and units.clock has none; set it with a date")
+            raise InputError(f"'{text}' has a date, but units.clock has none; set it with a date")
         days = moment.day - clock.day
     seconds = days * SECONDS_OF_DAY + moment.seconds - clock.seconds
     if seconds < 0 and not may_precede:
-        bare = "" if moment.day is not None else "; a time without a date is of the clock's own day"
+        bare = (
+            "" if moment.day is not None else "; a time without a date is on the day of units.clock"
+        )
         raise InputError(f"'{text}' is before tick 0, which is units.clock{bare}")
     return seconds
 
@@ -341,7 +343,7 @@ class Scale:
         """Metres along the side of a cell. Raises InputError where the scenario does not say so."""
         if self.cell is None:
             raise InputError(
-                "units.cell does not say how large a cell is; set it, such as units: {cell: 0.8 m}"
+                "the size of a cell is unknown; set units.cell, such as units: {cell: 0.8 m}"
             )
         metres = exact_length(self.cell)
         if metres is None:
@@ -540,7 +542,7 @@ class DueAt(ConfigSection, frozen=True, kw_only=True):
             MOMENT,
             ge=-LAST_TICK,
             le=LAST_TICK,
-            description="The tick; an order that is due before tick 0 is late at once.",
+            description="The tick; an order that is due before tick 0 is late from the start.",
         ),
     ]
 

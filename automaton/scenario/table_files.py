@@ -94,7 +94,7 @@ def read_locations(path: Path) -> tuple[dict[str, list[int]], dict[str, int], st
     table.refuse_again(
         "name",
         table.values["name"],
-        lambda row, line: f"name {quoted(names[row])} is here twice",
+        lambda row, line: f"name {quoted(names[row])} appears twice",
     )
     table.errors.raise_any()
     rows = zip(table.values["x"].tolist(), table.values["y"].tolist(), strict=True)
@@ -200,7 +200,7 @@ def _sequence(table: TableColumns) -> Array:
         "pod",
         np.where((numbers < 1) | (numbers > count), NOTHING, numbers),
         lambda row, line: (
-            f"{table.column_of['pod']} {numbers[row]} is here twice (first in line {line})"
+            f"{table.column_of['pod']} {numbers[row]} appears twice (first in line {line})"
         ),
     )
     rows: Array = np.argsort(numbers, kind="stable").astype(np.int32)
@@ -214,7 +214,7 @@ def _check_rows(table: TableColumns, classes: list[str]) -> None:
 
     def named_twice(row: int, line: int) -> str:
         name = quoted(names[values["name"][row]])
-        return f"{called['name']} {name} is here twice (first in line {line})"
+        return f"{called['name']} {name} appears twice (first in line {line})"
 
     def placed_twice(row: int, line: int) -> str:
         return f"a second pod stands at [{x[row]}, {y[row]}] (first in line {line})"
@@ -290,7 +290,7 @@ def with_starts_of_file(
     path = named_file(document, ("fleet", "start", "file"), StartColumns.rows, start.file)
     starts = read_starts(path)
     if starts.headings is not None and scenario.fleet.heading is not None:
-        text = f"the headings are in {start.file}; leave out fleet.heading, or that column"
+        text = f"{start.file} has headings; leave out fleet.heading or the column of headings"
         raise InvalidValueError(("fleet", "heading"), text)
     if len(starts.cells) != scenario.fleet.robots:
         text = f"fleet.robots is {scenario.fleet.robots:,}, but {start.file} has"

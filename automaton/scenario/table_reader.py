@@ -240,7 +240,7 @@ class _Chooser:
             like = next((hint for hint in (nearest(name, others) for name in missing) if hint), "")
             columns = f"the columns are {', '.join(filter(None, head))}"
             renames = self.columns is None and self.may_rename
-            hint = "; columns: {...} says what they are called" if renames else ""
+            hint = "; set columns: {...} to name them" if renames else ""
             text = f"there is no column for {wanted}{like}; {columns}{hint}"
             raise InputError(text, self.file, line)
 
@@ -267,7 +267,7 @@ def _selected(
 ) -> CsvColumns:
     """The rows that have one of the values in each column of `where`. Raises InputError."""
     if not len(table.lines):
-        raise InputError("has no rows below its head", file)
+        raise InputError("has no rows below its header", file)
     chosen = np.ones(len(table.lines), np.bool_)
     for name, values in where.items():
         texts, codes = table.columns[SELECTING + name]
@@ -290,7 +290,7 @@ def _selected(
     if chosen.all():
         return table
     if not chosen.any():
-        raise InputError("no row has the values of where in all of its columns", file)
+        raise InputError("no row matches all columns of where", file)
     columns = {
         name: TextColumn(one.texts, one.codes[chosen]) for name, one in table.columns.items()
     }
@@ -399,7 +399,7 @@ class _Reader:
             np.array(is_bad),
             lambda text: (
                 f"must be a whole number {allowed}, found {quoted(text)}"
-                + ("; write it without a point" if self._is_ambiguous(text) else "")
+                + ("; write it without a decimal point" if self._is_ambiguous(text) else "")
             ),
         )
         values: Array = numbers[column.codes]
@@ -438,10 +438,10 @@ def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
         left_out = [f"{rows:,} {value}" for value, rows in counts.left_out.items()]
         more = len(left_out) - MAX_SHOWN_VALUES
         shown = [*left_out[:MAX_SHOWN_VALUES], *([f"{more:,} more values"] if more > 0 else [])]
-        rows = f"{len(columns):,} of {rows}, left out: {', '.join(shown)}"
+        rows = f"{len(columns):,} of {rows}read; left out: {', '.join(shown)}"
     notes = [rows]
     if counts.ignored:
-        notes.append(f"columns that are not read: {', '.join(counts.ignored)}")
+        notes.append(f"ignored columns: {', '.join(counts.ignored)}")
     if counts.tick_zero:
         notes.append(f"tick 0 is {counts.tick_zero}, the earliest release")
     if counts.rounded:
@@ -457,9 +457,12 @@ def file_warnings(columns: TableColumns) -> list[str]:
         rows = count(counts.before_start, "row")
         warnings.append(f"{name}: {rows} released before tick 0, so known from the start")
     if counts.late_at_once:
-        what = "due before it is released, and so late at once"
+        what = "due before it is released, and therefore late from the start"
         if counts.late_at_once > 1:
             rows = count(counts.late_at_once, "row")
-            what = f"the first of {rows} due before they are released, and so late at once"
+            what = (
+                f"the first of {rows} due before they are released, and therefore late from "
+                "the start"
+            )
         warnings.append(f"{name}:{counts.first_late_line}: {what}")
     return warnings

@@ -60,7 +60,8 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         (
             OF_DUE_TIMES,
             has_due_times(orders),
-            "orders with due times: due in orders.list or orders.lines, or as a column of their files",
+            "orders with due times: due in orders.list or orders.lines, or as a column of their "
+            "files",
         ),
         (OF_BATTERIES, powered, "a battery"),
         (
@@ -80,7 +81,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         (
             ("lost_held_back",),
             declares("right_of_way", name_of(scenario.strategy.right_of_way), STEERS),
-            "a right of way that steers",
+            "a right of way that holds robots back",
         ),
         (
             ("lost_at_gates",),

@@ -1,6 +1,7 @@
 """Data as the structs of the schema, with sentences that say what was expected and found.
 
-Texts with units become numbers, and names of cells become cells: "20 s" is 40 ticks, and `packing` is
+Texts with units become numbers, and names of cells become cells: "20 "
+                                                                  "s" is 40 ticks, and `packing` is
 [4, 2]. Each conversion is kept with what was wanted exactly, so that `check` can say what it costs.
 """
 
@@ -109,7 +110,7 @@ def _explained(value: Any, wanted: Any, at: Keys, inner: Keys, what: str) -> Inv
         return InvalidValueError(
             (*keys, field[1]),
             f"unknown key '{field[1]}'{_inside(keys)}{nearest(field[1], names)}; "
-            + (f"allowed: {', '.join(names)}" if names else "there are no keys here"),
+            + (f"allowed: {', '.join(names)}" if names else "no keys are allowed"),
         )
     if field and what.startswith("Object missing"):
         return InvalidValueError(keys, f"the key '{field[1]}' is missing{_inside(keys)}")

@@ -440,7 +440,7 @@ def bounds_in_words(resolved: Resolved) -> list[str]:
     article = "in" if seconds is None else "an"
     return [
         f"{robots:,.0f} visits {article} {each} by {count(bounds.robots, 'robot')} and "
-        f"{stations:,.0f} by {count(bounds.stations, 'station')} at most, if lines want all pods alike, "
-        "each is a trip of its own, and pods go back to where they stood; drives without a pod are not "
+        f"{stations:,.0f} by {count(bounds.stations, 'station')} at most, assuming uniform pod "
+        "demand, one line per trip and fixed storage; drives without a pod are not "
         "counted"
     ]

@@ -277,7 +277,8 @@ class FleetOnFloor:
                 source, target = way.source[lost[0][0]], way.target[lost[0][1]]
                 (x, y), (u, v) = self.floor_plan.xy(source), self.floor_plan.xy(target)
                 return (
-                    f"{way.what} from [{x}, {y}] to [{u}, {v}] is carried all the way by no type of "
+                    f"{way.what} from [{x}, {y}] to [{u}, {v}] is carried all the way by no type "
+                    "of "
                     "robot; only zoning hands orders over from one type to another"
                 )
         return ""
@@ -423,7 +424,7 @@ def default_right_of_way(scenario: Scenario, fleet: FleetOnFloor) -> Default:
         and two_way_share(fleet.floor_plan) >= TWO_WAY_SHARE
         and parameters.check_scenario(scenario, fleet.floor_plan) is None
     ):
-        why = "turns or moves take several ticks, and most ways are open in both directions"
+        why = "turns or moves take several ticks, and most connections are open in both directions"
         return Default(planner, why)
     return Default(default_for("right_of_way", STEERED), "")
 
@@ -433,11 +434,11 @@ def why_not_steered(scenario: Scenario, fleet: FleetOnFloor) -> str:
     routing: Any = scenario.strategy.routing
     name = str(routing["name"] if isinstance(routing, dict) else routing)
     if not declares("routing", name, TAKES_SHORTEST_ROUTES):
-        return f"routing {name} plans their routes"
+        return f"robots follow the routes of routing {name}"
     if scenario.information != "everything":
-        return "robots do not see all others"
+        return "robots do not see all other robots"
     if has_ringless_part(fleet):
-        return "the floor has no ring on which they pass each other"
+        return "the floor has no ring on which robots can pass each other"
     return ""
 
 

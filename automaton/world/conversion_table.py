@@ -103,7 +103,7 @@ def conversion_lines(resolved: Resolved) -> list[str]:
         inexact.sort(key=lambda one: -abs(one.error))
         inexact_lines = [one.line(tick) for one in inexact[:MOST_CONVERSIONS]]
         inexact_lines.append(
-            f"... and {len(inexact) - MOST_CONVERSIONS:,} more that are off by less"
+            f"... and {len(inexact) - MOST_CONVERSIONS:,} more with smaller errors"
         )
     return inexact_lines
 
@@ -119,7 +119,7 @@ def coarse_conversions(resolved: Resolved) -> list[str]:
     for group in groups:
         worst = max(group, key=lambda one: abs(one.error), default=None)
         if worst is not None and abs(worst.error) > TOLERANCE:
-            hint = "only another units.cell changes that"
+            hint = "only a different units.cell changes this"
             if worst.counted != "cell":
                 hint = _fitting_tick(group, scale.tick_seconds)
             sentences.append(f"{worst.line(scale.unit)}; {hint}")

@@ -121,7 +121,8 @@ def check_rails(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
         number = ways.index("rail")
         yield Finding(
             ("fleet", "types", number),
-            f"{fleet.types[number].name} drives on rails beside robots that do not, which takes tracks "
+            f"{fleet.types[number].name} drives on rails beside robots that do not, which takes "
+            "tracks "
             f"and turntables, but the floor has no {' and no '.join(missing)}; draw them, or set "
             "kinematics of this type to differential or omni",
         )
@@ -229,7 +230,7 @@ def check_starts(fleet: FleetOnFloor) -> Iterator[Finding]:
         if fleet.closed[number, cell]:
             x, y = floor_plan.xy(cell)
             if floor_plan.kind.flat[cell] == STORAGE and not fleet.drives_under:
-                text = f"robot {robot} would start at [{x}, {y}], in storage, where it bars pods"
+                text = f"robot {robot} would start at [{x}, {y}], in storage, where it blocks pods"
                 yield Finding((*START_KEY, robot), f"{text} (pods.under: none)")
                 continue
             robot_type = fleet.types[number]
@@ -280,8 +281,8 @@ def check_sight(scenario: Scenario) -> Iterator[Finding]:
     if getattr(scenario.information, "orders", "all") == "zones" and named == NO_STRATEGY:
         yield Finding(
             ("strategy", "zoning"),
-            "strategy.zoning is none, but with information.orders zones robots know only the orders of "
-            "their zones: no robot would ever receive one; set information.orders: all, or zoning: "
+            "strategy.zoning is none, but information.orders is zones: robots know only the orders of "
+            "their zones, so no robot would receive one; set information.orders: all, or zoning: "
             "decentralized",
         )
 

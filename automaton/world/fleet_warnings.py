@@ -59,7 +59,8 @@ def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:
     named = ", ".join(str(list(resolved.floor_plan.xy(int(c)))) for c in inside[:MOST_NAMED])
     more = f" and {len(inside) - MOST_NAMED} more" if len(inside) > MOST_NAMED else ""
     return (
-        f"stations or chargers in dead ends ({named}{more}): one robot at a time goes in, and comes out "
+        f"stations or chargers in dead ends ({named}{more}): one robot at a time goes in, and "
+        "comes out "
         "again before the next; a second way out lets robots pass through"
     )
 
@@ -89,7 +90,8 @@ def has_homes_behind_others(resolved: Resolved, ends: DeadEnds) -> str:
         return ""
     named = ", ".join(str(list(floor_plan.xy(cell))) for cell in blocking[:MOST_NAMED])
     return (
-        f"homes of robots on the way into dead ends ({named}): robots whose homes lie deeper cannot get "
+        f"homes of robots on the way into dead ends ({named}): robots whose homes lie deeper "
+        "cannot get "
         "past one that is parked there; give each dead end one home at most"
     )
 
@@ -104,8 +106,8 @@ def is_crowded(resolved: Resolved, ends: DeadEnds) -> str:
     if robots <= CROWD_SHARE * cells or resolved.start == "parking-bays":
         return ""
     return (
-        f"{count(robots, 'robot')} on {count(cells, 'cell')} for one robot each (dead ends aside) have "
-        "hardly room to move; fewer orders may get done than with half as many robots (study crowds)"
+        f"{count(robots, 'robot')} on {count(cells, 'cell')} for one robot each (dead ends aside) "
+        "leave almost no room to move; half as many robots may finish more orders (study crowds)"
     )
 
 
@@ -126,22 +128,23 @@ def jams_under_retreat(resolved: Resolved) -> str:
     way_out = ""  # where robots cannot be steered
     if not why_not_steered(resolved.scenario, resolved.fleet):
         better = default_right_of_way(resolved.scenario, resolved.fleet).name
-        way_out = f"; right_of_way {better} gets such fleets through"
+        way_out = f"; right_of_way {better} handles such fleets"
     return (
-        f"right_of_way {name} jams with {count(robots, 'robot')} on {count(cells, 'cell')}, most of them "
+        f"right_of_way {name} jams with {count(robots, 'robot')} on {count(cells, 'cell')}, most "
+        "of them "
         f"for one robot{way_out}"
     )
 
 
 def has_no_ring(resolved: Resolved) -> str:
-    """Warn about a right of way that steers where robots cannot pass each other."""
+    """Warn about a right of way that holds robots back where robots cannot pass each other."""
     name = resolved.strategies["right_of_way"].name
     if not declares("right_of_way", name, STEERS) or not has_ringless_part(resolved.fleet):
         return ""
     routed = default_for("right_of_way", ROUTED)
     return (
         "the floor has no ring of cells, so two robots that meet cannot pass each other, and "
-        f"right_of_way {name} jams there; choose {routed}, or join the ends of the tracks"
+        f"right_of_way {name} deadlocks; choose {routed}, or connect the ends of the tracks"
     )
 
 
@@ -172,7 +175,8 @@ def standstill_warnings(resolved: Resolved) -> list[str]:
     of_moves = "" if rule == "none" else f" of moves longer than one tick (here {least:g})"
     most = count(cells - 1, "robot")
     return [
-        f"stands still: {count(cells, 'robot')} fill the {count(cells, 'cell')} around [{x}, {y}], and "
+        f"stands still: {count(cells, 'robot')} fill the {count(cells, 'cell')} around [{x}, "
+        f"{y}], and "
         f"under world.following: {rule} a full ring{of_moves} cannot start; at most {most} "
         "can move there at all, or set world.following: convoy"
     ]
@@ -230,7 +234,7 @@ def dear_rides(resolved: Resolved) -> list[str]:
                 price = drain.move * factor * ticks
                 if price > FULL_BATTERY:
                     taken = f"{gate.name} takes {price:,.6g} % of a battery {how}"
-                    return [f"{taken}, more than it holds: {robots}{load} run empty in it"]
+                    return [f"{taken}, more than it holds: {robots}{load} run out of charge there"]
     return []
 
 
@@ -260,14 +264,16 @@ def gated_chargers(resolved: Resolved) -> list[str]:
         if is_cut_off(everywhere, reach_chargers(resolved, cells), cells):
             return [sentence_about(gate)]
     return [
-        "doors, blocks and lifts are on all ways to a charger: robots may run empty before them"
+        "all routes to a charger lead through doors, blocks or lifts: robots may run out of "
+        "charge while they wait"
     ]
 
 
 def sentence_about(gate: Gate) -> str:
     """The warning about one gate."""
     return (
-        f"{gate.name} is on the only way to a charger: robots may run empty while they wait for it"
+        f"{gate.name} is on the only route to a charger: robots may run out of charge while they "
+        "wait for it"
     )
 
 
@@ -314,8 +320,8 @@ def too_many_trips(resolved: Resolved) -> Iterator[str]:
         most = places_of(resolved.floor_plan, station)
         if most is not None and most > room:
             yield (
-                f"station {name} lets {most:,} trips come (max_trips) and has room for "
-                f"{count(room, 'robot')}, its queue and itself: the others wait on the ways of all"
+                f"station {name} lets {most:,} trips come (max_trips) but has room for "
+                f"{count(room, 'robot')}, in its queue and itself: the others wait in the aisles"
             )
 
 
@@ -341,8 +347,8 @@ def crossed_queues(resolved: Resolved) -> Iterator[str]:
             x, y = floor_plan.xy(int(np.argmax(lost)))
             other = names[floor_plan.stations.tolist().index(others[0])]
             yield (
-                f"the queue of station {name} is on the only way between [{x}, {y}] and station {other}: "
-                "robots that go there stand in it"
+                f"the queue of station {name} is on the only route between [{x}, {y}] and station "
+                f"{other}: robots on their way there must wait in it"
             )
 
 
@@ -365,12 +371,12 @@ def robots_that_wait(resolved: Resolved) -> Iterator[str]:
     robots = scenario.fleet.robots
     if None not in named and robots > sum(places):
         yield (
-            f"{count(robots, 'robot')}, but stations let {count(sum(places), 'trip')} come at a time: "
-            "the others have nothing to do"
+            f"{count(robots, 'robot')}, but stations let {count(sum(places), 'trip')} come at a "
+            "time: the other robots stay idle"
         )
     stays = resolved.may_stay
     if stays and scenario.pods.under == "none" and robots > 1:
         yield (
-            "robots without a trip stay under the pods that they have stored (idle: stay), where no "
-            "other robot may come to lift them (pods.under: none); set idle: park"
+            "idle robots stay under the pods that they stored (idle: stay), so no other robot can "
+            "lift those pods (pods.under: none); set idle: park"
         )

@@ -192,8 +192,9 @@ def find_too_many_closings(scenario: Scenario) -> tuple[Gate, str] | None:
 def too_many_closings(count: int) -> str:
     """The sentence about cells that close more often than a run can hold."""
     return (
-        f"cells close {count:,} times until stop.max_duration, at most {MAX_CLOSINGS:,} are allowed; "
-        "set it lower, or every larger"
+        f"cells close {count:,} times until stop.max_duration, at most {MAX_CLOSINGS:,} are "
+        "allowed; "
+        "reduce stop.max_duration or increase every"
     )
 
 
@@ -237,7 +238,7 @@ def check_lift(
     for cell in shaft:
         x, y = floor_plan.xy(cell)
         if cell in owner:
-            text = f"{gate.name} and {owner[cell].name} both have the cell [{x}, {y}]"
+            text = f"{gate.name} and {owner[cell].name} both contain the cell [{x}, {y}]"
             yield Finding(keys, text)
         owner[cell] = gate
     mouths = mouths_of(shaft, floor_plan)
@@ -246,7 +247,7 @@ def check_lift(
             x, y = floor_plan.xy(end)
             yield Finding(keys, f"{gate.name} has no way out at its end [{x}, {y}]")
     if len(mouths) < 2:
-        yield Finding(keys, f"{gate.name} has one cell alone; a lift has a mouth at each end")
+        yield Finding(keys, f"{gate.name} has only one cell; a lift needs a mouth at each end")
         return
     moves = moves_between(shaft, mouths)
     if lift.travel_time < max(moves):
@@ -296,4 +297,4 @@ def check_starts_at_gates(scenario: Scenario, floor_plan: FloorPlan, starts: lis
         count = sum(cell in cells for cell in starts)
         if count > most:
             robots = "robots begin" if count > 1 else "robot begins"
-            raise InputError(f"{count} {robots} in {gate.name}, which holds {most}")
+            raise InputError(f"{count} {robots} in {gate.name}, which holds at most {most}")

@@ -59,10 +59,10 @@ def check_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]
         for kind in REQUIRED_KINDS.get(generator or "", (SHELF, DESTINATION)):
             if not np.any(floor_plan.kind == kind):
                 name = CELL_KINDS[kind].name
-                text = f"the orders {generator} need a {name}, the floor has none"
+                text = f"the orders {generator} need a {name}, but the floor has none"
                 yield Finding(("layout",), text)
         if generator == "stations" and np.count_nonzero(floor_plan.kind == STATION) < 2:
-            text = "the orders stations lead from a station to another, there is only one"
+            text = "the orders stations need two stations, but the floor has only one"
             yield Finding(("layout",), text)
         return
     taken: dict[tuple[int, int], int] = {}
@@ -82,8 +82,8 @@ def check_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]
         source, target = order.ends
         if order.stops is not None and source == target:
             text = (
-                "an order with from and to brings a load from one to the other; leave both out if "
-                "a robot has only to come to its stops"
+                "an order with from and to carries a load between them; leave both out if the "
+                "robot only visits its stops"
             )
             yield Finding(keys, text)
         if source not in begins or target not in ends or source == target:
@@ -98,7 +98,7 @@ def check_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]
             name = floor_plan.kind_of(floor_plan.cell(x, y)).name
             yield Finding(
                 (*keys, "from"),
-                f"order {index} takes the load of [{x}, {y}], as order {taken[source]} does; "
+                f"order {index} takes the load of [{x}, {y}], like order {taken[source]}; "
                 f"a {name} holds one load",
             )
         taken[source] = index
@@ -108,7 +108,7 @@ def check_parts(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
     """Parts go through stations that there are, and work is done there."""
     count = len(floor_plan.stations)
     if not count:
-        yield Finding(("layout",), "parts need stations, and the floor has none")
+        yield Finding(("layout",), "parts need stations, but the floor has none")
     there = f"the floor has the stations 1 to {count}"
     for row, kind in enumerate(scenario.orders.parts or ()):
         for place, number in enumerate(kind.route):
@@ -131,7 +131,8 @@ def check_tasks(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
     count = order_count(scenario, floor_plan)
     if count > MAX_TASK_ORDERS:
         text = (
-            f"in {ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))} the robots "
+            f"in {ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))} the "
+            "robots "
             f"could do {count:,} tasks, more than a run holds ({MAX_TASK_ORDERS:,}); set a lower "
             "stop.max_duration"
         )
@@ -180,11 +181,12 @@ def check_floor(floor: Floor, fleet: FleetOnFloor) -> Iterator[Finding]:
     for slots, why in (
         (
             slots_beside(floor_plan, ~floor_plan.drivable.reshape(-1)),
-            "has no cell beside it that robots drive on",
+            "has no drivable cell beside it",
         ),
         (
             slots_beside(floor_plan, ~np.logical_or.reduce(fleet.within)),
-            "cannot be served: a robot must get beside it from its start, and back",
+            "cannot be served: a robot must be able to drive from its start to a cell beside it, "
+            "and back",
         ),
     ):
         unserved = slots[~REMOTE[kind[slots]]].tolist()
@@ -232,7 +234,7 @@ def check_service(fleet: FleetOnFloor) -> Iterator[Finding]:
     """Robots reach the docks and racks that orders name, and some of each."""
     orders, floor_plan = fleet.scenario.orders, fleet.floor_plan
     served = np.logical_or.reduce(fleet.served)
-    why = "a robot must get in front of it from its start, and back"
+    why = "a robot must be able to drive from its start to its front, and back"
     kinds = floor_plan.kind.reshape(-1)[floor_plan.slots]
     for kind in REQUIRED_KINDS.get(orders.generator or "", ()):
         few = 2 if orders.generator == "stations" else 1
@@ -242,7 +244,7 @@ def check_service(fleet: FleetOnFloor) -> Iterator[Finding]:
             yield Finding(("layout",), f"{found} can be served: {why}")
 
     if orders.generator == "tours" and np.count_nonzero(fleet.within.all(axis=0)) < 2:
-        text = "the orders tours lead from cell to cell, and robots reach only one"
+        text = "the orders tours need two cells, but robots reach only one"
         yield Finding(("layout",), text)
 
     def because(cell: int) -> str:
@@ -297,9 +299,9 @@ def check_reached(
         return
     lost = int(np.argmin(reached_by.any(axis=0)))
     x, y = stops[lost]
-    text = f"no robot that can do the order gets to its stop [{x}, {y}] from its start, and back"
+    text = f"no robot that can do the order can reach its stop [{x}, {y}] from its start and return"
     if reached_by.any(axis=0).all():
-        text = "no type of robots gets to all stops of the order"
+        text = "no type of robot can reach all stops of the order"
     of_stop: Keys = (*keys, lost) if keys[1] == "tasks" else (*keys, "stops", lost)
     yield Finding(of_stop, f"{dotted(of_stop)}: {text}")
 
@@ -318,7 +320,7 @@ def check_abilities(fleet: FleetOnFloor) -> Iterator[Finding]:
     weight = f", of weight {way.weight:,}," if most < RobotType().payload else ""
     name = floor_plan.kind_of(cell).name
     text = f"{way.what}{weight} {verb} at the {name} [{x}, {y}]"
-    yield Finding(way.keys, f"{text}, where no robot that carries it may go")
+    yield Finding(way.keys, f"{text}, which no robot that can carry it may enter")
 
 
 def check_loaded_ways(fleet: FleetOnFloor) -> Iterator[Finding]:
@@ -331,5 +333,5 @@ def check_loaded_ways(fleet: FleetOnFloor) -> Iterator[Finding]:
     who = f"robots of the type {name}" if name else "robots"
     yield Finding(
         ("areas",),
-        f"{who} with a load do not get from [{x}, {y}] to [{u}, {v}]: areas are closed to them",
+        f"{who} with a load cannot drive from [{x}, {y}] to [{u}, {v}]: areas are closed to them",
     )

@@ -54,9 +54,9 @@ def check_pods(
         return
     stations, pods = len(floor_plan.stations), len(pod_cells(scenario, floor_plan))
     if not stations:
-        yield Finding(("layout",), "lines are done at stations, and the floor has none")
+        yield Finding(("layout",), "lines need stations, but the floor has none")
     if not pods:
-        yield Finding(("layout",), "lines want pods, and the floor has none: draw them as p")
+        yield Finding(("layout",), "lines need pods, but the floor has none; draw them as p")
     if isinstance(scenario.orders.lines, tuple):
         numbers, skus = pod_numbers(scenario, pods), skus_of(scenario)
         for index, line in enumerate(scenario.orders.lines):
@@ -91,7 +91,7 @@ def check_listed_pods(
             yield Finding((*keys, "class"), no_class(pod.pod_class, classes))
         if (pod.pod_class is None) != (listed[0].pod_class is None):
             without = who if pod.pod_class is None else "pod 1"
-            yield Finding(keys, f"{without} has no class, and others have one")
+            yield Finding(keys, f"{without} has no class, but other pods have one")
         standing[cell] = who
         names |= set() if pod.name is None else {pod.name}
     drawn = (floor_plan.kind.reshape(-1) == STORAGE) & (floor_plan.loads.reshape(-1) != 0)
@@ -159,9 +159,9 @@ def check_queue(
         way = floor_plan.offsets.index(ahead - cell)
         if cell in owner:
             whose = f"that of {owner[cell]}" if owner[cell] else "a station"
-            text = f"the queue of {name} comes to [{x}, {y}], which is {whose}"
+            text = f"the queue of {name} contains [{x}, {y}], which is {whose}"
             if owner[cell] == name:
-                text = f"the queue of {name} comes twice to [{x}, {y}]"
+                text = f"the queue of {name} contains [{x}, {y}] twice"
             yield Finding(keys, text + hint)
         if not floor_plan.exits.flat[cell] >> way & 1:
             text = f"the queue of {name} breaks at [{x}, {y}]: from there no robot drives "
@@ -181,7 +181,7 @@ def outwards(station: PodStation) -> str:
     first, *_, last = (abs(u - x) + abs(v - y) for u, v in station.queue)
     if last >= first:
         return ""
-    return "; a queue is listed from the cell next to its station outwards: turn the list round"
+    return "; a queue is listed from the cell next to its station outwards: reverse the list"
 
 
 # Orders of a list that carry pods.
@@ -196,8 +196,11 @@ def check_pod_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Find
         keys: Keys = ("orders", "list", index)
         x, y = order.source
         if not is_of_pod(order, floor_plan):
-            text = f"order {index} takes a load at [{x}, {y}], and other orders carry pods from storage"
-            yield Finding((*keys, "from"), f"{text}: a list has one or the other")
+            text = (
+                f"order {index} takes a load at [{x}, {y}], but other orders carry pods from "
+                "storage"
+            )
+            yield Finding((*keys, "from"), f"{text}; a list cannot contain both")
             continue
         if floor_plan.cell(x, y) not in standing:
             yield Finding((*keys, "from"), f"no pod stands at [{x}, {y}] at the start")
@@ -324,14 +327,16 @@ def check_pod_ways(fleet: FleetOnFloor) -> Iterator[Finding]:
     for number, station in enumerate(floor_plan.stations.tolist(), 1):
         x, y = floor_plan.xy(station)
         if not within[station]:
-            yield Finding(("layout",), f"no robot gets to station {number} at ({x}, {y}) and back")
+            yield Finding(
+                ("layout",), f"no robot can reach station {number} at ({x}, {y}) and return"
+            )
         ways = [to_and_from(floor_plan, station, one.rail)[cells] for one in fleet.types]
         apart: Mask = ~np.logical_or.reduce(np.stack(ways) & carried)
         if apart.any():
             pod = int(np.argmax(apart))
             u, v = floor_plan.xy(int(cells[pod]))
-            text = f"pod {names[pod]} at ({u}, {v}) has no way to station {number} at ({x}, {y})"
-            text = f"{text} and back that leads through no other storage"
+            text = f"pod {names[pod]} at ({u}, {v}) has no route to station {number} at ({x}, {y})"
+            text = f"{text} and back that avoids other storage"
             yield Finding(pod_place(scenario, pod), text)
 
 
@@ -365,8 +370,8 @@ def check_ways_of_orders(fleet: FleetOnFloor, carried: dict[int, Mask]) -> Itera
                 ways = joined(floor_plan, floor_plan.cell(u, v), fleet.types[kind].rail)
                 able[kind] = ways[begin]
             if not able.any():
-                text = f"the pod at [{x}, {y}] has no way to [{u}, {v}] and back"
-                yield Finding(keys, f"{text} that leads through no other storage")
+                text = f"the pod at [{x}, {y}] has no route to [{u}, {v}] and back"
+                yield Finding(keys, f"{text} that avoids other storage")
                 break
 
 

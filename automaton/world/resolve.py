@@ -111,7 +111,8 @@ def check_table_memory(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Fi
     if size > bytes_of(text):
         yield Finding(
             ("world", "distance_tables"),
-            f"world.distance_tables is {text}, but a table of the {cells:,} cells of this floor takes "
+            f"world.distance_tables is {text}, but a table of the {cells:,} cells of this floor "
+            "takes "
             f"{memory(size)}; set it to at least that",
         )
 
@@ -262,9 +263,7 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
         for name in Scenario.__struct_fields__:
             same = getattr(scenario, name) == getattr(resolved.scenario, name)
             if name not in CHANGEABLE and not same:
-                text = (
-                    f"{name} cannot change while a run goes on; what can: {', '.join(CHANGEABLE)}"
-                )
+                text = f"{name} cannot change during a run; allowed: {', '.join(CHANGEABLE)}"
                 raise InvalidValueError((name,), text)
         refuse(check_energy(scenario, floor_plan))
         refuse(check_table_memory(scenario, floor_plan))

@@ -119,8 +119,8 @@ def parks_on_charger(resolved: Resolved) -> str:
         if floor_plan.kind.flat[cell] == CHARGER:
             x, y = floor_plan.xy(cell)
             return (
-                f"robot {robot} begins at [{x}, {y}], and so parks there, on a charger that others "
-                f"need: {robots} robots share {places}; start it next to the charger"
+                f"robot {robot} begins at [{x}, {y}]and therefore parks there, on a charger that "
+                f"other robots need: {robots} robots share {places}; start it next to the charger"
             )
     return ""
 
@@ -158,10 +158,10 @@ def out_of_range(resolved: Resolved) -> str:
         return ""
     (x, y), (to_x, to_y) = (floor_plan.xy(cell) for cell in way)
     return (
-        f"an order from [{x}, {y}] to [{to_x}, {to_y}] takes {dearest:g} % of a battery, from a charger "
-        f"and back to one, and above the reserve there are {least:g} %: a robot that comes from "
-        "a charger "
-        "will never take it"
+        f"an order from [{x}, {y}] to [{to_x}, {to_y}] takes {dearest:g} % of a battery, from a "
+        "charger "
+        f"and back to one, but only {least:g} % are above the reserve: robots that leave a "
+        "charger will never take it"
     )
 
 
@@ -191,7 +191,8 @@ def never_charges(resolved: Resolved) -> str:
     if resolved.scenario.battery is None or not chargers or not none:
         return ""
     return (
-        f"robots have batteries and the floor has {count(chargers, 'charger')}, but strategy.charging "
+        f"robots have batteries and the floor has {count(chargers, 'charger')}, but "
+        "strategy.charging "
         "is none, so no robot will charge; set strategy.charging to insertion, fill-up, "
         "threshold or opportunity"
     )
@@ -220,11 +221,11 @@ def stays_on_station(resolved: Resolved) -> str:
         begun = [robot for robot, cell in enumerate(start) if cell in used]
         if not begun:
             return ""
-        who = f"robot {begun[0]} begins on a station, and so parks there"
+        who = f"robot {begun[0]} begins on a stationand therefore parks there"
     return (
-        f"{who}, and a station holds one robot: others that must reach it may wait for ever; set "
-        "right_of_way: {name: retreat, idle_give_way: true}, or give robots places of their own "
-        "with fleet.start or parking bays"
+        f"{who}, but a station holds one robot: other robots may wait for it forever; set "
+        "right_of_way: {name: retreat, idle_give_way: true}, or give robots parking cells of "
+        "their own with fleet.start or parking bays"
     )
 
 
@@ -268,8 +269,8 @@ def short_rows(resolved: Resolved) -> str:
         if row and len(row) < width and row[-1] not in "# ":
             return (
                 f"row {number} of the picture ends with {row[-1]!r} after "
-                f"{count(len(row), 'character')}, and others have {width:,}: the rest "
-                "of the row is wall; write # there if that is meant"
+                f"{count(len(row), 'character')}, but other rows have {width:,}: the rest of the "
+                "row is wall; write # there if this is intended"
             )
     return ""
 
@@ -278,7 +279,7 @@ def nothing_to_carry(resolved: Resolved) -> str:
     """Warn about a picture that holds no loads where its loads are the orders."""
     orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
     if orders.generator == "picture-loads" and not (floor_plan.loads == 1).any():
-        return "there is nothing to carry: orders are the loads of the picture, and it shows none"
+        return "there are no orders: orders are the loads drawn in the picture, and it has none"
     return ""
 
 
@@ -305,10 +306,10 @@ def due_too_early(resolved: Resolved) -> str:
     if not early:
         return ""
     if len(early) == 1:
-        return f"{key}[{early[0]}] is due before it is released, and so late at once"
+        return f"{key}[{early[0]}] is due before it is released, and therefore late from the start"
     return (
-        f"{count(len(early), what)} are due before they are released, and so late at once; the first "
-        f"of them is {key}[{early[0]}]"
+        f"{count(len(early), what)} are due before they are released, and therefore late from the "
+        f"start; the first is {key}[{early[0]}]"
     )
 
 
@@ -318,8 +319,8 @@ def nothing_due(resolved: Resolved) -> str:
     if "due" not in ways or has_due_times(resolved.scenario.orders):
         return ""
     return (
-        "strategy.allocation goes by due times (by: due), and no order has one, so the order that was "
-        "released first comes first; give orders of orders.list, or of a file, a due time"
+        "strategy.allocation uses due times (by: due), but no order has one, so orders are served "
+        "by release tick; set due in orders.list or in the file of orders"
     )
 
 

@@ -178,7 +178,7 @@ def test_a_pod_without_a_way_over_aisles() -> None:
     with pytest.raises(InputError) as error:
         scene(order, picture=picture, stations=stations)
     assert error.value.message == (
-        "the pod at [2, 2] has no way to [5, 4] and back that leads through no other storage"
+        "the pod at [2, 2] has no way to [5, 4] and back that avoids other storage"
     )
     assert scene({"from": [3, 1], "to": [7, 1]}, picture=picture, stations=stations)
 

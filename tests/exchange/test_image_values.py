@@ -51,9 +51,9 @@ def test_a_pgm_gives_its_greys_and_its_white(
         ),
         (b"P2\n40000 25000\n255\n1 2 3", "says that it has 40,000 x 25,000 pixels"),
         (b"P5\n0 4\n255\n", "says that it has 0 x 4 pixels"),
-        (b"P5\n2 2\n255\nabc", "is cut short: its head says 4 pixels, it holds 3"),
-        (b"P5\n2 2\n256\nabcdef", "is cut short: its head says 4 pixels, it holds 3"),
-        (b"P2\n2 2\n255\n1 2 3", "is cut short: its head says 4 pixels, it holds 3"),
+        (b"P5\n2 2\n255\nabc", "is truncated: its header declares 4 pixels, it holds 3"),
+        (b"P5\n2 2\n256\nabcdef", "is truncated: its header declares 4 pixels, it holds 3"),
+        (b"P2\n2 2\n255\n1 2 3", "is truncated: its header declares 4 pixels, it holds 3"),
         (b"P5\n2 2\n", "the maxval in the head of a PGM must be a whole number, found nothing"),
         (
             b"P5\n2 -2\n255\nabcd",
@@ -70,7 +70,7 @@ def test_a_pgm_gives_its_greys_and_its_white(
         (b"P5\n#" + b"x" * 9000 + b"\n1 1\n255\na", "the width in the head"),
         (b"P6\n2 2\n255\n", "is neither PGM (P2, P5) nor PNG: it begins with 'P6\\\\n2'"),
         (b"", "is neither PGM (P2, P5) nor PNG"),
-        (PNG + b"\0\0\0\rIHDR\0\0", "is cut short: a PNG without its head"),
+        (PNG + b"\0\0\0\rIHDR\0\0", "is truncated: the PNG has no header"),
         (
             PNG + b"\0\0\0\rIHDR" + struct.pack(">II", 40000, 25000),
             "says that it has 40,000 x 25,000",

@@ -178,9 +178,9 @@ def test_robots_with_a_load_may_be_kept_out(tmp_path: Path) -> None:
         (["--tick", "soon"], "'soon' is not a time such as 0.5s"),
         (["--speed", "3 m"], "'3 m' is not a speed such as 1.5m/s"),
         (["--accept", "0.1"], "'0.1' is not a percentage such as 10%"),
-        (["--tick", "9s"], "would be less than half a tick of 9 s: give a smaller --tick"),
+        (["--tick", "9s"], "would be less than half a tick of 9 s: set a smaller --tick"),
         (["--tick", "1 us"], "'1 us' is not a time"),
-        (["--tick", "0.01 ms"], "a move would take more than 10,000 ticks; give a larger --tick"),
+        (["--tick", "0.01 ms"], "a move would take more than 10,000 ticks; set a larger --tick"),
         (["--robots", "99"], "99 robots do not fit on the"),
         (["--layout", "upper"], "has no layout 'upper'; the layouts are ground"),
     ],
@@ -195,7 +195,7 @@ def test_an_option_that_does_not_fit_is_said_in_a_sentence(
 def test_no_speed_and_no_way_back(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     slow = {edge.replace("-", "_"): {"maxSpeed": None} for edge in AROUND}
     assert imported(write(tmp_path, lif(RING, AROUND, **slow)))[0] == 2
-    assert "gives no speed: set --speed, such as 1m/s" in capsys.readouterr().err
+    assert "has no speed: set --speed, such as 1m/s" in capsys.readouterr().err
     assert imported(write(tmp_path, lif(RING, AROUND[:3])))[0] == 2
     assert "there is neither a ring nor an edge both ways" in capsys.readouterr().err
 
@@ -206,7 +206,7 @@ def test_options_of_layouts_are_refused_for_problems(
     path = tmp_path / "a.lif"  # its content tells that it is a map
     path.write_text("type octile\nheight 1\nwidth 3\nmap\n...\n")
     assert imported(path, "--cell", "1m")[0] == 2
-    assert "--cell does nothing for this file (a MovingAI map)" in capsys.readouterr().err
+    assert "--cell has no effect on this file (a MovingAI map)" in capsys.readouterr().err
     assert imported(path)[0] == 0
 
 

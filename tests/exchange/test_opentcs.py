@@ -113,9 +113,9 @@ def test_what_is_not_read_is_counted_by_name(path: Path) -> None:
         (model().replace('"4000" positionY="0"', '"NaN" positionY="0"'), 4, "found 'NaN'"),
         (model().replace('"4000" positionY="0"', '"1e999" positionY="0"'), 4, "found '1e999'"),
         (model().replace('destinationPoint="C"', 'destinationPoint="Q"'), 9, "names the point Q"),
-        (model().replace('name="C"', 'name="B"'), 5, "the point B is there twice"),
+        (model().replace('name="C"', 'name="B"'), 5, "the point B appears twice"),
         (model().replace(' destinationPoint="C"', ""), 9, "no attribute destinationPoint"),
-        (model(paths=""), None, "has no edge on which robots could drive"),
+        (model(paths=""), None, "has no drivable edge"),
         (model('<block name="k" type="ANY"/>'), 11, "must have the type SINGLE_VEHICLE_ONLY or"),
     ],
 )

@@ -286,12 +286,16 @@ def test_bad_scenarios_are_refused_with_their_line(
 @pytest.mark.parametrize(
     ("agents", "targets", "sentence"),
     [
-        ("id,row,col\n0,0,0\n", "targets\n1\n", "agents_0.csv:1: its head must be 'agent id,row,"),
+        (
+            "id,row,col\n0,0,0\n",
+            "targets\n1\n",
+            "agents_0.csv:1: its header must be 'agent id,row,",
+        ),
         ("agent id,row,col\n0,0\n", "targets\n1\n", "agents_0.csv:2: the line has 2 values"),
         ("agent id,row,col\n0,0,4\n", "targets\n1\n", "agents_0.csv:2: the start in row 0, column"),
-        ("agent id,row,col\n", "targets\n1\n", "agents_0.csv:1: holds no row below its head"),
+        ("agent id,row,col\n", "targets\n1\n", "agents_0.csv:1: has no rows below its header"),
         ("agent id,row,col\n0,0,0\n", "targets\n1\n8\n", "tasks_one.csv:3: task 1 visits"),
-        ("agent id,row,col\n0,0,0\n", "1\n4\n", "tasks_one.csv:1: its head must be 'targets'"),
+        ("agent id,row,col\n0,0,0\n", "1\n4\n", "tasks_one.csv:1: its header must be 'targets'"),
     ],
 )
 def test_bad_tables_are_refused_with_their_line(

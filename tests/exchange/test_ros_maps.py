@@ -223,11 +223,11 @@ def test_what_is_wrong_with_a_map_is_said_with_its_line(
         (
             "",
             2,
-            "an image does not say how large a cell is: give --cell, in whole pixels of 0.25 m",
+            "an image has no cell size: set --cell to whole pixels of 0.25 m",
         ),
         ("--cell 100m", 2, "the image has 26 x 18 of them, and a cell 500 each way at most"),
         ("--cell 0.5m --tick 7s", 2, "a move over 0.5 m would take 0 ticks"),
-        ("--cell 0.5m --accept 9%", 2, "--accept does nothing for this file (a map of ROS)"),
+        ("--cell 0.5m --accept 9%", 2, "--accept has no effect on this file (a map of ROS)"),
         ("--cell 0.5m --robot 4m", 1, "nothing is left: a robot of 4 m fits nowhere on 353 free"),
     ],
 )

@@ -102,7 +102,7 @@ def test_one_way_aisles_are_driven_one_way() -> None:
 
 @pytest.mark.parametrize(
     ("picture", "sentence"),
-    [("1.##.2", "no way leads from station 1 at (0, 0) to station 2 at (5, 0)")],
+    [("1.##.2", "no route leads from station 1 at (0, 0) to station 2 at (5, 0)")],
 )
 def test_stations_must_be_reachable(picture: str, sentence: str) -> None:
     with pytest.raises(InputError) as error:

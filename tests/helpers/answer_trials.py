@@ -34,7 +34,7 @@ FLOORS = {  # settings, and ticks to run
 }
 WILD = {layer: f"wild_answers:Wild{layer.title().replace('_', '')}" for layer in LAYER_NAMES}
 POWERED = "depots"  # elsewhere there is nothing to charge
-STEERING = "steering"  # in a mix: a right of way that steers
+STEERING = "steering"  # in a mix: a right of way that holds robots back
 WILD[STEERING] = "wild_answers:WildSteering"
 LAYER_OF = {**dict(zip(LAYER_NAMES, LAYER_NAMES, strict=True)), STEERING: "right_of_way"}
 MIXES = (*((layer,) for layer in LAYER_NAMES), LAYER_NAMES, LAYER_NAMES[1:], (STEERING,))

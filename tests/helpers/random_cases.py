@@ -249,7 +249,7 @@ def cases(draw: Any, types: bool = False, ticks: int = TICKS) -> Case:
     if zoned:
         try:
             build_world(resolved, scenario.seed)
-        except InputError:  # no way leads from station to station
+        except InputError:  # no route leads from station to station
             picks["zoning"] = StrategyChoice("none", NoParameters())
     return Case(resolved, tuple(draw(st.permutations(range(n)))))
 

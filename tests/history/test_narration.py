@@ -39,7 +39,8 @@ def test_every_event_has_a_kind_that_can_be_asked_for() -> None:
 def test_a_wait_is_reported_once_it_has_lasted_and_again_when_it_is_over() -> None:
     lines = described(mini(), "waits", "waits-over")
     assert lines[:2] == [
-        "tick 10, robot 1: has been waiting for 10 ticks: robot 0 holds (0, 0) while it works there",
+        "tick 10, robot 1: has been waiting for 10 ticks: robot 0 holds (0, 0) while it works "
+        "there",
         "tick 13, robot 1: is no longer waiting, after 13 ticks",
     ]
 
@@ -54,7 +55,7 @@ def test_orders_and_deliveries_are_reported_in_the_sequence_of_their_ticks() -> 
 def test_a_stretch_has_so_many_sentences_and_says_what_it_leaves_out() -> None:
     every, few = described(mini(), sentences=100), described(mini(), sentences=4)
     left = [line for line in few if "left out" in line]
-    assert left[0].startswith("ticks 1 to 100, left out: ") and len(left) == 3
+    assert left[0].startswith("ticks 1 to 100read; left out: ") and len(left) == 3
     counted = sum(
         int(part.rpartition(" ")[2]) for line in left for part in line.split(": ")[1].split(", ")
     )

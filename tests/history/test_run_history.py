@@ -316,7 +316,7 @@ def test_a_limit_that_is_past_already_ends_the_run_at_once(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("change", "told"),
     [
-        ("seed=3", "seed cannot change while a run goes on; what can: strategy, durations"),
+        ("seed=3", "seed cannot change during a run; allowed: strategy, durations"),
         ("fleet.robots=2", "fleet cannot change"),
         ("strategy.routing=shrotest", "did you mean 'shortest'"),
         ("durations.move=0", "durations.move"),

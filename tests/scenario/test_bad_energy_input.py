@@ -70,7 +70,8 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("repair_time: 60", "repair_time: soon", 6, ["faults.repair_time", "found 'soon'"]),
     ("repair_time: 60", "repair_time: 60, charge: 101", 6,
      ["faults.charge", "from 0 to 100", "found 101"]),
-    ("repair_time: 60", "repair_time: 60, charge: full", 6, ["faults.charge", "kept", "found 'full'"]),
+    ("repair_time: "
+     "60", "repair_time: 60, charge: full", 6, ["faults.charge", "kept", "found 'full'"]),
     ("repair_time: 60", "repair_tim: 60", 6, ["did you mean 'repair_time'?"]),
     ("mean_interarrival_time: 10", "mean_interarrival_time: 0.5", 4,
      ["orders", "mean_interarrival_time must be 0 or at least 1"]),
@@ -113,7 +114,8 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("winner_rule: lowest", "winner_rule: lower", 8, ["did you mean 'lowest'?"]),
     ("max_orders_per_robot: 8", "max_orders_per_robot: 0", 8,
      ["strategy.allocation.max_orders_per_robot", "from 1 to 64", "found 0"]),
-    ("max_orders_per_robot: 8", "max_orders_per_robots: 8", 8, ["did you mean 'max_orders_per_robot'?"]),
+    ("max_orders_per_robot: "
+     "8", "max_orders_per_robots: 8", 8, ["did you mean 'max_orders_per_robot'?"]),
     ("epsilon: 0.5", "epsilon: 1.5", 8, ["strategy.allocation.epsilon", "1.5"]),
     ("epsilon: 0.5", "epsilon: lode", 8, ["strategy.allocation.epsilon", "load"]),
     ("epsilon: 0.5", "epsilon: {from: 0, to: 1}", 8, ["'until' is missing in strategy.allocation"]),
@@ -156,7 +158,7 @@ def parked(starts: list[tuple[int, int]], charging: str = "insertion", picture: 
 
 def test_a_robot_that_parks_on_a_charger_is_warned_of() -> None:
     assert parked([(1, 0), (0, 0)]) == (
-        "robot 1 begins at [0, 0], and so parks there, on a charger that others need: "
+        "robot 1 begins at [0, 0]and therefore parks there, on a charger that other robots need: "
         "2 robots share 1; start it next to the charger"
     )
     assert parked([(1, 0), (2, 0)]) == ""
@@ -175,7 +177,8 @@ def test_an_order_beyond_the_range_of_a_battery_is_warned_of(scenario: str) -> N
         assert scenario_warnings(resolve(scenario, ["battery.reserve=20"])) == []
         return
     assert said == [
-        "an order from [0, 2] to [8, 8] takes 96 % of a battery, from a charger and back to one, and "
+        "an order from [0, 2] to [8, 8] takes 96 % of a battery, from a charger and back to one, "
+        "and "
         "above the reserve there are 95 %: a robot that comes from a charger will never take it"
     ]
     strands = "strategy.charging={name: insertion, never_strand: false}"

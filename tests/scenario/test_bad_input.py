@@ -194,7 +194,7 @@ def test_a_floor_file_is_corrected_in_its_own_row(tmp_path: Path) -> None:
 LEGENDS = [
     ("'.': {kind: wall}", "already stands for floor"),
     ("xx: {kind: wall}", "a single character"),
-    ("X: {kind: wall}", "capital letters stand for robots"),
+    ("X: {kind: wall}", "capital letters are reserved for robots; use a lower-case letter"),
     ("x: {kind: wal}", "did you mean 'wall'?"),
     ("x: {kind: track}", "a track needs exits along one axis"),
     ("x: {kind: track, exits: [east, north]}", "a track needs exits along one axis"),

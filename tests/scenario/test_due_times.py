@@ -130,11 +130,14 @@ def test_what_is_due_before_its_release_is_counted(tmp_path: Path) -> None:
     lines = [line.replace("RELEASE", release) for release in ("8", "9", "10", "11")]
     warnings = scenario_warnings(scenario(tmp_path, f"{{list: [{', '.join(lines)}]}}"))
     assert warnings == [
-        "2 orders are due before they are released, and so late at once; the first of them is "
+        "2 orders are due before they are released, and therefore late from the start; the first "
+        "is "
         "orders.list[2]"
     ]
     warnings = scenario_warnings(scenario(tmp_path, f"{{list: [{lines[2]}]}}"))
-    assert warnings == ["orders.list[0] is due before it is released, and so late at once"]
+    assert warnings == [
+        "orders.list[0] is due before it is released, and therefore late from the start"
+    ]
 
 
 def test_an_allocation_by_due_times_needs_some(

@@ -69,7 +69,7 @@ def test_repairs_and_closings_may_have_files_too(tmp_path: Path) -> None:
     ("content", "line", "sentence"),
     [
         ("take\n3\n", 1, "there is no column 'took'; the columns are take"),
-        ("took\n", None, "has no rows below its head"),
+        ("took\n", None, "has no rows below its header"),
         ("took\n3\n-1\n-1\n", 3, "took: '-1' must not be below 0; 1 more such row, in line 4"),
         ("took\n3\nlong\n", 3, "'long'"),
         ("took\n70000\n", 2, "took must be at most 65,535 ticks, found '70000'"),
@@ -100,8 +100,8 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
         ("{empirical: [1, -2]}", "empirical[1] must be a number from 0"),
         ("{uniform: {from: 9, to: 3}}", "uniform.from (9) must not be above to (3)"),
         ("{exponential: 0.5}", "exponential must be at least a tick, found 0.5"),
-        ("{exponential: 4, empirical: [1]}", "a distribution is one of uniform, lognormal"),
-        ("{empirical: times.csv}", "a file of durations and its column belong together"),
+        ("{exponential: 4, empirical: [1]}", "a distribution must be one of uniform, lognormal"),
+        ("{empirical: times.csv}", "a file of durations needs a column, and a column needs a file"),
     ],
 )
 def test_distributions_that_cannot_be(line: str, sentence: str, tmp_path: Path) -> None:

@@ -67,7 +67,7 @@ def test_names_may_come_from_a_file(tmp_path: Path) -> None:
         ("gate: [2, 0]", "gate: [2]", "named.yaml:7: locations.gate must be a cell [x, y]"),
         ("gate: [2, 0]", "gate: [7, 0]", "named.yaml:7: the location gate [7, 0] lies outside"),
         ("{rack-7: [0, 0], packing: [4, 0], gate: [2, 0], pillar: [2, 1]}", "{}",
-         "'rack-7' is a name, and the scenario names no cells; write [x, y], or set locations"),
+         "'rack-7' is a name, and the scenario has no locations; write [x, y], or set locations"),
         ("{rack-7: [0, 0], packing: [4, 0], gate: [2, 0], pillar: [2, 1]}", "places.csv",
          "named.yaml:7: there is no file of locations 'places.csv'"),
     ],

@@ -67,7 +67,7 @@ def test_columns_are_found_by_their_names(tmp_path: Path) -> None:
     ("orders", "line", "sentence"),
     [
         ("", 0, "is empty; its first line must name the columns"),
-        ("released,from_x,from_y,to_x,to_y\n", 0, "has no rows below its head"),
+        ("released,from_x,from_y,to_x,to_y\n", 0, "has no rows below its header"),
         (ORDERS.replace("from_x", "fromx"), 1, "no column for from or from_x and from_y (did you"),
         (ORDERS.replace("from_x", "to_x"), 1, "the column to_x appears twice"),
         ("released,from_x,from_y,to_x\n1,2,3,4\n", 1, "there is no column for to or to_x and to_y"),
@@ -168,13 +168,13 @@ def test_a_shift_of_a_warehouse_system_is_read_as_it_is(
     assert main(["check", str(path)]) == 0
     told = capsys.readouterr()
     assert told.out.splitlines()[1:] == [
-        "  schicht.csv: 2 of 3 rows, left out: 1 STATUS STORNO",
-        "  schicht.csv: columns that are not read: POS",
+        "  schicht.csv: 2 of 3 rowsread; left out: 1 STATUS STORNO",
+        "  schicht.csv: ignored columns: POS",
         "  read in ticks of 0.5 s: stop.max_duration 10,000 (83.33 min)",
     ]
     assert [line.partition("warning: ")[2] for line in told.err.splitlines()] == [
         "schicht.csv: 1 row released before tick 0, so known from the start",
-        "schicht.csv:3: due before it is released, and so late at once",
+        "schicht.csv:3: due before it is released, and therefore late from the start",
     ]
 
 
@@ -217,7 +217,7 @@ def test_unknown_places_are_gathered_and_check_says_so(
     ("scenario", "places", "sentence"),
     [
         (WAREHOUSE.replace("locations: plätze.csv\n", ""), PLACES,
-         "schicht.csv:1: names cells, and the scenario has no names of cells; set locations"),
+         "schicht.csv:1: names cells, but the scenario has no locations; set locations"),
         (WAREHOUSE.replace("VON", "VOM"), PLACES,
          "schicht.csv:1: there is no column 'VOM' (did you mean 'VON'?); the columns are AUFTRAG"),
         (WAREHOUSE.replace("from: VON, ", ""), PLACES,
@@ -228,16 +228,18 @@ def test_unknown_places_are_gathered_and_check_says_so(
         (WAREHOUSE.replace("cp1252", "utf-8"), PLACES, "schicht.csv:1: is not utf-8 text (byte 0xc4)"),
         (WAREHOUSE.replace("%d.%m.%Y", "%m/%d/%Y"), PLACES,
          "schicht.csv:2: ANGELEGT '02.03.2026 06:01' is not a time; expected is the format "
-         "'%m/%d/%Y %H:%M', such as 03/02/2026 06:30; set time: \"%d.%m.%Y %H:%M\"; 1 more such row"),
+         "'%m/%d/%Y %H:%M', such as 03/02/2026 06:30; set time: "
+         "\"%d.%m.%Y %H:%M\"; 1 more such row"),
         (WAREHOUSE.replace("time: \"%d.%m.%Y %H:%M\"", "time: \"%d.%m. %H:%M\""), PLACES,
          "time is the format '%d.%m. %H:%M', of dates without a year"),
         (WAREHOUSE, "name;x;y\nRegal-Süd;0;0\nPackplatz;9;0\n",
          "plätze.csv:3: the location Packplatz [9, 0] lies outside the floor (x 0..4, y 0..1)"),
         (WAREHOUSE, PLACES + "Packplatz;1;0\nTor;x;0\n",
-         "plätze.csv:4: name 'Packplatz' is here twice"),
+         "plätze.csv:4: name 'Packplatz' appears twice"),
         (WAREHOUSE, "name;x\nTor;1\n", "plätze.csv:1: there is no column for y"),
         (WAREHOUSE, PLACES.replace("Packplatz;4", "Packplatz;2"),
-         "schicht.csv:2: an order ends at a shelf, a destination, a rack or a station; [2, 0] is a"),
+         "schicht.csv:2: an order ends at a shelf, a destination, a rack or a station; [2, 0] is "
+         "a"),
     ],
 )  # fmt: skip
 def test_a_mistake_in_a_shift_is_said_with_its_place(

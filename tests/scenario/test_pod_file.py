@@ -97,7 +97,7 @@ def test_columns_are_called_as_the_scenario_says(tmp_path: Path) -> None:
         ("A-17-2", (3, 1), "A"),
         ("A-17-8", (2, 1), "B"),
     ]
-    assert "pods.csv: columns that are not read: NOTE" in resolved.file_notes
+    assert "pods.csv: ignored columns: NOTE" in resolved.file_notes
     said = refused(tmp_path, pods=pods.replace(";B", ";C"), **files)
     assert said.startswith("pods.csv:3: ABC 'C' is not a class of pods")
 
@@ -149,8 +149,8 @@ def test_a_recording_has_the_pods_itself(tmp_path: Path) -> None:
         ("x,y\n9,9\n", "pods.csv:2: pod 1 stands at [9, 9], but it lies outside the floor "),
         ("x,y\n2,1\n1,1\n", "pods.csv:3: pod 2 stands at [1, 1], but a wall is there, not storage"),
         ("x,y\n2,1\n2,1\n2,1\n", "pods.csv:3: a second pod stands at [2, 1] (first in line 2); 1 "),
-        ("x,y,name\n2,1,A\n3,1,A\n", "pods.csv:3: name 'A' is here twice (first in line 2)"),
-        ("x,y,pod\n2,1,1\n3,1,1\n", "pods.csv:3: pod 1 is here twice (first in line 2)"),
+        ("x,y,name\n2,1,A\n3,1,A\n", "pods.csv:3: name 'A' appears twice (first in line 2)"),
+        ("x,y,pod\n2,1,1\n3,1,1\n", "pods.csv:3: pod 1 appears twice (first in line 2)"),
         ("x,y,pod\n2,1,1\n3,1,7\n", "pods.csv:3: pod 7: pods are numbered from 1 to 2"),
         (
             "x,y,pod\n2,1,1\n3,1,\n",
@@ -160,7 +160,7 @@ def test_a_recording_has_the_pods_itself(tmp_path: Path) -> None:
         ("x,y,class\n2,1,A\n3,1,\n", "pods.csv:3: class is empty, where others have one"),
         ("x,y,weight\n2,1,A lot\n", "pods.csv:2: weight must be a whole number from 1 to"),
         ("x,name\n2,A\n", "pods.csv:1: there is no column for y; the columns are x, name"),
-        ("x,y\n", "has no rows below its head"),
+        ("x,y\n", "has no rows below its header"),
     ],
 )
 def test_a_file_that_is_wrong(tmp_path: Path, pods: str, says: str) -> None:
@@ -177,7 +177,8 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     [
         (
             "T;LOCATION\n0;A-17-3\n" + "1;X-1\n" * 31,
-            "lines.csv:2: LOCATION 'A-17-3' is not a pod (did you mean 'A-17-8'?); 31 more such rows",
+            "lines.csv:2: LOCATION 'A-17-3' is not a pod (did you mean 'A-17-8'?); 31 more such "
+            "rows",
         ),
         ("T;LOCATION\n0;3\n", "lines.csv:2: LOCATION '3' is not a pod"),
         ("T;ITEM\n0;aple\n", "ITEM 'aple' is not a SKU of a pod (did you mean 'apple'?)"),
@@ -201,8 +202,8 @@ def test_a_station_that_there_is_not(tmp_path: Path) -> None:
     named = {"sku: ITEM}": "sku: ITEM, station: DEST}"}
     said = refused(tmp_path, lines=lines, **named)
     assert (
-        said
-        == "lines.csv:5: DEST 'p1' is not a station (did you mean 'P1'?); 1 more such row, in line 6"
+        said == "lines.csv:5: DEST 'p1' is not a station (did you mean 'P1'?); 1 more such row, in "
+        "line 6"
     )
 
 

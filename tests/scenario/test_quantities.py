@@ -157,7 +157,9 @@ REFUSED = [  # a text, what is said of it
     ("5 s/s", ["no unit 's/s' here"]),
     ("0.2 s", ["'0.2 s' is less than half a tick of 0.5 s, so it would be 0 ticks"]),
     ("0 s", ["'0 s' is 0 ticks (0 s); allowed is from 1 tick (0.5 s) to 10,000 ticks (83.33 min)"]),
-    ("8 h", ["'8 h' is 57,600 ticks (8 h); allowed is from 1 tick (0.5 s) to 10,000 ticks (83.33 min)"]),
+    ("8 "
+     "h", ["'8 h' is 57,600 ticks (8 h); allowed is from 1 tick (0.5 s) to 10,000 ticks (83.33 "
+           "min)"]),
 ]  # fmt: skip
 
 
@@ -198,7 +200,8 @@ WRONG = [  # instead of what, what is written, line, words of the answer
     ("pick: 20 s", "pick: 2026-03-02 06:00:05", 5, ["durations.pick", "is a clock time"]),
     ("pick: 20 s", "pick: twenty", 5, ["whole number from 0 to 10000, or a time such as 20 s"]),
     ("pick: 20 s", "pick: 0.5", 5, ["whole number", "or a time such as 20 s", "found 0.5"]),
-    ("tick: 0.5 s", "tick: 1 cycle", 5, ["durations.pick: units.tick is '1 cycle', which is not a"]),
+    ("tick: 0.5 "
+     "s", "tick: 1 cycle", 5, ["durations.pick: units.tick is '1 cycle', which is not a"]),
     ("tick: 0.5 s, ", "", 5, ["durations.pick: units.tick is '1 tick', which is not a time in ms"]),
     ("pick: 20 s", "move: 1 m/s, pick: 20 s", 0, []),
     ("cell: 0.8 m, ", "", 0, []),
@@ -257,7 +260,7 @@ def test_a_clock_time_needs_a_clock(tmp_path: Path) -> None:
     assert "units.clock does not say what time it is in tick 0" in said
     bare = ', clock: "06:00"'
     said = complaint(tmp_path, clock, bare, "faults.list.0.at=2026-03-02 06:30")
-    assert "has a date, and units.clock has none" in said
+    assert "has a date, but units.clock has none" in said
 
 
 def test_settings_take_the_same_texts(tmp_path: Path) -> None:
@@ -300,7 +303,7 @@ def test_failures_have_a_rate_or_a_mean_time_between_them(tmp_path: Path) -> Non
         faults = resolved(tmp_path, "list: [{robot: 1, at: 9}]", setting).scenario.faults
         assert faults.probability == pytest.approx(1 / 57_600, rel=1e-15)
     said = complaint(tmp_path, "at: 9}]", "at: 9}], mtbf: 8 h, failure_probability: 0.1")
-    assert "mtbf and failure_probability say the same; set one of them" in said
+    assert "mtbf and failure_probability are alternatives; set one of them" in said
     said = complaint(tmp_path, "at: 9}]", "at: 9}], failure_probability: 3 /s")
     assert "'3 /s' is 1.5; allowed is from 0 to 1" in said
 

@@ -143,25 +143,26 @@ def test_umlauts_are_read_in_the_encoding_that_is_set(encoding: str, tmp_path: P
          "shift.csv:2: is not utf-8 text (byte 0xfc); if it comes from Excel on Windows, set "
          "encoding: cp1252"),
         (b"\xef\xbb\xbforder;released\nA;5\n", {"encoding": "cp1252"},
-         "shift.csv: begins with the mark of UTF-8: leave out encoding: cp1252"),
+         "shift.csv: begins with a UTF-8 byte order mark: leave out encoding: cp1252"),
         ("order;released\nA;5\n".encode("utf-16"), {}, "shift.csv: is UTF-16 text; save it as UTF-8"),
         (b"PK\x03\x04anything", {},
          "shift.csv: is a spreadsheet or an archive; save the sheet as CSV, or as .xlsx"),
         (b"", {}, "shift.csv: is empty; its first line must name the columns"),
-        (b"order;released\n\n", {}, "shift.csv: has no rows below its head"),
+        (b"order;released\n\n", {}, "shift.csv: has no rows below its header"),
         (b'order;released\nA;5\n"B;6\nC;7\n', {},
-         "shift.csv:3: a quote begins in this row and does not end"),
+         "shift.csv:3: a quoted value begins in this row and is not closed"),
         (b'order;released\n"A" B;5\n', {},
-         "shift.csv:2: a quoted value goes on behind its quote; a quote within one is written twice"),
+         "shift.csv:2: text follows the closing quote of a value; double quotes inside quoted "
+         "values"),
         (b"order;released\nA;5\nB;6;7\nC\n", {},
          "shift.csv:3: the row has 3 values, the head names 2 columns; 1 more such row, in line 4"),
         (b"order;relased\nA;5\n", {},
          "shift.csv:1: there is no column for released (did you mean 'relased'?); the "
          "columns are order, relased; "
-         "columns: {...} says what they are called"),
+         "set columns: {...} to name them"),
         (b"item;released\nA;5\n", {},
          "shift.csv:1: there is no column for pod or order; the columns are item, released; "
-         "columns: {...} says what they are called"),
+         "set columns: {...} to name them"),
         (b"order;released;order\nA;5;B\n", {}, "shift.csv:1: the column order appears twice"),
         (b"order;released\nA;5\n", {"where": {"STATE": "OPEN"}},
          "shift.csv:1: there is no column 'STATE'; the columns are order, released"),
@@ -207,7 +208,10 @@ def test_mistakes_are_gathered_by_kind(tmp_path: Path) -> None:
 
 def test_a_point_behind_thousands_is_not_taken_for_that_of_decimals(tmp_path: Path) -> None:
     fields: list[Field] = [ReleaseField(), TextField("order"), NumberField("units", 1, 9999)]
-    says = "units must be a whole number from 1 to 9,999, found '1.000'; write it without a point"
+    says = (
+        "units must be a whole number from 1 to 9,999, found '1.000'; write it without a "
+        "decimal point"
+    )
     semicolons = "order;released;units\nA;5;1.000\nB;5;1,000\nC;5;1.00\nD;5;1000\n"
     assert complaint(tmp_path, semicolons, fields=fields) == [f"shift.csv:2: {says}"]
     commas = read(tmp_path, "order,released,units\nA,5,1.000\n", fields=fields)
@@ -301,7 +305,7 @@ def test_offsets_stand_in_all_times_or_in_none(tmp_path: Path) -> None:
         (("06:30", "2026-03-02 06:30"), Units(tick="1 s"), "has a date, unlike the other times"),
         (("2026-03-02 06:30", "06:30"), Units(tick="1 s"), "has no date, unlike the other times"),
         (("2026-03-02 06:30",), Units(tick="1 s", clock="06:00"),
-         "has a date, and units.clock has none; set it with a date"),
+         "has a date, but units.clock has none; set it with a date"),
         (("2026-03-02 06:30",), Units(), "units.tick is '1 tick', which is not a time"),
         (("20 s",), Units(), "units.tick is '1 tick', which is not a time"),
         (("3000000000",), Units(tick="1 s"), "'3000000000' is after 2,000,000,000 ticks"),

@@ -62,7 +62,7 @@ def test_numbers_without_a_unit_are_named_with_their_times(tmp_path: Path) -> No
 
 def test_columns_of_pods_that_are_not_read_are_named(tmp_path: Path) -> None:
     notes = shift(tmp_path).file_notes
-    assert notes[:2] == ("pods.csv: 3 rows", "pods.csv: columns that are not read: bay")
+    assert notes[:2] == ("pods.csv: 3 rows", "pods.csv: ignored columns: bay")
 
 
 def test_a_pod_that_the_file_lacks_is_told_of_the_file(tmp_path: Path) -> None:
@@ -82,29 +82,29 @@ def test_due_times_are_told_by_lines_of_the_file(tmp_path: Path) -> None:
     (tmp_path / "pods.csv").write_text(PODS)
     (tmp_path / "lines.csv").write_text(lines)
     assert scenario_warnings(resolve(tmp_path / "shift.yaml")) == [
-        "lines.csv:3: the first of 2 rows due before they are released, and so late at once"
+        "lines.csv:3: the first of 2 rows due before they are released, and therefore late from "
+        "the start"
     ]
 
 
 def test_one_row_with_another_date_is_to_be_written_as_the_others(tmp_path: Path) -> None:
     said = refused(tmp_path, lines="T;LOCATION\n2026-03-02 06:00;1\n02.03.2026 06:10;2\n")
     assert said.startswith("lines.csv:3: T '02.03.2026 06:10' is not a time")
-    assert said.endswith("; other rows are such as '2026-03-02 06:00': write it so")
+    assert said.endswith("; other rows are such as '2026-03-02 06:00': use this format")
 
 
 def test_lines_that_come_when_the_run_is_over_are_warned_of(tmp_path: Path) -> None:
     warnings = scenario_warnings(shift(tmp_path, lines="T;LOCATION\n0;1\n1000;2\n"))
     assert warnings == [
-        "1 of 2 lines in the file comes after 1,000 ticks (8.333 min) or later, when the run is over "
+        "1 of 2 lines in the file comes after 1,000 ticks (8.333 min) or later, when the run is "
+        "over "
         "(stop.max_duration 1,000 ticks (8.333 min)), so it will not finish"
     ]
 
 
 def test_a_queue_that_is_listed_from_its_end_is_to_be_turned_round(tmp_path: Path) -> None:
     said = refused(tmp_path, queue="[[8, 3], [6, 3]]")
-    assert (
-        "a queue is listed from the cell next to its station outwards: turn the list round" in said
-    )
+    assert "a queue is listed from the cell next to its station outwards: reverse the list" in said
 
 
 def test_delays_that_never_end_are_refused(tmp_path: Path) -> None:
@@ -142,7 +142,8 @@ def test_a_row_of_a_picture_that_is_too_short_is_warned_of(tmp_path: Path) -> No
     text = "name: hall\nlayout:\n  picture: |\n    .....\n    ...\n    ...#\nfleet: {robots: 1}\n"
     path.write_text(text + "orders: {list: [{stops: [[0, 0]]}]}\n")
     assert scenario_warnings(resolve(path)) == [
-        "row 2 of the picture ends with '.' after 3 characters, and others have 5: the rest of the row "
+        "row 2 of the picture ends with '.' after 3 characters, and others have 5: the rest of "
+        "the row "
         "is wall; write # there if that is meant"
     ]
 

@@ -24,11 +24,11 @@ REFUSED = {  # array, what becomes of it, what the sentence says
     "for ever": ("lines.handling", lambda a: a + 2**62, "lines.handling has the value 46"),
     "no such rule": ("pod_stations.rule", lambda a: a + 1, "pod_stations.rule has the value 1"),
     "off the floor": ("pod_stations.cell", lambda a: a + 999, "pod_stations.cell has the value"),
-    "no station": ("pod_stations.cell", lambda a: a - 1, "its stations are not those of its floor"),
+    "no station": ("pod_stations.cell", lambda a: a - 1, "its stations do not match its floor"),
     "a long visit": ("pod_stations.visit", lambda a: a + 2**60, "pod_stations.visit has the value"),
     "a line less": ("lines.due", lambda a: a[1:], "lines.due has 2 rows"),
     "of another kind": ("lines.due", lambda a: a.astype(np.int64), "lines.due has the type int64"),
-    "known too early": ("stops.cell", lambda a: a + 30, "a trip is known before its lines are"),
+    "known too early": ("stops.cell", lambda a: a + 30, "a trip is released before its lines"),
     "other trips": ("orders.first_stop", lambda a: a // 2, "its stops are not those"),
 }
 FOUND = {
@@ -80,10 +80,10 @@ def test_lines_by_sku_need_pods_that_hold_it(
 ) -> None:
     nowhere = np.full(3, -1, np.int32)
     for skus, says in (
-        ({}, "it has only a part of what its lines by SKU need"),
-        ({"first": [0, 0]}, "a SKU of its pods is in none of them"),
+        ({}, "arrays for its lines by SKU are missing"),
+        ({"first": [0, 0]}, "a SKU is in none of its pods"),
         ({"first": [0, 1], "held": [9]}, "pods.sku_pod has the value 9"),
-        ({"first": [0, 1], "held": [2], "wanted": 1}, "a line wants a SKU that no pod holds"),
+        ({"first": [0, 1], "held": [2], "wanted": 1}, "a line needs a SKU that no pod holds"),
         ({"first": [0, 1], "held": [2], "wanted": 0}, "its ways from slots to stations are not"),
     ):
         header = copy.deepcopy(mini.header)

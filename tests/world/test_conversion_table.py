@@ -123,7 +123,7 @@ def test_lengths_have_a_sentence_of_their_own(tmp_path: Path) -> None:
     settings = ("information={radius: 3 m}", "durations.move=1.5 m/s")
     times, lengths = coarse_conversions(resolved(tmp_path, *settings))
     assert times.endswith("with units.tick: 0.2 s all times are within 2 %")
-    assert lengths.endswith("20 % longer; only another units.cell changes that")
+    assert lengths.endswith("20 % longer; only a different units.cell changes this")
 
 
 def test_points_in_time_are_late_but_never_warned_of(tmp_path: Path) -> None:
@@ -135,7 +135,7 @@ def test_of_many_the_worst_are_shown(tmp_path: Path) -> None:
     lines = conversion_lines(resolved(tmp_path, f"faults.list=[{faults}]"))
     assert len(lines) == 21
     assert lines[0] == "faults.list[0].at 1.1 s: 2.2 ticks -> 2, 0.1 s earlier"
-    assert lines[-1] == "... and 80 more that are off by less"
+    assert lines[-1] == "... and 80 more with smaller errors"
 
 
 def test_check_prints_the_table_and_the_warning(

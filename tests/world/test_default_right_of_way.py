@@ -30,15 +30,15 @@ orders: {{tasks: [[[2, 0]]]}}
 strategy: {{allocation: greedy}}
 """
 ROUTES = "routing congestion plans their routes"
-SIGHT = "robots do not see all others"
+SIGHT = "robots do not see all other robots"
 AMONG_TREES = "fleet.start=[[4, 0]];orders={tasks: [[[4, 1]]]}"
-SLOW = "turns or moves take several ticks, and most ways are open in both directions"
+SLOW = "turns or moves take several ticks, and most connections are open in both directions"
 LIMIT = "units={tick: 1 s, cell: 1 m};floor.speed_limits=[{cells: [[1, 0], [2, 0]], max_speed: 0.5 m/s}]"
 ONE_WAY = """
     >>>>v
     ^#^#v
     ^<<<<"""
-NO_RING = "the floor has no ring on which they pass each other"
+NO_RING = "the floor has no ring on which robots can pass each other"
 
 
 def yard(folder: Path, picture: str) -> Path:

@@ -49,7 +49,7 @@ LIFT = "travel_time: 9"
          ["must be a path, but [1, 1] is a cell of kind wall"]),
         ("{blocks: [{cells: {from: [0, 0], to: [5, 0]}}]}", ["2 robots begin in block 1, which holds 1"]),
         (f"{{lifts: [{{shaft: [[1, 0], [4, 0]], {LIFT}}}, {{shaft: [[3, 0], [5, 0]], {LIFT}}}]}}",
-         ["lift 2 and lift 1 both have the cell [3, 0]"]),
+         ["lift 2 and lift 1 both contain the cell [3, 0]"]),
         (f"{{lifts: [{{shaft: [[1, 0], [1, 2]], {LIFT}}}]}}", ["must be a path, but [1, 1]"]),
         (f"{{lifts: [{{shaft: [[1, 0]], {LIFT}}}]}}", ["one cell alone"]),
         ("{lifts: [{shaft: [[0, 0], [4, 0]], travel_time: 3}]}", ["less than the 4 moves"]),
@@ -161,7 +161,10 @@ def test_a_gate_on_the_only_way_to_a_charger_is_warned_of(
     sentences = scenario_warnings(resolve(msgspec.convert(scenario, Scenario)))
     found = [text for text in sentences if "only way to a charger" in text]
     assert found == (
-        ["block 1 is on the only way to a charger: robots may run empty while they wait for it"]
+        [
+            "block 1 is on the only route to a charger: robots may run out of charge while they wait "
+            "for it"
+        ]
         if warned
         else []
     )

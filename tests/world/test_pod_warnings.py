@@ -37,27 +37,27 @@ def test_a_station_lets_more_come_than_its_queue_holds() -> None:
     assert warned(stations={"P1": {**queue, "max_trips": 4}}) == []
     assert warned(stations={"P1": {**queue, "max_trips": None}}) == []
     assert warned(stations={"P1": {**queue, "max_trips": 5}}) == [
-        "station P1 lets 5 trips come (max_trips) and has room for 4 robots, its queue and itself: "
-        "the others wait on the ways of all"
+        "station P1 lets 5 trips come (max_trips) but has room for 4 robots, in its queue and "
+        "itself: the others wait in the aisles"
     ]
 
 
 def test_a_queue_on_the_way_to_another_station() -> None:
     found = warned(picture=ONE_LANE, stations={"A": A, "B": B})
     assert [text.partition(":")[0] for text in found] == [
-        "the queue of station A is on the only way between [2, 1] and station B",
-        "the queue of station B is on the only way between [2, 1] and station A",
+        "the queue of station A is on the only route between [2, 1] and station B",
+        "the queue of station B is on the only route between [2, 1] and station A",
     ]
 
 
 def test_more_robots_than_places() -> None:
     station = {"P1": {"at": [5, 3], "max_trips": 2}}
     assert warned(stations=station, fleet=robots(2)) == [
-        "station P1 lets 2 trips come (max_trips) and has room for 1 robot, its queue and itself: "
-        "the others wait on the ways of all"
+        "station P1 lets 2 trips come (max_trips) but has room for 1 robot, in its queue and "
+        "itself: the others wait in the aisles"
     ]
     assert warned(stations={"P1": {"at": [5, 3]}}, fleet=robots(3)) == [
-        "3 robots, but stations let 1 trip come at a time: the others have nothing to do"
+        "3 robots, but stations let 1 trip come at a time: the other robots stay idle"
     ]
 
 

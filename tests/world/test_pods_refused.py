@@ -81,9 +81,7 @@ def test_classes_that_are_none_or_do_not_add_up() -> None:
 def test_lines_without_pods_or_stations() -> None:
     assert "the floor has none: draw them as p" in refused(picture=RING.replace("p", "q"))
     plain = RING.replace("t", "<")
-    assert "lines are done at stations, and the floor has none" in refused(
-        picture=plain, stations={}
-    )
+    assert "lines need stations, but the floor has none" in refused(picture=plain, stations={})
 
 
 def test_stations_without_lines() -> None:
@@ -112,7 +110,7 @@ def test_pods_with_the_same_name_or_without_their_classes() -> None:
     pods = {"list": [{"at": [x, 1], "class": "Z"} for x in (2, 3, 4, 5)], "classes": {"A": 1}}
     assert refused(pods=pods) == "'Z' is not a class of pods: pods.classes has A"
     pods = listed({"at": [7, 1], "class": "A"}, classes={"A": 1})
-    assert refused(pods=pods) == "pod 1 has no class, and others have one"
+    assert refused(pods=pods) == "pod 1 has no class, but other pods have one"
 
 
 def test_a_pod_that_is_drawn_and_not_listed() -> None:

@@ -17,8 +17,8 @@ def test_least_drives_on_a_large_floor() -> None:
     assert (drives.min(), drives.max()) == (106, 592)
     assert drives.mean() == pytest.approx(341.49, abs=0.005)
     assert bounds_in_words(resolved) == [
-        "563 visits an hour by 30 robots and 1,108 by 6 stations at most, if lines want all pods alike, "
-        "each is a trip of its own, and pods go back to where they stood; drives without a pod are not "
+        "563 visits an hour by 30 robots and 1,108 by 6 stations at most, assuming uniform pod "
+        "demand, one line per trip and fixed storage; drives without a pod are not "
         "counted"
     ]
 

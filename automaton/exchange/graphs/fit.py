@@ -114,7 +114,7 @@ def _largest(graph: Graph, placement: Placement, accept: float) -> Fit:
     """Return the fit of the largest cells, or the refused one that comes nearest."""
     nearest: Fit | None = None
     conflict: tuple[Fraction, ConflictError] | None = None
-    check_size(*_size(placement, CANDIDATES[0]), graph.file, "give a larger --cell")
+    check_size(*_size(placement, CANDIDATES[0]), graph.file, "set a larger --cell")
     for cell in CANDIDATES:
         width, height = _size(placement, cell)
         if max(width, height) > MAX_FLOOR_SIDE or width * height > MAX_WRITTEN_CELLS:
@@ -132,10 +132,14 @@ def _largest(graph: Graph, placement: Placement, accept: float) -> Fit:
         assert conflict is not None  # the first cell is fitted or refused
         size, what = conflict
         text = (
-            f"no cell from 2 m to {float(size):g} m will do; in cells of {float(size):g} m {what}"
+            f"no cell from 2 m to {float(size):g} m is accepted; in cells of {float(size):g} m "
+            f"{what}"
         )
         raise InputError(text, graph.file)
-    text = f"no cell from 2 m to 0.1 m will do; {float(nearest.cell):g} m comes nearest: "
+    text = (
+        "no cell size between 0.1 and 2 m meets the tolerance; the best is "
+        f"{float(nearest.cell):g} m: "
+    )
     return nearest._replace(refusal=text + nearest.refusal)
 
 
@@ -330,7 +334,7 @@ def speeds_of(graph: Graph, cell: Fraction, options: ImportOptions) -> Speeds:
     if default is None and (known or robots):
         default = exact(max(known or robots))
     if default is None:
-        raise InputError("gives no speed: set --speed, such as 1m/s", graph.file)
+        raise InputError("has no speed: set --speed, such as 1m/s", graph.file)
     as_written = {speed: exact(speed) for speed in set(known)}
     of_edge = [as_written[edge.speed] if edge.speed else default for edge in graph.edges]
     fastest = max(of_edge)
@@ -346,14 +350,14 @@ def _check_ticks(graph: Graph, speeds: Speeds) -> None:
     """Raises InputError where a move would take no tick, or too many."""
     if not speeds.tick or speeds.ticks(speeds.fastest) < 1:
         text = f"a move at {text_of(speeds.fastest)} m/s would be less than half a tick of "
-        raise InputError(f"{text}{float(speeds.tick):g} s: give a smaller --tick", graph.file)
+        raise InputError(f"{text}{float(speeds.tick):g} s: set a smaller --tick", graph.file)
     slowest = min(speeds.of_edge)
     robots = [(exact(one.speed), f"robot {one.name}") for one in graph.vehicles if one.speed]
     edge = graph.edges[speeds.of_edge.index(slowest)].name
     for speed, what in (*robots, (slowest, f"the edge {edge}")):
         if speeds.ticks(speed) > MAX_MOVE:
             text = f"{what} has a speed of {float(speed):.3g} m/s: a move would take more than "
-            raise InputError(f"{text}{MAX_MOVE:,} ticks; give a larger --tick", graph.file)
+            raise InputError(f"{text}{MAX_MOVE:,} ticks; set a larger --tick", graph.file)
 
 
 def limits_of(roads: list[Road], speeds: Speeds) -> tuple[list[Fraction], int]:

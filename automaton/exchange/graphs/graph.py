@@ -132,7 +132,7 @@ def checked_graph(graph: Graph) -> Graph:
     Refused are graphs without edges, and those in which two nodes lie in the same place.
     """
     if not graph.edges:
-        raise InputError("has no edge on which robots could drive", graph.file)
+        raise InputError("has no drivable edge", graph.file)
     used = {node for edge in graph.edges for node in (edge.start, edge.end)}
     places: dict[tuple[float, float], str] = {}
     for index in sorted(used):

@@ -264,14 +264,12 @@ class GraphScenario:
         }
         part = largest_part({c: bits for c, bits in self.roads.exits.items() if c not in closed})
         if len(part) < 2:
-            text = (
-                "robots could come back from nowhere: there is neither a ring nor an edge both ways"
-            )
+            text = "no robot could return: the graph has neither a ring nor a two-way edge"
             raise InputError(text, self.graph.file)
         outside = sum(cell not in part for cell in self.places.stations.values())
         if outside:
             self.notes.append(
-                f"{count(outside, 'station')} from which robots would not come back: no tour goes there"
+                f"{count(outside, 'station')} left out of tours: robots could not return from there"
             )
         return part
 
@@ -327,7 +325,8 @@ class GraphScenario:
             many[speed] += 1
             names.setdefault(speed, type_name(robot.name))
         if len(many) > 100:
-            raise InputError(f"its robots have {len(many)} different speeds, at most 100 are allowed",
+            raise InputError(f"its robots have {len(many)} different speeds, at most 100 are "
+                             "allowed",
                              graph.file)  # fmt: skip
         return [
             {"name": name, "robots": many[speed]}

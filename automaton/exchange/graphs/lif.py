@@ -140,9 +140,9 @@ def _decoded(path: Path) -> dict[str, Any]:
     """Return a file as plain data, not too much of it. Raises InputError."""
     file, content = str(path), read_bytes(path).removeprefix(BYTE_ORDER_MARK)
     if content.count(b"{") + content.count(b"[") > MAX_OBJECTS:
-        raise InputError(f"has more than {MAX_OBJECTS:,} objects and lists, the most", file)
+        raise InputError(f"has more than {MAX_OBJECTS:,} objects and lists, the limit", file)
     if content.count(b",") > MAX_LIF_VALUES:
-        raise InputError(f"has more than {MAX_LIF_VALUES:,} values, the most", file)
+        raise InputError(f"has more than {MAX_LIF_VALUES:,} values, the limit", file)
     try:
         data = msgspec.json.decode(content)
     except RecursionError:
@@ -166,7 +166,8 @@ def _version(data: dict[str, Any], file: str) -> str:
     version = str(said) if said is not None else "2.0.0" if "origins" in data else "1.0.0"
     if version.split(".")[0] not in ("1", "2"):
         raise InputError(
-            f"metaInformation.lifVersion {single_line(version)!r} is not known; 1.0.0 and 2.0.0 are",
+            f"metaInformation.lifVersion {single_line(version)!r} is not known; 1.0.0 and 2.0.0 "
+            "are",
             file,
         )
     return single_line(version)
@@ -206,7 +207,7 @@ def _chosen(names: list[str], name: str | None, what: str, file: str) -> int:
     if name in names:
         return names.index(name)
     shown = ", ".join(names[:MAX_LISTED]) + (", ..." if len(names) > MAX_LISTED else "")
-    asked = f"give --{what}: it has the {what}s {shown}"
+    asked = f"set --{what}; the {what}s are {shown}"
     if name is not None:
         asked = f"has no {what} {name!r}{nearest(name, names)}; the {what}s are {shown}"
     raise InputError(asked, file)
@@ -226,7 +227,7 @@ class _LayoutReader:
         self.number: dict[str, int] = {}
         for place, node in enumerate(self.nodes):
             if self.number.setdefault(node.node_id, place) != place:
-                raise InputError(f"the node {single_line(node.node_id)} is there twice", file)
+                raise InputError(f"the node {single_line(node.node_id)} appears twice", file)
 
     def all_of(self, items: list[Any], kind: type[T], where: str) -> list[T]:
         """Return the objects of a list as structs."""
@@ -247,9 +248,9 @@ class _LayoutReader:
         """Return the graph of a type."""
         types = list(dict.fromkeys(one for edge in self.edges for one in _types_of_edge(edge)))
         if not self.edges:
-            raise InputError("has no edge on which robots could drive", self.file)
+            raise InputError("has no drivable edge", self.file)
         if not types:
-            raise InputError("no edge says for which type of robots it is", self.file)
+            raise InputError("no edge names a type of robot", self.file)
         kind = types[_chosen(types, robot_type, "type", self.file)]
         graph = Graph(self.file, "", "", type=single_line(kind))
         count_unread(self.data, LAYOUT_KEYS, graph.lost)
@@ -294,7 +295,7 @@ class _LayoutReader:
                 return
             lost = edge.start_node_id if ends[0] is None else edge.end_node_id
             hint = nearest(lost, self.number)
-            text = f"the edge {name} names the node {single_line(lost)}, which there is not{hint}"
+            text = f"the edge {name} names the node {single_line(lost)}, which does not exist{hint}"
             raise InputError(text, self.file)
         both = [*edge.vehicle_type_edge_properties, *edge.mobile_robot_type_edge_properties]
         mine = [one for one in both if kind in _types_of(one)]

@@ -125,14 +125,14 @@ class _Handlers:
 
     def doctype(self, *_: Any) -> None:
         """Refuse a DOCTYPE."""
-        raise self.error("has a DOCTYPE, which no plant model needs: remove it")
+        raise self.error("has a DOCTYPE, which is not allowed: remove it")
 
     def start(self, tag: str, attributes: dict[str, str]) -> None:
         """Read an element, or count it."""
         self.count += 1
         self.depth += 1
         if self.count > MAX_ELEMENTS:
-            raise self.error(f"has more than {MAX_ELEMENTS:,} elements, the most")
+            raise self.error(f"has more than {MAX_ELEMENTS:,} elements, the limit")
         if self.depth > MAX_XML_DEPTH:
             raise self.error(f"is nested more than {MAX_XML_DEPTH} levels deep")
         name = tag.rpartition(":")[2]
@@ -177,7 +177,10 @@ class _ModelReader:
         self.out, self.root = out, read_elements(path, out.lost)
         version = self.root.attributes.get("version", "")
         if version.split(".")[0] not in [one.split(".")[0] for one in OPENTCS_VERSIONS]:
-            text = f"version {single_line(version)!r} is not read; {' and '.join(OPENTCS_VERSIONS)} are"
+            text = (
+                f"version {single_line(version)!r} is not read; "
+                f"{' and '.join(OPENTCS_VERSIONS)} are"
+            )
             raise self.error(text, self.root)
         out.format = f"openTCS plant model {single_line(version)}"
         out.name = single_line(self.root.attributes.get("name") or path.stem)
@@ -236,7 +239,7 @@ class _ModelReader:
         """Add a node."""
         name, place = self.text(point, "name"), len(self.out.nodes)
         if self.points.setdefault(name, place) != place:
-            raise self.error(f"the point {single_line(name)} is there twice", point)
+            raise self.error(f"the point {single_line(name)} appears twice", point)
         x, y = (self.number(point, key, FARTHEST_NODE) for key in ("positionX", "positionY"))
         self.out.nodes.append(Node(name, x, y))
         if point.attributes.get("type") == "PARK_POSITION":
@@ -245,7 +248,7 @@ class _ModelReader:
     def point(self, name: str, element: Element, what: str) -> int:
         """Return the node of a name. Raises InputError."""
         if name not in self.points:
-            text = f"{what} names the point {single_line(name)}, which there is not"
+            text = f"{what} names the point {single_line(name)}, which does not exist"
             raise self.error(text + nearest(name, self.points), element)
         return self.points[name]
 
@@ -253,7 +256,7 @@ class _ModelReader:
         """Add the edges of a path: forwards, and backwards if it is driven so, too."""
         name = single_line(self.text(path, "name"))
         if name in self.paths:
-            raise self.error(f"the path {name} is there twice", path)
+            raise self.error(f"the path {name} appears twice", path)
         ends = (self.text(path, key) for key in ("sourcePoint", "destinationPoint"))
         start, end = (self.point(one, path, f"the path {name}") for one in ends)
         self.paths[name] = ()

@@ -229,11 +229,12 @@ def test_the_report_names_them() -> None:
         ),
         (
             [{"name": "a", "strategy": {"allocation": {"name": "greedy", "reasign": 3}}}],
-            "unknown key 'reasign' in fleet.types[0].strategy.allocation (did you mean 'reassign'?)",
+            "unknown key 'reasign' in fleet.types[0].strategy.allocation (did you mean "
+            "'reassign'?)",
         ),
         (
             [{"name": "a", "strategy": {"allocation": {"name": "independent-python", "x": 1}}}],
-            "unknown key 'x' in fleet.types[0].strategy.allocation; there are no keys here",
+            "unknown key 'x' in fleet.types[0].strategy.allocation; no keys are allowed",
         ),
         (
             [{"name": "a", "strategy": {"allocation": {"reassign": 3}}}],

@@ -378,7 +378,7 @@ def _named(name: str, column: Column, names: list[Any]) -> list[Any]:
     """What the codes of a column stand for."""
     codes = _values(column)
     if any(code is not None and not 0 <= code < len(names) for code in codes):
-        raise InvalidFrameError(f"its lines contain a {name} without a name")
+        raise InvalidFrameError(f"its lines contain an unnamed {name}")
     return [None if code is None else names[code] for code in codes]
 
 

@@ -119,7 +119,7 @@ def parks_on_charger(resolved: Resolved) -> str:
         if floor_plan.kind.flat[cell] == CHARGER:
             x, y = floor_plan.xy(cell)
             return (
-                f"robot {robot} begins at [{x}, {y}]and therefore parks there, on a charger that "
+                f"robot {robot} begins at [{x}, {y}] and therefore parks there, on a charger that "
                 f"other robots need: {robots} robots share {places}; start it next to the charger"
             )
     return ""

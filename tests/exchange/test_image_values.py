@@ -47,10 +47,10 @@ def test_a_pgm_gives_its_greys_and_its_white(
     [
         (
             b"P5\n40000 25000\n255\nabc",
-            "says that it has 40,000 x 25,000 pixels; an image has 1 to",
+            "declares 40,000 x 25,000 pixels; allowed are 1 to",
         ),
-        (b"P2\n40000 25000\n255\n1 2 3", "says that it has 40,000 x 25,000 pixels"),
-        (b"P5\n0 4\n255\n", "says that it has 0 x 4 pixels"),
+        (b"P2\n40000 25000\n255\n1 2 3", "declares 40,000 x 25,000 pixels"),
+        (b"P5\n0 4\n255\n", "declares 0 x 4 pixels"),
         (b"P5\n2 2\n255\nabc", "is truncated: its header declares 4 pixels, it holds 3"),
         (b"P5\n2 2\n256\nabcdef", "is truncated: its header declares 4 pixels, it holds 3"),
         (b"P2\n2 2\n255\n1 2 3", "is truncated: its header declares 4 pixels, it holds 3"),
@@ -61,8 +61,8 @@ def test_a_pgm_gives_its_greys_and_its_white(
         ),
         (b"P5\n2 2\n0\nabcd", "the maxval of a PGM must be 1 to 65,535, found 0"),
         (b"P5\n2 2\n65536\nabcd", "the maxval of a PGM must be 1 to 65,535, found 65,536"),
-        (b"P5\n2 1\n7\n\x07\x08", "has a pixel of 8 and a maxval of 7"),
-        (b"P2\n2 1\n7\n7 8", "has a pixel of 8 and a maxval of 7"),
+        (b"P5\n2 1\n7\n\x07\x08", "has a pixel value of 8, above its maxval of 7"),
+        (b"P2\n2 1\n7\n7 8", "has a pixel value of 8, above its maxval of 7"),
         (b"P2\n2 1\n7\n7 x", "a pixel of a PGM must be a whole number from 0 on, found 'x'"),
         (b"P2\n2 1\n7\n7 -1", "a pixel of a PGM must be a whole number from 0 on, found '-'"),
         (b"P2\n2 1\n7\n7 1234567", "a pixel of a PGM is at most 65,535, found a longer number"),
@@ -73,7 +73,7 @@ def test_a_pgm_gives_its_greys_and_its_white(
         (PNG + b"\0\0\0\rIHDR\0\0", "is truncated: the PNG has no header"),
         (
             PNG + b"\0\0\0\rIHDR" + struct.pack(">II", 40000, 25000),
-            "says that it has 40,000 x 25,000",
+            "declares 40,000 x 25,000",
         ),
     ],
 )

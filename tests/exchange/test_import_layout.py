@@ -197,7 +197,7 @@ def test_no_speed_and_no_way_back(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert imported(write(tmp_path, lif(RING, AROUND, **slow)))[0] == 2
     assert "has no speed: set --speed, such as 1m/s" in capsys.readouterr().err
     assert imported(write(tmp_path, lif(RING, AROUND[:3])))[0] == 2
-    assert "there is neither a ring nor an edge both ways" in capsys.readouterr().err
+    assert "the graph has neither a ring nor a two-way edge" in capsys.readouterr().err
 
 
 def test_options_of_layouts_are_refused_for_problems(

@@ -124,7 +124,9 @@ def test_the_largest_cell_that_fits_is_chosen(tmp_path: Path) -> None:
 
 def test_without_a_cell_that_fits_the_nearest_is_named(tmp_path: Path) -> None:
     fit = fitted(tmp_path, lif({"A": (0, 0), "B": (3, 3), "C": (9, 0)}, ["A=B", "A=C"]), None)
-    assert fit.refusal.startswith("no cell from 2 m to 0.1 m will do; 1.25 m comes nearest: the")
+    assert fit.refusal.startswith(
+        "no cell size between 0.1 and 2 m meets the tolerance; the best is 1.25 m: the"
+    )
 
 
 @pytest.mark.parametrize(

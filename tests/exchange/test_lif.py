@@ -36,7 +36,7 @@ def first(layout: dict[str, Any], part: str) -> dict[str, Any]:
 
 def test_edges_of_other_types_are_left_out_and_counted(tmp_path: Path) -> None:
     layout = lif(NODES, ["A=B", "B=C"], B_C={"vehicleTypeId": "truck"})
-    assert "give --type: it has the types tug, truck" in refusal(tmp_path, layout)
+    assert "set --type; the types are tug, truck" in refusal(tmp_path, layout)
     read = graph(tmp_path, layout, robot_type="tug")
     assert [edge.name for edge in read.edges] == ["A-B", "B-A", "C-B"]
     assert read.lost["edges of other types"] == 1 and read.type == "tug"
@@ -48,7 +48,7 @@ def test_of_several_layouts_one_is_chosen(tmp_path: Path) -> None:
     layout = lif(NODES, ["A=B", "B=C"])
     upper = lif({"D": (0, 0), "E": (2, 0)}, ["D=E", "E-A"])["layouts"][0]
     layout["layouts"].append(upper | {"layoutId": "upper"})
-    assert "give --layout: it has the layouts ground, upper" in refusal(tmp_path, layout)
+    assert "set --layout; the layouts are ground, upper" in refusal(tmp_path, layout)
     read = graph(tmp_path, layout, layout="upper")
     assert [node.name for node in read.nodes] == ["D", "E"]
     assert read.lost["edges to other layouts"] == 1 and read.lost["other layouts"] == 1

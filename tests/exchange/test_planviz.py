@@ -171,7 +171,7 @@ def test_robots_may_follow_each_other_in_one_tick(tmp_path: Path) -> None:
         ),
         (
             {"events": [[1, 0, 0, 2], [1, 1, 1, 1]]},
-            "tick 1: robot 0 does visit 2 of task 0, of which 0 of 2 are done",
+            "tick 1: robot 0 does visit 2 of task 0, after 0 of 2 visits",
         ),
         (
             {"events": events([3, 0, 0, 3])},
@@ -324,12 +324,12 @@ def test_strange_outputs_of_2023_are_refused(
         ({"plannerPaths": []}, "plannerPaths has 0 entries, teamSize is 2"),
         ({"start": [[0, 0], [1, 0, "E"]]}, "start[0]"),
         ({"start": [[0, 0, "X"], [1, 0, "E"]]}, "start[0] has the heading 'X'; E, S, W and N"),
-        ({"events": [[4, 0, 0, 1]]}, "events[0] is of tick 4; there are ticks 1 to 3"),
+        ({"events": [[4, 0, 0, 1]]}, "events[0] is of tick 4; the ticks are 1 to 3"),
         ({"events": [[1, 2, 0, 1]]}, "events[0] is of robot 2; there are robots 0 to 1"),
         ({"events": [[1, 0, 9, 1]]}, "events[0] is of task 9, which is not among the tasks"),
         ({"events": [[1, 0, "0", 1]]}, "events[0][2] must be a whole number, found '0'"),
         ({"tasks": [[0, 0, [1]]]}, "tasks[0] has 1 number for its cells, not a row and a column"),
-        ({"tasks": [[0, 0, [0, 1]], [0, 0, [0, 1]]]}, "tasks[1] is task 0 once more"),
+        ({"tasks": [[0, 0, [0, 1]], [0, 0, [0, 1]]]}, "tasks[1] repeats task 0"),
         ({"actualSchedule": ["0", ""]}, "actualSchedule: robot 0 has '0', not 'tick:task'"),
         ({"numTaskFinished": "2"}, "numTaskFinished must be a whole number, found '2'"),
     ],

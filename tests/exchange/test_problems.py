@@ -128,7 +128,7 @@ def test_cells_of_a_folder_may_be_counted_from_one(tmp_path: Path) -> None:
 
 def test_each_robot_of_a_scenario_has_one_goal(tmp_path: Path) -> None:
     path = scen(tmp_path, "0 a.map 4 3 0 0 1 1 2.0\n1 maps/a.map 4 3 2 1 0 1 2\n")
-    assert "names the map 'maps/a.map', the first one 'a.map'" in refusal(path)
+    assert "names the map 'maps/a.map', but the first line 'a.map'" in refusal(path)
     path = scen(tmp_path, "0 x/a.map 4 3 0 0 1 1 2.0\n1 x/a.map 4 3 2 1 0 1 2\n")
     problem = read_problem(path)
     assert problem.starts.tolist() == [0, 6] and problem.tasks == ((5,), (4,))
@@ -255,7 +255,7 @@ def test_bad_keys_of_a_problem_are_named(
 def test_more_robots_than_free_cells_are_refused(tmp_path: Path) -> None:
     path = league(tmp_path, agents="8\n0\n1\n3\n4\n5\n6\n11\n0\n", teamSize=8)
     assert "a.agents: 8 robots, but the map has 7 free cells" in refusal(path)
-    assert "--robots 3 of a problem for 2 robots" in refusal(league(tmp_path), 3)
+    assert "--robots 3 but the problem has 2 robots" in refusal(league(tmp_path), 3)
 
 
 @pytest.mark.parametrize("text", ["", "[1]", '{"mapFile": '])
@@ -270,7 +270,7 @@ def test_what_is_not_a_json_object_is_refused(text: str, tmp_path: Path) -> None
     [
         ("", "a.scen:1: holds no start and goal below 'version 1'"),
         ("0 a.map 4 3 0 0 1 1\n", "a.scen:2: the line has 8 columns, a scenario has 9: bucket"),
-        ("0 b.map 4 3 0 0 1 1 2\n", "a.scen:2: there is no map 'b.map' beside the file"),
+        ("0 b.map 4 3 0 0 1 1 2\n", "a.scen:2: there is no map 'b.map' next to the file"),
         ("0 a.map 5 3 0 0 1 1 2\n", "a.scen:2: the line says 5 x 3 cells, the map has 4 x 3"),
         ("0 a.map 4 3 0 0 4 1 2\n", "a.scen:2: the goal x 4, y 1 lies outside the map (x 0..3"),
         ("0 a.map 4 3 0 0 0 2 2\n", "a.scen:2: task 0 visits row 2, column 0, which is bl"),

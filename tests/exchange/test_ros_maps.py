@@ -194,7 +194,12 @@ CHANGES = [
     ("[-3.0, -2.0, 0.0]", "[-3.0, .inf, 0]", 4, "YAML reads .inf as a number"),
     ("negate: 0", "negate: 2", 5, "negate must be 0 or 1, found '2'"),
     ("0.65", "65", 6, "occupied_thresh must be a number from 0 to 1, found '65'"),
-    ("free_thresh", "free_tresh", None, "has the key free_thresh, this one does not (did you mean"),
+    (
+        "free_thresh",
+        "free_tresh",
+        None,
+        "the key free_thresh of the map of ROS is missing (did you mean",
+    ),
     ("image: hall.pgm", "image: &a [*a]", 1, "an alias refers to the value that it is part of"),
     ("trinary", "[" * 50 + "]" * 50, 2, "nested more than 40 levels deep"),
 ]
@@ -218,17 +223,25 @@ def test_what_is_wrong_with_a_map_is_said_with_its_line(
 @pytest.mark.parametrize(
     ("options", "code", "sentence"),
     [
-        ("--cell 0.6m", 2, "--cell 0.6 m is not in whole pixels of 0.25 m: take 0.5 m or 0.75 m"),
-        ("--cell 0.1m", 2, "take 0.25 m"),
+        (
+            "--cell 0.6m",
+            2,
+            "--cell 0.6 m is not a whole number of pixels of 0.25 m: use 0.5 m or 0.75 m",
+        ),
+        ("--cell 0.1m", 2, "use 0.25 m"),
         (
             "",
             2,
             "an image has no cell size: set --cell to whole pixels of 0.25 m",
         ),
-        ("--cell 100m", 2, "the image has 26 x 18 of them, and a cell 500 each way at most"),
+        ("--cell 100m", 2, "the image has 26 x 18 pixels, and a cell has at most 500 per side"),
         ("--cell 0.5m --tick 7s", 2, "a move over 0.5 m would take 0 ticks"),
         ("--cell 0.5m --accept 9%", 2, "--accept has no effect on this file (a map of ROS)"),
-        ("--cell 0.5m --robot 4m", 1, "nothing is left: a robot of 4 m fits nowhere on 353 free"),
+        (
+            "--cell 0.5m --robot 4m",
+            1,
+            "no free cell is left: a robot of 4 m does not fit on 353 free",
+        ),
     ],
 )
 def test_options_that_do_not_fit_leave_no_file(

@@ -226,7 +226,7 @@ def test_messages_have_the_form_of_their_version(version: str, mini: Recording) 
     ("settings", "every", "sentence"),
     [
         ("units={tick: 1 cycle, cell: 1 m}", "1", "units.tick is '1 cycle', which is not a time"),
-        ("units={tick: 1 s}", "1", "units.cell does not say how large a cell is"),
+        ("units={tick: 1 s}", "1", "the size of a cell is unknown; set units.cell"),
         (
             "units={tick: 0.5 s, cell: 1 m}",
             "0.7",

@@ -121,7 +121,7 @@ def test_orders_due_at_a_tick_are_columns_too() -> None:
 def test_lines_that_name_what_is_not_told_are_refused() -> None:
     stored = pack_listed(with_lines(tuple(lines(MIN_PACKED))))
     stored["line_names"]["order"] = []
-    with pytest.raises(InvalidFrameError, match="an unnamed order is in its lines"):
+    with pytest.raises(InvalidFrameError, match="its lines contain an unnamed order"):
         unpack_listed(stored)
 
 
@@ -135,5 +135,5 @@ def test_lines_that_name_what_is_not_told_are_refused() -> None:
     ],
 )
 def test_columns_that_are_not_a_table_are_refused(columns: dict[str, Any]) -> None:
-    with pytest.raises(InvalidFrameError, match="not a table"):
+    with pytest.raises(InvalidFrameError, match="its table of orders is not valid"):
         unpack_listed({**conditions(transports(3)), "listed": columns})

@@ -214,7 +214,7 @@ def test_a_flipped_byte_is_noticed_wherever_it_is(whole: bytes, tmp_path: Path) 
         (stored.preamble() + b"\x01\x02", "cut short before its first frame ends"),
         (
             struct.pack("<12sH", stored.MAGIC, 9),
-            "has format 9, this version of automaton reads format 6",
+            "has format 9, but this version of automaton reads format 6",
         ),
     ],
 )
@@ -359,7 +359,7 @@ def first(parts: list[tuple[int, Any]], wanted: int) -> Any:
     ("names", "told"),
     [
         (2**31 - 1, "one of its arrays has no values but an extent of 2,147,483,647"),
-        (2**16, "digests has 65,536 rows or columns where there are "),
+        (2**16, "digests has 65,536 rows or columns, not "),
     ],
 )
 def test_an_array_without_values_takes_no_memory(

@@ -178,8 +178,7 @@ def test_an_order_beyond_the_range_of_a_battery_is_warned_of(scenario: str) -> N
         return
     assert said == [
         "an order from [0, 2] to [8, 8] takes 96 % of a battery, from a charger and back to one, "
-        "and "
-        "above the reserve there are 95 %: a robot that comes from a charger will never take it"
+        "but only 95 % are above the reserve: robots that leave a charger will never take it"
     ]
     strands = "strategy.charging={name: insertion, never_strand: false}"
     assert scenario_warnings(resolve(scenario, ["battery.reserve=5", strands])) == []

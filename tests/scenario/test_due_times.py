@@ -98,8 +98,8 @@ NO_CLOCK, NO_TIME = "units: {tick: 0.5 s}", "units: {tick: 1 cycle}"
     ("due", "units", "words"),
     [
         ("30 s", NO_TIME, "units.tick is '1 cycle', which is not a time"),
-        ('"06:30"', NO_CLOCK, "units.clock does not say what time it is in tick 0"),
-        ('"06:30"', NO_TIME, "units.clock does not say what time it is in tick 0"),
+        ('"06:30"', NO_CLOCK, "the clock time of tick 0 is unknown"),
+        ('"06:30"', NO_TIME, "the clock time of tick 0 is unknown"),
         ("30 lines", UNITS, "there is no unit 'lines' here"),
         ("3 m", UNITS, "is a length, expected a time after release such as 30 min, or a clock"),
         ("0.1 s", UNITS, "'0.1 s' is less than half a tick of 0.5 s, so it would be 0 ticks"),
@@ -146,7 +146,7 @@ def test_an_allocation_by_due_times_needs_some(
     by_due = "{name: first-come, by: due}"
     orders = "{list: [{stops: [[0, 0]]}]}"
     (warning,) = scenario_warnings(scenario(tmp_path, orders, allocation=by_due))
-    assert warning.startswith("strategy.allocation goes by due times (by: due), and no order has")
+    assert warning.startswith("strategy.allocation uses due times (by: due), but no order has")
     assert main(["check", str(tmp_path / "due.yaml")]) == 0
     assert "goes by due times" in capsys.readouterr().err
     due = "{list: [{stops: [[0, 0]], due: 5}]}"

@@ -257,7 +257,7 @@ def test_what_is_not_a_tick_is_refused(tmp_path: Path, tick: str) -> None:
 def test_a_clock_time_needs_a_clock(tmp_path: Path) -> None:
     clock = ', clock: "2026-03-02 06:00"'
     said = complaint(tmp_path, clock, "", "faults.list.0.at=06:30")
-    assert "units.clock does not say what time it is in tick 0" in said
+    assert "the clock time of tick 0 is unknown" in said
     bare = ', clock: "06:00"'
     said = complaint(tmp_path, clock, bare, "faults.list.0.at=2026-03-02 06:30")
     assert "has a date, but units.clock has none" in said

@@ -253,7 +253,7 @@ def test_a_format_is_offered_that_all_times_have(tmp_path: Path) -> None:
     said = said_of(tmp_path, "3/2/2026 6:30")
     assert said.endswith('set time: "%m/%d/%Y %H:%M" or time: "%d/%m/%Y %H:%M"')
     said = said_of(tmp_path, "2026-03-02 06:30", time="%d.%m.%Y %H:%M")
-    assert "expected is the format '%d.%m.%Y %H:%M', such as 02.03.2026 06:30; leave out" in said
+    assert "expected the format '%d.%m.%Y %H:%M', such as 02.03.2026 06:30; leave out" in said
     said = said_of(tmp_path, "46083.2708333")
     assert (
         "'46083.2708333' is a number of days, as spreadsheets store dates; set time: serial" in said
@@ -289,7 +289,7 @@ def test_offsets_stand_in_all_times_or_in_none(tmp_path: Path) -> None:
     bare = ("2026-03-29 01:30", "2026-03-29 03:30")
     assert released(tmp_path, *bare, units=no_clock) == [0, 7200]
     said = said_of(tmp_path, "2026-03-29 01:30Z", bare[1], units=no_clock)
-    assert "'2026-03-29 03:30' has no offset from UTC, and the other times have one" in said
+    assert "'2026-03-29 03:30' has no offset from UTC, but the other times have one" in said
     said = said_of(tmp_path, bare[0], "2026-03-29 01:30Z", units=no_clock)
     assert "'2026-03-29 01:30Z' has an offset from UTC, and the other times have none" in said
     said = said_of(tmp_path, "2026-03-29 01:30Z")
@@ -301,7 +301,11 @@ def test_offsets_stand_in_all_times_or_in_none(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("times", "units", "sentence"),
     [
-        (("12", "06:30"), Units(tick="1 s"), "'06:30' is a clock time, and units.clock does not say"),
+        (
+            ("12", "06:30"),
+            Units(tick="1 s"),
+            "'06:30' is a clock time, but the clock time of tick 0 is unknown",
+        ),
         (("06:30", "2026-03-02 06:30"), Units(tick="1 s"), "has a date, unlike the other times"),
         (("2026-03-02 06:30", "06:30"), Units(tick="1 s"), "has no date, unlike the other times"),
         (("2026-03-02 06:30",), Units(tick="1 s", clock="06:00"),

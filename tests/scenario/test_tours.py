@@ -41,7 +41,7 @@ WRONG = (
     ("{list: [{stops: [[7, 0]]}]}", "the stop [7, 0] lies outside the floor (x 0..6, y 0..2)"),
     (
         "{list: [{stops: [[0, 0], [6, 0]]}]}",
-        "orders.list[0].stops[1]: no robot that can do the order gets",
+        "orders.list[0].stops[1]: no robot that can do the order can reach",
     ),
     ("{list: [{stops: [[0, 0]], from: [4, 2]}]}", "the key 'to' is missing"),
     ("{list: [{stops: []}]}", "orders.list[0].stops"),
@@ -80,7 +80,7 @@ FILES = (
     ("1\n-1\n", 2, "cell -1 lies outside the floor (cells 0 to 20)"),
     ("1\n0,\n", 2, "column 3: a cell of a task must be a whole number, found nothing"),
     ("2\n# walls\n0\n3,8\n", 4, "the stop [1, 1] is a wall"),
-    ("1\n6\n", 2, "gets to its stop [6, 0] from its start, and back"),
+    ("1\n6\n", 2, "can reach its stop [6, 0] from its start and return"),
 )
 
 

@@ -231,7 +231,7 @@ def test_where_units_have_a_clock_a_tick_is_a_time_of_the_day() -> None:
         assert tick_of(words, 300, 900, None, FROM_SIX) == tick
     for words, scale, reason in (
         ("05:59", FROM_SIX, "'05:59' is before tick 0"),
-        ("06:30", HALF_SECONDS, "units.clock does not say what time it is in tick 0"),
+        ("06:30", HALF_SECONDS, "the clock time of tick 0 is unknown"),
         ("soon", FROM_SIX, "50 %, 15 s, 07:00"),
     ):
         with pytest.raises(InputError, match=reason):

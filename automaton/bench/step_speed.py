@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from automaton.bench.measured_kernels import random_walk, random_walk_in_spans
 from automaton.bench.measurement import (
     NS_PER_ROBOT_AND_TICK,
     Measurement,
@@ -22,7 +23,6 @@ from automaton.bench.measurement import (
     open_floor,
     scene,
 )
-from automaton.bench.random_walk import random_walk, random_walk_in_spans
 from automaton.engine.state import Array, World
 from automaton.floor.floor_plan import FloorPlan
 from automaton.world.building import build_world

@@ -11,8 +11,8 @@ from functools import cache, partial
 
 import numpy as np
 
+from automaton.bench.measured_kernels import compute, rank_options
 from automaton.bench.measurement import Measurement, Sample, cpu_seconds
-from automaton.bench.table_look_ups import compute, rank_options
 from automaton.engine.distance_tables import DistanceTables
 from automaton.engine.state import Array, Grid
 from automaton.engine.table_building import Costs, build_tables

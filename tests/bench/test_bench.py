@@ -22,6 +22,7 @@ from automaton.bench import (
     table_speed,
     warehouse_speed,
 )
+from automaton.bench.measured_kernels import compute, random_walk, random_walk_in_spans
 from automaton.bench.measurement import (
     Measurement,
     NotMeasuredError,
@@ -30,7 +31,6 @@ from automaton.bench.measurement import (
     scene,
     take,
 )
-from automaton.bench.random_walk import random_walk, random_walk_in_spans
 from automaton.bench.step_speed import (
     ONE_TO_A_CELL,
     WalkingFleet,
@@ -38,7 +38,6 @@ from automaton.bench.step_speed import (
     storage_of,
     walking_fleet,
 )
-from automaton.bench.table_look_ups import compute
 from automaton.commands import bench_command, main
 from automaton.commands.bench_command import chosen, measurements
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_ZONING, NIL, World

@@ -23,6 +23,7 @@ from typing import Any, Final, Generic, NamedTuple, Self, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from automaton.bench.measured_kernels import random_walk
 from automaton.bench.measurement import (
     MS,
     Measurement,
@@ -33,7 +34,6 @@ from automaton.bench.measurement import (
     scene,
     wall_seconds,
 )
-from automaton.bench.random_walk import random_walk
 from automaton.bench.steering_speed import BUSY_CROWD, busy_fleet
 from automaton.floor.cells import DIRECTION_VECTORS, FLOOR, TURNTABLE, WALL
 from automaton.floor.floor_plan import make_floor_plan

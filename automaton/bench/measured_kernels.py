@@ -1,13 +1,19 @@
-"""The bare step: every robot wants to move in a random direction, all occupancy rules apply."""
+"""Kernels that the bench measures: the bare step, and look-ups in distance tables.
+
+In the bare step every robot wants to move in a random direction, and all occupancy rules apply.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 
+from automaton.engine.distance_tables import DistanceTables
 from automaton.engine.jit.kernel import U, kernel
+from automaton.engine.jit.structs import NIL
 from automaton.engine.motion import LIVE, move_all
 from automaton.engine.random_numbers import splitmix64
-from automaton.engine.state import World
+from automaton.engine.state import Array, World
+from automaton.engine.table_rows import cost_in, forget, row_to
 
 
 @kernel
@@ -37,3 +43,30 @@ def random_walk_in_spans(world: World, first: int, last: int) -> None:
                 slow = np.int64(bits) & 1023 < 102
                 traffic.move_ticks[U(i)] = 2 + (np.int64(bits >> np.uint64(10)) & 1) if slow else 1
         move_all(world.grid, world.rules, robots, traffic, tick)
+
+
+@kernel
+def compute(tables: DistanceTables, goals: Array) -> None:
+    """Compute the tables to some goals, whether they are there or not."""
+    for k in range(goals.shape[0]):
+        row = tables.row_of[goals[k]]
+        if row != NIL:
+            forget(tables, row)
+        row_to(tables, 0, goals[k], 0, False)
+
+
+@kernel
+def rank_options(
+    tables: DistanceTables, goals: Array, cells: Array, headings: Array, rounds: int
+) -> np.int64:
+    """For robots with a goal each: what staying and each neighbour costs; the sum."""
+    total = np.int64(0)
+    for _ in range(rounds):
+        for k in range(goals.shape[0]):
+            row = row_to(tables, 0, goals[k], 0, True)
+            total += cost_in(tables, row, cells[k], headings[k])
+            for direction in range(4):
+                after = cells[k] + tables.offset[direction]
+                if tables.number[after] != NIL:
+                    total += cost_in(tables, row, after, direction)
+    return total

@@ -17,8 +17,18 @@ in the largest unit that all steps and turns are a multiple of.
 
 from typing import Final
 
-from automaton.engine.jit.named_numbers import NamedNumbers, number
-from automaton.engine.jit.structs import CONSTANT, NIL, SCRATCH, STATIC, STOP, Array, Struct, field
+from automaton.engine.jit.structs import (
+    CONSTANT,
+    NIL,
+    SCRATCH,
+    STATIC,
+    STOP,
+    Array,
+    NamedNumbers,
+    Struct,
+    field,
+    number,
+)
 
 UNREACHABLE: Final = 1 << 30  # cost of what cannot be reached
 STOP_NO_ROOM: Final = 2  # tables.stop: one tick needs more tables than the budget holds

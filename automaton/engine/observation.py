@@ -11,8 +11,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.jit.named_numbers import NamedNumbers, number
-from automaton.engine.jit.structs import MEASURED, NIL, SCRATCH, Struct, field
+from automaton.engine.jit.structs import MEASURED, NIL, SCRATCH, NamedNumbers, Struct, field, number
 from automaton.engine.state import Array
 
 

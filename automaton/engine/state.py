@@ -30,7 +30,6 @@ from automaton.engine.facilities import (
 )
 from automaton.engine.facilities import STRATEGY_COUNT as STRATEGY_COUNT
 from automaton.engine.facilities import Grid as Grid
-from automaton.engine.jit.named_numbers import NamedNumbers, number
 from automaton.engine.jit.structs import (
     BY_ENTRY,
     CALL,
@@ -40,8 +39,10 @@ from automaton.engine.jit.structs import (
     MEASURED,
     SCRATCH,
     STATIC,
+    NamedNumbers,
     Struct,
     field,
+    number,
 )
 from automaton.engine.jit.structs import NIL as NIL
 from automaton.engine.jit.structs import Array as Array

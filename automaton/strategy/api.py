@@ -22,7 +22,7 @@ from automaton.engine.gates import (
 )
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel, prefetch
-from automaton.engine.jit.named_numbers import NamedNumbers, number
+
 from automaton.engine.jit.structs import CONSTANT, DERIVED, SCRATCH, STATIC, STOP, Struct, field
 from automaton.engine.motion import direction_between, has_room, is_empty
 from automaton.engine.operations import (

@@ -11,8 +11,7 @@ import pytest
 from numba.core.errors import NumbaError
 
 from automaton.engine.jit.kernel import jit_is_on, kernel
-from automaton.engine.jit.named_numbers import NamedNumbers, number
-from automaton.engine.jit.structs import SCRATCH, Array, Struct, field
+from automaton.engine.jit.structs import SCRATCH, Array, NamedNumbers, Struct, field, number
 
 
 class Meter(NamedNumbers):

@@ -23,14 +23,13 @@ from numba.extending import (
     unbox,
 )
 
-from automaton.engine.jit.named_numbers import NamedNumbers
 from automaton.engine.jit.numba_parts import (
     AttributeTemplate,
     cgutils,
     infer_getattr,
     populate_array,
 )
-from automaton.engine.jit.structs import CONSTANT, WORDS_PER_ROW, Struct, StructClass
+from automaton.engine.jit.structs import CONSTANT, WORDS_PER_ROW, NamedNumbers, Struct, StructClass
 
 WORD: Final = ir.IntType(64)
 

@@ -44,7 +44,8 @@ from weakref import WeakKeyDictionary, WeakValueDictionary
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.engine.jit.named_numbers import NamedNumbers
+from automaton.engine.jit.named_numbers import NamedNumbers as NamedNumbers
+from automaton.engine.jit.named_numbers import number as number
 
 Array = NDArray[Any]
 

@@ -22,8 +22,17 @@ from automaton.engine.gates import (
 )
 from automaton.engine.holders import lane_of
 from automaton.engine.jit.kernel import kernel, prefetch
-
-from automaton.engine.jit.structs import CONSTANT, DERIVED, SCRATCH, STATIC, STOP, Struct, field
+from automaton.engine.jit.structs import (
+    CONSTANT,
+    DERIVED,
+    SCRATCH,
+    STATIC,
+    STOP,
+    NamedNumbers,
+    Struct,
+    field,
+    number,
+)
 from automaton.engine.motion import direction_between, has_room, is_empty
 from automaton.engine.operations import (
     end_of_stops,

@@ -560,10 +560,10 @@ def contract_page() -> str:
             ("command", "meaning"), ((code(n), COMMAND_MEANINGS[n]) for n in _names(state, "CMD_"))
         ),
         "## What it remembers\n",
-        "A state is declared as the world is: `field(kind, meaning, role=CONSTANT)`. Declare a number that "
-        'the strategy writes as `calls: int = field("() int64")` and write `state.calls += 1`; a number '
-        "declared as `int64` cannot be written. A strategy needs the roles CONSTANT, SCRATCH and STOP. A "
-        "field without a "
+        "A state is declared as the world is: `field(kind, meaning, role=CONSTANT)`. Declare a number "
+        'that the strategy writes as `calls: int = field("() int64")` and write `state.calls += 1`; a '
+        "number declared as `int64` cannot be written. A strategy needs the roles CONSTANT, SCRATCH and "
+        "STOP. A field without a "
         "role is kept from tick to tick and goes on in a branch, as STATE does, but is not in the "
         "digest, which has fields of the world alone. Under a radius a robot sees its own row of fields "
         "whose first extent is `n`, and zeros in others, unless these are CONSTANT.\n",

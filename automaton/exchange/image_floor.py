@@ -62,8 +62,7 @@ def read_image_floor(path: Path, options: ImportOptions) -> ImportedFloor:
     robots = _starts(cells, options.robots or 1, file)
     sections = {
         "name": re.sub(r"[^\w. -]", "-", path.stem)[:200] or "map",
-        "summary": f"{count(len(robots), 'robot')} on {cells.free.shape[1]} x "
-        f"{cells.free.shape[0]} "
+        "summary": f"{count(len(robots), 'robot')} on {cells.free.shape[1]} x {cells.free.shape[0]} "
         f"cells of {metres(cell)}, imported.",
         "fleet": {"robots": len(robots), "kinematics": "omni", "start": robots},
         **_times(cell, options, file),
@@ -228,8 +227,7 @@ def _comments(ros_map: RosMap, cells: PixelCells) -> tuple[str, ...]:
     height, width = ros_map.free.shape
     left, top = cells.first
     return (
-        f"Image of {width} x {height} pixels of {metres(ros_map.resolution)}; its lower left "
-        "pixel is at "
+        f"Image of {width} x {height} pixels of {metres(ros_map.resolution)}; its lower left pixel is at "
         f"x {x:g} m, y {y:g} m, yaw {yaw:g}.",
         f"Cell (0, 0) begins at pixel column {left}, row {top} from the upper left.",
     )

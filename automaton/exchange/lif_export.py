@@ -65,8 +65,7 @@ def floor_graph(floor_plan: FloorPlan) -> FloorGraph:
         )
         more = ", ..." if len(crowded) > LONGEST_LIST else ""
         raise InputError(
-            f"{len(crowded):,} cells of the floor hold more than one robot ({places}{more}); a "
-            "node of a "
+            f"{len(crowded):,} cells of the floor hold more than one robot ({places}{more}); a node of a "
             "graph holds one"
         )
     exits = floor_plan.exits.reshape(-1)

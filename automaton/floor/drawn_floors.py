@@ -182,8 +182,7 @@ def _symbols_of(codes: npt.NDArray[np.uint32], symbols: dict[str, Symbol]) -> di
             known = "".join(sorted(set(symbols) - {" "}))
             raise PictureError(
                 f"row {row + 1}, column {x + 1} of the picture: {character!r} has no meaning"
-                f"{_alike(character, symbols)}; known are {known}, blanks, and A to Z for robots; "
-                "a "
+                f"{_alike(character, symbols)}; known are {known}, blanks, and A to Z for robots; a "
                 "legend may add others",
                 row,
             )

@@ -35,8 +35,7 @@ Cell = tuple[int, int]
 Locations = Annotated[
     dict[SingleLine, Pair] | NonEmptyText,
     Meta(
-        description="Names of cells, for orders: {NAME: [x, y]}, or a CSV file with the columns "
-        "name, "
+        description="Names of cells, for orders: {NAME: [x, y]}, or a CSV file with the columns name, "
         "x and y; path relative to the scenario."
     ),
 ]
@@ -113,8 +112,7 @@ class SpeedLimit(ConfigSection, frozen=True, kw_only=True):
     max_speed: Annotated[
         MoveTicks,
         Meta(
-            description="A move between two of these cells takes at least as long as at this "
-            "speed; a "
+            description="A move between two of these cells takes at least as long as at this speed; a "
             "plain number is the least duration in ticks. Slow zones multiply the result."
         ),
     ]
@@ -189,8 +187,7 @@ class Door(ConfigSection, frozen=True, kw_only=True):
             TIME,
             ge=0,
             le=LAST_TICK,
-            description="Ticks without a robot in the door or a request, after which the door "
-            "shuts.",
+            description="Ticks without a robot in the door or a request, after which the door shuts.",
         ),
     ]
 
@@ -222,8 +219,7 @@ class Lift(ConfigSection, frozen=True, kw_only=True):
     shaft: Annotated[
         Corners,
         Meta(
-            description="Corners of the path of the shaft; each exit to the outside is a mouth of "
-            "the "
+            description="Corners of the path of the shaft; each exit to the outside is a mouth of the "
             "lift."
         ),
     ]
@@ -247,8 +243,7 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
         Lasting | Literal["30 s"] | None,
         Meta(
             description="Ticks that a robot waits before a closed cell until it gets a new route "
-            "around closed cells, once for each closing; null: never. The default is 30 ticks "
-            "where a "
+            "around closed cells, once for each closing; null: never. The default is 30 ticks where a "
             "tick has no unit of time."
         ),
     ] = "30 s"

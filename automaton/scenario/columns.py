@@ -392,8 +392,7 @@ def _read_sheet(pairs: Iterator[Pair], place: str, time: str | None, choose: Cho
 
 def _no_value(cell: str) -> InputError:
     return InputError(
-        "is a formula whose value is not in the file; open the file in the program that made it, "
-        "and "
+        "is a formula whose value is not in the file; open the file in the program that made it, and "
         "save it again",
         cell,
     )

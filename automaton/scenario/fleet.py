@@ -58,8 +58,7 @@ class Drain(ConfigSection, frozen=True, kw_only=True):
     wait: Annotated[
         Rate,
         Meta(
-            description="Percent of a full battery in a tick of standing on the floor, whatever "
-            "the "
+            description="Percent of a full battery in a tick of standing on the floor, whatever the "
             "reason."
         ),
     ] = 0.0
@@ -90,8 +89,7 @@ class Battery(ConfigSection, frozen=True, kw_only=True):
     charge_rate: Annotated[
         GivingRate | tuple[tuple[Percent, GivingRate], ...],
         Meta(
-            description="Charge gained per tick at a charger, in percent; or a curve of [from, "
-            "rate] "
+            description="Charge gained per tick at a charger, in percent; or a curve of [from, rate] "
             "pairs, the first from 0."
         ),
     ]
@@ -262,18 +260,15 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
     start: Annotated[
         Literal["parking-bays", "random", "racks"] | tuple[Pair, ...] | StartFile | None,
         Meta(
-            description="Start cells of the robots: parking-bays, random, racks (in front of "
-            "random "
-            "racks), a list of cells, or a file. Left out: the robots drawn in the picture, else "
-            "the "
+            description="Start cells of the robots: parking-bays, random, racks (in front of random "
+            "racks), a list of cells, or a file. Left out: the robots drawn in the picture, else the "
             "parking bays, else random."
         ),
     ] = None
     heading: Annotated[
         Direction | tuple[Direction, ...] | None,
         Meta(
-            description="Initial heading of differential robots: one for all, or one for each. "
-            "Left "
+            description="Initial heading of differential robots: one for all, or one for each. Left "
             "out: towards an exit of their cell, south before north, east and west."
         ),
     ] = None
@@ -305,8 +300,7 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
                 )
             if kind.durations.turn is not None and self.kinematics_of(kind) == "omni":
                 raise ValueError(
-                    f"types gives {kind.name} durations.turn, but omni robots do not turn; leave "
-                    "it "
+                    f"types gives {kind.name} durations.turn, but omni robots do not turn; leave it "
                     "out, or set kinematics"
                 )
         for name in names:
@@ -424,24 +418,21 @@ class Delays(ConfigSection, frozen=True, kw_only=True):
         Literal["bernoulli", "poisson"],
         Meta(
             description="bernoulli: each robot is drawn by itself; poisson: the number of newly "
-            "delayed robots is Poisson distributed, with mean probability times the number of "
-            "robots "
+            "delayed robots is Poisson distributed, with mean probability times the number of robots "
             "that may be delayed."
         ),
     ] = "bernoulli"
     distribution: Annotated[
         Literal["uniform"] | BellDelays,
         Meta(
-            description="Distribution of the duration. uniform: all values equally likely; "
-            "{gaussian: "
+            description="Distribution of the duration. uniform: all values equally likely; {gaussian: "
             "{mean_ratio, sd_ratio}}: normal, rounded, and limited to the range of ticks."
         ),
     ] = "uniform"
     of: Annotated[
         tuple[Literal["move", "turn"], ...],
         Meta(
-            description="Operations that a delay lengthens; other operations continue, and the "
-            "robot "
+            description="Operations that a delay lengthens; other operations continue, and the robot "
             "stands for the rest of the delay after them."
         ),
     ] = ("move", "turn")
@@ -469,8 +460,7 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     mtbf: Annotated[
         Annotated[float, quantity(TIME, ge=1, le=1e9)] | None,
         Meta(
-            description="The mean time between failures of a robot on the floor, in ticks; "
-            "instead of "
+            description="The mean time between failures of a robot on the floor, in ticks; instead of "
             "failure_probability, which is 1 / this."
         ),
     ] = None
@@ -487,10 +477,8 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     repair_in_place: Annotated[
         LongTicks | Distribution | None,
         Meta(
-            description="Duration of a repair on the spot, after which the robot continues with "
-            "its "
-            "load and order; null: robots that break down are towed. Robots without charge are "
-            "always "
+            description="Duration of a repair on the spot, after which the robot continues with its "
+            "load and order; null: robots that break down are towed. Robots without charge are always "
             "towed."
         ),
     ] = None
@@ -500,8 +488,7 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     charge: Annotated[
         Percent | Literal["kept"],
         Meta(
-            description="Charge with which a repaired robot comes back, percent. kept: the charge "
-            "at "
+            description="Charge with which a repaired robot comes back, percent. kept: the charge at "
             "which it was towed, but at least battery.reserve if the battery was empty."
         ),
     ] = "kept"

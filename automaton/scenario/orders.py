@@ -147,8 +147,7 @@ class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
     order: Annotated[
         int | SingleLine | None,
         Meta(
-            description="The order to which the line belongs; left out: the line is an order of "
-            "its "
+            description="The order to which the line belongs; left out: the line is an order of its "
             "own."
         ),
     ] = None
@@ -232,8 +231,7 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
             GAP,
             ge=0,
             le=1_000_000,
-            description="Mean ticks between two orders: an order, with all of its lines, arrives "
-            "in "
+            description="Mean ticks between two orders: an order, with all of its lines, arrives in "
             "each tick with probability 1 / this value. 0: all are known from the start.",
         ),
     ] = 0.0
@@ -244,16 +242,14 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
     classes: Annotated[
         Shares | None,
         Meta(
-            description="Share of lines for the pods of each class; left out: demand is uniform "
-            "over "
+            description="Share of lines for the pods of each class; left out: demand is uniform over "
             "all pods."
         ),
     ] = None
     stations: Annotated[
         Literal["fewest-lines", "random"],
         Meta(
-            description="The station of an order. fewest-lines: the one with the fewest open "
-            "lines; "
+            description="The station of an order. fewest-lines: the one with the fewest open lines; "
             "random: any."
         ),
     ] = "fewest-lines"
@@ -305,8 +301,7 @@ class Bursts(ConfigSection, frozen=True, kw_only=True):
     every: Annotated[
         Annotated[int, quantity(GAP, ge=1, le=1_000_000)] | MeanTime,
         Meta(
-            description="Ticks from one burst to the next: a fixed number, or random with this "
-            "mean."
+            description="Ticks from one burst to the next: a fixed number, or random with this mean."
         ),
     ]
 
@@ -384,8 +379,7 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
         Annotated[tuple[NamedCell | OrderStop, ...], Meta(min_length=1, max_length=MAX_STOPS)]
         | None,
         Meta(
-            description="Cells that a robot must visit in this sequence; with from and to, it "
-            "visits "
+            description="Cells that a robot must visit in this sequence; with from and to, it visits "
             "them while it carries the load."
         ),
     ] = None
@@ -394,8 +388,7 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
     priority: Annotated[
         Annotated[int, Meta(ge=-100, le=100)],
         Meta(
-            description="Priority: a robot gets an order of the highest priority among those that "
-            "it "
+            description="Priority: a robot gets an order of the highest priority among those that it "
             "can do."
         ),
     ] = 0
@@ -496,10 +489,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         Meta(
             description="The generator of orders. full-shelves: every shelf holds a load at the "
             "start, for a random destination; picture-loads: only the shelves drawn as $ do. "
-            "dock-to-rack: `count` loads wait at random docks, each for a random rack. stations: "
-            "each "
-            "load goes from one random station to another. visits: a robot must visit a random "
-            "station. "
+            "dock-to-rack: `count` loads wait at random docks, each for a random rack. stations: each "
+            "load goes from one random station to another. visits: a robot must visit a random station. "
             "tours: a robot must visit `stops` random cells in turn, out of all cells that it can "
             "reach, never the same cell twice in succession."
         ),
@@ -518,8 +509,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             GAP,
             ge=0,
             le=1_000_000,
-            description="Mean ticks between two orders: from the second tick on, an order arrives "
-            "in "
+            description="Mean ticks between two orders: from the second tick on, an order arrives in "
             "each tick with probability 1 / this value (Poisson arrivals in discrete time). 0: all "
             "orders are known from the start.",
         ),
@@ -542,8 +532,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         tuple[Parts, ...] | None,
         Meta(
             description="Parts that stations process one at a time, first come, first served. Each "
-            "transport from a station to the next one is an order, released when the first "
-            "station is "
+            "transport from a station to the next one is an order, released when the first station is "
             "done with the part."
         ),
     ] = None
@@ -554,18 +543,15 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     lines: Annotated[
         tuple[Line, ...] | LineDemand | None,
         Meta(
-            description="Order lines, from which the trips of pods follow: a list, a file, or "
-            "random."
+            description="Order lines, from which the trips of pods follow: a list, a file, or random."
         ),
     ] = None
     tasks: Annotated[
         NonEmptyText | tuple[Cells, ...] | None,
         Meta(
             description="Tasks without a load: each is a list of cells that a robot must visit in "
-            "turn. Either a file, relative to the scenario, or the lists themselves. In the file, "
-            "lines "
-            "with # are skipped, the first line is the number of tasks, and each further line has "
-            "cells "
+            "turn. Either a file, relative to the scenario, or the lists themselves. In the file, lines "
+            "with # are skipped, the first line is the number of tasks, and each further line has cells "
             "(row * width + column), separated by commas."
         ),
     ] = None

@@ -3,8 +3,7 @@
     durations: {move: 1.5 m/s, pick: 20 s}      beside      durations: {move: 2, pick: 40}
 
 A text is a number with a unit ("20 s", "1.5 m/s", "120/h", "9 %/h", "0:10:00") or a clock time
-("2026-03-02 "
- "06:30", or "06:30" on the day of units.clock). A field of a struct says what it counts by
+("2026-03-02 06:30", or "06:30" on the day of units.clock). A field of a struct says what it counts by
 `quantity(TIME, ...)` among its annotations, in a plug-in as well. Texts are read as exact fractions;
 automaton.scenario.validation rounds them where a whole number is wanted.
 """
@@ -141,8 +140,7 @@ def _not_a_number(text: str) -> str:
         return f"'{text}' must not be below 0"
     if _COMMA.search(text):
         return (
-            f"'{text}' is not one number with a unit; write it with a decimal point and nothing "
-            "between "
+            f"'{text}' is not one number with a unit; write it with a decimal point and nothing between "
             "the digits, such as 1.5 s or 1000 s"
         )
     return f"'{text}' is not a number with a unit, such as 20 s"

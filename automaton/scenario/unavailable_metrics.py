@@ -60,8 +60,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         (
             OF_DUE_TIMES,
             has_due_times(orders),
-            "orders with due times: due in orders.list or orders.lines, or as a column of their "
-            "files",
+            "orders with due times: due in orders.list or orders.lines, or as a column of their files",
         ),
         (OF_BATTERIES, powered, "a battery"),
         (

@@ -1,7 +1,6 @@
 """Data as the structs of the schema, with sentences that say what was expected and found.
 
-Texts with units become numbers, and names of cells become cells: "20 "
-                                                                  "s" is 40 ticks, and `packing` is
+Texts with units become numbers, and names of cells become cells: "20 s" is 40 ticks, and `packing` is
 [4, 2]. Each conversion is kept with what was wanted exactly, so that `check` can say what it costs.
 """
 

@@ -277,8 +277,7 @@ class FleetOnFloor:
                 source, target = way.source[lost[0][0]], way.target[lost[0][1]]
                 (x, y), (u, v) = self.floor_plan.xy(source), self.floor_plan.xy(target)
                 return (
-                    f"{way.what} from [{x}, {y}] to [{u}, {v}] is carried all the way by no type "
-                    "of "
+                    f"{way.what} from [{x}, {y}] to [{u}, {v}] is carried all the way by no type of "
                     "robot; only zoning hands orders over from one type to another"
                 )
         return ""

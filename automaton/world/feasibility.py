@@ -121,8 +121,7 @@ def check_rails(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
         number = ways.index("rail")
         yield Finding(
             ("fleet", "types", number),
-            f"{fleet.types[number].name} drives on rails beside robots that do not, which takes "
-            "tracks "
+            f"{fleet.types[number].name} drives on rails beside robots that do not, which takes tracks "
             f"and turntables, but the floor has no {' and no '.join(missing)}; draw them, or set "
             "kinematics of this type to differential or omni",
         )

@@ -59,8 +59,7 @@ def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:
     named = ", ".join(str(list(resolved.floor_plan.xy(int(c)))) for c in inside[:MOST_NAMED])
     more = f" and {len(inside) - MOST_NAMED} more" if len(inside) > MOST_NAMED else ""
     return (
-        f"stations or chargers in dead ends ({named}{more}): one robot at a time goes in, and "
-        "comes out "
+        f"stations or chargers in dead ends ({named}{more}): one robot at a time goes in, and comes out "
         "again before the next; a second way out lets robots pass through"
     )
 
@@ -90,8 +89,7 @@ def has_homes_behind_others(resolved: Resolved, ends: DeadEnds) -> str:
         return ""
     named = ", ".join(str(list(floor_plan.xy(cell))) for cell in blocking[:MOST_NAMED])
     return (
-        f"homes of robots on the way into dead ends ({named}): robots whose homes lie deeper "
-        "cannot get "
+        f"homes of robots on the way into dead ends ({named}): robots whose homes lie deeper cannot get "
         "past one that is parked there; give each dead end one home at most"
     )
 
@@ -130,8 +128,7 @@ def jams_under_retreat(resolved: Resolved) -> str:
         better = default_right_of_way(resolved.scenario, resolved.fleet).name
         way_out = f"; right_of_way {better} handles such fleets"
     return (
-        f"right_of_way {name} jams with {count(robots, 'robot')} on {count(cells, 'cell')}, most "
-        "of them "
+        f"right_of_way {name} jams with {count(robots, 'robot')} on {count(cells, 'cell')}, most of them "
         f"for one robot{way_out}"
     )
 
@@ -175,8 +172,7 @@ def standstill_warnings(resolved: Resolved) -> list[str]:
     of_moves = "" if rule == "none" else f" of moves longer than one tick (here {least:g})"
     most = count(cells - 1, "robot")
     return [
-        f"stands still: {count(cells, 'robot')} fill the {count(cells, 'cell')} around [{x}, "
-        f"{y}], and "
+        f"stands still: {count(cells, 'robot')} fill the {count(cells, 'cell')} around [{x}, {y}], and "
         f"under world.following: {rule} a full ring{of_moves} cannot start; at most {most} "
         "can move there at all, or set world.following: convoy"
     ]

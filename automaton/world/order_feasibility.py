@@ -131,8 +131,7 @@ def check_tasks(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
     count = order_count(scenario, floor_plan)
     if count > MAX_TASK_ORDERS:
         text = (
-            f"in {ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))} the "
-            "robots "
+            f"in {ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))} the robots "
             f"could do {count:,} tasks, more than a run holds ({MAX_TASK_ORDERS:,}); set a lower "
             "stop.max_duration"
         )

@@ -111,8 +111,7 @@ def check_table_memory(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Fi
     if size > bytes_of(text):
         yield Finding(
             ("world", "distance_tables"),
-            f"world.distance_tables is {text}, but a table of the {cells:,} cells of this floor "
-            "takes "
+            f"world.distance_tables is {text}, but a table of the {cells:,} cells of this floor takes "
             f"{memory(size)}; set it to at least that",
         )
 

@@ -191,8 +191,7 @@ def never_charges(resolved: Resolved) -> str:
     if resolved.scenario.battery is None or not chargers or not none:
         return ""
     return (
-        f"robots have batteries and the floor has {count(chargers, 'charger')}, but "
-        "strategy.charging "
+        f"robots have batteries and the floor has {count(chargers, 'charger')}, but strategy.charging "
         "is none, so no robot will charge; set strategy.charging to insertion, fill-up, "
         "threshold or opportunity"
     )

@@ -39,8 +39,7 @@ def test_every_event_has_a_kind_that_can_be_asked_for() -> None:
 def test_a_wait_is_reported_once_it_has_lasted_and_again_when_it_is_over() -> None:
     lines = described(mini(), "waits", "waits-over")
     assert lines[:2] == [
-        "tick 10, robot 1: has been waiting for 10 ticks: robot 0 holds (0, 0) while it works "
-        "there",
+        "tick 10, robot 1: has been waiting for 10 ticks: robot 0 holds (0, 0) while it works there",
         "tick 13, robot 1: is no longer waiting, after 13 ticks",
     ]
 

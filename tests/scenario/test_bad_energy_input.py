@@ -70,8 +70,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("repair_time: 60", "repair_time: soon", 6, ["faults.repair_time", "found 'soon'"]),
     ("repair_time: 60", "repair_time: 60, charge: 101", 6,
      ["faults.charge", "from 0 to 100", "found 101"]),
-    ("repair_time: "
-     "60", "repair_time: 60, charge: full", 6, ["faults.charge", "kept", "found 'full'"]),
+    ("repair_time: 60", "repair_time: 60, charge: full", 6, ["faults.charge", "kept", "found 'full'"]),
     ("repair_time: 60", "repair_tim: 60", 6, ["did you mean 'repair_time'?"]),
     ("mean_interarrival_time: 10", "mean_interarrival_time: 0.5", 4,
      ["orders", "mean_interarrival_time must be 0 or at least 1"]),
@@ -114,8 +113,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("winner_rule: lowest", "winner_rule: lower", 8, ["did you mean 'lowest'?"]),
     ("max_orders_per_robot: 8", "max_orders_per_robot: 0", 8,
      ["strategy.allocation.max_orders_per_robot", "from 1 to 64", "found 0"]),
-    ("max_orders_per_robot: "
-     "8", "max_orders_per_robots: 8", 8, ["did you mean 'max_orders_per_robot'?"]),
+    ("max_orders_per_robot: 8", "max_orders_per_robots: 8", 8, ["did you mean 'max_orders_per_robot'?"]),
     ("epsilon: 0.5", "epsilon: 1.5", 8, ["strategy.allocation.epsilon", "1.5"]),
     ("epsilon: 0.5", "epsilon: lode", 8, ["strategy.allocation.epsilon", "load"]),
     ("epsilon: 0.5", "epsilon: {from: 0, to: 1}", 8, ["'until' is missing in strategy.allocation"]),

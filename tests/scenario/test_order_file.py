@@ -228,8 +228,7 @@ def test_unknown_places_are_gathered_and_check_says_so(
         (WAREHOUSE.replace("cp1252", "utf-8"), PLACES, "schicht.csv:1: is not utf-8 text (byte 0xc4)"),
         (WAREHOUSE.replace("%d.%m.%Y", "%m/%d/%Y"), PLACES,
          "schicht.csv:2: ANGELEGT '02.03.2026 06:01' is not a time; expected is the format "
-         "'%m/%d/%Y %H:%M', such as 03/02/2026 06:30; set time: "
-         "\"%d.%m.%Y %H:%M\"; 1 more such row"),
+         "'%m/%d/%Y %H:%M', such as 03/02/2026 06:30; set time: \"%d.%m.%Y %H:%M\"; 1 more such row"),
         (WAREHOUSE.replace("time: \"%d.%m.%Y %H:%M\"", "time: \"%d.%m. %H:%M\""), PLACES,
          "time is the format '%d.%m. %H:%M', of dates without a year"),
         (WAREHOUSE, "name;x;y\nRegal-Süd;0;0\nPackplatz;9;0\n",
@@ -238,8 +237,7 @@ def test_unknown_places_are_gathered_and_check_says_so(
          "plätze.csv:4: name 'Packplatz' appears twice"),
         (WAREHOUSE, "name;x\nTor;1\n", "plätze.csv:1: there is no column for y"),
         (WAREHOUSE, PLACES.replace("Packplatz;4", "Packplatz;2"),
-         "schicht.csv:2: an order ends at a shelf, a destination, a rack or a station; [2, 0] is "
-         "a"),
+         "schicht.csv:2: an order ends at a shelf, a destination, a rack or a station; [2, 0] is a"),
     ],
 )  # fmt: skip
 def test_a_mistake_in_a_shift_is_said_with_its_place(

@@ -177,8 +177,7 @@ def test_a_file_that_is_not_there(tmp_path: Path) -> None:
     [
         (
             "T;LOCATION\n0;A-17-3\n" + "1;X-1\n" * 31,
-            "lines.csv:2: LOCATION 'A-17-3' is not a pod (did you mean 'A-17-8'?); 31 more such "
-            "rows",
+            "lines.csv:2: LOCATION 'A-17-3' is not a pod (did you mean 'A-17-8'?); 31 more such rows",
         ),
         ("T;LOCATION\n0;3\n", "lines.csv:2: LOCATION '3' is not a pod"),
         ("T;ITEM\n0;aple\n", "ITEM 'aple' is not a SKU of a pod (did you mean 'apple'?)"),
@@ -202,8 +201,8 @@ def test_a_station_that_there_is_not(tmp_path: Path) -> None:
     named = {"sku: ITEM}": "sku: ITEM, station: DEST}"}
     said = refused(tmp_path, lines=lines, **named)
     assert (
-        said == "lines.csv:5: DEST 'p1' is not a station (did you mean 'P1'?); 1 more such row, in "
-        "line 6"
+        said
+        == "lines.csv:5: DEST 'p1' is not a station (did you mean 'P1'?); 1 more such row, in line 6"
     )
 
 

@@ -157,9 +157,7 @@ REFUSED = [  # a text, what is said of it
     ("5 s/s", ["no unit 's/s' here"]),
     ("0.2 s", ["'0.2 s' is less than half a tick of 0.5 s, so it would be 0 ticks"]),
     ("0 s", ["'0 s' is 0 ticks (0 s); allowed is from 1 tick (0.5 s) to 10,000 ticks (83.33 min)"]),
-    ("8 "
-     "h", ["'8 h' is 57,600 ticks (8 h); allowed is from 1 tick (0.5 s) to 10,000 ticks (83.33 "
-           "min)"]),
+    ("8 h", ["'8 h' is 57,600 ticks (8 h); allowed is from 1 tick (0.5 s) to 10,000 ticks (83.33 min)"]),
 ]  # fmt: skip
 
 
@@ -200,8 +198,7 @@ WRONG = [  # instead of what, what is written, line, words of the answer
     ("pick: 20 s", "pick: 2026-03-02 06:00:05", 5, ["durations.pick", "is a clock time"]),
     ("pick: 20 s", "pick: twenty", 5, ["whole number from 0 to 10000, or a time such as 20 s"]),
     ("pick: 20 s", "pick: 0.5", 5, ["whole number", "or a time such as 20 s", "found 0.5"]),
-    ("tick: 0.5 "
-     "s", "tick: 1 cycle", 5, ["durations.pick: units.tick is '1 cycle', which is not a"]),
+    ("tick: 0.5 s", "tick: 1 cycle", 5, ["durations.pick: units.tick is '1 cycle', which is not a"]),
     ("tick: 0.5 s, ", "", 5, ["durations.pick: units.tick is '1 tick', which is not a time in ms"]),
     ("pick: 20 s", "move: 1 m/s, pick: 20 s", 0, []),
     ("cell: 0.8 m, ", "", 0, []),

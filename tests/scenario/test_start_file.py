@@ -68,8 +68,7 @@ def test_headings_are_those_of_identities_however_robots_are_stored(tmp_path: Pa
         ("x,y\n", "starts.csv: has no rows below its header"),
         (
             "x,y,heading\n4,0,up\n0,1,est\n",
-            "starts.csv:2: heading 'up' is not a direction; there are east, south, west, north; 1 "
-            "more",
+            "starts.csv:2: heading 'up' is not a direction; there are east, south, west, north; 1 more",
         ),
         ("x,y,heading\n4,0,east\n0,1,\n", "starts.csv:3: heading is empty"),
         (
@@ -112,7 +111,6 @@ def test_a_file_with_headings_is_for_robots_that_turn(tmp_path: Path) -> None:
     with pytest.raises(InputError) as caught:
         resolve(floor(tmp_path), ["fleet.kinematics=omni"])
     assert str(caught.value) == (
-        f"{tmp_path / 'floor.yaml'}:6: starts.csv has headings, which belong to differential "
-        "robots; "
+        f"{tmp_path / 'floor.yaml'}:6: starts.csv has headings, which belong to differential robots; "
         "leave out that column"
     )

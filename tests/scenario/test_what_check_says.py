@@ -96,8 +96,7 @@ def test_one_row_with_another_date_is_to_be_written_as_the_others(tmp_path: Path
 def test_lines_that_come_when_the_run_is_over_are_warned_of(tmp_path: Path) -> None:
     warnings = scenario_warnings(shift(tmp_path, lines="T;LOCATION\n0;1\n1000;2\n"))
     assert warnings == [
-        "1 of 2 lines in the file comes after 1,000 ticks (8.333 min) or later, when the run is "
-        "over "
+        "1 of 2 lines in the file comes after 1,000 ticks (8.333 min) or later, when the run is over "
         "(stop.max_duration 1,000 ticks (8.333 min)), so it will not finish"
     ]
 
@@ -142,8 +141,7 @@ def test_a_row_of_a_picture_that_is_too_short_is_warned_of(tmp_path: Path) -> No
     text = "name: hall\nlayout:\n  picture: |\n    .....\n    ...\n    ...#\nfleet: {robots: 1}\n"
     path.write_text(text + "orders: {list: [{stops: [[0, 0]]}]}\n")
     assert scenario_warnings(resolve(path)) == [
-        "row 2 of the picture ends with '.' after 3 characters, and others have 5: the rest of "
-        "the row "
+        "row 2 of the picture ends with '.' after 3 characters, and others have 5: the rest of the row "
         "is wall; write # there if that is meant"
     ]
 

@@ -325,8 +325,7 @@ class GraphScenario:
             many[speed] += 1
             names.setdefault(speed, type_name(robot.name))
         if len(many) > 100:
-            raise InputError(f"its robots have {len(many)} different speeds, at most 100 are "
-                             "allowed",
+            raise InputError(f"its robots have {len(many)} different speeds, at most 100 are allowed",
                              graph.file)  # fmt: skip
         return [
             {"name": name, "robots": many[speed]}

@@ -166,8 +166,7 @@ def _version(data: dict[str, Any], file: str) -> str:
     version = str(said) if said is not None else "2.0.0" if "origins" in data else "1.0.0"
     if version.split(".")[0] not in ("1", "2"):
         raise InputError(
-            f"metaInformation.lifVersion {single_line(version)!r} is not known; 1.0.0 and 2.0.0 "
-            "are",
+            f"metaInformation.lifVersion {single_line(version)!r} is not known; 1.0.0 and 2.0.0 are",
             file,
         )
     return single_line(version)

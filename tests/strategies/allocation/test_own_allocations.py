@@ -229,8 +229,7 @@ def test_the_report_names_them() -> None:
         ),
         (
             [{"name": "a", "strategy": {"allocation": {"name": "greedy", "reasign": 3}}}],
-            "unknown key 'reasign' in fleet.types[0].strategy.allocation (did you mean "
-            "'reassign'?)",
+            "unknown key 'reasign' in fleet.types[0].strategy.allocation (did you mean 'reassign'?)",
         ),
         (
             [{"name": "a", "strategy": {"allocation": {"name": "independent-python", "x": 1}}}],

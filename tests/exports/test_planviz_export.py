@@ -121,7 +121,7 @@ def test_runs_that_have_no_place_in_an_output_are_refused(
     recording = recorded(str(out), *wait, *settings)
     with pytest.raises(InputError) as caught:
         planviz_output(recording)
-    assert "PlanViz shows robots that move and turn in one tick" in caught.value.message
+    assert "PlanViz requires robots that move and turn in one tick" in caught.value.message
     assert sentence in caught.value.message
 
 

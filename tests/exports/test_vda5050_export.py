@@ -230,12 +230,12 @@ def test_messages_have_the_form_of_their_version(version: str, mini: Recording) 
         (
             "units={tick: 0.5 s, cell: 1 m}",
             "0.7",
-            "0.7 s is not a whole number of ticks of 0.5 s: take 0.5 s",
+            "0.7 s is not a whole number of ticks of 0.5 s: use 0.5 s",
         ),
         (
             "units={tick: 2 s, cell: 1 m}",
             "1",
-            "1 s is not a whole number of ticks of 2 s: take 2 s",
+            "1 s is not a whole number of ticks of 2 s: use 2 s",
         ),
         (
             "units={tick: 1 s, cell: 1 m, clock: '9999-12-31 23:59:59'}",

@@ -118,8 +118,8 @@ def test_a_bad_layout_is_refused(tmp_path, layout, message):
     [
         ("..s", "a matrix has no code for the shelf at (2, 0), only for wall, floor, rack or dock"),
         ("b..", "a matrix has no code for the parking bay at (-1, 0)"),
-        (".~", "hold different numbers of robots"),
-        (".>.", "which cells are one-way"),
+        (".~", "different capacities of free cells"),
+        (".>.", "store one-way cells"),
     ],
 )
 def test_floors_that_no_matrix_expresses_are_refused(picture, message):

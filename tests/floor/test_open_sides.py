@@ -40,7 +40,9 @@ def test_a_drawn_floor_is_the_same_again(picture: str) -> None:
 
 
 def test_storage_has_open_sides_and_no_exits() -> None:
-    with pytest.raises(InputError, match="say over which sides a storage is left"):
+    with pytest.raises(
+        InputError, match="set opens to the sides over which robots enter and leave a storage"
+    ):
         symbol_of("storage", exits=("north",))
     with pytest.raises(InputError, match="either exits or the sides"):
         symbol_of("charger", exits=("north",), opens=("north",))

@@ -114,7 +114,7 @@ def test_stations_stand_apart_on_cells_that_robots_drive_on() -> None:
     floor_plan, _ = drawn("1...2\n.###.")
     with pytest.raises(InputError, match=r"station 2 at \(1, 0\) is in the cell of station 1"):
         roads_of(floor_plan, [floor_plan.cell(1, 0), floor_plan.cell(1, 0)])
-    with pytest.raises(InputError, match=r"station 1 at \(1, 1\) is on no cell"):
+    with pytest.raises(InputError, match=r"station 1 at \(1, 1\) is not on a drivable cell"):
         roads_of(floor_plan, [floor_plan.cell(1, 1)])
 
 

@@ -156,7 +156,7 @@ def parked(starts: list[tuple[int, int]], charging: str = "insertion", picture: 
 
 def test_a_robot_that_parks_on_a_charger_is_warned_of() -> None:
     assert parked([(1, 0), (0, 0)]) == (
-        "robot 1 begins at [0, 0]and therefore parks there, on a charger that other robots need: "
+        "robot 1 begins at [0, 0] and therefore parks there, on a charger that other robots need: "
         "2 robots share 1; start it next to the charger"
     )
     assert parked([(1, 0), (2, 0)]) == ""

@@ -148,7 +148,7 @@ def test_an_allocation_by_due_times_needs_some(
     (warning,) = scenario_warnings(scenario(tmp_path, orders, allocation=by_due))
     assert warning.startswith("strategy.allocation uses due times (by: due), but no order has")
     assert main(["check", str(tmp_path / "due.yaml")]) == 0
-    assert "goes by due times" in capsys.readouterr().err
+    assert "uses due times" in capsys.readouterr().err
     due = "{list: [{stops: [[0, 0]], due: 5}]}"
     assert scenario_warnings(scenario(tmp_path, due, allocation=by_due)) == []
 

@@ -71,7 +71,7 @@ def test_columns_are_found_by_their_names(tmp_path: Path) -> None:
         (ORDERS.replace("from_x", "fromx"), 1, "no column for from or from_x and from_y (did you"),
         (ORDERS.replace("from_x", "to_x"), 1, "the column to_x appears twice"),
         ("released,from_x,from_y,to_x\n1,2,3,4\n", 1, "there is no column for to or to_x and to_y"),
-        (ORDERS.replace("3,4,0,0,0", "3,4,0,0"), 4, "the row has 4 values, the head names 5"),
+        (ORDERS.replace("3,4,0,0,0", "3,4,0,0"), 4, "the row has 4 values, but the header has 5"),
         (ORDERS.replace("30,", "soon,"), 2, "released 'soon' is not a time"),
         (ORDERS.replace("30,", "-1,"), 2, "released '-1' is not a time"),
         (ORDERS.replace("30,", ","), 2, "released is empty"),
@@ -227,7 +227,7 @@ def test_unknown_places_are_gathered_and_check_says_so(
         (WAREHOUSE.replace("cp1252", "latin-1"), PLACES, "must be cp1252 or utf-8, found 'latin-1'"),
         (WAREHOUSE.replace("cp1252", "utf-8"), PLACES, "schicht.csv:1: is not utf-8 text (byte 0xc4)"),
         (WAREHOUSE.replace("%d.%m.%Y", "%m/%d/%Y"), PLACES,
-         "schicht.csv:2: ANGELEGT '02.03.2026 06:01' is not a time; expected is the format "
+         "schicht.csv:2: ANGELEGT '02.03.2026 06:01' is not a time; expected the format "
          "'%m/%d/%Y %H:%M', such as 03/02/2026 06:30; set time: \"%d.%m.%Y %H:%M\"; 1 more such row"),
         (WAREHOUSE.replace("time: \"%d.%m.%Y %H:%M\"", "time: \"%d.%m. %H:%M\""), PLACES,
          "time is the format '%d.%m. %H:%M', of dates without a year"),

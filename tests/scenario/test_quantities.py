@@ -202,7 +202,7 @@ WRONG = [  # instead of what, what is written, line, words of the answer
     ("tick: 0.5 s, ", "", 5, ["durations.pick: units.tick is '1 tick', which is not a time in ms"]),
     ("pick: 20 s", "move: 1 m/s, pick: 20 s", 0, []),
     ("cell: 0.8 m, ", "", 0, []),
-    ("at: 9", 'at: "05:00"', 7, ["faults.list[0].at", "is before tick 0", "the clock's own day"]),
+    ("at: 9", 'at: "05:00"', 7, ["faults.list[0].at", "is before tick 0", "on the day of units.clock"]),
     ("at: 9", "at: 2026-03-01 07:00", 7, ["faults.list[0].at", "before tick 0"]),
     ("at: 9", "at: 2026-02-30 07:00", 7, ["there is no such day"]),
     ("at: 9", 'at: "25:00"', 7, ["not a time of the day", "00:00 to 23:59"]),
@@ -231,7 +231,9 @@ def test_a_mistake_has_its_line(
 
 def test_a_speed_needs_to_know_what_a_cell_is(tmp_path: Path) -> None:
     said = complaint(tmp_path, "cell: 0.8 m, ", "", "durations.move=0.5 m/s")
-    assert said.startswith("--set durations.move=0.5 m/s: durations.move: units.cell does not say")
+    assert said.startswith(
+        "--set durations.move=0.5 m/s: durations.move: the size of a cell is unknown"
+    )
     said = complaint(tmp_path, "cell: 0.8 m", "cell: 1 slot", "durations.move=0.5 m/s")
     assert "units.cell is '1 slot', which is not a length in m, cm, mm, km, ft or in" in said
     assert (

@@ -92,7 +92,7 @@ def test_bad_starts_are_refused_with_their_line(
 @pytest.mark.parametrize(
     ("settings", "sentence"),
     [
-        (("fleet.heading=east",), "the headings are in starts.csv; leave out fleet.heading"),
+        (("fleet.heading=east",), "starts.csv has headings; leave out fleet.heading"),
         (("fleet.kinematics=omni",), "heading belongs to differential robots, not to omni"),
         (("fleet.heading=[east]",), "heading lists 1 directions, but fleet.robots is 2"),
     ],

@@ -155,7 +155,7 @@ def test_umlauts_are_read_in_the_encoding_that_is_set(encoding: str, tmp_path: P
          "shift.csv:2: text follows the closing quote of a value; double quotes inside quoted "
          "values"),
         (b"order;released\nA;5\nB;6;7\nC\n", {},
-         "shift.csv:3: the row has 3 values, the head names 2 columns; 1 more such row, in line 4"),
+         "shift.csv:3: the row has 3 values, but the header has 2 columns; 1 more such row, in line 4"),
         (b"order;relased\nA;5\n", {},
          "shift.csv:1: there is no column for released (did you mean 'relased'?); the "
          "columns are order, relased; "
@@ -199,7 +199,7 @@ def test_mistakes_are_gathered_by_kind(tmp_path: Path) -> None:
         f"31 more such rows, in lines {', '.join(map(str, range(8, 18)))} and 21 more",
         "shift.csv:7: QTY must be a whole number from 1 to 9, found '0'; "
         f"33 more such rows, in lines {', '.join(map(str, range(8, 18)))} and 23 more",
-        "shift.csv:7: CREATED 'soon' is not a time; expected is ISO 8601 such as "
+        "shift.csv:7: CREATED 'soon' is not a time; expected ISO 8601 such as "
         "2026-03-02 06:30:00, a time of the day, or ticks; other rows are such as '2026-03-02 06:00': "
         f"write it so; 31 more such rows, in lines {', '.join(map(str, range(8, 18)))} and 21 more",
         "shift.csv:39: CREATED is empty",
@@ -291,7 +291,7 @@ def test_offsets_stand_in_all_times_or_in_none(tmp_path: Path) -> None:
     said = said_of(tmp_path, "2026-03-29 01:30Z", bare[1], units=no_clock)
     assert "'2026-03-29 03:30' has no offset from UTC, but the other times have one" in said
     said = said_of(tmp_path, bare[0], "2026-03-29 01:30Z", units=no_clock)
-    assert "'2026-03-29 01:30Z' has an offset from UTC, and the other times have none" in said
+    assert "'2026-03-29 01:30Z' has an offset from UTC, but the other times have none" in said
     said = said_of(tmp_path, "2026-03-29 01:30Z")
     assert "'2026-03-29 01:30Z' has an offset from UTC, and units.clock has none" in said
     clock = Units(tick="1 s", clock="2026-03-29 01:00+01:00")

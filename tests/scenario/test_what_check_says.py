@@ -141,8 +141,8 @@ def test_a_row_of_a_picture_that_is_too_short_is_warned_of(tmp_path: Path) -> No
     text = "name: hall\nlayout:\n  picture: |\n    .....\n    ...\n    ...#\nfleet: {robots: 1}\n"
     path.write_text(text + "orders: {list: [{stops: [[0, 0]]}]}\n")
     assert scenario_warnings(resolve(path)) == [
-        "row 2 of the picture ends with '.' after 3 characters, and others have 5: the rest of the row "
-        "is wall; write # there if that is meant"
+        "row 2 of the picture ends with '.' after 3 characters, but other rows have 5: the rest of "
+        "the row is wall; write # there if this is intended"
     ]
 
 
@@ -156,6 +156,6 @@ def test_a_picture_without_loads_is_nothing_to_carry(
         "fleet: {robots: 1, kinematics: omni, start: [[0, 0]]}\n"
         "orders: {generator: picture-loads}\nstop: {when: never, max_duration: 50}\n"
     )
-    assert "nothing to carry" in scenario_warnings(resolve(scenario))[0]
+    assert "there are no orders" in scenario_warnings(resolve(scenario))[0]
     assert main(["run", str(scenario)]) == 0
     assert "ran for 50 ticks, 0 of 0 orders delivered" in capsys.readouterr().out

@@ -29,7 +29,7 @@ fleet: {{robots: 1, start: [[1, 0]]}}
 orders: {{tasks: [[[2, 0]]]}}
 strategy: {{allocation: greedy}}
 """
-ROUTES = "routing congestion plans their routes"
+ROUTES = "robots follow the routes of routing congestion"
 SIGHT = "robots do not see all other robots"
 AMONG_TREES = "fleet.start=[[4, 0]];orders={tasks: [[[4, 1]]]}"
 SLOW = "turns or moves take several ticks, and most connections are open in both directions"

@@ -38,7 +38,7 @@ LIFT = "travel_time: 9"
         ("{closed: [{cells: [[0, 0]], for: 2}]}", ["needs from"]),
         ("{closed: [{cells: [[0, 0]], from: 1, for: 9, every: 9}]}", ["for (9)", "every (9)"]),
         ("{closed: [{cells: [[0, 0]], from: 1, for: 2, every: {mean: 9}}]}", ["from belongs"]),
-        ("{closed: [{cells: [[0, 0]], from: 1, for: {uniform: {from: 1, to: 2}}}]}", ["by schedule"]),
+        ("{closed: [{cells: [[0, 0]], from: 1, for: {uniform: {from: 1, to: 2}}}]}", ["scheduled"]),
         ("{closed: [{cells: [[0, 0]], from: 1, fro: 2}]}", ["did you mean"]),
         ("{doors: [{at: [1, 1], opening_time: 2, hold_open: 1}]}", ["door 1 has no cell"]),
         ("{doors: [{at: [[0, 0], [1, 0]], opening_time: 2, hold_open: 1}]}", ["floor.doors[0].at"]),
@@ -47,11 +47,11 @@ LIFT = "travel_time: 9"
         ("{blocks: [{cells: [[0, 0], [0, 2], [5, 2], [5, 0]], direction: both}]}", ["found 'both'"]),
         ("{blocks: [{cells: [[0, 1], [2, 1]], direction: same}]}",
          ["must be a path, but [1, 1] is a cell of kind wall"]),
-        ("{blocks: [{cells: {from: [0, 0], to: [5, 0]}}]}", ["2 robots begin in block 1, which holds 1"]),
+        ("{blocks: [{cells: {from: [0, 0], to: [5, 0]}}]}", ["begin in block 1, which holds at most 1"]),
         (f"{{lifts: [{{shaft: [[1, 0], [4, 0]], {LIFT}}}, {{shaft: [[3, 0], [5, 0]], {LIFT}}}]}}",
          ["lift 2 and lift 1 both contain the cell [3, 0]"]),
         (f"{{lifts: [{{shaft: [[1, 0], [1, 2]], {LIFT}}}]}}", ["must be a path, but [1, 1]"]),
-        (f"{{lifts: [{{shaft: [[1, 0]], {LIFT}}}]}}", ["one cell alone"]),
+        (f"{{lifts: [{{shaft: [[1, 0]], {LIFT}}}]}}", ["only one cell"]),
         ("{lifts: [{shaft: [[0, 0], [4, 0]], travel_time: 3}]}", ["less than the 4 moves"]),
         ("{lifts: [{shaft: [[0, 0], [1, 0]], travel_time: 65536}]}",
          ["a move in lift 1 takes 65,536 ticks, its share of travel_time; at most 65,535"]),
@@ -159,7 +159,7 @@ def test_a_gate_on_the_only_way_to_a_charger_is_warned_of(
     battery = {"drain": {"move": 0.1, "wait": 0.01}, "charge_rate": 1.0}
     scenario = gate_scenario(gate, (5, 2), picture=WITH_CHARGER, battery=battery)
     sentences = scenario_warnings(resolve(msgspec.convert(scenario, Scenario)))
-    found = [text for text in sentences if "only way to a charger" in text]
+    found = [text for text in sentences if "only route to a charger" in text]
     assert found == (
         [
             "block 1 is on the only route to a charger: robots may run out of charge while they wait "
@@ -176,7 +176,12 @@ def test_a_gate_on_the_only_way_to_a_charger_is_warned_of(
         (20, {"move": 6.0}, "c.......", "takes 120 % of a battery from one mouth to the next"),
         (20, {"move": 6.0}, "....c...", "takes 120 % of a battery from one mouth to the next"),
         (20, {"move": 5.0}, "c.......", ""),
-        (20, {"move": 4.0, "loaded_factor": 1.5}, "c.......", "robots with a load run empty in it"),
+        (
+            20,
+            {"move": 4.0, "loaded_factor": 1.5},
+            "c.......",
+            "robots with a load run out of charge there",
+        ),
         (20, {"move": 6.0}, ".....c..", ""),
         (40, {"move": 6.0}, ".....c..", "takes 120 % of a battery in one move"),
     ],

@@ -159,7 +159,7 @@ def test_an_order_between_parts_of_the_floor_that_areas_keep_apart_is_refused() 
     simulation, _ = ran(scene(picture, areas=areas, orders={"list": along}))
     assert metrics_of(simulation)["delivered"] == 2
     across = {"from": (0, 1), "to": (5, 3)}
-    with pytest.raises(InputError, match=r"with a load do not get from \[1, 1\] to \[4, 3\]"):
+    with pytest.raises(InputError, match=r"with a load cannot drive from \[1, 1\] to \[4, 3\]"):
         scene(picture, areas=areas, orders={"list": [*along, across]})
 
 

@@ -65,6 +65,6 @@ def test_robots_that_stay_under_pods_where_others_may_not_come() -> None:
     """The allocation of these scenes says idle: stay."""
     assert warned(fleet=robots(2)) == []
     (text,) = warned(fleet=robots(2), pods={"under": "none"})
-    assert text.startswith("robots without a trip stay under the pods") and "idle: park" in text
+    assert text.startswith("idle robots stay under the pods") and "idle: park" in text
     parking = {"allocation": "shortest-job", "right_of_way": "wait"}
     assert warned(fleet=robots(2), pods={"under": "none"}, strategy=parking) == []

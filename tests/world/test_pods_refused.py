@@ -29,7 +29,7 @@ def refused(lines: Any = (LINE,), **parts: Any) -> str:
         ({"at": [5, 3], "queue": [[7, 2]]}, "along neither a row nor a column"),
         ({"at": [5, 3], "queue": [[12, 3]]}, "[12, 3] lies outside the floor"),
         ({"at": [5, 3], "queue": [[4, 3]]}, "breaks at [4, 3]: from there no robot drives east"),
-        ({"at": [5, 3], "queue": [[8, 3], [6, 3]]}, "comes twice to [7, 3]"),
+        ({"at": [5, 3], "queue": [[8, 3], [6, 3]]}, "contains [7, 3] twice"),
     ],
 )
 def test_a_station_and_its_queue(station: dict[str, Any], says: str) -> None:
@@ -47,7 +47,7 @@ def test_a_queue_that_touches_another() -> None:
     pod_scene([{"pod": 1}], picture=picture, stations=stations)
     longer = {**stations, "A": {"at": [3, 3], "queue": [[6, 3]]}}
     says = refused([{"pod": 1}], picture=picture, stations=longer)
-    assert says == "the queue of A comes to [6, 3], which is a station"
+    assert says == "the queue of A contains [6, 3], which is a station"
 
 
 def test_no_place_at_a_station() -> None:
@@ -67,7 +67,9 @@ def test_pods_without_a_way_for_their_robots() -> None:
     """Pod 4 is behind other pods."""
     picture = ">>>>>>>>>v\n^#ppp##q#v\n^#p######v\n^########v\n^<<<<t<<<<"
     says = refused(picture=picture, stations={"P1": {"at": [5, 4]}})
-    assert says.startswith("pod 4 at (2, 2) has no way to station 1 at (5, 4) and back that leads")
+    assert says.startswith(
+        "pod 4 at (2, 2) has no route to station 1 at (5, 4) and back that avoids"
+    )
 
 
 def test_classes_that_are_none_or_do_not_add_up() -> None:
@@ -79,7 +81,7 @@ def test_classes_that_are_none_or_do_not_add_up() -> None:
 
 
 def test_lines_without_pods_or_stations() -> None:
-    assert "the floor has none: draw them as p" in refused(picture=RING.replace("p", "q"))
+    assert "the floor has none; draw them as p" in refused(picture=RING.replace("p", "q"))
     plain = RING.replace("t", "<")
     assert "lines need stations, but the floor has none" in refused(picture=plain, stations={})
 
@@ -168,5 +170,5 @@ def carried_by_rail(stop: list[int]) -> None:
 def test_a_pod_goes_where_the_robots_that_carry_it_drive() -> None:
     carried_by_rail([6, 0])
     carried_by_rail([4, 2])  # over the turntable
-    with pytest.raises(InputError, match=r"the pod at \[0, 0\] has no way to \[2, 2\] and back"):
+    with pytest.raises(InputError, match=r"the pod at \[0, 0\] has no route to \[2, 2\] and back"):
         carried_by_rail([2, 2])

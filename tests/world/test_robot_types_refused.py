@@ -94,7 +94,12 @@ orders:
             10,
             ["none is left for shuttle"],
         ),
-        ("robots: 1, move_time_factor", "move_time_factor", 10, ["all but one", "tug or shuttle"]),
+        (
+            "robots: 1, move_time_factor",
+            "move_time_factor",
+            10,
+            ["all types but one", "tug or shuttle"],
+        ),
         (
             "{name: shuttle,",
             "{name: shuttle, robots: 2,",
@@ -118,7 +123,7 @@ orders:
             11,
             ["'serve'", "move, turn, pick, drop, try_drop"],
         ),
-        ("name: tug", "name: empty", 10, ["a type empty: areas mean others"]),
+        ("name: tug", "name: empty", 10, ["a type empty: the word has another meaning in areas"]),
         (
             "closed_to: [tug]",
             "closed_to: [loded]",

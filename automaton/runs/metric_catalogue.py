@@ -92,7 +92,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "late_share": (
         "share",
         "share of orders with a due time that were late: delivered after it, or still open past "
-        "it; not_yet_due orders are excluded",
+        "it; orders of not_yet_due are in neither count",
     ),
     "not_yet_due": (
         "orders",

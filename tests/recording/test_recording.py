@@ -233,7 +233,7 @@ def test_what_comes_before_damage_can_be_kept(whole: bytes, tmp_path: Path) -> N
     kept = reread(tmp_path, data[:begin])
     assert kept.ticks > 0 and not kept.complete
     with pytest.raises(
-        InputError, match=f"ticks 0 to {kept.ticks} come before .* `head -c {begin} "
+        InputError, match=f"ticks 0 to {kept.ticks} before it are intact; `head -c {begin} "
     ):
         reread(tmp_path, data)
 

@@ -201,7 +201,7 @@ def test_mistakes_are_gathered_by_kind(tmp_path: Path) -> None:
         f"33 more such rows, in lines {', '.join(map(str, range(8, 18)))} and 23 more",
         "shift.csv:7: CREATED 'soon' is not a time; expected ISO 8601 such as "
         "2026-03-02 06:30:00, a time of the day, or ticks; other rows are such as '2026-03-02 06:00': "
-        f"write it so; 31 more such rows, in lines {', '.join(map(str, range(8, 18)))} and 21 more",
+        f"use this format; 31 more such rows, in lines {', '.join(map(str, range(8, 18)))} and 21 more",
         "shift.csv:39: CREATED is empty",
     ]
 
@@ -293,7 +293,7 @@ def test_offsets_stand_in_all_times_or_in_none(tmp_path: Path) -> None:
     said = said_of(tmp_path, bare[0], "2026-03-29 01:30Z", units=no_clock)
     assert "'2026-03-29 01:30Z' has an offset from UTC, but the other times have none" in said
     said = said_of(tmp_path, "2026-03-29 01:30Z")
-    assert "'2026-03-29 01:30Z' has an offset from UTC, and units.clock has none" in said
+    assert "'2026-03-29 01:30Z' has an offset from UTC, but units.clock has none" in said
     clock = Units(tick="1 s", clock="2026-03-29 01:00+01:00")
     assert released(tmp_path, "2026-03-29 01:30Z", units=clock) == [5400]
 

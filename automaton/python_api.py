@@ -109,8 +109,9 @@ def simulate(
     `scenario`, `seed`: as for `load`. `strategies`: by layer a name, a dict of a name and parameters, or
     a class, such as a function decorated with `per_robot`. `overrides` are keys of the scenario:
     `fleet__robots=3` or `**{"fleet.robots": 3}`. With `tables` the outcome has `tables.orders`, `lines`,
-    `trips`, `robots` and `stations`, each a pyarrow Table; `states`, a period such as "10 s" or ticks,
-    adds `states`, `events` those, both `cells`. `folder`: a new folder in which they are written as
+    `trips`, `robots` and `stations`, each a pyarrow Table; `states`, a period such as "10 s" or a number
+    of ticks, adds the table `states`, `events=True` the table `events`, either one also `cells`.
+    `folder`: a new folder in which they are written as
     Parquet while the run goes on, instead of being kept in memory. `record`: a file for the recording.
     Returns an Outcome: `metrics` by name, `robots`, `digest`, `ticks`, and `picture`, which a notebook
     shows. Raises InputError for bad input and for a strategy that raises.
@@ -402,10 +403,10 @@ class Simulation:
         return other
 
     def save(self, path: str | Path) -> RecordedRun:
-        """Write the run so far as a recording, and return that; `read(path).simulation()` goes on.
+        """Write the run so far as a recording and return it; `read(path).simulation()` continues it.
 
-        The run is computed again from its start, by its scenario, seed and strategies. Raises InputError
-        if the file cannot be written or a strategy decides otherwise when it is asked again.
+        To record it, the run is computed again from its start. Raises InputError if the file cannot be
+        written or a strategy then decides differently.
         """
         from automaton.recording.recorder import Recorder
         from automaton.runs.headless import computed

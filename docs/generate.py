@@ -131,7 +131,9 @@ def parser_of(name: str) -> tuple[argparse.ArgumentParser, str]:
 
 def _command_section(name: str) -> str:
     parser, description = parser_of(name)
-    rows = [(_argument(action), action.help or "") for action in parser._actions]
+    rows = [
+        (_argument(action), (action.help or "").replace("%%", "%")) for action in parser._actions
+    ]
     return f"## {name}\n\n{' '.join(description.split())}\n\n" + table(
         ("argument", "meaning"), rows
     )

@@ -24,7 +24,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
     "run": ("automaton.commands.run", "run a scenario and print its metrics"),
     "sweep": (
         "automaton.commands.sweep_command",
-        "do the many runs of a study, or go on with them",
+        "run or resume a study of many runs",
     ),
     "watch": ("automaton.commands.watch", "watch a scenario in the terminal"),
     "replay": ("automaton.commands.replay", "look at a recording, or compare two"),

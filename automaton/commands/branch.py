@@ -49,7 +49,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton branch`."""
     add = parser.add_argument
     add_recording_argument(parser, "RECORDING")
-    add("--at", type=tick, required=True, metavar="TICK", help="what changes holds after this tick")
+    add(
+        "--at",
+        type=tick,
+        required=True,
+        metavar="TICK",
+        help="the new settings apply after this tick",
+    )
     what = "change strategy, durations, information, world or stop; may be repeated"
     add_settings_argument(parser, what)
     add("--out", type=Path, metavar="FILE", help="instead of RECORDING-at-TICK.rec")

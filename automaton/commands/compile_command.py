@@ -1,4 +1,4 @@
-"""Compile before a batch what its runs need, so that none of them has to.
+"""Compile all code that the runs of a batch need, in advance.
 
 What is compiled is kept for each version in `~/.cache/automaton`, or where AUTOMATON_CACHE_DIR says; all
 processes that see that folder, on machines with the same processor, find it there.

@@ -42,7 +42,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--vda5050",
         type=Path,
         metavar="JSONL",
-        help="write a `state` message of VDA 5050 a line, for each robot and period",
+        help="write VDA 5050 `state` messages, one per line, for each robot and period",
     )
     formats.add_argument(
         "--lif", type=Path, metavar="LIF", help="write the floor of a scenario as VDMA LIF"

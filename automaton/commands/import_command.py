@@ -53,16 +53,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--robots",
         type=whole("a number of robots", 1, 1_000_000),
         metavar="N",
-        help="so many: the first ones, those of a folder's file with N starts, or, on a map "
-        "alone, random ones",
+        help="number of robots; they start in the first N cells of the problem, in a folder in those of "
+        "its file with N starts, and on a map without a problem in random cells",
     )
     add(
         "--ticks",
         type=whole("a number of ticks", 1, 2_000_000_000),
         metavar="N",
-        help=f"a run ends after so many, default {DEFAULT_TICKS:,}; on a layout after an hour",
+        help=f"length of a run, default {DEFAULT_TICKS:,} ticks; on a layout an hour",
     )
-    add("--force", action="store_true", help="replace files that are there and say something else")
+    add("--force", action="store_true", help="overwrite existing files with other content")
     add_json_argument(parser)
     add_layout_arguments(parser)
 
@@ -75,7 +75,7 @@ def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
         "--cell",
         type=measured("a length", "0.5m", exact_length),
         metavar="0.5m",
-        help="the side of a cell; default: the largest that fits",
+        help="side of a cell; default: the largest that fits a layout, the smallest that fits a map",
     )
     add(
         "--tick",

@@ -40,7 +40,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="POINT",
-        help="also where robots lost time and drove in one run of this point; may be repeated",
+        help="add maps of lost time and traffic of one run of this point; may be repeated",
     )
 
 

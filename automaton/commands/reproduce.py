@@ -41,7 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=whole("a seed", 1),
         default=1,
         metavar="N",
-        help="the first seed, default 1: others give other runs, and the claims follow",
+        help="the first seed (default 1); another seed gives other runs and verdicts",
     )
     parser.add_argument(
         "--strategies", default="", metavar="A,B", help="run these instead of the published ones"
@@ -51,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const="",
         metavar="A,B",
-        help="show all tables, claims and remarks, not the first screen alone; with names, make only "
-        "these tables, of which some are made only when named",
+        help="show all tables, claims and remarks, not just the first screen; with names, make only "
+        "these tables (some are made only if named)",
     )
     add_settings_argument(
         parser,

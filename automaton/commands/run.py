@@ -259,7 +259,7 @@ def add_table_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--states",
         metavar="PERIOD",
-        help="a table of what robots are like every so many ticks, or every 10s, and one of cells",
+        help="sample robot states every PERIOD (ticks, or a time such as 10s); adds a table of cells",
     )
     parser.add_argument(
         "--events",

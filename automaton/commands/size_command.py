@@ -53,13 +53,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_refinement_arguments(parser)
     add = parser.add_argument
     add("--target", required=True, metavar="T", help="such as 'makespan<=3000', 'makespan<=5h'")
-    add("--robots", required=True, metavar="A..B", help="the fleets that may be an answer")
+    add("--robots", required=True, metavar="A..B", help="range of fleet sizes to test")
     add(
         "--success-share",
         type=positive_share,
         metavar="P",
-        help="share of the runs that must meet it (.95; of a steady state the mean must, unless "
-        "P is given)",
+        help="share of the runs that must meet the target (.95); default in a steady state: the mean "
+        "must meet it",
     )
     add(
         "--mean",

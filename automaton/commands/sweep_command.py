@@ -52,8 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--recompute",
         action="store_true",
-        help="where the folder holds results of other code or another study: do what of this one it "
-        "lacks, and count no others",
+        help="if the folder holds results of other code or another study, ignore them and do only the "
+        "missing runs of this study",
     )
     parser.add_argument(
         "--retry-failed", action="store_true", help="also retry the runs that failed"

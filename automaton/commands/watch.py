@@ -69,7 +69,7 @@ def add_display_arguments(parser: argparse.ArgumentParser) -> None:
         help="of this kind, such as faults or waits; may be repeated",
     )
     number = whole("a number of sentences", 1)
-    add("--sentences", type=number, metavar="N", help="at most so many of 100 ticks (20)")
+    add("--sentences", type=number, metavar="N", help="most sentences in 100 ticks (20)")
 
 
 def speed(text: str) -> float:

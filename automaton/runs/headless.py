@@ -88,7 +88,9 @@ class Outcome(NamedTuple):
     stopped: bool  # at the tick that was asked for
     circles: list[tuple[int, ...]]  # the robots of each wait cycle at the end
     jam: Jam | None  # most robots that stand together at the end and get nothing done
-    ran_out: OrdersExhausted | None  # None: there were orders to the end, or it ends with them
+    ran_out: (
+        OrdersExhausted | None
+    )  # orders taken and delivered when orders ran out; None: they did not, or the run ends then
     types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
     stations: Sequence[dict[str, Any]] = ()  # metrics by station, where pods are carried there
     tables: Any = None  # those of `simulate(tables=True)`: automaton.tables.table_files.Tables

@@ -146,8 +146,8 @@ class Closing(ConfigSection, frozen=True, kw_only=True):
     every: Annotated[
         Lasting | MeanGap | None,
         Meta(
-            description="Ticks from the start of one closing to the next; {mean: ...}: random, "
-            "geometrically distributed from reopening to closing; left out: a single closing."
+            description="Ticks from the start of one closing to the start of the next; {mean: ...}: a "
+            "random time (geometric) from reopening to the next closing; left out: a single closing."
         ),
     ] = None
     known: Annotated[
@@ -207,8 +207,8 @@ class Block(ConfigSection, frozen=True, kw_only=True):
     direction: Annotated[
         Literal["any", "same"],
         Meta(
-            description="same: while robots are in the block, others enter only through the cell "
-            "through which the last one entered; any: no such rule."
+            description="same: while the block is occupied, a robot may enter only at the cell where "
+            "the previous one entered; any: no restriction."
         ),
     ] = "any"
 
@@ -242,9 +242,9 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
     replan_after: Annotated[
         Lasting | Literal["30 s"] | None,
         Meta(
-            description="Ticks that a robot waits before a closed cell until it gets a new route "
-            "around closed cells, once for each closing; null: never. The default is 30 ticks where a "
-            "tick has no unit of time."
+            description="Ticks that a robot waits in front of a closed cell before it is rerouted "
+            "around closed cells, at most once per closing; null: never. The default is 30 ticks where "
+            "a tick has no unit of time."
         ),
     ] = "30 s"
     doors: Annotated[tuple[Door, ...], Meta(max_length=MAX_GATE_ENTRIES, description="Doors.")] = ()

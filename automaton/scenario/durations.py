@@ -74,8 +74,8 @@ class Distribution(ConfigSection, frozen=True, kw_only=True):
     exponential: Annotated[
         Mean | None,
         Meta(
-            description="The mean of a memoryless duration in whole ticks from 1 on: the geometric "
-            "distribution."
+            description="Mean of an exponential duration, drawn in whole ticks of at least 1 (a "
+            "geometric distribution)."
         ),
     ] = None
 

@@ -72,7 +72,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=positive,
         metavar="Z",
         help="indifference zone: a share within P +- Z may be judged either way (.02); with "
-        "--mean in its unit (1 %% of the target)",
+        "--mean, in the unit of the metric (1 %% of the target)",
     )
     add(
         "--alpha",

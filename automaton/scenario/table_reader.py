@@ -438,7 +438,7 @@ def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
         left_out = [f"{rows:,} {value}" for value, rows in counts.left_out.items()]
         more = len(left_out) - MAX_SHOWN_VALUES
         shown = [*left_out[:MAX_SHOWN_VALUES], *([f"{more:,} more values"] if more > 0 else [])]
-        rows = f"{len(columns):,} of {rows}read; left out: {', '.join(shown)}"
+        rows = f"{len(columns):,} of {rows} read; left out: {', '.join(shown)}"
     notes = [rows]
     if counts.ignored:
         notes.append(f"ignored columns: {', '.join(counts.ignored)}")

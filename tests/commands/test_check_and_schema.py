@@ -374,7 +374,7 @@ def test_who_knows_the_orders_of_zones_alone_needs_zones(
     none = ["--set", "strategy.zoning=none"]
     assert main(["check", "factory-ddz", *none]) == 2
     errors = capsys.readouterr().err
-    assert "strategy.zoning is none, but with information.orders zones" in errors
+    assert "strategy.zoning is none, but information.orders is zones" in errors
     assert errors.count("\n") == 1
     for known in ("everything", "orders", "{radius: 131, shape: circle}"):
         assert main(["check", "factory-ddz", *none, "--set", f"information={known}"]) == 0

@@ -135,7 +135,7 @@ def test_a_circle_is_named() -> None:
         (("branch", "--at", "10", "--until", "10"), "--until 10 is not after --at 10"),
         (
             ("branch", "--at", "10", "--set", "seed=3"),
-            "seed=3: seed cannot change while a run goes on",
+            "seed=3: seed cannot change during a run",
         ),
         (("branch", "--at", "10", "--set", "durations.move=0"), "durations.move must be"),
     ],

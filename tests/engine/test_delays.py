@@ -324,7 +324,7 @@ def test_a_delay_that_is_left_out_or_altered_breaks_a_rule() -> None:
     ("faults", "sentence"),
     [
         (delays(4, 1), "faults.delays.ticks.from (4) must not be above to (1)"),
-        ({"mtbf": 50, "failure_probability": 0.1}, "mtbf and failure_probability say the same"),
+        ({"mtbf": 50, "failure_probability": 0.1}, "mtbf and failure_probability are alternatives"),
     ],
 )
 def test_what_cannot_be(faults: dict[str, Any], sentence: str) -> None:

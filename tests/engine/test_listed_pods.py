@@ -121,7 +121,7 @@ REFUSED = [
     ({"from": POD_1, "to": [50, 0]}, "ends in storage, but [50, 0] lies outside"),
     ({"from": POD_1, "to": POD_1}, "an order ends where it begins"),
     ({"from": POD_1, "stops": [[1, 1]]}, "the stop [1, 1] is a wall: robots do not drive there"),
-    ({"from": STATION, "to": POD_1}, "order 1 takes a load at [5, 3], and other orders carry pods"),
+    ({"from": STATION, "to": POD_1}, "order 1 takes a load at [5, 3], but other orders carry pods"),
 ]
 
 
@@ -178,7 +178,7 @@ def test_a_pod_without_a_way_over_aisles() -> None:
     with pytest.raises(InputError) as error:
         scene(order, picture=picture, stations=stations)
     assert error.value.message == (
-        "the pod at [2, 2] has no way to [5, 4] and back that avoids other storage"
+        "the pod at [2, 2] has no route to [5, 4] and back that avoids other storage"
     )
     assert scene({"from": [3, 1], "to": [7, 1]}, picture=picture, stations=stations)
 

@@ -54,7 +54,7 @@ def test_orders_and_deliveries_are_reported_in_the_sequence_of_their_ticks() -> 
 def test_a_stretch_has_so_many_sentences_and_says_what_it_leaves_out() -> None:
     every, few = described(mini(), sentences=100), described(mini(), sentences=4)
     left = [line for line in few if "left out" in line]
-    assert left[0].startswith("ticks 1 to 100read; left out: ") and len(left) == 3
+    assert left[0].startswith("ticks 1 to 100, left out: ") and len(left) == 3
     counted = sum(
         int(part.rpartition(" ")[2]) for line in left for part in line.split(": ")[1].split(", ")
     )

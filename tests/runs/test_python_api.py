@@ -186,7 +186,7 @@ def test_check_reads_the_files_of_strategies_as_the_command_does(tmp_path: Path)
         ("automaton.load('tabletop-1', fleet__robots=0)", "fleet.robots"),
         ("automaton.load({'nmae': 'x'})", "name"),
         ("automaton.Simulation('tabletop-mini').step(-1)", "ticks must be at least 0, found -1"),
-        ("automaton.Simulation('tabletop-mini').branch(fleet__robots=2)", "cannot change while"),
+        ("automaton.Simulation('tabletop-mini').branch(fleet__robots=2)", "cannot change during"),
         (
             "automaton.simulate('tabletop-mini', strategies={'routing': in_turn})",
             "is a strategy for",

@@ -177,7 +177,7 @@ def test_a_branch_of_a_refined_recording_goes_on_in_its_ticks(
     assert main(["verify", file]) == main(["verify", out]) == 0
     assert "every tick is equal" in capsys.readouterr().out
     assert main(["branch", file, "--at", "100", "--set", "refine=3", "--out", out]) == 2
-    assert "refine cannot change while a run goes on" in capsys.readouterr().err
+    assert "refine cannot change during a run" in capsys.readouterr().err
 
 
 def test_sweeps_and_sizes_count_in_the_ticks_of_the_scenario(

@@ -168,7 +168,7 @@ def test_a_shift_of_a_warehouse_system_is_read_as_it_is(
     assert main(["check", str(path)]) == 0
     told = capsys.readouterr()
     assert told.out.splitlines()[1:] == [
-        "  schicht.csv: 2 of 3 rowsread; left out: 1 STATUS STORNO",
+        "  schicht.csv: 2 of 3 rows read; left out: 1 STATUS STORNO",
         "  schicht.csv: ignored columns: POS",
         "  read in ticks of 0.5 s: stop.max_duration 10,000 (83.33 min)",
     ]

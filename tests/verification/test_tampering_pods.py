@@ -29,7 +29,7 @@ REFUSED = {  # array, what becomes of it, what the sentence says
     "a line less": ("lines.due", lambda a: a[1:], "lines.due has 2 rows"),
     "of another kind": ("lines.due", lambda a: a.astype(np.int64), "lines.due has the type int64"),
     "known too early": ("stops.cell", lambda a: a + 30, "a trip is released before its lines"),
-    "other trips": ("orders.first_stop", lambda a: a // 2, "its stops are not those"),
+    "other trips": ("orders.first_stop", lambda a: a // 2, "its stops do not match"),
 }
 FOUND = {
     "another pod": ("pods.slot", lambda a: a[::-1].copy()),
@@ -84,7 +84,10 @@ def test_lines_by_sku_need_pods_that_hold_it(
         ({"first": [0, 0]}, "a SKU is in none of its pods"),
         ({"first": [0, 1], "held": [9]}, "pods.sku_pod has the value 9"),
         ({"first": [0, 1], "held": [2], "wanted": 1}, "a line needs a SKU that no pod holds"),
-        ({"first": [0, 1], "held": [2], "wanted": 0}, "its ways from slots to stations are not"),
+        (
+            {"first": [0, 1], "held": [2], "wanted": 0},
+            "its distances from slots to stations do not match",
+        ),
     ):
         header = copy.deepcopy(mini.header)
         header["lines"]["pod"] = nowhere
@@ -114,7 +117,12 @@ def test_orders_of_a_list_carry_pods_that_there_are(
     assert "rules: all kept" in capsys.readouterr().out
     stands = run.header["pods"]["slot"]
     for part, array, change, says in (
-        ("orders", "source", lambda a: np.add(a, [0, max(stands) + 1, 0]), "takes no pod"),
+        (
+            "orders",
+            "source",
+            lambda a: np.add(a, [0, max(stands) + 1, 0]),
+            "an order of its list has no pod",
+        ),
         ("orders", "target", lambda a: a * 0 - 1, ""),
         ("orders", "source", lambda a: a * 0 - 1, "neither a load nor stops"),
         ("pods", "slot", lambda a: a * 0, "two of its pods stand in one cell"),
@@ -129,7 +137,7 @@ def test_orders_of_a_list_carry_pods_that_there_are(
         header = {name: value for name, value in run.header.items() if name != part}
         path.write_bytes(encoded(header, run.frames))
         assert main(["verify", str(path)]) == 2
-        assert "has not the pods, lines and stations of its scenario" in capsys.readouterr().err
+        assert "its pods, lines or stations do not match its scenario" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("part", ["pods", "lines", "pod_stations"])

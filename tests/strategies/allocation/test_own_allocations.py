@@ -294,7 +294,7 @@ def test_a_recording_has_the_strategies_of_its_scenario(tmp_path: Path) -> None:
         header["strategies"] |= change
         path = tmp_path / f"{name}.rec"
         path.write_bytes(encoded(header, recording.frames))
-        with pytest.raises(InputError, match=r"its scenario|strategies for|here and"):
+        with pytest.raises(InputError, match=r"its scenario|strategies for|but recorded as"):
             read_recording(path)
 
 

@@ -309,7 +309,7 @@ def test_settings_are_checked_before_the_dialog_closes() -> None:
         assert "write at least one setting" in complaint(dialog)
         field = dialog.query_one(SettingField)
         for setting, sentence in (
-            ("fleet.robots=9", "fleet cannot change while a run goes on"),
+            ("fleet.robots=9", "fleet cannot change during a run"),
             ("strategy.right_of_way=wiat", "did you mean 'wait'?"),
             ("durations.move", "durations.move"),
         ):

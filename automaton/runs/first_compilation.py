@@ -1,7 +1,8 @@
-"""The first run: two processes compile its 400 kernels side by side, into one cache.
+"""The first run: two processes compile its 400 kernels in parallel, into one cache.
 
-The other process compiles the features that the run uses, and what its strategies decide with. This
-one compiles the loop, loads what is there then, and compiles the rest, whatever becomes of the other.
+A second process compiles the features that the run uses and the kernels of its strategies. This
+process compiles the loop, loads the kernels that are ready by then, and compiles the others itself,
+even if the second process fails.
 """
 
 from __future__ import annotations
@@ -29,9 +30,9 @@ from automaton.world.resolved import Resolved
 def compiled_side_by_side(
     kinds: Sequence[type[Strategy]], features: Sequence[int]
 ) -> Iterator[None]:
-    """While the loop is compiled in here for the first time, another process does what is needed next.
+    """Compile strategies and features in a second process while the loop is first compiled inside.
 
-    That is these strategies and features (automaton.engine.features); they are compiled when this ends.
+    `features`: numbers in automaton.engine.features. On exit the second process has ended.
     """
     if not jit_is_on() or world_marker().exists() or cores() < 2 or parent_process():
         yield
@@ -43,7 +44,7 @@ def compiled_side_by_side(
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
         )
-    except OSError:  # no more processes, or no room for one
+    except OSError:  # process limit reached, or out of memory
         yield
         return
     try:
@@ -57,7 +58,7 @@ def compiled_side_by_side(
 
 
 def compiled_parts(resolved: Resolved) -> Hashable:
-    """What decides which parts are compiled for a run: scenarios with the same need the same."""
+    """A key that determines which parts a run compiles: equal keys need the same parts."""
     scenario = resolved.scenario
     return (
         *(choice.name for _, choice in resolved.choices),
@@ -70,7 +71,7 @@ def compiled_parts(resolved: Resolved) -> Hashable:
 
 
 def _command(kinds: Sequence[type[Strategy]], features: Sequence[int]) -> str:
-    """The program of the other process, which finds modules where this one does."""
+    """The program of the second process, which has the module path of this one."""
     names = [f"{kind.__module__}:{kind.__qualname__}" for kind in kinds]
     return (
         f"import sys; sys.path[:] = {sys.path!r}\n"
@@ -80,24 +81,24 @@ def _command(kinds: Sequence[type[Strategy]], features: Sequence[int]) -> str:
 
 
 def compile_for_another(names: Sequence[str], features: Sequence[int]) -> None:
-    """Compile strategies and features, as long as the process that asked lives."""
+    """Compile strategies and features; exit when the parent process ends."""
     threading.Thread(target=_end_with_stdin, daemon=True).start()
     compile_parts(names, features)
 
 
 def compile_parts(names: Sequence[str], features: Sequence[int]) -> None:
-    """Compile features, by number, and what strategies ("module:class") decide with."""
+    """Compile features, given by number, and the kernels of strategies, given as "module:class"."""
     for number in features:
         compiled_feature(number)
     signature = decide_signature()  # type: ignore[no-untyped-call]
     for name in names:
         module, _, kind = name.partition(":")
-        with suppress(Exception):  # the process that needs it says what is wrong
+        with suppress(Exception):  # the process that uses the strategy reports the error
             compiled = getattr(import_module(module), kind).compiled
             if compiled is not None:
                 compiled_decide(compiled, signature)
 
 
 def _end_with_stdin() -> None:
-    os.read(0, 1)  # not by way of sys.stdin, whose lock this thread would hold at the end
+    os.read(0, 1)  # not sys.stdin, whose lock this thread would hold when the process ends
     os._exit(1)

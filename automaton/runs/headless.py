@@ -1,7 +1,7 @@
-"""One run without a screen: to its end or its limit, and what stands still at the limit.
+"""One run without a screen: to its end or its limit, with a diagnosis if it does not finish.
 
-It may be measured after its warm-up, and in stretches of time: what a run adds up is read off whenever
-a stretch ends; orders and parts know their ticks themselves.
+Metrics may start after a warm-up and be split into stretches of time: counters are read at the end of
+each stretch; orders and parts store their own ticks.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.units import count
 from automaton.world.resolved import Resolved, StrategyChoice
 
-# Between two looks at the clock and at Ctrl-C. A multiple of the ticks that a recording buffers, so
-# that looking changes no recording; 5 robots drive them in 0.3 ms.
+# Ticks between two checks of the clock and of Ctrl-C. A multiple of the ticks that a recording buffers,
+# so that checks change no recording; 5 robots take 0.3 ms for them.
 WINDOW_TICKS = 4 * RECORD_TICKS
 ACTIONS_WORKING = [action for action in OPERATION_STATES if action != ACTION_WAIT]
 ACTIONS_AWAY = [ACTION_CHARGE, ACTION_QUEUE, ACTION_DOWN]
@@ -67,40 +67,40 @@ OnWindow = Callable[[Simulation], None]
 
 
 class OrdersExhausted(NamedTuple):
-    """When a run that goes on without orders had none left."""
+    """When the orders of a run ran out before its end."""
 
     taken: int  # tick in which the last order was taken
     delivered: int | None  # tick of the last delivery; None: not all are delivered
 
 
 class Outcome(NamedTuple):
-    """What is left of a run."""
+    """The result of a run."""
 
-    finished: bool  # the stop condition held, or the scenario has none and its last tick came
-    ticks: int  # that were executed
-    orders: int  # that were asked for
-    delivered: int  # orders that were delivered
+    finished: bool  # stop condition met, or last tick reached in a scenario without one
+    ticks: int  # executed ticks
+    orders: int  # customer orders
+    delivered: int  # delivered customer orders
     digest: str  # of the state at the end, 16 hex digits
     wall_s: float | None  # of the run itself, without start-up; None for a replay
     metrics: dict[str, float | int]  # by name, times in ticks
     robots: list[dict[str, Any]]  # metrics of each robot
     diagnosis: str  # why it did not finish, one phrase; "" if it did
-    stopped: bool  # at the tick that was asked for
+    stopped: bool  # whether the run was stopped at the requested tick
     circles: list[tuple[int, ...]]  # the robots of each wait cycle at the end
-    jam: Jam | None  # most robots that stand together at the end and get nothing done
+    jam: Jam | None  # largest jam at the end
     ran_out: (
         OrdersExhausted | None
-    )  # orders taken and delivered when orders ran out; None: they did not, or the run ends then
+    )  # when orders ran out; None if they did not, or if the run ends with its orders
     types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
-    stations: Sequence[dict[str, Any]] = ()  # metrics by station, where pods are carried there
-    tables: Any = None  # those of `simulate(tables=True)`: automaton.tables.table_files.Tables
-    picture: FloorPicture | None = None  # the floor at the end of a run of `simulate`
-    recording: Any = None  # that of `simulate(record=FILE)`: automaton.python_api.RecordedRun
+    stations: Sequence[dict[str, Any]] = ()  # metrics by station, if robots carry pods to stations
+    tables: Any = None  # of `simulate(tables=True)`: automaton.tables.table_files.Tables
+    picture: FloorPicture | None = None  # the floor at the end, of `simulate`
+    recording: Any = None  # of `simulate(record=FILE)`: automaton.python_api.RecordedRun
 
     def film(self, **options: Any) -> Any:
-        """The run as a film for a notebook, see RecordedRun.film.
+        """Return the run as a film for a notebook; see RecordedRun.film.
 
-        Raises InputError for a run that was not recorded.
+        Raises InputError if the run was not recorded.
         """
         if self.recording is None:
             raise InputError(
@@ -109,7 +109,7 @@ class Outcome(NamedTuple):
         return self.recording.film(**options)
 
     def _repr_html_(self) -> str:
-        """Show it in a notebook: the floor at the end, and how the run ended."""
+        """Show the floor at the end, and how the run ended, in a notebook."""
         words = f"finished in tick {self.ticks:,}"
         if not self.finished:
             words = f"not finished in {count(self.ticks, 'tick')}: {self.diagnosis}"
@@ -125,11 +125,10 @@ def run_to_end(
     sampling: Sampling | None = None,
     watch: JamWatch | None = None,
 ) -> float:
-    """Run until finished, at tick `until` or at the limit; the seconds that took, compiling aside.
+    """Run to the stop condition, tick `until` or the limit; return seconds without compilation.
 
-    `on_window` is called before the first and after every WINDOW_TICKS ticks. `last_worked`: (n,)
-    int64 output, the last window's end at which each stored robot had worked since the one before.
-    `watch` sees jams meanwhile.
+    `on_window` is called at the start and after every WINDOW_TICKS ticks. `last_worked` is an output,
+    (n,) int64: the end of the last window in which each stored robot worked. `watch` reports jams.
     """
     limit = simulation.resolved.scenario.stop.max_duration
     limit = limit if until is None else min(limit, until)
@@ -160,9 +159,9 @@ def run_to_end(
 
 
 def record_work(simulation: Simulation, before: Array, last_worked: Array) -> Array:
-    """Record this tick for the robots that have not just waited since `before`; return operations.
+    """Record the present tick for robots that did more than wait since `before`; return operations.
 
-    One that is off the floor, in its parking bay or in repair, does not wait either.
+    A robot off the floor, in its parking bay or in repair, does not count as waiting.
     """
     now = operations(simulation)
     last_worked[(now != before) | (simulation.world.robots.parked == 1)] = simulation.tick
@@ -170,9 +169,9 @@ def record_work(simulation: Simulation, before: Array, last_worked: Array) -> Ar
 
 
 def operations(simulation: Simulation) -> Array:
-    """(n,) int64: operations that each stored robot has begun, and ticks in which it was no use.
+    """(n,) int64: operations of each stored robot, plus its ticks of charging, queueing and downtime.
 
-    Who charges, queues before a charger or is down does not just wait.
+    Waits are not included. The sum grows whenever a robot does anything but wait.
     """
     tally = simulation.world.tally
     total: Array = tally.operations[:, ACTIONS_WORKING].sum((1, 2)) + tally.ticks[
@@ -183,7 +182,7 @@ def operations(simulation: Simulation) -> Array:
 
 @contextmanager
 def attribute_strategy_errors(resolved: Resolved) -> Iterator[None]:
-    """Turn what a strategy raises in here into an InputError that names it."""
+    """Convert an exception that a strategy raises inside to an InputError that names the strategy."""
     try:
         yield
     except InputError:
@@ -205,12 +204,12 @@ def run_once(
     sampling: Sampling | None = None,
     watch: JamWatch | None = None,
 ) -> Outcome:
-    """Run a scenario with its own seed, to its end or to tick `until`, and call `on_end` then.
+    """Run a scenario with its own seed to its end or to tick `until`, then call `on_end`.
 
-    `patience`: seconds that a Python strategy has for each decision. `sampling`: what is taken meanwhile.
-    `watch`: sees jams meanwhile.
+    `patience`: seconds that a Python strategy has for each decision. `sampling`: samples to take
+    during the run. `watch` reports jams.
 
-    Raises InputError for a strategy that raises.
+    Raises InputError if a strategy raises an exception.
     """
     last_worked = np.zeros(resolved.scenario.fleet.robots, np.int64)
     with attribute_strategy_errors(resolved):
@@ -243,13 +242,13 @@ def run_once(
 
 
 def is_finished(simulation: Simulation) -> bool:
-    """Whether a run came to its end: its stop condition, or its last tick if it has no other."""
+    """Whether a run has met its stop condition, or reached its last tick if it has no condition."""
     stop = simulation.resolved.scenario.stop
     return simulation.finished or (stop.when == "never" and simulation.tick >= stop.max_duration)
 
 
 def orders_exhausted(simulation: Simulation) -> OrdersExhausted | None:
-    """When a run that does not end with its orders had none left for its robots, if it did."""
+    """When the orders of a run ran out; None if they did not, or if it ends with its orders."""
     orders, stop = simulation.world.orders, simulation.resolved.scenario.stop
     is_open = (orders.state == ORDER_UNRELEASED) | (
         (orders.state == ORDER_WAITING) & (orders.reserved_by == NIL)
@@ -262,16 +261,16 @@ def orders_exhausted(simulation: Simulation) -> OrdersExhausted | None:
 
 
 class CountedStretches(NamedTuple):
-    """What a run had counted when its warm-up ended, and at the end of each stretch but the last."""
+    """The counters of a run at the end of its warm-up, and of each stretch but the last."""
 
-    warm_up: Counted | None  # None: metrics are of the whole run
+    warm_up: Counted | None  # None: metrics cover the whole run
     stretches: list[Counted]
 
 
 def run_marked(
     simulation: Simulation, every: int = 0, watch: JamWatch | None = None
 ) -> CountedStretches:
-    """Run to the end; `every`: ticks of a stretch, 0 for none."""
+    """Run to the end; `every`: length of a stretch in ticks, 0 for no stretches."""
     scenario = simulation.resolved.scenario
     warm_up, limit = warm_up_of(scenario), scenario.stop.max_duration
     borders = range(every, limit, every) if every else range(0)
@@ -285,7 +284,7 @@ def run_marked(
 
 
 def sums_by_stretch(simulation: Simulation, stretches: list[Counted]) -> dict[str, list[int]]:
-    """Return the sums of metric_sums in each stretch of a run that is over; the last ends with it."""
+    """Return the sums of metric_sums in each stretch of a finished run; the last ends with the run."""
     ends = [*stretches, counted(simulation)]
     borders = np.array([0, *(one.tick for one in ends)])
     so_far = {name: [one.sums.get(name, 0) for one in ends] for name in ends[-1].sums}
@@ -300,21 +299,21 @@ def sums_by_stretch(simulation: Simulation, stretches: list[Counted]) -> dict[st
     return {name: values.tolist() for name, values in sums.items()}
 
 
-# What is taken from a run while it goes on: every so many ticks, and what was observed.
+# Samples taken during a run: one every `period` ticks, and its observations.
 
 
 Take = Callable[[Simulation], None]
 
 
 class Sampling(NamedTuple):
-    """A run stops for it between ticks, which changes nothing in the run."""
+    """Samples of a run. The run pauses between ticks for each sample, which does not change the run."""
 
-    period: int  # ticks; 0: it takes no samples
-    on_sample: Take  # after tick 0 and after each period
-    on_observe: Take | None  # as of a Simulation; None: it observes nothing
+    period: int  # ticks; 0: no samples
+    on_sample: Take  # called after tick 0 and after each period
+    on_observe: Take | None  # as for Simulation; None: no observation
 
     def advance(self, simulation: Simulation, until: int) -> None:
-        """Carry a run on to a tick, or to its end, with the samples on the way."""
+        """Advance a run to tick `until` or to its end, and take the samples on the way."""
         if not self.period:
             simulation.run(until)
             return
@@ -325,12 +324,12 @@ class Sampling(NamedTuple):
                 self.on_sample(simulation)
 
 
-# What to say when a strategy raises: which one, what, and where in its file.
+# The error message if a strategy raises an exception: strategy, exception, and place in its file.
 
 
-MAX_ERROR_LENGTH = 300  # characters of what was raised
+MAX_ERROR_LENGTH = 300  # characters of the exception's message
 
-# Where a simulation calls a strategy's own code; their locals name its choice or the strategy.
+# The functions that call a strategy's own code. Their locals name its choice or the strategy.
 CALLS = {
     function.__code__
     for function in (
@@ -343,7 +342,7 @@ CALLS = {
 
 
 def strategy_failure(error: BaseException, resolved: Resolved) -> InputError | None:
-    """The sentence about an exception from inside a strategy; None if it came from elsewhere."""
+    """The message about an exception that a strategy raised; None if it came from elsewhere."""
     frames = list(traceback.walk_tb(error.__traceback__))
     for depth, (frame, _) in enumerate(frames):
         if frame.f_code in CALLS:
@@ -354,9 +353,9 @@ def strategy_failure(error: BaseException, resolved: Resolved) -> InputError | N
 
 
 def is_from_outside(error: BaseException) -> bool:
-    """Whether an error is a signal to this process, and not what a strategy raised by itself.
+    """Whether an error comes from a signal to this process, not from a strategy.
 
-    A signal comes between two instructions, a strategy's own KeyboardInterrupt from its `raise`.
+    A signal interrupts at any instruction; a strategy's own KeyboardInterrupt comes from a `raise`.
     """
     place = error.__traceback__
     if type(error) is not KeyboardInterrupt or place is None:
@@ -364,12 +363,12 @@ def is_from_outside(error: BaseException) -> bool:
     while place.tb_next is not None:
         place = place.tb_next
     if place.tb_frame.f_globals.get("__name__") == interruption.__name__:
-        return True  # a handler raises it
+        return True  # raised by a signal handler
     return dis.opname[place.tb_frame.f_code.co_code[place.tb_lasti]] != "RAISE_VARARGS"
 
 
 def _choice(names: dict[str, Any], resolved: Resolved) -> tuple[str, StrategyChoice]:
-    """The layer and the choice of the strategy that is called where these are the locals."""
+    """The layer and the choice of the called strategy, from the caller's locals."""
     if "choice" in names:
         return names["layer"], names["choice"]
     strategy = names["strategy"]
@@ -380,7 +379,7 @@ def _choice(names: dict[str, Any], resolved: Resolved) -> tuple[str, StrategyCho
 
 
 def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:
-    """file:line of the deepest frame in the strategy's own file, else of the deepest of all."""
+    """file:line of the deepest frame in the strategy's own file, else of the deepest frame."""
     if not inner:
         return ""
     strategy = called_from.f_locals.get("strategy")
@@ -394,33 +393,33 @@ def _place(called_from: FrameType, inner: list[tuple[FrameType, int]]) -> str:
 def _sentence(error: BaseException, name: str, layer: str, place: str) -> InputError:
     try:
         what = one_line(" ".join(str(error).split()), MAX_ERROR_LENGTH)
-    except Exception:  # of the strategy's own __str__
+    except Exception:  # the exception's own __str__ may raise
         what = ""
     raised = f"{type(error).__name__}: {what}" if what else type(error).__name__
     title = layer.replace("_", "-")
     return InputError(f"the {title} strategy '{name}' raised {raised}{place}; --debug shows where")
 
 
-# A run that is made or computed again: by the rules that held in its past.
+# A run that is created or computed again, by the rules of its past.
 
 
 class BranchRecorder(Protocol):
-    """What records a run whose rules change, as automaton.recording.recorder does."""
+    """A recorder of a run whose rules change, such as automaton.recording.recorder."""
 
     def __call__(self, simulation: Simulation) -> None: ...
     def change(self, simulation: Simulation, settings: tuple[str, ...]) -> None: ...
 
 
 class PastRules(NamedTuple):
-    """Rules that hold after a tick."""
+    """Rules that apply after a tick."""
 
     tick: int
     resolved: Resolved
-    settings: tuple[str, ...]  # KEY=VALUE, of a branch; () at the start
+    settings: tuple[str, ...]  # KEY=VALUE settings of a branch; () at the start
 
 
 def made(past: Sequence[PastRules], seed: int) -> Simulation:
-    """A run at its first tick, under its last rules: a state of that run fits into its arrays."""
+    """Create a run at its first tick under its last rules, so that its saved states fit its arrays."""
     run = Simulation(past[0].resolved, seed)
     for rules in past[1:]:
         run = run.continue_with(rules.resolved)
@@ -430,9 +429,9 @@ def made(past: Sequence[PastRules], seed: int) -> Simulation:
 def computed(
     past: Sequence[PastRules], seed: int, tick: int, recorder: BranchRecorder | None = None
 ) -> Simulation:
-    """A run computed from its start to a tick, and recorded if a recorder is given.
+    """Compute a run from its start to a tick; record it if a recorder is given.
 
-    Raises InputError for a strategy that raises.
+    Raises InputError if a strategy raises an exception.
     """
     with attribute_strategy_errors(past[-1].resolved):
         run = Simulation(past[0].resolved, seed, on_record=recorder)

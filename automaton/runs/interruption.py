@@ -1,13 +1,12 @@
-"""Ctrl-C and SIGTERM inside compiled code: a tick that takes minutes ends within a moment.
+"""Ctrl-C and SIGTERM inside compiled code: even a tick that takes minutes ends at once.
 
-Python runs the handler of a signal only when compiled code has returned. So whatever may take long
-there looks at a flag now and then, and a thread that hears of signals through Python's wakeup
-descriptor sets it:
+Python runs signal handlers only after compiled code has returned. Long loops in compiled code
+therefore poll a flag. A watcher thread reads signals from Python's wakeup descriptor and sets it:
 
     signal -> a byte in the pipe -> the watcher sets the flag -> the search returns -> the handler raises
 
-What is computed after the flag is set is worthless, and nobody may keep it. The watcher may hear of a
-signal when its handler has long raised: such a signal ends no later run.
+Results computed after the flag is set are invalid and must be discarded. The watcher may read a
+signal after its handler has raised; such a signal must not end a later run.
 """
 
 from __future__ import annotations
@@ -29,32 +28,32 @@ if TYPE_CHECKING:
 
     Flag = NDArray[Any]  # (1,) int64: not 0 = return as soon as possible
 
-INTERRUPT_PATIENCE_S: Final = 1.5  # with compiled code that looks at no flag
+INTERRUPT_PATIENCE_S: Final = 1.5  # for compiled code that polls no flag
 JUST_NOW_S: Final = 0.5
-COMPILERS_CALLBACKS: Final = "_raw_object_cache_"  # names of functions of llvmlite begin so
-RETRY_S: Final = 0.01  # until a signal comes again that came where it cannot be heard
+COMPILERS_CALLBACKS: Final = "_raw_object_cache_"  # prefix of names of llvmlite's callbacks
+RETRY_S: Final = 0.01  # until a signal is sent again whose exception would be lost
 STOP_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM)
 NO_SIGNAL: Final = -1  # no wakeup descriptor
 
 
 class TerminatedError(KeyboardInterrupt):
-    """SIGTERM, such as at the time limit of a job: what minds Ctrl-C minds it, too."""
+    """SIGTERM, such as at the time limit of a job; handlers of KeyboardInterrupt catch it, too."""
 
 
 class _Watcher:
-    """The thread that hears of signals while the main thread runs compiled code."""
+    """A thread that reads signals while the main thread runs compiled code."""
 
     def __init__(self) -> None:
         self.flags: list[Flag] = []
         self.answered = -math.inf  # when our handler last ran
-        self.other = NO_SIGNAL  # an event loop's descriptor: it hears of signals as well
+        self.other = NO_SIGNAL  # an event loop's wakeup descriptor, which receives signals as well
         self._process = 0
         self._read = self._write = NO_SIGNAL
-        self._lock = threading.RLock()  # of the pipe and the flags; a handler may come in between
+        self._lock = threading.RLock()  # guards pipe and flags; reentrant, since a handler may run
 
     @contextmanager
     def listening(self, *flags: Flag) -> Iterator[None]:
-        """While inside, signals set these flags, too. In the main thread only."""
+        """Let signals set these flags, too, while inside. Main thread only."""
         if self._process != os.getpid():
             self._process = os.getpid()
             self._lock = threading.RLock()
@@ -79,15 +78,15 @@ class _Watcher:
                 signal.set_wakeup_fd(before)
 
     def forget(self) -> None:
-        """Forget the signals that came so far: the main thread has handled them, or is about to."""
+        """Drop pending signals, which the main thread has handled or is about to handle."""
         if self._process != os.getpid():
-            return  # a fork: pipe and lock are its parent's
+            return  # a fork: pipe and lock belong to the parent
         with self._lock:
             while self._next_signal():
                 pass
 
     def _next_signal(self) -> int:
-        """The next signal in the pipe, which an event loop hears of as well; 0 if it is empty."""
+        """Read the next signal from the pipe and pass it on to the event loop; 0 if it is empty."""
         with suppress(BlockingIOError):
             byte = os.read(self._read, 1)
             self._pass_on(byte)
@@ -99,9 +98,9 @@ class _Watcher:
             try:
                 os.write(self.other, byte)
             except BlockingIOError:
-                pass  # it is full of signals
+                pass  # the pipe is full
             except OSError:
-                self.other = NO_SIGNAL  # its loop has ended
+                self.other = NO_SIGNAL  # the event loop has ended
 
     def _listen(self) -> None:
         poll = select.poll()
@@ -113,14 +112,14 @@ class _Watcher:
                 number = self._next_signal()
                 handler = signal.getsignal(number) if number else None
                 if number in STOP_SIGNALS and handler in (_on_signal, signal.default_int_handler):
-                    for flag in self.flags:  # somebody else's handler may let the run go on
+                    for flag in self.flags:  # handlers of other code may let the run continue
                         flag[0] = 1
             if handler is _on_signal:
                 self._insist(number, heard)
 
     def _insist(self, number: int, heard: float) -> None:
         while time.monotonic() < heard + INTERRUPT_PATIENCE_S:
-            if self.answered > heard - JUST_NOW_S:  # it may be quicker than this thread
+            if self.answered > heard - JUST_NOW_S:  # the handler may run before this thread
                 return
             time.sleep(INTERRUPT_PATIENCE_S / 30)
         os.write(sys.__stderr__.fileno() if sys.__stderr__ else 2, _words(number) + b", at once\n")
@@ -132,10 +131,10 @@ _WATCHER: Final = _Watcher()
 
 @contextmanager
 def interruptible(flag: Flag) -> Iterator[None]:
-    """While inside, a signal sets `flag`; who leaves with it set leaves by KeyboardInterrupt.
+    """Let signals set `flag` while inside; raise KeyboardInterrupt on exit if it is set.
 
-    Only signals that end what goes on do: a handler of somebody else may want the run to go on. Other
-    threads hear of none, but may set the flag of a run to end it.
+    Only signals with our own handler or Python's set it, since other handlers may let the run
+    continue. Signals reach the main thread only; other threads may set the flag to end a run.
     """
     if threading.current_thread() is threading.main_thread():
         with _WATCHER.listening(flag):
@@ -147,16 +146,16 @@ def interruptible(flag: Flag) -> Iterator[None]:
 
 
 def give_up() -> NoReturn:
-    """Raise what the handler of the signal raises, which Python calls on entry, or KeyboardInterrupt."""
+    """Raise the exception of the signal handler, which Python runs on entry, or KeyboardInterrupt."""
     raise KeyboardInterrupt
 
 
 @contextmanager
 def signals_raise() -> Iterator[None]:
-    """While inside, SIGINT and SIGTERM raise, or end the process where compiled code does not return.
+    """Let SIGINT raise KeyboardInterrupt and SIGTERM TerminatedError while inside.
 
-    SIGINT raises KeyboardInterrupt, SIGTERM TerminatedError; but not where somebody minds or ignores them
-    already.
+    If compiled code does not return, they end the process. Signals that already have another handler
+    or are ignored stay as they are.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
@@ -185,13 +184,13 @@ def _on_signal(number: int, frame: FrameType | None) -> None:
     _WATCHER.forget()
     _WATCHER.answered = time.monotonic()
     if number == signal.SIGTERM:
-        signal.signal(number, signal.SIG_IGN)  # what is known is told once, whole
+        signal.signal(number, signal.SIG_IGN)  # a second SIGTERM must not cut off the final report
         raise TerminatedError
     raise KeyboardInterrupt
 
 
 def _raise_again(lost: sys.UnraisableHookArgs) -> None:
-    """Send a signal again whose exception was lost, as in `__del__`."""
+    """Send a signal again if its exception was lost, as in `__del__`."""
     if not issubclass(lost.exc_type, KeyboardInterrupt):
         sys.__unraisablehook__(lost)
     elif issubclass(lost.exc_type, TerminatedError):
@@ -206,7 +205,7 @@ def _send_again(number: int) -> None:
 
 
 def _would_be_lost(frame: FrameType | None) -> bool:
-    """Whether an exception that is raised here is lost: a callback of the compiler, or our own hook."""
+    """Whether an exception raised here would be lost: in a callback of llvmlite, or in our hook."""
     lost_in = (COMPILERS_CALLBACKS, _raise_again.__name__)
     while frame is not None and not frame.f_code.co_name.startswith(lost_in):
         frame = frame.f_back

@@ -1,6 +1,6 @@
-"""The metrics of a run: their units and meanings, and values in the units of a scenario.
+"""The metrics of a run: their units and meanings, and conversion to the units of a scenario.
 
-Importing this needs no Numba.
+This module imports without Numba.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "lost_illegal": ("ticks", "time spent standing after an illegal decision of a strategy"),
     "lost_held_back": (
         "ticks",
-        "time for which a right of way that steers held robots back",
+        "time for which a steering right-of-way strategy held robots back",
     ),
     "lost_at_gates": ("ticks", "time spent waiting before closed cells, doors, blocks and lifts"),
     "lost_following": (
@@ -148,13 +148,13 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
 
 
 def units_of(resolved: Resolved) -> tuple[Unit, Unit | None]:
-    """What a tick and a cell's side stand for; None: the scenario does not say what a cell is."""
+    """The units of a tick and of a cell's side; None if the scenario gives cells no size."""
     units = resolved.scenario.units
     return unit(units.tick), None if units.cell is None else unit(units.cell)
 
 
 def in_coarse_ticks(metrics: Mapping[str, Any], refinement: int) -> dict[str, Any]:
-    """Return the metrics of a refined run in the ticks of its scenario, to be set beside others."""
+    """Convert the metrics of a refined run to the ticks of the unrefined scenario."""
     if refinement == 1:
         return dict(metrics)
     result = {}
@@ -169,9 +169,7 @@ def in_coarse_ticks(metrics: Mapping[str, Any], refinement: int) -> dict[str, An
 def to_scenario_units(
     metrics: Mapping[str, float], tick: Unit, cell: Unit | None
 ) -> dict[str, Any]:
-    """Return the metrics in ticks and in cells with the scenario's units; nothing if a tick is just
-    a tick.
-    """
+    """Convert the metrics in ticks and in cells to the scenario's units, where it gives some."""
     in_units = {}
     for name, value in metrics.items():
         kind = METRIC_CATALOGUE[name][0] if name in METRIC_CATALOGUE else ""

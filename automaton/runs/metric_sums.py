@@ -1,10 +1,10 @@
-"""Metrics as quotients of what a run adds up, so that any stretch of it can be measured alone.
+"""Metrics as quotients of sums that a run accumulates, so that any stretch can be measured alone.
 
     throughput = 1000 deliveries / ticks        blocked_share = lost ticks / (active + lost outside)
 
-Sums of stretches that follow each other add up to those of the whole. What is no such quotient
-cannot be taken out of a run that is over: quantiles of its orders, the station that works most.
-Importing this needs nothing.
+The sums of consecutive stretches add up to the sums of the whole. Other metrics, such as quantiles
+of orders and the busiest station, cannot be computed by stretch once the run is over.
+This module imports without Numba and NumPy.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ LOST_OUTSIDE: Final = (
     "lost_held_back",
     "lost_at_gates",
     "lost_following",
-)  # of "active"
+)  # lost ticks that "active" does not include
 COUNTED_BY_STRATEGIES: Final = (
     *(
         "redesigns",
@@ -43,7 +43,7 @@ COUNTED_BY_STRATEGIES: Final = (
         "ticks_watched",
     ),
 )
-# What rows of a steady state keep of each stretch; "charge" in units of it, "taken": tasks.
+# Sums that steady-state rows store for each stretch. "charge" is in battery units; "taken" counts tasks.
 SUMS: Final = (
     *("ticks", "robot_ticks"),
     *("operations", "moves", "empty_moves", "empty_driving", "empty_driving_ticks", "active"),
@@ -64,10 +64,10 @@ TASK_SUMS: Final = {*SUMS, "robots", "completed", "watched_robot_ticks"} - {*COU
 class Quotient(NamedTuple):
     """A metric: times * part / whole."""
 
-    part: str | tuple[str, ...]  # a sum, or several of which those that there are count
+    part: str | tuple[str, ...]  # a sum, or several; sums that are absent are ignored
     whole: str | tuple[str, ...] | int = 1  # likewise, or a number
     times: int = 1
-    measured: bool = True  # False: absent where the whole is 0, and not 0
+    measured: bool = True  # where the whole is 0 the metric is 0 if True, absent if False
 
 
 QUOTIENTS: Final = {
@@ -99,10 +99,10 @@ QUOTIENTS: Final = {
 
 
 def metric(name: str, sums: Mapping[str, int]) -> float | int | None:
-    """A metric of a stretch by its sums; None if they do not tell it.
+    """Compute a metric of a stretch from its sums; None if the sums do not determine it.
 
-    Beside SUMS they have `robots`, and where tasks are measured `completed` and `watched_robot_ticks`.
-    What has no quotient of its own is such a sum.
+    `sums` holds SUMS and `robots`, and if tasks are measured also `completed` and
+    `watched_robot_ticks`. A metric without a quotient is itself one of these sums.
     """
     quotient = QUOTIENTS.get(name, Quotient(name))
     parts = [sums[part] for part in _names(quotient.part) if part in sums]

@@ -1,8 +1,8 @@
-"""The metrics of a run, read off its counters: the paper's, and general ones; those of its stations.
+"""The metrics of a run, computed from its counters, for the fleet, each robot and each robot type.
 
-Operations are what Grzejszczak & Nocon count: moves, turns, picks, drops, tries and waits (one for a
-wait of any length). E_U, the share of empty runs, has three readings: by moves, by operations, and
-by ticks (MOVE, TURN and WAIT without load over all active ticks).
+Operations are those of Grzejszczak & Nocon: moves, turns, picks, drops, tries and waits (one for a
+wait of any length). Their share of empty runs, E_U, can be read in three ways: by moves, by
+operations, and by ticks (MOVE, TURN and WAIT without load over all active ticks).
 """
 
 from __future__ import annotations
@@ -61,8 +61,8 @@ OPERATION_STATES = [
     *(ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_WAIT),
     ACTION_SERVE,
 ]
-ACTIVE = [*range(ACTION_IDLE + 1, ACTION_DOWN), ACTION_SERVE]  # a stop is work, as a pick is
-DRIVING = [ACTION_MOVE, ACTION_TURN, ACTION_WAIT]  # what can be an empty run
+ACTIVE = [*range(ACTION_IDLE + 1, ACTION_DOWN), ACTION_SERVE]  # a stop is work, like a pick
+DRIVING = [ACTION_MOVE, ACTION_TURN, ACTION_WAIT]  # operations that an empty run consists of
 LOST_IN = dict(
     zip(
         LOST_TICK_SUMS,
@@ -80,7 +80,7 @@ LOST_IN = dict(
         ),
         strict=True,
     )
-)  # figure: action
+)  # metric: action
 SHARES = (
     "empty_moves_share",
     "empty_operations_share",
@@ -88,23 +88,23 @@ SHARES = (
     "ticks_per_operation",
     "blocked_share",
 )
-BALANCE = ("ticks_in_balance", "ticks_watched")  # counted by zoning, told as balanced_share
+BALANCE = ("ticks_in_balance", "ticks_watched")  # counted by zoning, reported as balanced_share
 
 
 class Counted(NamedTuple):
-    """What a run has counted up to a tick."""
+    """The counters of a run up to a tick."""
 
     tick: int
     sums: dict[
         str, int
-    ]  # by the names of automaton.runs.metric_sums, those of orders and parts aside
+    ]  # by the names of automaton.runs.metric_sums, without the sums of orders and parts
     actions: Array  # (A,) int64: robot ticks spent in each action
     busy: Array  # (k,) int64: ticks in which each station worked
-    served: int  # ticks in which stations served robots with pods, all stations together
+    served: int  # ticks in which stations served robots with pods, summed over stations
 
 
 def executed_ticks(world: World) -> Array:
-    """(n, A, 2): ticks spent in each action, without what the operations under way still need."""
+    """(n, A, 2): ticks spent in each action, without the remaining ticks of unfinished operations."""
     ticks: Array = world.tally.ticks.copy()
     for robots, actions, loads, remaining in under_way(world):
         ticks[robots, actions, loads] -= remaining
@@ -112,7 +112,7 @@ def executed_ticks(world: World) -> Array:
 
 
 def fleet_ticks(world: World) -> Array:
-    """(A, 2): the same of all robots together."""
+    """(A, 2): the same ticks as `executed_ticks`, summed over all robots."""
     ticks: Array = world.tally.ticks.sum(0)
     for _, actions, loads, remaining in under_way(world):
         np.subtract.at(ticks, (actions, loads), remaining)
@@ -120,9 +120,9 @@ def fleet_ticks(world: World) -> Array:
 
 
 def under_way(world: World) -> list[tuple[Array, Array, Array, Array]]:
-    """The robots whose operation is not over, its action, whether they are loaded, and the ticks left.
+    """The robots with an unfinished operation, its action, whether they are loaded, and its ticks left.
 
-    Under convoy a second row for moves: the ticks that they still lose to the robot ahead.
+    Under convoy a second row holds the ticks that moves still lose to the robot ahead.
     """
     robots = world.robots
     busy = np.flatnonzero(robots.busy > 0)
@@ -136,13 +136,13 @@ def under_way(world: World) -> list[tuple[Array, Array, Array, Array]]:
 
 
 def _follows(world: World) -> bool:
-    """Whether moves may last longer because of the robot ahead, or did before the rules were changed."""
+    """Whether moves may last longer because of the robot ahead, or did before a change of rules."""
     is_convoy = world.rules.following == FOLLOWING_CONVOY
     return bool(is_convoy or world.tally.ticks[:, ACTION_FOLLOWING].any())
 
 
 def counted(run: Measured) -> Counted:
-    """What a run has counted so far; what it does not measure is not there."""
+    """The counters of a run so far, without those that it does not measure."""
     world = run.world
     tally, rules, out = world.tally, world.rules, world.tally.failures.sum(0)
     times, ticks = tally.operations.sum(0), fleet_ticks(world)
@@ -177,13 +177,12 @@ def counted(run: Measured) -> Counted:
 
 
 def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float | int]:
-    """All metrics of the fleet, by the names of METRIC_CATALOGUE, but for makespan only of what came
-    `since`.
+    """All metrics of the fleet by the names of METRIC_CATALOGUE; all but makespan count from `since`.
 
-    Those of tasks are there if the scenario measures tasks, `slowdown_ticks` if moves may take
-    longer; times of tasks, orders and parts are there once one has ended: what was not measured is
-    not 0. What strategies count themselves comes under the names that they give it, those unknown
-    here last.
+    Metrics that were not measured are absent, not 0: task metrics unless the scenario measures
+    tasks, `slowdown_ticks` unless moves may take longer, and times of tasks, orders and parts until
+    one has ended. Counters of strategies have the names that strategies give them; names that are
+    not in METRIC_CATALOGUE come last.
     """
     world, now = run.world, counted(run)
     begin = 0 if since is None else since.tick
@@ -228,7 +227,7 @@ def _of_stretch(robots: int, ticks: int) -> dict[str, int]:
 
 
 def _of_tasks(world: World, tasks: FinishedTasks, robots: int, warm_up: int) -> dict[str, int]:
-    """The sums of the tasks that were taken after a warm-up, and of what was delivered after it."""
+    """The sums of tasks taken after the warm-up, and of orders delivered after it."""
     orders, after = world.orders, max(0, int(world.clock.tick) - warm_up)
     completed = (orders.state == ORDER_DELIVERED) & (orders.delivered > warm_up)
     return {
@@ -239,10 +238,10 @@ def _of_tasks(world: World, tasks: FinishedTasks, robots: int, warm_up: int) -> 
 
 
 def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
-    """Of the orders that were delivered in each stretch between ascending borders, in ticks.
+    """Sums of the orders delivered in each stretch between ascending borders in ticks.
 
-    How many, their legs, and where orders arrive over time how long they took: (borders - 1,) each;
-    where they have due times, how many were late, and by how many ticks.
+    Each array is (borders - 1,): number of orders, legs, lead times if orders arrive over time, and
+    late orders and tardiness if they have due times.
     """
     orders = asked_orders(world)
     done = np.flatnonzero(orders.done != NIL)
@@ -259,9 +258,9 @@ def sums_of_orders(world: World, borders: Array) -> dict[str, Array]:
 
 
 def sums_of_lines(world: World, borders: Array) -> dict[str, Array]:
-    """Lines, visits of pods at stations and trips that were done in each stretch between borders.
+    """Numbers of lines, pod visits and trips done in each stretch between borders.
 
-    And the pods that were stored in another cell than they were lifted from.
+    Also the number of pods stored in another cell than the one they were lifted from.
     """
     lines, orders, visits = world.lines, world.orders, world.stops
     ticks = lines.done[lines.done != NIL], visits.done[visits.done != NIL]
@@ -276,14 +275,14 @@ def sums_of_lines(world: World, borders: Array) -> dict[str, Array]:
 
 
 def may_slow(world: World) -> bool:
-    """Whether moves may take longer than their duration, or did so before the rules were changed."""
+    """Whether moves may take longer than their duration, or did so before a change of rules."""
     rules, is_limited = world.rules, len(world.grid.min_move_ticks) > 0
     slows = rules.slowdown or rules.extra_tick or is_limited
     return bool(slows or world.tally.slowdown_ticks.any())
 
 
 def _not_lost(world: World) -> list[str]:
-    """The metrics of lost ticks that a run does not have."""
+    """The metrics of lost ticks that do not apply to a run."""
     absent = {
         "lost_queueing": not world.rules.battery,
         "lost_station_queue": not (has_lines(world) or _has_queues(world)),
@@ -295,17 +294,17 @@ def _not_lost(world: World) -> list[str]:
 
 
 def _has_queues(world: World) -> bool:
-    """Whether stations to which pods are carried have queues."""
+    """Whether stations for pods have queues."""
     return bool((world.pod_stations.queue_at != NIL).any())
 
 
 def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
-    """For each robot, in the order of identities: operations, lost ticks, utilization.
+    """Operations, lost ticks and utilization of each robot, in the order of identities.
 
-    `slowdown_ticks` is there if moves may take longer, `lost_queueing` if robots run on batteries,
-    `lost_station_queue` if they carry pods for lines or to queues,
-    `lost_held_back` if right of way steers them, `lost_at_gates` if the floor has gates,
-    `lost_following` if they follow each other in moves of several ticks.
+    A row has `slowdown_ticks` if moves may take longer, `lost_queueing` if robots have batteries,
+    `lost_station_queue` if they carry pods for lines or to queues, `lost_held_back` if right of way
+    steers them, `lost_at_gates` if the floor has gates, and `lost_following` if robots follow each
+    other in moves of several ticks.
     """
     world = run.world
     elapsed = int(world.clock.tick)
@@ -332,14 +331,14 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
 
 
 def type_names(run: Measured) -> list[str]:
-    """The names of the types of robots; none where all are alike."""
+    """The names of the robot types; none if all robots are alike."""
     return [kind.name for kind in run.resolved.scenario.fleet.types]
 
 
 def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
-    """For each type of robots: how many, what they delivered, and the ticks of what they did.
+    """Number of robots, deliveries, ticks by action and utilization of each robot type.
 
-    A delivery counts for the type of the robot that took the order last.
+    A delivery counts for the type of the robot that last took the order.
     """
     world, ticks = run.world, executed_ticks(run.world)
     done = world.orders.dispatched_type[world.orders.state == ORDER_DELIVERED]
@@ -364,7 +363,7 @@ def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
 
 
 def illegal_by_layer(run: Measured) -> dict[str, int]:
-    """Illegal answers that each layer's strategy gave."""
+    """Number of illegal answers of each layer's strategy."""
     return dict(zip(LAYER_NAMES, (int(count) for count in run.world.tally.illegal), strict=True))
 
 
@@ -394,9 +393,9 @@ def _ratio(part: Any, whole: Any) -> float:
 
 
 def sums_of_parts(world: World, borders: Array) -> dict[str, Array]:
-    """Of the parts that were finished in each stretch between borders: how many, and their ticks.
+    """Number and flow times of the parts finished in each stretch between borders.
 
-    Nothing without parts.
+    Empty without parts.
     """
     stations = world.stations
     if not len(stations.part):
@@ -413,7 +412,7 @@ def sums_of_parts(world: World, borders: Array) -> dict[str, Array]:
 
 
 def busy_ticks(world: World) -> Array:
-    """(k,) ticks in which each station worked, what it works on now included."""
+    """(k,) ticks in which each station worked, including its current job."""
     stations, now = world.stations, int(world.clock.tick)
     ended = np.flatnonzero(stations.completion_tick != NIL)
     count = len(stations.slot)

@@ -1,7 +1,6 @@
-"""How far a run is: the orders that were asked for, and whether the fleet gets on.
+"""The progress of a run: its customer orders, and whether its robots make progress.
 
-Where pods are carried, the orders of the world are trips; those that were asked for are done with the
-last of their lines.
+Where robots carry pods, the orders of the world are trips; a customer order is done with its last line.
 """
 
 from __future__ import annotations
@@ -31,11 +30,11 @@ from automaton.floor.floor_plan import FloorPlan
 
 
 class AskedOrders(NamedTuple):
-    """The orders of a run: (m,) each."""
+    """The customer orders of a run; each array is (m,)."""
 
-    release: Array  # int64: the tick from which it is known
-    due: Array  # int64: NEVER without a due time
-    done: Array  # int64: the tick in which it was done, or NIL
+    release: Array  # int64: tick from which the order is known
+    due: Array  # int64: due tick; NEVER without one
+    done: Array  # int64: tick in which the order was done, or NIL
     is_known: Array  # bool
 
     @property
@@ -45,18 +44,18 @@ class AskedOrders(NamedTuple):
         return is_open
 
     def after(self, tick: int) -> AskedOrders:
-        """Those that were done after a tick, or are open."""
+        """The orders that were done after a tick or are open."""
         later = self.is_open | (self.done > tick)
         return AskedOrders(*(column[later] for column in self))
 
 
 def has_lines(world: World) -> bool:
-    """Whether orders consist of lines."""
+    """Whether orders consist of lines (robots carry pods)."""
     return len(world.lines.order) > 0
 
 
 def asked_orders(world: World) -> AskedOrders:
-    """The orders of a world that pods are carried for, or its own."""
+    """The customer orders of a world: its orders with lines, else the orders of its robots."""
     orders, lines = world.orders, world.lines
     if not has_lines(world):
         is_done = orders.state == ORDER_DELIVERED
@@ -75,44 +74,44 @@ def asked_orders(world: World) -> AskedOrders:
 
 
 def asked_count(world: World) -> int:
-    """How many orders there are."""
+    """The number of customer orders."""
     return len(world.lines.left) if has_lines(world) else len(world.orders.state)
 
 
 def done_count(orders: Orders, lines: Lines) -> int:
-    """How many of them are done."""
+    """The number of customer orders that are done."""
     if len(lines.order):
         return int(np.count_nonzero(lines.order_done != NIL))
     return int(np.count_nonzero(orders.state == ORDER_DELIVERED))
 
 
-# Whether a fleet gets on: robots that have finished nothing for long, and where they stand together.
+# Robots that have made no progress for long, and the groups in which they stand.
 #
-# A robot makes progress when it picks up or drops a load, makes a visit, or charges. That robots move
-# says little: in a jam they may turn and push each other for ever.
+# A robot makes progress when it picks up or drops a load, makes a visit, or charges. Motion alone is not
+# progress: in a jam robots may turn and push each other for ever.
 
 
 LEAST_STARVED_TICKS: Final = 500
-# From side to side; the longest trip, and three times its length in traffic.
+# Drives across the floor: one for the longest trip, and three more for traffic.
 STARVED_DRIVES: Final = 4
-JAM_ROBOTS: Final = 2  # fewer that stand together do not count
-REACH: Final = 2  # rows and columns between two robots of one jam
+JAM_ROBOTS: Final = 2  # least number of robots of a jam
+REACH: Final = 2  # largest distance in rows and in columns between neighbours in a jam
 
 
 class Jam(NamedTuple):
-    """Robots without progress that stand together, and the cells [x, y] of the corners around them."""
+    """Robots without progress that stand together, and two corners [x, y] of their bounding box."""
 
     robots: tuple[int, ...]
     first: tuple[int, int]
     last: tuple[int, int]
-    ticks: int  # for which they have finished nothing, at least
+    ticks: int  # least time without progress
 
 
 def starved_ticks(world: World) -> int:
-    """After how many ticks in which it has finished nothing a robot counts as starved.
+    """The number of ticks without progress after which a robot counts as starved.
 
-    Four times what the slowest type takes for the width and the height of the floor, a pick and a
-    drop; 500 at least.
+    Four times the ticks that the slowest type takes to drive the width and the height of the floor,
+    to pick and to drop, but at least 500.
     """
     grid, slowest = world.grid, world.rules.duration.max(axis=0)
     width = int(grid.width) - 2  # without the border
@@ -124,10 +123,9 @@ def starved_ticks(world: World) -> int:
 
 
 def starved_robots(world: World, ticks: int | None = None) -> Array:
-    """Storage indices of robots with something to do that have finished nothing for long.
+    """Storage indices of robots that have work but have made no progress for `ticks`.
 
-    `ticks`: how long; those of `starved_ticks` unless given. Robots that are down, or queue for a
-    charger, are not among them.
+    `ticks` defaults to `starved_ticks`. Robots that are down or queue for a charger do not count.
     """
     robots = world.robots
     at_work = (robots.goal_type != GOAL_NONE) & (robots.goal_type != GOAL_PARK)
@@ -140,9 +138,10 @@ def starved_robots(world: World, ticks: int | None = None) -> Array:
 
 
 def stuck_robots(world: World, ticks: int) -> Array:
-    """Storage indices of starved robots on the floor that do not wait to be served.
+    """Storage indices of starved robots on the floor, except those that wait for service.
 
-    Those wait for a charger that others use, or for a station that has had a break in these ticks.
+    A robot waits for service if it is on its way to a charger, or to a station that had a break
+    within the last `ticks`.
     """
     stations, tick, robots = world.pod_stations, int(world.clock.tick), world.robots
     began, ended = stations.breaks[:, 1], stations.breaks[:, 2]
@@ -154,7 +153,7 @@ def stuck_robots(world: World, ticks: int) -> Array:
 
 
 def oldest_order(world: World) -> int:
-    """Ticks since the release of the order that has been open for longest, taken or not; 0: none is."""
+    """Age in ticks of the oldest open order, whether taken or not; 0 if no order is open."""
     orders = asked_orders(world)
     if not orders.is_open.any():
         return 0
@@ -162,12 +161,12 @@ def oldest_order(world: World) -> int:
 
 
 def largest_jam(world: World, floor_plan: FloorPlan) -> Jam | None:
-    """Return the most robots without progress that stand near each other, ties to the first robot."""
+    """Return the jam with the most robots; ties go to the jam with the lowest robot number."""
     return max(jams(world, floor_plan), key=lambda jam: len(jam.robots), default=None)
 
 
 def jams(world: World, floor_plan: FloorPlan) -> list[Jam]:
-    """Return all groups of robots without progress that stand near each other, by their first robots."""
+    """Return all jams, ordered by their lowest robot numbers."""
     ticks, groups = starved_ticks(world), []
     stalled = stuck_robots(world, ticks)
     stalled = stalled[np.argsort(world.robots.identity[stalled])]
@@ -187,11 +186,11 @@ def jams(world: World, floor_plan: FloorPlan) -> list[Jam]:
 
 
 def _groups(rows: Array, columns: Array) -> Array:
-    """(k,) the group of each place: places within REACH of each other, transitively.
+    """(k,) the group of each place; places within REACH of each other share a group, transitively.
 
-    A group is named by the first of its places, so that of two the one whose place comes first is less.
+    The number of a group is the index of its first place.
     """
-    width = int(columns.max()) + REACH + 1  # no place is near one at the other end of a row
+    width = int(columns.max()) + REACH + 1  # keeps the ends of neighbouring rows apart
     keys = rows * width + columns
     order = np.argsort(keys, kind="stable")
     pairs = [_pairs(keys, order, offset) for offset in _offsets(width)]
@@ -208,13 +207,13 @@ def _groups(rows: Array, columns: Array) -> Array:
 
 
 def _offsets(width: int) -> list[int]:
-    """From a place to those within REACH that come later in reading order, and to itself."""
+    """Key offsets from a place to itself and to places within REACH later in reading order."""
     side = range(-REACH, REACH + 1)
     return [y * width + x for y in range(REACH + 1) for x in side if y * width + x >= 0]
 
 
 def _pairs(keys: Array, order: Array, offset: int) -> tuple[Array, Array]:
-    """Places, and one that lies there from each; of several in a cell the first."""
+    """Indices of places with a neighbour at `offset`, and of its first place in that cell."""
     ahead = keys + offset
     place = np.minimum(np.searchsorted(keys, ahead, sorter=order), len(keys) - 1)
     near = keys[order[place]] == ahead

@@ -1,4 +1,4 @@
-"""Name what computed a run: sources and files by their hashes, libraries by their versions."""
+"""The provenance of a run: hashes of sources and files, versions of libraries."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from automaton.strategy.lookup import files_of
 from automaton.world.resolved import Resolved
 
 PACKAGES = ("automaton", "strategies", "layouts")
-DECIDING = (".py", ".npz")  # files of these packages from which runs follow: code and networks
+DECIDING = (".py", ".npz")  # files of these packages that determine runs: code and networks
 LIBRARIES = ("fleet-automaton", "numpy", "numba", "msgspec")
 
 
 @cache
 def source_hash(plugins: tuple[str, ...] = ()) -> str:
-    """16 hex digits of all that is installed and decides; `plugins`: "module:Class" names.
+    """16 hex digits: hash of all installed files that determine runs; `plugins`: "module:Class" names.
 
-    Where the packages are installed does not matter.
+    The hash does not depend on where the packages are installed.
     """
     digest = hashlib.sha256()
     for package in PACKAGES:
@@ -41,21 +41,21 @@ def source_hash(plugins: tuple[str, ...] = ()) -> str:
 
 
 def file_hashes(resolved: Resolved) -> dict[str, Any]:
-    """{"files": {file: 16 hex digits of its content}} of those that strategies read, if any do."""
+    """{"files": {file: hash of its content}} of the files that strategies read; {} without any."""
     files = [file for _, choice in resolved.choices for file in files_of(choice.parameters)]
     return {"files": {str(file): content_hash(file) for file in files}} if files else {}
 
 
 def recorded_files(resolved: Resolved) -> dict[str, Any]:
-    """The files of strategies, and of orders as they were when the scenario was read."""
+    """Hashes of the files of strategies, and of order files as of the reading of the scenario."""
     found = {**file_hashes(resolved).get("files", {}), **dict(resolved.files)}
     return {"files": found} if found else {}
 
 
 @cache
 def versions() -> dict[str, str]:
-    """The versions of what computed the run, by name; what is not installed is left out."""
-    from importlib import metadata  # with all that reads mails: a twentieth of `check`
+    """The versions of Python and of the installed LIBRARIES, by name."""
+    from importlib import metadata  # slow: it imports the email package, 5 % of the time of `check`
 
     found = {"python": platform.python_version()}
     for library in LIBRARIES:

@@ -1,6 +1,6 @@
-"""Why a run is not finished: what is undelivered, who is down, who waits and for whom, in cycles too.
+"""Why a run is not finished: undelivered orders, robots that are down, and robots that wait.
 
-Jams are reported while the run goes on.
+Wait cycles are named. Jams are reported during the run.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ from automaton.runs.simulation import RECORD_TICKS, Simulation
 from automaton.units import count, listed
 from automaton.vocabulary import CONDITION_WORDS
 
-MAX_NAMED_BLOCKERS = 3  # robots that keep others
+MAX_NAMED_BLOCKERS = 3  # robots that block others
 
 
 def stalled_robots(simulation: Simulation, last_worked: Array) -> Array:
-    """Storage indices of the robots on the floor that have not worked for long.
+    """Storage indices of the robots on the floor that have not worked for DEADLOCK_TICKS.
 
-    last_worked: (n,) the tick up to which each stored robot has worked. Robots that are down are
-    not stalled.
+    `last_worked`: (n,) the last tick in which each stored robot worked. Robots that are down are not
+    stalled.
     """
     robots = simulation.world.robots
     on_floor = np.flatnonzero((robots.parked == 0) & (robots.status < STATUS_DEPLETED))
@@ -51,7 +51,7 @@ def stalled_robots(simulation: Simulation, last_worked: Array) -> Array:
 
 
 def describe_wait_cycles(found: list[tuple[int, ...]]) -> list[str]:
-    """Return a phrase about wait cycles, or none."""
+    """Return a phrase about wait cycles, if any."""
     if not found:
         return []
     others = f", and there are {count(len(found) - 1, 'more wait cycle')}" if found[1:] else ""
@@ -59,7 +59,7 @@ def describe_wait_cycles(found: list[tuple[int, ...]]) -> list[str]:
 
 
 def describe_unfinished_run(simulation: Simulation, last_worked: Array) -> str:
-    """Return in phrases why a run is not finished; `last_worked` as of `stalled_robots`."""
+    """Return phrases that explain why a run is not finished; `last_worked` as for `stalled_robots`."""
     world = simulation.world
     illegal = {layer: n for layer, n in illegal_by_layer(simulation).items() if n}
     on_floor = int((world.robots.parked == 0).sum())
@@ -75,7 +75,7 @@ def describe_unfinished_run(simulation: Simulation, last_worked: Array) -> str:
     if len(waiting):
         since = int(last_worked[waiting].max())
         phrases.append(
-            f"{robot_names(simulation, waiting)} done nothing but wait since tick {since:,} or before"
+            f"{robot_names(simulation, waiting)} only waited since tick {since:,} or earlier"
         )
         phrases += describe_blockers(simulation, waiting)
         phrases += describe_wait_cycles(find_wait_cycles(world, waiting))
@@ -86,7 +86,7 @@ def describe_unfinished_run(simulation: Simulation, last_worked: Array) -> str:
 
 
 def describe_jam(jam: Jam | None) -> list[str]:
-    """Return a phrase about robots that stand together and get nothing done, or none."""
+    """Return a phrase about a jam, if any."""
     if jam is None:
         return []
     (left, top), (right, bottom) = jam.first, jam.last
@@ -95,7 +95,7 @@ def describe_jam(jam: Jam | None) -> list[str]:
 
 
 def robot_names(simulation: Simulation, stored: Array) -> str:
-    """Robots by their identities, with a verb: "robot 2 has"."""
+    """Robots by their identities, followed by "has" or "have": "robot 2 has"."""
     names = sorted(int(identity) for identity in simulation.world.robots.identity[stored])
     return f"robot {names[0]} has" if len(names) == 1 else f"robots {listed(names)} have"
 
@@ -113,7 +113,7 @@ def describe_robots_down(simulation: Simulation) -> list[str]:
 
 
 def describe_blockers(simulation: Simulation, waiting: Array) -> list[str]:
-    """Describe the robots that hold a cell for which some of these wait, and do not wait themselves."""
+    """Describe the robots that hold a cell for which waiting robots wait, and do not wait themselves."""
     robots, floor_plan = simulation.world.robots, simulation.resolved.floor_plan
     blocker = blockers_of(simulation.world, waiting)
     phrases = []
@@ -132,10 +132,10 @@ def describe_blockers(simulation: Simulation, waiting: Array) -> list[str]:
 
 
 def find_wait_cycles(world: World, last_worked: Array) -> list[tuple[int, ...]]:
-    """Identities of the robots of each wait cycle, each waiting for the next, the least one first.
+    """Identities of the robots of each wait cycle, each waiting for the next, lowest identity first.
 
-    `last_worked`: storage indices of robots that have got nowhere for long. One that is to enter a cell
-    for one robot waits for who stands there or enters it.
+    `last_worked`: storage indices of stalled robots. A robot whose next cell has room for one robot
+    waits for the robot that occupies or enters it.
     """
     blockers = blockers_of(world, last_worked)
     robots, cycles = world.robots, []
@@ -153,7 +153,7 @@ def find_wait_cycles(world: World, last_worked: Array) -> list[tuple[int, ...]]:
 
 
 def blockers_of(world: World, last_worked: Array) -> dict[int, int]:
-    """Return which robot blocks the next cell of each of these robots, by storage indices."""
+    """Map each of these robots to the robot that blocks its next cell, by storage indices."""
     robots, grid = world.robots, world.grid
     holder: dict[int, int] = {}
     for place in (robots.cell, robots.claim):
@@ -175,34 +175,35 @@ def _identities(world: World, cycle: list[int]) -> tuple[int, ...]:
     return (*names[least:], *names[:least])
 
 
-# Jams, once each, between two pauses of the loop.
+# Detection of jams during a run. Each jam is reported once.
 
 
-LOOK_TICKS: Final = RECORD_TICKS  # ticks between two looks; pauses there change no recording
+LOOK_TICKS: Final = RECORD_TICKS  # ticks between two checks; pauses there change no recording
 
 
 class JamWatch:
-    """Call `on_jam` with the tick and the jam as soon as one is seen.
+    """Call `on_jam` with the tick and the jam when a jam is detected.
 
-    A jam is seen when its robots have finished nothing for `starved_ticks`, 500 at least, and at most
-    LOOK_TICKS later. It stays the same jam as long as one of its robots makes no progress. As long as a
-    robot is down on the floor, and for as many ticks after, others wait behind it: no jam is reported.
+    A jam is detected when its robots have made no progress for `starved_ticks` (at least 500), and at
+    most LOOK_TICKS later. It counts as the same jam as long as one of its robots makes no progress. No
+    jam is reported while a robot is down on the floor and for `starved_ticks` after, since other
+    robots wait behind it.
     """
 
     def __init__(self, on_jam: Callable[[int, Jam], None]) -> None:
         self._on_jam = on_jam
         self._known: set[int] = set()  # robots of jams that have been reported
-        self._down_at = NIL  # the last look at which a robot was down on the floor
-        self._ticks = 0  # without progress, after which a robot counts
+        self._down_at = NIL  # tick of the last check at which a robot was down on the floor
+        self._ticks = 0  # ticks without progress after which a robot counts
 
     def run(self, simulation: Simulation, until: int, advance: Callable[[int], None]) -> None:
-        """Carry a run on to a tick, or to its end, with the looks that are due on the way."""
+        """Advance a run to tick `until` or to its end, and check for jams on the way."""
         while simulation.tick < until and not simulation.finished:
             advance(min(until, self._next_look(simulation)))
             self._look(simulation)
 
     def _next_look(self, simulation: Simulation) -> int:
-        """Return the next multiple of LOOK_TICKS at which a robot may be without progress for long."""
+        """Return the next multiple of LOOK_TICKS at which a robot may count as starved."""
         self._ticks = self._ticks or starved_ticks(simulation.world)
         return -(-max(self._ticks, simulation.tick + 1) // LOOK_TICKS) * LOOK_TICKS
 
@@ -222,8 +223,8 @@ class JamWatch:
 
 
 def note_jam(where: str, tick: int, jam: Jam) -> None:
-    """Print on stderr that a run has jammed; `where`: the scenario, and which run of a study."""
-    begin = "\r\x1b[K" if sys.stderr.isatty() else ""  # in the place of a line of progress
-    sys.stdout.flush()  # keeps the order where both streams meet
+    """Print on stderr that a run has jammed; `where`: the scenario, and the run of a study."""
+    begin = "\r\x1b[K" if sys.stderr.isatty() else ""  # overwrites the progress line
+    sys.stdout.flush()  # keeps the order of lines if both streams go to one file
     text = f"{begin}automaton: {where}: tick {tick:,}: {describe_jam(jam)[0]}\n"
     print(text, end="", file=sys.stderr, flush=True)

@@ -1,4 +1,4 @@
-"""The report of a run: its metrics, the time it lost by cause, and each robot."""
+"""The report of a run: its metrics, lost time by cause, and one line for each robot."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from automaton.units import SECONDS_PER_UNIT, Unit, count, duration, number, per
 from automaton.world.resolved import Resolved
 
 LOST_METRIC_PREFIX = "lost_"
-ROBOT_COLUMNS = {  # head: what of the robot's metrics
+ROBOT_COLUMNS = {  # heading: metric of the robot
     "robot": "robot",
     "type": "type",
     "ops": "operations",
@@ -30,7 +30,7 @@ ROBOT_COLUMNS = {  # head: what of the robot's metrics
     "lost": "lost",
     "slowdown": "slowdown_ticks",
 }
-SLOWDOWN = "slowdown_ticks"  # shown with the lost time, though it is none of its causes
+SLOWDOWN = "slowdown_ticks"  # shown with the lost time, but not part of it
 ROBOTS_SHOWN = STATIONS_SHOWN = 50
 METRICS_TOLD = (
     "throughput",
@@ -41,16 +41,16 @@ METRICS_TOLD = (
     "lines_done",
 )
 LOST_CAUSES_TOLD = 3
-NEVER_WITH_CELLS = ("try_drops",)  # makes room for the distance
+NEVER_WITH_CELLS = ("try_drops",)  # left out to make room for the distance
 
 
 def print_report(resolved: Resolved, outcome: Outcome) -> None:
-    """Print the whole report."""
+    """Print the report."""
     print_document(run_document(resolved, outcome))
 
 
 def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
-    """The whole report."""
+    """The report as a document."""
     tick, cell = units_of(resolved)
     document = ReportDocument(f"{resolved.scenario.name}, seed {resolved.scenario.seed}")
     document.add(Listed(heading(resolved, outcome, tick), mark=""))
@@ -65,7 +65,7 @@ def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
 
 
 def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
-    """What ran, how it ended, and what one tick is."""
+    """The scenario, how the run ended, and the size of a tick."""
     scenario = resolved.scenario
     time = f"{number(tick.of(outcome.ticks))} {tick.plural}"
     value, longer_unit = duration(outcome.ticks, tick)
@@ -98,7 +98,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
 
 
 def allocations(resolved: Resolved) -> str:
-    """The strategy that allocates orders; beside it, those that types of robots have to themselves."""
+    """The allocation strategy, followed by the own allocation strategies of robot types."""
     types = resolved.scenario.fleet.types
     usual = resolved.strategies["allocation"].name
     own = ", ".join(f"{kind.name}: {kind.own_allocation}" for kind in types if kind.own_allocation)
@@ -108,7 +108,7 @@ def allocations(resolved: Resolved) -> str:
 
 
 def refinement(scenario: Scenario) -> list[str]:
-    """One sentence if the ticks of a run are finer than those of its scenario."""
+    """A sentence if the ticks of a run are finer than those of its scenario."""
     if scenario.refine == 1:
         return []
     when = "in every tick" if scenario.decide == "fine" else f"in one of {scenario.refine}"
@@ -116,21 +116,21 @@ def refinement(scenario: Scenario) -> list[str]:
 
 
 def out_of_orders(outcome: Outcome) -> list[str]:
-    """One sentence if the orders ran out before the end."""
+    """A sentence if the orders ran out before the end."""
     if outcome.ran_out is None:
         return []
     taken, delivered = outcome.ran_out
     end = "not all are delivered" if delivered is None else f"the last delivered at {delivered:,}"
     return [
         f"orders ran out: the last of {outcome.orders:,} was taken at tick {taken:,}, {end}; "
-        "metrics after it count idle robots"
+        "metrics include the idle robots after it"
     ]
 
 
 def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
     """The metrics of the fleet with their units and meanings.
 
-    Where the scenario says what a tick or a cell is, ticks and cells stand behind the translated values.
+    If the scenario has units, values in ticks and cells follow the converted values.
     """
     rows, in_both = [], cell is not None or tick.seconds is not None
     for name in outcome.metrics:
@@ -145,7 +145,7 @@ def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
 
 
 def by_hour(value: float, kind: str, tick: Unit) -> str:
-    """A rate in 1,000 ticks as one in an hour: "; 120 /h"; "" of others, or without times."""
+    """A rate per 1,000 ticks as a rate per hour: "; 120 /h"; "" for other metrics or without units."""
     if PER_1000_TICKS not in kind or tick.seconds is None:
         return ""
     return f"; {number(value * SECONDS_PER_UNIT['h'] / (1000 * tick.seconds))} /h"
@@ -164,7 +164,7 @@ def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[Nu
 
 
 def lost_table(outcome: Outcome, tick: Unit) -> Table:
-    """Robot time lost to others, by cause; and what driving slowly cost, which is not a wait."""
+    """Robot time lost to other robots, by cause, and the extra time of slow driving."""
     rows = []
     total = sum(
         value for name, value in outcome.metrics.items() if name.startswith(LOST_METRIC_PREFIX)
@@ -181,7 +181,7 @@ def lost_table(outcome: Outcome, tick: Unit) -> Table:
 
 
 def types_table(outcome: Outcome, tick: Unit) -> Table:
-    """One line for each type of robots: what they delivered, and how their time went by."""
+    """One line for each robot type: deliveries, and time by action."""
     heads = ("type", "robots", "move time", "payload", "delivered", "driving", "handling", "used")
     rows = []
     for row in outcome.types:
@@ -196,7 +196,7 @@ def types_table(outcome: Outcome, tick: Unit) -> Table:
 
 
 def stations_table(outcome: Outcome) -> Table:
-    """One line for each station to which pods are carried, at most STATIONS_SHOWN."""
+    """One line for each station for pods, at most STATIONS_SHOWN."""
     rows = []
     for row in outcome.stations[:STATIONS_SHOWN]:
         shares = (percent(row[name]) for name in ("service_share", "starved_share"))
@@ -205,7 +205,7 @@ def stations_table(outcome: Outcome) -> Table:
 
 
 def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
-    """One line for each robot, at most ROBOTS_SHOWN; how far it drove where cells have a side."""
+    """One line for each robot, at most ROBOTS_SHOWN, with its distance if cells have a size."""
     slows = SLOWDOWN in outcome.metrics
     serves = any("serves" in row for row in outcome.robots)
     optional = ((SLOWDOWN, slows), ("type", outcome.types), ("serves", serves))
@@ -229,7 +229,7 @@ def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
 
 
 def sentences(resolved: Resolved, outcome: Outcome) -> list[str]:
-    """How a run ended and its main metrics, one a line and without tables."""
+    """How a run ended and its main metrics, one per line, without tables."""
     tick, cell = units_of(resolved)
     metrics = {name: value for name, value in outcome.metrics.items() if name in METRICS_TOLD}
     lines = heading(resolved, outcome, tick)

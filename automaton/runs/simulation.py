@@ -1,6 +1,6 @@
-"""A run: a world, its strategies, and the compiled loop that carries it from tick to tick.
+"""A run: a world, its strategies, and the compiled loop that advances it from tick to tick.
 
-Then its loop, the error of distance tables that have no room, and its picture.
+Also the loading of the loop, the error for distance tables that do not fit, and the picture of a run.
 """
 
 from __future__ import annotations
@@ -76,24 +76,25 @@ from automaton.world.building import (
 )
 from automaton.world.resolved import Resolved, StrategyChoice
 
-RECORD_TICKS = 256  # ticks in the buffers of a recording
-OBSERVED_TICKS = 1024  # and of an observation
-# Decisions in Python after which the state is compared: two digests take longer than a short decision.
-ALWAYS_CHECKED = 100  # the first ones
-CHECKED_EVERY = 256  # and later ones
-NO_STATE = NoState()  # of the strategies that a run does without, in all runs
+RECORD_TICKS = 256  # ticks that the buffers of a recording hold
+OBSERVED_TICKS = 1024  # ticks that the buffers of an observation hold
+# The state is compared after some Python decisions only: two digests take longer than a short decision.
+ALWAYS_CHECKED = 100  # the first decisions, all checked
+CHECKED_EVERY = 256  # period of the checks after them
+NO_STATE = NoState()  # of absent strategies; shared by all runs
 NO_MEMORY = Memory(address=registered_address(NO_STATE), rows=NO_STATE_ROWS)
 
 
 class Simulation:
     """One run of a resolved scenario.
 
-    `seed` replaces the scenario's; `storage` permutes how robots are stored (the digest does not
-    change). With `on_record` every tick is recorded, with `on_observe` observed: these functions
-    are called when the buffers are full and before `run` returns, and empty them. `strategies`,
-    one for each layer or None, replace the scenario's, and types' own unless these follow; `after`
-    is a simulation whose state this one goes on from. A Python strategy has `patience` seconds for a
-    decision, None: any time. What it raises comes out of `run`.
+    `seed` replaces the seed of the scenario. `storage` permutes the order in which robots are stored
+    (the digest does not change). `on_record` records and `on_observe` observes every tick: these
+    functions are called when the buffers are full and before `run` returns, and must empty them.
+    `strategies` (one for each layer, or None) replace the strategies of the scenario; strategies of
+    robot types are dropped unless they follow in the sequence. `after` is a simulation from whose
+    state this one continues. A Python strategy has `patience` seconds for each decision (None: no
+    limit). Exceptions of strategies propagate out of `run`.
     """
 
     def __init__(
@@ -108,14 +109,14 @@ class Simulation:
         patience: float | None = None,
     ) -> None:
         self.resolved = resolved
-        self._decisions = 0  # of strategies in Python
+        self._decisions = 0  # number of decisions of Python strategies so far
         self._watchdog = None if patience is None else Watchdog(patience)
         self.seed = resolved.scenario.seed if seed is None else seed
         in_convoy = after is not None and after.world.rules.following == FOLLOWING_CONVOY
         world, floor = build_world(resolved, self.seed, storage, in_convoy=in_convoy)
         self.world: World = world
         self.workspace = floor.borrow_space(self, self.world.rules.table_bytes)
-        # (m,) int32: ticks that a delivered order takes to drive at least, NIL while not asked for.
+        # (m,) int32: least driving time of each delivered order in ticks; NIL until it is computed.
         self.least = np.full(len(self.world.orders.state), NIL, np.int32)
         self.visible_world = build_sight(self.world, floor)
         self.view: World = self.visible_world.read_only()
@@ -136,7 +137,7 @@ class Simulation:
         if len(picked) == len(LAYER_NAMES):
             self.world.rules.allocation[:] = LAYER_ALLOCATION
         picked += [None] * (STRATEGY_COUNT - len(picked))
-        # Of each strategy by number; None where it is missing.
+        # By strategy number; None where a strategy is absent.
         self.strategies = [
             self._validate_strategy(number, strategy) for number, strategy in enumerate(picked)
         ]
@@ -150,13 +151,13 @@ class Simulation:
         if after is not None:
             take_over(self.world, self.observation, after.world, after.observation)
             others = self._robots_of_other_allocations(after.resolved)
-            self.world.robots.order_queue_length[others] = 0  # nobody goes on with them
+            self.world.robots.order_queue_length[others] = 0  # no strategy continues these plans
             if self.world.rules.steered[0] != after.world.rules.steered[0]:
                 plan_anew(self.world)
             self.update_finished()
         with self._constants_kept():
             self._states = [self._state(strategy) for strategy in self.strategies]
-        # What strategies keep by types no longer fits where loads begin or cease to matter.
+        # State by robot type no longer fits where types are split by load, or no longer are.
         if (
             after is not None
             and strategies is None
@@ -178,8 +179,8 @@ class Simulation:
     def continue_with(self, resolved: Resolved) -> Simulation:
         """Return a simulation that continues from the state of this one with another scenario.
 
-        Floor, fleet and orders are those of this one. Strategies that stay keep their state; new
-        ones begin with what they see now. This simulation must not be run any more.
+        Floor, fleet and orders must be the same. Strategies that stay keep their state; new ones
+        start from the present state. This simulation must not be run any more.
         """
         return Simulation(
             resolved,
@@ -192,7 +193,7 @@ class Simulation:
         )
 
     def _restore_states(self, before: Simulation) -> None:
-        """Restore the states of the strategies that stay, and their objects: some keep more there."""
+        """Restore the states and objects of strategies that stay; some keep data in the object."""
         known = list(before.resolved.choices)
         for number, choice in enumerate(self.resolved.choices):
             if choice in known:
@@ -201,7 +202,7 @@ class Simulation:
                 self._states[number] = before._states[was].copied()
 
     def _robots_of_other_allocations(self, before: Resolved) -> Array:
-        """(n,) bool: robots to which another strategy allocates orders than before a branch."""
+        """(n,) bool: robots whose allocation strategy differs from the one before the branch."""
         types = len(self.resolved.fleet.types)
         names = []
         for resolved in (self.resolved, before):
@@ -220,17 +221,17 @@ class Simulation:
         return strategy
 
     def _within_patience(self) -> AbstractContextManager[None]:
-        """While inside, a strategy has its time to decide."""
+        """Limit the time of a strategy's decision while inside."""
         return self._watchdog.watching() if self._watchdog else nullcontext()
 
     def _validate_strategy(self, number: int, strategy: Strategy | None) -> Strategy | None:
-        """Validate a strategy, and enter how often, after which waits and with what it is called."""
+        """Validate a strategy; write its period, its waits and its flags to the rules."""
         if strategy is not None:
             check_decides(strategy)
             as_read = self._as_read(strategy)
             refinement = 1 if as_read is strategy else int(self.world.rules.refinement)
             period = checked_period(as_read)
-            # Where it decides in every tick, a strategy that is always asked is asked in each.
+            # If strategies decide in every fine tick, period 1 means every fine tick.
             is_fine = period == 1 and self.world.rules.stride == 1
             self.world.rules.period[number] = period if is_fine else period * refinement
             self.world.rules.holders[number] = bool(strategy.holders)
@@ -240,16 +241,18 @@ class Simulation:
                 *waits, retries = checked_wait_ranges(as_read)
                 longest = refinement * max(waits)
                 if longest > MAX_BUSY:
-                    text = f"waits of right of way take {longest:,} ticks, at most {MAX_BUSY:,}"
-                    raise InputError(f"with refine {refinement} {text} are allowed")
+                    raise InputError(
+                        f"with refine {refinement} the longest right-of-way wait is {longest:,} ticks; "
+                        f"the maximum is {MAX_BUSY:,}"
+                    )
                 self.world.rules.wait[:] = [*(refinement * wait for wait in waits), retries]
                 self.world.rules.steered[0] = int(strategy.steers)
         return strategy
 
     def _as_read(self, strategy: Strategy) -> Strategy:
-        """The same strategy with the parameters that a refined scenario was read with.
+        """Return the strategy with its parameters in the ticks of the unrefined scenario.
 
-        One that is not the scenario's own counts the ticks of the run.
+        A strategy that is not from the scenario is returned as it is: its ticks are those of the run.
         """
         if self.resolved.coarse is not None:
             pairs = zip(self.resolved.choices, self.resolved.coarse.choices, strict=True)
@@ -277,7 +280,7 @@ class Simulation:
         )
         mode, used = self._mode, self._used
         for index in np.flatnonzero(mode == loop_kernels.MODE_INTERPRETED):
-            self._states[index] = self._states[index].copied()  # whatever becomes of its own
+            self._states[index] = self._states[index].copied()  # the strategy may change its original
         loop, decide_type = _compiled_loop(self.strategies, np.flatnonzero(used).tolist())
         functions = [
             compiled_decide(type(strategy).compiled, decide_type)  # type: ignore[arg-type]
@@ -290,7 +293,7 @@ class Simulation:
             for number, is_used in enumerate(used)
         ]
         self._states = [state.stopped_by(self.workspace.stop) for state in self._states]
-        # Under a radius each robot is shown its own rows, when it is asked.
+        # Under a radius a strategy sees only the rows of the robot that it decides for.
         limited = self.world.rules.radius > 0
         visible = [
             state.cleared() if limited and state is not NO_STATE else state
@@ -312,11 +315,11 @@ class Simulation:
         if loop_kernels.MODE_INTERPRETED in mode:
             self._decisions_view = self.decisions.writable_view()
             self._memory_views = [memory.writable_view() for memory in memories]
-            # With the JIT off, kernels write to what Python sees.
+            # With the JIT off, kernels write to the arrays that Python sees.
             self._workspace_view = (
                 self.workspace.for_kernels_only() if jit_is_on() else self.workspace
             )
-        # Kernels count no references: whatever is freed here would be overwritten under the loop.
+        # Kernels hold no references: a freed array would be overwritten while the loop uses it.
         self._kept_alive = (arguments, functions, visible, views, memories)
         ticks: Iterator[int] = loop(*arguments, tuple(memories), used, *functions)
         return ticks
@@ -328,7 +331,7 @@ class Simulation:
 
     @property
     def counted(self) -> dict[str, int]:
-        """What the strategies count themselves (`Strategy.counters`), over all robots."""
+        """Totals over all robots of the counters that strategies keep (`Strategy.counters`)."""
         found: dict[str, int] = {}
         for strategy, state in zip(self.strategies, self._states, strict=True):
             for name, field in strategy.counters.items() if strategy else ():
@@ -346,10 +349,10 @@ class Simulation:
         return bool(self.world.clock.finished)
 
     def run(self, until: int | None = None) -> None:
-        """Run to the stop condition, or to tick `until`, or to the scenario's `stop.max_duration`.
+        """Run to the stop condition, to tick `until`, or to the scenario's `stop.max_duration`.
 
-        Ctrl-C, SIGTERM and `interrupt` end it within a moment, in mid-tick if need be: KeyboardInterrupt.
-        Then it cannot be run any more; what was recorded up to the tick before is whole.
+        Ctrl-C, SIGTERM and `interrupt` end the run at once, even in mid-tick, with KeyboardInterrupt.
+        The simulation cannot be run any more; the recording is complete up to the tick before.
         """
         limit = self.resolved.scenario.stop.max_duration
         limit = limit if until is None else min(until, limit)
@@ -359,7 +362,7 @@ class Simulation:
                 self._run_to(limit)
             except KeyboardInterrupt:
                 if self.on_record:
-                    self.on_record(self)  # the ticks before this one
+                    self.on_record(self)  # writes the ticks before this one
                 raise
 
     def _run_to(self, limit: int) -> None:
@@ -382,7 +385,10 @@ class Simulation:
 
     @contextmanager
     def _constants_kept(self) -> Iterator[None]:
-        """Inside, strategies in Python may write to bare memory: put right what other runs share."""
+        """Restore constants that other runs share if a Python strategy overwrote them inside.
+
+        Raises InputError in this case.
+        """
         in_python = [
             f"the {layer.replace('_', '-')} strategy '{choice.name}'"
             for (layer, choice), strategy in zip(
@@ -404,26 +410,26 @@ class Simulation:
             raise InputError(f"{who} has written to {written[0]} of the world")
 
     def _next_pause(self, limit: int) -> int:
-        """The tick of the next pause: a recording keeps the states after certain ticks."""
+        """The tick of the next pause; a recording pauses at each keyframe."""
         if self.on_record is None:
             return limit
         return min(limit, (self.tick // KEYFRAME_TICKS + 1) * KEYFRAME_TICKS)
 
     def interrupt(self) -> None:
-        """Let `run`, in another thread, raise KeyboardInterrupt as soon as possible."""
+        """Make `run`, in another thread, raise KeyboardInterrupt as soon as possible."""
         self.workspace.stop[0] = 1
 
     def update_finished(self) -> None:
-        """Update whether the stop condition holds: the state or the rules were replaced."""
+        """Evaluate the stop condition again after the state or the rules were replaced."""
         self.world.clock.finished = self.tick > 0 and loop_kernels.is_finished(self.world)
 
     def empty_record(self) -> None:
-        """What `on_record` does when it has taken what the buffers of the recording hold."""
+        """Empty the recording buffers; `on_record` calls this after copying them."""
         clock = self.world.clock
         clock.recorded_ticks = clock.change_rows = clock.decision_words = 0
 
     def empty_observation(self) -> None:
-        """What `on_observe` does when it has taken what the buffers of the observation hold."""
+        """Empty the observation buffers; `on_observe` calls this after copying them."""
         self.observation.count[:] = 0
 
     def _decide(self, number: int) -> None:
@@ -445,7 +451,7 @@ class Simulation:
             raise PermissionError(f"it has written to {changed[0]} of the world")
 
     def _changed_since(self, digests: Array, clock: Clock) -> Sequence[str]:
-        """The arrays that are not as they were: somebody writes to bare memory."""
+        """Names of arrays of the state that have changed since these digests, else of the clock."""
         arrays = [DIGEST_NAMES[k] for k in np.flatnonzero(self.digests() != digests)]
         return arrays or ([] if np.array_equal(self.world.clock, clock) else ["the clock"])
 
@@ -463,19 +469,19 @@ class Simulation:
             return f"{int(combine(self.digests())):016x}"
 
     def picture(self, theme: Theme = "light", follow: int = NIL) -> FloorPicture:
-        """The floor and its robots now; `follow`: a robot that is marked. Raises InputError.
+        """Draw the floor and its robots now; `follow`: number of a robot to mark. Raises InputError.
 
-        Only an observed run (`on_observe`) distinguishes robots that wait from those that drive.
+        The picture tells waiting robots from driving ones only if the run is observed (`on_observe`).
         """
         return floor_picture(self.resolved, self.world, self.observation, theme, follow)
 
     def _repr_html_(self) -> str:
-        """Show it in a notebook."""
+        """Show the floor in a notebook."""
         return self.picture()._repr_html_()
 
 
 def mode_of(strategy: Strategy | None) -> int:
-    """How a strategy decides."""
+    """Return how a strategy decides: compiled, interpreted, or absent."""
     if strategy is None:
         return loop_kernels.MODE_ABSENT
     is_compiled = type(strategy).compiled is not None
@@ -483,13 +489,13 @@ def mode_of(strategy: Strategy | None) -> int:
 
 
 def compile_strategy(kind: type[Strategy]) -> None:
-    """Compile what a strategy decides with, once a loop has been compiled. Raises InputError."""
+    """Compile a strategy's decision kernel; a loop must exist already. Raises InputError."""
     if kind.compiled is not None:
         compiled_decide(kind.compiled, _LOOPS["loop"][1])
 
 
 def constants_of(world: World) -> list[tuple[str, Array, Array]]:
-    """Name, array and value of all that no run changes."""
+    """Name, array and a copy of the value of every constant of a world (`grid` and `rules`)."""
     return [
         (f"{group}.{name}", array, array.copy())
         for group in ("grid", "rules")
@@ -503,7 +509,7 @@ _LOOPS: dict[str, Any] = {}
 def _compiled_loop(
     strategies: Sequence[Strategy | None], features: Sequence[int]
 ) -> tuple[Any, Any]:
-    """The loop, compiled or loaded once per process: all worlds have the same types."""
+    """The loop, compiled or loaded once per process because all worlds have the same types."""
     if "loop" not in _LOOPS:
         kinds = [type(strategy) for strategy in strategies if strategy is not None]
         with first_compilation_announced(), compiled_side_by_side(kinds, features):
@@ -515,20 +521,20 @@ def _compiled_loop(
 
 
 def no_room(world: World, structs: Iterable[Struct]) -> InputError:
-    """The sentence about the tables among these structs that a table did not fit in."""
+    """The error for the first distance tables among these structs that have run out of room."""
     tables = next(one for one in tables_in(structs) if one.status.refused)
     robots, size = len(world.robots.cell), BYTES_PER_WORD * int(tables.status.words)
     at_once = max(int(tables.status.rows) - 1, 0)
     return InputError(
-        f"tick {world.clock.tick} needs more distance tables than world.distance_tables "
-        f"({memory(world.rules.table_bytes)}) has room for: {count(at_once, 'table')} of {memory(size)} "
-        f"at a time; set it to {memory((robots + 1) * size)}, for a table for each of "
+        f"tick {world.clock.tick} needs more distance tables than fit in world.distance_tables "
+        f"({memory(world.rules.table_bytes)}), which holds {count(at_once, 'table')} of {memory(size)}; "
+        f"set it to {memory((robots + 1) * size)} to hold one table for each of "
         f"{count(robots, 'robot')}"
     )
 
 
 def tables_in(structs: Iterable[Struct]) -> Iterator[DistanceTables]:
-    """The tables in some structs, and in the structs in them."""
+    """The distance tables in these structs and in the structs nested in them."""
     for one in structs:
         if isinstance(one, DistanceTables):
             yield one
@@ -540,7 +546,7 @@ def tables_in(structs: Iterable[Struct]) -> Iterator[DistanceTables]:
 def floor_picture(
     resolved: Resolved, world: Any, observation: Any, theme: Theme, follow: int
 ) -> FloorPicture:
-    """The picture of a world; `follow`: the robot that is marked, or NIL. Raises InputError."""
+    """Draw a world; `follow`: number of the robot to mark, or NIL. Raises InputError."""
     robots = resolved.scenario.fleet.robots
     if theme not in THEMES:
         raise InputError(f"unknown theme {theme!r}: allowed are {alternatives(THEMES)}")

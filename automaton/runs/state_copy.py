@@ -1,6 +1,6 @@
-"""How the state of a run is carried from one simulation to another.
+"""Copying the state of a run from one simulation to another.
 
-Which arrays belong to it follows from the roles of their declarations.
+The roles of declared arrays define which of them belong to the state.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ OF_THE_BUFFERS: Final = (
 
 
 def state_arrays(struct: Struct, path: str = "") -> Iterator[tuple[str, Array]]:
-    """The arrays of a struct that are kept with a state, by name; rows of different lengths aside."""
+    """The arrays of a struct that belong to the state, by name, without rows of different lengths."""
     for name, declared in struct._declared.items():
         if not declared.kind:
             yield from state_arrays(getattr(struct, name), f"{path}{name}.")
@@ -52,21 +52,21 @@ def state_arrays(struct: Struct, path: str = "") -> Iterator[tuple[str, Array]]:
 
 
 def ragged_arrays(world: World) -> Iterator[tuple[Array, Array]]:
-    """Rows of different lengths, (n, k), and how much of each is in use, (n,)."""
+    """Arrays (n, k) with rows of different lengths, and the used length (n,) of each row."""
     for name, declared in world.robots._declared.items():
         if declared.used:
             yield getattr(world.robots, name), getattr(world.robots, declared.used)
 
 
 def used_entries(rows: Array, used: Array) -> Array:
-    """Flat indices of the entries in use, row by row; the work is that of these entries alone."""
+    """Flat indices of the entries in use, row by row; O(rows + entries in use)."""
     shift = np.arange(len(used)) * rows.shape[1] - (np.cumsum(used, dtype=np.int64) - used)
     entries: Array = np.repeat(shift, used)
     return entries + np.arange(len(entries))
 
 
 def arrays_of_run(world: World, observation: Observation) -> dict[str, Array]:
-    """The arrays of a state and of its observation; routes, plans and the clock aside."""
+    """The arrays of a state and of its observation, without routes, plans and the clock."""
     return dict(state_arrays(world)) | dict(state_arrays(observation, "observation."))
 
 
@@ -78,17 +78,17 @@ def copy_clock(to: Clock, since: Clock) -> None:
 
 
 class RunState(NamedTuple):
-    """What a run goes on from: copies of its arrays, and of what its strategies remember."""
+    """A state from which a run can continue: copies of its arrays and of its strategies' memories."""
 
     arrays: dict[str, Array]  # of the state and of the observation
-    rows: list[Array]  # of different lengths: routes and plans
+    rows: list[Array]  # routes and plans, which have rows of different lengths
     clock: Clock
-    memories: list[dict[str, Array]]  # of each strategy: the arrays of its struct
-    strategies: list[Any]  # their objects; None where a layer has none
+    memories: list[dict[str, Array]]  # the arrays of each strategy's struct
+    strategies: list[Any]  # strategy objects; None where a layer has none
 
 
 def remembered(struct: Struct) -> Iterator[tuple[str, Array]]:
-    """The arrays of a strategy's struct that it goes on with, by name."""
+    """The arrays of a strategy's struct that belong to its memory, by name."""
     for name, declared, array in struct.arrays():
         if declared.role not in (SCRATCH, STOP):
             yield name, array
@@ -115,7 +115,7 @@ def restore(
     states: Sequence[Struct],
     strategies: list[Any],
 ) -> None:
-    """Let a new run of the same scenario and rules go on from a state: write it into its arrays."""
+    """Write a state into the arrays of a new run of the same scenario and rules."""
     for name, array in arrays_of_run(world, observation).items():
         np.copyto(array, state.arrays[name])
     for (rows, _), theirs in zip(ragged_arrays(world), state.rows, strict=True):
@@ -130,9 +130,9 @@ def restore(
 def take_over(
     world: World, observation: Observation, other_world: World, other_observation: Observation
 ) -> None:
-    """Copy the state of another run of the same floor, fleet and orders, and its observation."""
+    """Copy state and observation of another run with the same floor, fleet and orders."""
     theirs = arrays_of_run(other_world, other_observation)
-    # Where zoning begins or ends, nothing of its zones is taken: their numbers would lead out of arrays.
+    # If only one of the runs has zoning, its zones are not copied: their numbers would be out of range.
     has_same_zones = len(world.service_zones.server) == len(other_world.service_zones.server)
     for name, array in arrays_of_run(world, observation).items():
         if name.startswith("service_zones.") and not has_same_zones:
@@ -153,11 +153,10 @@ def take_over(
 
 
 def hold_cells(world: World) -> None:
-    """Let every robot hold what it does by the rule of following.
+    """Let every robot hold the cells that the following rule assigns to it.
 
-    That is its cell and the one that it enters, or under convoy the latter alone. Raises InputError if
-    another rule than convoy is to hold from here on and a robot is coming into a cell that another one
-    is still leaving.
+    These are its own cell and the cell that it enters; under convoy only the latter. Raises InputError
+    if the new rule is not convoy and a robot is entering a cell that another robot is still leaving.
     """
     robots, occupancy = world.robots, world.traffic.occupancy
     is_convoy = world.rules.following == FOLLOWING_CONVOY
@@ -178,26 +177,26 @@ def hold_cells(world: World) -> None:
     held, times = np.unique(np.concatenate(lanes), return_counts=True)
     if not is_convoy and (times[held >= 0] > 1).any():
         raise InputError(
-            f"a robot follows into a cell that another one is still leaving at tick "
-            f"{world.clock.tick}, so world.following stays convoy there; choose another tick"
+            f"at tick {world.clock.tick} a robot is entering a cell that another one is still leaving, "
+            f"so world.following cannot change from convoy at this tick; choose another tick"
         )
     if is_convoy:
         left = resources(world, robots.cell[moves], robots.travel[moves])
         last = int(world.clock.tick) + robots.busy[moves].astype(np.int64)
         world.traffic.leaving[left[left >= 0]] = (4 * last + way)[left >= 0]
-        own = world.traffic.own_ticks  # whose following is not known drives by itself
+        own = world.traffic.own_ticks  # robots not known to follow count as driving alone
         own[moves] = np.maximum(own[moves], robots.busy[moves] + 1)
 
 
 def resources(world: World, cells: Array, directions: Array) -> Array:
-    """The number of each cell, or of its lane for travel in a direction; NIL where it has no limit."""
+    """The number of each cell, or of its lane in the direction of travel; NIL for unlimited cells."""
     capacity = (world.grid.cell_flags[cells].astype(np.int64) >> 5) & 3
     lane = np.where(capacity == 2, directions.astype(np.int64) >> 1, 0)
     return np.where(capacity == 0, NIL, cells + lane * len(world.grid.cell_flags))
 
 
 def split_by_load(world: World, other_world: World) -> None:
-    """Robots with a load have types of their own from here on, or have them no longer."""
+    """Convert robot types where the rules begin or cease to have separate types for loaded robots."""
     robots, known = world.robots, other_world.slots.accessible
     types = world.rules.loaded_types or len(world.rules.duration)
     robots.type[:] %= types
@@ -206,9 +205,9 @@ def split_by_load(world: World, other_world: World) -> None:
 
 
 def plan_anew(world: World) -> None:
-    """Drop routes, retries and retreats: right of way begins or ends to steer.
+    """Drop routes, retries and retreats when right of way begins or stops steering.
 
-    Where it no longer does, routing is asked about all robots that have somewhere to go.
+    When it stops steering, all robots with a goal ask for a route.
     """
     robots, clock = world.robots, world.clock
     for array in (robots.route_length, robots.route_index, robots.route_hash):

@@ -1,4 +1,4 @@
-"""The least time that a task takes: its legs driven on the empty floor."""
+"""Lower bounds of task times: the legs of a task driven on the empty floor."""
 
 from __future__ import annotations
 
@@ -24,19 +24,19 @@ from automaton.engine.state import (
 )
 from automaton.strategy.placing import dropoff_cell, pickup_cell
 
-POSE_MASK = (1 << 32) - 1  # a key of the queue: estimated ticks << 32 | pose
+POSE_MASK = (1 << 32) - 1  # key of the priority queue: estimated ticks << 32 | pose
 
 
 @kernel
 def min_drive_ticks(view, workspace, which, out):
-    """out[order] = least ticks of driving for each order in `which`: to its source, then to its target.
+    """out[order] = least driving ticks of each order in `which`: to its source, then to its target.
 
-    With stops: from stop to stop.
+    Orders with stops are driven from stop to stop.
 
-    The first leg begins where and with the heading in which the order was taken, the second one
-    with the heading in which the first one ends; of several that take the least ticks, the best
-    counts. Slots are served from their access cells, by the type of robot that took the order last.
-    UNREACHABLE if there is no way.
+    The first leg begins at the pose in which the order was taken, the second one with the heading in
+    which the first one ends; of several headings that are equally fast, the best counts. Slots are
+    served from their access cells, by the type of the robot that last took the order. UNREACHABLE if
+    no way exists.
     """
     orders = view.orders
     for k in range(which.shape[0]):
@@ -63,10 +63,10 @@ def min_drive_ticks(view, workspace, which, out):
 
 @kernel
 def least_way_ticks(view, workspace, which, out):
-    """out[k] = least ticks of driving the way of order which[k], from its load over its stops to its end.
+    """out[k] = least driving ticks of order which[k], from its load by way of its stops to its target.
 
-    Without a load: from where and with the heading in which it was taken. Each leg else begins with
-    the heading that is best for it. UNREACHABLE if there is no way.
+    An order without a load starts at the pose in which it was taken. All other legs begin with their
+    best heading. UNREACHABLE if no way exists.
     """
     orders = view.orders
     for k in range(which.shape[0]):
@@ -92,14 +92,14 @@ def least_way_ticks(view, workspace, which, out):
 
 @kernel
 def last_slot(orders, order):
-    """Where the load of an order that is done was to be brought; a pod: where it was stored."""
+    """The target slot of a finished order; for a pod the slot in which it was stored."""
     target = np.int64(orders.target[order])
     return np.int64(orders.current_slot[order]) if target == NIL else target
 
 
 @kernel
 def least_leg(view, workspace, robot_type, here, heading, to):
-    """Least ticks from a cell to another one; heading NIL: from that which is best."""
+    """Least ticks from one cell to another; heading NIL: from the best heading."""
     best = np.int64(UNREACHABLE)
     for begin in range(view.grid.headings):
         if heading in (NIL, begin):
@@ -109,13 +109,13 @@ def least_leg(view, workspace, robot_type, here, heading, to):
 
 @kernel
 def least_over_stops(view, workspace, robot_type, here, heading, order):
-    """Least ticks from a cell over the stops of an order, and to its target; UNREACHABLE if no way.
+    """Least ticks from a cell by way of an order's stops to its target; UNREACHABLE if no way exists.
 
-    `robot_type`: with the load, if the order has one.
+    `robot_type`: the type with the load, if the order has one.
 
-    A bound: each leg but the first one begins with the heading that is best for it. Only the stops
-    that were done since the order was last taken count. A stop takes its SERVE, and a tick at least
-    but for the first one of a load.
+    A lower bound: each leg but the first begins with its best heading. Only stops done since the order
+    was last taken count. Leg and SERVE of a stop take at least one tick together, except for the first
+    stop of an order with a load.
     """
     orders, stops = view.orders, view.stops
     ticks, least = np.int64(0), np.int64(0 if has_load(orders, order) else 1)
@@ -134,11 +134,11 @@ def least_over_stops(view, workspace, robot_type, here, heading, order):
 
 @kernel
 def least_by(view, workspace, robot_type, start, access_cell, end):
-    """Least ticks from a pose to a cell, and from there with a load to another one.
+    """Least ticks from a pose to a cell, and from there with a load to another cell.
 
-    UNREACHABLE if there is no way.
+    UNREACHABLE if no way exists.
 
-    A* with the Manhattan estimate, to every heading in which the first cell is reached soonest.
+    A* with the Manhattan estimate finds every heading in which the first cell is reached soonest.
     """
     headings = view.grid.headings
     if headings == 1:
@@ -158,7 +158,7 @@ def least_by(view, workspace, robot_type, start, access_cell, end):
         if (key >> 32) > least:
             break
         if (key >> 32) != ticks + estimate(view, robot_type, pose, access_cell):
-            continue  # a better way to this pose was found meanwhile
+            continue  # outdated: a better way to this pose has been found
         if pose // headings == access_cell:
             least = ticks
             loaded = robot_type + view.rules.loaded_types
@@ -172,7 +172,7 @@ def least_by(view, workspace, robot_type, start, access_cell, end):
 
 @kernel
 def go_on(view, workspace, search, size, robot_type, pose, ticks, access_cell):
-    """Enter the poses that follow on a pose into the queue; returns its size."""
+    """Enter the successors of a pose into the queue; return its size."""
     grid, duration, type_cell_flags = (
         view.grid,
         view.rules.duration[robot_type],
@@ -197,7 +197,7 @@ def go_on(view, workspace, search, size, robot_type, pose, ticks, access_cell):
 
 @kernel
 def estimate(view, robot_type, pose, target):
-    """Ticks from a pose to a cell at least."""
+    """A lower bound of the ticks from a pose to a cell (Manhattan distance)."""
     cell, width = pose // view.grid.headings, view.grid.width
     left = abs(cell // width - target // width) + abs(cell % width - target % width)
     return left * view.rules.duration[robot_type, ACTION_MOVE]

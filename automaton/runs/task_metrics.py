@@ -1,11 +1,11 @@
 """The metrics of tasks, of due times and of stations.
 
-A task is an order carried by one robot all the way. It begins in the tick in which the robot takes
-the order and ends in the tick of its delivery, both included. Its delay is what it takes beyond the
-least time: each leg driven as fast as the empty floor allows, with the turns that it needs from the
-heading in which it begins, the pick, and the tick in which the load is dropped. Of an order without
-a load it is the legs between its stops, each in at least a tick and from the best heading but for
-the first one.
+A task is an order that one robot carries all the way. It lasts from the tick in which the robot
+takes the order to the tick of its delivery, both included. Its delay is its time minus its least
+time. The least time of an order with a load consists of its legs, driven as fast as the empty floor
+allows with the turns needed from the initial heading, the pick, and the tick in which the load is
+dropped. The least time of an order without a load consists of the legs between its stops: each takes
+at least one tick, and each but the first begins with the best heading.
 """
 
 from __future__ import annotations
@@ -49,15 +49,15 @@ class Measured(Protocol):
 
 
 class FinishedTasks(NamedTuple):
-    """Tasks that were done: when each was taken, how long it took, and by how much too long."""
+    """Finished tasks: the tick in which each was taken, its duration, and its delay."""
 
-    begun: Array  # (k,) ticks
+    begun: Array  # (k,) ticks; the other arrays likewise
     times: Array
     delays: Array
 
     @property
     def sums(self) -> dict[str, Array]:
-        """What automaton.runs.metric_sums adds up, by task."""
+        """The values of each task that automaton.runs.metric_sums adds up."""
         return {
             "taken": np.ones(len(self.begun), np.int64),
             "task_times": self.times,
@@ -76,9 +76,10 @@ def tasks_after(run: Measured, tick: int) -> FinishedTasks:
 
 
 def summed(ticks: Array, values: Array, borders: Array) -> Array:
-    """(borders - 1,) int64: values by the stretch in which their ticks lie; those before are left out.
+    """(borders - 1,) int64: sums of values by the stretch that contains their ticks.
 
-    A stretch begins after a border, and ends with the next one; ascending.
+    A stretch begins after a border and includes the next one; borders ascend. Values up to the first
+    border are ignored; values after the last one belong to the last stretch.
     """
     stretch = np.minimum(np.searchsorted(borders, ticks) - 1, len(borders) - 2)
     inside = stretch >= 0
@@ -87,9 +88,9 @@ def summed(ticks: Array, values: Array, borders: Array) -> Array:
 
 
 def quantile(values: Array, share: int) -> float:
-    """The least of some values, one at least, that so many percent of them do not exceed.
+    """The percentile `share` of at least one value: the least value that `share` percent do not exceed.
 
-    Within one run: orders of several runs, or of one, are not independent of each other.
+    It describes one run only: its orders are not independent, so it is no estimate with an error.
     """
     return float(np.sort(values)[-(-share * len(values) // 100) - 1])
 
@@ -114,21 +115,21 @@ def least_times(run: Measured, tasks: Array) -> Array:
     return times
 
 
-# Orders that are done after they are due, or not yet: how many they are, and by how many ticks.
+# Orders with due times: how many are late, and by how many ticks.
 #
-# An order counts from its release on. One that is open at the end counts as done then: it is late if
-# it is due before, else nothing is known of it, and only `not_yet_due` counts it.
+# An order counts from its release on. An order still open at the end is late if its due time has
+# passed, with its tardiness up to the end; otherwise only `not_yet_due` counts it.
 
 
 class DueOrders(NamedTuple):
-    """The orders with a due time that were released: (k,) each."""
+    """The released orders with a due time; each array is (k,)."""
 
-    ends: Array  # int64: tick of delivery, or the present one
-    tardiness: Array  # int64: ticks from then on back to when it was due; 0: it is not late
+    ends: Array  # int64: tick of delivery, or the present tick if open
+    tardiness: Array  # int64: ticks from the due time to `ends`; 0 if the order is not late
     is_open: Array  # bool
 
     def after(self, tick: int) -> DueOrders:
-        """Those that were done after a tick, or are open."""
+        """The orders that were done after a tick or are open."""
         later = self.is_open | (self.ends > tick)
         return DueOrders(self.ends[later], self.tardiness[later], self.is_open[later])
 
@@ -140,7 +141,7 @@ def has_due_times(world: World) -> bool:
 
 
 def due_orders(world: World) -> DueOrders:
-    """The orders of a world that have a due time and were released."""
+    """The released orders of a world that have a due time."""
     orders = asked_orders(world)
     known = np.flatnonzero((orders.due != NEVER) & orders.is_known)
     is_open = orders.is_open[known]
@@ -149,9 +150,9 @@ def due_orders(world: World) -> DueOrders:
 
 
 def sums_of_due_times(world: World, borders: Array) -> dict[str, Array]:
-    """What automaton.runs.metric_sums adds up of orders with a due time, in each stretch between borders.
+    """Sums of orders with a due time in each stretch between borders, for automaton.runs.metric_sums.
 
-    Those that are open belong to the last stretch. Nothing where no order has a due time.
+    Open orders belong to the last stretch. Empty if no order has a due time.
     """
     if not has_due_times(world):
         return {}
@@ -169,7 +170,7 @@ def sums_of_due_times(world: World, borders: Array) -> dict[str, Array]:
 
 
 def tardiness_quantiles(world: World, since: int) -> dict[str, float]:
-    """The quantiles of the tardiness of orders that were done after a tick, or are open."""
+    """Percentiles of the tardiness of orders that were done after a tick or are open."""
     values = due_orders(world).after(since).tardiness
     if not len(values):
         return {}
@@ -177,9 +178,9 @@ def tardiness_quantiles(world: World, since: int) -> dict[str, float]:
 
 
 def lead_times(world: World, since: int) -> dict[str, float | int]:
-    """Quantiles of the lead times of orders that were delivered after a tick, and the longest one.
+    """Percentiles of the lead times of orders delivered after a tick, and the longest lead time.
 
-    The longest one may be the age of an order that is open.
+    The longest one may be the age of an open order.
     """
     orders, now = asked_orders(world).after(since), int(world.clock.tick)
     times = (orders.done - orders.release)[~orders.is_open]
@@ -192,22 +193,22 @@ def lead_times(world: World, since: int) -> dict[str, float | int]:
     return figures
 
 
-# What stations did to which pods are carried: visits, lines, and shares of the time of a run.
+# Stations for pods: visits, lines, and shares of the time of a run.
 
 
 class Station(NamedTuple):
-    """What a station did up to now."""
+    """The metrics of a station up to now."""
 
     station: str  # its name, or its number from 1
-    visits: int  # that are over
+    visits: int  # completed visits
     lines_done: int
-    service_share: float  # of the time: it served a robot
-    # Lines were open for it, it had no break, and no robot in its cell or queue.
+    service_share: float  # share of time in which it served a robot
+    # Share of time in which it had open lines and no break, but no robot in its cell or queue.
     starved_share: float
 
 
 def metrics_by_station(run: Measured) -> list[dict[str, Any]]:
-    """For each station, in the order of numbers, what Station has; () where no pods are carried."""
+    """The fields of Station for each station, by number; empty if robots carry no pods."""
     world = run.world
     names = run.resolved.station_names
     stations, elapsed = world.pod_stations, max(int(world.clock.tick), 1)

@@ -1,4 +1,4 @@
-"""A short run before the real ones: does anything jam, stand or exceed a bound?"""
+"""A short trial run before the real ones: does it jam, stall or exceed a bound?"""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ TRIAL_ROBOT_TICKS: Final = 2_000_000
 
 
 class TrialRun(NamedTuple):
-    """What a trial came to."""
+    """The result of a trial run."""
 
     ticks: int
-    patience: int  # ticks without progress after which a robot counts
-    findings: tuple[str, ...]  # phrases about what is wrong
+    patience: int  # ticks without progress after which a robot counts as starved
+    findings: tuple[str, ...]  # phrases about problems
 
     def lines(self) -> list[str]:
-        """Return what `check` prints: one line for each finding, or one that says that all is well."""
+        """Return the lines that `check` prints: one for each finding, or one that reports success."""
         head = f"trial of {count(self.ticks, 'tick')}"
         if self.findings:
             return [f"{head}: {one}" for one in self.findings]
         if self.ticks <= self.patience:
             return [
-                f"{head}: ok, but too short to see a jam, which takes {self.patience:,} ticks here"
+                f"{head}: ok, but too short to detect a jam: this takes {self.patience:,} ticks here"
             ]
         return [f"{head}: ok, every robot with work made progress"]
 
     def as_json(self) -> dict[str, Any]:
-        """Return it as an object."""
+        """Return the result as a JSON object."""
         return {"passed": not self.findings, **self._asdict()}
 
 
 def try_out(resolved: Resolved) -> TrialRun:
-    """Run a scenario for MIN_TICKS or TRIAL_ROBOT_TICKS, whichever is more, at most to its limit."""
+    """Run a scenario for MIN_TICKS, or TRIAL_ROBOT_TICKS / robots if more, at most to its limit."""
     scenario = resolved.scenario
     ticks = scenario.refine * max(MIN_TICKS, TRIAL_ROBOT_TICKS // scenario.fleet.robots)
     findings: list[str] = []
@@ -54,7 +54,7 @@ def try_out(resolved: Resolved) -> TrialRun:
         stuck = stuck_robots(simulation.world, patience[0])
         if len(stuck) and not findings:
             names = robot_names(simulation, stuck)
-            findings.append(f"{names} finished nothing for {patience[0]:,} ticks, with work to do")
+            findings.append(f"{names} work but finished nothing for {patience[0]:,} ticks")
 
     outcome = run_once(resolved, until=ticks, on_end=on_end, watch=JamWatch(on_jam))
     findings += describe_wait_cycles(outcome.circles)
@@ -63,7 +63,7 @@ def try_out(resolved: Resolved) -> TrialRun:
 
 
 def exceeded_bounds(resolved: Resolved, outcome: Outcome) -> list[str]:
-    """Return a phrase for each bound that no run can exceed, and this one has."""
+    """Return a phrase for each theoretical bound that the run exceeds."""
     limits, robots = bounds(resolved), resolved.scenario.fleet.robots
     least, why = least_ticks(limits, robots)
     phrases = []

@@ -258,7 +258,7 @@ def test_a_deadlock_names_the_robots_that_stand_still(capsys: pytest.CaptureFixt
     # Four robots that only ever wait meet head-on in an alley sooner or later.
     assert main(["run", "tabletop-1", "--set", "strategy.right_of_way=wait"]) == 1
     errors = capsys.readouterr().err
-    assert "robots 0, 1, 2 and 3 have done nothing but wait since tick " in errors
+    assert "robots 0, 1, 2 and 3 have only waited since tick " in errors
     assert "deadlock: robots 1 and 2 form a wait cycle\n" in errors
 
 
@@ -318,7 +318,7 @@ def test_a_run_says_when_its_orders_ran_out(capsys: pytest.CaptureFixture[str]) 
     assert main(["run", *settings]) == 0
     assert (
         f"orders ran out: the last of 30 was taken at tick {taken}, the last delivered at "
-        f"{delivered}; metrics after it count idle robots\n"
+        f"{delivered}; metrics include the idle robots after it\n"
     ) in capsys.readouterr().out.replace("\n  ", " ")
     early = as_json(capsys, *settings, "--until", str(delivered - 1))
     assert early["orders_exhausted"] == {"taken": taken, "delivered": None}

@@ -265,7 +265,7 @@ def test_who_is_out_of_order_does_not_wait_but_others_wait_for_it(tmp_path: Any)
         "stop: {when: delivered, max_duration: 5000}\n"
     )
     told = run_once(resolve(tmp_path / "line.yaml")).diagnosis
-    assert "robot 1 has broken down, robot 0 has done nothing but wait since" in told
+    assert "robot 1 has broken down, robot 0 has only waited since" in told
     assert "robot 0 waits for robot 1, which holds (2, 0) and is down" in told
     told = run_once(resolve(tmp_path / "line.yaml", ["faults.list=[]"])).diagnosis
     assert told.endswith("robot 0 waits for robot 1, which holds (2, 0) and is idle")

@@ -134,7 +134,7 @@ def test_how_robots_are_stored_does_not_show() -> None:
 def test_a_world_and_its_view_have_pictures_too() -> None:
     running = simulation("crossing", tick=9)
     assert picture_of(running.view, running.resolved.floor_plan) == picture_of(running)
-    with pytest.raises(TypeError, match="needs its plan"):
+    with pytest.raises(TypeError, match="needs its floor plan"):
         picture_of(running.world)
 
 
@@ -273,8 +273,8 @@ def test_an_edited_picture_that_contradicts_itself_is_refused() -> None:
         return str(error.value)
 
     assert "line for robot A" in refused(f"{line}\n", "")
-    assert "says nothing that is known about robot A" in refused("turning for", "dances for")
-    assert refused("tick 40", "tock 40").startswith("the picture:1: it has to begin with")
+    assert "is not a known fact about robot A" in refused("turning for", "dances for")
+    assert refused("tick 40", "tock 40").startswith("the picture:1: the first line must be like")
     assert "contradicts the rest of the picture" in refused("b|$|$", "b|s|$")
     assert "is not a line about a robot" in refused("A (", "the robot (")
     assert "not on the floor" in refused("via (10, 1)", "via (10, 99)")

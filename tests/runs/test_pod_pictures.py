@@ -34,5 +34,5 @@ def test_the_last_picture_counts_orders_and_tells_of_trips() -> None:
 
 
 def test_a_picture_of_pods_is_not_read_back() -> None:
-    with pytest.raises(InputError, match="does not show which pod stands where"):
+    with pytest.raises(InputError, match="does not show where each pod is"):
         world_from(picture_of(goods(30)), resolve("goods-mini"))

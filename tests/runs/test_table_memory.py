@@ -118,8 +118,8 @@ def test_a_tick_that_needs_more_tables_than_fit_ends_the_run_in_a_sentence() -> 
     rows = bytes_of("2 KiB") // table
     scarce = Simulation(resolve("tabletop-1", [*settings, "world.distance_tables=2 KiB"]))
     sentence = (
-        rf"tick 1 needs more distance tables than world.distance_tables (2 KiB) has room for: "
-        rf"{rows - 1} tables of {memory(table)} at a time; set it to {memory(3 * table)}, for a table "
+        rf"tick 1 needs more distance tables than fit in world.distance_tables (2 KiB), which holds "
+        rf"{rows - 1} tables of {memory(table)}; set it to {memory(3 * table)} to hold one table "
         r"for each of 2 robots"
     )
     with pytest.raises(InputError, match=re.escape(sentence)):

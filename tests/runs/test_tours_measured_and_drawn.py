@@ -66,5 +66,5 @@ def test_a_picture_says_what_is_done() -> None:
     lines = picture_of(run).split("\n")
     assert lines[-2].startswith("A (2, 0), westbound, does a stop of 0 at (0, 0), drove")
     assert lines[-1] == "order 0 under way; stops in ticks 3"
-    with pytest.raises(InputError, match="has 3 stops of order 0, too many"):
+    with pytest.raises(InputError, match="has 3 stops of order 0, which has 2"):
         world_from(picture_of(run).replace("ticks 3", "ticks 1 2 3"), run.resolved)

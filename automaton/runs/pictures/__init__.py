@@ -27,7 +27,7 @@ __all__ = [
     "world_from",
 ]
 
-# Worlds need Numba, floors do not: these are imported when they are first asked for.
+# Worlds need Numba, floors do not: import these names when first used.
 _WORLDS = {
     "picture_of": "automaton.runs.pictures.pictures",
     "world_from": "automaton.runs.pictures.pictures",
@@ -43,11 +43,11 @@ def __getattr__(name: str) -> Any:
 
 
 def drawn(subject: Any) -> str:
-    """The picture of whatever has one: a FloorPlan, a Simulation, or a Story."""
+    """The picture of a FloorPlan, a Simulation, or a Story."""
     if isinstance(subject, FloorPlan):
         return floor_picture(subject)
     picture = getattr(subject, "picture", None)
-    if isinstance(picture, str):  # a run has a method of this name
+    if isinstance(picture, str):  # in a Simulation `picture` is a method
         return picture
     from automaton.runs.pictures.pictures import picture_of
 

@@ -1,11 +1,11 @@
-"""The lines below the map of a picture: all that the map cannot show of a robot or an order, in English.
+"""The lines below the map of a picture: the state of robots and orders in English.
 
     A (2, 3) north-south, northbound, carries 7 to (11, 4) via (10, 4), drove; route nnEES
     order 7 delivered to (11, 4) in tick 123, picked up 3 times
 
-One table of phrases serves both directions. A phrase is a template such as "turning for {busy} more
-tick(s)" and the values that it fixes. It is written when its fixed values hold and none of its named
-values is the default; read, it gives back both. What has its default value is not mentioned.
+One table of phrases is used for writing and for reading. A phrase is a template such as "turning for
+{busy} more tick(s)" and the values that it fixes. It is written if its fixed values hold and none of
+its named values is the default; reading it yields both. Default values are not mentioned.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ from automaton.vocabulary import (
 )
 
 Pair = tuple[int, int]
-Value = int | Pair | None  # a number, or a cell (x, y), or no cell
+Value = int | Pair | None  # a number, a cell (x, y), or no cell
 Facts = dict[str, Value]
 
 CELL_FACTS = {
@@ -71,17 +71,17 @@ CELL_FACTS = {
     "place",
     "current_slot",
     "target",
-}  # the named values that are cells
+}  # named values that are cells
 PERCENT_FIELDS = {
     "charge",
     "charge_target",
-}  # the named values that are shares of a full battery, in percent
+}  # named values that are shares of a full battery, in percent
 PLACEHOLDER = re.compile(r"\{(\w+)\}")
 BETWEEN_FACTS = re.compile(r", (?![^(]*\))")  # a comma, but not the one inside of (x, y)
 
 
 class Phrase:
-    """One way to say something, and what it says."""
+    """A template and the values that it fixes."""
 
     def __init__(self, template: str, **fixed: Value) -> None:
         self.template = template
@@ -109,7 +109,7 @@ class Phrase:
         return text
 
     def read(self, text: str) -> Facts | None:
-        """The values that a text in the words of this phrase gives, None if it has other words."""
+        """The values of a text that matches this phrase; None if it does not match."""
         match = self.pattern.fullmatch(text)
         if match is None:
             return None
@@ -123,7 +123,7 @@ class Phrase:
 
 
 def percents(value: Value) -> str:
-    """A share of a full battery, in percent, with all its digits."""
+    """A share of a full battery in percent, with all digits."""
     assert isinstance(value, int)
     return f"{value / BATTERY_PERCENT:.7f}".rstrip("0").rstrip(".")
 
@@ -144,7 +144,7 @@ def pair(text: str) -> Pair:
 
 
 def write_facts(groups: Iterable[Iterable[Phrase]], facts: Facts, default: Facts) -> list[str]:
-    """Of each group the first phrase that applies."""
+    """The first phrase of each group that applies."""
     written = []
     for group in groups:
         said = (phrase.write(facts, default) for phrase in group)
@@ -155,22 +155,22 @@ def write_facts(groups: Iterable[Iterable[Phrase]], facts: Facts, default: Facts
 
 
 def read_facts(groups: Iterable[Iterable[Phrase]], text: str, subject: str) -> Facts:
-    """The values that comma-separated facts give. Raises InputError for unknown words."""
+    """The values of comma-separated facts. Raises InputError for unknown words."""
     phrases = [phrase for group in groups for phrase in group]
     facts: Facts = {}
     for one in BETWEEN_FACTS.split(text) if text else ():
         said = next((found for phrase in phrases if (found := phrase.read(one)) is not None), None)
         if said is None:
-            raise InputError(f"'{one}' says nothing that is known about {subject}")
+            raise InputError(f"'{one}' is not a known fact about {subject}")
         facts.update(said)
     return facts
 
 
 def write_route(steps: Iterable[int], at: int) -> str:
-    """Directions as letters, small ones for steps already driven; more than 3 alike are counted.
+    """Directions as letters, lower case for steps already driven; runs of more than 3 are counted.
 
-    eeSSE   two steps east are driven, south, south and east are to come
-    12eS    12 steps east are driven
+    eeSSE   two steps east driven; south, south and east to come
+    12eS    12 steps east driven; south to come
     """
     letters = "".join("ESWN"[step] for step in steps)
     letters = letters[:at].lower() + letters[at:]
@@ -178,22 +178,22 @@ def write_route(steps: Iterable[int], at: int) -> str:
 
 
 def read_route(text: str) -> tuple[list[int], int]:
-    """Directions of a route and how many of them are driven. Raises InputError."""
+    """The directions of a route and the number of steps already driven. Raises InputError."""
     if not re.fullmatch(r"(\d*[eswn])*(\d*[ESWN])*", text):
         raise InputError(
-            f"'{text}' is not a route; small letters eswn are driven, ESWN are to come"
+            f"'{text}' is not a route: use eswn for steps driven, then ESWN for steps to come"
         )
     runs = re.findall(r"(\d*)([eswnESWN])", text)
     letters = "".join(letter * int(count or 1) for count, letter in runs)
     return ["ESWN".index(letter) for letter in letters.upper()], sum(map(str.islower, letters))
 
 
-# An order's line, needed once it is not where it was at the start.
+# An order has a line once it has left its initial place.
 #
 # order 8 under way; stops in ticks 12 31
 #
-# Which robot has an order stands in that robot's line; a carried order has a line only if it was set
-# down on its way before. An order without a load has one as soon as a stop is done.
+# The line of a robot names its order. A carried order has a line only if it was set down on its way
+# before. An order without a load has a line as soon as a stop is done.
 
 
 ORDER_NUMBERS = ("state", "delivered", "legs")
@@ -215,7 +215,7 @@ STATE_PHRASES = (
     _order_phrase(ORDER_STARTED),
 )
 ORDER_PHRASE_GROUPS = (STATE_PHRASES, (Phrase("picked up {legs} time(s)"),))
-# Values that a line leaves out: an order with a line was picked up once.
+# Values that a line omits. An order with a line was picked up at least once.
 LEFT_OUT: Final[Facts] = {
     **{"state": NIL, "delivered": NIL, "legs": 1, "spare": NIL, "trip": 0},
     **{"current_slot": None, "target": None},
@@ -226,13 +226,13 @@ ORDER_LINE = re.compile(
 
 
 def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
-    """The line of an order, None if nothing about it needs to be said."""
+    """The line of an order; None if it needs none."""
     facts = order_facts(world, floor_plan, order)
     if facts["current_slot"] == facts["source"] and facts["legs"] == 0:
-        return None  # where it was at the start
+        return None  # still at its initial place
     stops_done = int(world.orders.stops_done[order])
     if facts["state"] == ORDER_CARRIED and facts["legs"] == 1 and not stops_done:
-        return None  # the robot's line says it
+        return None  # shown in the robot's line
     name = "trip" if facts["trip"] else "order"
     line = f"{name} {order} {', '.join(write_facts(ORDER_PHRASE_GROUPS, facts, LEFT_OUT))}"
     first = int(world.orders.first_stop[order])
@@ -241,7 +241,7 @@ def order_line(world: World, floor_plan: FloorPlan, order: int) -> str | None:
 
 
 def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
-    """What the world holds of an order, slots as (x, y)."""
+    """The values of an order in the world, with slots as (x, y)."""
     orders = world.orders
 
     def xy(slot: int) -> Value:
@@ -259,7 +259,7 @@ def order_facts(world: World, floor_plan: FloorPlan, order: int) -> Facts:
 
 
 class DrawnOrder(NamedTuple):
-    """What an order's line says."""
+    """The content of an order's line."""
 
     number: int
     facts: Facts
@@ -267,7 +267,7 @@ class DrawnOrder(NamedTuple):
 
 
 def read_order(text: str) -> DrawnOrder:
-    """What an order's line gives. Raises InputError."""
+    """Read the line of an order. Raises InputError."""
     match = ORDER_LINE.fullmatch(text)
     if match is None:
         raise InputError(
@@ -280,11 +280,11 @@ def read_order(text: str) -> DrawnOrder:
     return DrawnOrder(int(match["number"]), LEFT_OUT | facts, stops)
 
 
-# A robot's line. Robots 0 to 25 are called A to Z, later ones by their number. The default of some
-# values depends on others (a robot has come in the direction it faces).
+# The line of a robot. Robots 0 to 25 are named A to Z, the others by number. Some defaults depend on
+# other values (a robot's direction of travel is its heading).
 
 
-# Fields of a robot that a line gives in ways of their own; all others of the state are numbers in it.
+# Fields with their own notation in a line; all other fields of the state are written as numbers.
 OTHERWISE = {
     *("cell", "claim", "goal_cell", "slot", "need", "service_zone"),
     *("route", "route_length", "route_index", "order_queue"),
@@ -360,13 +360,13 @@ PHRASE_GROUPS = (
 
 
 def numbers_of(robots: type[Robots]) -> dict[str, int]:
-    """The fields of a class of robots that a line gives as they are, and their defaults."""
+    """The fields of a class of robots that a line writes as numbers, and their defaults."""
     names = robots.fields_where(lambda declared: declared.digest is not None)
     return {n: robots._declared[n].default for n in (*names, "step") if n not in OTHERWISE}
 
 
 def groups_of(robots: type[Robots]) -> tuple[tuple[Phrase, ...], ...]:
-    """The phrases of a line; a field without words of its own goes by its name."""
+    """The phrases of a line; a field without a phrase is written by its name."""
     phrases = [phrase for group in PHRASE_GROUPS for phrase in group]
     said = {"heading"}.union(*([*phrase.named, *phrase.fixed] for phrase in phrases))
     others = [name for name in numbers_of(robots) if name not in said]
@@ -392,7 +392,7 @@ def identity_of(name: str) -> int:
 
 
 def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False) -> str:
-    """The line of the robot at storage index i; brief: without what tells a person nothing."""
+    """The line of the robot at storage index i; brief: without values that have no effect."""
     robots = world.robots
     facts = robot_facts(world, floor_plan, i)
     default = default_facts(facts, int(world.clock.tick), type(robots))
@@ -420,32 +420,33 @@ def robot_line(world: World, floor_plan: FloorPlan, i: int, brief: bool = False)
 
 
 def idle_facts(world: World, headings: int) -> list[str]:
-    """What nothing follows from here: the way of robots that never turn, wishes to charge in vain.
+    """The values without effect in this world: `travel` of robots that never turn, charging requests
+    without a charging strategy.
 
-    `headings`: how many the robot distinguishes.
+    `headings`: the number of headings of the robot's type.
     """
     names = ["travel"] if headings == 1 else []
-    if world.tally.batches[LAYER_CHARGING] == 0:  # there is no strategy for it
+    if world.tally.batches[LAYER_CHARGING] == 0:  # no charging strategy
         names += ["need_charging", "charging_reason"]
     return names
 
 
 def _place(facts: Facts) -> str:
-    """Where a robot is."""
+    """The place of a robot."""
     if facts["cell"] is not None:
         return str(facts["cell"])
     return f"{OFF_FLOOR} {facts['left']}" if facts["left"] else "in its parking bay"
 
 
 def robot_facts(world: World, floor_plan: FloorPlan, i: int) -> Facts:
-    """What the world holds of a robot, cells as (x, y)."""
+    """The values of a robot in the world, with cells as (x, y)."""
     robots = world.robots
 
     def xy(cell: int) -> Value:
         return None if cell == NIL else floor_plan.xy(cell)
 
     facts: Facts = {name: int(getattr(robots, name)[i]) for name in numbers_of(type(robots))}
-    facts["service_zone"] = int(robots.service_zone[i]) + 1  # counted from 1, as stations
+    facts["service_zone"] = int(robots.service_zone[i]) + 1  # counted from 1, like stations
     for name in ("cell", "claim", "goal_cell"):
         facts[name] = xy(int(getattr(robots, name)[i]))
     off = facts["cell"] is None and robots.bay[i] == NIL
@@ -460,7 +461,7 @@ def robot_facts(world: World, floor_plan: FloorPlan, i: int) -> Facts:
 
 
 def default_facts(facts: Facts, tick: int, robots: type[Robots] = Robots) -> Facts:
-    """The values that a line leaves out, given what else it says."""
+    """The values that a line omits, given its other values."""
     default: Facts = {**numbers_of(robots), **dict.fromkeys([*NEEDS, "service_zone"], 0)}
     default.update(dict.fromkeys(("claim", "goal_cell", "slot", "place", "left")))
     default["charge"] = BATTERY_FULL
@@ -473,16 +474,16 @@ def default_facts(facts: Facts, tick: int, robots: type[Robots] = Robots) -> Fac
 
 
 class RobotLine(NamedTuple):
-    """What a robot's line says."""
+    """The content of a robot's line."""
 
     identity: int
     facts: Facts
-    route: tuple[list[int], int]  # steps, and how many are driven
+    route: tuple[list[int], int]  # steps, and number of steps already driven
     plan: list[int]
 
 
 def read_robot(text: str, tick: int, robots: type[Robots] = Robots) -> RobotLine:
-    """What a robot's line gives. Raises InputError."""
+    """Read the line of a robot. Raises InputError."""
     match = ROBOT_LINE.fullmatch(text)
     if match is None:
         raise InputError(
@@ -501,7 +502,7 @@ def read_robot(text: str, tick: int, robots: type[Robots] = Robots) -> RobotLine
 
 
 def _heading_words(headings: int) -> tuple[str, ...]:
-    """Of each heading of a type that distinguishes so many; a robot that turns in any cell faces one."""
+    """The words for each heading of a type with this number of headings ("facing" with four)."""
     names = HEADING_WORDS[headings]
     return tuple(f"facing {name}" for name in names) if headings == len(DIRECTIONS) else names
 

@@ -1,17 +1,17 @@
-"""A world as text: the tick, the map, then a line for every robot and for orders that have moved.
+"""A world as text: the tick, the map, then a line for every robot and for every order that has moved.
 
     tick 40, seed 1, 8 order changes, 6 seen by allocation
 
     b+-+d
-    bA$|d      the floor's symbols; robots A to Z over them; 's' an empty shelf, '$' a full one
-    b+-+#      '@' several robots, or one beyond the 26th; '*' a cell that a long move has claimed;
+    bA$|d      the floor's symbols with robots A to Z on top; 's' an empty shelf, '$' a full one
+    b+-+#      '@' several robots, or one beyond the 26th; '*' a cell claimed by a long move;
                storage 'p' with a pod, 'q' without
 
     A (0, 1) vertical, fetches 3 from (1, 1) via (2, 1), moved; route nESS
 
-Everything that a digest covers is in the picture but the work at stations and the zones that robots
-serve: `partition_picture` tells of these, and is not read back. Nor are there the memory of strategies,
-and the counters behind the metrics (tallies, and when and from where an order was taken).
+The picture contains everything that a digest covers, except the work at stations and the service
+zones: `partition_picture` shows the zones and cannot be read back. The picture also omits the memory
+of strategies and the counters behind the metrics (tallies, and when and where orders were taken).
 """
 
 from __future__ import annotations
@@ -83,15 +83,15 @@ EMPTY_STORAGE, POD = "q", "p"
 def picture_of(
     subject: Simulation | World, floor_plan: FloorPlan | None = None, brief: bool = False
 ) -> str:
-    """The picture of a simulation, or of a world on the floor `floor_plan`; no newline at its end.
+    """The picture of a simulation, or of a world on the floor `floor_plan`; no newline at the end.
 
-    brief: for people; delivered orders are counted. It cannot be read back.
+    brief: a shorter picture for people that only counts delivered orders; it cannot be read back.
     """
     world, floor_plan = (
         (subject, floor_plan) if isinstance(subject, World) else _of_simulation(subject)
     )
     if floor_plan is None:
-        raise TypeError("the picture of a world needs its plan: picture_of(world, plan)")
+        raise TypeError("the picture of a world needs its floor plan: picture_of(world, floor_plan)")
     rows = map_rows(world, floor_plan)
     lines = [head_line(world), "", *rows, "", *legend_lines(floor_plan)]
     if brief and any(CROWD in row for row in rows):
@@ -113,7 +113,7 @@ def _of_simulation(simulation: Simulation) -> tuple[World, FloorPlan]:
 
 
 def head_line(world: World) -> str:
-    """When it is, how often orders and reservations have changed, and what allocation saw of it."""
+    """The tick, the number of changes of orders and reservations, and the last one allocation saw."""
     clock = world.clock
     seen = "none" if clock.allocation_revision == NIL else str(clock.allocation_revision)
     seed, changes = int(world.rules.seed), clock.revision
@@ -148,7 +148,7 @@ def map_rows(world: World, floor_plan: FloorPlan) -> list[str]:
 
 
 def legend_lines(floor_plan: FloorPlan) -> list[str]:
-    """What the symbols of the map mean that are not built in; empty, or with a blank line last."""
+    """The meanings of symbols that are not built in, followed by a blank line; empty without any."""
     legend = _drawing(floor_plan).legend
     lines = []
     for mark, symbol in legend:
@@ -168,7 +168,7 @@ def _canvas(floor_plan: FloorPlan) -> tuple[NDArray[np.str_], int]:
     """(height, columns) characters of the empty floor, and the column of x = 0."""
     picture = _drawing(floor_plan).picture
     text = np.array([list(row) for row in picture.split("\n")])
-    for cell in floor_plan.starts:  # robots are drawn where they are now
+    for cell in floor_plan.starts:  # robots are drawn later, at their present cells
         x, y = floor_plan.xy(cell)
         text[y, x + text.shape[1] - floor_plan.width] = "."
     return text, text.shape[1] - floor_plan.width
@@ -179,11 +179,11 @@ def _drawing(floor_plan: FloorPlan) -> Drawing:
     return floor_drawing(floor_plan)
 
 
-# A text as a world: the exact state that `picture_of` has drawn, ready to go on.
+# Reading a text as a world: this restores the exact state that `picture_of` has drawn.
 #
-# Restored is all that a digest covers, so a run continues with the same digests if its strategies
-# keep no memory of their own: a strategy's memory starts again, and so does what is counted for
-# metrics: tallies, and when and from where an order was taken.
+# Everything that a digest covers is restored, so the run continues with the same digests if its
+# strategies have no memory. The memory of strategies and the counters behind the metrics (tallies, and
+# when and where orders were taken) start afresh.
 
 
 PLACE = "the picture"
@@ -196,7 +196,7 @@ LEGEND_LINE = re.compile(r"\S is kind .*")
 
 
 class Said(NamedTuple):
-    """What a picture says, line by line."""
+    """The content of a picture."""
 
     tick: int
     seed: int
@@ -208,10 +208,10 @@ class Said(NamedTuple):
 
 
 def world_from(text: str, resolved: Resolved) -> Simulation:
-    """The simulation whose picture this is: floor, rules and strategies come from `resolved`.
+    """Restore a simulation from its picture; floor, rules and strategies come from `resolved`.
 
-    Raises InputError for a line that cannot be read, and for a picture that contradicts itself or
-    the scenario (the restored world is drawn again and compared).
+    Raises InputError if a line cannot be read, or if the picture contradicts itself or the scenario
+    (the restored world is drawn again and compared).
     """
     lines = [line.rstrip() for line in text.strip("\n").split("\n")]
     said = read_lines(lines)
@@ -219,12 +219,12 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
     world, floor_plan = simulation.world, resolved.floor_plan
     if world.rules.assigned:
         raise InputError(
-            "a picture does not show which orders are known where robots have their own"
+            "a picture does not show which orders are known if orders are assigned to robots"
         )
     if len(world.pods.slot):
         raise InputError(
-            "a picture does not show which pod stands where, nor which orders and lines wait for it; "
-            "use a recording, or run the scenario up to this tick"
+            "a picture does not show where each pod is and which orders and lines wait for it; "
+            "use a recording, or run the scenario to this tick"
         )
     check_names(said, world)
     for identity, line in said.robots.items():
@@ -240,10 +240,10 @@ def world_from(text: str, resolved: Resolved) -> Simulation:
 
 
 def read_lines(lines: list[str]) -> Said:
-    """Read every line but those of the map. Raises InputError with the number of the line."""
+    """Read all lines except the map. Raises InputError with the line number."""
     head = FIRST_LINE.fullmatch(lines[0])
     if head is None:
-        raise InputError(f"it has to begin with a line such as: {BEGINNING}", PLACE, 1)
+        raise InputError(f"the first line must be like: {BEGINNING}", PLACE, 1)
     seen = NIL if head[4] == "none" else int(head[4])
     said = Said(int(head[1]), int(head[2]), int(head[3]), seen, int(head[5] or 0), {}, {})
     body = [number for number, line in enumerate(lines) if not line][1:2]  # the map lies between
@@ -262,7 +262,7 @@ def read_lines(lines: list[str]) -> Said:
 
 
 def check_names(said: Said, world: World) -> None:
-    """Raises InputError unless the picture speaks of exactly the scenario's robots."""
+    """Raise InputError unless the robots and orders of the picture are those of the scenario."""
     robots, orders = len(world.robots.cell), len(world.orders.state)
     missing = [name_of(identity) for identity in range(robots) if identity not in said.robots]
     if missing:
@@ -276,7 +276,7 @@ def check_names(said: Said, world: World) -> None:
 
 
 def set_robot(world: World, floor_plan: FloorPlan, i: int, line: RobotLine) -> None:
-    """Put a robot at storage index i into the state that its line tells."""
+    """Set the robot at storage index i to the state of its line."""
     robots, facts = world.robots, line.facts
     for name in numbers_of(type(robots)):
         getattr(robots, name)[i] = facts[name]
@@ -292,7 +292,7 @@ def set_robot(world: World, floor_plan: FloorPlan, i: int, line: RobotLine) -> N
     set_order_queue(world, i, line.plan)
     steps, driven = line.route
     if len(steps) > robots.route.shape[1]:
-        raise InputError(f"{PLACE} has a route longer than {robots.route.shape[1]} steps")
+        raise InputError(f"{PLACE} has a route of more than {robots.route.shape[1]} steps")
     robots.route[i, : len(steps)] = steps
     robots.route_length[i] = len(steps)
     robots.route_index[i] = driven
@@ -300,10 +300,10 @@ def set_robot(world: World, floor_plan: FloorPlan, i: int, line: RobotLine) -> N
 
 
 def set_order_queue(world: World, i: int, orders: list[int]) -> None:
-    """Let a robot have these orders ahead of it."""
+    """Set the planned orders of a robot."""
     if len(orders) > world.robots.order_queue.shape[1]:
         raise InputError(
-            f"{PLACE} has a plan longer than {world.robots.order_queue.shape[1]} orders"
+            f"{PLACE} has a plan of more than {world.robots.order_queue.shape[1]} orders"
         )
     if max(orders, default=0) >= len(world.orders.state):
         raise InputError(f"{PLACE} has a plan with an order {max(orders)}, which does not exist")
@@ -312,7 +312,7 @@ def set_order_queue(world: World, i: int, orders: list[int]) -> None:
 
 
 def route_hash(steps: list[int]) -> int:
-    """The hash of a route that the digest covers, as the world computes it."""
+    """The hash of a route, as the world computes it for the digest."""
     total = np.uint64(0)
     with np.errstate(over="ignore"):
         for s, step in enumerate(steps):
@@ -321,7 +321,7 @@ def route_hash(steps: list[int]) -> int:
 
 
 def set_order(world: World, floor_plan: FloorPlan, order: int, facts: Facts) -> None:
-    """Put an order into the state that its line tells."""
+    """Set an order to the state of its line."""
     orders = world.orders
     for name in ("state", "delivered", "legs"):
         getattr(orders, name)[order] = facts[name]
@@ -331,22 +331,24 @@ def set_order(world: World, floor_plan: FloorPlan, order: int, facts: Facts) -> 
         return
     slot, cell = world.slots.first_spare + spare, _cell(floor_plan, facts["current_slot"])
     if slot >= len(world.slots.cell) or not open_slot(world, slot, cell):
-        raise InputError(f"{PLACE} has a load {spare} on the floor, which no robot can have left")
+        raise InputError(f"{PLACE} has a load {spare} on the floor that no robot can have left there")
     orders.current_slot[order] = slot
 
 
 def set_stops(world: World, line: DrawnOrder) -> None:
-    """Let the first stops of an order be done in the ticks of its line."""
+    """Mark the first stops of an order as done in the ticks of its line."""
     orders = world.orders
     first, end = orders.first_stop[line.number : line.number + 2].tolist()
     if len(line.stops) > end - first:
-        raise InputError(f"{PLACE} has {len(line.stops)} stops of order {line.number}, too many")
+        raise InputError(
+            f"{PLACE} has {len(line.stops)} stops of order {line.number}, which has {end - first}"
+        )
     world.stops.done[first : first + len(line.stops)] = line.stops
     orders.stops_done[line.number] = len(line.stops)
 
 
 def set_reservations(world: World) -> None:
-    """What follows from the robots and orders: who has an order, what a slot holds and awaits."""
+    """Derive reservations of orders and slots, and contents of slots, from robots and orders."""
     robots, orders, slots = world.robots, world.orders, world.slots
     for i, identity in enumerate(robots.identity.tolist()):
         load, order, slot = int(robots.load[i]), int(robots.order[i]), int(robots.slot[i])
@@ -365,7 +367,7 @@ def set_reservations(world: World) -> None:
 
 
 def set_clock(world: World, said: Said, resolved: Resolved) -> None:
-    """The tick, and the counters that follow from the robots and orders."""
+    """Set the tick, and derive the counters from robots and orders."""
     robots, clock = world.robots, world.clock
     clock.tick = said.tick
     clock.coarse_tick = (said.tick - 1) // world.rules.refinement + 1
@@ -397,7 +399,7 @@ def set_clock(world: World, said: Said, resolved: Resolved) -> None:
 
 
 def restore_closed_loop(world: World, tick: int) -> None:
-    """When orders were released: for each delivery one in the tick after it, in their sequence."""
+    """Restore release ticks: each delivery releases the next order in sequence one tick later."""
     orders, first = world.orders, world.rules.in_system
     later = orders.release_sequence[first:]
     before = np.sort(orders.delivered[(orders.delivered != NIL) & (orders.delivered < tick)])
@@ -406,14 +408,14 @@ def restore_closed_loop(world: World, tick: int) -> None:
 
 
 def check_against(lines: list[str], drawn: list[str]) -> None:
-    """Raises InputError at the first line that the restored world would draw differently."""
+    """Raise InputError for the first line that the restored world would draw differently."""
     for number in range(max(len(lines), len(drawn))):
         said = lines[number] if number < len(lines) else ""
         should = drawn[number].rstrip() if number < len(drawn) else ""
         if said != should:
             raise InputError(
                 f"this line contradicts the rest of the picture or the scenario: "
-                f"it says '{said}', expected was '{should}'",
+                f"it is '{said}', but should be '{should}'",
                 PLACE,
                 number + 1,
             )
@@ -444,19 +446,19 @@ def _on_floor(floor_plan: FloorPlan, value: Pair) -> Pair:
     return value
 
 
-# Stories: a few robots on a tiny floor, moved tick by tick, to test the rules of occupancy.
+# Stories: a few robots on a tiny floor, moved tick by tick to test the rules of occupancy.
 #
 # >>> moved("AB.", A="east", B="east") '.AB'
 #
-# Robots are drawn on free floor and drive in any direction without turning; the other symbols of
-# floors work as always, so an aisle for two is 'A==B'. A Story goes on from tick to tick.
+# Robots are drawn on free floor and drive in any direction without turning. The other symbols of
+# floors have their usual meaning, so an aisle for two is 'A==B'. A Story continues from tick to tick.
 
 
 Following = Literal["convoy", "handover", "none"]
 
 
 class Story:
-    """Robots drawn in a picture, and what becomes of their wishes.
+    """Robots drawn in a picture, which move as requested if the rules allow it.
 
     `following`, `move` (ticks of a move), `slow` (the mode of zones that slow moves down; "" for
     none), `priority` by robot, and `storage` (the order in which robots are stored, which must not
@@ -485,9 +487,9 @@ class Story:
             self.world.robots.priority[self._index(name)] = value
 
     def tick(self, **wants: str) -> str:
-        """One tick in which robots want to move so (A="east"); returns the picture after it.
+        """Execute one tick with the requested moves (A="east"); return the picture after it.
 
-        Robots in a long move go on by themselves and want nothing.
+        Robots in a long move continue by themselves and request nothing.
         """
         traffic, robots = self.world.traffic, self.world.robots
         traffic.intent[:] = 0
@@ -510,12 +512,12 @@ class Story:
 
     @property
     def picture(self) -> str:
-        """The floor and the robots now; '*' is claimed by a long move, '@' holds several robots."""
+        """The floor and the robots now; '*': claimed by a long move, '@': several robots."""
         return "\n".join(map_rows(self.world, self.floor_plan))
 
     @property
     def refused(self) -> str:
-        """The robots whose wish was refused in the last tick, such as "BC"."""
+        """The robots whose move was refused in the last tick, such as "BC"."""
         who = self.world.robots.identity[self.world.traffic.intent & REFUSED != 0]
         return "".join(name_of(identity) for identity in sorted(who.tolist()))
 
@@ -526,7 +528,7 @@ class Story:
 
 
 def moved(picture: str, **wants: str) -> str:
-    """The picture after one tick in which robots want to move so."""
+    """The picture after one tick with the requested moves."""
     return Story(picture).tick(**wants)
 
 

@@ -1,7 +1,7 @@
-"""Many runs over all cores: each (scenario, seed) is one run, and nothing else decides its result.
+"""Many runs in parallel on all cores. The result of a run depends only on its scenario and seed.
 
-Processes are spawned, not forked, so that it works the same everywhere; each imports the compiled
-kernels from the cache, which the parent has filled before.
+Processes are spawned, not forked, to behave the same on all systems. Each loads the compiled kernels
+from the cache, which the parent has filled before.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ from automaton.runs.simulation import Simulation
 from automaton.world.resolved import Resolved
 
 POOL_START_DELAY_S: Final = 2.0
-END_TIMEOUT_S: Final = 5.0  # for a process to end, once it was told
-SIGNAL_GRACE_S: Final = 1.0  # for a coordinator to hear the signal that its workers hear
-CHUNKS_PER_WORKER = 8  # small enough to spread evenly, large enough that sending costs nothing
-MAX_CHUNK_RUNS = 25  # runs, so that progress is seen
+END_TIMEOUT_S: Final = 5.0  # for a process to end after it was asked to
+SIGNAL_GRACE_S: Final = 1.0  # for a coordinator to handle a signal before its workers end
+CHUNKS_PER_WORKER = 8  # makes chunks small enough to spread evenly, large enough to send cheaply
+MAX_CHUNK_RUNS = 25  # limits chunks so that progress is visible
 
 
 class RunResult(NamedTuple):
-    """What is kept of one of many runs."""
+    """The stored result of one of many runs."""
 
     seed: int
     finished: bool
@@ -59,7 +59,7 @@ OnDone = Callable[[int], None]  # called with the runs just done
 
 
 def run_and_measure(simulation: Simulation) -> dict[str, float | int]:
-    """Run to the end; the metrics of the run."""
+    """Run to the end; return the metrics of the run."""
     run_to_end(simulation)
     return metrics_of(simulation)
 
@@ -72,9 +72,9 @@ def run_all(
     run_function: RunFunction = run_and_measure,
     change: Callable[[Resolved, int], Resolved] = lambda resolved, seed: resolved,
 ) -> list[list[RunResult]]:
-    """Run every scenario with every seed; results by scenario, then by seed, as they were given.
+    """Run every scenario with every seed; return results by scenario, then by seed.
 
-    `change`: what a seed changes in a scenario, besides what is drawn by it. As `run_jobs` otherwise.
+    `change`: changes a scenario for a seed, beyond the random numbers. See `run_jobs`.
     """
     jobs = [(change(resolved, seed), seed) for resolved in scenarios for seed in seeds]
     results = run_jobs(jobs, workers, on_done, run_function)
@@ -87,11 +87,12 @@ def run_jobs(
     on_done: OnDone | None = None,
     run_function: RunFunction = run_and_measure,
 ) -> list[RunResult]:
-    """Run each scenario with its seed, by a function of a module; results in the order of the jobs.
+    """Run each scenario with its seed; return results in the order of the jobs.
 
-    `workers`: processes, default one for each core; 1 runs everything in this process. A strategy
-    that raises becomes an InputError; Ctrl-C ends all processes and raises KeyboardInterrupt, and so
-    does a process that dies, which raises WorkerDiedError.
+    `workers`: number of processes, default one for each core; 1 runs everything in this process.
+    `run_function` must be a module-level function. Raises InputError if a strategy raises an
+    exception, KeyboardInterrupt after Ctrl-C, and WorkerDiedError if a process dies; the other
+    processes are ended.
     """
     workers = min(cores() if workers is None else workers, len(jobs))
     with PersistentPool(workers, run_function, patience_s=0.0) as rounds:
@@ -99,7 +100,7 @@ def run_jobs(
 
 
 def run_chunk(chunk: Chunk) -> tuple[int, list[RunResult]]:
-    """The runs of a chunk; this is what a worker does. Raises InputError for a failing strategy."""
+    """Execute the runs of a chunk in a worker. Raises InputError if a strategy raises an exception."""
     batch = []
     for resolved, seed in chunk.jobs:
         with attribute_strategy_errors(resolved):
@@ -111,40 +112,40 @@ def run_chunk(chunk: Chunk) -> tuple[int, list[RunResult]]:
 
 
 def chunks_of(jobs: Sequence[RunSpec], workers: int, run_function: RunFunction) -> Iterator[Chunk]:
-    """The jobs in chunks that spread evenly over so many workers."""
+    """Split the jobs into chunks that spread evenly over the workers."""
     size = max(1, min(MAX_CHUNK_RUNS, len(jobs) // (CHUNKS_PER_WORKER * workers)))
     for first in range(0, len(jobs), size):
         yield Chunk(first, tuple(jobs[first : first + size]), run_function)
 
 
 class Workers:
-    """Spawned processes that carry out calls: they hear no Ctrl-C, and whoever made them ends them."""
+    """Spawned processes that execute calls. They ignore Ctrl-C; their creator must end them."""
 
     def __init__(self, number: int) -> None:
         context = multiprocessing.get_context("spawn")
         self._pool = ProcessPoolExecutor(number, context, initializer=init_worker)
 
     def submit(self, function: Callable[..., T], *arguments: Any) -> Future[T]:
-        """Have a process do this call. Raises BrokenExecutor once a process has died."""
+        """Let a process execute a call. Raises BrokenExecutor once a process has died."""
         with children_ignore_interrupts():
             return self._pool.submit(function, *arguments)
 
     def end(self, now: bool) -> None:
-        """End all processes, so that their memory is free; `now`: without waiting for what they do."""
-        processes = list((self._pool._processes or {}).values())  # its own, and no others
+        """End all processes to free their memory; `now`: without waiting for their calls."""
+        processes = list((self._pool._processes or {}).values())  # only those of this pool
         for process in processes if now else ():
-            process.kill()  # at once: it heeds a SIGTERM late, or after a long run
+            process.kill()  # workers handle SIGTERM with a delay, or after a long run
         self._pool.shutdown(wait=not now, cancel_futures=True)
         for process in processes:
             process.join(END_TIMEOUT_S)
 
 
 class PersistentPool:
-    """Processes that stay for round after round of jobs; a context manager that leaves none behind.
+    """Processes that persist over several rounds of jobs; a context manager that ends them on exit.
 
-    `workers`: processes, default one for each core; 1 runs everything in this process. A pool takes
-    a second to start: it is started when the rounds have taken `patience_s`, default POOL_START_DELAY_S.
-    Neither changes a result.
+    `workers`: number of processes, default one for each core; 1 runs everything in this process. A
+    pool takes a second to start, so it starts when the rounds have taken `patience_s`, default
+    POOL_START_DELAY_S. Neither changes a result.
     """
 
     def __init__(
@@ -158,7 +159,7 @@ class PersistentPool:
         self._patience_s = POOL_START_DELAY_S if patience_s is None else patience_s
         self._spent_s = 0.0
         self._pool: Workers | None = None
-        self._warm: set[Hashable] = set()  # what workers find in the cache
+        self._warm: set[Hashable] = set()  # keys of parts in the compilation cache
 
     def __enter__(self) -> PersistentPool:
         return self
@@ -173,7 +174,7 @@ class PersistentPool:
             self._pool.end(now=error is not None)
 
     def run(self, jobs: Sequence[RunSpec], on_done: OnDone | None = None) -> list[RunResult]:
-        """The results of one round, in the order of its jobs; as `run_all` otherwise."""
+        """The results of one round, in the order of its jobs; see `run_jobs`."""
         alone = self._workers <= 1 or len(jobs) < 2 or self._spent_s < self._patience_s
         chunks = list(chunks_of(jobs, 1 if alone else self._workers, self._conduct))
         results: list[RunResult | None] = [None] * len(jobs)
@@ -186,7 +187,7 @@ class PersistentPool:
         return [result for result in results if result is not None]
 
     def _spread(self, chunks: Sequence[Chunk]) -> Iterator[tuple[int, list[RunResult]]]:
-        """The first run's number and the results of each chunk, in the order in which they are ready."""
+        """The number of the first run and the results of each chunk, as they become ready."""
         self._warm_up(chunks)
         if self._pool is None:
             self._pool = Workers(self._workers)
@@ -198,7 +199,7 @@ class PersistentPool:
             raise WorkerDiedError from None
 
     def _warm_up(self, chunks: Sequence[Chunk]) -> None:
-        """Compile, or find in the cache, whatever the workers will load; once for all rounds."""
+        """Compile the parts that the workers will load from the cache, once for all rounds."""
         for resolved, seed in (job for chunk in chunks for job in chunk.jobs):
             parts = compiled_parts(resolved)
             if parts not in self._warm:
@@ -208,9 +209,10 @@ class PersistentPool:
 
 
 def init_worker() -> None:
-    """Begin a worker process: deaf to Ctrl-C, slow to heed SIGTERM, gone when its coordinator is.
+    """Start a worker process, which ignores Ctrl-C, delays SIGTERM and ends with its coordinator.
 
-    The end of a job is told to all its processes: it would look as if workers died.
+    At the end of a job, batch systems send SIGTERM to all its processes. Workers that ended at once
+    would seem to have died.
     """
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, _leave_later)
@@ -231,15 +233,15 @@ def _leave_with(sentinel: int) -> None:
 
 @contextmanager
 def children_ignore_interrupts() -> Iterator[None]:
-    """Processes started in here are deaf to Ctrl-C from their first moment on: the parent ends them.
+    """Let processes that start inside ignore Ctrl-C from the beginning; the parent ends them.
 
-    They inherit that the signal is blocked. The parent hears one that comes meanwhile at the end,
-    SIGTERM as well.
+    They inherit the blocked signal. A Ctrl-C or SIGTERM that arrives meanwhile is raised in the parent
+    on exit.
     """
     if threading.current_thread() is not threading.main_thread():
         yield
         return
-    resource_tracker.ensure_running()  # when it starts, it unblocks the signal
+    resource_tracker.ensure_running()  # its start unblocks the signal, so start it first
     heard: list[int] = []
     before = {
         number: signal.signal(number, lambda number, _: heard.append(number))

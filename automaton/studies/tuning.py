@@ -1,14 +1,14 @@
-"""The strategy and parameters that do best in a scenario, found by successive elimination.
+"""Tuning: the best strategies and parameters for a scenario, found by successive elimination.
 
-Tried are, for right of way and allocation, all strategies that declare values worth trying. The
-parameters of a strategy declare them in a method: `tuned_values(scenario, floor_plan)` gives for each
-parameter the values to be tried, {} for the strategy as it is; one without the method is not tried. A
-candidate is a combination; the scenario as it is is the first one.
+For right of way and allocation, all strategies that declare values to try are tested. The parameters of
+a strategy declare them with the method `tuned_values(scenario, floor_plan)`, which returns the values of
+each parameter to try, or {} to try the strategy with its defaults. Strategies without the method are not
+tested. A candidate is a combination of both layers; the first candidate is the unchanged scenario.
 
-Each round has seeds of its own, the same for all candidates: they meet the same demand. The best third
-goes on. Runs of a scenario that never ends are shorter in early rounds. What is left in the end is run
-against the scenario as it is with further seeds, so that what chose the winner says nothing of how good
-it is. Effort is counted in runs, never in time; the answer depends on the budget and the seed alone.
+Each round has its own seeds, which all candidates share, so that they meet the same demand. The best
+third advances. Scenarios without an end have shorter runs in early rounds. The winner is finally
+compared with the unchanged scenario on new seeds, so that the runs that selected it do not bias its
+result. Effort is counted in runs, not in time; the answer depends only on the budget and the seed.
 """
 
 from __future__ import annotations
@@ -41,36 +41,36 @@ from automaton.world.resolve import Resolved, resolve
 
 TUNED_LAYERS: Final = ("right_of_way", "allocation")
 Choice = dict[str, Any]  # a strategy as scenarios write it: {name: NAME, ...parameters}
-ELIMINATION_FACTOR: Final = 3  # of so many candidates one goes on to the next round
-FULL_ROUNDS: Final = 2  # the last ones; each before them has runs of half the length,
-MIN_LENGTH: Final = 0.25  # and at least this share of it
-MIN_PAIRS: Final = 5  # of the winner and the scenario as it is
+ELIMINATION_FACTOR: Final = 3  # one in this number of candidates advances to the next round
+FULL_ROUNDS: Final = 2  # last rounds, with runs of full length; each round before halves the length
+MIN_LENGTH: Final = 0.25  # least length of runs, as a share of the full length
+MIN_PAIRS: Final = 5  # least number of runs that compare winner and unchanged scenario
 
 
 class TunedScenario(NamedTuple):
-    """A scenario with a strategy for each of the layers."""
+    """A scenario with a strategy for each tuned layer."""
 
     choices: tuple[Choice, ...]  # by TUNED_LAYERS
     resolved: Resolved
 
     @property
     def settings(self) -> list[str]:
-        """What --set makes it of the scenario."""
+        """The values of --set that turn the scenario into this candidate."""
         pairs = zip(TUNED_LAYERS, self.choices, strict=True)
         return [f"strategy.{layer}={json.dumps(choice)}" for layer, choice in pairs]
 
 
 class TunedScenarios(NamedTuple):
-    """All candidates of a scenario, and what it refuses."""
+    """All candidates of a scenario, and those that it rejects."""
 
-    candidates: tuple[TunedScenario, ...]  # first the scenario as it is
-    left_out: tuple[str, ...]  # a sentence for each reason
+    candidates: tuple[TunedScenario, ...]  # the first is the unchanged scenario
+    left_out: tuple[str, ...]  # a sentence for each reason of rejection
 
 
 def candidates_of(
     scenario: str | Path, settings: Sequence[str | Override], seed: int | None = None
 ) -> TunedScenarios:
-    """The candidates of a scenario. Raises InputError for one that cannot be run as it is."""
+    """The candidates of a scenario. Raises InputError if the unchanged scenario cannot be run."""
     own = resolve(scenario, settings, seed)
     candidates = [TunedScenario(tuple(own_choice(own, layer) for layer in TUNED_LAYERS), own)]
     known, reasons = [played(own)], dict[str, None]()
@@ -91,7 +91,7 @@ def candidates_of(
 
 
 def options(own: Resolved, layer: str) -> Iterator[Choice]:
-    """Every strategy of a layer that declares values worth trying, with each combination of them."""
+    """Every strategy of a layer that declares values to try, with each combination of the values."""
     for name in lookup.names(layer):
         kind: Any = lookup.parameters_type(layer, name)
         if not hasattr(kind, "tuned_values"):
@@ -104,7 +104,7 @@ def options(own: Resolved, layer: str) -> Iterator[Choice]:
 
 
 def own_choice(resolved: Resolved, layer: str) -> Choice:
-    """The strategy of a layer that a scenario has itself, as scenarios write it."""
+    """The scenario's own strategy of a layer, in the notation of scenarios."""
     spec = msgspec.to_builtins(getattr(resolved.scenario.strategy, layer))
     return dict(spec) if isinstance(spec, dict) else {"name": spec}
 
@@ -125,53 +125,53 @@ def in_words(choice: Choice) -> str:
 
 
 class TuningRound(NamedTuple):
-    """What a round is to take."""
+    """The size of a round."""
 
     candidates: int
     runs: int  # of each candidate
-    length: float  # of a run, as a share
+    length: float  # of a run, as a share of the full length
 
 
 class RunPlan(NamedTuple):
-    """What a budget of runs is spent on."""
+    """The use of a budget of runs."""
 
     rounds: tuple[TuningRound, ...]
-    pairs: int  # of the winner and the scenario as it is
+    pairs: int  # runs that compare the winner with the unchanged scenario
 
 
 @dataclass
 class Standing:
-    """What is known of a candidate."""
+    """The results of a candidate so far."""
 
     number: int
-    last_round: int = 0  # in which it was run, from 1
+    last_round: int = 0  # last round in which it was run, from 1
     runs: int = 0
-    mean: float = math.nan  # of the metric in that round
-    place: int = 0  # after it, from 1
+    mean: float = math.nan  # of the metric in the last round
+    place: int = 0  # rank after the last round, from 1
 
 
 @dataclass
 class Tuned:
-    """The answer."""
+    """The result of tuning."""
 
     metric: str
     budget: int
     seed: int
     standings: list[Standing] = field(default_factory=list)  # the best first
     spent: int = 0
-    winner: Interval | None = None  # its mean, in runs of their own
-    own: Interval | None = None  # that of the scenario as it is
-    gain: Effect | None = None  # of the winner; None where that is the scenario as it is
-    unfinished: int = 0  # of the last pairs, those in which a run did not finish
+    winner: Interval | None = None  # mean of the winner in the final runs
+    own: Interval | None = None  # mean of the unchanged scenario in the final runs
+    gain: Effect | None = None  # winner against unchanged scenario; None if they are the same
+    unfinished: int = 0  # final pairs in which a run did not finish
 
 
 def measure(simulation: Simulation) -> dict[str, float | int]:
-    """Run to the end; the metrics after the warm-up."""
+    """Run to the end; return the metrics after the warm-up."""
     return metrics_of(simulation, run_marked(simulation).warm_up)
 
 
 def check_metric(metric: str | None, own: Resolved) -> str:
-    """The metric that decides: the one asked for, else throughput or, of runs that end, makespan.
+    """The metric to optimize: `metric`, else makespan for runs that end and throughput for others.
 
     Raises InputError.
     """
@@ -184,14 +184,14 @@ def check_metric(metric: str | None, own: Resolved) -> str:
     if metric == "makespan" and not ends:
         raise InputError("--metric: runs end at a given tick, so makespan is the same for all")
     if need := not_measured(own.scenario).get(metric):
-        raise InputError(f"--metric: this scenario does not measure {metric}; it takes {need}")
+        raise InputError(f"--metric: this scenario does not measure {metric}; it needs {need}")
     if direction_of(metric) is None:
-        raise InputError(f"--metric: neither more nor less of {metric} is better")
+        raise InputError(f"--metric: {metric} has no better direction")
     return metric
 
 
 def make_plan(candidates: int, budget: int, ends: bool) -> RunPlan:
-    """What so many runs are spent on. Raises InputError for a budget that is too small."""
+    """Divide a budget of runs among rounds. Raises InputError if the budget is too small."""
     sizes = [candidates]
     while sizes[-1] > 1:
         sizes.append(math.ceil(sizes[-1] / ELIMINATION_FACTOR))
@@ -199,7 +199,7 @@ def make_plan(candidates: int, budget: int, ends: bool) -> RunPlan:
     least = sum(sizes) + 2 * MIN_PAIRS
     if budget < least:
         raise InputError(
-            f"--budget {budget:,}: {candidates} candidates take {least:,} runs at least"
+            f"--budget {budget:,}: {candidates} candidates need at least {least:,} runs"
         )
     left = budget - max(2 * MIN_PAIRS, min(budget // 4, budget - sum(sizes)))
     rounds = []
@@ -226,7 +226,7 @@ def tune(
     plan = make_plan(len(known.candidates), budget, ends)
     tuned = Tuned(metric, budget, own.scenario.seed)
     left = [Standing(number) for number in range(len(known.candidates))]
-    first = 0  # replication of the round
+    first = 0  # first replication of the round
     for number, now in enumerate(plan.rounds, start=1):
         on_round(now, tuned.spent)
         scenarios = [shortened(known.candidates[one.number].resolved, now.length) for one in left]
@@ -249,7 +249,7 @@ def tune(
 
 
 def shortened(resolved: Resolved, share: float) -> Resolved:
-    """The scenario with runs of a share of their length, after the warm-up."""
+    """The scenario with its run length after the warm-up reduced to a share."""
     scenario = resolved.scenario
     if share == 1:
         return resolved
@@ -260,14 +260,14 @@ def shortened(resolved: Resolved, share: float) -> Resolved:
 
 
 def mean_of(runs: Sequence[RunResult], metric: str) -> float:
-    """The mean of a metric; NaN if a run did not finish, or did not measure it."""
+    """The mean of a metric; NaN if a run did not finish or did not measure it."""
     if not all(run.finished and metric in run.metrics for run in runs):
         return math.nan
     return math.fsum(run.metrics[metric] for run in runs) / len(runs)
 
 
 def rank(mean: float, metric: str) -> float:
-    """What the best candidate has least of."""
+    """The sort key of a mean: lowest for the best candidate."""
     if math.isnan(mean):
         return math.inf
     return -mean if direction_of(metric) == "highest" else mean
@@ -276,7 +276,7 @@ def rank(mean: float, metric: str) -> float:
 def compare(
     tuned: Tuned, known: TunedScenarios, seeds: Sequence[int], pool: PersistentPool
 ) -> None:
-    """Run the winner and the scenario as it is, with the same seeds."""
+    """Run the winner and the unchanged scenario with the same seeds."""
     best = tuned.standings[0].number
     both = [known.candidates[number].resolved for number in dict.fromkeys((best, 0))]
     results = pool.run([(one, seed) for one in both for seed in seeds])
@@ -293,11 +293,11 @@ def compare(
         tuned.gain = effect(values[0], values[1], paired=True)
 
 
-# What was found: a table, one object as JSON, a file of settings.
+# The result as a report, as JSON, and as a settings file.
 
 
 def tuning_document(tuned: Tuned, known: TunedScenarios) -> ReportDocument:
-    """The report, from top to bottom."""
+    """The report as a document."""
     scenario, metric = known.candidates[0].resolved.scenario, tuned.metric
     better = "more" if direction_of(metric) == "highest" else "less"
     document = ReportDocument(f"{scenario.name}, tuned")
@@ -311,7 +311,7 @@ def tuning_document(tuned: Tuned, known: TunedScenarios) -> ReportDocument:
     heads = ("place", "round", "runs", "mean", "right of way; allocation")
     document.add(Table(heads, list(rows(tuned, known)), left=0, also_left=(4,)))
     note = (
-        "round: the last one in which it was run; means of different rounds are of different runs"
+        "round: last round of the candidate; means of different rounds come from different runs"
     )
     document.add(Listed([note, conclusion(tuned)], mark=""))
     settings = known.candidates[tuned.standings[0].number].settings
@@ -320,45 +320,45 @@ def tuning_document(tuned: Tuned, known: TunedScenarios) -> ReportDocument:
 
 
 def rows(tuned: Tuned, known: TunedScenarios) -> Iterator[list[str]]:
-    """A row for each candidate, the best first."""
+    """A row for each candidate, from best to worst."""
     for place, one in enumerate(tuned.standings, start=1):
         choices = "; ".join(map(in_words, known.candidates[one.number].choices))
         mean = "unfinished" if math.isnan(one.mean) else shown(one.mean)
-        as_it_is = "" if one.number else " (as it is)"
+        as_it_is = "" if one.number else " (unchanged)"
         yield [f"{place}", f"{one.last_round}", f"{one.runs}", mean, choices + as_it_is]
 
 
 def conclusion(tuned: Tuned) -> str:
-    """What the last runs say of the winner."""
+    """A sentence about the winner, from the final runs."""
     if tuned.winner is None or tuned.own is None:
-        return f"Runs did not finish in {tuned.unfinished} of the last pairs: no interval is known"
-    runs = f"{count(tuned.winner.n, 'run')} with seeds of their own, 95 %"
+        return f"Runs did not finish in {tuned.unfinished} of the final pairs: no interval is known"
+    runs = f"{count(tuned.winner.n, 'run')} with new seeds, 95 % confidence"
     if tuned.gain is None:
-        return f"The best is the scenario as it is: {tuned.metric} {with_ends(tuned.own)}, {runs}"
+        return f"The unchanged scenario is best: {tuned.metric} {with_ends(tuned.own)}, {runs}"
     by = with_ends(tuned.gain.difference)
     low, high = tuned.gain.difference.low, tuned.gain.difference.high
     is_shown = low is not None and high is not None and (low > 0 or high < 0)
-    head = "The best" if is_shown else "Not shown to be better than the scenario as it is"
-    text = f"{head}: {tuned.metric} {with_ends(tuned.winner)}, as it is {with_ends(tuned.own)}; "
+    head = "Best" if is_shown else "No statistically significant gain over the unchanged scenario"
+    text = f"{head}: {tuned.metric} {with_ends(tuned.winner)}, unchanged {with_ends(tuned.own)}; "
     if tuned.gain.relative is not None:
         by += f", {100 * tuned.gain.relative.value:+,.1f} %"
     return f"{text}difference {by}; {runs}"
 
 
 def with_ends(interval: Interval) -> str:
-    """A mean with the ends of its interval."""
+    """A mean with its interval."""
     if interval.low is None or interval.high is None:
         return shown(interval.value)
     return f"{shown(interval.value)} ({shown(interval.low)} to {shown(interval.high)})"
 
 
 def shown(value: float) -> str:
-    """A number with four digits, or all before the point."""
+    """A number with four significant digits, or all digits before the point."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
 def as_json(tuned: Tuned, known: TunedScenarios) -> dict[str, Any]:
-    """Everything, as one object."""
+    """The result as a JSON object."""
     gain = tuned.gain
     return {
         "scenario": known.candidates[0].resolved.scenario.name,
@@ -386,7 +386,7 @@ def as_json(tuned: Tuned, known: TunedScenarios) -> dict[str, Any]:
 
 
 def ends_of(interval: Interval | None) -> dict[str, Any] | None:
-    """An interval as JSON has it."""
+    """An interval as a JSON object."""
     if interval is None:
         return None
     return {"value": interval.value, "low": interval.low, "high": interval.high, "n": interval.n}
@@ -398,7 +398,7 @@ def best_choices(known: TunedScenarios, number: int) -> dict[str, Choice]:
 
 
 def settings_file(tuned: Tuned, known: TunedScenarios) -> str:
-    """The winner as a file for `--set @FILE`."""
+    """The winner as the content of a file for `--set @FILE`."""
     best = best_choices(known, tuned.standings[0].number)
     lines = [f"  {layer}: {json.dumps(choice)}" for layer, choice in best.items()]
     name = known.candidates[0].resolved.scenario.name

@@ -1,1 +1,1 @@
-"""Statistics that hold for runs of a simulation: pure functions of numbers, without scenarios."""
+"""Statistics for simulation runs: pure functions of numbers, independent of scenarios."""

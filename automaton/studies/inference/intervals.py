@@ -1,18 +1,19 @@
-"""Intervals and effects for the metrics of independent runs, and how many runs they take.
+"""Confidence intervals and effects for metrics of independent runs, and required sample sizes.
 
     one mean      Student's interval, mean +- t(n - 1) s / sqrt(n)
     two, paired   mean and interval of the differences of runs with the same seed
-    two, apart    difference of means; Welch's interval, degrees of freedom of Satterthwaite (1946)
+    two, unpaired difference of means; Welch's interval, degrees of freedom of Satterthwaite (1946)
     relative      a / b - 1, by the delta method on log a - log b, which stays correct for skewed ratios
-    several       Holm's tests, and Bonferroni's intervals beside them
+    several       Holm's tests, with Bonferroni's intervals
 
-Runs of fleets are skewed: few runs give intervals that hold the truth too seldom, so below 60 runs
-there is a warning that names skew and n. Resampling does not help: corrected bootstraps held the
-mean of 10 runs with skew 0.65 to 0.89 in 93.4 %, Student's in 94.8. What both hold on shipped
-scenarios is measured by tests/helpers/statistics_trials.py coverage.
+Metrics of fleets are skewed, so intervals from few runs have too low coverage; with fewer than 60 runs
+a warning states skew and n. Resampling does not help: for 10 runs with skew 0.65 to 0.89, corrected
+bootstrap intervals covered the mean in 93.4 % of cases, Student's in 94.8 %.
+`tests/helpers/statistics_trials.py coverage` measures both on shipped scenarios.
 
-Student's t distribution is own code and not SciPy, since `size` and `reproduce` need no extra and
-importing `scipy.special` takes 0.3 s, this 0.01 s (two cores of an AMD EPYC); a test compares the two.
+Student's t distribution is implemented here, not taken from SciPy, because `size` and `reproduce` must
+work without extras. Importing `scipy.special` takes 0.3 s, this module 0.01 s (two cores of an AMD
+EPYC). A test compares the two.
 """
 
 from __future__ import annotations
@@ -28,23 +29,23 @@ import numpy.typing as npt
 
 Values = npt.NDArray[np.float64]
 
-STUDENT_MIN_RUNS: Final = 60  # runs from which there is no warning
+STUDENT_MIN_RUNS: Final = 60  # fewer runs give a warning
 DEFAULT_CONFIDENCE: Final = 0.95
 ROUNDING: Final = 1e-12
 NO_SPREAD_WARNING: Final = (
-    "all runs have the same value: without spread the error of the mean is unknown"
+    "all runs have the same value: the error of the mean cannot be estimated"
 )
-MAX_LOG_RATIO: Final = math.log(1e6)  # from a ratio to the upper end of its interval
-MIN_GROWTH: Final = 1.1  # of the runs from one round to the next
+MAX_LOG_RATIO: Final = math.log(1e6)  # of the upper end of an interval to the ratio itself
+MIN_GROWTH: Final = 1.1  # least growth factor of runs from one round to the next
 MAX_GROWTH: Final = 2.0
 _NORMAL: Final = NormalDist()
-_TERMS: Final = 500  # of a continued fraction
+_TERMS: Final = 500  # of the continued fraction
 _EXACT: Final = 1e-15
 _TINY: Final = 1e-300
 
 
 class Interval(NamedTuple):
-    """A figure and where its true value lies; low and high are None where nothing can be said."""
+    """An estimate with its confidence interval; low and high are None if no interval is known."""
 
     value: float
     low: float | None
@@ -56,27 +57,27 @@ class Interval(NamedTuple):
 
     @property
     def half(self) -> float | None:
-        """Half of its width."""
+        """The half-width."""
         if self.low is None or self.high is None:
             return None
         return (self.high - self.low) / 2
 
     def not_below_zero(self) -> Interval:
-        """The interval of what is never negative: without what lies below 0 it holds it as often."""
+        """The interval cut off at 0, for a quantity that is never negative; the coverage is the same."""
         return self if self.low is None or self.low >= 0 else self._replace(low=0.0)
 
     def holds(self, truth: float) -> bool:
-        """Whether it contains a value; False without bounds."""
+        """Whether the interval contains a value; False without bounds."""
         if self.low is None or self.high is None:
             return False
         return self.low <= truth <= self.high
 
 
 def mean_interval(values: Sequence[float] | Values, level: float = DEFAULT_CONFIDENCE) -> Interval:
-    """The mean of independent runs, with Student's interval in their unit; none for one run.
+    """The mean of independent runs with Student's interval, in their unit; one run has no interval.
 
-    Fewer than STUDENT_MIN_RUNS runs have a warning. Raises ValueError without runs or for what is not a
-    number.
+    Fewer than STUDENT_MIN_RUNS runs give a warning. Raises ValueError without runs, or if a value is
+    not a number.
     """
     x = checked(values)
     n, mean = len(x), float(x.mean())
@@ -89,7 +90,7 @@ def mean_interval(values: Sequence[float] | Values, level: float = DEFAULT_CONFI
 
 
 def checked(values: Sequence[float] | Values, least: int = 1) -> Values:
-    """The values as an array. Raises ValueError for too few, or for what is not a number."""
+    """The values as an array. Raises ValueError for too few, or if a value is not a number."""
     x = np.asarray(values, np.float64)
     if x.ndim != 1 or len(x) < least:
         raise ValueError(f"at least {least} values are needed, not {x.size}")
@@ -99,22 +100,22 @@ def checked(values: Sequence[float] | Values, least: int = 1) -> Values:
 
 
 def constant(x: Values) -> bool:
-    """Whether all runs gave the same, but for rounding."""
+    """Whether all values are equal except for rounding."""
     return float(np.ptp(x)) <= ROUNDING * float(np.abs(x).max(initial=0))
 
 
 def skewness(values: Sequence[float] | Values) -> float:
-    """m3 / m2^1.5, without unit; 0 for fewer than 3 values or equal ones."""
+    """m3 / m2^1.5, dimensionless; 0 for fewer than 3 values or equal values."""
     x = checked(values)
     if len(x) < 3 or constant(x):
         return 0.0
     deviations = x - x.mean()
-    deviations /= np.abs(deviations).max()  # so that powers neither vanish nor overflow
+    deviations /= np.abs(deviations).max()  # keeps powers from underflow and overflow
     return float((deviations**3).mean() / (deviations**2).mean() ** 1.5)
 
 
 def few(*samples: Values) -> str:
-    """The warning about few runs, with the larger skew of several samples; "" for enough."""
+    """The warning about few runs, with the largest skew of several samples; "" for enough runs."""
     n = min(map(len, samples))
     if n >= STUDENT_MIN_RUNS:
         return ""
@@ -127,18 +128,18 @@ def few(*samples: Values) -> str:
     )
 
 
-# Effects: by how much one set of runs differs from another.
+# Effects: the difference between two sets of runs.
 #
-# Pairing helps only where runs correlate: var(a - b) = var a + var b - 2 cov(a, b). So every effect
-# tells the correlation r and the variance ratio var(a - b) / (var a + var b); above 1 pairing loses.
+# Pairing helps only if runs correlate: var(a - b) = var a + var b - 2 cov(a, b). Every effect therefore
+# states the correlation r and the variance ratio var(a - b) / (var a + var b); above 1, pairing hurts.
 
 
 class Effect(NamedTuple):
-    """a against b."""
+    """The effect of a against b."""
 
     difference: Interval  # mean a - mean b, in the unit of the runs
     relative: Interval | None  # a / b - 1; None unless both means are above 0
-    p: float  # two-sided, of no difference
+    p: float  # two-sided; null hypothesis: no difference
     paired: bool
     correlation: float | None  # of runs with the same seed; None if they are not pairs
     variance_ratio: float | None  # below 1: pairing helps
@@ -150,7 +151,7 @@ def effect(
     paired: bool = False,
     level: float = DEFAULT_CONFIDENCE,
 ) -> Effect:
-    """The effect of a against b. Raises ValueError: fewer than 2 runs, or pairs of unequal number."""
+    """The effect of a against b. Raises ValueError for fewer than 2 runs or incomplete pairs."""
     x, y = checked(a, 2), checked(b, 2)
     pairs = len(x) == len(y)
     if paired and not pairs:
@@ -167,14 +168,14 @@ def effect(
 
 
 def correlation(x: Values, y: Values) -> float:
-    """Pearson's r of pairs; 0 where one of them does not vary."""
+    """Pearson's r of pairs; 0 if one of the samples does not vary."""
     if constant(x) or constant(y):
         return 0.0
     return float(np.corrcoef(x, y)[0, 1])
 
 
 def variance_ratio(x: Values, y: Values) -> float:
-    """var(x - y) / (var x + var y): 1 without correlation, less where pairing helps."""
+    """var(x - y) / (var x + var y): 1 without correlation, less if pairing helps."""
     apart = float(x.var(ddof=1) + y.var(ddof=1))
     return float((x - y).var(ddof=1)) / apart if apart > 0 else 1.0
 
@@ -191,9 +192,9 @@ def unpaired(x: Values, y: Values, level: float = DEFAULT_CONFIDENCE) -> Interva
 def relative(
     x: Values, y: Values, paired: bool, level: float = DEFAULT_CONFIDENCE
 ) -> Interval | None:
-    """mean x / mean y - 1 without unit, by the delta method; None unless both means are above 0.
+    """mean x / mean y - 1, by the delta method; None unless both means are above 0.
 
-    Without an upper end where it would be a million times the ratio.
+    The interval has no upper end if this would exceed a million times the ratio.
     """
     a, b, n = float(x.mean()), float(y.mean()), min(len(x), len(y))
     if a <= 0 or b <= 0:
@@ -210,7 +211,7 @@ def relative(
 
 
 def _welch(x: Values, y: Values) -> tuple[float, float]:
-    """Standard error of the difference of means, and its degrees of freedom."""
+    """The standard error of the difference of means, and its degrees of freedom (Welch)."""
     u, v = float(x.var(ddof=1)) / len(x), float(y.var(ddof=1)) / len(y)
     if u + v <= 0:
         return 0.0, float(len(x) + len(y) - 2)
@@ -219,10 +220,10 @@ def _welch(x: Values, y: Values) -> tuple[float, float]:
 
 
 def _p_value(x: Values, y: Values, paired: bool) -> float:
-    """Student's or Welch's; without spread, where they say 0, that of a permutation test.
+    """The p value of Student's or Welch's test; without variance, of a permutation test.
 
-    Of all ways to exchange runs, two set them apart as clearly as they were found: this one and its
-    reverse, which samples of unequal size have not.
+    Without variance the t tests would give 0. Of all permutations of the runs, two are as extreme as
+    the observed one: itself, and its reverse, which exists only for samples of equal size.
     """
     if paired:
         error, degrees = float((x - y).std(ddof=1)) / math.sqrt(len(x)), float(len(x) - 1)
@@ -235,13 +236,13 @@ def _p_value(x: Values, y: Values, paired: bool) -> float:
     return tails(difference / error, degrees)
 
 
-# Several comparisons at once. A family is what one declared table compares. Holm (1979): the i-th
-# smallest of m p values is multiplied by m - i + 1, and never becomes less than one before it; the
-# probability of any false finding in the family then stays below the level, whatever depends on what.
+# Multiple comparisons. A family is the set of comparisons that are corrected together. Holm (1979): the
+# i-th smallest of m p values is multiplied by m - i + 1, and is at least as large as the one before it.
+# The probability of any false finding in the family then stays below the level under any dependence.
 
 
 def holm(p_values: Sequence[float]) -> list[float]:
-    """Adjusted p values in the order given, at most 1. Raises ValueError beyond 0..1."""
+    """Holm-adjusted p values in the given order, at most 1. Raises ValueError outside 0..1."""
     if any(not 0 <= p <= 1 for p in p_values):
         raise ValueError("p values lie between 0 and 1")
     adjusted, largest = [0.0] * len(p_values), 0.0
@@ -252,14 +253,14 @@ def holm(p_values: Sequence[float]) -> list[float]:
 
 
 def bonferroni(level: float, comparisons: int) -> float:
-    """The level of each interval so that all of a family hold together with `level`."""
+    """The level of each interval that gives all intervals of a family the simultaneous `level`."""
     if comparisons < 1 or not 0 < level < 1:
         raise ValueError("a family has at least one comparison and a level between 0 and 1")
     return 1 - (1 - level) / comparisons
 
 
-# How many runs an interval takes until it reaches `half` to each side, by the variances of runs that
-# were made: a plan for the next study, or for the next round of one that goes on until then.
+# The number of runs that an interval needs to reach the half-width `half`, from the variances of existing
+# runs: for planning the next study, or the next round of a study with a target precision.
 #
 #     paired    t(n - 1) sd(a - b) / sqrt(n) <= half
 #     unpaired  t(v) sqrt((var a + var b) / n) <= half, n runs of each; v: Satterthwaite (1946)
@@ -271,9 +272,9 @@ def paired_runs(
     half: float,
     level: float = DEFAULT_CONFIDENCE,
 ) -> int:
-    """Pairs of runs until the interval of the difference reaches `half` to each side, at least 2.
+    """Number of pairs for which the interval of the difference has half-width `half`, at least 2.
 
-    `a` and `b`: runs with the same seeds, one below the other. Raises ValueError.
+    `a` and `b`: runs with the same seeds in the same order. Raises ValueError.
     """
     difference = checked(a, 2) - checked(b, 2)
     return fewest(float(difference.var(ddof=1)), 1.0, half, level)
@@ -285,16 +286,16 @@ def unpaired_runs(
     half: float,
     level: float = DEFAULT_CONFIDENCE,
 ) -> int:
-    """Runs of each of two independent samples for the same, at least 2. Raises ValueError."""
+    """Runs of each of two independent samples for half-width `half`, at least 2. Raises ValueError."""
     u, v = (float(checked(one, 2).var(ddof=1)) for one in (a, b))
     degrees = (u + v) ** 2 / (u * u + v * v) if u + v > 0 else 2.0
     return fewest(u + v, degrees, half, level)
 
 
 def fewest(variance: float, degrees: float, half: float, level: float) -> int:
-    """The smallest n from 2 on with t(degrees (n - 1)) sqrt(variance / n) <= half."""
+    """The smallest n >= 2 with t(degrees (n - 1)) sqrt(variance / n) <= half."""
     if half <= 0:
-        raise ValueError(f"a precision is above 0, not {half}")
+        raise ValueError(f"a precision must be above 0, not {half}")
 
     def enough(n: int) -> bool:
         return student(degrees * (n - 1), level) * math.sqrt(variance / n) <= half
@@ -309,13 +310,12 @@ def fewest(variance: float, degrees: float, half: float, level: float) -> int:
 
 
 def next_round(n: int, wanted: int, at_most: int) -> int | None:
-    """Runs of each point after the next round; None if `n` are enough, or are all there may be.
+    """Runs of each point after the next round; None if `n` are enough or the maximum.
 
-    `wanted`: the runs that the declared precision takes, by their variances. The smallest step keeps
-    the looks at the data few; the largest keeps a first round whose runs differ much by chance from
-    asking for far too many. Whoever stops when the interval is narrow stops more often where the variance
-    happens to be small: a little less often than declared the interval holds the truth
-    (tests/helpers/statistics_trials.py rounds measures it).
+    `wanted`: the estimated number of runs for the declared precision. A minimum step limits the number
+    of interim analyses. A maximum step limits the cost of a first round whose variance is high by
+    chance. Stopping at a narrow interval favours samples with a low variance, so the coverage is
+    slightly lower than declared (`tests/helpers/statistics_trials.py rounds` measures it).
     """
     if wanted <= n or n >= at_most:
         return None
@@ -323,25 +323,25 @@ def next_round(n: int, wanted: int, at_most: int) -> int | None:
     return min(at_most, max(least, min(most, wanted)))
 
 
-# The normal distribution, and Student's:
+# The normal distribution, and Student's t distribution:
 #
 #     P(|T| > t) = I_x(v / 2, 1 / 2),  x = v / (v + t^2)
 #
-# I is the regularized incomplete beta function, by its continued fraction (Abramowitz & Stegun 1964,
-# 26.5.8, evaluated as in Lentz 1976).
+# I is the regularized incomplete beta function, computed by its continued fraction (Abramowitz & Stegun
+# 1964, 26.5.8) with Lentz's method (1976).
 
 
 def normal_quantile(probability: float) -> float:
-    """z with P(Z <= z) = probability, which lies strictly between 0 and 1; else ValueError."""
+    """z with P(Z <= z) = probability. Raises ValueError unless 0 < probability < 1."""
     if not 0 < probability < 1:
-        raise ValueError(f"a probability lies between 0 and 1, not {probability}")
+        raise ValueError(f"a probability must lie between 0 and 1, not {probability}")
     return _NORMAL.inv_cdf(probability)
 
 
 def tails(t: float, degrees: float) -> float:
-    """P(|T| >= |t|) with so many degrees of freedom (> 0): the two-sided p value of a t statistic."""
+    """P(|T| >= |t|) for `degrees` > 0 of freedom: the two-sided p value of a t statistic."""
     if degrees <= 0:
-        raise ValueError(f"degrees of freedom are above 0, not {degrees}")
+        raise ValueError(f"degrees of freedom must be above 0, not {degrees}")
     return 1.0 if t == 0 else incomplete_beta(degrees / (degrees + t * t), degrees / 2, 0.5)
 
 
@@ -349,7 +349,7 @@ def tails(t: float, degrees: float) -> float:
 def student(degrees: float, level: float = 0.95) -> float:
     """The factor of a two-sided interval: P(|T| <= factor) = level. Raises ValueError."""
     if not 0 < level < 1:
-        raise ValueError(f"a level lies between 0 and 1, not {level}")
+        raise ValueError(f"a level must lie between 0 and 1, not {level}")
     low, high = 0.0, 1.0
     while tails(high, degrees) > 1 - level:
         low, high = high, 2 * high
@@ -362,10 +362,10 @@ def student(degrees: float, level: float = 0.95) -> float:
 def incomplete_beta(x: float, a: float, b: float) -> float:
     """I_x(a, b) for 0 <= x <= 1 and a, b > 0."""
     if not 0 <= x <= 1 or a <= 0 or b <= 0:
-        raise ValueError(f"no incomplete beta function of x = {x}, a = {a}, b = {b}")
+        raise ValueError(f"the incomplete beta function is undefined for x = {x}, a = {a}, b = {b}")
     if x in (0, 1):
         return float(x)
-    if x > (a + 1) / (a + b + 2):  # there the fraction of the other side converges fast
+    if x > (a + 1) / (a + b + 2):  # the fraction of 1 - x converges faster
         return 1 - incomplete_beta(1 - x, b, a)
     log_front = math.lgamma(a + b) - math.lgamma(a) - math.lgamma(b)
     log_front += a * math.log(x) + b * math.log1p(-x)

@@ -1,23 +1,23 @@
-"""Shares of runs, and sequential tests of shares and means: those of a search that stops when it knows.
+"""Shares of runs, and sequential tests of shares and means.
 
-Clopper & Pearson (1934), of s of n runs, n fixed beforehand: with I the incomplete beta function and
-e = 1 - level, from the p with I_p(s, n - s + 1) = e / 2 to the p with I_p(s + 1, n - s) = 1 - e / 2.
-Of none of n runs it reaches up to 1 - (e / 2)^(1 / n), about 3.7 / n.
+Clopper & Pearson (1934), for s of n runs with n fixed in advance: with I the incomplete beta function
+and e = 1 - level, the interval goes from the p with I_p(s, n - s + 1) = e / 2 to the p with
+I_p(s + 1, n - s) = 1 - e / 2. For s = 0 its upper end is 1 - (e / 2)^(1 / n), about 3.7 / n.
 
-Wald (1945): after s runs that meet the target and f that do not,
+Wald (1945): after s runs that meet the target and f runs that miss it,
 
     L = s log(p1 / p0) + f log((1 - p1) / (1 - p0)),   p0 = share - zone, p1 = share + zone
 
-the share is large enough as soon as L >= log((1 - e) / e), too small as soon as L <= -that.
-A share of p0 or less passes with probability e / (1 - e) at most, one of p1 or more fails so: 5.3 % for
-e = 0.05. Both together have 2 e at most.
+the share is accepted as soon as L >= b and rejected as soon as L <= -b, with b = log((1 - e) / e).
+A share of p0 or less passes with probability at most e / (1 - e), and a share of p1 or more fails with
+the same probability: 5.3 % for e = 0.05. The sum of both probabilities is at most 2 e.
 
-Confidence sequence, from the beta mixture of all alternatives (Robbins 1970; the beta-binomial
-boundary of Howard, Ramdas, McAuliffe & Sekhon 2021): all p with
+Confidence sequence from the beta mixture of all alternatives (Robbins 1970; beta-binomial boundary of
+Howard, Ramdas, McAuliffe & Sekhon 2021): all p with
 
     B(a + s, b + f) / B(a, b) / (p^s (1 - p)^f) < 1 / (1 - level)
 
-hold at all numbers of runs at once, so that it does not matter when one stops.
+It is valid simultaneously for all numbers of runs, so the stopping time does not matter.
 """
 
 from __future__ import annotations
@@ -41,34 +41,34 @@ Verdict = Literal["meets", "fails", "undecided"]
 PRIOR: Final = (0.5, 0.5)  # a and b
 HALVINGS: Final = 60
 RUNS_PER_BATCH: Final = 10  # runs
-FIRST_STAGE_RUNS: Final = 20  # batches before anything is decided: n0
+FIRST_STAGE_RUNS: Final = 20  # batches before the first decision: n0
 
 
 class ShareTest(NamedTuple):
-    """Wald's test of a share between two hypotheses."""
+    """Wald's sequential test of two hypotheses on a share."""
 
     low: float  # p0
     high: float  # p1
-    error: float  # of both kinds
+    error: float  # of the first and of the second kind
 
     @property
     def bound(self) -> float:
-        """What the logarithm of the likelihood ratio must reach."""
+        """The log-likelihood ratio that decides the test."""
         return math.log((1 - self.error) / self.error)
 
     @property
     def fewest(self) -> int:
-        """Runs after which it can pass at the earliest: if all meet the target."""
+        """The least number of runs to pass: if all meet the target."""
         return math.ceil(self.bound / math.log(self.high / self.low) - 1e-9)
 
     def ratio(self, met: int, missed: int) -> float:
-        """The logarithm of the likelihood ratio of high against low."""
+        """The log-likelihood ratio of `high` against `low`."""
         gain = math.log(self.high / self.low)
         loss = math.log((1 - self.high) / (1 - self.low))
         return met * gain + missed * loss
 
     def verdict(self, outcomes: Iterable[bool]) -> tuple[Verdict, int]:
-        """The verdict on runs in their order, and after how many of them it fell."""
+        """The verdict on runs in their order, and the number of runs that decided it."""
         met = missed = 0
         for good in outcomes:
             met, missed = met + good, missed + (not good)
@@ -81,20 +81,20 @@ class ShareTest(NamedTuple):
 
 
 def share_test(share: float, zone: float, error: float) -> ShareTest:
-    """The test of share - zone against share + zone. Raises ValueError beyond 0..1."""
+    """The test of share - zone against share + zone. Raises ValueError outside 0..1."""
     if not (zone > 0 and share - zone > 0 and share + zone < 1):
         raise ValueError(
             f"share - zone and share + zone must lie between 0 and 1: {share:g} and {zone:g}"
         )
     if not 0 < error < 0.5:
-        raise ValueError(f"an error lies between 0 and 0.5, not {error:g}")
+        raise ValueError(f"an error must lie between 0 and 0.5, not {error:g}")
     return ShareTest(share - zone, share + zone, error)
 
 
 def exact_share(met: int, runs: int, level: float = DEFAULT_CONFIDENCE) -> Interval:
-    """The share of a fixed number of runs in which something happens, by Clopper and Pearson.
+    """The share `met` / `runs` for a fixed number of runs, with the interval of Clopper and Pearson.
 
-    Raises ValueError for what is not a share.
+    Raises ValueError for invalid numbers.
     """
     if not 0 <= met <= runs or runs < 1 or not 0 < level < 1:
         raise ValueError(f"{met} of {runs} runs at level {level} are not a share")
@@ -108,7 +108,7 @@ def exact_share(met: int, runs: int, level: float = DEFAULT_CONFIDENCE) -> Inter
 
 
 def confidence_sequence(met: int, runs: int, level: float = DEFAULT_CONFIDENCE) -> Interval:
-    """The share of runs that meet a target, valid whenever one stops; without unit."""
+    """The share of runs that meet a target, with an interval that is valid at any stopping time."""
     if not 0 <= met <= runs:
         raise ValueError(f"{met} of {runs} runs are not a share")
     if runs == 0:
@@ -116,7 +116,7 @@ def confidence_sequence(met: int, runs: int, level: float = DEFAULT_CONFIDENCE) 
     missed, best = runs - met, met / runs
     a, b = PRIOR
     mixture = _log_beta(a + met, b + missed) - _log_beta(a, b)
-    least = mixture + math.log(1 - level)  # of the logarithm of p^s (1 - p)^f
+    least = mixture + math.log(1 - level)  # least value of log(p^s (1 - p)^f)
 
     def inside(p: float) -> bool:
         part = met * math.log(p) if met else 0.0
@@ -128,7 +128,7 @@ def confidence_sequence(met: int, runs: int, level: float = DEFAULT_CONFIDENCE) 
 
 
 def _edge(inside: Callable[[float], bool], good: float, bad: float) -> float:
-    """Where `inside` ends between a point within and one without."""
+    """The point between `good` (inside) and `bad` (outside) at which `inside` becomes false."""
     for _ in range(HALVINGS):
         middle = (good + bad) / 2
         if middle in (good, bad):
@@ -141,27 +141,28 @@ def _log_beta(a: float, b: float) -> float:
     return math.lgamma(a) + math.lgamma(b) - math.lgamma(a + b)
 
 
-# Means compared sequentially: is one below a bound, and which of several is the best?
+# Sequential tests of means: is a mean below a bound, and which of several means is best?
 #
-# Both watch a sum of differences until it leaves a triangle (Kim & Nelson 2001, with c = 1):
+# Both tests follow a sum of differences until it leaves a triangle (Kim & Nelson 2001, with c = 1):
 #
 #     R(r) = max(0, h2 S2 / (2 d) - d r / 2),  h2 = 2 eta (n0 - 1),  eta = ((2 e)^(-2 / (n0 - 1)) - 1) / 2
 #
-# after r observations; S2 is the variance of the first n0, d the indifference zone, e the error of
-# one comparison. Observations are means of batches of runs: runs of fleets are skewed, and the
-# procedures assume normal ones (on single runs they erred in 11 % at 5 %; on batches of 10 it holds).
+# after r observations. S2 is the variance of the first n0 observations, d the indifference zone, and e
+# the error of one comparison. Observations are means of batches of runs, because runs of fleets are
+# skewed and the procedures assume normal observations (on single runs the error was 11 % at a nominal
+# 5 %; on batches of 10 it stays within 5 %).
 #
-# Feasibility (Andradottir & Kim 2010; Batur & Kim 2010): the sum of y - bound leaves the triangle
-# below, "meets", or above, "fails". A mean d or more on one side is put on the other with probability
-# e at most.
+# Feasibility (Andradottir & Kim 2010; Batur & Kim 2010): the sum of y - bound leaves the triangle at
+# the bottom ("meets") or at the top ("fails"). A mean that is at least d away from the bound gets the
+# wrong verdict with probability at most e.
 #
-# Selection (Kim & Nelson 2001): i drops out when its sum exceeds that of some l by R of their
-# differences. The best is kept with probability 1 - error if it is better than the others by d; e is
-# error / (k - 1), which holds also for runs with common seeds.
+# Selection (Kim & Nelson 2001): system i is eliminated when its sum exceeds that of some system l by R
+# of their differences. The best one is kept with probability 1 - error if it is better than the others
+# by d; e is error / (k - 1), which is also valid for runs with common seeds.
 
 
 class Region(NamedTuple):
-    """The triangle that a sum must leave."""
+    """The triangular continuation region of a sum."""
 
     zone: float  # d, in the unit of the observations
     error: float  # e
@@ -179,14 +180,14 @@ class Region(NamedTuple):
 
 
 def region(zone: float, error: float, first: int = FIRST_STAGE_RUNS) -> Region:
-    """A checked region. Raises ValueError."""
+    """Create a checked region. Raises ValueError."""
     if zone <= 0 or not 0 < error < 0.5 or first < 2:
         raise ValueError(f"zone {zone:g}, error {error:g} or n0 = {first} is out of range")
     return Region(zone, error, first)
 
 
 def batches(values: Sequence[float] | Values) -> Values:
-    """Means of whole batches of runs in their order; what is left over waits for more."""
+    """Means of complete batches of runs in their order; the remaining runs are ignored."""
     x = checked(values, 0)
     whole = len(x) // RUNS_PER_BATCH
     means: Values = x[: whole * RUNS_PER_BATCH].reshape(whole, RUNS_PER_BATCH).mean(axis=1)
@@ -194,14 +195,14 @@ def batches(values: Sequence[float] | Values) -> Values:
 
 
 def feasible(means: Values, bound: float, limits: Region) -> tuple[Verdict, int]:
-    """Whether the mean lies below a bound, and after how many batches that is known."""
+    """The verdict whether the mean lies below a bound, and the number of batches that decided it."""
     if len(means) < limits.first:
         return "undecided", len(means)
     variance = float(means[: limits.first].var(ddof=1))
     sums = np.cumsum(means - bound)
     for r in range(limits.first, len(means) + 1):
         width = limits.width(variance, r)
-        if sums[r - 1] <= -width:  # at the very bound, too, once the triangle has closed
+        if sums[r - 1] <= -width:  # includes a sum of 0 once the triangle has closed
             return "meets", r
         if sums[r - 1] >= width:
             return "fails", r
@@ -209,16 +210,17 @@ def feasible(means: Values, bound: float, limits: Region) -> tuple[Verdict, int]
 
 
 class Selected(NamedTuple):
-    """What Kim & Nelson's procedure has come to."""
+    """The result of Kim & Nelson's procedure."""
 
-    left: tuple[int, ...]  # systems still in; one: the best
-    batches: int  # of each system when it ended
+    left: tuple[int, ...]  # remaining systems; if one, it is the best
+    batches: int  # of each remaining system at the end
 
 
 def select_least(systems: Sequence[Values], zone: float, error: float) -> Selected:
-    """The system with the least mean, from batch means of equal number. Raises ValueError.
+    """Select the system with the least mean from batch means. Raises ValueError.
 
-    Those that have dropped out may be given with as many batches as they had then, or more.
+    Remaining systems have equally many batches; eliminated systems may have fewer, but at least the
+    number at their elimination.
     """
     k = len(systems)
     if k < 2:

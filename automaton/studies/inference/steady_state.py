@@ -1,26 +1,28 @@
-"""Steady state: where the warm-up ends, and intervals for what goes on for ever.
+"""Steady state: the end of the warm-up, and confidence intervals for steady-state means.
 
-MSER-5 (White 1997; White, Cobb & Spratt 2000): the series, averaged over replications and in
-batches of 5, is cut at the d that makes
+MSER-5 (White 1997; White, Cobb & Spratt 2000): the series is averaged over replications and in batches
+of 5, and cut at the d that minimizes the standard error of the rest,
 
     sum over j > d of (Y_j - mean of those)^2 / (m - d)^2
 
-least: the standard error of what is left. A minimum in the second half tells of a series that is
-not stationary, or too short, and is refused.
+A minimum in the second half means that the series is not stationary or too short; it is rejected.
 
-Replication-deletion: each replication gives the mean of what it did after the cut; R >= 20.
-Batch means: fewer replications, or one long series, in 10 batches or a few more. It is refused unless
-each is as long as 8 times over which observations depend on each other, by single ones and by means of
-more and more of them, and unless the means of 30 shorter batches pass von Neumann's test of
-independence (1941): q = sum (Y_j+1 - Y_j)^2 / sum (Y_j - mean)^2 is near 2, with variance 4 (m - 2) /
-(m^2 - 1). One of both is not enough: of AR(1) series with r = 0.98 and 1,000 observations the first of
-30, 29, ..., 10 batches that passed held the truth in 79 %, and of the 3 % whose 30 pass 60 % do.
+Replication-deletion (20 or more replications): each replication contributes its mean after the cut.
 
-Deliveries in windows are a slow series under noise, which lag 1 alone does not show. Of 3,000
-observations with 5 % of the variance from an AR(1) series with r = 0.995, and of 5 x 1,000 with 10 %
-and r = 0.99 or 0.995, 97 % or more are refused. What 1,000 observations cannot show is a slow part that
-happens to stay where it is: of such single series 80 to 97 % are refused, but intervals of the others
-hold the truth in 46 to 75 %; 1 to 8 % of all series mislead (tests/helpers/statistics_trials.py batches).
+Batch means (fewer replications, or one long series): the series is divided into 10 batches or slightly
+more. Two conditions must hold. Each batch must last at least 8 correlation times, estimated from single
+observations and from means of increasing numbers of them. The means of 30 shorter batches must pass von
+Neumann's test of independence (1941): q = sum (Y_j+1 - Y_j)^2 / sum (Y_j - mean)^2 is near 2, with
+variance 4 (m - 2) / (m^2 - 1). The test alone is not enough: for AR(1) series with r = 0.98 and 1,000
+observations, using the first of 30, 29, ..., 10 batches that passes gave a coverage of 79 %, and the
+3 % of series whose 30 batches pass have a coverage of 60 %.
+
+Deliveries in windows are a slow series with noise, which lag 1 alone does not reveal. Of series with
+3,000 observations and 5 % of the variance from an AR(1) process with r = 0.995, and of 5 x 1,000
+observations with 10 % and r = 0.99 or 0.995, at least 97 % are rejected. In 1,000 observations a slow
+component can stay constant by chance: 80 to 97 % of such single series are rejected, but the intervals
+of the others have a coverage of only 46 to 75 %. In total 1 to 8 % of all series mislead
+(`tests/helpers/statistics_trials.py batches`).
 """
 
 from __future__ import annotations
@@ -45,35 +47,34 @@ from automaton.studies.inference.intervals import (
 
 MSER_BATCH: Final = 5  # the 5 of MSER-5
 MIN_REPLICATIONS: Final = 5  # for MSER-5
-MIN_OBSERVATIONS: Final = 10 * MSER_BATCH  # likewise, of each
+MIN_OBSERVATIONS: Final = 10 * MSER_BATCH  # of each replication, for MSER-5
 ENOUGH_REPLICATIONS: Final = 20  # for replication-deletion
 MAX_BATCHES, MIN_BATCHES = 30, 10
-# times over which observations depend on each other, that a batch must last
-MIN_CORRELATION_TIMES: Final = 8
+MIN_CORRELATION_TIMES: Final = 8  # least length of a batch
 INDEPENDENCE_LEVEL: Final = 0.1  # of von Neumann's test, two-sided
 
 
 class NotSteadyError(ValueError):
-    """Why no steady-state figure is given, as one sentence."""
+    """No steady-state estimate is possible; the message gives the reason in one sentence."""
 
 
 class WarmUp(NamedTuple):
-    """Where a warm-up ends."""
+    """The end of a warm-up."""
 
-    cut: int  # observations to leave out at the beginning of each replication
+    cut: int  # observations to discard at the beginning of each replication
     of: int  # observations of each replication
     replications: int
 
 
 def mser5(series: Sequence[Sequence[float]] | npt.NDArray[np.float64]) -> WarmUp:
-    """The warm-up of (replications, observations); raises NotSteadyError if it cannot be found."""
+    """Find the warm-up of a series (replications, observations). Raises NotSteadyError."""
     y = np.asarray(series, np.float64)
     if y.ndim != 2 or y.shape[0] < MIN_REPLICATIONS:
         found = y.shape[0] if y.ndim == 2 else 1
-        raise NotSteadyError(f"MSER-5 needs {MIN_REPLICATIONS} replications, there are {found}")
+        raise NotSteadyError(f"MSER-5 needs {MIN_REPLICATIONS} replications, not {found}")
     if y.shape[1] < MIN_OBSERVATIONS:
         raise NotSteadyError(
-            f"MSER-5 needs {MIN_OBSERVATIONS} observations, there are {y.shape[1]}"
+            f"MSER-5 needs {MIN_OBSERVATIONS} observations, not {y.shape[1]}"
         )
     groups = y.shape[1] // MSER_BATCH
     averaged = y.mean(axis=0)[: groups * MSER_BATCH].reshape(groups, MSER_BATCH).mean(axis=1)
@@ -84,15 +85,15 @@ def mser5(series: Sequence[Sequence[float]] | npt.NDArray[np.float64]) -> WarmUp
 
 
 def mser5_of_means(means: Values) -> int:
-    """How many to leave out of what is averaged over replications and groups already.
+    """Number of means to discard from a series already averaged over replications and groups.
 
-    Those that nothing tells of are NaN, and are passed over. Raises NotSteadyError.
+    Means without data are NaN and are ignored. Raises NotSteadyError.
     """
     known = np.flatnonzero(~np.isnan(means))
     fewest = MIN_OBSERVATIONS // MSER_BATCH
     if len(known) < fewest:
         raise NotSteadyError(
-            f"MSER-5 needs {fewest} stretches that tell of it, there are {len(known)}"
+            f"MSER-5 needs {fewest} stretches of time with data, not {len(known)}"
         )
     cut = _least_error(means[known])
     if cut > len(known) // 2:
@@ -105,7 +106,7 @@ def _too_late(cut: int, of: int, what: str) -> str:
 
 
 def _least_error(y: Values) -> int:
-    """The cut d with the least error of the mean of y[d:]; at least 5 are left."""
+    """The cut d with the least standard error of the mean of y[d:]; at least 5 values remain."""
     m = len(y)
     left = m - np.arange(m - 4)
     sums = np.cumsum(y[::-1])[::-1][: m - 4]
@@ -120,12 +121,12 @@ def replication_deletion(
     cut: int,
     level: float = DEFAULT_CONFIDENCE,
 ) -> Interval:
-    """The steady-state mean from what each replication did after the cut. Raises NotSteadyError."""
+    """The steady-state mean from the means of replications after the cut. Raises NotSteadyError."""
     y = np.asarray(series, np.float64)
     if y.ndim != 2 or y.shape[0] < ENOUGH_REPLICATIONS:
         found = y.shape[0] if y.ndim == 2 else 1
         raise NotSteadyError(
-            f"replication-deletion needs {ENOUGH_REPLICATIONS} replications, there are {found}"
+            f"replication-deletion needs {ENOUGH_REPLICATIONS} replications, not {found}"
         )
     if not 0 <= cut < y.shape[1]:
         raise NotSteadyError(f"a cut at {cut} leaves nothing of {y.shape[1]} observations")
@@ -137,24 +138,25 @@ def batch_means(
     series: Sequence[float] | Sequence[Sequence[float]] | npt.NDArray[np.float64],
     level: float = DEFAULT_CONFIDENCE,
 ) -> Interval:
-    """The steady-state mean of one long series or of a few, their warm-up already cut off.
+    """The steady-state mean of one long series or of several, without their warm-up.
 
-    Several are (replications, observations), each cut into as many batches. Raises NotSteadyError.
+    Several series are (replications, observations), each divided into equally many batches. Raises
+    NotSteadyError.
     """
     y = np.atleast_2d(np.asarray(series, np.float64))
     checked(y.reshape(-1))
     replications, n = y.shape
     if y.size < MAX_BATCHES * MSER_BATCH:
         raise NotSteadyError(
-            f"batch means need {MAX_BATCHES * MSER_BATCH} observations, there are {y.size}"
+            f"batch means need {MAX_BATCHES * MSER_BATCH} observations, not {y.size}"
         )
     many = -(-MIN_BATCHES // replications)
     time = correlation_time(y, n // many * MIN_BATCHES // MAX_BATCHES)
     if n // many < MIN_CORRELATION_TIMES * time:
         needed = math.ceil(MIN_CORRELATION_TIMES * time) * many
         raise NotSteadyError(
-            f"too short: its {n:,} observations depend on each other over about {time:,.0f}; "
-            f"{needed:,} are needed"
+            f"too short: a correlation time of about {time:,.0f} observations needs {needed:,} "
+            f"observations, not {n:,}"
         )
     finer = MAX_BATCHES // replications
     if finer > 1 and not independent(batched(y, finer)):
@@ -170,19 +172,19 @@ def batch_means(
 
 
 def batched(y: npt.NDArray[np.float64], many: int) -> Values:
-    """The means of so many batches of each row, one row after the other."""
+    """The means of `many` batches of each row, row by row."""
     size = y.shape[1] // many
     last: Values = y[:, y.shape[1] - many * size :].reshape(-1, size).mean(axis=1)
     return last
 
 
 def correlation_time(y: npt.NDArray[np.float64], longest: int = 1) -> float:
-    """Over how many observations a row depends on itself: (1 + r) / (1 - r), with r at lag 1.
+    """The correlation time of rows in observations: (1 + r) / (1 - r), with r at lag 1.
 
-    So many observations of an AR(1) series tell as much of its mean as an independent one. Noise on
-    top of a slow series hides it at lag 1, but not from means of b = 2, 4, 8, ... up to `longest`
-    observations: where successive ones correlate, they tell b / 2 (1 + r) / (1 - r). Of an AR(1)
-    series alone that is what lag 1 tells, until b is longer than that.
+    For an AR(1) series, this number of observations has as much information on the mean as one
+    independent observation. Noise can hide a slow series at lag 1, but not in means of b = 2, 4, 8, ...
+    up to `longest` observations: if successive means correlate, they give b / 2 (1 + r) / (1 - r). For
+    a pure AR(1) series this equals the value at lag 1 until b exceeds the correlation time.
     """
     r, _ = succession(y)
     time, size = (1 + r) / (1 - r) if r > 0 else 1.0, 2
@@ -195,9 +197,9 @@ def correlation_time(y: npt.NDArray[np.float64], longest: int = 1) -> float:
 
 
 def succession(y: npt.NDArray[np.float64]) -> tuple[float, float]:
-    """The correlation of successive values in rows, about the mean of all of them.
+    """The correlation of successive values in rows, about the mean of all values.
 
-    Beside it stands what independent values exceed in 5 %.
+    The second result is the correlation that independent values exceed with probability 5 %.
     """
     apart = y - y.mean()
     spread = float((apart**2).sum())
@@ -207,7 +209,7 @@ def succession(y: npt.NDArray[np.float64]) -> tuple[float, float]:
 
 
 def von_neumann(values: Sequence[float] | Values) -> float:
-    """The ratio q of successive differences: near 2 for independent values, below if they persist."""
+    """Von Neumann's ratio q: near 2 for independent values, lower for positive correlation."""
     x = checked(values, 3)
     if constant(x):
         return 2.0

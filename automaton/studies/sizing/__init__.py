@@ -1,1 +1,1 @@
-"""How many robots are enough? A search that says how sure its answer is."""
+"""Fleet sizing: a search for the smallest sufficient fleet, with a stated confidence."""

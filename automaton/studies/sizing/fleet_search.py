@@ -1,10 +1,10 @@
-"""The smallest fleet that meets a target: the question, and the search that tests every candidate.
+"""The search for the smallest fleet that meets a target, and the question that it answers.
 
-More robots do not always do better (finishing times rise and fall with their number), so there is
-no bisection: candidates are tested from the smallest on, until one passes, and none is inferred from
-another. One that takes too long is put off, and gets what is left of the budget when a larger one has
-passed, or none is left. With K candidates and the error e / K of each, all verdicts are right together
-with probability 1 - e, wherever the search stops.
+More robots are not always better (finishing times rise and fall with fleet size), so the search does
+not use bisection. It tests candidates from the smallest on until one passes, and infers none from
+another. A candidate that takes too long is postponed; it gets the rest of the budget when a larger one
+has passed, or when no candidate is left. With K candidates and error e / K each, all verdicts are
+simultaneously right with probability 1 - e, wherever the search stops.
 """
 
 from __future__ import annotations
@@ -42,70 +42,70 @@ DEFAULT_SUCCESS_SHARE: Final = 0.95
 DEFAULT_INDIFFERENCE: Final = 0.02
 DEFAULT_ALPHA: Final = 0.05
 DEFAULT_MAX_RUNS: Final = 20_000
-DEFAULT_MEAN_INDIFFERENCE: Final = 0.01  # of the target, where a mean is asked for without a zone
+DEFAULT_MEAN_INDIFFERENCE: Final = 0.01  # of the target, for a mean without a given zone
 MAX_FLEET_SIZE: Final = 1_000_000
 
 _TARGET: Final = re.compile(r"\s*([^\s<>=]+)\s*(<=|>=|<|>|==?)\s*(\S.*?)\s*")
 _VALUE: Final = re.compile(r"([-+]?[\d.,_]+(?:[eE][-+]?\d+)?)\s*(\D.*)?")
-_DECIMAL_COMMA: Final = re.compile(r",(?!\d{3}(?!\d))")  # no separator of thousands
+_DECIMAL_COMMA: Final = re.compile(r",(?!\d{3}(?!\d))")  # not a thousands separator
 _RANGE: Final = re.compile(r"\s*(\d{1,9})\s*(?:\.\.|-)\s*(\d{1,9})\s*|\s*(\d{1,9})\s*")
 Kind = Literal["answered", "undecided", "not reachable"]
-RUNS_PER_ROUND: Final = ((100, 100), (10, 25), (0, 10))  # from so many runs on, so many in a round
-MAX_POSTPONED: Final = 2  # a candidate is put off when it has had this part of the budget: a half
+RUNS_PER_ROUND: Final = ((100, 100), (10, 25), (0, 10))  # (runs so far, runs in the next round)
+MAX_POSTPONED: Final = 2  # postpone a candidate after 1 / MAX_POSTPONED of the remaining budget
 
 
 class Target(NamedTuple):
-    """What a run must reach."""
+    """The target of a run."""
 
     metric: str
-    at_most: bool  # else at least
+    at_most: bool  # upper bound if True, lower bound if False
     value: float  # in the metric's unit
-    time: str = ""  # "h" or "/h", where the value was given as a time or a rate
-    ticks: float = 1.0  # how much of the metric's unit one of these is
+    time: str = ""  # "h" or "/h" if the value was given as a time or a rate
+    ticks: float = 1.0  # size of this time unit in the metric's unit
 
     def met(self, value: float) -> bool:
-        """Whether a run with this value meets it."""
+        """Whether a value of the metric meets the target."""
         return value <= self.value if self.at_most else value >= self.value
 
     @property
     def text(self) -> str:
-        """As it is typed."""
+        """The target as the user types it."""
         return f"{self.metric} {'<=' if self.at_most else '>='} {shown(self.value)}"
 
     @property
     def unit(self) -> str:
-        """The unit of the metric; of what strategies count: times."""
+        """The unit of the metric; "times" for counters of strategies."""
         return METRIC_CATALOGUE.get(self.metric, ("times", ""))[0]
 
     def in_unit(self, value: float) -> str:
-        """What follows a value: "ticks (5 h)" where the target was given as a time; shares: ""."""
+        """The unit after a value: "ticks (5 h)" if the target was given as a time; "" for shares."""
         if self.unit == "share":
             return ""
         return self.unit + (f" ({shown(value / self.ticks)} {self.time})" if self.time else "")
 
 
 def shown(value: float) -> str:
-    """A value of a target, with separators."""
+    """A value of a target with thousands separators."""
     return f"{value:,.0f}" if float(value).is_integer() else f"{value:,g}"
 
 
 class Question(NamedTuple):
-    """What is to be found out, completely; part of every report."""
+    """The complete question of a search; part of every report."""
 
     target: Target
-    first: int  # the fleets that may be an answer
+    first: int  # range of fleet sizes to test
     last: int
-    strategies: tuple[str, ...]  # settings such as "strategy.allocation=auction"; ("",): as it is
+    strategies: tuple[str, ...]  # settings such as "strategy.allocation=auction"; ("",): the own one
     success_share: float = DEFAULT_SUCCESS_SHARE
-    indifference: float = DEFAULT_INDIFFERENCE  # of the share; of a mean in the metric's unit
+    indifference: float = DEFAULT_INDIFFERENCE  # a share, or for a mean in the metric's unit
     alpha: float = DEFAULT_ALPHA
     budget: int = DEFAULT_MAX_RUNS  # runs
-    mean: bool = False  # the mean must meet the target, not a share of the runs
-    warm_up: int | None = None  # ticks left out of a steady state; None: runs that end count whole
+    mean: bool = False  # whether the mean must meet the target, not a share of the runs
+    warm_up: int | None = None  # ticks excluded in a steady state; None: runs that end count whole
 
     @property
     def candidates(self) -> int:
-        """Over how many verdicts alpha is shared."""
+        """The number of verdicts that share alpha."""
         return (self.last - self.first + 1) * len(self.strategies)
 
     @property
@@ -120,7 +120,7 @@ class Question(NamedTuple):
 
     @property
     def fewest(self) -> int:
-        """Runs of a candidate after which it can pass at the earliest."""
+        """The least number of runs after which a candidate can pass."""
         return RUNS_PER_BATCH * FIRST_STAGE_RUNS if self.mean else self.share_test.fewest
 
 
@@ -135,7 +135,7 @@ def make_question(
     mean: bool | None = None,
     warm_up: int | None = None,
 ) -> Question:
-    """A checked question. Of a steady state it is the mean unless a share is given.
+    """Create a checked question. A steady state uses the mean unless a share is given.
 
     Raises InputError.
     """
@@ -150,11 +150,11 @@ def make_question(
         target, *robots, strategies, success_share, indifference, alpha, budget, mean, warm_up
     )
     if not 0 < alpha < 0.5:
-        raise InputError(f"--alpha {alpha:g}: an error probability lies between 0 and 0.5")
+        raise InputError(f"--alpha {alpha:g}: the error probability must lie between 0 and 0.5")
     if mean and indifference == 0 == target.value:
         raise InputError(
-            "--target: 1 % of a target of 0 is not an indifference zone; set --indifference, in "
-            "its unit"
+            "--target: a target of 0 needs an --indifference zone, in the unit of the metric "
+            "(the default is 1 % of the target)"
         )
     if mean and indifference <= 0:
         raise InputError("--indifference of a mean must be above 0, in the unit of the metric")
@@ -170,17 +170,17 @@ def make_question(
             raise InputError(f"--success-share and --indifference: {problem}") from None
     each, many = budget // len(strategies), len(strategies)
     if each < question.fewest:
-        parts = f"; of {many} strategies each gets {each:,}" if many > 1 else ""
+        parts = f"; each of {many} strategies gets {each:,}" if many > 1 else ""
         raise InputError(
-            f"--budget {budget:,}: a fleet cannot pass in less than {question.fewest:,}{parts}"
+            f"--budget {budget:,}: a fleet needs at least {question.fewest:,} runs to pass{parts}"
         )
     return question
 
 
 def read_target(text: str, tick: Unit | None = None) -> Target:
-    """A target such as "makespan<=3000", "utilization>=60%". Raises InputError.
+    """Read a target such as "makespan<=3000" or "utilization>=60%". Raises InputError.
 
-    `tick`: what the scenario says a tick is; if it is a time, "makespan<=5h" is understood, too.
+    `tick`: the scenario's unit of a tick; if it is a time, "makespan<=5h" is valid, too.
     """
     found = _TARGET.fullmatch(text)
     if found is None:
@@ -195,7 +195,7 @@ def read_target(text: str, tick: Unit | None = None) -> Target:
         raise InputError(f"--target: no metric is called '{metric}'{hint}")
     value, unit = _time_of_parts(given, text) if ":" in given else _value(given, text)
     if value < 0:
-        raise InputError(f"--target '{text}': {metric} is never below 0")
+        raise InputError(f"--target '{text}': {metric} cannot be below 0")
     target = Target(metric, sign == "<=", value)
     if target.unit == "share":
         return target._replace(value=_share(target, unit, text))
@@ -216,7 +216,7 @@ def read_target(text: str, tick: Unit | None = None) -> Target:
 
 
 def _value(given: str, text: str) -> tuple[float, str]:
-    """The number of a target and what stands behind it. Raises InputError."""
+    """The number of a target and its unit. Raises InputError."""
     found = _VALUE.fullmatch(given)
     try:
         value = float(found[1].replace(",", "").replace("_", "")) if found else math.nan
@@ -230,7 +230,7 @@ def _value(given: str, text: str) -> tuple[float, str]:
 
 
 def _time_of_parts(value: str, text: str) -> tuple[float, str]:
-    """Seconds of H:MM:SS, and their unit. Raises InputError."""
+    """Seconds of a time H:MM:SS, and its unit. Raises InputError."""
     try:
         return float(read_amount(value, (Dimension.TIME,)).value), "s"
     except InputError as error:
@@ -248,7 +248,7 @@ def _share(target: Target, unit: str, text: str) -> float:
 
 
 def _in_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target:
-    """A target whose value is a time: in ticks. Raises InputError."""
+    """Convert a target whose value is a time to ticks. Raises InputError."""
     if target.unit != "ticks":
         raise InputError(f"--target '{text}': {target.metric} is in {target.unit}, not a time")
     ticks = SECONDS_PER_UNIT[time] / _tick_seconds(tick, text)
@@ -256,7 +256,7 @@ def _in_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target
 
 
 def _in_thousand_ticks(target: Target, time: str, tick: Unit | None, text: str) -> Target:
-    """A target whose value is a rate: how often in 1,000 ticks. Raises InputError."""
+    """Convert a target whose value is a rate to events per 1,000 ticks. Raises InputError."""
     if not target.unit.startswith(PER_1000_TICKS):
         raise InputError(f"--target '{text}': {target.metric} is in {target.unit}, not a rate")
     once = 1000 * _tick_seconds(tick, text) / SECONDS_PER_UNIT[time]
@@ -264,7 +264,7 @@ def _in_thousand_ticks(target: Target, time: str, tick: Unit | None, text: str) 
 
 
 def _tick_seconds(tick: Unit | None, text: str) -> float:
-    """Seconds of a tick. Raises InputError where it is not a time."""
+    """Seconds of a tick. Raises InputError if the tick has no time unit."""
     if tick is None or tick.seconds is None:
         name = "unknown" if tick is None else tick.name
         raise InputError(f"--target '{text}': units.tick of the scenario is {name}; use ticks")
@@ -272,7 +272,7 @@ def _tick_seconds(tick: Unit | None, text: str) -> float:
 
 
 def read_robots(text: str) -> tuple[int, int]:
-    """Fleets such as "1..12", or "5" for one alone. Raises InputError."""
+    """Read a range of fleet sizes such as "1..12", or "5". Raises InputError."""
     found = _RANGE.fullmatch(text)
     if found is None:
         raise InputError(f"--robots '{text}': expected FIRST..LAST, such as 1..12")
@@ -280,7 +280,7 @@ def read_robots(text: str) -> tuple[int, int]:
 
 
 def robots_of(given: str | int | tuple[int, int] | list[int]) -> tuple[int, int]:
-    """Fleets as Python gives them: "1..12", 5, or (1, 12). Raises InputError."""
+    """Read a range of fleet sizes given in Python: "1..12", 5, or (1, 12). Raises InputError."""
     if isinstance(given, str):
         return read_robots(given)
     pair = list(given) if isinstance(given, (tuple, list)) else [given, given]
@@ -290,7 +290,7 @@ def robots_of(given: str | int | tuple[int, int] | list[int]) -> tuple[int, int]
 
 
 def checked_robots(first: int, last: int) -> tuple[int, int]:
-    """The smallest and the largest fleet that may be an answer. Raises InputError."""
+    """The smallest and the largest fleet to test. Raises InputError."""
     if not 1 <= first <= last <= MAX_FLEET_SIZE:
         raise InputError(
             f"--robots '{first}..{last}': expected FIRST..LAST with 1 <= FIRST <= LAST <= "
@@ -300,7 +300,7 @@ def checked_robots(first: int, last: int) -> tuple[int, int]:
 
 
 def strategies_of(given: str | Sequence[str] | None) -> tuple[str, ...]:
-    """Strategies as Python gives them: "a,b" or ["a", "b"]; None: the scenario's own alone.
+    """Read strategies given in Python: "a,b" or ["a", "b"]; None: only the scenario's own.
 
     Raises InputError.
     """
@@ -313,7 +313,7 @@ def strategies_of(given: str | Sequence[str] | None) -> tuple[str, ...]:
 
 
 def strategies_named(text: str) -> tuple[str, ...]:
-    """Settings for strategies such as "independent,cooperative" or "routing=astar".
+    """The settings of strategies such as "independent,cooperative" or "routing=astar".
 
     Raises InputError for unknown names.
     """
@@ -342,26 +342,26 @@ def strategies_named(text: str) -> tuple[str, ...]:
 
 
 class FleetConfig(NamedTuple):
-    """What is run."""
+    """A fleet to run."""
 
     robots: int
     strategy: str = ""  # a setting; "": the scenario's own
-    percent: int = 0  # by how much durations are longer
+    percent: int = 0  # change of durations in percent
 
 
 class FleetRun(NamedTuple):
-    """What is kept of a run."""
+    """The stored result of a run."""
 
     finished: bool
     figures: dict[str, float | int]
 
 
-# place, first replication, number of runs
+# Arguments: fleet, first replication, number of runs.
 Runner = Callable[[FleetConfig, int, int], Sequence[FleetRun]]
 
 
 class InfeasibleFleetError(InputError):
-    """The scenario does not allow a place, such as another number of robots than starts."""
+    """The scenario does not allow a fleet, such as a number of robots other than that of starts."""
 
 
 @dataclass
@@ -371,18 +371,18 @@ class Candidate:
     place: FleetConfig
     runs: list[FleetRun] = field(default_factory=list)
     verdict: Verdict = "undecided"
-    after: int = 0  # runs when the verdict fell
-    excluded: str = ""  # the bound that it cannot meet; no run was needed
+    after: int = 0  # number of runs at the time of the verdict
+    excluded: str = ""  # the theoretical bound that excludes it without a run
     refused: str = ""  # why it cannot be run
 
     def add(self, runs: Sequence[FleetRun], question: Question) -> None:
-        """Take further runs, and judge unless that is done."""
+        """Add runs, and update the verdict if it is undecided."""
         self.runs += runs
         if self.verdict == "undecided":
             self.verdict, self.after = judged(self.runs, question)
 
     def values(self, metric: str) -> list[float]:
-        """A metric of the runs that finished and have it."""
+        """The values of a metric in the finished runs that have it."""
         return [
             float(run.figures[metric])
             for run in self.runs
@@ -390,30 +390,30 @@ class Candidate:
         ]
 
     def unmeasured(self, metric: str) -> int:
-        """Runs that finished without anything to measure it by, such as a delivered order."""
+        """Number of finished runs without the metric, such as runs without a delivered order."""
         return sum(run.finished and metric not in run.figures for run in self.runs)
 
     @property
     def censored(self) -> int:
-        """Runs that did not finish."""
+        """Number of runs that did not finish."""
         return sum(not run.finished for run in self.runs)
 
     def met(self, question: Question) -> int:
-        """Runs that meet the target."""
+        """Number of runs that meet the target."""
         return sum(meets(run, question) for run in self.runs)
 
     def share(self, question: Question) -> Interval:
-        """The share of runs that meet the target; holds although the search decided when to stop."""
+        """The share of runs that meet the target, with an interval valid under sequential stopping."""
         return confidence_sequence(self.met(question), len(self.runs), 1 - question.alpha)
 
     def mean(self, metric: str) -> Interval | None:
-        """The mean of a metric over the runs that finished, or None."""
+        """The mean of a metric over the finished runs; None without any."""
         values = self.values(metric)
         return mean_interval(values).not_below_zero() if values else None
 
 
 def meets(run: FleetRun, question: Question) -> bool:
-    """Whether a run meets the target; one that did not finish, or did not measure it, does not."""
+    """Whether a run finished, measured the metric, and meets the target."""
     metric = question.target.metric
     return (
         run.finished and metric in run.figures and question.target.met(float(run.figures[metric]))
@@ -421,7 +421,7 @@ def meets(run: FleetRun, question: Question) -> bool:
 
 
 def judged(runs: Sequence[FleetRun], question: Question) -> tuple[Verdict, int]:
-    """The verdict on a candidate from its runs in their order, and after how many it fell."""
+    """The verdict on a candidate from its runs in order, and the number of runs that decided it."""
     if not question.mean:
         return question.share_test.verdict(meets(run, question) for run in runs)
     metric = question.target.metric
@@ -432,12 +432,12 @@ def judged(runs: Sequence[FleetRun], question: Question) -> tuple[Verdict, int]:
     if verdict != "undecided":
         return verdict, RUNS_PER_BATCH * after
     if len(known) < len(runs):
-        return "fails", len(known) + 1  # the mean of all runs is not known
+        return "fails", len(known) + 1  # a run has no value, so the mean of all runs is unknown
     return verdict, len(runs)
 
 
 def lost_by_cause(candidate: Candidate) -> dict[str, float]:
-    """Mean ticks of a run that robots lose, by cause, without those of nothing; runs censored too."""
+    """Mean lost robot ticks per run by cause, over all runs; causes without lost ticks are omitted."""
     names = dict.fromkeys(name for run in candidate.runs for name in run.figures)
     lost = (name for name in names if name.startswith("lost_") or name == "slowdown_ticks")
     means = {name: mean_of(candidate, name) for name in lost}
@@ -445,28 +445,28 @@ def lost_by_cause(candidate: Candidate) -> dict[str, float]:
 
 
 def mean_of(candidate: Candidate, name: str) -> float:
-    """The mean of a metric over all runs, those that did not finish included; NaN without any."""
+    """The mean of a metric over all runs, including unfinished ones; NaN without any."""
     values = [float(run.figures[name]) for run in candidate.runs if name in run.figures]
     return math.fsum(values) / len(values) if values else math.nan
 
 
 class SearchAnswer(NamedTuple):
-    """What is known of one strategy."""
+    """The answer for one strategy."""
 
     kind: Kind
-    robots: int | None  # the smallest fleet that passes, as far as known
-    least: int | None  # the smallest fleet that is not decided; None: all below `robots` fail
+    robots: int | None  # the smallest fleet that has passed so far
+    least: int | None  # the smallest undecided fleet; None: all below `robots` fail
 
 
 @dataclass
 class FleetSearch:
-    """The search with one strategy; `spent` and `candidates` are of any moment, also after Ctrl-C."""
+    """The search with one strategy; `spent` and `candidates` are valid at any time, even after Ctrl-C."""
 
     question: Question
     strategy: str
     run: Runner
     budget: int
-    excluded: Mapping[int, str] = field(default_factory=dict)  # by robots, the bound that does
+    excluded: Mapping[int, str] = field(default_factory=dict)  # fleet size: bound that excludes it
     spent: int = 0
     candidates: list[Candidate] = field(default_factory=list)
 
@@ -490,7 +490,7 @@ class FleetSearch:
                 self.test(candidate, self.budget)
 
     def test(self, candidate: Candidate, most: int) -> None:
-        """Run a candidate until it is decided, has so many more runs, or the budget is spent."""
+        """Run a candidate until it is decided, has `most` more runs, or the budget is spent."""
         until = self.spent + most
         while candidate.verdict == "undecided":
             room = min(until, self.budget) - self.spent
@@ -499,14 +499,14 @@ class FleetSearch:
             self.grow(candidate, min(room, round_of(candidate, self.question)))
 
     def grow(self, candidate: Candidate, number: int) -> None:
-        """So many further runs of a candidate."""
+        """Do `number` more runs of a candidate."""
         runs = self.run(candidate.place, len(candidate.runs), number)
         self.spent += number
         candidate.add(runs, self.question)
 
     @property
     def answer(self) -> SearchAnswer:
-        """What follows from the verdicts so far."""
+        """The answer that the verdicts so far imply."""
         verdicts = {one.place.robots: one.verdict for one in self.candidates}
         passing = next((n for n, verdict in verdicts.items() if verdict == "meets"), None)
         beyond = self.question.last + 1 if passing is None else passing
@@ -520,12 +520,12 @@ class FleetSearch:
         return SearchAnswer("not reachable" if passing is None else "answered", passing, None)
 
     def find(self, robots: int) -> Candidate | None:
-        """The candidate with so many robots, if it was looked at."""
+        """The candidate with this number of robots, if the search has reached it."""
         return next((one for one in self.candidates if one.place.robots == robots), None)
 
 
 def round_of(candidate: Candidate, question: Question) -> int:
-    """Runs of the next round: it depends on the candidate alone, never on time or cores."""
+    """Number of runs of the next round. It depends on the candidate only, not on time or cores."""
     have = len(candidate.runs)
     if question.mean and have < question.fewest:
         return question.fewest - have

@@ -1,7 +1,7 @@
-"""The answer of `automaton size`: a document, curves for PNG and SVG, one JSON object, a table.
+"""The output of `automaton size`: a document, curves for PNG and SVG, a JSON object, and a table.
 
-The document has the question, the answer, and how it was found; candidates are drawn as intervals below
-each other. Times in JSON are in ticks.
+The document has the question, the answer, and the method; candidates are drawn as intervals, one per
+line. Times in JSON are in ticks.
 """
 
 from __future__ import annotations
@@ -55,20 +55,20 @@ USES = {
     "utilization": "robots",
 }
 VERDICT_NOTE = (
-    "The verdict states the runs that it needed; further runs belong to the same round or to the "
-    "comparisons below."
+    "The verdict states the number of runs that decided it; other runs belong to the same round or to "
+    "the comparisons below."
 )
 MAX_CAUSES = 4
 MIN_SHARE_SHOWN = 0.0005  # of the robots' time
-CHART_WIDTH: Final = 61  # of a scale
+CHART_WIDTH: Final = 61  # characters of the scale
 MARK_VALUE, MARK_INTERVAL, MARK_TARGET = "o", "-", "|"
 ROW_KEYS = ("robots", "runs", "met", "unfinished", "verdict", "after", "excluded")
 
 
 def answer_document(session: SizingSession, name: str, ends: str, price: float) -> ReportDocument:
-    """The question, the answer, each strategy's candidates, what follows, and how it was found.
+    """The question, the answer, the candidates of each strategy, the follow-ups, and the method.
 
-    `ends`: when a run ends, in a sentence; `price` of a robot, or 0.
+    `ends`: a sentence about when runs end; `price`: price of a robot, or 0.
     """
     question = session.question
     unit = question.target.in_unit(question.target.value)
@@ -109,7 +109,7 @@ def label(strategy: str) -> str:
 
 
 def sentence(search: FleetSearch, session: SizingSession) -> str:
-    """What is known of one strategy."""
+    """The answer for one strategy, in words."""
     answer, last = search.answer, session.question.last
     if answer.kind == "answered":
         return count(answer.robots or 0, "robot")
@@ -123,14 +123,14 @@ def sentence(search: FleetSearch, session: SizingSession) -> str:
 
 
 def priced(search: FleetSearch, price: float) -> str:
-    """What the answer costs."""
+    """The price of the answer's fleet, in words."""
     if not price or search.answer.robots is None:
         return ""
     return f", {number(search.answer.robots * price)} at {number(price)} each"
 
 
 def unfinished(search: FleetSearch) -> str:
-    """How many runs of the answer did not finish."""
+    """The number of unfinished runs of the answer's fleet, in words."""
     found = search.find(search.answer.robots or 0)
     if found is None or not found.censored:
         return ""
@@ -138,7 +138,7 @@ def unfinished(search: FleetSearch) -> str:
 
 
 def search_blocks(search: FleetSearch, session: SizingSession, several: bool) -> Iterator[Block]:
-    """The candidates of one strategy, one by one, and what the deciding one loses time with."""
+    """The candidates of one strategy, and the lost time of the deciding one."""
     question = session.question
     if several:
         yield Heading(label(search.strategy), 3)
@@ -160,7 +160,7 @@ def search_blocks(search: FleetSearch, session: SizingSession, several: bool) ->
 
 
 def candidate_notes(search: FleetSearch, question: Question) -> Iterator[str]:
-    """What is to be said of the table of candidates."""
+    """Notes on the table of candidates."""
     if any(len(one.runs) > one.after for one in search.candidates if one.after):
         yield VERDICT_NOTE
     for one in search.candidates:
@@ -178,7 +178,7 @@ def last_run(search: FleetSearch) -> Candidate | None:
 
 
 def candidates_table(search: FleetSearch, question: Question) -> Table:
-    """Robots, runs, how many met the target, the interval of the share, the mean, the verdict."""
+    """Robots, runs, runs that met the target, unfinished runs, share, mean, and verdict."""
     rows = []
     for one in search.candidates:
         mean = one.mean(question.target.metric)
@@ -206,7 +206,7 @@ def between(interval: Interval) -> str:
 
 
 def with_half(interval: Interval) -> str:
-    """A mean with half of its interval, or with the ends of one that is cut off at 0."""
+    """A mean with its half-width, or with the ends of an interval that is cut off at 0."""
     value, low, high = interval.value, interval.low, interval.high
     if low is None or high is None:
         return number(value)
@@ -216,7 +216,7 @@ def with_half(interval: Interval) -> str:
 
 
 def spent_time(candidate: Candidate) -> Iterator[str]:
-    """What a run loses time with, by cause, and how busy robots, stations and chargers are."""
+    """Lost time by cause, and the utilization of robots, stations and chargers."""
     robots = candidate.place.robots
     lost = sorted(lost_by_cause(candidate).items(), key=lambda item: -item[1])
     whole = robots * mean_of(candidate, "measured")
@@ -237,7 +237,7 @@ def spent_time(candidate: Candidate) -> Iterator[str]:
 
 
 def gain_lines(gain: MarginalGain, question: Question) -> Iterator[str]:
-    """What the last robot does for the metric."""
+    """The effect of the last robot on the metric."""
     if gain.refused:
         yield f"The last robot ({gain.robots - 1} -> {gain.robots}): not examined, {gain.refused}"
     if gain.effect is None:
@@ -258,7 +258,7 @@ def interval_text(interval: Interval) -> str:
 
 
 def best_lines(best: StrategySelection | None) -> list[str]:
-    """Which strategy is best with the same number of robots."""
+    """The best strategy for a fleet size."""
     if best is None:
         return []
     found = zip(best.strategies, best.means, best.runs, strict=True)
@@ -273,7 +273,7 @@ def best_lines(best: StrategySelection | None) -> list[str]:
 
 
 def moved_lines(session: SizingSession, question: Question) -> list[str]:
-    """How the answer moves if durations are off."""
+    """The answers under changed durations."""
     place = session.place
     if place is None:
         return []
@@ -285,7 +285,7 @@ def moved_lines(session: SizingSession, question: Question) -> list[str]:
             settings = changed(session.changes[percent_off])
             lines.append(f"{how}{moved_line(moved, question)} ({settings})")
         elif percent_off not in session.changes:
-            lines.append(how + "not examined, they are too short to change by whole ticks")
+            lines.append(how + "not examined because they are too short to change by whole ticks")
         else:
             lines.append(how + f"not examined, {too_little(session, place)}")
     return lines
@@ -297,13 +297,13 @@ def too_little(session: SizingSession, place: FleetConfig) -> str:
         return "interrupted"
     needed = TRIAL_RUNS * len(around(place, session.question))
     left = session.question.budget - session.spent
-    return f"{count(needed, 'run')} are needed and {left:,} of the budget are left"
+    return f"{count(needed, 'run')} are needed, but only {left:,} of the budget are left"
 
 
 def changed(settings: Sequence[str]) -> str:
-    """What makes durations longer or shorter: "turn 24, pick 10, 10 % of moves a tick longer".
+    """Changed durations in words: "turn 24, pick 10, 10 % of moves a tick longer".
 
-    Moves that are too short to be shortened in whole ticks are named as well.
+    Moves that are too short to change by whole ticks are mentioned as well.
     """
     as_they_are = (
         ""
@@ -351,7 +351,7 @@ def moved_line(moved: SensitivityResult, question: Question) -> str:
 
 
 def method(session: SizingSession, ends: str) -> Iterator[str]:
-    """What the answer means, what was spent, and what it rests on."""
+    """The meaning of the answer, the runs used, and the assumptions."""
     question = session.question
     sure = percent(1 - question.alpha, 0)
     after = f" after the first {count(question.warm_up, 'tick')}" if question.warm_up else ""
@@ -361,10 +361,10 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
         width = f"{shown(question.indifference)} {unit}".strip()
         yield (
             f"Indifference zone {width}: with {sure} confidence every fleet whose mean is better than "
-            "the target by that much passes and every fleet worse by that much fails; in between either "
-            "verdict is possible."
+            "the target by at least this amount passes, and every fleet that is worse by at least this "
+            "amount fails; in between either verdict is possible."
         )
-        test = "Batur & Kim's region on means of 10 runs, 20 of them at first"
+        test = "Batur & Kim's test on means of 10 runs (at least 20 means)"
     else:
         yield (
             f"Estimand: the share of independent runs that reach {question.target.text}{after}; "
@@ -378,9 +378,9 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
         )
         test = "Wald's sequential test"
     yield (
-        f"Each fleet is tested by {test} with error {question.alpha:g} / {question.candidates}; none is "
-        "inferred from another. Intervals of shares are confidence sequences, which stay valid under "
-        "sequential stopping; means are for orientation."
+        f"Each fleet is tested by {test} with error {question.alpha:g} / {question.candidates}; no fleet "
+        "is inferred from another. Intervals of shares are confidence sequences, which stay valid under "
+        "sequential stopping; intervals of means are for orientation only."
     )
     yield (
         f"Used {session.spent:,} of {question.budget:,} runs, "
@@ -389,8 +389,8 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
     demand = "replication r has the same seed, and so the same demand, for every fleet"
     if session.same_orders:
         demand = (
-            "replication r has the same seed for every fleet; the demand is the same in all runs, "
-            "since the orders are listed, so the answer holds for these orders alone"
+            "replication r has the same seed for every fleet; all runs have the same listed orders, so "
+            "the answer holds for these orders only"
         )
     yield (
         f"Assumptions: runs with different seeds are independent; {demand}; durations and orders are as "
@@ -399,8 +399,7 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
 
 
 def picture(search: FleetSearch, question: Question) -> Iterator[str]:
-    """One line for each candidate that was run: its metric with its interval, and the ends of the
-    indifference zone."""
+    """One line for each candidate that was run: its value and interval, and the indifference zone."""
     judged = [(one, judged_by(one, question)) for one in search.candidates if one.runs]
     found = [(one, interval) for one, interval in judged if interval is not None]
     if not found:
@@ -418,18 +417,18 @@ def picture(search: FleetSearch, question: Question) -> Iterator[str]:
 
 
 def judged_by(candidate: Candidate, question: Question) -> Interval | None:
-    """The metric that decides: the share of runs that meet the target, or their mean."""
+    """The deciding value of a candidate: the share of runs that meet the target, or the mean."""
     return candidate.mean(question.target.metric) if question.mean else candidate.share(question)
 
 
 def zone(question: Question) -> tuple[float, float]:
-    """Between these either verdict may fall."""
+    """The ends of the indifference zone, between which either verdict is possible."""
     centre = question.target.value if question.mean else question.success_share
     return centre - question.indifference, centre + question.indifference
 
 
 def scale(intervals: list[Interval], question: Question) -> tuple[float, float]:
-    """The ends of the scale: those of a share, or what holds all means and the zone."""
+    """The ends of the scale: 0 and 1 for shares, else a range that contains all means and the zone."""
     if not question.mean:
         return 0.0, 1.0
     reached = [
@@ -456,7 +455,7 @@ def drawn(interval: Interval, marks: tuple[float, float], low: float, high: floa
 
 
 def curves(session: SizingSession) -> list[Curves]:
-    """The share of runs that meet the target over the robots, and the mean of its metric."""
+    """Curves over fleet size: share of runs that meet the target, and mean of its metric."""
     question = session.question
     metric, ends = question.target.metric, [float(question.first), float(question.last)]
     shares = [strategy_line(search, question, False) for search in session.searches]
@@ -504,12 +503,12 @@ def level(name: str, ends: list[float], value: float) -> ReportCurve:
     return ReportCurve(name, ends, [value] * 2, [value] * 2, [value] * 2)
 
 
-# The answer as a record.
+# The answer as JSON and as a Python object.
 
 
 @dataclass(frozen=True)
 class SizingResult:
-    """The answer to how many robots are enough."""
+    """The answer of a sizing session."""
 
     robots: int | None  # the smallest fleet that meets the target, as far as known
     strategy: str | None  # the setting with which it does; "": the scenario's own
@@ -518,7 +517,7 @@ class SizingResult:
 
     @property
     def candidates(self) -> pa.Table:
-        """The fleets that were looked at, a row for each; needs pyarrow (extra `experiments`)."""
+        """The tested fleets, one row for each; needs pyarrow (extra `experiments`)."""
         from automaton.studies.sweeps.result_store import arrow
 
         rows = [
@@ -530,7 +529,7 @@ class SizingResult:
 
 
 def flat(candidate: dict[str, Any]) -> dict[str, Any]:
-    """A candidate of the record as a row: intervals as three columns."""
+    """A candidate of the JSON object as a row, with intervals as three columns."""
     row = {name: candidate[name] for name in ROW_KEYS}
     for name in ("share", "mean"):
         interval = candidate[name] or {}
@@ -546,7 +545,7 @@ def sized(session: SizingSession, name: str, seed: int) -> SizingResult:
 
 
 def as_json(session: SizingSession, name: str, seed: int, price: float) -> dict[str, Any]:
-    """Everything that the text tells; the same for any number of workers."""
+    """The content of the report as JSON; independent of the number of workers."""
     question, place = session.question, session.place
     return {
         "scenario": name,
@@ -614,19 +613,19 @@ def candidate_as_json(candidate: Candidate, question: Question) -> dict[str, Any
 
 
 def gain_as_json(gain: MarginalGain) -> dict[str, Any]:
-    """What the last robot gains: a difference with its interval, and what pairing would do."""
+    """The effect of the last robot: difference with interval, correlation and variance ratio."""
     return {"robots": gain.robots, "refused": gain.refused or None, "effect": plain(gain.effect)}
 
 
 def plain(value: Any) -> Any:
-    """Named tuples, within each other, as objects."""
+    """Nested named tuples as JSON objects."""
     if not hasattr(value, "_asdict"):
         return value
     return {name: plain(one) for name, one in value._asdict().items()}
 
 
 def moved_as_json(moved: SensitivityResult, question: Question) -> dict[str, Any]:
-    """The fleets around the answer under other durations."""
+    """The fleets around the answer under changed durations, as JSON objects."""
     return {
         "percent": moved.percent,
         "smallest": moved.smallest(question),

@@ -1,8 +1,9 @@
-"""A whole question answered: a search for each strategy, then what is asked of its answer.
+"""A sizing session: a search for each strategy, then follow-up analyses of the answer.
 
-What one robot gains, which strategy is best, and how the answer moves if durations are 10 % off: all
-within what is left of the budget. The runs are of fleets of one scenario, over the cores, replication by
-replication: r has the same seed for every fleet and strategy, hash(seed, r), and so the same demand.
+The follow-ups use the rest of the budget: the gain of the last robot, the best strategy, and the
+sensitivity of the answer to durations that are 10 % off. Runs of the fleets of one scenario are spread
+over the cores. Replication r has the same seed, hash(seed, r), and so the same demand, for every fleet
+and strategy.
 """
 
 from __future__ import annotations
@@ -60,50 +61,51 @@ from automaton.world.bounds import bounds, least_ticks, most_throughput
 from automaton.world.floor_parts import places_of_chargers
 from automaton.world.resolve import Resolved, resolve
 
-PERCENTS_OFF: Final = (-10, 10)  # percent
-MOVES_LATE: Final = "world.extra_tick_probability"  # makes moves longer that take too few ticks
-TRIAL_RUNS: Final = 100  # runs of each fleet under other durations
+PERCENTS_OFF: Final = (-10, 10)  # changes of durations in percent
+MOVES_LATE: Final = "world.extra_tick_probability"  # lengthens moves that take only a few ticks
+TRIAL_RUNS: Final = 100  # runs of each fleet under changed durations
 SELECTION_ROUND_RUNS: Final = 100  # runs of each strategy
-LARGEST_FLEET_RUNS: Final = 60  # runs of the largest fleet, for what it loses time with
-ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # once an order is delivered
-STATION_USE = "station_use"  # share of the time of all stations in which a robot is served there
-MEASURED_TICKS = "measured"  # ticks of which the metrics are
+LARGEST_FLEET_RUNS: Final = 60  # runs of the largest fleet, to show its lost time
+ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # metrics that exist once an order is delivered
+STATION_USE = "station_use"  # share of the time of all stations in which they serve a robot
+MEASURED_TICKS = "measured"  # number of ticks that the metrics cover
 MOVE_KEY = re.compile(r"durations\.move[.=]")
-PLAIN_KEY = re.compile(r"[\w-]+")  # a name that may stand between the points of a key
-CHARGER_USE = "charger_use"  # share of the time of all places at chargers in which a robot charges
+PLAIN_KEY = re.compile(r"[\w-]+")  # a name that can be part of a dotted key
+CHARGER_USE = "charger_use"  # share of the time of all charging places in which a robot charges
 
 
 class MarginalGain(NamedTuple):
-    """What the last of so many robots does for the metric of the target."""
+    """The effect of the last robot on the metric of the target."""
 
     robots: int
-    effect: Effect | None  # with it against without it, over runs that finished
-    refused: str = ""  # why one robot less cannot be run
+    effect: Effect | None  # fleet with the last robot against fleet without it, over finished runs
+    refused: str = ""  # why the smaller fleet cannot be run
 
 
 class StrategySelection(NamedTuple):
-    """Which of several strategies is best with so many robots."""
+    """The best of several strategies for a fleet size."""
 
     robots: int
-    strategies: tuple[str, ...]  # compared
-    left: tuple[str, ...]  # one: it is the best; several: the budget did not tell them apart
+    strategies: tuple[str, ...]  # the compared strategies
+    left: tuple[str, ...]  # the best one, or several if the budget was too small to separate them
     means: tuple[float, ...]
-    runs: tuple[int, ...]  # of each; those that drop out get no more
-    zone: float  # differences of means below this do not matter
+    runs: tuple[int, ...]  # of each strategy; eliminated ones get no more
+    zone: float  # indifference zone: smaller differences of means do not matter
 
 
 @dataclass
 class RunBudget:
-    """The number of runs that may still be made."""
+    """The rest of a budget of runs."""
 
     run: Runner
     left: int
     spent: int = 0
 
     def extend_runs(self, candidate: Candidate, until: int, question: Question) -> bool:
-        """Extend the runs of a candidate to this number.
+        """Extend the runs of a candidate to the number `until`.
 
-        False if there is too little left, or it cannot be run, which it then says.
+        Returns False if the rest of the budget is too small, or if the candidate cannot be run; the
+        reason is then in `candidate.refused`.
         """
         number = until - len(candidate.runs)
         if number <= 0:
@@ -122,23 +124,23 @@ class RunBudget:
 
 @dataclass
 class SensitivityResult:
-    """The fleets around the answer, under durations that are off."""
+    """The fleets around the answer, under changed durations."""
 
     percent: int
     around: list[Candidate] = field(default_factory=list)
 
     @property
     def fleets(self) -> list[Candidate]:
-        """Those that can be run."""
+        """The fleets that can be run."""
         return [one for one in self.around if not one.refused]
 
     def smallest(self, question: Question) -> int | None:
-        """The smallest of these fleets that seems to meet the target: by its share or mean so far."""
+        """The smallest of these fleets whose estimate meets the target; None without any."""
         return next((one.place.robots for one in self.fleets if seems_to_meet(one, question)), None)
 
 
 def seems_to_meet(candidate: Candidate, question: Question) -> bool:
-    """By the estimate alone, which is less sure than a verdict."""
+    """Whether the estimate of a candidate meets the target, which is less certain than a verdict."""
     if not candidate.runs:
         return False
     if not question.mean:
@@ -148,14 +150,14 @@ def seems_to_meet(candidate: Candidate, question: Question) -> bool:
 
 
 def whole(candidate: Candidate, question: Question) -> bool:
-    """Whether all its runs finished and have the metric of the target."""
+    """Whether all runs of a candidate finished and have the metric of the target."""
     return not candidate.censored and not candidate.unmeasured(question.target.metric)
 
 
 def gain_of(
     candidates: Sequence[Candidate], robots: int, run_budget: RunBudget, question: Question
 ) -> MarginalGain:
-    """What one robot gains: so many robots against one less; both get STUDENT_MIN_RUNS runs."""
+    """The gain of the last robot: compare both fleet sizes with STUDENT_MIN_RUNS runs each."""
     metric = question.target.metric
     by_robots = {one.place.robots: one for one in candidates}
     with_it = by_robots.get(robots)
@@ -184,10 +186,10 @@ def best_of(
     question: Question,
     zone: float | None = None,
 ) -> StrategySelection | None:
-    """The strategy with the best mean, all with the same number of robots (Kim & Nelson).
+    """Select the strategy with the best mean for one fleet size (Kim & Nelson).
 
-    Strategies that drop out get no further runs. Those with runs that did not finish, or did not
-    measure the metric, are left out. None if fewer than two are left.
+    Eliminated strategies get no further runs. Strategies with runs that did not finish or did not
+    measure the metric are excluded. None if fewer than two are left.
     """
     zone = zone or (
         question.indifference
@@ -219,14 +221,14 @@ def best_of(
 
 
 def around(answer: FleetConfig, question: Question) -> list[int]:
-    """The fleets from one robot less to one more, up to the largest that was asked for."""
+    """Fleet sizes from one robot less to one more, up to the largest size of the question."""
     return [n for n in range(answer.robots - 1, answer.robots + 2) if 1 <= n <= question.last]
 
 
 def sensitivity(
     answer: FleetConfig, run_budget: RunBudget, question: Question, percents: Sequence[int]
 ) -> Iterator[SensitivityResult]:
-    """The fleets from one robot less to one more, with durations so many percent longer."""
+    """Run the fleets from one robot less to one more with durations changed by some percents."""
     for percent in percents:
         places = [answer._replace(robots=n, percent=percent) for n in around(answer, question)]
         moved = SensitivityResult(percent, [Candidate(place) for place in places])
@@ -238,22 +240,22 @@ def sensitivity(
 
 @dataclass
 class SizingSession:
-    """A question and what is known of it; whole at any moment, also after Ctrl-C."""
+    """A question and its results so far; consistent at any time, even after Ctrl-C."""
 
     question: Question
     run: Runner
     excluded: Mapping[int, str] = field(default_factory=dict)
-    changes: Mapping[int, Sequence[str]] = field(default_factory=dict)  # percent: settings
+    changes: Mapping[int, Sequence[str]] = field(default_factory=dict)  # percent -> settings
     searches: list[FleetSearch] = field(default_factory=list)
     gains: dict[str, MarginalGain] = field(default_factory=dict)  # by strategy
     best: StrategySelection | None = None
     moved: list[SensitivityResult] = field(default_factory=list)
-    budget_left: RunBudget | None = None  # for what follows the searches
-    complete: bool = False  # nothing was cut off
-    same_orders: bool = False  # in all runs: those of a list or a file
+    budget_left: RunBudget | None = None  # for the follow-ups of the searches
+    complete: bool = False  # whether the session ended without interruption
+    same_orders: bool = False  # whether all runs have the same orders, from a list or a file
 
     def go(self) -> None:
-        """Search, then follow up."""
+        """Search, then do the follow-ups."""
         question, left = self.question, self.question.budget
         for number, strategy in enumerate(question.strategies):
             share = left // (len(question.strategies) - number)
@@ -272,7 +274,7 @@ class SizingSession:
                 self._show(search, run_budget)
             if last is not None:
                 self.gains[search.strategy] = gain_of(search.candidates, last, run_budget, question)
-        place = self.place  # these runs may have decided a fleet that the search had left undecided
+        place = self.place  # the runs above may have decided a fleet that was undecided
         if place is None:
             return
         if len(question.strategies) > 1:
@@ -281,7 +283,7 @@ class SizingSession:
             self.moved.append(moved)
 
     def _show(self, search: FleetSearch, run_budget: RunBudget) -> None:
-        """Runs of the largest fleet, so that one sees what keeps it from the target."""
+        """Run the largest fleet, to show why it misses the target."""
         candidate = search.candidates[-1] if search.candidates else None
         if candidate is not None:
             run_budget.extend_runs(candidate, LARGEST_FLEET_RUNS, self.question)
@@ -290,23 +292,23 @@ class SizingSession:
         return search.candidates[-1].place.robots if search.candidates else None
 
     def _rivals(self, robots: int) -> list[Candidate]:
-        """The strategies with so many robots, but for those known to fail."""
+        """The candidates of all strategies with this number of robots that meet the target."""
         found = [search.find(robots) for search in self.searches]
         return [one for one in found if one is not None and one.verdict == "meets"]
 
     @property
     def after(self) -> int:
-        """Runs made after the searches."""
+        """Number of runs made after the searches."""
         return 0 if self.budget_left is None else self.budget_left.spent
 
     @property
     def spent(self) -> int:
-        """Runs made."""
+        """Number of runs made."""
         return self.after + sum(search.spent for search in self.searches)
 
     @property
     def place(self) -> FleetConfig | None:
-        """The smallest fleet that meets the target with any strategy; of equals the best one."""
+        """The smallest fleet that meets the target with any strategy; the best of equal ones."""
         known = [
             FleetConfig(search.answer.robots, search.strategy)
             for search in self.searches
@@ -320,7 +322,7 @@ class SizingSession:
 
     @property
     def settled(self) -> bool:
-        """Whether `place` is the smallest fleet for sure: no strategy may yet do with less."""
+        """Whether `place` is final: no strategy has an undecided smaller fleet."""
         place = self.place
         if place is None or len(self.searches) < len(self.question.strategies):
             return False
@@ -332,7 +334,7 @@ class SizingSession:
 
 
 def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
-    """Run to the end; the metrics after the warm-up, and how busy stations and chargers were then."""
+    """Run to the end; return metrics after the warm-up, with the use of stations and chargers."""
     resolved = simulation.resolved
     fleet = count(resolved.scenario.fleet.robots, "robot")
     allocation = resolved.strategies["allocation"].name
@@ -349,7 +351,7 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
     places = sum(places_of_chargers(resolved.scenario, floor_plan).values())
     if stations:
         handling = int(ticks[[ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP]].sum())
-        # Pods are picked and dropped in storage.
+        # Pods are picked and dropped in storage, not at stations.
         used = now.served - served if len(world.trips.pod) else handling
         figures[STATION_USE] = used / (stations * elapsed)
     if places and world.rules.battery:
@@ -358,7 +360,7 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
 
 
 class Fleets:
-    """A `Runner` of one scenario. Raises InfeasibleFleetError for a place that cannot be run."""
+    """A `Runner` of one scenario. Raises InfeasibleFleetError for a fleet that cannot be run."""
 
     def __init__(
         self,
@@ -370,10 +372,10 @@ class Fleets:
         self._scenario, self._settings, self._rounds = scenario, tuple(settings), rounds
         self.base = resolve(scenario, settings).unrefined
         self.seed = self.base.scenario.seed if seed is None else seed
-        self.resolved = cache(self._resolved)  # of a place
+        self.resolved = cache(self._resolved)  # by fleet
 
     def __call__(self, place: FleetConfig, first: int, number: int) -> list[FleetRun]:
-        """Replications first .. first + number - 1."""
+        """Run replications first .. first + number - 1."""
         resolved = self.resolved(place)
         seeds = replication_seeds(self.seed, first, number)
         results = self._rounds.run([(resolved, seed) for seed in seeds])
@@ -387,19 +389,19 @@ class Fleets:
             raise InfeasibleFleetError(error.message, error.file, error.line) from None
 
     def check(self, question: Question) -> None:
-        """That there is a steady state to ask for, and the largest fleets can be run.
+        """Check that the question suits the scenario, and that smallest and largest fleets can be run.
 
         Raises InputError.
         """
         if not self.ends_with_orders and not question.warm_up:
             raise InputError(
                 "--target: runs end at a given tick (stop: {when: never}), so their metrics would "
-                "count the start-up; set how many ticks to leave out: --set measure.warm_up=N"
+                "include the start-up; set a warm-up period in ticks: --set measure.warm_up=N"
             )
         if not self.ends_with_orders and question.target.metric == "makespan":
             raise InputError(
                 "--target: runs end at a given tick (stop: {when: never}), so makespan "
-                "is the same for every fleet; ask for throughput or a time of orders"
+                "is the same for every fleet; use throughput or a time of orders"
             )
         for strategy in question.strategies:
             for robots in sorted({question.first, question.last}):
@@ -408,11 +410,11 @@ class Fleets:
                 except InputError as error:
                     unsaid = (one for one in for_any_fleet(self.base) if one not in error.message)
                     settings = " ".join(f"--set {setting}" for setting in unsaid)
-                    hint = f"; fleets of other sizes: {settings}" if settings else ""
+                    hint = f"; for other fleet sizes use {settings}" if settings else ""
                     raise InputError(error.message + hint, error.file, error.line) from None
 
     def excluded(self, question: Question) -> dict[int, str]:
-        """The candidates that no strategy can help, each with the bound that excludes it."""
+        """The fleet sizes that fail with any strategy, each with the bound that excludes it."""
         found = bounds(self.base)
         reasons = {}
         for robots in range(question.first, question.last + 1):
@@ -420,7 +422,7 @@ class Fleets:
             if target.metric == "makespan" and target.at_most and self.ends_with_orders:
                 least, reason = least_ticks(found, robots)
                 if least > target.value:
-                    many = "without end"
+                    many = "infinite"
                     if math.isfinite(least):
                         many = f"at least {ticks_and_time(math.ceil(least), self.tick)}"
                     why = f"makespan is {many}: {reason}"
@@ -434,35 +436,35 @@ class Fleets:
 
     @property
     def changes(self) -> dict[int, list[str]]:
-        """By how many percent durations can be longer, and the settings that make them so."""
+        """The settings that change durations by each of PERCENTS_OFF, where this is possible."""
         found = {percent: longer(self.base, percent) for percent in PERCENTS_OFF}
         return {percent: settings for percent, settings in found.items() if settings}
 
     @property
     def tick(self) -> Unit:
-        """What a tick stands for."""
+        """The unit of a tick."""
         return unit(self.base.scenario.units.tick)
 
     @property
     def warm_up(self) -> int | None:
-        """Ticks that metrics leave out; None for runs that end with their orders, which count whole."""
+        """Ticks that metrics exclude; None for runs that end with their orders, which count whole."""
         return None if self.ends_with_orders else warm_up_of(self.base.scenario)
 
     @property
     def measured(self) -> int:
-        """Ticks of a steady state of which metrics are; 0 where runs end with their orders."""
+        """Ticks that metrics of a steady state cover; 0 if runs end with their orders."""
         return 0 if self.warm_up is None else self.base.scenario.stop.max_duration - self.warm_up
 
     @property
     def ends_with_orders(self) -> bool:
-        """Whether a run ends when all is delivered, and not at a given tick."""
+        """Whether runs end when all orders are delivered, not at a given tick."""
         return self.base.scenario.stop.when != "never"
 
 
 class Checked:
-    """A runner that sees to it that the first run has the metric of the target.
+    """A runner that checks that the first run has the metric of the target.
 
-    `tell` hears before each round what is run, and how many runs were made for the question.
+    `tell` is called before each round with the fleet and the number of runs made so far.
     """
 
     def __init__(
@@ -474,7 +476,7 @@ class Checked:
         self.fleets, self.question, self.tell, self.runs = fleets, question, tell, 0
 
     def __call__(self, place: FleetConfig, first: int, number: int) -> Sequence[FleetRun]:
-        """As of Fleets. Raises InputError for a metric that is not measured."""
+        """Run replications like Fleets. Raises InputError if the target's metric is not measured."""
         if self.tell is not None:
             self.tell(place, self.runs, self.question)
         if self.runs == 0:
@@ -485,7 +487,7 @@ class Checked:
 
 
 def session_of(fleets: Fleets, runner: Checked) -> SizingSession:
-    """The session that answers the runner's question. Raises InputError if that cannot be asked."""
+    """The session for the runner's question. Raises InputError if the scenario cannot answer it."""
     fleets.check(runner.question)
     return SizingSession(
         runner.question,
@@ -497,7 +499,7 @@ def session_of(fleets: Fleets, runner: Checked) -> SizingSession:
 
 
 def for_any_fleet(resolved: Resolved) -> list[str]:
-    """Settings that take back what binds a scenario to its number of robots."""
+    """Settings that remove what ties a scenario to its number of robots."""
     settings = []
     if isinstance(resolved.scenario.fleet.start, tuple):
         settings.append("fleet.start=random")
@@ -509,7 +511,7 @@ def for_any_fleet(resolved: Resolved) -> list[str]:
 
 
 def typed(place: FleetConfig) -> Iterator[Override]:
-    """Its settings under the options that gave them, which is where errors place them."""
+    """The settings of a fleet, with the options that errors name as their source."""
     yield Override(f"--robots {place.robots}", keys_of("fleet.robots"), place.robots)
     if place.strategy:
         option = f"--strategies {place.strategy.removeprefix('strategy.')}"
@@ -517,9 +519,9 @@ def typed(place: FleetConfig) -> Iterator[Override]:
 
 
 def check_measured(target: Target, run: FleetRun, scenario: Scenario) -> None:
-    """That runs of a scenario may have the metric of the target. Raises InputError.
+    """Raise InputError if runs of a scenario cannot have the metric of the target.
 
-    A run in which nothing ended has no times: that says nothing of the others.
+    A run without finished orders or tasks has no times, but other runs may have them.
     """
     nothing_yet = {
         **dict.fromkeys(TASK_METRICS, scenario.measure is not None),
@@ -530,17 +532,16 @@ def check_measured(target: Target, run: FleetRun, scenario: Scenario) -> None:
     if target.metric not in run.figures and not nothing_yet.get(target.metric):
         known = ", ".join(name for name in run.figures if not name.startswith("lost_"))
         need = not_measured(scenario).get(target.metric)
-        hint = f"; it takes {need}" if need else ""
+        hint = f"; it needs {need}" if need else ""
         raise InputError(
             f"--target: this scenario does not measure {target.metric}{hint}; it has {known}"
         )
 
 
 def longer(resolved: Resolved, percent: int) -> list[str]:
-    """Settings that make all durations longer by so many percent, or shorter; in whole ticks but for
-    those of visits at stations.
+    """Settings that change all durations by some percent; in whole ticks except visits at stations.
 
-    Where moves take few ticks, a tick more by chance makes them longer; shorter they cannot be.
+    Moves of a few ticks become longer by a random extra tick; they cannot become shorter.
     """
     scenario = resolved.scenario
     settings = []
@@ -563,7 +564,7 @@ def longer(resolved: Resolved, percent: int) -> list[str]:
 
 
 def ticks_by_key(scenario: Scenario) -> dict[str, int]:
-    """All durations of operations that a scenario gives, of types as well, by their keys."""
+    """All durations of operations in a scenario and its robot types, by key."""
     ticks: dict[str, int] = {}
     sections = [("durations", scenario.durations)] + [
         (f"fleet.types.{number}.durations", kind.durations)
@@ -579,8 +580,9 @@ def ticks_by_key(scenario: Scenario) -> dict[str, int]:
 
 
 def handling_by_key(scenario: Scenario) -> dict[str, float]:
-    """All durations of visits at stations that a scenario gives, in ticks that are not rounded, by their
-    keys; measured ones aside.
+    """All durations of visits at stations in a scenario, in unrounded ticks, by key.
+
+    Measured distributions are not included.
     """
     sections = {"durations.handling": scenario.durations.handling} | {
         f"stations.{name}.handling": station.handling
@@ -595,7 +597,7 @@ def handling_by_key(scenario: Scenario) -> dict[str, float]:
 
 
 def _numbers(key: str, value: Any) -> Iterator[tuple[str, float]]:
-    """The numbers of a section above 0, by their keys."""
+    """The numbers above 0 of a section, by key."""
     if isinstance(value, dict):
         for name, one in value.items():
             yield from _numbers(f"{key}.{name}", one)

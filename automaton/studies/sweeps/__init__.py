@@ -1,1 +1,1 @@
-"""Studies as files, and the runs that they ask for."""
+"""Study files and the execution of their runs."""

@@ -1,13 +1,12 @@
-"""The workers of a sweep: pools of processes, an executor of the caller or a cluster, and what each does.
+"""The workers of a sweep: a process pool, an executor of the caller, or a Dask cluster.
 
-A backend takes chunks and returns futures. When a worker dies, the futures that are under way break;
-the backend is restarted, and each of their runs is tried once more, in a process of its own while no
-other process works. A worker is sent everything, and gives rows back; it reads and writes no files.
+A backend takes chunks of runs and returns futures. When a worker dies, the futures in progress fail;
+the backend is restarted, and each of their runs is retried once, in a separate process while no other
+process works. Workers receive all data with the chunk and return rows; they read and write no files.
 
-On a Dask cluster the scheduler spreads chunks over its workers, on any machines. Few futures are held
-at a time, and each is dropped when it is done: of what a lost worker had finished nothing is computed
-again, only what was under way. Workers tell the beginning of each chunk, so that a second one is
-noticed.
+On a Dask cluster the scheduler distributes chunks to workers on any machines. Few futures exist at a
+time, and each is dropped when it is done. After the loss of a worker, only chunks in progress are
+computed again. Workers report the start of each chunk, so repeated chunks are counted.
 """
 
 from __future__ import annotations
@@ -61,41 +60,41 @@ from automaton.studies.sweeps.run_keys import (
 from automaton.studies.sweeps.study import SERIES_COLUMN, SUMS_COLUMN
 from automaton.world.resolved import Resolved
 
-CHUNK_BEGUN_TOPIC: Final = "automaton: chunk begun"  # a topic of the scheduler's
+CHUNK_BEGUN_TOPIC: Final = "automaton: chunk begun"  # Dask event topic
 SCHEDULER_TIMEOUT_S: Final = 10  # for a scheduler to answer
-ADDRESS_FILE_TRIES: Final = 10  # at a file of a scheduler until it is whole,
-ADDRESS_FILE_RETRY_S: Final = 0.1  # and what is between them
-WORKER_POLL_S: Final = 1.0  # between two looks at how many workers there are
+ADDRESS_FILE_TRIES: Final = 10  # attempts to read a scheduler file that may be incomplete
+ADDRESS_FILE_RETRY_S: Final = 0.1  # between two attempts
+WORKER_POLL_S: Final = 1.0  # between two queries of the number of workers
 MAX_WORKERS: Final = 1024
-MAX_SCENARIOS_KEPT: Final = 16  # by a worker
+MAX_SCENARIOS_KEPT: Final = 16  # in the memory of a worker
 
 
 class SweepChunk(NamedTuple):
     """Work for one call of a worker: runs of one design point."""
 
     number: int  # of the chunk
-    version: str  # of the code that the coordinator has
+    version: str  # of the coordinator's code
     plugins: tuple[str, ...]
     fingerprint: str  # of the scenario
     scenario: bytes  # the resolved scenario, pickled
     windows: Windows
     runs: tuple[SweepRun, ...]
-    patience: float | None = None  # seconds of a decision of a Python strategy
+    patience: float | None = None  # seconds that a Python strategy has for each decision
 
 
 class FutureLike(Protocol):
-    """What a backend returns for a chunk: a future of concurrent.futures, or of Dask."""
+    """The future that a backend returns for a chunk: from concurrent.futures or Dask."""
 
     def result(self) -> list[Row]: ...
     def add_done_callback(self, function: Callable[[Any], Any], /) -> Any: ...
 
 
 class Backend(Protocol):
-    """Workers, wherever they are."""
+    """The interface of a group of workers."""
 
     @property
     def max_in_flight(self) -> int:
-        """Return how many chunks should be under way: a few more than there are workers."""
+        """Return the number of chunks to submit at a time: slightly more than the workers."""
 
     @property
     def repeated(self) -> int:
@@ -104,26 +103,26 @@ class Backend(Protocol):
     def submit(self, chunk: SweepChunk) -> FutureLike: ...
     def submit_alone(self, chunk: SweepChunk) -> FutureLike: ...
     def is_worker_lost(self, error: BaseException) -> bool:
-        """Return whether an error of a future says that its worker is lost."""
+        """Return whether the error of a future means that its worker was lost."""
 
     def can_start(self) -> bool:
         """Return whether an idle worker can start."""
 
     def restart(self) -> None:
-        """Go on after a worker died."""
+        """Restart after the death of a worker."""
 
     def close(self, now: bool) -> None:
-        """End all workers; `now`: without waiting for what they do."""
+        """End all workers; `now`: without waiting for their chunks."""
 
 
 class LocalPool:
-    """Spawned processes on this machine, one for each core unless told otherwise."""
+    """Spawned processes on this machine, by default one for each core."""
 
     def __init__(self, workers: int | None = None) -> None:
         self.workers = cores() if workers is None else workers
         self.repeated = 0
         self._pool = Workers(self.workers)
-        # for runs that are tried alone; its process starts with the first of them
+        # For runs that are retried alone; its process starts with the first of them.
         self._isolation_pool = Workers(1)
 
     @property
@@ -191,20 +190,20 @@ class ExternalExecutor:
 
     def restart(self) -> None:
         raise InputError(
-            "a worker of the executor died, and only its creator can restart it; "
-            "what is done is kept"
+            "a worker of the executor died, and only the creator of the executor can restart it; "
+            "finished runs are saved"
         )
 
     def close(self, now: bool) -> None:
-        """Leave it as it is, but for the chunks that nobody waits for any more."""
+        """Cancel the chunks in progress; the executor itself stays open."""
         for future in list(self.under_way):
             future.cancel()
 
 
 class DaskCluster:
-    """The workers of a Dask scheduler, by its address or the file that it has written.
+    """The workers of a Dask scheduler, given by its address or its scheduler file.
 
-    Raises InputError if it cannot be reached.
+    Raises InputError if the scheduler cannot be reached.
     """
 
     def __init__(self, address: str) -> None:
@@ -221,11 +220,11 @@ class DaskCluster:
         except (OSError, ValueError, TimeoutError) as error:
             why = str(error) or type(error).__name__
             raise InputError(f"no Dask scheduler answers at {address}: {why}") from None
-        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we say it ourselves
+        logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # we report errors
         self._killed = KilledWorker
         self._topic = f"{CHUNK_BEGUN_TOPIC} {uuid.uuid4().hex}"
         self._lock = threading.Lock()
-        self._under_way: dict[int, tuple[int, int]] = {}  # chunk -> its runs, times begun
+        self._under_way: dict[int, tuple[int, int]] = {}  # chunk -> number of runs, times begun
         self._looked = 0.0
         self._threads = 1
         self.repeated = 0
@@ -260,10 +259,10 @@ class DaskCluster:
         return True
 
     def restart(self) -> None:
-        """The scheduler has gone on already."""
+        """Do nothing: the scheduler replaces lost workers itself."""
 
     def close(self, now: bool) -> None:
-        with contextlib.suppress(Exception):  # a scheduler that is gone is closed
+        with contextlib.suppress(Exception):  # the scheduler may have ended already
             self._client.close(timeout=5)
 
     def _begun(self, event: Any) -> None:
@@ -280,10 +279,10 @@ class DaskCluster:
 
 
 def address_in(file: str) -> str:
-    """The address in a file of a scheduler, which may just be writing it. Raises InputError."""
+    """The address in a scheduler file, which may still be incomplete. Raises InputError."""
     if not Path(file).is_file():
         raise InputError(
-            "is not an address, such as tcp://host:8786, and no file of a scheduler", file
+            "is not an address, such as tcp://host:8786, nor a scheduler file", file
         )
     for _ in range(ADDRESS_FILE_TRIES):
         try:
@@ -294,26 +293,26 @@ def address_in(file: str) -> str:
             time.sleep(ADDRESS_FILE_RETRY_S)
         else:
             return str(found)
-    raise InputError("is not a file of a Dask scheduler: it names no address", file)
+    raise InputError("is not a Dask scheduler file: it has no address", file)
 
 
 def run_and_tell(chunk: SweepChunk, topic: str) -> list[Row]:
-    """What a worker of a cluster does with a chunk."""
+    """Run a chunk in a worker of a cluster, and report its start."""
     from distributed import get_worker
 
     get_worker().log_event(topic, chunk.number)
     return run_chunk(chunk)
 
 
-# What a worker does with a chunk: a row for each run.
+# The work of a worker: a row for each run of a chunk.
 
 
 class CodeMismatchError(Exception):
-    """A worker has other code than its coordinator."""
+    """The code of a worker differs from the code of its coordinator."""
 
 
 def run_chunk(chunk: SweepChunk) -> list[Row]:
-    """The rows of a chunk. Raises CodeMismatchError; a run that fails is a row."""
+    """Return the rows of a chunk; a failed run has a row, too. Raises CodeMismatchError."""
     here = _version(chunk.plugins)
     if here != chunk.version:
         raise CodeMismatchError(f"{os.uname().nodename} has version {here}, not {chunk.version}")
@@ -322,7 +321,7 @@ def run_chunk(chunk: SweepChunk) -> list[Row]:
 
 
 def _version(plugins: tuple[str, ...]) -> str:
-    """The version of the code that this process has, and not of what the disk may have by now."""
+    """The version of the code that this process has loaded; files may have changed since."""
     found = _packages()
     for plugin in plugins:
         found = found | _plugin(plugin)
@@ -339,14 +338,14 @@ def _plugin(module: str) -> Sources:
     return plugin_sources(module)
 
 
-_SCENARIOS: dict[str, Resolved] = {}  # of the last points, by fingerprint
-_LOADED: set[Hashable] = set()  # what runs needed that this process has begun
+_SCENARIOS: dict[str, Resolved] = {}  # scenarios of recent points, by fingerprint
+_LOADED: set[Hashable] = set()  # keys of compiled parts that this process has loaded
 
 
 def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -> Resolved:
-    """The scenario of a chunk: the same object again for chunks of the same point.
+    """The scenario of a chunk; chunks of a point share the object.
 
-    Threads do this at the same time, and one may let go of what another one has just put there.
+    Threads call this concurrently: an entry may be dropped by one thread just after another added it.
     """
     resolved = _SCENARIOS.get(fingerprint)
     if resolved is None:
@@ -354,7 +353,7 @@ def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -
             _SCENARIOS.pop(oldest, None)
         resolved = _SCENARIOS[fingerprint] = pickle.loads(pickled)
         parts = compiled_parts(resolved)
-        if parts not in _LOADED:  # loads what is compiled, so that no run's time counts it
+        if parts not in _LOADED:  # loads compiled parts outside the measured time of runs
             _LOADED.add(parts)
             try:
                 with attribute_strategy_errors(resolved):
@@ -368,7 +367,7 @@ def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -
 def run_one(
     resolved: Resolved, run: SweepRun, windows: Windows = WHOLE_RUNS, patience: float | None = None
 ) -> Row:
-    """Run a scenario with the seed of a run, to its end or its limit."""
+    """Run a scenario with the seed of a run to its end or its limit; return its row."""
     wall, cpu = time.perf_counter(), time.process_time()
     row = blank(run)
     try:
@@ -380,7 +379,7 @@ def run_one(
             row |= figures_of(simulation, windows.window, marks)
     except InputError as error:
         row["error"] = reason(str(error))
-    except BaseException as error:  # whatever goes wrong is told beside the other runs
+    except BaseException as error:  # any error goes into the row; other runs continue
         if is_ctrl_c(error):
             raise
         row["error"] = reason(f"{type(error).__name__}: {error}")
@@ -390,14 +389,14 @@ def run_one(
 
 
 def is_ctrl_c(error: BaseException) -> bool:
-    """Whether an error is the user's Ctrl-C: workers are deaf to it, and only main threads hear it."""
+    """Whether an error is the user's Ctrl-C, which only main threads get and workers ignore."""
     heard = threading.current_thread() is threading.main_thread()
     deaf = signal.getsignal(signal.SIGINT) is signal.SIG_IGN
     return isinstance(error, KeyboardInterrupt) and heard and not deaf
 
 
 def figures_of(simulation: Simulation, window: int, marks: CountedStretches) -> Row:
-    """What a row tells of a run that is over; `window`: ticks of one, 0 for none."""
+    """The columns of a row with the results of a run; `window`: its length in ticks, 0 for none."""
     orders = asked_orders(simulation.world)
     delivered = orders.done[orders.done != NIL]
     refinement = simulation.resolved.scenario.refine

@@ -1,15 +1,15 @@
-"""A folder of results: rows in Parquet files that are whole, checked, and read as one table.
+"""A results folder: rows in complete, verified Parquet files, read as one table.
 
-    DIR/sweep.json      what the rows follow from: the study, points, seeds, hashes of the code
+    DIR/sweep.json      the manifest: study, points, seeds, and hashes of the code
     DIR/study.yaml      the study as declared, for you and for another sweep
-    DIR/my-floor.yaml   the study's own scenarios and their files, placed as seen from the study
-    DIR/rows/*.parquet  rows, each file named by its content: what was damaged is noticed
-    DIR/rows/*.bad      files that were damaged; their runs are done again
+    DIR/my-floor.yaml   the study's own scenarios and their files, at their paths relative to the study
+    DIR/rows/*.parquet  rows; each file is named by its content, so damage is detected
+    DIR/rows/*.bad      damaged files; their runs are repeated
 
-Readers need no lock: files appear whole under their names, and never change. The one writer that holds
-the lock writes rows when 500 have come together or one is a second old: at most those are lost when the
-machine goes down, and their runs are done again. A file is written beside its place, synced, and
-renamed; small files are merged as they become many, and at the end all into one.
+Readers need no lock: files appear complete under their names and never change. One writer holds the
+lock. It writes rows when 500 have accumulated or the oldest is one second old; only unwritten rows are
+lost when the machine fails, and their runs are repeated. A file is written under a temporary name,
+synced, and renamed. Small files are merged when they become many, and all files at the end.
 """
 
 from __future__ import annotations
@@ -59,42 +59,42 @@ if TYPE_CHECKING:
 
 STUDY_FILE: Final = "study.yaml"
 ROWS_FOLDER: Final = "rows"
-KEY_COLUMNS: Final = ["key", "error"]  # which run a row is of, and why it failed
-ATTEMPTS: Final = 10  # to read files of which some are merged meanwhile
-BATCH_ROWS: Final = 500  # that are written together,
-BATCH_S: Final = 1.0  # and when the oldest of them is so many seconds old
-MANY_FILES: Final = 256  # small ones, that are then merged
-MERGED_GROUP_ROWS: Final = 20_000  # of a merged file are held in memory
+KEY_COLUMNS: Final = ["key", "error"]  # the run of a row, and why it failed
+ATTEMPTS: Final = 10  # to list files, since some may be merged meanwhile
+BATCH_ROWS: Final = 500  # rows after which a file is written
+BATCH_S: Final = 1.0  # age of the oldest row after which a file is written
+MANY_FILES: Final = 256  # small files after which they are merged
+MERGED_GROUP_ROWS: Final = 20_000  # rows held in memory while files are merged
 RESERVE: Final = ".reserve"
-RESERVE_BYTES: Final = 4_000_000  # given back when the disk is full, for the rows in hand
+RESERVE_BYTES: Final = 4_000_000  # released when the disk is full, to save the pending rows
 LOCK_FILE: Final = ".lock"
-UNFIT: Final = (ArithmeticError, TypeError, ValueError)  # of a value that its column cannot hold
+UNFIT: Final = (ArithmeticError, TypeError, ValueError)  # errors of values that do not fit a column
 PREFIX_PART, PREFIX_MERGED = "part", "rows"
 FILE_NAME: Final = re.compile(r"(?:part|rows)-(\d+)-")
-Copies = Mapping[str, bytes]  # place in a folder of results -> content
+Copies = Mapping[str, bytes]  # path in a results folder -> content
 
 
 class DamagedFileError(Exception):
-    """A file of rows is not what was written."""
+    """The content of a file of rows has changed since it was written."""
 
 
 def arrow() -> Any:
-    """The module pyarrow. Raises InputError where it is not installed."""
+    """The module pyarrow. Raises InputError if it is not installed."""
     try:
         import pyarrow
         import pyarrow.parquet
     except ImportError as error:
         raise InputError(
-            f"results are kept with pyarrow, which cannot be imported ({error}): "
+            f"results folders need pyarrow, which cannot be imported ({error}): "
             "pip install 'fleet-automaton[experiments]'"
         ) from None
     return pyarrow
 
 
 class Store:
-    """The results in a folder; reading alone. Raises InputError where there are none.
+    """A reader of a results folder. Raises InputError if the folder has no results.
 
-    `manifest`: what they must follow from, if that is not what the folder says.
+    `manifest`: replaces the manifest of the folder; only rows that belong to it are read.
     """
 
     def __init__(self, folder: str | Path, manifest: Manifest | None = None) -> None:
@@ -106,19 +106,19 @@ class Store:
         self.manifest: Manifest = manifest
         self.declared: Study = declared_in(self.folder, manifest)
         self.study: Study = so_far(self.declared, manifest)
-        self.damaged: list[Path] = []  # files that the last reading left out
+        self.damaged: list[Path] = []  # files that the last read skipped
 
     @property
     def schema(self) -> pa.Schema:
-        """The columns of every row: the same for all runs of the study."""
+        """The columns of every row of the study."""
         return schema_of(self.study, self.manifest)
 
     def rows(self) -> pa.Table:
-        """All valid rows, each run once, by point and replication.
+        """All valid rows, one for each run, by point and replication.
 
-        Rows of other code or of another floor are left out, as are files that are damaged. Of a run
-        that failed and was tried again with success, the row with metrics is taken. A row belongs
-        to the point that its key follows from, whatever point the study had when it was written.
+        Rows of other code or of another floor and damaged files are skipped. If a failed run was
+        retried with success, the row with metrics is used. The key of a row determines its point, even
+        if the point had another number when the row was written.
         """
         pa = arrow()
         schema = self.schema
@@ -140,17 +140,17 @@ class Store:
         return chosen.sort_by([("point", "ascending"), ("replication", "ascending")])
 
     def keys(self, with_failed: bool = True) -> set[str]:
-        """The keys of the runs that are done; `with_failed`: those that failed included."""
+        """The keys of the runs that are done; `with_failed`: including failed runs."""
         done, failed = self._done_and_failed()
         return done | failed if with_failed else done
 
     def failed(self) -> set[str]:
-        """The keys of the runs that failed: no row has metrics of them."""
+        """The keys of failed runs, which have no row with metrics."""
         done, failed = self._done_and_failed()
         return failed - done
 
     def _done_and_failed(self) -> tuple[set[str], set[str]]:
-        """The keys of this study's rows with metrics, and of those without."""
+        """The keys of this study's rows with metrics, and of its rows without metrics."""
         expected = self.manifest.keys()
         found: tuple[set[str], set[str]] = set(), set()
         for _, table in self._tables(KEY_COLUMNS):
@@ -159,11 +159,11 @@ class Store:
         return found
 
     def files(self) -> list[Path]:
-        """The files of rows, damaged ones included."""
+        """The files of rows, including damaged ones."""
         return sorted((self.folder / ROWS_FOLDER).glob("*.parquet"))
 
     def _tables(self, columns: list[str] | None) -> Iterator[tuple[Path, pa.Table]]:
-        """Each file's table. A file that is merged into another one while we read is read there."""
+        """The table of each file. If a file is merged into another one meanwhile, that one is read."""
         self.damaged = []
         seen: set[Path] = set()
         for _ in range(ATTEMPTS):
@@ -183,24 +183,24 @@ class Store:
 
 
 def study_document_in(folder: Path, manifest: Manifest) -> Document:
-    """The study as the manifest has it: a reader never finds one of them without the other."""
+    """The study text in the manifest, so that study and manifest always match."""
     return document_of(manifest.text, folder / STUDY_FILE)
 
 
 def declared_in(folder: Path, manifest: Manifest) -> Study:
-    """The study that the rows of a folder belong to. Raises InputError."""
+    """The study of a results folder. Raises InputError."""
     return checked_study(study_document_in(folder, manifest))
 
 
 def so_far(study: Study, manifest: Manifest) -> Study:
-    """The study that the rows are of: with a number of replications, where they come in rounds."""
+    """The study with the replications up to the present round, if it has rounds."""
     if not study.in_rounds:
         return study
     return msgspec.structs.replace(study, replications=manifest.replications)
 
 
 def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
-    """Columns of a study's rows: of every run, factors, metrics; metrics are null where absent."""
+    """The columns of a study's rows: run, factors, results and metrics; absent metrics are null."""
     pa = arrow()
     types = {"text": pa.string(), "int": pa.int64(), "float": pa.float64(), "bool": pa.bool_()}
     factors = study.column_types()
@@ -215,7 +215,7 @@ def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
 
 
 def point_columns(study: Study, manifest: Manifest, points: Sequence[int]) -> dict[str, list[Any]]:
-    """The columns that follow from the design points of rows, given by their numbers."""
+    """The columns that are determined by the design points of rows, given by number."""
     planned = [manifest.points[point] for point in points]
     factors = {
         name: [column_value(one.levels.get(name), kind) for one in planned]
@@ -230,7 +230,7 @@ def point_columns(study: Study, manifest: Manifest, points: Sequence[int]) -> di
 
 
 def fitted(table: pa.Table, schema: pa.Schema) -> pa.Table:
-    """A table with exactly these columns; what it lacks, or has in another type, is null."""
+    """A table with exactly these columns; columns that it lacks or has with another type are null."""
     pa = arrow()
     columns = []
     for field in schema:
@@ -242,7 +242,7 @@ def fitted(table: pa.Table, schema: pa.Schema) -> pa.Table:
 
 
 def done_and_failed(table: pa.Table) -> tuple[set[str], set[str]]:
-    """The keys of a table's rows with metrics, and of those without; it has KEY_COLUMNS."""
+    """The keys of a table's rows with metrics, and of its rows without; it must have KEY_COLUMNS."""
     found: tuple[set[str], set[str]] = set(), set()
     columns = (table.column(name).to_pylist() for name in KEY_COLUMNS)
     for key, failed in zip(*columns, strict=True):
@@ -251,7 +251,7 @@ def done_and_failed(table: pa.Table) -> tuple[set[str], set[str]]:
 
 
 def content_name(content: bytes | str, first: str) -> str:
-    """The name of a file with this content, or of this digest; `first` makes names sort by time."""
+    """The name of a file with this content or digest; the prefix `first` sorts names by time."""
     digest = content if isinstance(content, str) else hashlib.sha256(content).hexdigest()
     return f"{first}-{digest[:16]}.parquet"
 
@@ -263,7 +263,7 @@ def file_digest(path: Path) -> str:
 
 
 def content_of(path: Path) -> bytes:
-    """What is in a file. Raises FileNotFoundError, or InputError for a file that cannot be read."""
+    """Read a file. Raises FileNotFoundError, or InputError if the file cannot be read."""
     try:
         return path.read_bytes()
     except FileNotFoundError:
@@ -274,10 +274,10 @@ def content_of(path: Path) -> bytes:
 
 
 def read_rows(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
-    """The rows of a file, verified. Raises DamagedFileError, FileNotFoundError, or InputError.
+    """Read and verify the rows of a file. Raises DamagedFileError, FileNotFoundError, or InputError.
 
-    This thread alone reads: a thread of Arrow lets go of a Python object now and then after the rows
-    are here, and the process aborts if Python ends in that moment.
+    Arrow must not use threads here: one of them may release a Python object after the read, and the
+    process aborts if Python ends at this moment.
     """
     pa = arrow()
     content = content_of(path)
@@ -294,12 +294,12 @@ def read_rows(path: Path, columns: Iterable[str] | None = None) -> pa.Table:
     return table
 
 
-# The writer: rows on their way into the folder.
+# The writer of a results folder.
 
 
 @contextlib.contextmanager
 def lock_folder(folder: Path) -> Iterator[None]:
-    """Hold a folder of results, made if it is not there. Raises InputError if another sweep does."""
+    """Lock a results folder, created if missing. Raises InputError if another sweep holds the lock."""
     with _told(folder):
         (folder / ROWS_FOLDER).mkdir(parents=True, exist_ok=True)
         file = (folder / LOCK_FILE).open("a+b", buffering=0)
@@ -310,13 +310,13 @@ def lock_folder(folder: Path) -> Iterator[None]:
 
 
 def _claim(file: FileIO, folder: Path) -> None:
-    """Lock a folder by this file, which says who did; take away what a killed sweep has left."""
+    """Lock a folder by this file, which names the holder; delete temporary files of killed sweeps."""
     try:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         file.seek(0)
         who = file.read().decode(errors="replace").strip() or "another process"
-        raise InputError(f"another sweep writes to it ({who})", str(folder)) from None
+        raise InputError(f"another sweep writes to this folder ({who})", str(folder)) from None
     file.truncate(0)
     file.write(f"process {os.getpid()} on {socket.gethostname()}".encode())
     for left in (*(folder / ROWS_FOLDER).glob("*.writing"), *folder.glob("*.writing")):
@@ -324,7 +324,7 @@ def _claim(file: FileIO, folder: Path) -> None:
 
 
 class Writer:
-    """Takes rows and writes them; used by the one who holds the folder's lock."""
+    """Collects rows and writes them; only for the holder of the folder's lock."""
 
     def __init__(self, store: Store) -> None:
         self.store = store
@@ -338,22 +338,22 @@ class Writer:
         with _told(self.folder):
             reserve = self.folder / RESERVE
             if not reserve.exists():
-                write_atomically(reserve, os.urandom(RESERVE_BYTES))  # zeros may take no room
+                write_atomically(reserve, os.urandom(RESERVE_BYTES))  # file systems compress zeros
 
     def hold(self, rows: list[Row]) -> None:
-        """Take rows; `tick` writes them when it is time, `flush` at once."""
+        """Accept rows; `tick` writes them when a batch is due, `flush` at once."""
         if not self.held:
             self.since = time.monotonic()
         self.held += rows
 
     def tick(self) -> None:
-        """Write if it is time."""
+        """Write the pending rows if a batch is due."""
         old = self.held and time.monotonic() - self.since >= BATCH_S
         if len(self.held) >= BATCH_ROWS or old:
             self.flush()
 
     def flush(self) -> None:
-        """Write all rows in hand. Raises InputError, with the rows written if any way is left."""
+        """Write all pending rows. Raises InputError after an attempt to save them from the error."""
         if not self.held:
             return
         try:
@@ -376,7 +376,7 @@ class Writer:
         self.held.clear()
 
     def _table(self) -> Any:
-        """The rows in hand; those that cannot be written have failed."""
+        """The pending rows; rows that cannot be written become failed runs."""
         try:
             return table_of(self.held, self.store, self.schema)
         except UNFIT:
@@ -392,30 +392,30 @@ class Writer:
         return row
 
     def _rescued(self, error: OSError) -> InputError:
-        """What to say when rows cannot be written, after giving back the room that was kept."""
+        """The error if rows cannot be written; first try again with the reserved space released."""
         self.release()
         runs = count(len(self.held), "finished run")
         why = (error.strerror or str(error)).lower()
         try:
             self._write()
-            end = "all finished runs are kept; the same command goes on when there is room"
+            end = "all finished runs are saved; repeat the command when there is space to continue"
         except OSError:
             self.held.clear()
-            end = f"{runs} could not be kept and will be done again; all others are kept"
+            end = f"{runs} could not be saved and must be repeated; all others are saved"
         return InputError(f"cannot write results: {why}; {end}", str(self.folder))
 
     def close(self) -> None:
-        """Write what is in hand, and merge all files into one."""
+        """Write the pending rows, and merge all files into one."""
         self.flush()
         self.merge()
 
     def release(self) -> None:
-        """Give back the room that was kept."""
-        with contextlib.suppress(OSError):  # what has gone wrong already is what is told
+        """Release the reserved disk space."""
+        with contextlib.suppress(OSError):  # must not hide an earlier error
             (self.folder / RESERVE).unlink(missing_ok=True)
 
     def merge(self, only_small: bool = False) -> None:
-        """Put files together, each run once. Files of other columns or that are damaged stay."""
+        """Merge files, with one row for each run. Files that are damaged or have other columns stay."""
         pattern = f"{PREFIX_PART}-*.parquet" if only_small else "*.parquet"
         paths = sorted(self.folder.glob(pattern))
         if len(paths) < 2 and not (paths and paths[0].name.startswith(PREFIX_PART)):
@@ -430,7 +430,7 @@ class Writer:
                 )
                 put_in_place(part, place, durable=True)
         except OSError:
-            return  # no room for a second copy: many files are as good
+            return  # no space for a second copy; the separate files remain valid
         finally:
             with contextlib.suppress(OSError):
                 part.unlink(missing_ok=True)
@@ -440,7 +440,7 @@ class Writer:
         self.small = len(list(self.folder.glob(f"{PREFIX_PART}-*.parquet")))
 
     def _merge_into(self, part: Path, paths: list[Path]) -> list[Path]:
-        """Write the rows of files to one file; the files that it replaces."""
+        """Write the rows of files to one file; return the files that it replaces."""
         pa = arrow()
         merged: list[Path] = []
         group: list[Any] = []
@@ -476,7 +476,7 @@ class Writer:
 
 
 def _with_figures(paths: list[Path]) -> set[str]:
-    """The keys of rows with metrics in files; a run that failed and then did not has such a row."""
+    """The keys of rows with metrics in files, including failed runs that a retry has completed."""
     found: set[str] = set()
     for path in paths:
         with contextlib.suppress(DamagedFileError, FileNotFoundError):
@@ -485,7 +485,7 @@ def _with_figures(paths: list[Path]) -> set[str]:
 
 
 def set_damaged_aside(store: Store) -> list[Path]:
-    """Rename the files that are not what was written; their new names."""
+    """Rename damaged files; return their new paths."""
     store.keys()
     aside = []
     for path in store.damaged:
@@ -496,7 +496,7 @@ def set_damaged_aside(store: Store) -> list[Path]:
 
 
 def write_manifest(folder: Path, manifest: Manifest, copies: Copies | None = None) -> Store:
-    """Write what a folder's results follow from. Raises InputError."""
+    """Write the manifest of a folder, its study and its copies of files. Raises InputError."""
     with _told(folder):
         for place, content in (copies or {}).items():
             if not holds(folder / place, content):
@@ -508,22 +508,21 @@ def write_manifest(folder: Path, manifest: Manifest, copies: Copies | None = Non
 
 
 def check_free(folder: Path, copies: Copies) -> None:
-    """Raises InputError if a folder that is not a folder of results yet has other files in their
-    place."""
+    """Raise InputError if a folder has files with the names but not the contents of the copies."""
     with _told(folder):
         for place, content in copies.items():
             if (folder / place).exists() and not holds(folder / place, content):
-                text = f"holds another file {place} than the study: use another folder"
+                text = f"has a file {place} that differs from the study's file: use another folder"
                 raise InputError(text, str(folder))
 
 
 def holds(path: Path, content: bytes) -> bool:
-    """Whether there is a file with this content."""
+    """Whether a file exists with this content."""
     return path.is_file() and path.read_bytes() == content
 
 
 def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
-    """Rows as an Arrow table of the schema's columns."""
+    """Rows as an Arrow table with the schema's columns."""
     pa = arrow()
     known = point_columns(store.study, store.manifest, [row["point"] for row in rows])
     arrays = []
@@ -539,14 +538,14 @@ def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
 
 
 def write_atomically(path: Path, content: bytes) -> None:
-    """Write a file that takes its name when it is on the disk. Raises OSError."""
+    """Write a file under a temporary name, sync it, and rename it. Raises OSError."""
     with replacing(path, path.with_name(f"{path.name}.writing"), durable=True) as file:
         file.write(content)
 
 
 @contextlib.contextmanager
 def _told(place: Path) -> Iterator[None]:
-    """Turns what goes wrong with files in here into an InputError."""
+    """Convert an OSError inside to an InputError."""
     try:
         yield
     except OSError as error:

@@ -1,9 +1,9 @@
-"""What a folder of results was made of, and the key by which each run is known.
+"""The manifest of a results folder, and the key that identifies each run.
 
     key = hash(version of the code, resolved scenario, seed)
 
-A row belongs to a folder's study as it stands if its key is one of those that follow from here; so
-results of other code, or of another floor, are never taken for these.
+A row belongs to the study of a folder if its key is one of the keys of the manifest. Results of other
+code or of another floor have other keys.
 """
 
 from __future__ import annotations
@@ -23,12 +23,13 @@ from automaton.scenario.order_lines import plain_data
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.strategy import lookup
 from automaton.studies.sweeps.study import Levels, Study
+from automaton.units import count
 from automaton.world.resolved import Resolved
 
-DATA_SUFFIXES: Final = (".yaml", ".json")  # of automaton's packages: what their code may read
+DATA_SUFFIXES: Final = (".yaml", ".json")  # files of automaton's packages that their code may read
 MANIFEST: Final = "sweep.json"
 MANIFEST_FORMAT: Final = 5
-DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a file of its own
+DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a separate file
 MAX_REASON_LENGTH: Final = 500  # characters
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
@@ -42,77 +43,77 @@ class SweepRun(NamedTuple):
     seed: int
 
 
-Row = dict[str, Any]  # what is kept of a run, by column; its metrics under "metrics"
+Row = dict[str, Any]  # stored results of a run, by column; its metrics under "metrics"
 
 
 def blank(run: SweepRun, failed: str | None = None) -> Row:
-    """The row of a run that failed."""
+    """The row of a run without results; `failed`: why it failed."""
     return {**run._asdict(), "finished": False, "error": failed, "metrics": {}}
 
 
 def reason(text: str) -> str:
-    """Why a run failed, as a row keeps it: not too long, and text that files can hold."""
+    """Why a run failed, as stored in a row: one line of limited length and valid Unicode."""
     return one_line(text.encode(errors="replace").decode(), MAX_REASON_LENGTH)
 
 
 class Windows(NamedTuple):
-    """In what steps the rows of a steady state tell of their runs; 0: they keep none."""
+    """The time resolution of steady-state rows in ticks; 0: no time series."""
 
-    window: int = 0  # ticks of a window of deliveries
-    stretch: int = 0  # and of a stretch of several, of which they keep all sums
+    window: int = 0  # length of the windows in which deliveries are counted
+    stretch: int = 0  # length of the stretches (several windows) for which all sums are stored
 
 
 WHOLE_RUNS: Final = Windows()
 
 
 class PlannedPoint(msgspec.Struct, frozen=True):
-    """A design point as it was resolved."""
+    """A resolved design point."""
 
     scenario: str
     levels: Levels
     fingerprint: str  # of the resolved scenario, floor included
     windows: Windows
-    warm_up: int  # ticks that the metrics of its rows leave out
+    warm_up: int  # ticks that the metrics of its rows exclude
 
 
 class Declared(msgspec.Struct, frozen=True):
-    """What a study says of its analysis, and no key of a run follows from."""
+    """The parts of a study that concern its analysis and do not enter the keys of runs."""
 
-    replications: int  # of a study in rounds its bound; of an earlier one those asked for by then
+    replications: int  # bound of a study in rounds; in an earlier declaration, those requested by then
     warm_up: int | str | None
     analysis: Any  # as plain data; None: nothing was declared
 
     def analysed_as(self, other: Declared) -> bool:
-        """Whether the runs are asked the same."""
+        """Whether warm-up and analysis are the same."""
         return (self.warm_up, self.analysis) == (other.warm_up, other.analysis)
 
 
 class ManifestForm(msgspec.Struct, frozen=True):
-    """What every manifest says, whatever wrote it."""
+    """The part of a manifest that is the same in all formats."""
 
     format: int
 
 
 class Manifest(msgspec.Struct, frozen=True):
-    """What the results in a folder follow from."""
+    """Everything that determines the results in a folder."""
 
     study: str
-    text: str  # of the study's file
-    replications: int  # of a study in rounds: so far
+    text: str  # content of the study file
+    replications: int  # of a study in rounds: up to the present round
     seed: int
     common_random_numbers: bool
     points: tuple[PlannedPoint, ...]
     sources: Sources
-    versions: dict[str, str]  # of libraries; for the record
-    counted: tuple[str, ...]  # metrics that the strategies count themselves
-    earlier: tuple[Declared, ...] = ()  # what was declared before, when runs had been made
-    # replications after each round, where a study goes on until a precision is reached
+    versions: dict[str, str]  # of libraries; for information only
+    counted: tuple[str, ...]  # metrics counted by strategies
+    earlier: tuple[Declared, ...] = ()  # earlier declarations that were changed after runs were made
+    # Replications after each round, if a study continues until it reaches a precision.
     rounds: tuple[int, ...] | msgspec.UnsetType = msgspec.UNSET
     format: int = MANIFEST_FORMAT
-    checksum: str = ""  # of all else, in a file; "" in memory
+    checksum: str = ""  # of all other fields, in a file; "" in memory
 
     def going_on(self, replications: int) -> Manifest:
-        """The manifest of the next round, after which there are so many replications."""
+        """The manifest of the next round; `replications`: number after this round."""
         rounds = () if self.rounds is msgspec.UNSET else self.rounds
         return msgspec.structs.replace(
             self, replications=replications, rounds=(*rounds, replications)
@@ -120,18 +121,18 @@ class Manifest(msgspec.Struct, frozen=True):
 
     @property
     def version(self) -> str:
-        """16 hex digits of the code."""
+        """Hash of the code, 16 hex digits."""
         return hashed(self.sources)
 
     def runs(self) -> Iterator[SweepRun]:
-        """All runs: replications one after the other, and in each all points."""
+        """All runs, by replication and then by point."""
         version = self.version
         for replication in range(self.replications):
             for point in range(len(self.points)):
                 yield self.run(version, point, replication)
 
     def run(self, version: str, point: int, replication: int) -> SweepRun:
-        """One of them; `version` is `self.version`, which takes a while."""
+        """One run; `version` is `self.version`, which is slow to compute."""
         planned = self.points[point]
         salt = "" if self.common_random_numbers else f" {planned.fingerprint}"
         seed = seed_of(f"{self.seed} {replication}{salt}")
@@ -144,12 +145,12 @@ class Manifest(msgspec.Struct, frozen=True):
 
 
 def seed_of(text: str) -> int:
-    """A seed from 0 to 2^63 - 1 that follows from a text."""
+    """A seed from 0 to 2^63 - 1, derived from a text."""
     return int(digest(text)[:16], 16) >> 1
 
 
 def replication_seeds(seed: int, first: int, number: int) -> list[int]:
-    """The seeds of so many replications; those of a sweep with common random numbers."""
+    """Seeds of `number` replications from `first` on, as in a sweep with common random numbers."""
     return [seed_of(f"{seed} {replication}") for replication in range(first, first + number)]
 
 
@@ -159,15 +160,15 @@ def digest(text: str) -> str:
 
 
 def hashed(value: Any) -> str:
-    """16 hex digits of data; the order of keys does not matter."""
+    """Hash of data, 16 hex digits; the order of keys does not matter."""
     return digest(json.dumps(value, sort_keys=True, ensure_ascii=False, default=str))[:16]
 
 
 def fingerprint(resolved: Resolved, windows: Windows = WHOLE_RUNS) -> str:
-    """Of a resolved scenario but for its seed and summary: 32 hex digits.
+    """Hash of a resolved scenario without its seed and summary, 32 hex digits.
 
-    Files count by their contents and not by their places, so that it is the same in another folder
-    and on another machine; of a floor, what was built. `windows`: of its rows.
+    Files count by content, not by path, so the hash is the same in another folder or on another
+    machine. A floor counts as built. `windows`: the windows of its rows.
     """
     scenario = plain_data(resolved.scenario)
     del scenario["seed"], scenario["summary"]
@@ -189,7 +190,7 @@ def fingerprint(resolved: Resolved, windows: Windows = WHOLE_RUNS) -> str:
 
 
 def by_content(data: Any, contents: Mapping[str, str]) -> Any:
-    """Plain data with the hash of its content instead of each path; `contents`: path -> hash."""
+    """Plain data with each path replaced by the hash of the file; `contents`: path -> hash."""
     if isinstance(data, dict):
         return {key: by_content(value, contents) for key, value in data.items()}
     if isinstance(data, list | tuple):
@@ -198,17 +199,17 @@ def by_content(data: Any, contents: Mapping[str, str]) -> Any:
 
 
 def plugins_of(resolved: Resolved) -> set[str]:
-    """The modules of a scenario's strategies that are not built-ins."""
+    """The modules of a scenario's strategies that are not built in."""
     places = (lookup.place(layer, choice.name) for layer, choice in resolved.choices)
     modules = {place.partition(":")[0] for place in places if place}
     return {module for module in modules if module.partition(".")[0] not in PACKAGES}
 
 
 def sources_of(plugins: tuple[str, ...] = ()) -> Sources:
-    """The files from which runs follow: automaton's packages, and the modules of plug-ins.
+    """The files that determine runs: those of automaton's packages and of plug-ins.
 
-    Of a plug-in that is a package all its files count but caches, of a single module the Python
-    files beside it.
+    A plug-in that is a package counts with all its files except caches; a plug-in that is a single
+    module counts with all Python files of its folder.
     """
     found = package_sources()
     for plugin in plugins:
@@ -217,7 +218,7 @@ def sources_of(plugins: tuple[str, ...] = ()) -> Sources:
 
 
 def package_sources() -> Sources:
-    """Those of automaton's packages."""
+    """The files of automaton's packages that determine runs."""
     found: Sources = {}
     for package in PACKAGES:
         root, _ = _home(package)
@@ -227,14 +228,14 @@ def package_sources() -> Sources:
 
 
 def plugin_sources(plugin: str) -> Sources:
-    """Those of a plug-in, given by its module."""
+    """The files of a plug-in, given by its module."""
     top = plugin.partition(".")[0]
     root, whole = _home(top)
     return _contents(_own_files(root) if whole else root.glob("*.py"), root, f"{top}: ")
 
 
 def _contents(files: Iterable[Path], root: Path, first: str) -> Sources:
-    """Names as seen from a folder, with something first; links that lead nowhere are not files."""
+    """Hashes of files by path relative to `root` with the prefix `first`; broken links are skipped."""
     return {
         first + path.relative_to(root).as_posix(): _content(path)
         for path in files
@@ -243,7 +244,7 @@ def _contents(files: Iterable[Path], root: Path, first: str) -> Sources:
 
 
 def _own_files(root: Path) -> Iterator[Path]:
-    """The files of a package: not caches, nothing hidden, and no results that a sweep keeps there."""
+    """The files of a package, without caches, hidden files and results folders."""
     for path in sorted(root.iterdir()):
         if path.name.startswith(".") or path.name == "__pycache__" or path.suffix == ".pyc":
             continue
@@ -254,7 +255,7 @@ def _own_files(root: Path) -> Iterator[Path]:
 
 
 def _home(name: str) -> tuple[Path, bool]:
-    """The folder of a package or module, and whether it is a package, with `__init__.py` or without."""
+    """The folder of a package or module, and whether it is a package (possibly without __init__.py)."""
     import importlib.util
 
     spec = importlib.util.find_spec(name)
@@ -270,18 +271,18 @@ def _content(path: Path) -> str:
 
 
 def changed_sources(before: Sources, now: Sources) -> str:
-    """What differs between two states of the code, in a phrase; "" if nothing does."""
+    """The differences between two states of the code, in a phrase; "" if they are equal."""
     changes = [
         f"{file} {'is new' if file not in before else 'is gone' if file not in now else 'changed'}"
         for file in sorted({*before, *now})
         if before.get(file) != now.get(file)
     ]
     more = len(changes) - 3
-    return ", ".join([*changes[:3], *([f"and {more} files more"] if more > 0 else [])])
+    return ", ".join([*changes[:3], *([f"and {count(more, 'more file')}"] if more > 0 else [])])
 
 
 def read_manifest(folder: Path) -> Manifest | None:
-    """What the results in a folder follow from; None if it holds none yet. Raises InputError."""
+    """The manifest of a folder; None if it has no results yet. Raises InputError."""
     path = folder / MANIFEST
     try:
         content = path.read_bytes()
@@ -298,27 +299,27 @@ def read_manifest(folder: Path) -> Manifest | None:
     plain = msgspec.structs.replace(manifest, checksum="")
     if manifest.checksum != checksum_of(plain):
         raise InputError(
-            "is damaged: it is not what was written; remove it, and the sweep of the same study into "
-            "this folder writes it again and keeps the rows",
+            "is damaged; delete it and sweep the same study into this folder again: this restores the "
+            "file and keeps the rows",
             str(path),
         )
     return plain
 
 
 def manifest_json(manifest: Manifest) -> bytes:
-    """A manifest as its file holds it, with its checksum."""
+    """The content of a manifest file, with the checksum."""
     sealed = msgspec.structs.replace(manifest, checksum=checksum_of(manifest))
     return msgspec.json.format(msgspec.json.encode(sealed), indent=1) + b"\n"
 
 
 def checksum_of(manifest: Manifest) -> str:
-    """32 hex digits of all that a manifest says."""
+    """Hash of all fields of a manifest, 32 hex digits."""
     return digest(msgspec.json.encode(manifest).decode())[:32]
 
 
 def declared_by(study: Study) -> Declared:
-    """What must be told of a study if it is another one after runs have been made."""
-    analysis = msgspec.json.decode(msgspec.json.encode(study.analysis))  # as a manifest has it
+    """The declaration of a study; reports mention changes of it after runs have been made."""
+    analysis = msgspec.json.decode(msgspec.json.encode(study.analysis))  # as in a manifest file
     return Declared(study.max_replications, study.warm_up, analysis)
 
 
@@ -330,9 +331,9 @@ def manifest_of(
     versions: dict[str, str],
     counted: tuple[str, ...],
 ) -> tuple[Manifest, tuple[str, ...]]:
-    """The manifest of a study with this text, of which the points were resolved to these scenarios.
+    """The manifest of a study, and the modules of the plug-ins that its scenarios use.
 
-    And the modules of plug-ins that they use.
+    `text`: the content of the study file; `scenarios`: the resolved scenario of each point.
     """
     plugins = tuple(sorted(set().union(*map(plugins_of, scenarios))))
     each = zip(study.points, scenarios, strict=True)

@@ -1,8 +1,8 @@
-"""Studies as files: which runs are made, how often, and what will be asked of them.
+"""Study files: the design points, the number of runs, and the declared analysis.
 
 A study varies keys of one or several scenarios: `factors` crosses their levels, `points` lists the
-combinations one by one. The columns of its results, and what may be a factor, follow from it. Nothing
-here needs Numba or Arrow.
+combinations one by one. The study also defines the columns of its results and the permitted factors.
+This module imports without Numba and Arrow.
 """
 
 from __future__ import annotations
@@ -30,67 +30,67 @@ from automaton.units import count
 
 # The columns of every row, before the factors and the metrics, with their types.
 RESULT_COLUMNS: Final = {
-    "key": "text",  # of the run: scenario, seed and code
+    "key": "text",  # identifies the run: hash of scenario, seed and code
     "study": "text",
-    "scenario": "text",  # as the study names it
+    "scenario": "text",  # name in the study
     "point": "int",  # number of the design point, from 0
     "replication": "int",  # from 0
     "seed": "int",
     "finished": "bool",
-    "error": "text",  # why the run failed; null: it did not
+    "error": "text",  # why the run failed; null if it did not fail
     "ticks": "int",
     "orders": "int",
     "delivered": "int",
     "digest": "text",
-    "wall_s": "float",  # of the run, setting up included
+    "wall_s": "float",  # of the run, including set-up
     "cpu_s": "float",
 }
-SERIES_COLUMN: Final = "series"  # deliveries in each window, where a study asks for them
-# what automaton.runs.metric_sums adds up, in each stretch of some windows; likewise
+SERIES_COLUMN: Final = "series"  # deliveries in each window; only in steady-state studies
+# Sums of automaton.runs.metric_sums in each stretch of several windows; only in steady-state studies.
 SUMS_COLUMN: Final = "sums"
-TICKS_PER_SECOND: Final = "ticks_per_second"  # of reports: `ticks` by `cpu_s`
-# What an analysis may name beside the metrics: unit and meaning.
+TICKS_PER_SECOND: Final = "ticks_per_second"  # computed in reports: `ticks` / `cpu_s`
+# Names that an analysis may use as metrics beside those of the catalogue: unit and meaning.
 RUN_METRICS: Final = {
-    "ticks": ("ticks", "ticks of the run"),
-    "orders": ("orders", "orders of the run"),
+    "ticks": ("ticks", "length of the run"),
+    "orders": ("orders", "number of orders of the run"),
     TICKS_PER_SECOND: (
         "ticks/s",
-        "by CPU time of the whole run; it differs from machine to machine",
+        "simulated ticks per CPU second of the whole run; depends on the machine",
     ),
 }
-FIXED_KEYS: Final = ("name", "summary", "seed")  # of a scenario, no factors
+FIXED_KEYS: Final = ("name", "summary", "seed")  # keys of a scenario that cannot be factors
 STUDY_WANTED: Final = (
-    "a study is a file of its own, such as {name: my-fleet, scenario: my-floor.yaml, "
+    "a study is a separate file, such as {name: my-fleet, scenario: my-floor.yaml, "
     "factors: {fleet.robots: [2, 3]}, replications: 60}"
 )
 SHIPPED_STUDIES: Final = SHIPPED_FOLDER / "studies"
 MAX_WINDOW: Final = 1_000_000  # ticks
 MAX_DESIGN_POINTS: Final = 10_000
 MAX_STUDY_RUNS: Final = 10_000_000
-MIN_FIRST_ROUND: Final = 10  # runs: the variance of fewer ends a study too soon
-SCENARIO_FACTOR: Final = "scenario"  # as a column, and as a factor where a study has several
+MIN_FIRST_ROUND: Final = 10  # runs; the variance of fewer runs would end a study too early
+SCENARIO_FACTOR: Final = "scenario"  # a column, and a factor if a study has several scenarios
 Levels = dict[str, Any]  # key of a scenario, such as "fleet.robots" -> its value
 
 
 def check_factor(key: str) -> str | None:
-    """What is wrong with a key as a factor, or None."""
+    """Why a key cannot be a factor; None if it can."""
     first = key.split(".")[0]
     parts = key.split(".")
     if "" in parts:
         return f"'{key}' is not a key of a scenario, such as fleet.robots"
     if first in FIXED_KEYS and len(parts) == 1:
-        why = "the seeds follow from the study's" if key == "seed" else "it changes no run"
+        why = "set `seed` of the study" if key == "seed" else "it does not change runs"
         return f"{key} is not a factor: {why}"
     names = Scenario.__struct_fields__
     if first not in names:
         return f"unknown key '{first}'{nearest(first, names)}; allowed: {', '.join(names)}"
     if key in RESULT_COLUMNS:
-        return f"{key} as a whole is not a factor; vary a part of it, such as {key}.count"
+        return f"{key} cannot be a factor as a whole; vary a part of it, such as {key}.count"
     return None
 
 
 def column_type(levels: tuple[Any, ...]) -> str:
-    """What a column of these levels holds: "int", "float", "bool", or "text"."""
+    """The type of a column with these levels: "int", "float", "bool", or "text"."""
     kinds = {type(level) for level in levels if level is not None}
     if kinds == {bool}:
         return "bool"
@@ -100,7 +100,7 @@ def column_type(levels: tuple[Any, ...]) -> str:
 
 
 def column_value(level: Any, kind: str) -> Any:
-    """A level as its column holds it: words as they are, lists and mappings as JSON."""
+    """The value of a level in its column: text as it is, lists and mappings as JSON."""
     if level is None:
         return None
     if kind == "text" and not isinstance(level, str):
@@ -109,16 +109,16 @@ def column_value(level: Any, kind: str) -> Any:
 
 
 def metric_names(counted: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """All metrics that a row may have: those of every run, then what strategies count themselves.
+    """All metrics that a row may have: those of the catalogue, then those counted by strategies.
 
-    `delivered` stands among the first columns.
+    `delivered` is not included: it is one of RESULT_COLUMNS.
     """
     known = tuple(name for name in METRIC_CATALOGUE if name not in RESULT_COLUMNS)
     return (*known, *(name for name in counted if name not in known))
 
 
 def sum_names(counted: tuple[str, ...] = ()) -> tuple[str, ...]:
-    """What a row of a steady state adds up: also what strategies count themselves."""
+    """The sums in a row of a steady state, including counters of strategies."""
     return (*SUMS, *(name for name in counted if name not in SUMS))
 
 
@@ -126,7 +126,7 @@ def sum_names(counted: tuple[str, ...] = ()) -> tuple[str, ...]:
 
 
 def plain(value: Any) -> Any:
-    """A value of Python or NumPy as a file of a study could hold it. Raises InputError."""
+    """Convert a Python or NumPy value to plain data of a study file. Raises InputError."""
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, dict):
@@ -189,7 +189,7 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
         if self.comparisons == "baseline" and not self.baseline:
             raise ValueError("comparisons with the baseline need a baseline")
         if self.baseline is not None and self.comparisons != "baseline":
-            raise ValueError("baseline belongs to comparisons: baseline")
+            raise ValueError("baseline needs comparisons: baseline")
 
 
 class Replications(ConfigSection, frozen=True, kw_only=True):
@@ -214,10 +214,10 @@ class Replications(ConfigSection, frozen=True, kw_only=True):
 
 
 class Point(NamedTuple):
-    """A design point: a scenario with some of its keys changed."""
+    """A design point: a scenario with some keys changed."""
 
     number: int  # from 0, in the order of the study
-    scenario: str  # as the study names it
+    scenario: str  # name in the study
     levels: Levels  # by factor
 
 
@@ -291,20 +291,20 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         if (self.factors is None) == (self.listed is None):
             raise ValueError("a study must have either factors or points")
         if not self.scenarios:
-            raise ValueError("scenario must name at least one")
+            raise ValueError("scenario must name at least one scenario")
         if len(set(self.scenarios)) < len(self.scenarios):
-            raise ValueError("scenario names one of them twice")
+            raise ValueError("scenario names a scenario twice")
         if not isinstance(self.replications, Replications):
             msgspec.structs.force_setattr(self, "replications", plain(self.replications))
         if self.factors is not None:
             self._check_factors(self.factors)
         if self.listed is not None and not self.listed:
-            raise ValueError("points must list at least one")
+            raise ValueError("points must list at least one point")
         if self.design == "terminating" and (self.warm_up is not None or self.window is not None):
             key = "window" if self.warm_up is None else "warm_up"
-            raise ValueError(f"{key} belongs to design: steady-state")
+            raise ValueError(f"{key} needs design: steady-state")
         if self.analysis and self.analysis.paired and not self.common_random_numbers:
-            raise ValueError("common_random_numbers must be true, since analysis.paired is")
+            raise ValueError("common_random_numbers must be true because analysis.paired is true")
 
     def _check_factors(self, factors: dict[str, Any]) -> None:
         if not factors:
@@ -314,29 +314,29 @@ class Study(ConfigSection, frozen=True, kw_only=True):
             points *= max(1, len(levels)) if isinstance(levels, list | tuple) else 1
         if points > MAX_DESIGN_POINTS:
             raise ValueError(
-                f"factors cross to {points:,} points; {MAX_DESIGN_POINTS:,} are allowed"
+                f"the factors give {points:,} points; the maximum is {MAX_DESIGN_POINTS:,}"
             )
 
     @property
     def in_rounds(self) -> bool:
-        """Whether runs are made until a precision is reached."""
+        """Whether rounds of runs are made until a precision is reached."""
         return isinstance(self.replications, Replications)
 
     @property
     def min_replications(self) -> int:
-        """Runs of each point that are made in any case."""
+        """Minimum number of runs of each point."""
         declared = self.replications
         return declared.at_least if isinstance(declared, Replications) else declared
 
     @property
     def max_replications(self) -> int:
-        """Runs of each point, at most."""
+        """Maximum number of runs of each point."""
         declared = self.replications
         return declared.at_most if isinstance(declared, Replications) else declared
 
     @property
     def planned(self) -> tuple[str, str]:
-        """Its replications and its runs in words: "20 to 200 replications", "80 to 800 runs"."""
+        """Numbers of replications and runs in words: "20 to 200 replications", "80 to 800 runs"."""
         words = count(self.max_replications, "replication"), count(self.runs, "run")
         if not self.in_rounds:
             return words
@@ -345,13 +345,13 @@ class Study(ConfigSection, frozen=True, kw_only=True):
 
     @property
     def paired(self) -> bool:
-        """Whether runs of the same replication are compared with each other."""
+        """Whether comparisons are paired by replication."""
         declared = self.analysis.paired if self.analysis else None
         return self.common_random_numbers if declared is None else declared
 
     @property
     def scenarios(self) -> tuple[str, ...]:
-        """The scenarios as the study names them."""
+        """The names of the scenarios in the study."""
         return (self.scenario,) if isinstance(self.scenario, str) else self.scenario
 
     @property
@@ -375,7 +375,7 @@ class Study(ConfigSection, frozen=True, kw_only=True):
 
     @property
     def points(self) -> tuple[Point, ...]:
-        """The design points: every combination, for each scenario; the last factor runs fastest."""
+        """The design points: every combination for each scenario; the last factor varies fastest."""
         return tuple(
             Point(number, scenario, levels)
             for number, (scenario, levels) in enumerate(
@@ -385,7 +385,7 @@ class Study(ConfigSection, frozen=True, kw_only=True):
 
     @property
     def runs(self) -> int:
-        """How many runs the study asks for, at most."""
+        """Maximum number of runs of the study."""
         return len(self.scenarios) * len(self._combinations()) * self.max_replications
 
     def _combinations(self) -> list[Levels]:
@@ -396,20 +396,20 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         return [dict(zip(names, levels, strict=True)) for levels in crossed]
 
     def column_types(self) -> dict[str, str]:
-        """For each factor "int", "float", "bool" or "text": what its column holds.
+        """The type of each factor's column: "int", "float", "bool" or "text".
 
-        Levels that are lists or mappings, or of several types, stand there as JSON.
+        Levels that are lists or mappings, or of several types, are stored as JSON text.
         """
         return {name: column_type(self.levels(name)) for name in self.factor_names}
 
 
 def shipped_studies() -> dict[str, Path]:
-    """The studies that come with the package, by name."""
+    """The studies shipped with the package, by name."""
     return {path.stem: path for path in sorted(SHIPPED_STUDIES.glob("*.yaml"))}
 
 
 def read_study(name: str | Path) -> Study:
-    """A study by path or shipped name; what it says of its scenarios is not checked yet.
+    """Read a study by path or shipped name, without checking it against its scenarios.
 
     Raises InputError.
     """
@@ -417,7 +417,7 @@ def read_study(name: str | Path) -> Study:
 
 
 def study_document(name: str | Path) -> Document:
-    """What a study file says, unchecked: a path, or the name of a shipped one. Raises InputError."""
+    """The unchecked content of a study, given by path or shipped name. Raises InputError."""
     path = Path(name)
     known = shipped_studies()
     if not os.path.exists(path) and str(name) in known:
@@ -435,11 +435,11 @@ def study_document(name: str | Path) -> Document:
 
 
 def document_of(text: str, path: Path) -> Document:
-    """What the text of a study file says, unchecked. Raises InputError."""
+    """The unchecked content of a study file with this text. Raises InputError."""
     data, root = parse(text, str(path))
     if data is None:
         raise InputError(
-            "is empty; a study needs a name, scenario, factors, replications", str(path)
+            "is empty; a study needs a name, scenario, factors and replications", str(path)
         )
     if not isinstance(data, dict):
         raise InputError("a study has keys such as name, scenario and factors", str(path), 1)
@@ -447,7 +447,7 @@ def document_of(text: str, path: Path) -> Document:
 
 
 def checked_study(document: Document) -> Study:
-    """The study that a document holds. Raises InputError with its place."""
+    """The checked study of a document. Raises InputError with the line of an error."""
     if "layout" in document.data and STUDY_KEYS.isdisjoint(document.data):
         raise InputError(f"this is a scenario; {STUDY_WANTED}", document.file)
     try:
@@ -462,7 +462,7 @@ def checked_study(document: Document) -> Study:
             if study.factors is not None:
                 _check_levels(document, key, value)
     if study.runs > MAX_STUDY_RUNS:
-        text = f"{study.runs:,} runs; a study may have {MAX_STUDY_RUNS:,}"
+        text = f"the study has {study.runs:,} runs; the maximum is {MAX_STUDY_RUNS:,}"
         raise document.error(("replications",), text)
     if study.analysis is not None:
         _check_baseline(document, study, study.analysis)
@@ -474,12 +474,12 @@ def _check_precision(document: Document, study: Study) -> None:
     precise = study.analysis is not None and study.analysis.precision is not None
     compared = study.analysis is not None and study.analysis.comparisons != "none"
     if study.in_rounds and not precise:
-        text = "replications with at_most need analysis.precision: it says when there are enough"
+        text = "replications with at_most need analysis.precision, which determines when to stop"
         raise document.error(("replications",), text)
     if precise and not compared and not study.in_rounds:
         text = (
-            "precision is that of comparisons, and none are declared; that of means needs "
-            "replications: {at_most: N}, runs that are made until they have it"
+            "precision needs comparisons, and none are declared; a precision of means needs "
+            "replications: {at_most: N}, with which the sweep makes runs until it is reached"
         )
         raise document.error(("analysis", "precision"), text)
 
@@ -516,7 +516,7 @@ def _check_baseline(document: Document, study: Study, analysis: Analysis) -> Non
         levels = study.levels(key)
         if not any(_same(level, known) for known in levels):
             found = ", ".join(shown(known) for known in levels)
-            text = f"the baseline has {key} {shown(level)}, which is not one of its levels: {found}"
+            text = f"the baseline has {key} {shown(level)}, but the levels of {key} are: {found}"
             raise document.error(keys, text)
 
 

@@ -1,8 +1,8 @@
-"""A study made ready to run: every design point resolved, its contradictions refused beforehand.
+"""A study prepared to run: every design point is resolved and checked before the first run.
 
-With copies of the study's own files a folder of results can be read, and repeated, anywhere. Scenarios
-and the files that they name are copied to where they lie as seen from the study. What is shipped is
-not copied, nor what is named by an absolute path or lies outside the study's folder.
+Copies of the study's own files make a results folder readable and repeatable anywhere. Scenarios and
+their files are copied to their paths relative to the study. Shipped files, files named by absolute
+paths, and files outside the study's folder are not copied.
 """
 
 from __future__ import annotations
@@ -49,14 +49,14 @@ from automaton.studies.sweeps.study import (
 )
 from automaton.world.resolve import Resolved, resolve
 
-DEFAULT_WINDOWS = 200  # of a run, if a study does not say how long they are
-MSER = "mser-5"  # as a warm-up
+DEFAULT_WINDOWS = 200  # number of windows in a run, unless a study gives their length
+MSER = "mser-5"  # value of warm_up
 WARM_UP_KEYS = ("measure", "warm_up")
 RESERVED_FILE_NAMES: Final = (MANIFEST, STUDY_FILE, ROWS_FOLDER)
 
 
 class SweepPlan(NamedTuple):
-    """All that the runs of a study follow from."""
+    """Everything that determines the runs of a study."""
 
     study: Study
     points: tuple[Point, ...]
@@ -66,14 +66,14 @@ class SweepPlan(NamedTuple):
 
     @property
     def runs(self) -> int:
-        """How many runs there are; of a study in rounds, up to the end of the present one."""
+        """Number of runs; of a study in rounds, up to the end of the present round."""
         return len(self.points) * self.manifest.replications
 
 
 def make_sweep_plan(study: str | Path | Study) -> SweepPlan:
-    """Check a study completely: a path, the name of a shipped one, or a Study. Raises InputError.
+    """Check and plan a study, given by path, shipped name or as a Study. Raises InputError.
 
-    Imports what its strategies are made of, and so Numba.
+    This imports the study's strategies, and therefore Numba.
     """
     declared, document, scenarios = resolved_study(study)
     names = counted_by(scenarios)
@@ -87,9 +87,9 @@ def make_sweep_plan(study: str | Path | Study) -> SweepPlan:
 def resolved_study(
     study: str | Path | Study | Document,
 ) -> tuple[Study, Document, tuple[Resolved, ...]]:
-    """The study, what it was read from, and the scenario of each point. Raises InputError.
+    """The study, its document, and the resolved scenario of each point. Raises InputError.
 
-    Needs no Numba, but for metrics that only strategies know.
+    Does not import Numba.
     """
     document = study if isinstance(study, Document) else _document(study)
     declared = checked_study(document)
@@ -98,7 +98,7 @@ def resolved_study(
     for point, resolved in zip(declared.points, scenarios, strict=True):
         first = seen.setdefault(fingerprint(resolved), point)
         if first is not point:
-            text = f"points {first.number} and {point.number} are the same runs: {describe_point(point)}"
+            text = f"points {first.number} and {point.number} have the same runs: {describe_point(point)}"
             raise document.error(_where(declared, point), text)
     declared = with_window_in_ticks(document, declared, scenarios)
     check_windows(document, declared, scenarios)
@@ -130,11 +130,11 @@ def _resolved(document: Document, study: Study, point: Point) -> Resolved:
         raise error.at(document.file, document.line(("scenario",))) from None
     if study.design == "steady-state" and resolved.scenario.stop.when != "never":
         text = (
-            "a steady state is seen in runs of a given length: the scenario needs stop.when never"
+            "a steady-state study needs runs of fixed length: set stop.when: never in the scenario"
         )
         raise document.error(("design",), f"{text} (point {point.number}: {describe_point(point)})")
     if study.design == "steady-state" and resolved.scenario.refine > 1:
-        text = "the windows of a steady state are of one length: leave refine out, or design"
+        text = "a steady-state study cannot be refined: remove refine or design: steady-state"
         raise document.error(("design",), f"{text} (point {point.number}: {describe_point(point)})")
     spelled = tuple(f"{key}={json.dumps(value)}" for key, value in point.levels.items())
     return replace(resolved, overrides=spelled)
@@ -150,7 +150,7 @@ def describe_point(point: Point) -> str:
 
 
 def scenario_file(document: Document, name: str) -> Path:
-    """A scenario that a study names: a file seen from its folder, from here, or a shipped one.
+    """Find a scenario of a study: relative to the study, to the working folder, or a shipped one.
 
     Raises InputError.
     """
@@ -172,7 +172,7 @@ def _where(study: Study, point: Point) -> tuple[str | int, ...]:
 
 
 def _place(document: Document, study: Study, point: Point, key: str) -> str:
-    """Where a level of a point stands, as errors name it."""
+    """The place of a point's level in the study, for error messages."""
     if study.factors is None:
         return _at(document, (*_where(study, point), key))
     levels = study.factors[key]
@@ -189,7 +189,7 @@ def _at(document: Document, keys: tuple[str | int, ...]) -> str:
 def with_window_in_ticks(
     document: Document, study: Study, scenarios: tuple[Resolved, ...]
 ) -> Study:
-    """The study with its window in ticks, if it is given as a time. Raises InputError."""
+    """The study with a window given as a time converted to ticks. Raises InputError."""
     if not isinstance(study.window, str):
         return study
     place = Place(TIME, NumberRange(is_whole=True, ge=1, le=MAX_WINDOW))
@@ -202,14 +202,14 @@ def with_window_in_ticks(
         raise document.error(("window",), error.message) from None
     if len(ticks) > 1:
         text = (
-            f"window {study.window} is not the same number of ticks at all points; give it in ticks"
+            f"window {study.window} is a different number of ticks at some points; give it in ticks"
         )
         raise document.error(("window",), text)
     return msgspec.structs.replace(study, window=int(ticks.pop()))
 
 
 def windows_of(study: Study, scenarios: tuple[Resolved, ...]) -> Windows:
-    """The windows of a study's rows, the same for all points so that one cut fits all."""
+    """The windows of a study's rows, equal at all points so that they share one warm-up cut."""
     if study.design != "steady-state":
         return WHOLE_RUNS
     ticks = shortest(scenarios)
@@ -219,12 +219,12 @@ def windows_of(study: Study, scenarios: tuple[Resolved, ...]) -> Windows:
 
 
 def shortest(scenarios: tuple[Resolved, ...]) -> int:
-    """Ticks of the shortest runs of a study of steady states."""
+    """Ticks of the shortest runs of a steady-state study."""
     return min(resolved.scenario.stop.max_duration for resolved in scenarios)
 
 
 def counted_by(scenarios: tuple[Resolved, ...]) -> tuple[str, ...]:
-    """Metrics that the strategies in use count themselves, those of every run left out."""
+    """The counters of the strategies in use that are neither in the catalogue nor result columns."""
     picks = {(layer, choice.name) for resolved in scenarios for layer, choice in resolved.choices}
     names = {
         name
@@ -238,7 +238,7 @@ def counted_by(scenarios: tuple[Resolved, ...]) -> tuple[str, ...]:
 def check_metrics(
     document: Document, study: Study, scenarios: tuple[Resolved, ...], counted: tuple[str, ...]
 ) -> None:
-    """Raises InputError for a metric of the analysis that no run has."""
+    """Raise InputError for a metric of the analysis that no run has."""
     known = [*RUN_METRICS, *METRIC_CATALOGUE, *counted]
     lacking = [not_measured(resolved.scenario) for resolved in scenarios]
     for number, name in enumerate(study.analysis.metrics if study.analysis else ()):
@@ -248,36 +248,33 @@ def check_metrics(
             raise document.error(place, f"no metric is called '{name}'{hint}")
         if all(name in one for one in lacking):
             needs = lacking[0][name]
-            raise document.error(place, f"no point of this study measures {name}; it takes {needs}")
+            raise document.error(place, f"no point of this study measures {name}; it needs {needs}")
 
 
 def check_windows(document: Document, study: Study, scenarios: tuple[Resolved, ...]) -> None:
-    """Raises InputError where runs end before the warm-up that all leave out does, whatever they give.
-
-    And where MSER-5 cannot find one.
-    """
+    """Raise InputError if some runs end within the declared warm-up, or are too few for MSER-5."""
     if study.design == "steady-state":
         check_cut(document, study, scenarios)
     if study.warm_up != MSER:
         return
     if study.min_replications < MIN_REPLICATIONS:
-        text = f"warm_up: mser-5 needs {MIN_REPLICATIONS} replications, there are"
+        text = f"warm_up: mser-5 needs {MIN_REPLICATIONS} replications, but the study has"
         raise document.error(("replications",), f"{text} {study.min_replications}")
     window, ticks = windows_of(study, scenarios).window, shortest(scenarios)
     if ticks // window < MIN_OBSERVATIONS:
         text = (
-            f"warm_up: mser-5 needs {MIN_OBSERVATIONS} windows in a run, there are "
-            f"{ticks // window} of {window:,} ticks in stop.max_duration {ticks:,}"
+            f"warm_up: mser-5 needs {MIN_OBSERVATIONS} windows in a run, but stop.max_duration "
+            f"{ticks:,} has {ticks // window} of {window:,} ticks"
         )
         where = ("window",) if study.window else ("warm_up",)
         raise document.error(where, text)
 
 
 def check_cut(document: Document, study: Study, scenarios: tuple[Resolved, ...]) -> None:
-    """Raises InputError where the largest warm-up of a steady state leaves nothing of some runs."""
+    """Raise InputError if the largest warm-up of a steady state leaves nothing of some runs."""
     declared = [warm_up_of(resolved.scenario) for resolved in scenarios]
     cut, ticks = max(declared), shortest(scenarios)
-    if min(declared) < cut:  # some are cut by their sums, at the end of a stretch
+    if min(declared) < cut:  # sums of some runs can be cut only at the end of a stretch
         stretch = windows_of(study, scenarios).stretch
         cut = math.ceil(cut / stretch) * stretch
     if cut < ticks:
@@ -288,15 +285,15 @@ def check_cut(document: Document, study: Study, scenarios: tuple[Resolved, ...])
         if resolved.scenario.stop.max_duration == ticks
     )
     text = (
-        f"the largest warm-up is left out of the runs of all points: the first {cut:,} ticks, but runs "
-        f"of point {point.number} end after {ticks:,} ({describe_point(point)}); a warm-up of less is "
-        "allowed there, or longer runs"
+        f"the largest warm-up applies to all points and excludes the first {cut:,} ticks, but runs of "
+        f"point {point.number} end after {ticks:,} ({describe_point(point)}); use a shorter warm-up "
+        "or longer runs"
     )
     raise document.error(_where(study, point), text)
 
 
 def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
-    """Everything that can be known of a study without running it. Raises InputError."""
+    """Check a study as far as possible without running it. Raises InputError."""
     study, document, scenarios = resolved_study(name)
     ordinary = {*RUN_METRICS, *METRIC_CATALOGUE}
     asked = study.analysis.metrics if study.analysis else ()
@@ -306,7 +303,7 @@ def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
 
 
 def copies_of(study: str | Path | Study, plan: SweepPlan) -> Copies:
-    """The files that a plan was made of, apart from the study itself. Raises InputError."""
+    """The files that a plan uses, without the study file itself. Raises InputError."""
     document = Document(data={}) if isinstance(study, Study) else study_document(study)
     found: dict[str, Path] = {}
     for point, resolved in zip(plan.points, plan.scenarios, strict=True):
@@ -323,7 +320,7 @@ def copies_of(study: str | Path | Study, plan: SweepPlan) -> Copies:
 
 
 def files_named(resolved: Resolved, folder: Path) -> Iterator[Path]:
-    """The files that a scenario in a folder names: of its floor, its orders and its strategies."""
+    """The files that a scenario in `folder` names: of its floor, its orders and its strategies."""
     layout = resolved.scenario.layout
     yield from (folder / layout[form] for form in DRAWN_ELSEWHERE if form in layout)
     yield from (Path(file) for file, _ in resolved.files)
@@ -332,7 +329,7 @@ def files_named(resolved: Resolved, folder: Path) -> Iterator[Path]:
 
 
 def placed(file: Path, home: Path) -> dict[str, Path]:
-    """{place: file} if it is a file below `home`, and is not shipped."""
+    """{path below `home`: file} if the file is below `home` and not shipped; else {}."""
     path = Path(os.path.abspath(file))
     if not path.is_file() or path.resolve().is_relative_to(SHIPPED_FOLDER):
         return {}

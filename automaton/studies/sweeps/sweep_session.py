@@ -1,9 +1,9 @@
-"""One sweep into a folder: begun, or gone on with if the code and the study are the same.
+"""A sweep into a folder: started, or resumed if the code and the study are unchanged.
 
-A study with a bound of replications goes on in rounds: all points have equally many runs after each.
-A coordinator hands out the runs that are missing, few at a time, so that memory stays bounded and little
-is lost when a worker dies; a run that was under way then is tried once more, alone. What a sweep would
-take is forecast from pilot runs.
+A study with a bound of replications proceeds in rounds; all points have equally many runs after each.
+A coordinator submits the missing runs, few at a time, so that memory stays bounded and little is lost
+when a worker dies; the runs in progress are then retried once, alone. Pilot runs give a forecast of
+the time and disk space of a sweep.
 """
 
 from __future__ import annotations
@@ -55,43 +55,41 @@ from automaton.studies.sweeps.study import Point
 from automaton.studies.sweeps.sweep_plan import SweepPlan, describe_point
 from automaton.units import count
 
-CHUNK_S: Final = 0.3  # long enough that sending costs nothing, short enough that progress is seen
+CHUNK_S: Final = 0.3  # long enough to make sending cheap, short enough to show progress
 MAX_SWEEP_CHUNK: Final = 100  # runs
-RUNS_PER_BLOCK: Final = 50  # replications of a point that are done before the next point's
-CLOCK_POLL_S: Final = 0.2  # between two looks at the clock
-ADVICE: Final = (
-    "use another folder, or --recompute: then rows of other code, scenarios or seeds are ignored"
-)
+RUNS_PER_BLOCK: Final = 50  # replications of a point before the next point's turn
+CLOCK_POLL_S: Final = 0.2  # between two checks of the clock
+ADVICE: Final = "use another folder, or --recompute to ignore rows of other code, scenarios or seeds"
 DIED_MESSAGE: Final = "the worker process died twice, the second time with this run alone"
 UNABLE_MESSAGE: Final = (
-    "the workers cannot start: they have said why; a script that sweeps needs "
-    'its `if __name__ == "__main__":`'
+    "the workers cannot start (see their messages); a script that sweeps needs "
+    '`if __name__ == "__main__":`'
 )
-PILOTS: Final = 8  # points that are tried for a forecast, spread over the design
+PILOTS: Final = 8  # pilot points of a forecast, spread over the design
 BUDGET_S: Final = 10.0  # for all pilot runs
-TEXT_BYTES: Final = 120  # of a row's words
+TEXT_BYTES: Final = 120  # of the texts of a row
 NUMBER_BYTES: Final = 8
 
 OnRows = Callable[[list[Row]], None]
-Decide = Callable[[Store], int | None]  # replications after the next round; None: it is enough
+Decide = Callable[[Store], int | None]  # replications after the next round; None: no more rounds
 
 
 class SweepStart(NamedTuple):
-    """What a sweep found when it began."""
+    """The state of a results folder at the start of a sweep."""
 
     runs: int
-    done: int  # of these, before
-    aside: tuple[Path, ...]  # files that were damaged; their runs are done again
-    reanalysed: bool  # the declared analysis is not that with which runs were made
+    done: int  # runs done before
+    aside: tuple[Path, ...]  # damaged files; their runs are repeated
+    reanalysed: bool  # whether the declared analysis has changed since runs were made
 
 
 class SweepResult(NamedTuple):
-    """A sweep that came to its end."""
+    """The result of a finished sweep."""
 
     store: Store
     begun: SweepStart
     tally: SweepTally
-    failed: int  # runs without metrics, those that failed in earlier sweeps included
+    failed: int  # runs without metrics, including those that failed in earlier sweeps
 
 
 def sweep_into(
@@ -106,11 +104,11 @@ def sweep_into(
     patience: float | None = None,
     decide: Decide | None = None,
 ) -> SweepResult:
-    """Do the runs that a folder lacks. Raises InputError; what is done is kept in any case.
+    """Do the runs that a folder lacks. Raises InputError; finished runs are saved in any case.
 
-    `retry_failed`: runs that failed are lacking, too. `copies`: of the study's own files, to keep.
-    `patience`: seconds that a Python strategy has for each decision. `decide`: after each round of a
-    study that goes on until a precision is reached, how many replications the next one is to make.
+    `retry_failed`: repeat failed runs, too. `copies`: copies of the study's own files to store.
+    `patience`: seconds that a Python strategy has for each decision. `decide`: called after each round
+    of a study with a target precision; returns the replications after the next round.
     """
     arrow()
     with lock_folder(folder):
@@ -142,7 +140,7 @@ def load_existing(
     retry_failed: bool,
     on_begun: Callable[[SweepStart], None] | None,
 ) -> tuple[SweepStart, set[str]]:
-    """What a folder holds, and the keys of the runs that are done; damaged files are set aside."""
+    """The state of a folder and the keys of the runs that are done; renames damaged files."""
     aside = tuple(set_damaged_aside(store))
     done = store.keys(with_failed=not retry_failed)
     begun = SweepStart(store.study.runs, len(done), aside, reanalysed)
@@ -152,17 +150,17 @@ def load_existing(
 
 
 def lacking(store: Store) -> int:
-    """Runs of which a folder has no row."""
+    """Number of runs without a row in the folder."""
     return store.study.runs - len(store.keys())
 
 
 def check_complete(store: Store) -> None:
-    """Raises InputError if runs have no row, though all were done and written."""
+    """Raise InputError if runs have no row although all were done and written."""
     lost = lacking(store)
     if lost:
         raise InputError(
-            f"lacks {count(lost, 'row')} of {store.study.runs:,}, since files of rows were damaged "
-            "twice after they had been written; the same command does their runs again",
+            f"lacks {count(lost, 'row')} of {store.study.runs:,} because files of rows were damaged "
+            "twice after they had been written; repeat the command to do these runs again",
             str(store.folder),
         )
 
@@ -170,10 +168,10 @@ def check_complete(store: Store) -> None:
 def open_results(
     folder: Path, plan: SweepPlan, recompute: bool = False, copies: Copies | None = None
 ) -> tuple[Store, bool]:
-    """The folder's results, if they are of this plan; whether its analysis was another one.
+    """The folder's results for this plan, and whether their analysis was another one.
 
-    What was declared before stays in the manifest where any of its runs count. Raises InputError if
-    the results follow from anything else, unless they are to be computed again.
+    Earlier declarations stay in the manifest if any of their runs count. Raises InputError if the
+    results belong to another plan, unless `recompute` is set.
     """
     before = read_manifest(folder)
     manifest = plan.manifest if recompute else gone_on_with(plan, before)
@@ -186,7 +184,7 @@ def open_results(
     if not Store(folder, manifest).keys():
         return write_manifest(folder, plan.manifest, copies), False
     earlier, now = declared_by(declared_in(folder, before)), declared_by(plan.study)
-    is_same, asked = earlier == now, before.replications  # of a study in rounds: so far
+    is_same, asked = earlier == now, before.replications  # up to the present round
     earlier = msgspec.structs.replace(earlier, replications=asked)
     history = before.earlier if is_same else (*before.earlier, earlier)
     manifest = msgspec.structs.replace(manifest, earlier=history)
@@ -194,7 +192,7 @@ def open_results(
 
 
 def gone_on_with(plan: SweepPlan, before: Manifest | None) -> Manifest:
-    """The manifest of a plan, from the round on which a folder is in; all rounds before stay in it."""
+    """The manifest of a plan, continued from the present round of a folder with all earlier rounds."""
     study, now = plan.study, plan.manifest
     if before is None or not study.in_rounds or before.replications > study.max_replications:
         return now
@@ -206,9 +204,9 @@ def gone_on_with(plan: SweepPlan, before: Manifest | None) -> Manifest:
 
 
 def difference(before: Manifest, now: Manifest) -> str:
-    """Why results do not belong to a plan, in a phrase; "" if they do."""
+    """A phrase that says why results do not belong to a plan; "" if they do."""
     if before.study != now.study:
-        return f"holds the results of the study '{before.study}', not of '{now.study}'"
+        return f"holds results of the study '{before.study}', not of '{now.study}'"
     changed = changed_sources(before.sources, now.sources)
     if changed:
         return f"holds results of other code: {changed}"
@@ -222,19 +220,19 @@ def difference(before: Manifest, now: Manifest) -> str:
         point = describe_point(Point(number, old.scenario, old.levels))
         if (old.scenario, old.levels) != (new.scenario, new.levels):
             becomes = describe_point(Point(number, new.scenario, new.levels))
-            return f"holds results of other points: point {number} was {point}, is {becomes}"
+            return f"holds results of other points: point {number} was {point} and is now {becomes}"
         if old.fingerprint != new.fingerprint:
-            return f"holds results of other scenarios: {point} changed (the file, or its floor)"
+            return f"holds results of other scenarios: {point} has changed (its file or its floor)"
     if now.replications < before.replications:
         return f"holds {before.replications} replications; the study asks for fewer"
     return ""
 
 
 def warm(plan: SweepPlan, patience: float | None = None) -> None:
-    """Compile, or find in the cache, what the workers will load, so that it is done once."""
+    """Compile the parts that the workers will load from the cache, so that this is done once."""
     for point in points_to_warm(plan):
         resolved = plan.scenarios[point]
-        # Rows will say what a strategy raises.
+        # Rows will report errors of strategies.
         with contextlib.suppress(Exception), attribute_strategy_errors(resolved):
             Simulation(resolved, patience=patience)
 
@@ -247,22 +245,22 @@ def points_to_warm(plan: SweepPlan) -> list[int]:
     return list(first.values())
 
 
-# The coordinator: hands out the runs that are missing, and keeps each row once.
+# The coordinator submits the missing runs and stores one row for each.
 
 
 class SweepTally(NamedTuple):
-    """What a sweep did."""
+    """The numbers of runs of a sweep."""
 
-    done: int  # runs of which rows were written
-    failed: int  # of these failed
-    unfinished: int  # of these reached their limit
-    repeated: int  # runs begun a second time, since a worker died
+    done: int  # runs with a written row
+    failed: int  # runs among them that failed
+    unfinished: int  # runs among them that reached their limit
+    repeated: int  # runs started a second time because a worker died
 
 
 class Coordinator:
-    """Carries out the runs of plans that are not done yet, round after round, by the same workers.
+    """Executes the missing runs of plans, round after round, with the same workers.
 
-    They start when a run is first missing, and end with the sweep.
+    The workers start with the first missing run and end with the sweep.
     """
 
     def __init__(
@@ -273,18 +271,18 @@ class Coordinator:
         patience: float | None = None,
     ) -> None:
         self.start, self.writer = start, writer
-        self.on_rows = on_rows  # also called without rows now and then, while none arrive
+        self.on_rows = on_rows  # also called with [] now and then while no rows arrive
         self.patience = patience
         self.backend: Backend  # from `start`, once `has_started`
         self.has_started = False
         self.finished: queue.SimpleQueue[FutureLike] = queue.SimpleQueue()
-        self.under_way: dict[FutureLike, tuple[SweepChunk, bool]] = {}  # chunk, if it runs alone
+        self.under_way: dict[FutureLike, tuple[SweepChunk, bool]] = {}  # chunk, whether it runs alone
         self.retry_in_isolation: deque[SweepRun] = deque()
         self.waiting: Iterator[list[SweepRun]] = iter(())
         self.block: deque[SweepRun] = deque()
-        self.has_results = False  # a result has arrived, so workers can start
-        self.refused = False  # the pool takes nothing more: it has broken
-        self.seconds_per_run: dict[int, float] = {}  # point -> seconds of a run
+        self.has_results = False  # whether a result has arrived, which proves that workers can start
+        self.refused = False  # whether the pool is broken and takes no more chunks
+        self.seconds_per_run: dict[int, float] = {}  # point -> seconds per run
         self.chunks = self.done = self.failed = self.unfinished = self.repeated = 0
 
     def __enter__(self) -> Coordinator:
@@ -296,14 +294,14 @@ class Coordinator:
 
     @property
     def tally(self) -> SweepTally:
-        """What was done so far."""
+        """The numbers of runs so far."""
         repeated = self.repeated + (self.backend.repeated if self.has_started else 0)
         return SweepTally(self.done, self.failed, self.unfinished, repeated)
 
     def run_missing(self, plan: SweepPlan, done: set[str]) -> None:
-        """Do the runs that are not done, and put all rows into one file.
+        """Do the missing runs, and merge all rows into one file.
 
-        What is raised on the way leaves all finished rows written.
+        All finished rows are written even if an exception ends this.
         """
         if len(done) < plan.runs:
             if not self.has_started:
@@ -320,15 +318,15 @@ class Coordinator:
                 self._wait_for_chunk()
             self.writer.flush()
         except BaseException:
-            with contextlib.suppress(Exception):  # what has gone wrong already is what is told
+            with contextlib.suppress(Exception):  # must not hide the first exception
                 try:
                     self._take_finished()
-                finally:  # Ctrl-C may come again
+                finally:  # the user may press Ctrl-C again
                     self.writer.flush()
             raise
 
     def _missing(self, done: set[str]) -> Iterator[list[SweepRun]]:
-        """The runs to do, in blocks of one point each: all points advance together."""
+        """The missing runs, in blocks of one point each, so that all points advance together."""
         manifest = self.plan.manifest
         for first in range(0, manifest.replications, RUNS_PER_BLOCK):
             for point in range(len(manifest.points)):
@@ -339,8 +337,8 @@ class Coordinator:
                     yield missing
 
     def _submit_while_room(self) -> bool:
-        """Submit what there is room for; return whether anything is under way."""
-        if self.retry_in_isolation:  # all others pause: alone, a run has all memory to itself
+        """Submit as many chunks as the backend takes; return whether any work is left."""
+        if self.retry_in_isolation:  # all others pause, so that the run can use the whole memory
             if not self.under_way:
                 self._submit((self.retry_in_isolation.popleft(),), alone=True)
         else:
@@ -379,14 +377,14 @@ class Coordinator:
         future.add_done_callback(self.finished.put)
 
     def _return_runs(self, runs: tuple[SweepRun, ...]) -> None:
-        """Runs that a pool did not take, since it had broken; what is under way will say so."""
+        """Put back runs that a broken pool did not take; chunks in progress will report the failure."""
         self.block.extendleft(reversed(runs))
         self.refused = True
         if not self.under_way:
             self.backend.restart()
 
     def _wait_for_chunk(self) -> None:
-        """Wait for a chunk, or until it is time to write."""
+        """Wait for a chunk or for CLOCK_POLL_S."""
         try:
             future = self.finished.get(timeout=CLOCK_POLL_S)
         except queue.Empty:
@@ -406,27 +404,27 @@ class Coordinator:
         self._keep(rows)
 
     def _take_finished(self) -> None:
-        """Keep the rows that have arrived meanwhile."""
+        """Store the rows that have arrived meanwhile."""
         while not self.finished.empty():
             future = self.finished.get()
             with contextlib.suppress(Exception):
                 self._keep(future.result())
 
     def _handle_dead_worker(self, chunk: SweepChunk, alone: bool) -> list[Row]:
-        """Handle a worker that died: a run that was alone has failed, others are retried in isolation."""
+        """Handle the death of a worker: a run that ran alone has failed, others are retried alone."""
         if alone:
             if not self.has_results and not self.backend.can_start():
                 raise InputError(UNABLE_MESSAGE)
             return [blank(run, DIED_MESSAGE) for run in chunk.runs]
         self.repeated += len(chunk.runs)
         self.retry_in_isolation.extend(chunk.runs)
-        # The pool breaks as a whole: what else was under way comes back broken, too.
+        # The pool breaks as a whole, so all other chunks in progress fail as well.
         if not any(not alone for _, alone in self.under_way.values()):
             self.backend.restart()
         return []
 
     def _keep(self, rows: list[Row]) -> None:
-        """Rows that are done; they are counted before they are written, as Ctrl-C may come then."""
+        """Store finished rows; count them before they are written, since Ctrl-C may interrupt that."""
         self.writer.hold(rows)
         for row in rows:
             self.done += 1
@@ -447,7 +445,7 @@ def chunk_of(
     runs: tuple[SweepRun, ...],
     patience: float | None = None,
 ) -> SweepChunk:
-    """What a worker is told about runs of one point."""
+    """The chunk with runs of one point, as sent to a worker."""
     point = runs[0].point
     return SweepChunk(
         number=number,
@@ -462,44 +460,44 @@ def chunk_of(
 
 
 def refused(error: BaseException) -> InputError:
-    """What to say when workers cannot work."""
+    """The error if workers cannot continue."""
     if isinstance(error, CodeMismatchError):
-        return InputError(f"a worker has other code than this process: {error}")
+        return InputError(f"the code of a worker differs from the code of this process: {error}")
     what = " ".join(f"{type(error).__name__}: {error}".split())[:300]
-    return InputError(f"the workers cannot go on ({what}); what is done is kept")
+    return InputError(f"the workers cannot continue ({what}); finished runs are saved")
 
 
-# What a sweep would take: its runs, the time by pilot runs and a worker's start, room on the disk.
+# The forecast of a sweep: runs, time (from pilot runs and the start of a worker), and disk space.
 
 
 class Forecast(NamedTuple):
-    """What is to be done, and what it will take."""
+    """The runs to do, and their time and disk space."""
 
-    runs: int  # at least, if a precision says how many
+    runs: int  # a minimum, if a precision determines the number
     most_runs: int
     done: int
     pilots: int
-    start_s: float  # until the workers have loaded what is compiled
-    run_s: float  # seconds of a run on one core, on average
+    start_s: float  # until the workers have loaded the compiled parts
+    run_s: float  # mean seconds of a run on one core
     least_s: float
     most_s: float
-    cut: bool  # pilot runs were cut off: the time is at least that
+    cut: bool  # whether pilot runs were cut off, so that times are lower bounds
     workers: int
-    row_bytes: int  # of one row on the disk, at most
+    row_bytes: int  # maximum bytes of a row on the disk
 
     @property
     def wall_s(self) -> float:
-        """Seconds until the sweep is done, at least, if a precision says how many runs there are."""
+        """Seconds until the sweep is done; a minimum, if a precision determines the number of runs."""
         return self._seconds(self.runs)
 
     @property
     def most_wall_s(self) -> float:
-        """Seconds until it is done if it takes all runs that there may be."""
+        """Seconds until the sweep is done if it needs the maximum number of runs."""
         return self._seconds(self.most_runs)
 
     @property
     def bytes(self) -> int:
-        """Bytes on the disk, at most."""
+        """Maximum number of bytes on the disk."""
         return max(0, self.most_runs - self.done) * self.row_bytes
 
     def _seconds(self, runs: int) -> float:
@@ -515,12 +513,12 @@ def forecast(
     retry_failed: bool = False,
     recompute: bool = False,
 ) -> Forecast:
-    """Run a few points once, in this process, and estimate. Nothing is written.
+    """Run a few points once in this process, and estimate the cost of the sweep. Writes no results.
 
-    `trial`: of one worker, which starts and loads what all of them will; it is closed. What must be
-    compiled is compiled here, and the sweep finds it. `retry_failed`: runs that failed are done again,
-    too; `recompute`: of another study's results those count that are of this one. Raises InputError for
-    a strategy that raises.
+    `trial`: a backend with one worker, which loads the compiled parts as all workers will; it is closed
+    at the end. Kernels are compiled here and cached for the sweep. `retry_failed`: count failed runs as
+    missing. `recompute`: count only the rows of this study in a folder of another one. Raises InputError
+    if a strategy raises an exception.
     """
     done = done_in(folder, plan, retry_failed, recompute) if folder is not None else 0
     warm(plan)
@@ -550,9 +548,9 @@ def forecast(
 
 
 def start_seconds(plan: SweepPlan, trial: Backend) -> float:
-    """Seconds from the command to the first run: twice what a worker takes to start and to load.
+    """Seconds from the command to the first run: twice the time that a worker takes to start and load.
 
-    The process of the sweep starts and loads the same before its workers do.
+    The main process takes the same time before its workers start.
     """
     begun = time.perf_counter()
     try:
@@ -566,7 +564,7 @@ def start_seconds(plan: SweepPlan, trial: Backend) -> float:
 
 
 def done_in(folder: Path, plan: SweepPlan, retry_failed: bool, recompute: bool = False) -> int:
-    """Runs of a plan that a folder holds, without those that are tried again."""
+    """Number of a plan's runs that a folder holds, without failed runs that are to be retried."""
     before = read_manifest(folder)
     manifest = plan.manifest if recompute else gone_on_with(plan, before)
     if before is None or (not recompute and difference(before, manifest)):
@@ -575,7 +573,7 @@ def done_in(folder: Path, plan: SweepPlan, retry_failed: bool, recompute: bool =
 
 
 def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]:
-    """Seconds of a run, whether it was cut off and estimated from its beginning, bytes of its row."""
+    """Seconds of a run, whether it was cut off without an estimate of its length, bytes of its row."""
     resolved = plan.scenarios[point]
     limit = resolved.scenario.stop.max_duration
     begun = time.perf_counter()
@@ -587,7 +585,7 @@ def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]
                 break
     seconds = time.perf_counter() - begun
     window, stretch = plan.manifest.points[point].windows
-    # Of a whole run.
+    # As many stretches as a whole run has.
     stretches = [counted(simulation)] * ((limit - 1) // stretch) if stretch else []
     row = figures_of(simulation, window, CountedStretches(None, stretches))
     cut = not simulation.finished and simulation.tick < limit
@@ -597,7 +595,7 @@ def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]
 
 
 def row_bytes(plan: SweepPlan, row: Row) -> int:
-    """Bytes of a row that is not compressed at all."""
+    """Bytes of an uncompressed row."""
     numbers = len(row["metrics"]) + len(plan.study.factor_names) + len(row.get("series") or ())
     numbers += sum(map(len, row.get("sums", {}).values()))
     return TEXT_BYTES + NUMBER_BYTES * (numbers + 8)

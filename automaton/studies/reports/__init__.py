@@ -1,1 +1,1 @@
-"""Reports on folders of results: tables, intervals, comparisons, curves and maps, to give away."""
+"""Reports on results folders: tables, intervals, comparisons, curves and maps, in files to share."""

@@ -1,4 +1,4 @@
-"""A whole report on a folder of results: what it prints in order, what to know first, maps of floors."""
+"""The report on a results folder: its order, its caveats, and its maps of floors."""
 
 from __future__ import annotations
 
@@ -64,12 +64,12 @@ MAX_POINTS_NAMED = 24  # points
 
 
 def compose(store: Store, floors: Sequence[int] = ()) -> ReportDocument:
-    """The report of a folder; `floors`: points of which one run is observed again. Raises InputError."""
+    """The report on a folder; `floors`: points to repeat one run of, for maps. Raises InputError."""
     return document_of(read_report(store), store, floors)
 
 
 def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -> ReportDocument:
-    """What a report prints, in order. Raises InputError for floors that cannot be drawn."""
+    """The document of a report. Raises InputError for floors that cannot be drawn."""
     results, scenarios, lacking = report.results, report.scenarios, report.lacking
     study = results.study
     document = ReportDocument(study.name)
@@ -86,7 +86,7 @@ def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -
     for metric in results.quantiles:
         document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
     document.add(*steady_section(results), *comparison_section(results, report.compared))
-    drawn = [one for one in curves(results) if one not in document.blocks]  # the first page has one
+    drawn = [one for one in curves(results) if one not in document.blocks]  # one is on the first page
     if drawn:
         document.add(Heading("Curves"), *drawn)
     add_floors(document, results, scenarios, floors, lacking)
@@ -96,18 +96,18 @@ def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -
 
 
 class StudyReport(NamedTuple):
-    """What a report prints, whatever it is written as."""
+    """The content of a report, independent of its format."""
 
     results: Results
     scenarios: Scenarios
     answers: list[Answer]
     compared: list[Comparison]
     notes: list[str]
-    lacking: str  # why scenarios are not there, or ""
+    lacking: str  # why scenarios are missing, or ""
 
 
 def read_report(store: Store) -> StudyReport:
-    """The results of a folder and what follows from them. Raises InputError."""
+    """The results of a folder and their analysis. Raises InputError."""
     results = read_results(store)
     if not results.rows:
         why = "holds no runs of its study yet"
@@ -122,15 +122,15 @@ def read_report(store: Store) -> StudyReport:
 
 
 def numbered_points(study: Study) -> str:
-    """The design points by the numbers that --floor takes."""
+    """A list of the design points with their numbers, as --floor takes them."""
     points = study.points
     named = [f"{point.number} {point_name(study, point)}" for point in points[:MAX_POINTS_NAMED]]
-    more = f"; and so on up to {len(points) - 1}" if len(points) > MAX_POINTS_NAMED else ""
+    more = f"; and so on to {len(points) - 1}" if len(points) > MAX_POINTS_NAMED else ""
     return f"Points by number, for --floor: {'; '.join(named)}{more}"
 
 
 def without(results: Results, metric: str) -> str:
-    """Why there is no table of a metric."""
+    """Why the report has no table of a metric."""
     if results.study.design == "steady-state" and metric in LENGTHS:
         return f"{metric} measures the length of runs, not their steady state."
     if results.cut is not None and metric in results.cut.left_out:
@@ -142,7 +142,7 @@ def without(results: Results, metric: str) -> str:
 
 
 def scenarios_of(store: Store) -> tuple[Scenarios, str]:
-    """The scenario of each point if it is still the one that was run; what is lacking, and why."""
+    """The scenario of each point if it has not changed since the runs; why scenarios are missing."""
     planned = store.manifest.points
     try:
         _, _, scenarios = resolved_study(study_document_in(store.folder, store.manifest))
@@ -171,7 +171,7 @@ def add_floors(
     floors: Sequence[int],
     lacking: str,
 ) -> None:
-    """Maps of the floor; `lacking`: why scenarios are not there. Raises InputError."""
+    """Add maps of the floor; `lacking`: why scenarios are missing. Raises InputError."""
     if not floors:
         return
 
@@ -182,7 +182,7 @@ def add_floors(
             raise InputError(f"--floor {number}: the study has the points 0 to {last}")
         if number not in scenarios:
             raise InputError(
-                f"--floor {number}: no map can be made, so nothing is written; omit --floor: {lacking}"
+                f"--floor {number}: no map is possible, so no report is written; omit --floor: {lacking}"
             )
         point = results.points[number]
         first = results.first_run(point)
@@ -195,7 +195,7 @@ def add_floors(
 
 
 def add_repeat(document: ReportDocument, store: Store) -> None:
-    """How to get the same again; the files are folded away."""
+    """Add the commands that repeat the study, with its files folded."""
     folder = Path(store.folder)
     command = f"automaton sweep {shlex.quote(STUDY_FILE)} --out {shlex.quote(folder.name)}"
     document.add(
@@ -205,7 +205,7 @@ def add_repeat(document: ReportDocument, store: Store) -> None:
         Folded(STUDY_FILE, [Text(store.manifest.text.strip(), code=True)]),
     )
     for name in dict.fromkeys(point.scenario for point in store.manifest.points):
-        if (folder / name).is_file():  # a copy; shipped ones come with the code
+        if (folder / name).is_file():  # a copy; shipped scenarios come with the code
             text = content_of(folder / name).decode(errors="replace").strip()
             title = f"{name} (the files that it names are also in the results folder)"
             document.add(Folded(title, [Text(text, code=True)]))
@@ -215,11 +215,11 @@ def add_repeat(document: ReportDocument, store: Store) -> None:
             )
 
 
-# What a reader must know before the tables.
+# The caveats of a report.
 
 
 def remarks(results: Results) -> Iterator[str]:
-    """What a reader must know before the tables."""
+    """The caveats that follow from the results."""
     counts = [results.counts(point) for point in results.points]
     missing, censored, failed = (
         sum(getattr(one, name) for one in counts) for name in ("missing", "censored", "failed")
@@ -229,7 +229,7 @@ def remarks(results: Results) -> Iterator[str]:
     if censored:
         yield (
             f"{count(censored, 'run')} did not finish within the limit; means exclude these runs, which "
-            "favours points that have some"
+            "favours points with unfinished runs"
         )
     if failed:
         reasons = {reason for reason in results.columns["error"] if reason}
@@ -256,9 +256,9 @@ def remarks(results: Results) -> Iterator[str]:
 
 
 def started_cold(results: Results, scenarios: Scenarios) -> Iterator[str]:
-    """The remark on runs of a given length that count from their first tick.
+    """The caveat about runs of fixed length without a warm-up period.
 
-    A study of steady states has its own.
+    Steady-state studies have their own caveat.
     """
     cold = [
         number
@@ -274,7 +274,7 @@ def started_cold(results: Results, scenarios: Scenarios) -> Iterator[str]:
 
 
 def points_named(results: Results, numbers: Sequence[int]) -> str:
-    """Some points in words."""
+    """The names of points, at most MAX_POINTS_IN_REMARK."""
     names = [
         point_name(results.study, results.points[number])
         for number in numbers[:MAX_POINTS_IN_REMARK]
@@ -283,15 +283,15 @@ def points_named(results: Results, numbers: Sequence[int]) -> str:
     return "; ".join(names) + (f"; and {more:,} more" if more else "")
 
 
-# Where the robots of a design point lost time and drove: one of its runs, observed again.
+# Maps of lost time and visits at a design point, from the repetition of one of its runs.
 
 
 def floor_maps(
     resolved: Resolved, seed: int, digest: str, name: str, after: int = 0
 ) -> Iterator[HeatMap]:
-    """Robot ticks lost and robots that came by, for each cell, in the ticks `after` one.
+    """Maps of the lost robot ticks and the visits of each cell, in the ticks after tick `after`.
 
-    `digest`: of the run in the results; a run that comes to another one says so.
+    `digest`: digest of the run in the results; a note reports a repetition with another digest.
     """
     with attribute_strategy_errors(resolved):
         simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
@@ -307,7 +307,7 @@ def floor_maps(
     )
     note = f"one run, seed {seed}, {ticks}"
     if simulation.digest != digest:
-        note += "; the current code gives another result than the study"
+        note += "; the current code gives a different result than the study"
     zone = grid.traffic_zone.max(axis=1)
     slowed = np.where(zone == NIL, 0.0, by_cell(in_zone, zone))
     yield HeatMap(f"Lost time, {name}", "robot ticks", laid_out(resolved, lost), note)
@@ -318,7 +318,7 @@ def floor_maps(
 
 
 def observed(simulation: Simulation) -> tuple[Array, Array, Array]:
-    """By cell the robot ticks lost so far, by zone those driven slowly, by cell the robots so far."""
+    """Lost robot ticks by cell, ticks at reduced speed by zone, and visits by cell, all so far."""
     grid, observation = simulation.world.grid, simulation.observation
     return (
         observation.lost_ticks_by_cell[:, LOST_EVER].astype(np.float64),
@@ -328,14 +328,14 @@ def observed(simulation: Simulation) -> tuple[Array, Array, Array]:
 
 
 def by_cell(lost: Array, zone: Array) -> Array:
-    """(C,) what each cell has of its zone's ticks, shared evenly."""
+    """(C,) ticks of each zone, spread evenly over its cells."""
     cells = np.bincount(zone[zone != NIL], minlength=len(lost))
     shared: Array = (lost / np.maximum(cells, 1))[np.maximum(zone, 0)]
     return shared
 
 
 def laid_out(resolved: Resolved, values: Array) -> Array:
-    """(height, width) the values of cells; NaN where robots do not drive."""
+    """(height, width) values of cells; NaN where robots cannot drive."""
     floor_plan = resolved.floor_plan
     field = np.where(DRIVABLE[floor_plan.kind.reshape(-1)], values, np.nan)
     whole: Array = field.reshape(floor_plan.kind.shape)[1:-1, 1:-1]

@@ -1,4 +1,4 @@
-"""The sections of a report about the design of a study, its comparisons, and what its factors change."""
+"""The sections of a report about the design of a study, its comparisons, and effects of factors."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ from automaton.units import count, percent, ticks_and_time
 
 INTERVALS: Final = f"Student's t, with a warning about skew below {STUDENT_MIN_RUNS} runs"
 NO_WARM_UP: Final = "none: metrics cover whole runs"
-MAX_REASONS: Final = 6  # why there is no comparison
+MAX_REASONS: Final = 6  # reasons for missing comparisons
 Array = npt.NDArray[np.float64]
-ROUND_OFF: Final = 1e-12  # of what is summed up; a sum that is less is 0
+ROUND_OFF: Final = 1e-12  # of the sum of absolute terms; smaller sums count as 0
 
 
-# The design: all that another one needs to judge a study.
+# The design: everything that is needed to judge a study.
 
 
 def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
-    """What was asked, and how it was made: all that another one needs to judge it."""
+    """The design section, with everything that is needed to judge a study."""
     study, analysis = results.study, results.analysis
     endings = "steady-state" if study.design == "steady-state" else "terminating"
     seeds = "replication r has the seed hash(study seed, r)"
@@ -89,7 +89,7 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
 
 
 def warm_up(results: Results) -> str:
-    """What is left out of all metrics, and who says so."""
+    """The warm-up period that all metrics exclude, and its source."""
     cut, declared, tick = results.cut, max(results.warm_ups), results.units.tick
     if cut is None:
         ticks = " or ".join(ticks_and_time(one, tick) for one in results.warm_ups)
@@ -101,27 +101,27 @@ def warm_up(results: Results) -> str:
         return f"{of}; declared"
     least = f"; at least the {declared:,} that scenarios declare" if declared else ""
     return (
-        f"{of}: the largest cut that MSER-5 finds at a point, from deliveries in windows of "
+        f"{of}: the largest cut that MSER-5 finds at any point, from deliveries in windows of "
         f"{count(cut.window, 'tick')} and from times of orders and tasks{least}"
     )
 
 
 def not_cut(metrics: Sequence[str], cut: Cut) -> str:
-    """Why metrics of the runs are not those of a steady state."""
+    """Why metrics of the runs cannot be used for a steady state."""
     return (
-        f"{', '.join(metrics)}: excluded, because the warm-up period cannot be subtracted from stored "
-        f"rows; in a study with warm_up: {cut.ticks} runs measure after it"
+        f"{', '.join(metrics)}: excluded because the warm-up period cannot be subtracted from stored "
+        f"rows; a study with warm_up: {cut.ticks} measures them after this period"
     )
 
 
 def runs_planned(results: Results) -> str:
-    """Runs by point and in all."""
+    """The planned runs of each point and in total."""
     study = results.study
-    return f"{count(study.max_replications, 'run')} each, {count(study.runs, 'run')} in all"
+    return f"{count(study.max_replications, 'run')} each, {count(study.runs, 'run')} in total"
 
 
 def fixed(results: Results) -> str:
-    """Whether the number of runs was declared before any was made."""
+    """Whether the number of runs was fixed before any was made."""
     rounds = stopping_text(results) if results.rounds else ""
     if not results.raised:
         return rounds or "number fixed in advance"
@@ -133,7 +133,7 @@ def fixed(results: Results) -> str:
 
 
 def family(results: Results) -> str:
-    """What is compared with what, corrected how."""
+    """The declared comparisons and their correction."""
     analysis = results.analysis
     if analysis.comparisons == "none":
         return "none declared"
@@ -157,7 +157,7 @@ def family(results: Results) -> str:
 def comparison_section(
     results: Results, compared: list[Comparison] | None = None
 ) -> Iterator[Block]:
-    """The declared comparisons, unless they are known already."""
+    """The section on the declared comparisons; `compared`: these comparisons, if already computed."""
     if results.analysis.comparisons == "none":
         return
     compared = comparisons(results) if compared is None else compared
@@ -165,8 +165,8 @@ def comparison_section(
     same = left_out(results)
     if same:
         yield Text(
-            f"{count(same, 'comparison')} excluded from the family: identical runs, or the same as in "
-            "another comparison."
+            f"{count(same, 'comparison')} excluded from the family: between identical runs, or of the "
+            "same runs as another comparison."
         )
     if not compared:
         yield Text(
@@ -199,7 +199,7 @@ def comparison_section(
 
 
 def why_none(results: Results) -> str:
-    """Why no comparison can be made."""
+    """Why no comparison is possible."""
     if not list(declared_pairs(results)):
         return "the study declares no pair of points to compare"
     metrics, reasons = results.analysis.metrics, []
@@ -220,7 +220,7 @@ def why_none(results: Results) -> str:
 
 
 def comparison_text(results: Results, compared: list[Comparison]) -> str:
-    """How to read the table."""
+    """How to read the table of comparisons."""
     sizes = sorted({one.family for one in compared})
     families = " and ".join(f"{size}" for size in sizes)
     return (
@@ -263,7 +263,7 @@ def comparison_table(results: Results, metric: str, compared: list[Comparison]) 
 
 
 def needed_cells(one: Comparison, planned: bool) -> list[str]:
-    """Runs that the declared precision takes, paired and not; nothing if none is declared."""
+    """Runs that the declared precision needs, paired and unpaired; empty if none is declared."""
     if not planned:
         return []
     needed = (None, None) if one.needed is None else one.needed
@@ -271,7 +271,7 @@ def needed_cells(one: Comparison, planned: bool) -> list[str]:
 
 
 def difference_cells(difference: Interval | None, scale: MetricScale) -> list[str]:
-    """A difference and the ends of its interval: four digits and a sign; "-" without one."""
+    """A difference and the ends of its interval with a sign and four digits; "-" if missing."""
     if difference is None:
         return ["-"] * 3
     shown = scale.of(difference)
@@ -294,32 +294,32 @@ def relative_text(relative: Interval | None) -> str:
     return f"{100 * relative.value:+.1f} % ({' to '.join(ends)})"
 
 
-# What each factor of a study changes, and which factors depend on each other.
+# Effects of the factors of a study, and their interactions.
 #
-#     main effect  of a level: its mean over all levels of the other factors, less that of the first
-#                  level (or of the baseline's)
-#     interaction  of a pair: by how much more a level of one factor changes at a level of the other
-#                  than at that one's first: a difference of differences
-#     share        of the squared differences between the means of points, which main effects, pairs of
-#                  factors and the rest make up exactly
+#     main effect  of a level: its mean over all levels of the other factors, minus the mean of the
+#                  first (or the baseline's) level
+#     interaction  of a level of each of two factors: the effect of the one at the level of the other,
+#                  minus its effect at the other's first level (a difference of differences)
+#     share        of the squared deviations of the means of points; main effects, pairs of factors and
+#                  the rest add up to 1
 #
-# They need a study that crosses its factors, and runs at each point. Each is a weighted sum of means
-# of points, so its interval is Student's: with common seeds that of the sums of replications, else by
-# the variances of points (Satterthwaite 1946). The intervals of a metric hold together (Bonferroni).
+# They need a study with crossed factors and runs at each point. Each effect is a weighted sum of means
+# of points and has a Student interval: with common seeds from the sums of replications, else from the
+# variances of points (Satterthwaite 1946). The intervals of a metric hold simultaneously (Bonferroni).
 
 
 class MainEffect(NamedTuple):
-    """A level of a factor, against its first one."""
+    """The effect of a level of a factor against its first level."""
 
     factor: str
     level: str
     mean: float
-    against: str  # a level; "": this is the first one
-    difference: Interval | None  # None: of the first level, or too few runs
+    against: str  # the first level; "" if this is the first level
+    difference: Interval | None  # None for the first level, or with too few runs
 
 
 class Interaction(NamedTuple):
-    """Of two factors, the largest difference of differences."""
+    """The largest interaction of two factors."""
 
     factors: tuple[str, str]
     levels: tuple[str, str]
@@ -328,25 +328,25 @@ class Interaction(NamedTuple):
 
 
 class FactorEffects(NamedTuple):
-    """What the factors of a study change of a metric, in the unit of its runs."""
+    """The effects of the factors of a study on a metric, in the unit of its runs."""
 
     metric: str
     main: tuple[MainEffect, ...]
     interactions: tuple[Interaction, ...]
-    shares: Mapping[tuple[str, ...], float]  # of a factor, of a pair; (): of the rest
-    family: int  # intervals that hold together
+    shares: Mapping[tuple[str, ...], float]  # of each factor and each pair; (): the rest
+    family: int  # number of simultaneous intervals
 
 
 class Crossed(NamedTuple):
-    """The points of a study that crosses its factors: of each its level of each factor, as a number."""
+    """A full factorial design: the levels of its factors, and the level numbers of each point."""
 
     factors: tuple[str, ...]
-    levels: tuple[tuple[str, ...], ...]  # by factor, the first one is that compared with
+    levels: tuple[tuple[str, ...], ...]  # by factor; the first level is the reference
     level_numbers: npt.NDArray[np.int64]  # (points, factors)
 
 
 def crossed(results: Results) -> Crossed | None:
-    """The design, if all levels of its factors meet once; None if not, or if nothing varies."""
+    """The design if it is a full factorial; None if not, or if nothing varies."""
     study = results.study
     factors, columns, names = [], [], []
     for factor in (SCENARIO_FACTOR, *study.factor_names):
@@ -374,7 +374,7 @@ def _baseline_level(results: Results, factor: str) -> str | None:
 
 
 def factor_effects(results: Results, metric: str) -> FactorEffects | None:
-    """The effects of all factors on a metric; None where they cannot be separated."""
+    """The effects of all factors on a metric; None if they cannot be separated."""
     design = crossed(results)
     if design is None:
         return None
@@ -383,7 +383,7 @@ def factor_effects(results: Results, metric: str) -> FactorEffects | None:
         return None
     means = np.array([math.fsum(own.values()) / len(own) for own in runs])
     pairs = list(itertools.combinations(range(len(design.factors)), 2))
-    more = [len(levels) - 1 for levels in design.levels]  # than the first one
+    more = [len(levels) - 1 for levels in design.levels]  # levels besides the first
     family = sum(more) + sum(more[f] * more[g] for f, g in pairs)
     level = bonferroni(1 - results.analysis.error, max(1, family))
     common = results.study.common_random_numbers
@@ -417,19 +417,19 @@ def factor_effects(results: Results, metric: str) -> FactorEffects | None:
 
 
 def step(design: Crossed, factor: int, level: int) -> Array:
-    """(points,) 1 at this level of a factor, -1 at its first one, else 0."""
+    """(points,) 1 at this level of a factor, -1 at its first level, else 0."""
     own = design.level_numbers[:, factor]
     weights: Array = (own == level) * 1.0 - (own == 0) * 1.0
     return weights
 
 
 def cells(design: Crossed, *factors: int) -> float:
-    """How many points share each combination of levels of these factors."""
+    """The number of points that share each combination of levels of these factors."""
     return len(design.level_numbers) / math.prod(len(design.levels[f]) for f in factors)
 
 
 def largest_interaction(design: Crossed, means: Array, f: int, g: int) -> tuple[int, int]:
-    """The levels of two factors with the largest difference of differences from their first ones."""
+    """The levels of two factors with the largest interaction."""
     table = np.zeros((len(design.levels[f]), len(design.levels[g])))
     np.add.at(table, (design.level_numbers[:, f], design.level_numbers[:, g]), means)
     beyond = np.abs(table - table[:1] - table[:, :1] + table[0, 0])[1:, 1:]
@@ -440,9 +440,10 @@ def largest_interaction(design: Crossed, means: Array, f: int, g: int) -> tuple[
 def contrast(
     runs: Sequence[Mapping[int, float]], means: Array, weights: Array, level: float, common: bool
 ) -> Interval | None:
-    """The interval of a weighted sum of means; None for fewer than two runs of a point in it.
+    """The interval of a weighted sum of means; None if one of its points has fewer than two runs.
 
-    `common`: replication r has the same seed at all points, so sums of replications are independent.
+    `common`: replication r has the same seed at all points, so the interval uses the sums of
+    replications, which are independent.
     """
     used: list[int] = np.flatnonzero(weights).tolist()
     if common:
@@ -474,12 +475,12 @@ def contrast(
 
 
 def without_round_off(sums: npt.ArrayLike, sizes: npt.ArrayLike) -> Array:
-    """Sums with 0 for those that are nothing beside what was summed up: `sizes`, of equal shape."""
+    """The sums, with 0 for those within round-off error; `sizes`: sums of the absolute terms."""
     return np.where(np.abs(sums) <= ROUND_OFF * np.asarray(sizes), 0.0, sums)
 
 
 def shares(design: Crossed, means: Array) -> dict[tuple[str, ...], float]:
-    """The shares of factors and of pairs in the squared differences between means; (): the rest."""
+    """The shares of factors and of pairs in the squared deviations of means; (): the rest."""
     squared = float(((means - means.mean()) ** 2).sum())
     if squared <= 0:
         return {}
@@ -498,7 +499,7 @@ def shares(design: Crossed, means: Array) -> dict[tuple[str, ...], float]:
 
 
 def _averages(design: Crossed, means: Array, group: tuple[int, ...]) -> Array:
-    """(points,) of each point the mean of all that share its levels of these factors."""
+    """(points,) mean over all points that share the levels of a point in these factors."""
     _, member = np.unique(design.level_numbers[:, group], axis=0, return_inverse=True)
     member = member.reshape(-1)
     averages: Array = (np.bincount(member, means) / np.bincount(member))[member]
@@ -536,7 +537,7 @@ def effects_section(results: Results) -> Iterator[Block]:
 
 
 def shares_text(results: Results, effects: FactorEffects) -> str:
-    """How much of the differences between points each factor makes up."""
+    """The shares of factors in the variance between points, in a sentence."""
     heads = heads_by_factor(results.study)
     names = [
         (" x ".join(heads.get(name, name) for name in group) or "the rest", share)
@@ -561,7 +562,7 @@ def main_table(results: Results, effects: FactorEffects) -> Table:
 
 
 def interaction_table(results: Results, effects: FactorEffects) -> Table:
-    """Of each pair of factors the largest difference of differences."""
+    """The largest interaction of each pair of factors."""
     heads, scale = heads_by_factor(results.study), results.scale(effects.metric)
     rows = []
     for one in effects.interactions:

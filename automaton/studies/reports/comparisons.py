@@ -1,14 +1,15 @@
-"""The comparisons that a study declares, with the correction of their family; how points are named there.
+"""The declared comparisons of a study, corrected by family, and the names of points in reports.
 
     baseline  each other level of the baseline's factors with the baseline, at equal other levels
     pairs     all pairs of points
 
-The p values of a family are Holm's, the intervals Bonferroni's: all of them hold together. Points with
-the same runs, measured alike, are not compared. Of comparisons between identical points one counts.
+The p values of a family are adjusted by Holm, the intervals by Bonferroni; all of them hold
+simultaneously. Points with identical runs and values are not compared, and comparisons between
+identical points count once.
 
-Whether the runs of a study are as many as its declared precision takes, and how many come next, is
-decided by the intervals that the report prints: of all comparisons, at the level of their family;
-without comparisons those of all means.
+The intervals in the report decide whether a study has enough runs for its declared precision, and how
+many runs come next. These are the intervals of all comparisons, at the level of their family, or
+without comparisons the intervals of all means.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from automaton.units import count, percent
 if TYPE_CHECKING:
     from automaton.studies.sweeps.result_store import Store
 
-HELPS: Final = 0.95  # variance ratios, and shares of the runs needed, below which pairing helps
+HELPS: Final = 0.95  # pairing helps below this variance ratio or this share of the runs
 COVERAGE_NOTE: Final = (
     "the intervals decided the number of runs, so their coverage is slightly lower than with a number "
     "fixed in advance (docs/explanation/statistics.md)"
@@ -47,7 +48,7 @@ COVERAGE_NOTE: Final = (
 
 
 def level_text(study: Study, factor: str, level: Any) -> str:
-    """A level of a factor as text; with its keys and all digits where others would look the same."""
+    """A level of a factor as text; with its keys and all digits if another level has the same text."""
     text = _values_of(level)
     if not isinstance(level, float | Mapping):
         return text
@@ -70,9 +71,9 @@ def _in_full(level: Any) -> str:
 
 
 def varied_factors(study: Study) -> list[str]:
-    """The factors in which points differ: several levels, or not given at all points.
+    """The factors with several levels, or that only some points have.
 
-    All of them if none does, so that a single point has a name.
+    All factors if none varies, so that a single point has a name.
     """
     varied = [
         name
@@ -83,13 +84,13 @@ def varied_factors(study: Study) -> list[str]:
 
 
 def varied_columns(study: Study) -> list[str]:
-    """What varies: the scenario if there are several, then the factors in which points differ."""
+    """The varied columns: the scenario if the study has several, then the varied factors."""
     several = [SCENARIO_FACTOR] if len(study.scenarios) > 1 else []
     return [*several, *varied_factors(study)]
 
 
 def heads_by_factor(study: Study) -> dict[str, str]:
-    """A short name of each factor: its last part, where no other has the same."""
+    """A short name of each factor: its last part, unless another factor has the same."""
     names = list(study.factor_names)
     short = [name.rpartition(".")[2] for name in names]
     return {
@@ -99,7 +100,7 @@ def heads_by_factor(study: Study) -> dict[str, str]:
 
 
 def factor_heads(study: Study) -> list[str]:
-    """The heads of tables for what varies."""
+    """The headings of tables for the varied columns."""
     heads = heads_by_factor(study)
     return [heads.get(name, name) for name in varied_columns(study)]
 
@@ -110,14 +111,14 @@ def factor_cells(study: Study, point: Point) -> list[str]:
 
 
 def level_of(study: Study, point: Point, factor: str) -> str:
-    """The level of a point as text, the scenario's name included; "-": it has none."""
+    """The level of a point in a factor (or its scenario) as text; "-" if it has none."""
     if factor == SCENARIO_FACTOR:
         return point.scenario
     return level_text(study, factor, point.levels[factor]) if factor in point.levels else "-"
 
 
 def levels_beside(point: Point, factors: Collection[str]) -> str:
-    """What identifies the points that differ in these factors alone."""
+    """A key that is equal for points that differ only in these factors."""
     beside = {SCENARIO_FACTOR: point.scenario, **point.levels}
     return repr(sorted((key, level) for key, level in beside.items() if key not in factors))
 
@@ -138,7 +139,7 @@ def point_name(study: Study, point: Point) -> str:
 
 
 def levels_apart(study: Study, point: Point, other: Point) -> str:
-    """The levels of `other` that are not those of a point: "independent"."""
+    """The levels of `other` that differ from those of a point: "independent"."""
     pairs = zip(factor_cells(study, point), factor_cells(study, other), strict=True)
     return ", ".join(theirs for own, theirs in pairs if own != theirs)
 
@@ -147,7 +148,7 @@ def levels_apart(study: Study, point: Point, other: Point) -> str:
 
 
 class RunsNeeded(NamedTuple):
-    """Runs of each point that the declared precision takes, by the variances of the runs made."""
+    """Runs of each point that the declared precision needs, estimated from the existing runs."""
 
     paired: int | None  # None: no runs share a seed
     unpaired: int
@@ -160,14 +161,14 @@ class Comparison(NamedTuple):
     a: Point
     b: Point
     effect: Effect
-    adjusted: float  # Holm's p value
-    family: int  # comparisons in it
-    runs: tuple[int, int]  # that count, of a and b
-    needed: RunsNeeded | None  # None: no precision is declared, or it is one of nothing
+    adjusted: float  # Holm-adjusted p value
+    family: int  # number of comparisons in the family
+    runs: tuple[int, int]  # runs of a and b that count
+    needed: RunsNeeded | None  # None: no precision is declared, or the reference mean is 0
 
 
 def comparisons(results: Results) -> list[Comparison]:
-    """All comparisons that can be made; those with fewer than two runs are left out."""
+    """All possible comparisons; those with fewer than two runs are omitted."""
     analysis = results.analysis
     pairs = list(declared_pairs(results))
     metrics = [metric for metric in analysis.metrics if results.has(metric)]
@@ -176,7 +177,7 @@ def comparisons(results: Results) -> list[Comparison]:
 
 
 def declared_pairs(results: Results) -> Iterator[tuple[Point, Point]]:
-    """The points that are compared: the first against the second."""
+    """The declared pairs of points, each the first against the second."""
     analysis, points = results.analysis, results.points
     if analysis.comparisons == "pairs":
         for earlier, later in itertools.combinations(points, 2):
@@ -194,7 +195,7 @@ def declared_pairs(results: Results) -> Iterator[tuple[Point, Point]]:
 def differing(
     results: Results, metric: str, pairs: list[tuple[Point, Point]]
 ) -> Iterator[tuple[Point, Point]]:
-    """The pairs whose runs differ; of several that compare identical runs, the first."""
+    """The pairs whose runs differ; only the first of several pairs with identical runs."""
     seen: set[frozenset[int]] = set()
     first = results.identical(metric)
     for a, b in pairs:
@@ -205,7 +206,7 @@ def differing(
 
 
 def left_out(results: Results) -> int:
-    """Comparisons that were declared but are of the same runs, or of runs compared already."""
+    """Number of declared comparisons between identical runs, or of runs compared already."""
     pairs = list(declared_pairs(results))
     metrics = [metric for metric in results.analysis.metrics if results.has(metric)]
     return sum(len(pairs) - len(list(differing(results, metric, pairs))) for metric in metrics)
@@ -243,7 +244,7 @@ def _family(
 def compared_runs(
     results: Results, a: Point, b: Point, metric: str
 ) -> tuple[dict[int, float], dict[int, float]]:
-    """A metric of two points by replication; of pairs, the replications that both have, in order."""
+    """A metric of two points by replication; if paired, of the replications that both have."""
     x, y = results.values(a, metric), results.values(b, metric)
     if not results.study.paired:
         return x, y
@@ -254,7 +255,7 @@ def compared_runs(
 def runs_needed(
     x: dict[int, float], y: dict[int, float], precision: float | None, level: float, common: bool
 ) -> RunsNeeded | None:
-    """Runs until the interval of the difference reaches so far to each side, as a share of mean y.
+    """Runs for which the half-width of the difference is `precision` times the mean of y.
 
     `common`: whether runs of the same replication share a seed.
     """
@@ -271,7 +272,7 @@ def runs_needed(
 def _effect(
     x: dict[int, float], y: dict[int, float], paired: bool, level: float, common: bool
 ) -> Effect:
-    """The effect; correlation and variance ratio always from runs with the same seed."""
+    """The effect, with correlation and variance ratio computed from runs with the same seed."""
     found = effect(list(x.values()), list(y.values()), paired, level)
     pairs = _pairs(x, y, common)
     if pairs is None:
@@ -283,13 +284,13 @@ def _effect(
 def _pairs(
     x: dict[int, float], y: dict[int, float], common: bool
 ) -> tuple[list[float], list[float]] | None:
-    """The runs with the same seed, one below the other; None for fewer than two."""
+    """The runs with the same seeds, in the same order; None for fewer than two."""
     both = sorted(set(x) & set(y)) if common else []
     return ([x[r] for r in both], [y[r] for r in both]) if len(both) > 1 else None
 
 
 def pairing_remark(compared: list[Comparison], paired: bool) -> str:
-    """Whether pairing helps in these comparisons, in a sentence; "" without pairs."""
+    """A sentence that says whether pairing helps in these comparisons; "" without pairs."""
     ratios = [
         one.effect.variance_ratio for one in compared if one.effect.variance_ratio is not None
     ]
@@ -309,7 +310,7 @@ def pairing_remark(compared: list[Comparison], paired: bool) -> str:
 
 
 def precision_remark(compared: list[Comparison], precision: float | None) -> str:
-    """How many runs the declared precision takes with pairs and without; "" if none is declared."""
+    """The number of paired and unpaired runs for the declared precision; "" if none is declared."""
     needed = [one.needed for one in compared if one.needed is not None]
     if precision is None or not needed:
         return ""
@@ -326,27 +327,27 @@ def precision_remark(compared: list[Comparison], precision: float | None) -> str
     return f"{what}: pairing does not help."
 
 
-# The precision, and the runs that it takes.
+# The declared precision, and the number of runs that it needs.
 
 
 class WantedRuns(NamedTuple):
-    """Runs of each point that one interval takes to reach the declared precision."""
+    """Runs of each point that one interval needs to reach the declared precision."""
 
     runs: int
     interval: str  # in words: "makespan of robots 2"
 
 
 class NextRound(NamedTuple):
-    """A round that is to come."""
+    """The next round of runs."""
 
-    replications: int  # of each point when it is done
+    replications: int  # of each point after the round
     why: str
 
 
 def next_replications(store: Store) -> NextRound | None:
-    """The next round of a study that is done so far; None if the precision or the bound is reached.
+    """The next round of a study; None if the precision or the maximum of runs is reached.
 
-    Raises InputError.
+    All runs so far must be done. Raises InputError.
     """
     results = read_results(store)
     wanted = most_wanted(results)
@@ -365,7 +366,7 @@ def next_replications(store: Store) -> NextRound | None:
 
 
 def most_wanted(results: Results) -> WantedRuns | None:
-    """The interval that takes the most runs; None without an interval of which a share can be taken."""
+    """The interval that needs the most runs; None if no interval has a mean to relate to."""
     return max(_wanted(results), key=lambda one: one.runs, default=None)
 
 
@@ -399,7 +400,7 @@ def _wanted_of_means(results: Results) -> Iterator[WantedRuns]:
 
 
 def without_interval(results: Results) -> int:
-    """Intervals that are declared but cannot be computed: of too few runs, or beside a mean of 0."""
+    """Number of declared intervals that cannot be computed: too few runs, or a reference mean of 0."""
     metrics = results.analysis.metrics
     if results.analysis.comparisons == "none":
         asked = len(metrics) * len(results.points)
@@ -410,13 +411,13 @@ def without_interval(results: Results) -> int:
 
 
 def _with_lost(runs: int, usable: int, results: Results) -> int:
-    """Runs to make so that so many count, where some failed or did not finish."""
+    """Runs to make to get `runs` usable ones, since some fail or do not finish."""
     n = results.study.max_replications
     return runs if runs <= usable else math.ceil(runs * n / usable)
 
 
 def stopping_text(results: Results) -> str:
-    """How many rounds a study took and what ended it, in a phrase."""
+    """The rounds of a study and why they ended, in a phrase."""
     rounds, precision = results.rounds, percent(results.analysis.precision or 0.0)
     what = "means" if results.analysis.comparisons == "none" else "differences"
     sizes = ", ".join(f"{n:,}" for n in rounds)
@@ -439,7 +440,7 @@ def _end(results: Results) -> str:
 
 
 def stopping_remarks(results: Results) -> Iterator[str]:
-    """What a reader must know of runs that were made in rounds."""
+    """The caveats about runs made in rounds."""
     if not results.rounds:
         return
     wanted = most_wanted(results)

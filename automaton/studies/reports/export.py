@@ -1,10 +1,9 @@
-"""A report for other programs: records as CSV, rows as CSV and Parquet, a workbook, one JSON object.
+"""Reports for other programs: records as CSV, rows as CSV and Parquet, a workbook, a JSON object.
 
-Records are of each point and metric, and of each comparison, in the units of the runs, as rows have them:
-ticks and cells. Names of factors as columns have no dots, which pandas, DuckDB and spreadsheets take for
-something else; columns that are empty throughout are left out. In CSV what is text stands in quotes:
-seeds are, since a spreadsheet keeps 15 digits of a number. A text that begins as formulas do gets an
-apostrophe first.
+Each record is a point and metric, or a comparison, in the units of the rows: ticks and cells. Column
+names of factors have no dots, which pandas, DuckDB and spreadsheets interpret; empty columns are
+omitted. In CSV, text is quoted, including seeds, since spreadsheets keep only 15 digits of a number. A
+text that looks like a formula gets a leading apostrophe.
 """
 
 from __future__ import annotations
@@ -39,7 +38,7 @@ Records = Sequence[Mapping[str, Any]]
 
 
 def column_names(names: Sequence[str]) -> list[str]:
-    """Names of columns without dots: `fleet_robots`; of two that become equal the later has another _."""
+    """Column names without dots, such as `fleet_robots`; duplicates get an additional _."""
     out: list[str] = []
     for name in names:
         plain = name.replace(".", "_")
@@ -50,7 +49,7 @@ def column_names(names: Sequence[str]) -> list[str]:
 
 
 def summary_records(results: Results, scenarios: Scenarios) -> Iterator[Record]:
-    """One for each metric of the report and each point."""
+    """One record for each metric of the report and each point."""
     for metric in results.reported:
         unit, _ = described(metric)
         for point in results.points:
@@ -86,14 +85,14 @@ def level_columns(results: Results, point: Point) -> Record:
 
 
 def interval_columns(name: str, interval: Interval | None) -> Record:
-    """A value under its name, and the ends of its interval."""
+    """A value under its name, with the ends of its interval."""
     if interval is None:
         return {name: None, "low": None, "high": None}
     return {name: interval.value, "low": interval.low, "high": interval.high}
 
 
 def comparison_records(results: Results, compared: Sequence[Comparison]) -> Iterator[Record]:
-    """One for each declared comparison."""
+    """One record for each declared comparison."""
     for one in compared:
         found = one.effect
         needed = one.needed
@@ -124,7 +123,7 @@ def comparison_records(results: Results, compared: Sequence[Comparison]) -> Iter
 def answer_records(
     results: Results, answers: Sequence[Answer], sentences: Sequence[str]
 ) -> Iterator[Record]:
-    """One for each answer; points by their numbers."""
+    """One record for each answer, with points by number."""
     for answer, sentence in zip(answers, sentences, strict=True):
         leading, best = answer.leading, answer.best
         yield {
@@ -143,13 +142,13 @@ def answer_records(
 
 
 def without_empty(records: Sequence[Mapping[str, Any]]) -> list[Record]:
-    """The records without columns that none of them has."""
+    """The records without columns that are empty in all of them."""
     used = {name for record in records for name, value in record.items() if not is_empty(value)}
     return [{name: v for name, v in record.items() if name in used} for record in records]
 
 
 def is_empty(value: Any) -> bool:
-    """Whether a cell has nothing to say."""
+    """Whether a cell is empty."""
     return value is None or (isinstance(value, float) and math.isnan(value))
 
 
@@ -157,14 +156,14 @@ def is_empty(value: Any) -> bool:
 
 
 def rows_table(table: Any) -> Any:
-    """All rows of an Arrow table, for export: plain names, no empty columns."""
+    """An Arrow table for export, with plain column names and without empty columns."""
     used = [name for name in table.column_names if table.column(name).null_count < len(table)]
     out = table.select(used)
     return out.rename_columns(column_names(used))
 
 
 def without_sums(table: Any) -> Any:
-    """A table without the sums by stretches of time, which no spreadsheet reads."""
+    """A table without the sums by stretch of time, which spreadsheets cannot read."""
     return table.select([name for name in table.column_names if name != SUMS_COLUMN])
 
 
@@ -177,14 +176,14 @@ def columns_for_sheets(table: Any) -> dict[str, list[Any]]:
 
 
 def cell_value(name: str, value: Any) -> Any:
-    """A value as a spreadsheet can hold it."""
+    """A value in a form that spreadsheets can hold."""
     if isinstance(value, list | dict):
         return json.dumps(value, ensure_ascii=False)
     return str(value) if name == SEED_COLUMN and value is not None else value
 
 
 def write_rows_csv(table: Any, path: Path) -> None:
-    """All rows as CSV. Raises InputError."""
+    """Write all rows as CSV. Raises InputError."""
     columns = columns_for_sheets(rows_table(table))
     write_csv(list(columns), zip(*columns.values(), strict=True), path)
 
@@ -192,14 +191,14 @@ def write_rows_csv(table: Any, path: Path) -> None:
 def write_records_csv(
     records: Sequence[Mapping[str, Any]], head: Sequence[str], path: Path
 ) -> None:
-    """Records as CSV; `head`: the columns if there are no records. Raises InputError."""
+    """Write records as CSV; `head`: the columns if there are no records. Raises InputError."""
     names = list(records[0]) if records else list(head)
     lines = ([cell_value(name, record[name]) for name in names] for record in records)
     write_csv(names, lines, path)
 
 
 def write_csv(head: Sequence[str], lines: Iterable[Iterable[Any]], path: Path) -> None:
-    """A table as CSV, written as a whole or not at all. Raises InputError."""
+    """Write a table as CSV, completely or not at all. Raises InputError."""
     with atomic_writer(path) as file:
         file.write((",".join(map(_csv_head, head)) + "\n").encode())
         for line in lines:
@@ -211,9 +210,9 @@ def _csv_head(name: str) -> str:
 
 
 def csv_cell(value: Any) -> str:
-    """Text in quotes, numbers as they are, what is absent as nothing.
+    """Quote text, write numbers as they are, and leave missing values empty.
 
-    Text that spreadsheets would take for a formula gets an apostrophe.
+    Text that spreadsheets would read as a formula gets an apostrophe.
     """
     if isinstance(value, str):
         text = f"'{value}" if value.startswith(FORMULA_SIGNS) else value
@@ -222,14 +221,14 @@ def csv_cell(value: Any) -> str:
 
 
 def write_parquet(table: Any, path: Path) -> None:
-    """All rows as Parquet. Raises InputError."""
+    """Write all rows as Parquet. Raises InputError."""
     import pyarrow.parquet
 
     with atomic_writer(path) as file:
         pyarrow.parquet.write_table(rows_table(table), file, write_page_checksum=True)
 
 
-# A workbook of Excel, by openpyxl (extra `excel`):
+# An Excel workbook, by openpyxl (extra `excel`):
 #
 #     answer       the first page, in the units of the reader
 #     summary      a line for each point and metric, in the units of the runs
@@ -241,7 +240,7 @@ def write_parquet(table: Any, path: Path) -> None:
 def write_workbook(
     document: ReportDocument, summaries: Records, compared: Records, rows: Any, path: Path
 ) -> None:
-    """Write a report and the table of its rows. Raises InputError, also without openpyxl."""
+    """Write a workbook with a report and its rows. Raises InputError, also without openpyxl."""
     book = openpyxl("workbooks are written").Workbook(write_only=True)
     if len(rows) >= MAX_SHEET_ROWS:
         raise too_many_in_sheet("rows", len(rows))
@@ -259,7 +258,7 @@ def write_workbook(
 
 
 def record_lines(records: Records) -> Iterable[Sequence[Any]]:
-    """A head, then the records."""
+    """A header line, then the records."""
     if not records:
         return [["none"]]
     names = list(records[0])
@@ -267,7 +266,7 @@ def record_lines(records: Records) -> Iterable[Sequence[Any]]:
 
 
 def table_lines_of(block: Block) -> list[Sequence[Any]]:
-    """The lines of a block in the sheet of tables: headings, notes and tables, no files."""
+    """The lines of a block in the sheet of tables: headings, notes and tables, but no files."""
     is_file = isinstance(block, Folded) or (isinstance(block, Text) and block.code)
     return [] if is_file else sheet_lines(block)
 
@@ -276,7 +275,7 @@ def table_lines_of(block: Block) -> list[Sequence[Any]]:
 
 
 def as_json(report: StudyReport) -> dict[str, Any]:
-    """The report as `automaton report --json` prints it; what has no value is null."""
+    """The report as printed by `automaton report --json`; missing values are null."""
     results = report.results
     study, analysis = results.study, results.analysis
     sentences = [answer_sentence(results, answer) for answer in report.answers]
@@ -307,7 +306,7 @@ def as_json(report: StudyReport) -> dict[str, Any]:
 
 
 def effect_records(results: Results) -> Iterator[dict[str, Any]]:
-    """What each factor changes of each metric; nothing where factors are not crossed."""
+    """The effects of the factors on each metric; empty if factors are not crossed."""
     for metric in results.analysis.metrics:
         effects = factor_effects(results, metric) if results.has(metric) else None
         if effects is None:

@@ -1,15 +1,15 @@
-"""The first page of a report: what was asked, the answer with its certainty, one picture.
+"""The first page of a report: the question, the answer with its confidence, and a picture.
 
-The answer is the best point of a study, or the points among which it lies as far as the runs show.
-Points are compared where they differ by choice: by fleet, strategies and the like. What is a condition
-instead, such as the orders or the floor, parts a study into as many questions. Points with runs that
-failed, lack or did not finish are not compared, since means leave such runs out.
+The answer is the best point of a study, or the set of points that contains the best one. Points are
+compared if they differ by choices, such as fleet and strategies. Conditions, such as orders and floor,
+divide a study into separate questions. Points with failed, missing or unfinished runs are not compared,
+because means exclude such runs.
 
-    point i is left out if it is worse than the leading one, b, by more than chance allows:
+    point i is eliminated if it is significantly worse than the leading point b:
     mean i - mean b > t(1 - error / (k - 1)) times its standard error, one-sided
 
-Of k points the best is then left with a probability of 1 - error at least, whatever depends on what
-(subset selection: Gupta 1965, with Bonferroni's inequality). One left: it is the best.
+The best of k points then remains with a probability of at least 1 - error, under any dependence (subset
+selection: Gupta 1965, with Bonferroni's inequality). If one point remains, it is the best.
 """
 
 from __future__ import annotations
@@ -67,12 +67,12 @@ CONDITIONS: Final = (
 )
 MAX_NAMED: Final = 3  # points in a sentence
 MAX_LEVELS_NAMED: Final = 8  # of a factor
-MAX_SENTENCES: Final = 6  # answers in full sentences; more stand in the table alone
+MAX_SENTENCES: Final = 6  # answers in sentences; more appear only in the table
 _WORSE: Final = {"lowest": "lower", "highest": "higher"}
 
 
 def direction_of(metric: str) -> Direction | None:
-    """Whether the lowest or the highest mean of a metric is the best; None: neither is."""
+    """Whether the lowest or the highest mean of a metric is best; None if neither is."""
     if metric in HIGHER_IS_BETTER:
         return "highest"
     if metric in LOWER_IS_BETTER or metric.startswith("lost_"):
@@ -80,20 +80,20 @@ def direction_of(metric: str) -> Direction | None:
     return None
 
 
-# The best point, or the points among which it lies.
+# The best point, or the set of points that contains it.
 
 
 class Answer(NamedTuple):
-    """What the runs say of the best point under some conditions."""
+    """The answer about the best point under some conditions."""
 
     metric: str
-    better: Direction | None  # None: neither is
+    better: Direction | None  # None: no direction is better
     conditions: str  # "scenario tabletop-1"; "": all points are compared
-    compared: tuple[Point, ...]  # of identical points the first
-    candidates: tuple[Point, ...]  # the best is one of them; the leading one comes first
-    incomplete: tuple[Point, ...]  # not compared: not all of their runs finished
-    few_runs: int  # the fewest of a point, if they are few for Student's t; else 0
-    level: float  # of certainty
+    compared: tuple[Point, ...]  # only the first of identical points
+    candidates: tuple[Point, ...]  # the best is one of them; the leading point comes first
+    incomplete: tuple[Point, ...]  # not compared because some of their runs did not finish
+    few_runs: int  # least runs of a point, if too few for Student's t; else 0
+    level: float  # confidence level
 
     @property
     def leading(self) -> Point | None:
@@ -102,15 +102,15 @@ class Answer(NamedTuple):
 
     @property
     def best(self) -> Point | None:
-        """The best point, if the runs show which one it is."""
+        """The best point, if the runs determine it."""
         is_settled = len(self.candidates) == 1 and len(self.compared) > 1
         return self.candidates[0] if is_settled else None
 
 
 def answers(results: Results) -> list[Answer]:
-    """For the analysis' first metric, one answer for each of the conditions; all hold together.
+    """The answers for the first metric of the analysis, one for each condition; simultaneously valid.
 
-    None if no run has any metric.
+    Empty if no run has any metric.
     """
     if not results.analysis.metrics:
         return []
@@ -121,7 +121,7 @@ def answers(results: Results) -> list[Answer]:
 
 
 def groups_by_condition(results: Results) -> dict[str, list[Point]]:
-    """The points by the conditions under which they are compared; "": these are equal everywhere."""
+    """The points by conditions, within which they are compared; "" if no condition varies."""
     study, conditions = results.study, condition_factors(results)
     groups: dict[str, list[Point]] = {}
     for point in results.points:
@@ -131,7 +131,7 @@ def groups_by_condition(results: Results) -> dict[str, list[Point]]:
 
 
 def condition_factors(results: Results) -> list[str]:
-    """The factors that are conditions; none if nothing else varies, since these are compared then."""
+    """The varied factors that are conditions; none if nothing else varies: they are compared then."""
     varied = varied_columns(results.study)
     conditions = [name for name in varied if name.partition(".")[0] in CONDITIONS]
     return [] if len(conditions) == len(varied) else conditions
@@ -165,7 +165,7 @@ def _answer(
 
 
 def is_complete(results: Results, point: Point, metric: str) -> bool:
-    """Whether all runs that are planned of a point finished and have a metric, two at least."""
+    """Whether all planned runs of a point (at least two) finished and have a metric."""
     measured = len(results.values(point, metric))
     return measured >= 2 and measured == results.counts(point).planned
 
@@ -179,7 +179,7 @@ def mean_of(results: Results, point: Point, metric: str) -> float:
 def _candidates(
     results: Results, metric: str, ranked: Sequence[Point], better: Direction, level: float
 ) -> Iterator[Point]:
-    """The points that are not worse than the first one by more than chance allows."""
+    """The points that are not significantly worse than the first one."""
     if not ranked:
         return
     yield ranked[0]
@@ -192,13 +192,13 @@ def _candidates(
 def is_worse(
     results: Results, metric: str, point: Point, other: Point, better: Direction, error: float
 ) -> bool:
-    """Whether a point is worse than another one, by a test with this one-sided error."""
+    """Whether a point is significantly worse than another one, with this one-sided error."""
     x, y = compared_runs(results, point, other, metric)
     if min(len(x), len(y)) < 2:
         return False
     tested = effect(list(x.values()), list(y.values()), results.study.paired, 1 - 2 * error)
     difference = tested.difference
-    # Of such runs only a permutation test says anything.
+    # Runs without variance allow only a permutation test.
     if difference.warning == NO_SPREAD_WARNING:
         is_apart = tested.p / 2 <= error
         return is_apart and (difference.value > 0) == (better == "lowest")
@@ -207,11 +207,11 @@ def is_worse(
     return difference.low > 0 if better == "lowest" else difference.high < 0
 
 
-# Whether the best point is at the limit of the tested range: a better one may lie beyond.
+# Whether the best point is at the limit of the tested range, beyond which better ones may exist.
 
 
 def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
-    """What to try next, for each factor of numbers of which the leading point has the last one."""
+    """Suggestions for each numeric factor in which the leading point has the least or largest level."""
     leading = answer.leading
     if leading is None or answer.better is None or len(answer.compared) < 2:
         return
@@ -222,7 +222,7 @@ def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
             continue
         tried = {point.levels[factor] for point in answer.compared if factor in point.levels}
         own, low, high = leading.levels[factor], min(tried), max(tried)
-        is_least = own == low and own > (1 if isinstance(own, int) else 0)  # less may mean nothing
+        is_least = own == low and own > (1 if isinstance(own, int) else 0)  # 0 may be meaningless
         if low == high or not (own == high or is_least):
             continue
         shown = level_text(study, factor, own)
@@ -236,11 +236,11 @@ def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
 
 
 class Opponent(NamedTuple):
-    """What the leading point of an answer is compared with."""
+    """The point that the leading point of an answer is compared with."""
 
     point: Point
     effect: Effect
-    adjusted: float | None  # Holm's p value of a declared comparison
+    adjusted: float | None  # Holm-adjusted p value of a declared comparison
 
 
 def first_page(
@@ -249,7 +249,7 @@ def first_page(
     compared: Sequence[Comparison],
     notes: Sequence[str],
 ) -> Iterator[Block]:
-    """Question, answer, the best point against the baseline, a picture, and what to know first."""
+    """Question, answer, the best point against the baseline, a picture, and caveats."""
     if not answers:
         yield Heading("Answer")
         yield Text("No answer: no run has metrics.", strong=True)
@@ -272,7 +272,7 @@ def first_page(
 
 
 def question(results: Results) -> str:
-    """What a study asks, in a sentence."""
+    """The question of a study, in a sentence."""
     study, metric = results.study, results.analysis.metrics[0]
     conditions = condition_factors(results)
     choices = [name for name in varied_columns(study) if name not in conditions]
@@ -302,18 +302,18 @@ def _levels(results: Results, factor: str) -> str:
 
 
 def answer_lines(results: Results, answers: Sequence[Answer]) -> list[str]:
-    """The answers in sentences; of very many the count."""
+    """The answers in sentences, or a summary of many."""
     if len(answers) <= MAX_SENTENCES:
         return [answer_sentence(results, answer) for answer in answers]
     settled = sum(answer.best is not None for answer in answers)
     return [
-        f"The best point is certain under {settled:,} of {len(answers):,} conditions; the table "
+        f"The best point is determined under {settled:,} of {len(answers):,} conditions; the table "
         "lists the leading point of each."
     ]
 
 
 def answer_sentence(results: Results, answer: Answer) -> str:
-    """What the runs say of the best point, with its certainty."""
+    """The answer about the best point, with its confidence."""
     start = f"{answer.conditions}: " if answer.conditions else ""
     edges = edge_sentences(results, answer)
     return start + " ".join([_verdict(results, answer), *edges, *_limits(results, answer)])
@@ -352,7 +352,7 @@ def _verdict(results: Results, answer: Answer) -> str:
 
 
 def certainty(results: Results, answers: Sequence[Answer]) -> str:
-    """With what certainty the answers hold, and what takes from it."""
+    """The confidence of the answers, and its limits."""
     sure, few = percent(1 - results.analysis.error, 0), max(one.few_runs for one in answers)
     sentences = [f"In brackets: means with {sure} confidence intervals."]
     if len(answers) > 1:
@@ -360,7 +360,7 @@ def certainty(results: Results, answers: Sequence[Answer]) -> str:
     if few:
         sentences.append(
             f"A point has only {min(a.few_runs for a in answers if a.few_runs)} runs: with fewer than "
-            f"{STUDENT_MIN_RUNS} the confidence may be lower."
+            f"{STUDENT_MIN_RUNS} runs the confidence may be lower."
         )
     if any(results.counts(point).missing for point in results.points):
         sentences.append("Some runs are not done yet: the answer may change.")
@@ -368,7 +368,7 @@ def certainty(results: Results, answers: Sequence[Answer]) -> str:
 
 
 def _limits(results: Results, answer: Answer) -> Iterator[str]:
-    """Which points an answer says nothing of."""
+    """The points that an answer excludes, in a sentence."""
     if answer.incomplete:
         names = [_name(results, point) for point in answer.incomplete[:MAX_NAMED]]
         more = len(answer.incomplete) - len(names)
@@ -380,7 +380,7 @@ def _limits(results: Results, answer: Answer) -> Iterator[str]:
 
 
 def table_words(results: Results, table: Table) -> Iterator[str]:
-    """What the heads of the table of answers mean."""
+    """The meanings of headings in the table of answers."""
     if results.analysis.baseline:
         levels = results.analysis.baseline.items()
         what = ", ".join(f"{key} {level_text(results.study, key, one)}" for key, one in levels)
@@ -393,7 +393,7 @@ def table_words(results: Results, table: Table) -> Iterator[str]:
 
 
 def _name(results: Results, point: Point) -> str:
-    """The levels that were chosen; conditions stand beside them."""
+    """The levels of a point in the factors that are choices, not conditions."""
     study, conditions = results.study, condition_factors(results)
     chosen = [name for name in varied_columns(study) if name not in conditions]
     return levels_named(study, point, chosen) or point.scenario
@@ -426,7 +426,7 @@ def mean_text(results: Results, point: Point, metric: str) -> str:
 def answer_table(
     results: Results, answers: Sequence[Answer], compared: Sequence[Comparison]
 ) -> Table | None:
-    """The leading point of each answer against the baseline, else against the next best one."""
+    """The leading point of each answer against the baseline, else against the next best point."""
     rows, has_p = [], False
     for answer in answers:
         leading = answer.leading
@@ -470,7 +470,7 @@ def answer_table(
 def opponent_of(
     results: Results, answer: Answer, compared: Sequence[Comparison]
 ) -> Opponent | None:
-    """The baseline of a leading point; without any declared, the next best point."""
+    """The baseline of a leading point; if none is declared, the next best point."""
     leading, metric = answer.leading, answer.metric
     if leading is None:
         return None

@@ -1,4 +1,4 @@
-"""The tables and curves of a report: metrics by point, points with the same runs, steady throughput."""
+"""Tables and curves of a report: metrics by point, identical points, and steady throughput."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ from automaton.world.bounds import bounds, least_ticks
 from automaton.world.resolved import Resolved
 
 MAX_SAME_RUNS_NAMED: Final = 6  # pairs of points
-Scenarios = Mapping[int, Resolved]  # by number of the point; none where a file is not found
+Scenarios = Mapping[int, Resolved]  # by number of the point; points without a file are missing
 RUN_HEADS = ("runs", "unfinished", "failed")
 ROBOTS_FACTOR: Final = "fleet.robots"
-# Beside the metrics of the analysis.
+# Metrics of curves beside those of the analysis.
 WANTED: Final = ("throughput", "makespan", "delay", "lead_time")
-MAX_CURVES: Final = 8  # signs and colours that there are
+MAX_CURVES: Final = 8  # number of available symbols and colours
 
 
 # A table of means for each metric, with one line for each point.
@@ -72,14 +72,14 @@ class Summary(NamedTuple):
 
     point: Point
     counts: RunCounts
-    interval: Interval | None  # None: no run has a metric
+    interval: Interval | None  # None: no run has the metric
     sd: float | None
     skew: float  # of the runs
-    bound: float | None  # what no strategy can beat
+    bound: float | None  # bound for any strategy
 
 
 def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -> Summary:
-    """The mean of a metric over the runs that finished, and what became of the others."""
+    """The mean of a metric over the finished runs, and the numbers of other runs."""
     values = list(results.values(point, metric).values())
     interval, sd = interval_of(results, metric, values), None
     if interval is not None and len(values) > 1:
@@ -91,7 +91,7 @@ def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -
 
 
 def interval_of(results: Results, metric: str, values: Sequence[float]) -> Interval | None:
-    """The mean of a metric over runs; None without any. No metric of ours is ever negative."""
+    """The mean of a metric over runs; None without runs. Metrics of the catalogue are never negative."""
     if not values:
         return None
     interval = mean_interval(values, 1 - results.analysis.error)
@@ -99,18 +99,18 @@ def interval_of(results: Results, metric: str, values: Sequence[float]) -> Inter
 
 
 def is_ours(metric: str) -> bool:
-    """Whether a metric is one of the catalogue: a quantity, which is never negative."""
+    """Whether a metric is built in; such metrics are never negative."""
     return metric in METRIC_CATALOGUE or metric in RUN_METRICS
 
 
 def bound(scenarios: Scenarios, point: Point, metric: str) -> float | None:
-    """What no strategy can beat, in the unit of runs: the least makespan, the most throughput."""
+    """The bound for any strategy in the unit of runs: least makespan or greatest throughput."""
     resolved = scenarios.get(point.number)
     if resolved is None:
         return None
     scenario = resolved.scenario
     of_time, of_rate = metric in ("makespan", "ticks"), metric == "throughput"
-    # Of orders that are drawn the cheapest possible say next to nothing of the rate of these.
+    # For drawn orders, the cheapest possible orders give a useless bound of the rate.
     drawn = scenario.orders.generator in DRAWN_GENERATORS
     if scenario.stop.when == "never" or not (of_time or of_rate) or (of_rate and drawn):
         return None
@@ -143,12 +143,12 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
     yield point_table(results, heads, rows)
     if is_bounded:
         yield Text(
-            f"{limit}: no strategy can do better. It follows from the cheapest way to do all orders, "
-            "shared by the robots, and from the capacity of stations and chargers."
+            f"{limit}: no strategy can do better. It is derived from the least effort for all orders, "
+            "divided among the robots, and from the capacity of stations and chargers."
         )
     lacking = [
         f"{point_name(results.study, one.point)}: {metric} was not measured in {without} of "
-        f"{count(one.counts.finished, 'run')}, because nothing that it measures was completed; the mean "
+        f"{count(one.counts.finished, 'run')} because nothing that it measures was completed; the mean "
         "excludes these runs"
         for one in points
         if one.interval is not None and (without := one.counts.finished - one.interval.n)
@@ -159,12 +159,12 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
 
 
 def limit_cell(bound: float | None, factor: float) -> str:
-    """What no strategy can beat, as a cell of a table."""
+    """The bound for any strategy, as a cell of a table."""
     return "-" if bound is None else NumberText(number(bound * factor), bound * factor)
 
 
 def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
-    """The warnings of a table's intervals: equal ones once."""
+    """The warnings of a table's intervals, with equal ones merged."""
     told: dict[str, list[str]] = {}
     skews: dict[str, float] = {}
     for one in found:
@@ -187,7 +187,7 @@ def warnings(results: Results, found: list[Summary]) -> Iterator[Block]:
 
 
 def point_table(results: Results, heads: Sequence[str], cells: Sequence[Sequence[str]]) -> Table:
-    """A line for each point: its factors, these cells, its runs, and of which point they are."""
+    """A line for each point: its factors, these cells, its runs, and the point with the same runs."""
     factors = factor_heads(results.study)
     rows = []
     for point, own in zip(results.points, cells, strict=True):
@@ -200,29 +200,29 @@ def point_table(results: Results, heads: Sequence[str], cells: Sequence[Sequence
 
 
 def figure(value: float | None) -> str:
-    """A metric of a table: four digits, more for large ones; "-" where there is none."""
+    """A metric as a cell: four digits, more for large values; "-" for None."""
     if value is None:
         return "-"
     return NumberText(f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}", value)
 
 
-# Points whose runs are the same, digest by digest, and the factors that make no difference there.
+# Points with identical runs (equal digests), and factors without effect.
 
 
 def same_heads(results: Results) -> list[str]:
-    """The head of a table's column about the same runs; none if all points differ."""
+    """The heading of the column about identical runs; empty if all points differ."""
     return ["same runs as"] if results.repeats else []
 
 
 def same_cells(results: Results, point: Point) -> list[str]:
-    """Under `same_heads`: the number of the first point with the same runs."""
+    """The cell under `same_heads`: the number of the first point with the same runs."""
     first = results.first_same[point.number]
     cell = "-" if first == point.number else f"point {first}"
     return [cell for _ in same_heads(results)]
 
 
 def same_remarks(results: Results) -> Iterator[str]:
-    """Which factors change no run, and where; if none is so, which points have the same runs."""
+    """Sentences about factors without effect, or without any, about points with identical runs."""
     inert = list(inert_factors(results)) if results.repeats else []
     yield from inert
     if results.repeats and not inert:
@@ -236,7 +236,7 @@ def same_remarks(results: Results) -> Iterator[str]:
 
 
 def inert_factors(results: Results) -> Iterator[str]:
-    """Sentences for each factor whose levels give the same runs, everywhere or somewhere."""
+    """Sentences about each factor whose levels give the same runs at all or at some points."""
     study = results.study
     several = [SCENARIO_FACTOR] if len(study.scenarios) > 1 else []
     for factor in [*several, *study.factor_names]:
@@ -263,7 +263,7 @@ def inert_factors(results: Results) -> Iterator[str]:
 
 
 def _agree(results: Results, group: list[Point], metric: str | None = None) -> bool:
-    """Whether all of these points have the same runs, with seeds that all of them share."""
+    """Whether all of these points have the same runs and share enough seeds."""
     known: dict[int, object] = {}
     for point in group:
         for seed, run in results.runs(point, metric).items():
@@ -276,13 +276,13 @@ def _agree(results: Results, group: list[Point], metric: str | None = None) -> b
 def _where(
     results: Results, groups: list[list[Point]], compared: list[list[Point]], factor: str
 ) -> str:
-    """Where that is, if it is not everywhere."""
+    """The other levels at which a factor has no effect; "" if this holds everywhere."""
     everywhere = len(groups) == len(compared)
     return "" if everywhere else f" with {_beside(results, groups, factor)}"
 
 
 def _beside(results: Results, groups: list[list[Point]], factor: str) -> str:
-    """The levels of the other factors in these groups; only what all of them share, if there is."""
+    """The levels of other factors that all of these groups share, or the number of groups."""
     study = results.study
     shared = [
         f"{head} {level_text(study, name, levels[0])}"
@@ -294,13 +294,13 @@ def _beside(results: Results, groups: list[list[Point]], factor: str) -> str:
     return ", ".join(shared) or f"{count(len(groups), 'combination')} of the other factors"
 
 
-# The throughput of a steady state by the deliveries after the warm-up: intervals from few runs, too.
+# Steady-state throughput from the deliveries after the warm-up, with intervals even from few runs.
 
 
 def steady_throughput(results: Results, point: Point, cut: Cut) -> Interval | str | None:
-    """Orders by 1000 ticks, or why that is not known; None where runs keep no deliveries.
+    """Orders per 1000 ticks, or why they are unknown; None if rows have no series of deliveries.
 
-    By the throughput of each of many runs, or by the windows of a few.
+    Computed from the throughput of each of many runs, or from the windows of a few runs.
     """
     if point.number in cut.refused:
         return cut.refused[point.number]
@@ -322,14 +322,14 @@ def steady_throughput(results: Results, point: Point, cut: Cut) -> Interval | st
 
 
 def steady_section(results: Results) -> Iterator[Block]:
-    """The throughput after the warm-up, for studies of steady states."""
+    """The section on throughput after the warm-up, for steady-state studies."""
     cut = results.cut
     if cut is None or not results.has("series"):
         return
     yield Heading("Steady throughput")
     yield Text(
         f"From deliveries after the warm-up period, {ticks_and_time(cut.ticks, results.units.tick)} at "
-        "all points. MSER-5: the warm-up period that it finds at each."
+        "all points. MSER-5: the warm-up period that MSER-5 finds at each point."
     )
     scale = results.scale("throughput")
     rows, refused = [], []
@@ -350,17 +350,17 @@ def steady_section(results: Results) -> Iterator[Block]:
         yield Listed(refused)
 
 
-# A metric over the size of the fleet, or over another factor: one line for each combination of the
-# other factors, with its interval at each point.
+# Curves of a metric over fleet size or another factor: one line for each combination of the other
+# factors, with an interval at each point.
 
 
 def curves(results: Results) -> Iterator[Curves]:
-    """For each metric its curve over a factor of numbers: the robots if they vary."""
+    """The curve of each metric over a numeric factor, preferably the number of robots."""
     factor = factor_of(results)
     if factor is None:
         return
     wanted: tuple[str, ...] = WANTED
-    if results.study.design == "steady-state":  # all runs are as long
+    if results.study.design == "steady-state":  # all runs are equally long
         wanted = tuple(metric for metric in WANTED if metric != "makespan")
     for metric in dict.fromkeys([*results.analysis.metrics, *wanted]):
         if results.has(metric):
@@ -368,7 +368,7 @@ def curves(results: Results) -> Iterator[Curves]:
 
 
 def picture(results: Results, metric: str) -> Curves | None:
-    """A metric over a factor of numbers, else over the factor with most levels; None if none varies."""
+    """A metric over a numeric factor, else over the factor with most levels; None if none varies."""
     factor = factor_of(results)
     if factor is None:
         varied = [
@@ -421,7 +421,7 @@ def _level_names(results: Results, factor: str) -> list[str]:
 
 
 def _others(results: Results, point: Point, factor: str) -> str:
-    """The levels of a point but for this factor's: "allocation independent, routing shortest"."""
+    """The levels of a point in all other factors: "allocation independent, routing shortest"."""
     study = results.study
     heads = heads_by_factor(study)
     return ", ".join(
@@ -434,7 +434,7 @@ def _others(results: Results, point: Point, factor: str) -> str:
 def line(
     results: Results, metric: str, points: list[Point], factor: str, names: Sequence[str]
 ) -> ReportCurve:
-    """One curve; `names` of levels that are not numbers."""
+    """One curve; `names`: names of levels that are not numbers."""
     at = {point.number: _x(results, point, factor, names) for point in points}
     points = sorted(points, key=lambda point: at[point.number])
     runs = [list(results.values(point, metric).values()) for point in points]

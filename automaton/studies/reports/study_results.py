@@ -1,12 +1,12 @@
-"""What a folder of results holds, by design point, as reports read it.
+"""The contents of a results folder by design point, as read by reports.
 
-A run that failed has no metrics. One that did not finish has some, but they do not say what it would
-have come to: means leave it out, and every table counts it.
+A failed run has no metrics. An unfinished run has metrics, but they do not predict its final values, so
+means exclude it; every table states the number of such runs.
 
-Points whose runs are the same compare nothing: a factor has no effect there. With one robot, right of
-way changes nothing: every seed ends with the same digest under each rule. Such points are called the
-same runs, tables say of which point, and no family compares them in a metric in which they agree, too.
-A warm-up changes no run, but what is measured of it.
+A comparison of points with identical runs is pointless, because the factor has no effect there. For
+example, with one robot, all right-of-way rules give the same digest for every seed. Tables mark such
+points as the same runs, and families do not compare them in metrics in which they also agree. A warm-up
+does not change a run, only its metrics.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ if TYPE_CHECKING:
 
 PLAIN_TICK: Final = Unit(1.0, "tick")
 PER_HOUR: Final = "orders/h"
-LENGTHS: Final = ("makespan", "ticks", "orders")  # of a run, whatever is left out
-# A state, of which no warm-up is part.
+LENGTHS: Final = ("makespan", "ticks", "orders")  # cover the whole run despite a warm-up
+# Metrics of the final state, which do not depend on the warm-up.
 AT_THE_END: Final = ("min_charge", "oldest_order", "starved_robots")
-# Figures that grow with a queue, and the metrics that are steady only where they are.
+# Times that grow with a queue, and the metrics that are steady only if these times are.
 TIMES: Final = {
     "lead_time": (*OF_TIMES, *OF_DUE_TIMES),
     "task_time": ("task_time",),
@@ -61,19 +61,19 @@ TIMES: Final = {
 }
 Lists = Sequence["npt.NDArray[np.int64] | None"]  # by row
 ORDER_QUANTILES = ("lead_time_p95", "delay_p95", "tardiness_p95")  # of the orders of a run
-MIN_SHARED_SEEDS = 2  # seeds of points that are called the same runs
+MIN_SHARED_SEEDS = 2  # least number of common seeds of points that count as the same runs
 Runs = Mapping[int, tuple[str, object]]  # seed -> digest and value
 USUAL_METRICS = ("makespan", "throughput", "utilization", "blocked_share", "delay", "lead_time")
 
 
-# Metrics in the units of the reader: minutes instead of ticks, where a tick is a time.
+# Conversion of metrics to the units of the reader, such as minutes instead of ticks.
 #
-# Runs count in ticks and cells. A report multiplies what it prints of a metric by one number, which
-# changes no comparison. Where the points of a study disagree about what a tick is, it stays a tick.
+# Runs count in ticks and cells. A report multiplies all values of a metric by one factor, which changes
+# no comparison. If the points of a study have different tick lengths, the unit remains the tick.
 
 
 class MetricScale(NamedTuple):
-    """What a metric of the runs is multiplied by, and its unit then."""
+    """The factor by which a metric of the runs is multiplied, and the resulting unit."""
 
     factor: float
     unit: str
@@ -89,13 +89,13 @@ class MetricScale(NamedTuple):
 
 
 class ReportUnits(NamedTuple):
-    """What a tick and a cell's side are at all points of a study."""
+    """The units of a tick and of a cell's side that all points of a study share."""
 
     tick: Unit = PLAIN_TICK
     cell: Unit | None = None
 
     def scale(self, metric: str, largest: float) -> MetricScale:
-        """The scale of a metric of which `largest` is the largest mean, in the unit of the runs."""
+        """The scale of a metric; `largest`: its largest mean, in the unit of the runs."""
         unit, _ = described(metric)
         seconds = self.tick.seconds
         if unit == "ticks":
@@ -110,9 +110,9 @@ class ReportUnits(NamedTuple):
 
 
 def units_of_points(scenarios: Iterable[Resolved], points: int) -> ReportUnits:
-    """The units of a study of so many points: those that all of its scenarios share, else ticks."""
+    """The units that all scenarios of a study share, else ticks; `points`: number of its points."""
     units = [units_of(resolved.unrefined) for resolved in scenarios]
-    if len(units) < points:  # the scenario of a point is not known
+    if len(units) < points:  # the scenario of a point is unknown
         return ReportUnits()
     ticks, cells = {tick for tick, _ in units}, {cell for _, cell in units}
     return ReportUnits(
@@ -121,33 +121,33 @@ def units_of_points(scenarios: Iterable[Resolved], points: int) -> ReportUnits:
 
 
 def described(metric: str) -> tuple[str, str]:
-    """Unit and meaning of a metric, as runs count it."""
+    """Unit and meaning of a metric, in the units of runs."""
     known = METRIC_CATALOGUE.get(metric) or RUN_METRICS.get(metric)
     return known or ("times", "counted by a strategy")
 
 
-# Steady states without their warm-up: one cut for all runs of a study, and their metrics after it.
+# Warm-up of steady states: one cut for all runs of a study, and their metrics after it.
 #
-# The cut is the largest of what the scenarios declare (measure.warm_up) and of what MSER-5 finds at
-# each point, by deliveries and by the times of orders and tasks: a queue may still grow when as much
-# is delivered as ever will be. Where all runs were measured from there on, their own metrics hold;
-# else metrics follow from the sums that rows keep, after the next stretch begins, and what sums do
-# not tell is left out.
+# The cut is the largest of the warm-ups that the scenarios declare (measure.warm_up) and that MSER-5
+# finds at each point, from deliveries and from the times of orders and tasks: a queue may still grow
+# when the delivery rate is already at its maximum. If all runs were measured from the cut on, their own
+# metrics are used. Otherwise metrics are computed from the sums in the rows, from the start of the next
+# stretch on; metrics that sums do not determine are omitted.
 
 
 class Cut(NamedTuple):
-    """What is left out at the beginning of every run."""
+    """The ticks that are discarded at the beginning of every run."""
 
     ticks: int
-    window: int  # ticks in which deliveries were counted
-    found: Mapping[int, int]  # point: ticks that MSER-5 leaves out there
+    window: int  # length in ticks of the windows in which deliveries were counted
+    found: Mapping[int, int]  # point: ticks that MSER-5 discards there
     refused: Mapping[int, str]  # point: why it has no metrics
-    unsteady: Mapping[tuple[int, str], str]  # point and metric: why that one has no metric there
-    left_out: tuple[str, ...] = ()  # metrics of the runs that cannot be told after the cut
+    unsteady: Mapping[tuple[int, str], str]  # (point, metric): why the point lacks the metric
+    left_out: tuple[str, ...] = ()  # metrics of the runs that cannot be computed after the cut
 
 
 def measured_rows(store: Store) -> tuple[pa.Table, Cut | None]:
-    """All rows; of a steady state with the metrics of what comes after the cut alone."""
+    """All rows; of a steady-state study with metrics after the cut only."""
     import pyarrow
 
     table = store.rows()
@@ -192,9 +192,10 @@ def cut_of(
     sums: Mapping[str, Lists] = MappingProxyType({}),
     stretch: int = 1,
 ) -> Cut:
-    """One cut for all points, from the deliveries by window of each row and the point that it is of.
+    """One cut for all points, from the series of deliveries of each row.
 
-    `declared`: the most that a scenario leaves out; `sums`: those of times, by ticks of a stretch.
+    `points`: the point of each row; `declared`: the largest declared warm-up in ticks; `sums`: sums of
+    times by stretch; `stretch`: its length in ticks.
     """
     found: dict[int, int] = {}
     refused: dict[int, str] = {}
@@ -225,12 +226,12 @@ def cut_of(
 
 
 def sums_of_times() -> list[str]:
-    """The names of the sums that TIMES are quotients of."""
+    """The names of the sums from which TIMES are computed."""
     return list(dict.fromkeys(name for time in TIMES for name in parts_of(time)))
 
 
 def parts_of(time: str) -> tuple[str, str]:
-    """The sums of which a metric of TIMES is the quotient."""
+    """The two sums whose quotient is a metric of TIMES."""
     part, whole = QUOTIENTS[time].part, QUOTIENTS[time].whole
     assert isinstance(part, str)
     assert isinstance(whole, str)
@@ -240,10 +241,10 @@ def parts_of(time: str) -> tuple[str, str]:
 def means_by_stretch(
     time: str, sums: Mapping[str, Lists], rows: Sequence[int], whole: int, stretch: int
 ) -> npt.NDArray[np.float64]:
-    """A metric of TIMES over these runs, in each of the first so many stretches; NaN: nothing
-    ended.
+    """A metric of TIMES over these rows in each of the first `whole` stretches; NaN if nothing ended.
 
-    Tasks count where they begin: the last stretches, whose longer tasks are not done yet, are left out.
+    Tasks count in the stretch in which they begin. The last stretches are NaN, because their longer
+    tasks are not done yet.
     """
     kept = [
         [one[:whole] for row in rows if (one := sums[name][row]) is not None]
@@ -251,7 +252,7 @@ def means_by_stretch(
         if name in sums
     ]
     if sum(map(len, kept)) < 2 * len(rows):
-        return np.full(whole, np.nan)  # it is not measured
+        return np.full(whole, np.nan)  # the metric is not measured
     part, ended = (np.sum(runs, axis=0) for runs in kept)
     means: npt.NDArray[np.float64] = np.where(ended > 0, part / np.maximum(ended, 1), np.nan)
     if parts_of(time)[1] == "taken" and ended.any():
@@ -265,7 +266,7 @@ def means_by_stretch(
 def ending_before(
     cut: Cut, points: npt.NDArray[np.int64], ticks: Sequence[int | None]
 ) -> dict[int, str]:
-    """The points without metrics, with those of which no run goes on after the cut."""
+    """The points without metrics, including points whose runs all end before the cut."""
     longest: dict[int, int] = {}
     for point, end in zip(points.tolist(), ticks, strict=True):
         longest[point] = max(longest.get(point, 0), end or 0)
@@ -278,7 +279,7 @@ def ending_before(
 
 
 def sums_column(table: pa.Table, name: str) -> Lists:
-    """By row a sum by stretch."""
+    """A sum by stretch, for each row."""
     import pyarrow.compute as pc
 
     return lists(pc.struct_field(table.column(SUMS_COLUMN), [name]))
@@ -287,7 +288,7 @@ def sums_column(table: pa.Table, name: str) -> Lists:
 def figures_of_sums(
     store: Store, table: pa.Table, names: Sequence[str], cut: int
 ) -> dict[str, list[Any]]:
-    """The metrics of runs by their sums after the cut."""
+    """The metrics of runs, computed from their sums after the cut."""
     import pyarrow.compute as pc
 
     first = cut // store.manifest.points[0].windows.stretch
@@ -312,7 +313,7 @@ def figures_of_sums(
 
 
 def completed(run: dict[str, int]) -> dict[str, int]:
-    """The sums of a run, with those that follow from others."""
+    """The sums of a run, completed with sums that can be derived from others."""
     if run.get("ticks"):
         run["robots"] = run["robot_ticks"] // run["ticks"]
     if "taken" in run:
@@ -321,7 +322,7 @@ def completed(run: dict[str, int]) -> dict[str, int]:
 
 
 def sums_after(column: Any, first: int) -> list[int | None]:
-    """By row the sum of a list from this place on; None where there is no list."""
+    """The sum of each row's list from index `first` on; None for rows without a list."""
     offsets, values, known = flat(column)
     total = np.concatenate([[0], np.cumsum(values, dtype=np.int64)])
     begin = np.minimum(offsets[:-1] + first, offsets[1:])
@@ -330,7 +331,7 @@ def sums_after(column: Any, first: int) -> list[int | None]:
 
 
 def lists(column: Any) -> list[npt.NDArray[np.int64] | None]:
-    """By row its list as an array, or None."""
+    """The list of each row as an array, or None."""
     offsets, values, known = flat(column)
     return [
         values[begin:end] if is_known else None
@@ -339,7 +340,7 @@ def lists(column: Any) -> list[npt.NDArray[np.int64] | None]:
 
 
 def flat(column: Any) -> tuple[Any, Any, list[bool]]:
-    """A column of lists: where each begins, all values, and which are not null."""
+    """The offsets, the values and the validity of a column of lists."""
     column = column.combine_chunks()
     known = column.is_valid().to_pylist()
     offsets = np.concatenate([[0], np.cumsum(column.value_lengths().fill_null(0).to_numpy())])
@@ -351,23 +352,23 @@ def flat(column: Any) -> tuple[Any, Any, list[bool]]:
 
 @dataclass(frozen=True)
 class RunCounts:
-    """What became of the runs of a point."""
+    """The numbers of runs of a point by outcome."""
 
     planned: int
-    done: int  # rows, failed ones included
+    done: int  # runs with a row, including failed runs
     finished: int
-    censored: int  # did not finish within the limit
-    failed: int  # have no metrics
+    censored: int  # runs that did not finish within the limit
+    failed: int  # runs without metrics
 
     @property
     def missing(self) -> int:
-        """Runs without a row."""
+        """Number of runs without a row."""
         return self.planned - self.done
 
 
 @dataclass(frozen=True)
 class Results:
-    """What a folder holds, as columns of equal length."""
+    """The contents of a folder, as columns of equal length."""
 
     study: Study
     columns: Mapping[str, Sequence[Any]]
@@ -375,13 +376,13 @@ class Results:
     versions: Mapping[str, str] = field(default_factory=dict)  # of libraries
     folder: str = ""
     damaged: Sequence[str] = ()
-    earlier: int = 0  # how often the analysis or warm-up was changed after runs had been made
-    raised: Sequence[int] = ()  # replications asked for before, if fewer, when runs had been made
-    rounds: Sequence[int] = ()  # replications after each, where a precision says when to stop
-    at_most: int = 0  # replications in such rounds
-    cut: Cut | None = None  # of a steady state: metrics are of what comes after it
-    warm_ups: Sequence[int] = (0,)  # ticks that the scenarios leave out of their runs' metrics
-    units: ReportUnits = field(default_factory=ReportUnits)  # in which reports print metrics
+    earlier: int = 0  # number of changes of analysis or warm-up after runs had been made
+    raised: Sequence[int] = ()  # smaller numbers of replications requested when runs had been made
+    rounds: Sequence[int] = ()  # replications after each round, in a study with a target precision
+    at_most: int = 0  # maximum of replications in these rounds
+    cut: Cut | None = None  # of a steady state, whose metrics start after the cut
+    warm_ups: Sequence[int] = (0,)  # ticks that the scenarios exclude from metrics of their runs
+    units: ReportUnits = field(default_factory=ReportUnits)  # units of metrics in reports
 
     @cached_property
     def _rows(self) -> dict[int, npt.NDArray[np.int64]]:
@@ -398,12 +399,12 @@ class Results:
 
     @property
     def rows(self) -> int:
-        """Runs that have a row."""
+        """Number of rows."""
         return len(self.columns["key"])
 
     @property
     def analysis(self) -> Analysis:
-        """What was declared; without a declaration: the usual metrics, no comparisons."""
+        """The declared analysis; by default the usual metrics without comparisons."""
         declared = self.study.analysis
         if declared is not None:
             return declared
@@ -411,20 +412,20 @@ class Results:
 
     @property
     def quantiles(self) -> tuple[str, ...]:
-        """The quantiles of delay that runs have and the analysis does not name."""
+        """The percentiles of order times that runs have and the analysis does not name."""
         return tuple(
             name for name in ORDER_QUANTILES if self.has(name) and name not in self.analysis.metrics
         )
 
     def has(self, metric: str) -> bool:
-        """Whether any run has this metric; of a steady state, whether it is one of that."""
+        """Whether any run has this metric, and in a steady state, whether it applies there."""
         if self.study.design == "steady-state" and metric in LENGTHS:
             return False
         column = self.columns.get(metric)
         return column is not None and any(value is not None for value in column)
 
     def counts(self, point: Point) -> RunCounts:
-        """What became of the runs of a point."""
+        """The numbers of runs of a point by outcome."""
         rows = self._rows[point.number]
         failed = sum(self.columns["error"][row] is not None for row in rows)
         finished = sum(self._finished(row) for row in rows)
@@ -434,7 +435,7 @@ class Results:
         )
 
     def values(self, point: Point, metric: str) -> dict[int, float]:
-        """A metric by replication, of the runs that finished and have it."""
+        """A metric by replication, of the finished runs that have it."""
         column = self.columns.get(metric)
         if column is None:
             return {}
@@ -459,15 +460,15 @@ class Results:
 
     @property
     def reported(self) -> tuple[str, ...]:
-        """The metrics that reports print."""
+        """The metrics in reports."""
         return (*(name for name in self.analysis.metrics if self.has(name)), *self.quantiles)
 
     def runs(self, point: Point, metric: str | None = None) -> Runs:
-        """What distinguishes the runs that did not fail: digests and, of a metric, its values."""
+        """The digests of successful runs by seed, and with a metric also its values."""
         return self._runs_of(metric)[point.number]
 
     def _runs_of(self, metric: str | None) -> Sequence[Runs]:
-        """The runs of each point, read once for each metric."""
+        """The runs of each point, computed once for each metric."""
         if metric not in self._known_runs:
             seed, digest, failed = (self.columns[name] for name in ("seed", "digest", "error"))
             column = self.columns.get(metric or "")
@@ -490,9 +491,9 @@ class Results:
         return {}
 
     def same(self, one: Point, other: Point, metric: str | None = None) -> bool:
-        """Whether two points have the same runs: equal digests on all seeds that both have.
+        """Whether two points have the same runs: equal digests for all common seeds.
 
-        With a metric: the same runs, measured alike. It ends at the first seed that differs.
+        With a metric, its values must be equal, too. The comparison ends at the first difference.
         """
         own, theirs = self.runs(one, metric), self.runs(other, metric)
         both = 0
@@ -504,9 +505,9 @@ class Results:
         return both >= MIN_SHARED_SEEDS
 
     def identical(self, metric: str | None = None) -> Sequence[int]:
-        """Of each point, the first one that has all its runs and no others, if only itself.
+        """For each point, the first point with exactly the same runs, possibly itself.
 
-        These are classes; `same` makes none, because points that share no seed agree on none.
+        This is an equivalence relation; `same` is not, since points without common seeds never agree.
         """
         if metric not in self._classes:
             first: dict[object, int] = {}
@@ -523,7 +524,7 @@ class Results:
 
     @cached_property
     def first_same(self) -> Sequence[int]:
-        """Of each point, the first one with the same runs, if only itself."""
+        """For each point, the first point with the same runs, possibly itself."""
         first: dict[object, int] = {}  # seed and digest -> the first point with such a run
         found: list[int] = []
         for point, twin in zip(self.points, self.identical(), strict=True):
@@ -535,11 +536,11 @@ class Results:
 
     @cached_property
     def repeats(self) -> tuple[Point, ...]:
-        """The points whose runs are those of an earlier one."""
+        """The points with the same runs as an earlier point."""
         return tuple(p for p in self.points if self.first_same[p.number] != p.number)
 
     def series(self, point: Point) -> list[Sequence[int]]:
-        """The deliveries by window of each run that has them, in the order of replications."""
+        """The deliveries by window of each run that has them, by replication."""
         column = self.columns.get(SERIES_COLUMN)
         if column is None:
             return []
@@ -579,7 +580,7 @@ def read_results(store: Store) -> Results:
 
 
 def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
-    """Columns as lists; deliveries by window as arrays, and no sums by stretch."""
+    """Columns as lists, with deliveries by window as arrays and without sums by stretch."""
     names = [name for name in table.column_names if name not in (SERIES_COLUMN, SUMS_COLUMN)]
     columns: dict[str, Sequence[Any]] = {name: table.column(name).to_pylist() for name in names}
     if SERIES_COLUMN in table.column_names:

@@ -280,7 +280,7 @@ class Simulation:
         )
         mode, used = self._mode, self._used
         for index in np.flatnonzero(mode == loop_kernels.MODE_INTERPRETED):
-            self._states[index] = self._states[index].copied()  # the strategy may change its original
+            self._states[index] = self._states[index].copied()  # strategies may change theirs
         loop, decide_type = _compiled_loop(self.strategies, np.flatnonzero(used).tolist())
         functions = [
             compiled_decide(type(strategy).compiled, decide_type)  # type: ignore[arg-type]

@@ -310,9 +310,7 @@ def tuning_document(tuned: Tuned, known: TunedScenarios) -> ReportDocument:
     document.add(Listed([begin, *left_out], mark=""))
     heads = ("place", "round", "runs", "mean", "right of way; allocation")
     document.add(Table(heads, list(rows(tuned, known)), left=0, also_left=(4,)))
-    note = (
-        "round: last round of the candidate; means of different rounds come from different runs"
-    )
+    note = "round: last round of the candidate; means of different rounds come from different runs"
     document.add(Listed([note, conclusion(tuned)], mark=""))
     settings = known.candidates[tuned.standings[0].number].settings
     document.add(Listed([f"--set '{setting}'" for setting in settings], mark=INDENT))

@@ -45,7 +45,7 @@ def test_the_same_runs_leave_the_family(family: str) -> None:
     assert found.adjusted == found.effect.p and found.effect.difference.level == 0.95
     assert left_out(results) == 1
     texts = [block.text for block in comparison_section(results) if isinstance(block, Text)]
-    assert texts[0].startswith("1 comparison excluded from the family: identical runs")
+    assert texts[0].startswith("1 comparison excluded from the family: between identical runs")
 
 
 def test_what_is_compared_with_both_counts_once() -> None:

@@ -171,7 +171,7 @@ def test_a_scenario_that_changed_gives_no_bounds_and_no_maps(steady: Path, capsy
     assert told in " ".join(out.split())
     code, _, err = report(capsys, str(steady), "--floor", "0")
     assert (
-        code == 2 and "--floor 0: no map can be made" in err and "since it was run: own.yaml" in err
+        code == 2 and "--floor 0: no map is possible" in err and "since it was run: own.yaml" in err
     )
 
 

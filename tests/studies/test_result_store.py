@@ -224,7 +224,7 @@ def test_files_that_are_damaged_while_a_sweep_goes_on_are_noticed_at_its_end(
         )
         assert plain(swept.store.rows()) == expected and swept.tally.done == 26
         assert [(begun.done, len(begun.aside)) for begun in heard] == [(0, 0), (22, 1)]
-        with pytest.raises(InputError, match=r"lacks .* of 24, since files of rows were damaged"):
+        with pytest.raises(InputError, match=r"lacks .* of 24 because files of rows were damaged"):
             sweep_session.sweep_into(
                 tmp_path / "bad", plan, lambda: backend, on_rows=damaging(tmp_path / "bad", 99)
             )
@@ -238,7 +238,7 @@ def test_a_full_disk_is_told_and_loses_nothing(
     monkeypatch.setattr(result_store, "BATCH_ROWS", 4)
     monkeypatch.setattr(sweep_session, "MAX_SWEEP_CHUNK", 2)
     full = fill_the_disk(monkeypatch, after=2)
-    with pytest.raises(InputError, match="no space left on device; all finished runs are kept"):
+    with pytest.raises(InputError, match="no space left on device; all finished runs are saved"):
         swept_here(study, out)
     assert full and Store(out).rows().num_rows >= 12
     assert not list(out.rglob("*.writing")) and not (out / "rows" / ".reserve").exists()
@@ -369,7 +369,7 @@ def test_one_sweep_writes_to_a_folder_at_a_time(tmp_path: Path) -> None:
         command = [sys.executable, "-m", "automaton", "sweep", str(study), "--out", str(out)]
         done = subprocess.run(command, capture_output=True, text=True, env=environment())
     assert done.returncode == 2
-    assert f"another sweep writes to it (process {os.getpid()} on " in done.stderr
+    assert f"another sweep writes to this folder (process {os.getpid()} on " in done.stderr
     assert done.stderr.count("\n") == 1
 
 

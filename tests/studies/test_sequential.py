@@ -167,7 +167,7 @@ def test_mser_refuses_what_is_not_stationary_and_what_is_too_little() -> None:
     growing = np.linspace(0, 50, 1000) ** 2 + rng.normal(0, 1, (5, 1000))
     with pytest.raises(NotSteadyError, match="not stationary or too short"):
         mser5(growing)
-    with pytest.raises(NotSteadyError, match="needs 5 replications, there are 4"):
+    with pytest.raises(NotSteadyError, match="needs 5 replications, not 4"):
         mser5(np.zeros((4, 1000)))
     with pytest.raises(NotSteadyError, match="observations"):
         mser5(np.zeros((5, 20)))
@@ -177,7 +177,7 @@ def test_replication_deletion_needs_twenty() -> None:
     rng = np.random.default_rng(1)
     series = rng.normal(3, 1, (60, 200))
     assert replication_deletion(series, 50).holds(3.0)
-    with pytest.raises(NotSteadyError, match="20 replications, there are 19"):
+    with pytest.raises(NotSteadyError, match="20 replications, not 19"):
         replication_deletion(series[:19], 50)
     with pytest.raises(NotSteadyError, match="leaves nothing"):
         replication_deletion(series, 200)

@@ -41,7 +41,7 @@ def size(capsys: Any, *arguments: str) -> tuple[int, str, str]:
         (["--target", "throughput>=5h"], "throughput is in orders/1000 ticks, not a time"),
         (["--target", "makespan<=soon"], "'soon' is not a number"),
         (["--target", "makespan<=nan"], "'nan' is not a number"),
-        (["--target", "delay<=3"], "does not measure delay; it takes measure: {warm_up: N}"),
+        (["--target", "delay<=3"], "does not measure delay; it needs measure: {warm_up: N}"),
         (["--robots", "5..2"], "1 <= FIRST <= LAST"),
         (["--robots", "few"], "expected FIRST..LAST, such as 1..12"),
         (["--robots", "1..400"], "automaton: --robots 400: fleet.robots is 400 but the floor has"),
@@ -55,12 +55,12 @@ def size(capsys: Any, *arguments: str) -> tuple[int, str, str]:
         (["--success-share", "99%"], "must lie between 0 and 1: 0.99 and 0.02"),
         (["--success-share", "much%"], "'much' is not a number above 0"),
         (["--indifference", "0"], "is not a number above 0"),
-        (["--alpha", "0.7"], "an error probability lies between 0 and 0.5"),
-        (["--budget", "10"], "a fleet cannot pass in less than"),
+        (["--alpha", "0.7"], "the error probability must lie between 0 and 0.5"),
+        (["--budget", "10"], "a fleet needs at least"),
         (["--budget", "none"], "is not a number of runs"),
         (
             ["--budget", "240", "--strategies", "independent,cooperative,adaptive"],
-            "cannot pass in less than 124; of 3 strategies each gets 80",
+            "a fleet needs at least 124 runs to pass; each of 3 strategies gets 80",
         ),
         (["--strategies", "cooperativ"], "did you mean 'cooperative'?"),
         (["--strategies", "cooperative,cooperative"], "names a strategy twice"),
@@ -81,7 +81,7 @@ def test_a_floor_made_for_so_many_robots_says_what_frees_it(capsys: Any) -> None
     any_fleet = ["fleet.start=random", "strategy.zoning.design=null"]
     code, _, err = size(capsys, "factory", *options)
     settings = " ".join(f"--set {setting}" for setting in any_fleet)
-    assert code == 2 and err.endswith(f"; fleets of other sizes: {settings}\n")
+    assert code == 2 and err.endswith(f"; for other fleet sizes use {settings}\n")
     code, _, err = size(capsys, "factory", *options, "--set", any_fleet[0])
     assert code == 2 and "there are 1 (without a design, strategy.zoning.design=null" in err
     with PersistentPool(1, run_and_measure_use) as rounds:
@@ -123,8 +123,8 @@ def test_targets_and_fleets_as_typed() -> None:
         ("utilization>=90", "utilization is a share between 0 and 1"),
         ("blocked_share<=101%", "blocked_share is a share between 0 and 1"),
         ("blocked_share<=5h", "blocked_share is a share between 0 and 1"),
-        ("blocked_share<=-1%", "blocked_share is never below 0"),
-        ("makespan<=-1", "makespan is never below 0"),
+        ("blocked_share<=-1%", "blocked_share cannot be below 0"),
+        ("makespan<=-1", "makespan cannot be below 0"),
         ("throughput>=100%", "'%' is not understood; throughput is in orders/1000 ticks"),
         ("makespan<=100%", "'%' is not understood; makespan is in ticks"),
     ],

@@ -225,7 +225,7 @@ def test_a_report_would_be_the_same_whatever_the_warm_up_had_been(
         monkeypatch.setattr(Store, "rows", lambda store: table)  # noqa: B023
         monkeypatch.setattr(study_results, "cut_of", lambda *_: cut)  # noqa: B023
     assert told[0] == told[1]
-    assert "lead_time_p95: excluded, because the warm-up period cannot" in told[0][1]
+    assert "lead_time_p95: excluded because the warm-up period cannot" in told[0][1]
     assert "makespan measures the length of runs" in told[0][1]
 
 

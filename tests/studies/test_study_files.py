@@ -134,12 +134,12 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("scenario: tabletop-mini", "scenario: nothing.yaml", 2, ["no such file"]),
     ("scenario: tabletop-mini", "scenario: []", 2, ["scenario must name at least one"]),
     ("scenario: tabletop-mini", "scenario: 5", 2, ["scenario must be text", "found 5"]),
-    ("scenario: tabletop-mini", "scenario: [a, a]", 2, ["names one of them twice"]),
+    ("scenario: tabletop-mini", "scenario: [a, a]", 2, ["names a scenario twice"]),
     ("factors:", "factor:", 3, ["unknown key 'factor'", "did you mean 'factors'?"]),
     ("fleet.robots", "fleet.robot", 4, ["unknown key 'robot' in fleet", "did you mean 'robots'"]),
     ("fleet.robots", "flet.robots", 4, ["unknown key 'flet'", "did you mean 'fleet'?"]),
     ("fleet.robots", "fleet..robots", 4, ["is not a key of a scenario"]),
-    ("fleet.robots", "seed", 4, ["seed is not a factor", "follow from the study's"]),
+    ("fleet.robots", "seed", 4, ["seed is not a factor", "set `seed` of the study"]),
     ("fleet.robots", "name", 4, ["name is not a factor"]),
     ("fleet.robots", "orders", 4, ["vary a part of it, such as orders.count"]),
     (
@@ -169,8 +169,8 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("seed: 7", "seed: 7\nseed: 8", 11, ["'seed' appears twice"]),
     ("seed: 7", "design: steady", 10, ["did you mean 'steady-state'?"]),
     ("seed: 7", "design: steady-state", 10, ["stop.when never", "point 0:"]),
-    ("seed: 7", "warm_up: 100", 10, ["warm_up belongs to design: steady-state"]),
-    ("seed: 7", "window: 100", 10, ["window belongs to design: steady-state"]),
+    ("seed: 7", "warm_up: 100", 10, ["warm_up needs design: steady-state"]),
+    ("seed: 7", "window: 100", 10, ["window needs design: steady-state"]),
     ("seed: 7", "common_random_numbers: false", 10, ["common_random_numbers must be true"]),
     ("seed: 7", "points: [{fleet.robots: 1}]", 1, ["either factors or points"]),
     (
@@ -199,11 +199,11 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
         "allocation: independent",
         "allocation: adaptive",
         14,
-        ["not one of its levels: 'independent'"],
+        ["but the levels of strategy.allocation are: 'independent'"],
     ),
     ("  baseline: {strategy.allocation: independent}\n", "", 14, ["need a baseline"]),
     ("comparisons: baseline", "comparisons: all", 15, ["baseline, none or pairs", "found 'all'"]),
-    ("comparisons: baseline", "comparisons: pairs", 14, ["belongs to comparisons: baseline"]),
+    ("comparisons: baseline", "comparisons: pairs", 14, ["baseline needs comparisons: baseline"]),
 ]
 
 
@@ -224,7 +224,7 @@ POINTS = [
     ("durations.turn: 5", "durations.turn: 0", 5, ["durations.turn must be", "point 1"]),
     ("durations.turn: 5", "durations.turn: 22", 4, []),
     ("{fleet.robots: 2, durations.turn: 5}", "{fleet.robots: 4}", 5, ["0 and 1 are the same"]),
-    ("{fleet.robots: 2, durations.turn: 5}", "{}", 5, ["0 and 1 are the same runs"]),
+    ("{fleet.robots: 2, durations.turn: 5}", "{}", 5, ["0 and 1 have the same runs"]),
 ]
 
 
@@ -253,7 +253,7 @@ window: 46
 
 WINDOWS = [
     ("window: 46", "window: 47", 7, ["needs 50 windows in a run", "48 of 47 ticks", "2,300"]),
-    ("replications: 5", "replications: 4", 4, ["needs 5 replications, there are 4"]),
+    ("replications: 5", "replications: 4", 4, ["needs 5 replications, but the study has 4"]),
 ]
 
 
@@ -383,9 +383,12 @@ def test_each_kind_of_file_is_told_from_the_others(
     for command, said in (
         (
             ["sweep", scenario, "--out", str(tmp_path / "r")],
-            "this is a scenario; a study is a file",
+            "this is a scenario; a study is a separate file",
         ),
-        (["sweep", "tabletop-1", "--dry-run"], "'tabletop-1' is a scenario; a study is a file"),
+        (
+            ["sweep", "tabletop-1", "--dry-run"],
+            "'tabletop-1' is a scenario; a study is a separate file",
+        ),
         (["run", str(study)], "this is a study; `automaton sweep STUDY"),
         (["watch", "tabletop-fleet"], "'tabletop-fleet' is a study; `automaton sweep STUDY"),
         (["report", str(study)], "is a file; a report is made of the folder of a sweep"),

@@ -53,9 +53,9 @@ def test_levels_are_read_by_the_scenario_and_shown_as_written(tmp_path: Path) ->
         ("00:05:00", "0.1 s", 7, "window: '0.1 s' is less than half a tick of 0.5 s"),
         ("00:05:00", "soon", 7, "or a time such as 20 s, found 'soon'"),
         ("durations.pick: [1 s, 20 s]", "units.tick: [0.5 s, 1 s]", 7,
-         "window 00:05:00 is not the same number of ticks at all points; give it in ticks"),
+         "window 00:05:00 is a different number of ticks at some points; give it in ticks"),
         ("durations.pick: [1 s, 20 s]", "durations.pick: [1 s, 2]", 3,
-         "points 0 and 1 are the same runs"),
+         "points 0 and 1 have the same runs"),
     ],
 )  # fmt: skip
 def test_a_mistake_has_its_line(tmp_path: Path, old: str, new: str, line: int, words: str) -> None:

@@ -85,7 +85,7 @@ def test_a_scheduler_that_is_not_there_is_told(
     assert "nothing.json: is not an address, such as tcp://" in capsys.readouterr().err
     for text in ("{}", "[]", "", '{"address"'):
         (tmp_path / "cluster.json").write_text(text)
-        with pytest.raises(InputError, match=r"cluster\.json: is not a file of a Dask scheduler"):
+        with pytest.raises(InputError, match=r"cluster\.json: is not a Dask scheduler file"):
             DaskCluster(str(tmp_path / "cluster.json"))
     with pytest.raises(InputError, match=r"no Dask scheduler answers at tcp://127.0.0.1:9"):
         sweep(study, scheduler="tcp://127.0.0.1:9")

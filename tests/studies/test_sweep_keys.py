@@ -162,7 +162,7 @@ def test_a_file_that_is_in_the_way_of_a_copy_stays(tmp_path: Path) -> None:
     study, out = far_study(tmp_path / "home", "deep/own.yaml"), tmp_path / "out"
     out.mkdir()
     (out / "floor.txt").write_text("mine")
-    with pytest.raises(InputError, match=r"holds another file floor\.txt than the study"):
+    with pytest.raises(InputError, match=r"has a file floor\.txt that differs"):
         swept_here(study, out)
     assert (out / "floor.txt").read_text() == "mine"
 

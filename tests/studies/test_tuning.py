@@ -96,10 +96,10 @@ def test_a_budget_is_spent_to_the_last_pair() -> None:
         (["--metric", "makespan"], "--metric: runs end at a given tick, so makespan is the same"),
         (
             ["--metric", "energy"],
-            "--metric: this scenario does not measure energy; it takes a batt",
+            "--metric: this scenario does not measure energy; it needs a batt",
         ),
-        (["--metric", "utilization"], "--metric: neither more nor less of utilization is better"),
-        (["--budget", "62"], f"--budget 62: 35 candidates take {LEAST} runs at least"),
+        (["--metric", "utilization"], "--metric: utilization has no better direction"),
+        (["--budget", "62"], f"--budget 62: 35 candidates need at least {LEAST} runs"),
         (["--out", "nowhere/settings.yaml"], "nowhere/settings.yaml: cannot write it: there is no"),
         (["--out", "."], "cannot write it: this is not a regular file"),
         (["--set", "@nowhere.yaml"], "nowhere.yaml: no such file"),

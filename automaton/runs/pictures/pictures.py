@@ -91,7 +91,9 @@ def picture_of(
         (subject, floor_plan) if isinstance(subject, World) else _of_simulation(subject)
     )
     if floor_plan is None:
-        raise TypeError("the picture of a world needs its floor plan: picture_of(world, floor_plan)")
+        raise TypeError(
+            "the picture of a world needs its floor plan: picture_of(world, floor_plan)"
+        )
     rows = map_rows(world, floor_plan)
     lines = [head_line(world), "", *rows, "", *legend_lines(floor_plan)]
     if brief and any(CROWD in row for row in rows):
@@ -331,7 +333,9 @@ def set_order(world: World, floor_plan: FloorPlan, order: int, facts: Facts) -> 
         return
     slot, cell = world.slots.first_spare + spare, _cell(floor_plan, facts["current_slot"])
     if slot >= len(world.slots.cell) or not open_slot(world, slot, cell):
-        raise InputError(f"{PLACE} has a load {spare} on the floor that no robot can have left there")
+        raise InputError(
+            f"{PLACE} has a load {spare} on the floor that no robot can have left there"
+        )
     orders.current_slot[order] = slot
 
 

@@ -32,9 +32,7 @@ Values = npt.NDArray[np.float64]
 STUDENT_MIN_RUNS: Final = 60  # fewer runs give a warning
 DEFAULT_CONFIDENCE: Final = 0.95
 ROUNDING: Final = 1e-12
-NO_SPREAD_WARNING: Final = (
-    "all runs have the same value: the error of the mean cannot be estimated"
-)
+NO_SPREAD_WARNING: Final = "all runs have the same value: the error of the mean cannot be estimated"
 MAX_LOG_RATIO: Final = math.log(1e6)  # of the upper end of an interval to the ratio itself
 MIN_GROWTH: Final = 1.1  # least growth factor of runs from one round to the next
 MAX_GROWTH: Final = 2.0

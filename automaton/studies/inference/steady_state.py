@@ -73,9 +73,7 @@ def mser5(series: Sequence[Sequence[float]] | npt.NDArray[np.float64]) -> WarmUp
         found = y.shape[0] if y.ndim == 2 else 1
         raise NotSteadyError(f"MSER-5 needs {MIN_REPLICATIONS} replications, not {found}")
     if y.shape[1] < MIN_OBSERVATIONS:
-        raise NotSteadyError(
-            f"MSER-5 needs {MIN_OBSERVATIONS} observations, not {y.shape[1]}"
-        )
+        raise NotSteadyError(f"MSER-5 needs {MIN_OBSERVATIONS} observations, not {y.shape[1]}")
     groups = y.shape[1] // MSER_BATCH
     averaged = y.mean(axis=0)[: groups * MSER_BATCH].reshape(groups, MSER_BATCH).mean(axis=1)
     cut = _least_error(averaged)
@@ -92,9 +90,7 @@ def mser5_of_means(means: Values) -> int:
     known = np.flatnonzero(~np.isnan(means))
     fewest = MIN_OBSERVATIONS // MSER_BATCH
     if len(known) < fewest:
-        raise NotSteadyError(
-            f"MSER-5 needs {fewest} stretches of time with data, not {len(known)}"
-        )
+        raise NotSteadyError(f"MSER-5 needs {fewest} stretches of time with data, not {len(known)}")
     cut = _least_error(means[known])
     if cut > len(known) // 2:
         raise NotSteadyError(_too_late(cut, len(known), "stretches of time"))

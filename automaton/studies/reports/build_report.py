@@ -86,7 +86,8 @@ def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -
     for metric in results.quantiles:
         document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
     document.add(*steady_section(results), *comparison_section(results, report.compared))
-    drawn = [one for one in curves(results) if one not in document.blocks]  # one is on the first page
+    # The first page may show one of the curves already.
+    drawn = [one for one in curves(results) if one not in document.blocks]
     if drawn:
         document.add(Heading("Curves"), *drawn)
     add_floors(document, results, scenarios, floors, lacking)

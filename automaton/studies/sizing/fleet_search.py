@@ -95,7 +95,7 @@ class Question(NamedTuple):
     target: Target
     first: int  # range of fleet sizes to test
     last: int
-    strategies: tuple[str, ...]  # settings such as "strategy.allocation=auction"; ("",): the own one
+    strategies: tuple[str, ...]  # such as "strategy.allocation=auction"; ("",): the scenario's own
     success_share: float = DEFAULT_SUCCESS_SHARE
     indifference: float = DEFAULT_INDIFFERENCE  # a share, or for a mean in the metric's unit
     alpha: float = DEFAULT_ALPHA

@@ -281,9 +281,7 @@ class DaskCluster:
 def address_in(file: str) -> str:
     """The address in a scheduler file, which may still be incomplete. Raises InputError."""
     if not Path(file).is_file():
-        raise InputError(
-            "is not an address, such as tcp://host:8786, nor a scheduler file", file
-        )
+        raise InputError("is not an address, such as tcp://host:8786, nor a scheduler file", file)
     for _ in range(ADDRESS_FILE_TRIES):
         try:
             found = json.loads(Path(file).read_bytes())["address"]

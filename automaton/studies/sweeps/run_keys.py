@@ -79,7 +79,8 @@ class PlannedPoint(msgspec.Struct, frozen=True):
 class Declared(msgspec.Struct, frozen=True):
     """The parts of a study that concern its analysis and do not enter the keys of runs."""
 
-    replications: int  # bound of a study in rounds; in an earlier declaration, those requested by then
+    # Bound of a study in rounds; in an earlier declaration, the replications requested by then.
+    replications: int
     warm_up: int | str | None
     analysis: Any  # as plain data; None: nothing was declared
 
@@ -106,7 +107,7 @@ class Manifest(msgspec.Struct, frozen=True):
     sources: Sources
     versions: dict[str, str]  # of libraries; for information only
     counted: tuple[str, ...]  # metrics counted by strategies
-    earlier: tuple[Declared, ...] = ()  # earlier declarations that were changed after runs were made
+    earlier: tuple[Declared, ...] = ()  # declarations that changed after runs were made
     # Replications after each round, if a study continues until it reaches a precision.
     rounds: tuple[int, ...] | msgspec.UnsetType = msgspec.UNSET
     format: int = MANIFEST_FORMAT

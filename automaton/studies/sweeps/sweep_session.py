@@ -59,7 +59,9 @@ CHUNK_S: Final = 0.3  # long enough to make sending cheap, short enough to show 
 MAX_SWEEP_CHUNK: Final = 100  # runs
 RUNS_PER_BLOCK: Final = 50  # replications of a point before the next point's turn
 CLOCK_POLL_S: Final = 0.2  # between two checks of the clock
-ADVICE: Final = "use another folder, or --recompute to ignore rows of other code, scenarios or seeds"
+ADVICE: Final = (
+    "use another folder, or --recompute to ignore rows of other code, scenarios or seeds"
+)
 DIED_MESSAGE: Final = "the worker process died twice, the second time with this run alone"
 UNABLE_MESSAGE: Final = (
     "the workers cannot start (see their messages); a script that sweeps needs "
@@ -276,11 +278,11 @@ class Coordinator:
         self.backend: Backend  # from `start`, once `has_started`
         self.has_started = False
         self.finished: queue.SimpleQueue[FutureLike] = queue.SimpleQueue()
-        self.under_way: dict[FutureLike, tuple[SweepChunk, bool]] = {}  # chunk, whether it runs alone
+        self.under_way: dict[FutureLike, tuple[SweepChunk, bool]] = {}  # chunk, if it runs alone
         self.retry_in_isolation: deque[SweepRun] = deque()
         self.waiting: Iterator[list[SweepRun]] = iter(())
         self.block: deque[SweepRun] = deque()
-        self.has_results = False  # whether a result has arrived, which proves that workers can start
+        self.has_results = False  # a result has arrived, so workers can start
         self.refused = False  # whether the pool is broken and takes no more chunks
         self.seconds_per_run: dict[int, float] = {}  # point -> seconds per run
         self.chunks = self.done = self.failed = self.unfinished = self.repeated = 0

@@ -1,1 +1,1 @@
-"""Documents that answer a command, and how they are written: text, Markdown, HTML, a workbook."""
+"""Documents as the output of commands, and their formats: text, Markdown, HTML, workbook."""

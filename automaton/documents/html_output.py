@@ -1,8 +1,8 @@
-"""A report as one HTML file that needs nothing else, and its drawings as PNG and SVG files.
+"""A report as one self-contained HTML file, and its drawings as PNG and SVG files.
 
-Tables, curves and maps stand inside, the drawings as SVG with scales and legends; lines of a picture
-differ by colour, by dashes and by marks, so also without colour. On paper the page is A4: cells wrap, a
-table that is too wide for that has pages in landscape of its own, and no drawing is cut.
+The file contains tables, curves and maps, the latter as SVG with scales and legends. Curves differ by
+colour, dashes and marks, so they are distinct without colour, too. Printed pages are A4: cells wrap, a
+table that is still too wide goes on landscape pages, and no drawing is split.
 """
 
 from __future__ import annotations
@@ -41,19 +41,19 @@ from automaton.units import number
 
 WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 640, 320, 70, 14, 14, 44
 LEGEND_LINE: Final = 18  # pixels
-MAP_WIDTH, MAP_HEIGHT = 960, 720  # pixels at most: the width of the page, and what a screen shows
+MAP_WIDTH, MAP_HEIGHT = 960, 720  # maximum pixels: width of the page, height of a screen
 WIDEST_CELL: Final = 40  # pixels
-WIDEST_MAP: Final = 200  # cells; larger floors by the means of blocks
-MIN_NAME_WIDTH: Final = 90  # pixels of WIDTH that a name below the x axis has at least
-SCALE_STEPS: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # of the most, in the scale of a map
+WIDEST_MAP: Final = 200  # cells; larger floors are drawn by means of blocks
+MIN_NAME_WIDTH: Final = 90  # pixels; minimum width of a name below the x axis
+SCALE_STEPS: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # of the maximum, in the scale of a map
 SWATCH: Final = 18  # pixels
-WIDEST_UPRIGHT: Final = 105  # characters of a table on a page that is not turned
-WIDEST_TEXT_CELL: Final = 16  # characters of a cell of text that is not wrapped
-MOST_ROWS_KEPT: Final = 15  # of a table that is not divided between two pages
+WIDEST_UPRIGHT: Final = 105  # characters of the widest table on an upright page
+WIDEST_TEXT_CELL: Final = 16  # characters of the widest text cell that does not wrap
+MOST_ROWS_KEPT: Final = 15  # rows of the longest table that is not split between pages
 PLOT_FORMATS = ("png", "svg")
 DPI = 300  # for print
-SIZE = (6.5, 4.2)  # inches: the width of a column of text on A4, and half a slide
-FONT_SIZES = {  # points; at half a slide they are as large as its text
+SIZE = (6.5, 4.2)  # inches: the text width of an A4 page, or half a slide
+FONT_SIZES = {  # points; suit the text of half a slide
     "font.size": 10,
     "axes.labelsize": 11,
     "axes.titlesize": 11,
@@ -64,12 +64,12 @@ WIDEST_LEGEND = 60  # characters in a line of the legend
 
 
 class LineStyle(NamedTuple):
-    """One of them."""
+    """The style of a curve."""
 
     colour: str
-    dashes: tuple[float, ...]  # lengths of strokes and gaps in points; (): drawn through
-    marker: str  # as matplotlib names it
-    path: str  # the same for SVG, about 0, 0
+    dashes: tuple[float, ...]  # lengths of strokes and gaps in points; (): a solid line
+    marker: str  # matplotlib's name of the marker
+    path: str  # the marker as an SVG path about 0, 0
 
 
 _CIRCLE: Final = "M-4,0a4,4 0 1,0 8,0a4,4 0 1,0 -8,0z"
@@ -86,7 +86,7 @@ LINE_STYLES: Final = (
 
 
 def line_style(index: int) -> LineStyle:
-    """The style of a line by its place."""
+    """The style of curve number `index`."""
     return LINE_STYLES[index % len(LINE_STYLES)]
 
 
@@ -99,7 +99,7 @@ def curves_svg(curves: Curves) -> str:
         return f"<p>{escape(curves.title)}: no metrics</p>"
     low, high = curves.span
     left, right = span(curves.x)
-    margin = 30 if curves.x_names or len(curves.x) > 1 else 0  # marks do not lie on the axis
+    margin = 30 if curves.x_names or len(curves.x) > 1 else 0  # keeps marks off the axis
 
     def x_at(value: float) -> float:
         part = (value - left) / (right - left)
@@ -140,7 +140,7 @@ def round_marks(low: float, high: float) -> list[float]:
 
 
 def x_labels(curves: Curves, x_at: Callable[[float], float]) -> Iterator[str]:
-    """The numbers or names below the x axis that have room."""
+    """The numbers or names below the x axis, as far as they fit."""
     free = 0.0
     for x in curves.x:
         text = curves.x_names[int(x)] if curves.x_names else number(x)
@@ -161,7 +161,7 @@ def line_parts(
     style: LineStyle,
     is_named: bool,
 ) -> Iterator[str]:
-    """One curve; between things with names there is no line."""
+    """One curve; without connecting lines if the x values are names."""
     points = [
         (x_at(x), y_at(value))
         for x, value in zip(line.x, line.value, strict=True)
@@ -181,13 +181,13 @@ def line_parts(
 
 
 def stroke(style: LineStyle) -> str:
-    """The attributes of a line."""
+    """The SVG attributes of a line."""
     dashes = f' stroke-dasharray="{" ".join(f"{one:g}" for one in style.dashes)}"'
     return f'stroke="{style.colour}" stroke-width="2"{dashes if style.dashes else ""}'
 
 
 def map_svg(heat: HeatMap) -> str:
-    """A floor of coloured cells, and a scale with numbers below."""
+    """A floor of coloured cells with a scale below."""
     field = coarse(heat.field, max(1, math.ceil(heat.field.shape[1] / WIDEST_MAP)))
     high, wide = field.shape
     most = float(field[np.isfinite(field)].max(initial=0))
@@ -211,12 +211,12 @@ def map_svg(heat: HeatMap) -> str:
 
 
 def heat_colour(value: float, most: float) -> str:
-    """From light to dark red; walls are grey."""
+    """A colour from light to dark red; grey for walls."""
     if not math.isfinite(value):
         return "#8c8c8c"
     if value <= 0 or most <= 0:
         return "#f5f5f0"
-    part = math.sqrt(value / most)  # so that little is seen beside much
+    part = math.sqrt(value / most)  # keeps small values visible
     return (
         f"#{round(250 - 90 * part):02x}{round(225 * (1 - part)):02x}{round(190 * (1 - part)):02x}"
     )
@@ -279,7 +279,7 @@ svg text { font: 12px system-ui, sans-serif; fill: #333 }
 
 
 def as_html(document: ReportDocument) -> str:
-    """The whole page."""
+    """The document as an HTML page."""
     parts = "\n".join(page_parts(document.blocks))
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
@@ -290,11 +290,11 @@ def as_html(document: ReportDocument) -> str:
 
 
 def page_parts(blocks: Sequence[Block]) -> Iterator[str]:
-    """All blocks; a table on turned pages takes its heading and the texts around it along.
+    """All blocks; a table on landscape pages takes its heading and surrounding texts along.
 
-    The first page is not turned.
+    The first page is always upright.
     """
-    before: list[str] = []  # from a heading on
+    before: list[str] = []  # parts since the last heading
     is_turned = False
     is_first_page = any(isinstance(block, PageBreak) for block in blocks)
     for block in blocks:
@@ -314,12 +314,12 @@ def page_parts(blocks: Sequence[Block]) -> Iterator[str]:
 
 
 def is_too_wide(block: Block) -> bool:
-    """Whether it is a table that does not fit on an upright page."""
+    """Whether a block is a table that does not fit on an upright page."""
     return isinstance(block, Table) and printed_width(block) > WIDEST_UPRIGHT
 
 
 def printed_width(table: Table) -> int:
-    """Characters in a line of a table whose texts wrap."""
+    """The width of a table in characters, if its texts wrap."""
     width = 0
     for column, (head, *body) in enumerate(table.columns):
         longest = max(map(len, body), default=0)
@@ -331,7 +331,7 @@ def printed_width(table: Table) -> int:
 
 
 def html_parts(block: Block) -> Iterator[str]:
-    """One block."""
+    """The HTML of one block."""
     if has_no_line(block):
         return
     if isinstance(block, Heading):
@@ -361,7 +361,7 @@ def html_parts(block: Block) -> Iterator[str]:
 
 
 def table_parts(table: Table) -> Iterator[str]:
-    """A table that scrolls where it is too wide."""
+    """A table that scrolls if it is too wide."""
 
     def line(cells: Sequence[str], tag: str) -> str:
         return "".join(
@@ -379,7 +379,7 @@ def table_parts(table: Table) -> Iterator[str]:
 
 
 def _classes(table: Table, column: int, cell: str) -> str:
-    """Texts are aligned left and wrap if they are long; numbers stay on one line."""
+    """Classes of a cell: text is aligned left and wraps if it is long; numbers do not wrap."""
     if not table.is_left(column):
         return " class=n"
     return " class=l" if len(cell) > WIDEST_TEXT_CELL else ' class="l n"'
@@ -389,26 +389,26 @@ def _classes(table: Table, column: int, cell: str) -> str:
 
 
 def figure_class() -> Any:
-    """matplotlib's Figure. Raises InputError where it is not installed."""
+    """matplotlib's Figure. Raises InputError if matplotlib is not installed."""
     try:
         import matplotlib
         from matplotlib.figure import Figure
     except ImportError as error:
         raise InputError(
-            f"plots are drawn by matplotlib, which cannot be imported ({error}): "
+            f"plots need matplotlib, which cannot be imported ({error}): "
             "pip install 'fleet-automaton[plots]'"
         ) from None
-    matplotlib.rcParams["svg.hashsalt"] = "automaton"  # the same plot gives the same file
+    matplotlib.rcParams["svg.hashsalt"] = "automaton"  # makes files reproducible
     return Figure
 
 
 def write_plots(blocks: Sequence[Block], folder: Path) -> list[Path]:
-    """Each curve and map as PNG and SVG; the files written. Raises InputError."""
+    """Write each set of curves and each map as PNG and SVG; return the files. Raises InputError."""
     kind = figure_class()
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"cannot make it: {error.strerror}", str(folder)) from None
+        raise InputError(f"cannot create the folder: {error.strerror}", str(folder)) from None
     return [path for block in blocks for path in _written(kind, block, folder)]
 
 
@@ -440,7 +440,7 @@ def _saved(figure: Any, block: Curves | HeatMap, folder: Path) -> Iterator[Path]
 
 
 def draw_curves(figure: Any, axes: Any, curves: Curves) -> None:
-    """Lines with bars for their intervals; the legend stands below, off the data."""
+    """Draw lines with bars for their intervals, and the legend below the plot."""
     for index, line in enumerate(curves.lines):
         down = [value - low for value, low in zip(line.value, line.low, strict=True)]
         up = [high - value for value, high in zip(line.value, line.high, strict=True)]
@@ -467,12 +467,12 @@ def draw_curves(figure: Any, axes: Any, curves: Curves) -> None:
     if names:
         columns = max(1, WIDEST_LEGEND // max(map(len, names)))
         rows = math.ceil(len(names) / columns)
-        figure.set_figheight(SIZE[1] + 0.2 * rows)  # the data keep their height
+        figure.set_figheight(SIZE[1] + 0.2 * rows)  # keeps the height of the plot area
         figure.legend(loc="outside lower center", ncols=columns, handlelength=4, frameon=False)
 
 
 def draw_map(figure: Any, axes: Any, heat: HeatMap) -> None:
-    """A floor in colours."""
+    """Draw a floor in colours."""
     image = axes.imshow(heat.field, cmap="inferno", interpolation="nearest")
     title = "\n".join(textwrap.wrap(heat.title, WIDEST_TITLE))
     axes.set(title=title, xlabel=heat.note)
@@ -482,5 +482,5 @@ def draw_map(figure: Any, axes: Any, heat: HeatMap) -> None:
 
 
 def file_name(title: str) -> str:
-    """A title as the name of a file."""
+    """A file name from a title."""
     return re.sub(r"[^a-z0-9]+", "-", title.lower()).strip("-")[:80] or "plot"

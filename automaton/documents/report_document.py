@@ -1,6 +1,6 @@
-"""What the answer of a command consists of: headings, text, tables, curves and maps.
+"""The parts of a document: headings, text, tables, curves and maps.
 
-It is the same whether it is then written as text, Markdown, HTML or a workbook.
+They are independent of the format: text, Markdown, HTML or workbook.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ INDENT: Final = "  "
 
 @dataclass(frozen=True)
 class Heading:
-    """A title of a section; level 1 is that of the whole report.
+    """The title of a section; level 1 is the title of the document.
 
-    From level 3 on it stands right above what it names.
+    From level 3 on, no blank line follows it.
     """
 
     text: str
@@ -28,12 +28,12 @@ class Heading:
 
 
 class NumberText(str):
-    """A number as a table prints it; `value` has all of its digits, in the unit of the table."""
+    """A number as printed in a table; `value` has all digits, in the unit of the table."""
 
     value: float
 
     def __new__(cls, text: str, value: float) -> NumberText:
-        """Remember the number behind a text."""
+        """Create a text with its number."""
         self = super().__new__(cls, text)
         self.value = value
         return self
@@ -45,7 +45,7 @@ class StyledText(str):
     style: str
 
     def __new__(cls, text: str, style: str) -> StyledText:
-        """Remember the style of a text."""
+        """Create a text with its style."""
         self = super().__new__(cls, text)
         self.style = style
         return self
@@ -53,7 +53,7 @@ class StyledText(str):
 
 @dataclass(frozen=True)
 class Text:
-    """A paragraph, or with `code` lines that are kept as they are; `strong`: what is to be read first."""
+    """A paragraph, or preformatted lines if `code`; `strong`: emphasised, to be read first."""
 
     text: str
     code: bool = False
@@ -62,10 +62,10 @@ class Text:
 
 @dataclass(frozen=True)
 class Listed:
-    """Sentences, one below the other; `strong`: what is to be read first.
+    """A list of sentences; `strong`: emphasised, to be read first.
 
-    `mark` stands before each in text. Those without one, or with INDENT, are lines that follow each
-    other even from block to block.
+    In text, `mark` precedes each sentence. Lists without a mark, or with INDENT, follow each other
+    without blank lines.
     """
 
     items: Sequence[str]
@@ -75,7 +75,7 @@ class Listed:
 
 @dataclass(frozen=True)
 class CharacterPicture:
-    """Lines that are kept as they are, each of parts with a style such as "bold #009e73"."""
+    """Preformatted lines, each of parts with a style such as "bold #009e73"."""
 
     rows: Sequence[Sequence[tuple[str, str]]]  # (text, style)
 
@@ -89,8 +89,8 @@ class CharacterPicture:
 class Table:
     """A table of texts; the first `left` columns are aligned left.
 
-    A row without cells separates groups of rows. `groups`: names above the last columns, each with
-    the number of its columns.
+    A row without cells separates groups of rows. `groups`: names above groups of the last columns,
+    each with the number of its columns.
     """
 
     head: Sequence[str]
@@ -105,18 +105,18 @@ class Table:
 
     @property
     def keys(self) -> int:
-        """How many columns say what a row is of: those before groups, or those on the left."""
+        """The number of columns that identify a row: those before groups, or those on the left."""
         grouped = sum(size for _, size in self.groups)
         return len(self.head) - grouped if grouped else max(1, self.left)
 
     @property
     def columns(self) -> list[tuple[str, ...]]:
-        """The cells of each column, its head first."""
+        """The cells of each column, starting with its heading."""
         return list(zip(self.head, *(row for row in self.rows if row), strict=True))
 
     @property
     def flat_head(self) -> list[str]:
-        """The heads, those of a group below its name."""
+        """The headings in one line, with the name of a group before its first heading."""
         names = [""] * (self.keys if self.groups else len(self.head))
         for name, size in self.groups:
             names += [name, *[""] * (size - 1)]
@@ -136,10 +136,10 @@ class ReportCurve:
 
 @dataclass(frozen=True)
 class Curves:
-    """Curves with intervals over a number, such as that of robots, or over things with names.
+    """Curves with intervals over a number, such as the number of robots, or over names.
 
-    `x_names`: those of x = 0, 1, ..., if they are not numbers; there is nothing between them to draw.
-    `from_zero`: of a quantity, whose scale begins at 0.
+    `x_names`: names of x = 0, 1, ..., which are not connected by lines. `from_zero`: start the scale
+    of values at 0.
     """
 
     title: str
@@ -151,24 +151,24 @@ class Curves:
 
     @property
     def x(self) -> list[float]:
-        """All x, each once, in order."""
+        """All distinct x in ascending order."""
         return sorted({x for line in self.lines for x in line.x})
 
     @property
     def values(self) -> list[float]:
-        """All values and ends of intervals that are numbers: what a scale must hold."""
+        """All finite values and ends of intervals, which the scale must contain."""
         ends = (end for line in self.lines for end in (line.low, line.high, line.value))
         return [value for several in ends for value in several if math.isfinite(value)]
 
     @property
     def span(self) -> tuple[float, float]:
-        """The least and the most of the scale of values, apart."""
+        """The distinct ends of the scale of values."""
         return span([0.0, *self.values] if self.from_zero else self.values)
 
 
 @dataclass(frozen=True)
 class HeatMap:
-    """A number for each cell of a floor; walls have none (NaN)."""
+    """A number for each cell of a floor; NaN for walls."""
 
     title: str
     unit: str
@@ -178,7 +178,7 @@ class HeatMap:
 
 @dataclass(frozen=True)
 class Folded:
-    """What few will read: a page folds it away behind its title."""
+    """Details that an HTML page folds behind their title."""
 
     title: str
     blocks: Sequence[Heading | Text | Listed | Table]
@@ -193,14 +193,14 @@ Block = Heading | Text | Listed | CharacterPicture | Table | Curves | HeatMap | 
 
 
 def has_no_line(block: Block) -> bool:
-    """Whether a block has no line, as a list that is made of what may not be there."""
+    """Whether a block is empty, such as a list whose sentences are all optional."""
     if isinstance(block, Listed):
         return not block.items
     return isinstance(block, CharacterPicture) and not block.rows
 
 
 def span(values: Sequence[float]) -> tuple[float, float]:
-    """The least and the most of some values, apart."""
+    """The least and the largest value; widened if they are equal."""
     low, high = min(values), max(values)
     if high > low:
         return low, high
@@ -209,11 +209,11 @@ def span(values: Sequence[float]) -> tuple[float, float]:
 
 @dataclass
 class ReportDocument:
-    """The answer of a command."""
+    """The output of a command as a document."""
 
     title: str
     blocks: list[Block] = field(default_factory=list)
 
     def add(self, *blocks: Block) -> None:
-        """Go on with these."""
+        """Append blocks."""
         self.blocks += blocks

@@ -1,8 +1,8 @@
-"""A document as text and as Markdown, curves and maps included.
+"""A document as text and as Markdown, including curves and maps.
 
-Prose wraps at the width of the terminal, at blanks alone. A table that is too wide loses the columns that
-say nothing; then its heads wrap, then its cells; what is still too wide is printed in parts that begin
-with the same columns. Colours and emphasis are for terminals.
+Text wraps at the width of the terminal, only at blanks. A table that is too wide loses its empty
+columns; then its headings wrap, then its cells. A table that is still too wide is printed in parts that
+begin with the same columns. Colours and emphasis are used on terminals only.
 """
 
 from __future__ import annotations
@@ -42,25 +42,25 @@ if TYPE_CHECKING:
 
 Fragment = tuple[str, str]  # text, style
 Line = list[Fragment]
-Cells = list[tuple[str, ...]]  # of a table, by column, its head first
+Cells = list[tuple[str, ...]]  # of a table, by column, starting with the heading
 
-DEFAULT_WIDTH: Final = 100  # columns, of files and pipes
-MIN_WIDTH: Final = 20  # columns, of a terminal that says it has fewer
-MIN_ATTACHED_LEVEL: Final = 3  # of headings that stand right above what they name
-MIN_CELL_WIDTH: Final = 12  # columns of a cell that wraps, unless it is shorter
-GAPS: Final = (2, 1)  # blanks between columns, the second if there is little room
-ABSENT: Final = ("", "-")  # cells that say nothing
-HELD_SIGN: Final = "\0%"  # a number keeps its per cent sign; a text has no NUL
+DEFAULT_WIDTH: Final = 100  # columns, for files and pipes
+MIN_WIDTH: Final = 20  # columns; assumed if a terminal reports fewer
+MIN_ATTACHED_LEVEL: Final = 3  # headings from this level on have no blank line after them
+MIN_CELL_WIDTH: Final = 12  # least columns of a cell that wraps
+GAPS: Final = (2, 1)  # blanks between columns: normal, and if space is short
+ABSENT: Final = ("", "-")  # empty cells
+HELD_SIGN: Final = "\0%"  # replaces " %" while text wraps, to keep it with its number
 HEAD_STYLE: Final = "bold underline"
-SGR: Final = {"bold": "1", "underline": "4", "reverse": "7"}  # codes of a terminal
+SGR: Final = {"bold": "1", "underline": "4", "reverse": "7"}  # terminal codes
 COLOURS: Final = {"red": "31", "green": "32", "yellow": "33", "cyan": "36"}
-SIGNS = "\\|*_`<"  # of Markdown
-HTML_SIGNS = "\\<"  # in titles, where names stand as they are
+SIGNS = "\\|*_`<"  # special characters of Markdown
+HTML_SIGNS = "\\<"  # characters escaped in titles, which contain names
 CURVE_MARKS: Final = "ox+*#%@&"
 INTERVAL_MARK: Final = ":"
 CHART_HEIGHT: Final = 14
 MIN_CHART_WIDTH, WIDEST_CHART = 9, 60  # columns
-SHADES: Final = ".:-=+*%@"  # from a little to the most
+SHADES: Final = ".:-=+*%@"  # from low to high
 WALL_MARK, EMPTY_MARK = " ", "·"
 
 
@@ -68,7 +68,7 @@ WALL_MARK, EMPTY_MARK = " ", "·"
 
 
 def print_document(document: ReportDocument, stream: TextIO | None = None) -> None:
-    """Print to stdout, or to a stream: at the width of a terminal, and with emphasis there alone."""
+    """Print to stdout or to a stream, in the width of the terminal; emphasis only on a terminal."""
     print_blocks(document.blocks, stream)
 
 
@@ -81,7 +81,7 @@ def print_blocks(blocks: Sequence[Block], stream: TextIO | None = None) -> None:
 
 
 def terminal_width() -> int:
-    """The columns of the terminal; DEFAULT_WIDTH in a pipe, unless COLUMNS is set."""
+    """The number of columns of the terminal; DEFAULT_WIDTH in a pipe, unless COLUMNS is set."""
     return max(MIN_WIDTH, shutil.get_terminal_size((DEFAULT_WIDTH, 24)).columns)
 
 
@@ -96,7 +96,7 @@ def plain(line: Line) -> str:
 
 
 def styled(line: Line) -> str:
-    """A line with the codes of its styles."""
+    """A line with the terminal codes of its styles."""
     parts = []
     for text, style in line:
         codes = ";".join(filter(None, map(sgr, style.split())))
@@ -105,7 +105,7 @@ def styled(line: Line) -> str:
 
 
 def sgr(word: str) -> str:
-    """The code of a word of a style; "" of a colour where NO_COLOR forbids them."""
+    """The terminal code of a word of a style; "" for a colour if NO_COLOR is set."""
     if word in SGR:
         return SGR[word]
     if os.environ.get("NO_COLOR"):
@@ -123,7 +123,7 @@ def sgr(word: str) -> str:
 
 
 def document_lines(blocks: Sequence[Block], width: int, is_styled: bool) -> Iterator[Line]:
-    """All blocks, a blank line between two of them unless they belong together."""
+    """The lines of all blocks, with blank lines between blocks that do not belong together."""
     before: Block | None = None
     for block in blocks:
         lines = list(block_lines(block, width, is_styled))
@@ -134,7 +134,7 @@ def document_lines(blocks: Sequence[Block], width: int, is_styled: bool) -> Iter
 
 
 def is_attached(before: Block, block: Block) -> bool:
-    """Whether a block follows the one before it without a blank line."""
+    """Whether a block follows the one before without a blank line."""
     if isinstance(before, Heading):
         return before.level >= MIN_ATTACHED_LEVEL
     if not isinstance(block, Listed) or block.mark.strip():
@@ -143,7 +143,7 @@ def is_attached(before: Block, block: Block) -> bool:
 
 
 def block_lines(block: Block, width: int, is_styled: bool) -> Iterator[Line]:
-    """One block."""
+    """The lines of one block."""
     if isinstance(block, Heading):
         yield from heading_lines(block, width, is_styled)
     elif isinstance(block, Text):
@@ -168,7 +168,7 @@ def block_lines(block: Block, width: int, is_styled: bool) -> Iterator[Line]:
 
 
 def heading_lines(heading: Heading, width: int, is_styled: bool) -> Iterator[Line]:
-    """A title; without emphasis a rule below the more important ones."""
+    """A title; without emphasis, higher levels are underlined by a rule."""
     lines = wrapped(heading.text, width)
     yield from ([(line, HEAD_STYLE if heading.level == 1 else "bold")] for line in lines)
     if not is_styled and heading.level < MIN_ATTACHED_LEVEL:
@@ -176,9 +176,9 @@ def heading_lines(heading: Heading, width: int, is_styled: bool) -> Iterator[Lin
 
 
 def wrapped(text: str, width: int, first: str = "", rest: str = "") -> list[str]:
-    """Text in lines that break at blanks alone: paths and names of options stay whole.
+    """Text wrapped only at blanks, so that paths and option names stay whole.
 
-    `first` stands before the first line, `rest` before all others.
+    `first` precedes the first line, `rest` all others.
     """
     lines = textwrap.wrap(
         text.replace(" %", HELD_SIGN),
@@ -195,7 +195,7 @@ def wrapped(text: str, width: int, first: str = "", rest: str = "") -> list[str]
 
 
 class TableLayout(NamedTuple):
-    """Which columns of a table are printed beside each other, and how wide they are."""
+    """The columns of a table that are printed side by side, and their widths."""
 
     columns: list[int]
     widths: list[int]
@@ -203,12 +203,12 @@ class TableLayout(NamedTuple):
 
     @property
     def total(self) -> int:
-        """Columns of the terminal that it takes."""
+        """The width in terminal columns."""
         return sum(self.widths) + self.gap * (len(self.widths) - 1)
 
 
 def table_lines(table: Table, width: int, is_styled: bool = False) -> Iterator[Line]:
-    """A table in columns; without emphasis a rule below its head. One without a head is indented."""
+    """A table in columns; without emphasis, a rule follows the headings. Without headings: indented."""
     has_head = any(table.head)
     margin: Line = [] if has_head else [(INDENT, "")]
     for place, layout in enumerate(layouts(table, width if has_head else width - len(INDENT))):
@@ -223,7 +223,7 @@ def table_lines(table: Table, width: int, is_styled: bool = False) -> Iterator[L
 
 
 def layouts(table: Table, width: int) -> list[TableLayout]:
-    """The parts of a table, one if it can be made to fit."""
+    """The layouts of the parts of a table; one if the table can be made to fit."""
     every = list(range(len(table.head)))
     cells = [column[1:] for column in table.columns]
     speaking = [at for at in every if any(one not in ABSENT for one in cells[at])] or every
@@ -240,7 +240,7 @@ def layouts(table: Table, width: int) -> list[TableLayout]:
 
 
 def layout_of(table: Table, columns: list[int], gap: int) -> TableLayout:
-    """Columns in which nothing wraps; the name of each group has room above its own."""
+    """A layout in which nothing wraps and the names of groups fit above their columns."""
     widths = [cells_width(table.columns[at]) for at in columns]
     for name, group in groups_of(table, columns):
         places = [columns.index(at) for at in group]
@@ -250,7 +250,7 @@ def layout_of(table: Table, columns: list[int], gap: int) -> TableLayout:
 
 
 def divided(table: Table, columns: list[int], width: int) -> list[TableLayout]:
-    """Parts of a table that is too wide, each with its first columns; no group is torn apart."""
+    """The parts of a table that is too wide, each with the key columns; groups are not split."""
     keys = [at for at in columns if at < table.keys]
     keys = columns[:1] if keys == columns else keys
     parts: list[TableLayout] = []
@@ -266,7 +266,7 @@ def divided(table: Table, columns: list[int], width: int) -> list[TableLayout]:
 
 
 def groups_of(table: Table, columns: list[int]) -> list[tuple[str, list[int]]]:
-    """The names above columns, each with those of its columns that are printed; or each column."""
+    """The names of groups with their printed columns; without groups, each column alone."""
     if not table.groups:
         return [("", [at]) for at in columns]
     first, groups = table.keys, []
@@ -277,7 +277,7 @@ def groups_of(table: Table, columns: list[int]) -> list[tuple[str, list[int]]]:
 
 
 def narrowed(table: Table, layout: TableLayout, width: int) -> TableLayout:
-    """A layout with heads wrapped, then the texts of cells, then all cells, as far as is needed."""
+    """Narrow a layout as far as needed: wrap first headings, then text cells, then all cells."""
     widths = list(layout.widths)
     cells = [table.columns[at] for at in layout.columns]
     words = [max(map(longest_word, column)) for column in cells]
@@ -293,7 +293,7 @@ def narrowed(table: Table, layout: TableLayout, width: int) -> TableLayout:
 
 
 def shrink(widths: list[int], least: Sequence[int], excess: int) -> None:
-    """Take one from the widest column, as often as is too much. Modifies `widths`."""
+    """Narrow the widest columns step by step by a total of `excess`. Modifies `widths`."""
     for _ in range(excess):
         able = [at for at, width in enumerate(widths) if width > least[at]]
         if able:
@@ -301,7 +301,7 @@ def shrink(widths: list[int], least: Sequence[int], excess: int) -> None:
 
 
 def group_line(table: Table, layout: TableLayout) -> Iterator[Line]:
-    """The names of groups above the heads of their columns."""
+    """The names of groups above the headings of their columns."""
     text = ""
     for name, group in groups_of(table, layout.columns) if table.groups else ():
         place = layout.columns.index(group[0])
@@ -311,7 +311,7 @@ def group_line(table: Table, layout: TableLayout) -> Iterator[Line]:
 
 
 def head_lines(table: Table, layout: TableLayout, style: str) -> Iterator[Line]:
-    """The heads of columns, each right above its cells."""
+    """The headings of columns, aligned at the bottom."""
     texts = texts_of(table.head, layout)
     height = max(map(len, texts))
     yield from side_by_side(
@@ -323,7 +323,7 @@ def head_lines(table: Table, layout: TableLayout, style: str) -> Iterator[Line]:
 
 
 def row_lines(table: Table, row: Sequence[str], layout: TableLayout) -> Iterator[Line]:
-    """The cells of a row, in as many lines as the longest one takes."""
+    """The cells of a row, in as many lines as the longest cell needs."""
     if row:
         cells = (row[at] for at in layout.columns)
         styles = [cell.style if isinstance(cell, StyledText) else "" for cell in cells]
@@ -333,7 +333,7 @@ def row_lines(table: Table, row: Sequence[str], layout: TableLayout) -> Iterator
 
 
 def texts_of(row: Sequence[str], layout: TableLayout) -> list[list[str]]:
-    """The lines of each cell that is printed."""
+    """The lines of each printed cell."""
     places = zip(layout.columns, layout.widths, strict=True)
     return [cell_lines(row[at], width) for at, width in places]
 
@@ -341,7 +341,7 @@ def texts_of(row: Sequence[str], layout: TableLayout) -> list[list[str]]:
 def side_by_side(
     table: Table, layout: TableLayout, texts: list[list[str]], styles: Sequence[str]
 ) -> Iterator[Line]:
-    """The lines of cells beside each other."""
+    """The lines of cells side by side."""
     for parts in zip_longest(*texts, fillvalue=""):
         line: Line = []
         for at, width, text, style in zip(
@@ -354,7 +354,7 @@ def side_by_side(
 
 
 def cell_lines(cell: str, width: int) -> list[str]:
-    """A cell in lines of this width at most, if its words allow it."""
+    """The lines of a cell, not wider than `width` unless a word is longer."""
     lines = []
     for part in cell.split("\n"):
         lines += [part] if cell_width(part) <= width else wrapped(part, width)
@@ -367,7 +367,7 @@ def cells_width(column: Sequence[str]) -> int:
 
 
 def cell_width(text: str) -> int:
-    """Columns of a terminal that a line takes; signs of East Asia take two."""
+    """The width of a text in terminal columns; East Asian characters take two."""
     if text.isascii():
         return len(text)
     wide = sum(unicodedata.east_asian_width(sign) in "WF" for sign in text)
@@ -375,7 +375,7 @@ def cell_width(text: str) -> int:
 
 
 def longest_word(text: str) -> int:
-    """The width of the longest word of a cell."""
+    """The width of the longest word in a text."""
     return max(map(cell_width, text.split()), default=0)
 
 
@@ -385,7 +385,7 @@ def longest_word(text: str) -> int:
 def chart(
     curves: Curves, columns: int = DEFAULT_WIDTH, height: int = CHART_HEIGHT
 ) -> Iterator[str]:
-    """Curves on a grid of characters; the scale holds all intervals."""
+    """Curves on a grid of characters; the scale contains all intervals."""
     yield f"{curves.title} ({curves.y_label})"
     if not curves.values:
         yield "no metrics"
@@ -398,7 +398,7 @@ def chart(
     margin = max(map(len, labels))
     width = max(MIN_CHART_WIDTH, min(WIDEST_CHART, columns - margin - 2))
     grid = [[" "] * width for _ in range(height)]
-    for bars in (True, False):  # signs over bars
+    for bars in (True, False):  # draws marks over bars
         for index, line in enumerate(curves.lines):
             for x, value, least, most in zip(line.x, line.value, line.low, line.high, strict=True):
                 column = at(x, x_scale, width)
@@ -420,7 +420,7 @@ def chart(
 
 
 def put(row: list[str], column: int, index: int) -> None:
-    """The sign of a curve in a row; beside the signs of others, if there is room."""
+    """Put the mark of a curve into a row, beside the marks of others if a cell is free."""
     room = range(column, min(len(row), column + len(CURVE_MARKS)))
     free = next((one for one in room if row[one] in (" ", INTERVAL_MARK)), column)
     row[free] = CURVE_MARKS[index % len(CURVE_MARKS)]
@@ -433,7 +433,7 @@ def at(value: float, ends: tuple[float, float], cells: int) -> int:
 
 
 def ticks(curves: Curves, ends: tuple[float, float], width: int) -> str:
-    """The x values, or their names, that have room, below their columns."""
+    """The x values or names below their columns, as far as they fit."""
     line = [" "] * (width + 12)
     free = 0
     for x in curves.x:
@@ -448,8 +448,8 @@ def ticks(curves: Curves, ends: tuple[float, float], width: int) -> str:
 
 
 def shaded(heat: HeatMap, width: int) -> Iterator[str]:
-    """A floor in shades; large floors by the means of blocks of cells."""
-    import numpy as np  # is heavy, and most documents have no maps
+    """A floor in shades; large floors by means of blocks of cells."""
+    import numpy as np  # slow to import, and most documents have no maps
 
     field = coarse(heat.field, max(1, math.ceil(heat.field.shape[1] / width)))
     known = field[np.isfinite(field)]
@@ -461,13 +461,13 @@ def shaded(heat: HeatMap, width: int) -> Iterator[str]:
     scale_text = ", ".join(
         f"{sign} up to {number((index + 1) * steps)}" for index, sign in enumerate(SHADES)
     )
-    yield f"{EMPTY_MARK} none, {scale_text}" if most else "nothing happened"
+    yield f"{EMPTY_MARK} none, {scale_text}" if most else "all values are 0"
     if heat.note:
         yield heat.note
 
 
 def shade(value: float, most: float) -> str:
-    """One cell."""
+    """The character of one cell."""
     if not math.isfinite(value):
         return WALL_MARK
     if value <= 0 or most <= 0:
@@ -476,7 +476,7 @@ def shade(value: float, most: float) -> str:
 
 
 def coarse(field: npt.NDArray[np.float64], block: int) -> npt.NDArray[np.float64]:
-    """Means of blocks of cells that are not walls; NaN where all are."""
+    """Means of blocks of cells without walls; NaN for blocks of walls only."""
     if block == 1:
         return field
     import numpy as np
@@ -495,7 +495,7 @@ def coarse(field: npt.NDArray[np.float64], block: int) -> npt.NDArray[np.float64
 
 
 def as_markdown(document: ReportDocument) -> str:
-    """For a repository or an editor; charts are text, kept as they are."""
+    """The document as Markdown; charts are preformatted text."""
     lines: list[str] = []
     for block in document.blocks:
         if not isinstance(block, PageBreak) and not has_no_line(block):
@@ -504,13 +504,13 @@ def as_markdown(document: ReportDocument) -> str:
 
 
 def markdown_lines(block: Block) -> Iterator[str]:
-    """One block."""
+    """The Markdown lines of one block."""
     if isinstance(block, Heading):
         yield f"{'#' * block.level} {escaped(block.text, HTML_SIGNS)}"
     elif isinstance(block, Text) and not block.code:
         yield f"**{escaped(block.text)}**" if block.strong else escaped(block.text)
     elif isinstance(block, Folded):
-        from html import escape  # reads a table of 2,231 names
+        from html import escape  # slow to import: it reads a table of 2,231 names
 
         yield f"<details><summary>{escape(block.title)}</summary>"
         for inner in block.blocks:
@@ -522,7 +522,7 @@ def markdown_lines(block: Block) -> Iterator[str]:
         if block.mark:
             yield from (f"- {item}" for item in (*first, last))
         else:
-            yield from (*(f"{item}\\" for item in first), last)  # each on its line
+            yield from (*(f"{item}\\" for item in first), last)  # line breaks
     elif isinstance(block, Table):
         yield from markdown_table(block)
     else:
@@ -530,7 +530,7 @@ def markdown_lines(block: Block) -> Iterator[str]:
 
 
 def markdown_table(table: Table) -> Iterator[str]:
-    """A table with pipes."""
+    """A Markdown table."""
 
     def line(cells: Sequence[str]) -> str:
         return f"| {' | '.join(escaped(cell).replace(chr(10), '<br>') for cell in cells)} |"
@@ -542,14 +542,14 @@ def markdown_table(table: Table) -> Iterator[str]:
 
 
 def escaped(text: str, signs: str = SIGNS) -> str:
-    """Text in which Markdown finds no signs of its own."""
+    """Text with the special characters of Markdown escaped."""
     for sign in signs:
         text = text.replace(sign, f"\\{sign}")
     return text
 
 
 def fenced(lines: Sequence[str]) -> Iterator[str]:
-    """Lines kept as they are; the fence is longer than any within."""
+    """Preformatted lines in a fence that is longer than any fence within."""
     fence = "```"
     while any(fence in line for line in lines):
         fence += "`"

@@ -1,4 +1,4 @@
-"""Workbooks of Excel, by openpyxl (extra `excel`): a document as a sheet, and cells with formats."""
+"""Excel workbooks, by openpyxl (extra `excel`): documents as sheets, and cells with formats."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ from automaton.errors import InputError
 from automaton.printable import one_line
 
 WORKBOOK_BEGINS: Final = b"PK"
-MAX_CELL_TEXT: Final = 32_000  # characters; a cell of Excel holds few more
+MAX_CELL_TEXT: Final = 32_000  # characters; Excel's limit is 32,767
 WIDEST_COLUMN: Final = 40  # characters
 
 
 def openpyxl(what: str) -> Any:
-    """The module openpyxl. Raises InputError where it is not installed."""
+    """The module openpyxl. Raises InputError if it is not installed."""
     try:
         import openpyxl
     except ImportError as error:
@@ -40,7 +40,7 @@ def openpyxl(what: str) -> Any:
 
 
 def sheet_cell(sheet: Any, value: Any) -> Any:
-    """A value as a cell: a text that begins as formulas do is not one."""
+    """A value as a cell; text that looks like a formula stays text."""
     if not isinstance(value, str) or not value.startswith("="):
         return value
     from openpyxl.cell import WriteOnlyCell
@@ -51,18 +51,18 @@ def sheet_cell(sheet: Any, value: Any) -> Any:
 
 
 def check_replaced(path: Path, begins: bytes = WORKBOOK_BEGINS) -> None:
-    """Raises InputError for a file that is not a table of ours: a scenario, say, is not replaced."""
+    """Raise InputError if a file is not a table of results, so that it is not overwritten."""
     try:
         with path.open("rb") as file:
             start = file.read(len(begins))
     except OSError:
-        return  # there is no such file, or it cannot be written either
+        return  # the file does not exist, or the write will fail as well
     if start and start != begins:
-        raise InputError("is not a table of results, so it is not replaced by one", str(path))
+        raise InputError("is not a table of results, so it is not overwritten", str(path))
 
 
 def write_sheet(document: ReportDocument, path: Path) -> None:
-    """Write a document as a workbook of one sheet. Raises InputError, also without openpyxl."""
+    """Write a document as a workbook with one sheet. Raises InputError, also without openpyxl."""
     book = openpyxl("workbooks are written").Workbook(write_only=True)
     fill_sheet(book, "report", (line for block in document.blocks for line in sheet_lines(block)))
     with atomic_writer(path) as file:
@@ -72,16 +72,18 @@ def write_sheet(document: ReportDocument, path: Path) -> None:
 def fill_sheet(
     book: Any, name: str, lines: Iterable[Sequence[Any]], has_head: bool = False
 ) -> None:
-    """Add a sheet whose columns are as wide as their heads and numbers.
+    """Add a sheet with columns as wide as their headings and numbers.
 
-    `has_head`: the first line is the head of all others; it stays where it is when they scroll.
+    `has_head`: the first line is a header, which does not scroll.
     """
     sheet, rows = book.create_sheet(name), [list(line) for line in lines]
     if has_head:
         sheet.freeze_panes = "A2"
     decimals = []
     for column in range(max(map(len, rows), default=0)):
-        cells = [row[column] for row in rows if len(row) > max(1, column)]  # texts may run over
+        cells = [
+            row[column] for row in rows if len(row) > max(1, column)
+        ]  # lone texts may overflow
         decimals.append(decimals_of(cells))
         shown = (text_of(cell, decimals[-1]) for cell in cells if cell is not None)
         widest = max(map(len, shown), default=8)
@@ -92,20 +94,20 @@ def fill_sheet(
 
 
 def decimals_of(column: Sequence[Any]) -> int:
-    """Decimals with which the largest number of a column has four digits."""
+    """The number of decimals that gives the largest number of a column four digits."""
     sizes = (abs(one) for one in column if isinstance(one, float) and math.isfinite(one))
     largest = max(sizes, default=0.0)
     return 0 if largest >= 1000 or not largest else min(8, 3 - math.floor(math.log10(largest)))
 
 
 def text_of(value: Any, decimals: int) -> str:
-    """A cell as the sheet shows it."""
+    """The text of a cell in the sheet."""
     return f"{value:,.{decimals}f}" if isinstance(value, float) else str(value)
 
 
 def number_format(value: Any, decimals: int) -> str:
-    """The format of a cell of numbers, as Excel writes it; "" of any other."""
-    if isinstance(value, NumberText):  # as the report prints it
+    """The Excel format of a number; "" for other values."""
+    if isinstance(value, NumberText):  # as printed in the report
         mantissa, exponent, _ = value.partition("e")
         if exponent:
             return "0.000E+00"
@@ -118,7 +120,7 @@ def number_format(value: Any, decimals: int) -> str:
 
 
 def _cell(sheet: Any, value: Any, decimals: int) -> Any:
-    """A value as a cell, a number with its format."""
+    """A value as a cell, with a format if it is a number."""
     form = number_format(value, decimals)
     if not form:
         return sheet_cell(sheet, _value(value))
@@ -136,14 +138,14 @@ def _letter(column: int) -> str:
 
 
 def _value(value: Any) -> Any:
-    """A number as such; a text without what no cell can hold."""
+    """A number, or a text without characters that cells cannot hold."""
     if isinstance(value, NumberText):
         return value.value
     return one_line(value, MAX_CELL_TEXT) if isinstance(value, str) else value
 
 
 def sheet_lines(block: Block) -> list[Sequence[Any]]:
-    """The lines of a sheet for a block; drawings have none."""
+    """The lines of a block in a sheet; none for drawings."""
     if isinstance(block, Heading):
         return [[], [block.text]]
     if isinstance(block, Text | CharacterPicture):
@@ -158,6 +160,6 @@ def sheet_lines(block: Block) -> list[Sequence[Any]]:
 
 
 def _plain(cell: str) -> Any:
-    """A whole number of a table as a number, such as that of robots or of runs."""
+    """A cell as a number if it is a whole number, such as the number of robots or runs."""
     digits = cell.replace(",", "")
     return int(digits) if digits.isascii() and digits.isdigit() and "." not in cell else cell

@@ -1,1 +1,1 @@
-"""Tables of a run for pandas and spreadsheets: orders, lines, trips, events, states, robots and more."""
+"""Tables of a run for pandas and spreadsheets: orders, lines, trips, events, states and more."""

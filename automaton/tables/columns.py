@@ -1,8 +1,8 @@
 """The tables of a run and their columns: names, kinds and meanings.
 
-Rows are columns of NumPy arrays until a writer takes them. A whole number that is not known is
-NO_NUMBER, another number NaN; a text is its place in a list of texts, or NO_TEXT; yes or no is 1 or 0,
-or NO_TEXT. Importing this needs neither Numba nor pyarrow.
+Until they are written, rows are NumPy arrays by column. Unknown values are NO_NUMBER for whole numbers,
+NaN for other numbers, and NO_TEXT for texts and flags. A text is stored as its index in a list of texts,
+a flag as 1 or 0. This module imports without Numba and pyarrow.
 """
 
 from __future__ import annotations
@@ -29,18 +29,18 @@ Array = NDArray[Any]
 Rows = Mapping[str, Array]  # (k,) each, by column
 
 INTEGER: Final = "whole number"
-TICKS: Final = "ticks"  # a whole number, beside which its seconds stand where a tick is a time
+TICKS: Final = "ticks"  # a whole number; with a column of seconds if a tick has a time unit
 NUMBER: Final = "number"
 TEXT: Final = "text"
 FLAG: Final = "true or false"
 
 NO_NUMBER: Final = int(np.iinfo(np.int64).min)
 NO_TEXT: Final = -1
-SUFFIX_OF_SECONDS: Final = "_s"  # what the name of a column of seconds ends in
+SUFFIX_OF_SECONDS: Final = "_s"  # end of the names of columns of seconds
 
 
 class TableColumn(NamedTuple):
-    """One column."""
+    """A column of a table."""
 
     name: str
     kind: str
@@ -48,15 +48,15 @@ class TableColumn(NamedTuple):
 
 
 class Form(NamedTuple):
-    """A table as it is written."""
+    """The form of a table: its name, columns, texts and length of a tick."""
 
     name: str
     columns: tuple[TableColumn, ...]
-    texts: Mapping[str, Sequence[str]]  # of each column of texts
-    tick: Fraction | None  # seconds; None: a tick is not a time
+    texts: Mapping[str, Sequence[str]]  # by column of texts
+    tick: Fraction | None  # seconds; None: a tick has no time unit
 
     def names(self) -> list[str]:
-        """The names of all columns, those of seconds included."""
+        """The names of all columns, including columns of seconds."""
         names = []
         for column in self.columns:
             names.append(column.name)
@@ -73,57 +73,57 @@ ORDER_COLUMNS: Final = (
         "priority of the order: the highest of its lines; larger numbers come first",
     ),
     TableColumn("released", TICKS, "tick of its release; empty: not in this run"),
-    TableColumn("due", TICKS, "tick at which it is due"),
+    TableColumn("due", TICKS, "due tick"),
     TableColumn("done", TICKS, "tick in which it was done; empty: open at the end"),
     TableColumn("lead_time", TICKS, "time from its release until it was done"),
     TableColumn(
         "tardiness",
         TICKS,
-        "time from `due` until it was done, or to the end of the run; 0: in time",
+        "time from `due` until it was done, or to the end of the run; 0: on time",
     ),
     TableColumn(
         "late",
         FLAG,
-        "whether it was done after it was due, or is open and past due at the end; empty: not known",
+        "whether it was done after its due time, or is open and past due at the end; empty: unknown",
     ),
-    TableColumn("lines", INTEGER, "lines of the order; empty where orders have none"),
+    TableColumn("lines", INTEGER, "number of lines of the order; empty if orders have no lines"),
     TableColumn("name", TEXT, "name of the order in the list or file of lines"),
 )
 LINE_COLUMNS: Final = (
     TableColumn("line", INTEGER, "number of the line, from 0"),
     TableColumn("order", INTEGER, "the order that it belongs to"),
-    TableColumn("sku", TEXT, "SKU of the line, where the scenario names it"),
+    TableColumn("sku", TEXT, "SKU of the line, if the scenario gives it"),
     TableColumn("pod", INTEGER, "number of the pod, from 1"),
-    TableColumn("pod_name", TEXT, "name of the pod; its number where it has none"),
-    TableColumn("station", TEXT, "the station where it is served"),
+    TableColumn("pod_name", TEXT, "name of the pod, or its number if it has no name"),
+    TableColumn("station", TEXT, "the station that serves it"),
     TableColumn("trip", INTEGER, "the trip that serves it"),
     TableColumn("robot", INTEGER, "the robot that last took this trip"),
     TableColumn("units", INTEGER, "number of units"),
     TableColumn("released", TICKS, "tick of its release; empty: not in this run"),
     TableColumn("taken", TICKS, "tick in which the robot took the trip"),
     TableColumn("lifted", TICKS, "first tick in which the pod is on the robot"),
-    TableColumn("arrived", TICKS, "tick at whose end the robot stands at the station"),
+    TableColumn("arrived", TICKS, "tick in which the robot arrived at the station"),
     TableColumn("begun", TICKS, "first tick of the visit in which it is served"),
-    TableColumn("done", TICKS, "the last tick of this visit; empty: open at the end"),
+    TableColumn("done", TICKS, "last tick of this visit; empty: open at the end"),
 )
 TRIP_COLUMNS: Final = (
-    TableColumn("trip", INTEGER, "number of the trip; without lines, of the order"),
+    TableColumn("trip", INTEGER, "number of the trip, or of the order if orders have no lines"),
     TableColumn("pod", INTEGER, "number of the pod, from 1"),
     TableColumn("from", TEXT, "cell `x_y` from which the load comes"),
-    TableColumn("to", TEXT, "cell `x_y` where it was brought, or is to go"),
+    TableColumn("to", TEXT, "cell `x_y` to which it was or will be brought"),
     TableColumn("robot", INTEGER, "the robot that last took it"),
-    TableColumn("type", TEXT, "type of this robot, where there are several"),
+    TableColumn("type", TEXT, "type of this robot, if the fleet has several"),
     TableColumn("released", TICKS, "tick of its release; empty: not in this run"),
     TableColumn("taken", TICKS, "tick in which this robot took it"),
     TableColumn("picked", TICKS, "first tick in which the load is on the robot"),
-    TableColumn("delivered", TICKS, "first tick in which the load is where it is to go"),
-    TableColumn("stops", INTEGER, "stops that were done"),
-    TableColumn("moves", INTEGER, "moves with the load; without one, since the order was taken"),
+    TableColumn("delivered", TICKS, "first tick in which the load is at its target"),
+    TableColumn("stops", INTEGER, "number of stops done"),
+    TableColumn("moves", INTEGER, "moves with the load; without a load, since the order was taken"),
     TableColumn("drive", TICKS, "ticks of these moves and of the turns between them"),
     TableColumn(
         "least_drive",
         TICKS,
-        "fewest ticks for these drives on an empty floor; empty: the load was picked "
+        "least ticks for these moves and turns on an empty floor; empty: the load was picked "
         "up more than once",
     ),
     TableColumn("queued", TICKS, "ticks in the queues of stations"),
@@ -133,21 +133,21 @@ EVENT_COLUMNS: Final = (
     TableColumn("event", TEXT, "name of the event"),
     TableColumn("robot", INTEGER, "the robot; of a wait cycle, the one with the lowest number"),
     TableColumn(
-        "order", INTEGER, "the order, or its trip; of `job done` and `part finished`, the part"
+        "order", INTEGER, "the order or its trip; the part for `job done` and `part finished`"
     ),
     TableColumn(
         "value",
         NUMBER,
-        "how many or how much: moves of `retreated`, robots of a wait cycle, the charge from 0 to 1 of "
-        "`charges`, the station from 0 of parts, stations of `zones redesigned` that changed theirs",
+        "amount: moves of `retreated`, robots of a wait cycle, charge from 0 to 1 of `charges`, station "
+        "(from 0) of parts, number of stations with a new zone of `zones redesigned`",
     ),
     TableColumn(
-        "x", INTEGER, "column of the robot's cell, where loads are handled or robots go down"
+        "x", INTEGER, "column of the robot's cell, for events of loads and of robots that go down"
     ),
     TableColumn("y", INTEGER, "row of this cell"),
 )
 STATE_COLUMNS: Final = (
-    TableColumn("tick", TICKS, "tick after which this is the state"),
+    TableColumn("tick", TICKS, "tick at whose end the robot has this state"),
     TableColumn("robot", INTEGER, "number of the robot, from 0"),
     TableColumn(
         "x",
@@ -155,11 +155,11 @@ STATE_COLUMNS: Final = (
         "column of its cell; during a long move the cell that it leaves; empty: off the floor",
     ),
     TableColumn("y", INTEGER, "row of this cell"),
-    TableColumn("heading", TEXT, "E, S, W or N; on rails EW or NS; empty: it may move any way"),
+    TableColumn("heading", TEXT, "E, S, W or N; on rails EW or NS; empty: the robot never turns"),
     TableColumn("action", TEXT, "action of the robot"),
-    TableColumn("load", INTEGER, "the order, or the trip, whose load it carries"),
-    TableColumn("order", INTEGER, "the order, or the trip, that it works on"),
-    TableColumn("charge", NUMBER, "charge of its battery, from 0 to 1; empty: robots have none"),
+    TableColumn("load", INTEGER, "the order or trip whose load it carries"),
+    TableColumn("order", INTEGER, "the order or trip that it works on"),
+    TableColumn("charge", NUMBER, "battery charge, from 0 to 1; empty: robots have no batteries"),
     TableColumn("cause", TEXT, "cause of waiting; empty: the robot does not wait"),
     TableColumn("blocker", INTEGER, "the robot that blocks it"),
 )
@@ -167,22 +167,22 @@ STATION_COLUMNS: Final = (
     TableColumn("station", TEXT, "name of the station, or its number from 1"),
     TableColumn("x", INTEGER, "column of the station"),
     TableColumn("y", INTEGER, "row of the station"),
-    TableColumn("visits", INTEGER, "visits that were done, or parts"),
-    TableColumn("lines", INTEGER, "lines that were served; empty where orders have none"),
+    TableColumn("visits", INTEGER, "number of visits done, or of parts"),
+    TableColumn("lines", INTEGER, "number of lines served; empty if orders have no lines"),
     TableColumn("work", TICKS, "ticks of these visits, or of work on parts"),
     TableColumn("utilization", NUMBER, "`work` / ticks of the run"),
 )
 CELL_COLUMNS: Final = (
-    TableColumn("x", INTEGER, "column of the cell, one of those that robots drive on"),
+    TableColumn("x", INTEGER, "column of the cell (only cells on which robots can drive)"),
     TableColumn("y", INTEGER, "row of the cell"),
-    TableColumn("visits", INTEGER, "times that a robot entered it"),
-    TableColumn("waited", TICKS, "robot ticks that were lost in it"),
-    TableColumn("flow_e", INTEGER, "moves out of it to the east"),
-    TableColumn("flow_s", INTEGER, "moves out of it to the south"),
-    TableColumn("flow_w", INTEGER, "moves out of it to the west"),
-    TableColumn("flow_n", INTEGER, "moves out of it to the north"),
+    TableColumn("visits", INTEGER, "number of times that a robot entered it"),
+    TableColumn("waited", TICKS, "robot ticks lost in it"),
+    TableColumn("flow_e", INTEGER, "number of moves out of it to the east"),
+    TableColumn("flow_s", INTEGER, "number of moves out of it to the south"),
+    TableColumn("flow_w", INTEGER, "number of moves out of it to the west"),
+    TableColumn("flow_n", INTEGER, "number of moves out of it to the north"),
 )
-# Of robots: what `run --json` has of each, which depends on the scenario.
+# The columns of robots are those of `run --json`, which depend on the scenario.
 TABLES: Final[dict[str, tuple[TableColumn, ...]]] = {
     "orders": ORDER_COLUMNS,
     "lines": LINE_COLUMNS,
@@ -198,24 +198,24 @@ TABLES: Final[dict[str, tuple[TableColumn, ...]]] = {
 def form_of(
     name: str, resolved: Resolved, columns: tuple[TableColumn, ...] = (), /, **texts: Sequence[str]
 ) -> Form:
-    """The form of a table of a run; `columns`: where TABLES has none."""
+    """The form of a table of a run; `columns`: its columns if TABLES has none."""
     return Form(name, TABLES[name] or columns, texts, exact_time(resolved.scenario.units.tick))
 
 
 def where(is_known: Array, values: Array) -> Array:
-    """(k,) int64: whole numbers, and NO_NUMBER where they are not known."""
+    """(k,) int64: whole numbers, or NO_NUMBER where they are unknown."""
     out: Array = np.where(is_known, np.asarray(values, np.int64), NO_NUMBER)
     return out
 
 
 def texts_where(is_known: Array, codes: Array) -> Array:
-    """(k,) int64: places of texts, or flags, and NO_TEXT where they are not known."""
+    """(k,) int64: indices of texts, or flags, or NO_TEXT where they are unknown."""
     out: Array = np.where(is_known, np.asarray(codes, np.int64), NO_TEXT)
     return out
 
 
 def rows_as_objects(form: Form, rows: Rows) -> list[dict[str, Any]]:
-    """Rows one by one, without columns of seconds; None for what is not known."""
+    """Rows as dicts, without columns of seconds; None for unknown values."""
     columns = []
     for name, kind, _ in form.columns:
         values = rows[name].tolist()
@@ -232,13 +232,13 @@ def rows_as_objects(form: Form, rows: Rows) -> list[dict[str, Any]]:
 
 
 def codes_of(values: Sequence[str | None]) -> tuple[Array, list[str]]:
-    """Texts as places in the list of the different ones; None is NO_TEXT."""
+    """Texts as indices into the list of distinct texts; NO_TEXT for None."""
     known: dict[str, int] = {}
     codes = [NO_TEXT if one is None else known.setdefault(one, len(known)) for one in values]
     return np.array(codes, np.int64), list(known)
 
 
-# Rows gathered into groups, and groups as tables of pyarrow.
+# Buffering of rows in groups, and groups as pyarrow tables.
 
 
 GROUP_ROWS: Final = 65_536  # 8 MB of the widest table
@@ -247,19 +247,19 @@ Write = Callable[[Form, "pa.Table"], None]
 
 
 def arrow() -> Any:
-    """The module pyarrow. Raises InputError where it is not installed."""
+    """The module pyarrow. Raises InputError if it is not installed."""
     try:
         import pyarrow
     except ImportError as error:
         raise InputError(
-            f"tables are made with pyarrow, which cannot be imported ({error}): "
+            f"tables need pyarrow, which cannot be imported ({error}): "
             "pip install 'fleet-automaton[experiments]'"
         ) from None
     return pyarrow
 
 
 class GroupBuffer:
-    """Gathers the rows of a table, and writes them in groups of GROUP_ROWS."""
+    """Collects the rows of a table, and writes them in groups of GROUP_ROWS."""
 
     def __init__(self, form: Form, write: Write) -> None:
         self.form, self._write = form, write
@@ -271,7 +271,7 @@ class GroupBuffer:
         }
 
     def append(self, rows: Rows) -> None:
-        """Add rows; each group that is full is written."""
+        """Add rows; write each full group."""
         count = len(rows[self.form.columns[0].name]) if self.form.columns else 0
         begun = 0
         while begun < count:
@@ -284,7 +284,7 @@ class GroupBuffer:
                 self.flush()
 
     def flush(self) -> None:
-        """Write the rows that are left; of a table without any, its columns."""
+        """Write the remaining rows; for an empty table, only its columns."""
         if not self._held and self._is_begun:
             return
         held = {name: column[: self._held] for name, column in self._columns.items()}
@@ -293,7 +293,7 @@ class GroupBuffer:
 
 
 def arrow_table(form: Form, rows: Rows) -> pa.Table:
-    """Rows as a table of pyarrow, with a column of seconds beside each of ticks."""
+    """Rows as a pyarrow table, with a column of seconds after each column of ticks."""
     columns: dict[str, Any] = {}
     for column in form.columns:
         values = rows[column.name]
@@ -325,7 +325,7 @@ def _seconds(form: Form, ticks: Array) -> pa.Array:
     return pa.array(known * tick.numerator / tick.denominator, pa.float64(), mask=unknown)
 
 
-# Cells: columns and rows of numbers, and texts such as `4_2`.
+# Cells as column and row numbers, and as texts such as `4_2`.
 
 
 def columns_and_rows(floor_plan: FloorPlan, cells: Array) -> tuple[Array, Array]:
@@ -336,7 +336,7 @@ def columns_and_rows(floor_plan: FloorPlan, cells: Array) -> tuple[Array, Array]
 
 
 def cell_texts(run: Measured) -> tuple[Array, list[str]]:
-    """(s + 1,) the code of the cell of each slot, NO_TEXT of one without a cell; and the texts."""
+    """(s + 1,) code of the cell of each slot, NO_TEXT for slots without a cell; and the texts."""
     cells = run.world.slots.cell
     different, codes = np.unique(cells, return_inverse=True)
     texts = ["{}_{}".format(*run.resolved.floor_plan.xy(cell)) for cell in different.tolist()]

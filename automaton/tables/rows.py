@@ -1,7 +1,7 @@
-"""The rows of the tables of a run, read off its arrays: of orders, lines, trips, robots, cells, events.
+"""The rows of the tables of a run, from its arrays: orders, lines, trips, robots, cells, events.
 
-Rows come in pieces: of a million orders a whole table would be as large as all that the run keeps of
-them.
+Rows are produced in pieces: the whole table of a million orders would be as large as the arrays of the
+run.
 """
 
 from __future__ import annotations
@@ -73,13 +73,13 @@ ROWS_AT_ONCE: Final = 65_536  # rows
 
 
 def pieces(numbers: Array) -> Iterator[Array]:
-    """Numbers, so many at a time."""
+    """Split numbers into pieces of ROWS_AT_ONCE."""
     for begin in range(0, len(numbers), ROWS_AT_ONCE):
         yield numbers[begin : begin + ROWS_AT_ONCE]
 
 
 def order_table(run: Measured) -> Table:
-    """One row for each order that the scenario asks for."""
+    """One row for each customer order."""
     names, texts = _order_names(run, asked_count(run.world))
     return form_of("orders", run.resolved, name=texts), _orders(run.world, names)
 
@@ -106,7 +106,7 @@ def _orders(world: World, names: Array) -> Iterator[Rows]:
 
 
 def _priority_and_lines(world: World, count: int) -> tuple[Array, Array | None]:
-    """(m,) the highest priority of the lines of each order, and how many they are, if there are any."""
+    """(m,) highest priority of the lines of each order, and number of its lines (None without lines)."""
     if not has_lines(world):
         return world.orders.priority, None
     priority = np.full(count, LOWEST_PRIORITY, np.int16)
@@ -115,7 +115,7 @@ def _priority_and_lines(world: World, count: int) -> tuple[Array, Array | None]:
 
 
 def _order_names(run: Measured, count: int) -> tuple[Array, Sequence[str]]:
-    """What listed lines call their orders: (q,) places among the texts, or NO_TEXT; the texts."""
+    """Names of orders in listed lines: (q,) indices of texts or NO_TEXT, and the texts."""
     names: Array = np.full(count, NO_TEXT, np.int64)
     lines = listed_lines(run.resolved.scenario.orders)
     if not lines:
@@ -127,7 +127,7 @@ def _order_names(run: Measured, count: int) -> tuple[Array, Sequence[str]]:
 
 
 def line_table(run: Measured) -> Table:
-    """One row for each line; none where orders have no lines."""
+    """One row for each line; empty if orders have no lines."""
     stations = list(run.resolved.station_names)
     lines = listed_lines(run.resolved.scenario.orders)
     places, skus = line_texts(lines, "sku") if lines else (None, [])
@@ -167,19 +167,19 @@ def _lines(run: Measured, sku: Array) -> Iterator[Rows]:
 
 
 def _values_at(values: Array, numbers: Array) -> Array:
-    """(k,) int64: values by number, NIL for the number NIL."""
+    """(k,) int64: values at these numbers, NIL for the number NIL."""
     if not len(values):
         return np.full(len(numbers), NIL, np.int64)
     return np.where(numbers == NIL, NIL, values[numbers].astype(np.int64))
 
 
 def stops_of_lines(world: World) -> Array:
-    """(l,) int32: the stop of a trip where each line is served, or NIL."""
+    """(l,) int32: the stop of a trip that serves each line, or NIL."""
     lines = world.lines
     stop_of = np.full(len(lines.order), NIL, np.int32)
     stop = np.flatnonzero(world.trips.first_line != NIL)
     line = world.trips.first_line[stop]
-    while len(line):  # as often as a stop has lines
+    while len(line):  # one pass per line of a stop
         stop_of[line] = stop
         following = lines.following[line]
         stop, line = stop[following != NIL], following[following != NIL]
@@ -192,7 +192,7 @@ def _units(resolved: Resolved, count: int) -> Array:
 
 
 def trip_table(run: Measured) -> Table:
-    """One row for each trip of a pod, or for each order where orders have no lines."""
+    """One row for each trip of a pod, or for each order if orders have no lines."""
     cells, texts = cell_texts(run)
     types = [kind.name for kind in run.resolved.scenario.fleet.types]
     form = form_of("trips", run.resolved, type=types, **{"from": texts, "to": texts})
@@ -232,7 +232,7 @@ def _trips(run: Measured, cells: Array, has_types: bool) -> Iterator[Rows]:
 
 
 def _least_drive(run: Measured, trips: Array, is_done: Array) -> Array:
-    """(k,) ticks of driving at least, of trips that are done; several robots may turn less than one."""
+    """(k,) least driving ticks of trips that are done, else NO_NUMBER."""
     ticks = np.full(len(trips), NO_NUMBER, np.int64)
     which = trips[is_done]
     if len(which):
@@ -243,11 +243,11 @@ def _least_drive(run: Measured, trips: Array, is_done: Array) -> Array:
     return ticks
 
 
-# Robots, stations and cells: what the counters of the run say.
+# Robots, stations and cells, from the counters of the run.
 
 
 def robot_table(run: Measured) -> Table:
-    """One row for each robot, as `run --json` has it."""
+    """One row for each robot, with the values of `run --json`."""
     rows = metrics_by_robot(run)
     columns, values, texts = [], {}, {}
     for name, first in rows[0].items():
@@ -271,7 +271,7 @@ def _kind_of(name: str, value: Any) -> str:
 
 
 def station_table(run: Measured) -> Table:
-    """One row for each station to which pods are carried, or that works on parts."""
+    """One row for each station that serves pods or works on parts."""
     world, resolved = run.world, run.resolved
     to_pods = len(world.pod_stations.cell) > 0
     visits, work, lines = _of_pods(world) if to_pods else _of_parts(world)
@@ -291,7 +291,7 @@ def station_table(run: Measured) -> Table:
 
 
 def _of_pods(world: World) -> tuple[Array, Array, Array]:
-    """(k,) visits, their ticks and lines that were served."""
+    """(k,) visits, ticks of visits, and lines served."""
     stops, count = world.stops, len(world.pod_stations.cell)
     done = np.flatnonzero(stops.done != NIL)
     station = world.pod_stations.station_at[stops.cell[done]]
@@ -302,7 +302,7 @@ def _of_pods(world: World) -> tuple[Array, Array, Array]:
 
 
 def _of_parts(world: World) -> tuple[Array, Array, Array]:
-    """(k,) parts that were worked on, the ticks of it, and no lines."""
+    """(k,) parts, ticks of work on parts, and NO_NUMBER for lines."""
     stations = world.stations
     done = stations.station[stations.completion_tick != NIL]
     parts = np.bincount(done, minlength=len(stations.slot))
@@ -310,7 +310,7 @@ def _of_parts(world: World) -> tuple[Array, Array, Array]:
 
 
 def cell_table(run: Measured, observation: Observation) -> Table:
-    """One row for each cell that robots drive on: visits, ticks lost there, moves out of it."""
+    """One row for each drivable cell: visits, lost ticks, and moves out of it."""
     grid, flow = run.world.grid, observation.flow
     cells = grid.drivable
     x, y = columns_and_rows(run.resolved.floor_plan, cells)
@@ -324,14 +324,14 @@ def cell_table(run: Measured, observation: Observation) -> Table:
     return form_of("cells", run.resolved), [rows]
 
 
-# Events and states, taken while the run goes on.
+# Events and states, recorded during the run.
 
 
 EVENTS_IN_CELLS: Final = (
     *(EVENT_PICKED, EVENT_DROPPED, EVENT_DELIVERED, EVENT_VISITED),
     *(EVENT_DEPLETED, EVENT_FAILED),
 )
-HEADINGS: Final = {1: (), 2: ("EW", "NS"), 4: ("E", "S", "W", "N")}  # by how many a type has
+HEADINGS: Final = {1: (), 2: ("EW", "NS"), 4: ("E", "S", "W", "N")}  # by number of headings
 
 Append = Callable[[Rows], None]
 
@@ -342,13 +342,13 @@ def event_form(resolved: Resolved) -> Form:
 
 
 class EventTaker:
-    """Gives the events of a simulation on, and empties its buffers; `robots`: only theirs."""
+    """Passes on the events of a simulation and empties its buffers; `robots`: events of these only."""
 
     def __init__(self, append: Append | None, robots: Array | None) -> None:
         self._append, self._robots = append, robots
 
     def __call__(self, simulation: Simulation) -> None:
-        """Take what the buffers hold."""
+        """Take the events in the buffers."""
         observation = simulation.observation
         events = observation.events[: observation.count.events]
         if self._append is not None and len(events):
@@ -359,7 +359,7 @@ class EventTaker:
 
 
 def event_rows(simulation: Simulation, events: Array) -> Rows:
-    """Rows (tick, code, robot, subject, value) of an observation as those of a table."""
+    """Events (tick, code, robot, subject, value) of an observation as rows of the table."""
     tick, code, robot, subject, value = events.T
     in_cell = np.isin(code, EVENTS_IN_CELLS)
     x, y = columns_and_rows(simulation.resolved.floor_plan, np.where(in_cell, value, NIL))
@@ -387,12 +387,12 @@ def state_form(resolved: Resolved) -> Form:
 
 
 def heading_counts(resolved: Resolved) -> list[int]:
-    """How many headings the types of robots distinguish, the most first."""
+    """The distinct numbers of headings of the robot types, in descending order."""
     return sorted({one.headings for one in resolved.fleet.types}, reverse=True)
 
 
 def heading_texts(simulation: Simulation, at: Array) -> Array:
-    """(k,) the places of the headings of some robots among the texts of `state_form`."""
+    """(k,) indices of the headings of some robots in the texts of `state_form`."""
     robots, before, places = simulation.world.robots, 0, np.full(len(at), NO_TEXT)
     apart = simulation.world.grid.type_headings[robots.type[at]]
     for count in heading_counts(simulation.resolved):
@@ -403,7 +403,7 @@ def heading_texts(simulation: Simulation, at: Array) -> Array:
 
 
 def state_rows_of(simulation: Simulation, robots: Array | None) -> Rows:
-    """What each robot, or each of these, is like after the current tick of an observed run."""
+    """The states of all robots, or of these, after the current tick of an observed run."""
     world, observation = simulation.world, simulation.observation
     identities = np.arange(len(world.robots.cell)) if robots is None else robots
     at = world.robots.at_index[identities]

@@ -1,4 +1,4 @@
-"""Where tables go: into memory, into a folder of CSV or Parquet files, or into a workbook."""
+"""Destinations of tables: memory, a folder of CSV or Parquet files, or a workbook."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 MAX_ROWS_IN_MEMORY: Final = 20_000_000
-MAX_SHEET_ROWS: Final = 1_048_576  # of a sheet of Excel, its head included
+MAX_SHEET_ROWS: Final = 1_048_576  # of an Excel sheet, including its header
 METRICS_FILE: Final = "metrics.json"
 SCENARIO_FILE: Final = "scenario.yaml"
 WORKBOOK: Final = "tables.xlsx"
 CSV, PARQUET, XLSX = "csv", "parquet", "xlsx"
 FORMATS: Final = (CSV, PARQUET, XLSX)
 BEGINS_AS_FORMULA: Final = f"^([{re.escape(''.join(FORMULA_SIGNS))}])"
-HINT_TO_OBSERVE: Final = "; events=True and states=PERIOD observe a run"
+HINT_TO_OBSERVE: Final = "; events=True and states=PERIOD record events and states"
 
 
 class Tables:
-    """The tables of a run, each a table of pyarrow: `tables.lines`, `tables.states`."""
+    """The tables of a run as pyarrow tables: `tables.lines`, `tables.states`."""
 
     def __init__(self, readers: Mapping[str, Callable[[], pa.Table]], why_not: str = "") -> None:
         self._readers = {name: readers[name] for name in TABLES if name in readers}
@@ -37,7 +37,7 @@ class Tables:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The tables that there are."""
+        """The names of the existing tables."""
         return tuple(self._readers)
 
     def __iter__(self) -> Iterator[str]:
@@ -47,7 +47,7 @@ class Tables:
         if name in TABLES and name in self._readers:
             return self._readers[name]()
         if name in TABLES:
-            raise AttributeError(f"there is no table '{name}' of this run{self._why_not}")
+            raise AttributeError(f"this run has no table '{name}'{self._why_not}")
         raise AttributeError(name)
 
     def __getitem__(self, name: str) -> pa.Table:
@@ -55,19 +55,19 @@ class Tables:
 
 
 class Sink(Protocol):
-    """Where the groups of tables go."""
+    """A destination of tables."""
 
     def write(self, form: Form, table: pa.Table) -> None:
-        """Take a group, whose table may have had others before. Raises InputError."""
+        """Append a group of rows to a table. Raises InputError."""
 
     def describe(self, metrics: dict[str, Any], scenario: Iterable[str]) -> None:
-        """Take what belongs to the run as a whole; the run has an end."""
+        """Write metrics and scenario of a finished run."""
 
     def close(self) -> None:
-        """Nothing more comes; what was written stays, whole or not."""
+        """Close all files; the rows written so far stay."""
 
     def tables(self) -> Tables:
-        """What was written."""
+        """The tables written."""
 
 
 class MemorySink:
@@ -84,7 +84,7 @@ class MemorySink:
         self._groups.setdefault(form.name, []).append(table)
 
     def describe(self, metrics: dict[str, Any], scenario: Iterable[str]) -> None:
-        pass  # the outcome of the run has them
+        pass  # the outcome of the run contains them
 
     def close(self) -> None:
         pass
@@ -97,10 +97,10 @@ class MemorySink:
 
 
 def too_many_in_memory(rows: int) -> InputError:
-    """The error about tables that do not fit into memory."""
+    """The error about tables that do not fit in memory."""
     return InputError(
-        f"tables of {rows:,} rows are expected, and {MAX_ROWS_IN_MEMORY:,} fit into memory; "
-        "give folder= to write them to files, or a longer period of states"
+        f"tables of {rows:,} rows are expected, but the limit in memory is {MAX_ROWS_IN_MEMORY:,}; "
+        "set folder= to write them to files, or a longer period of states"
     )
 
 
@@ -132,7 +132,7 @@ class FolderSink:
             return CSVWriter(file, schema), file
         from pyarrow.parquet import ParquetWriter
 
-        # Looking for equal numbers takes longer than all else: 0.3 of 0.5 s for 500,000 orders.
+        # No dictionaries of numbers: they would take 0.3 of 0.5 s for 500,000 orders.
         texts = [field.name for field in schema if arrow().types.is_dictionary(field.type)]
         return ParquetWriter(file, schema, use_dictionary=texts or False), file
 
@@ -160,7 +160,7 @@ class FolderSink:
 
 
 def without_formulas(table: pa.Table) -> pa.Table:
-    """A table for CSV: an apostrophe before each text that spreadsheets would take for a formula."""
+    """A table for CSV, with an apostrophe before each text that looks like a formula."""
     import pyarrow.compute
 
     pa = arrow()
@@ -176,7 +176,7 @@ def without_formulas(table: pa.Table) -> pa.Table:
 
 
 class WorkbookSink:
-    """Writes a workbook with a sheet for each table; openpyxl keeps its rows in files meanwhile."""
+    """Writes a workbook with a sheet for each table; openpyxl stores rows in temporary files."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -214,21 +214,21 @@ class WorkbookSink:
 
 
 def too_many_in_sheet(name: str, rows: int) -> InputError:
-    """The error about a table that does not fit into a sheet."""
+    """The error about a table that does not fit in a sheet."""
     return InputError(
-        f"the table {name} may have {count(rows, 'row')}, and a sheet holds "
-        f"{MAX_SHEET_ROWS - 1:,} below its head; write parquet or csv, or a longer period of states"
+        f"the table {name} may have {count(rows, 'row')}, but a sheet holds only "
+        f"{MAX_SHEET_ROWS - 1:,}; use parquet or csv, or a longer period of states"
     )
 
 
 def sink_for(folder: Path | None, form: str, expected: Mapping[str, int]) -> Sink:
-    """Where tables go, of which so many rows are expected; None: into memory.
+    """The destination of tables; `folder` None: memory; `expected`: expected rows by table.
 
-    Raises InputError for what cannot be written there.
+    Raises InputError if the tables cannot be written there.
     """
     arrow()
     if form not in FORMATS:
-        raise InputError(f"tables are written as {alternatives(FORMATS)}, not as {form!r}")
+        raise InputError(f"the format of tables must be {alternatives(FORMATS)}, not {form!r}")
     if folder is None:
         if sum(expected.values()) > MAX_ROWS_IN_MEMORY:
             raise too_many_in_memory(sum(expected.values()))
@@ -242,7 +242,7 @@ def sink_for(folder: Path | None, form: str, expected: Mapping[str, int]) -> Sin
 
 
 def prepare(folder: Path) -> None:
-    """Make a folder for the tables of one run. Raises InputError if it holds another one."""
+    """Create a folder for the tables of a run. Raises InputError if it holds another run."""
     names = {METRICS_FILE, SCENARIO_FILE, WORKBOOK}
     names |= {f"{table}.{form}" for table in TABLES for form in (CSV, PARQUET)}
     try:
@@ -252,12 +252,12 @@ def prepare(folder: Path) -> None:
         raise _cannot_write(folder, error) from error
     if known:
         raise InputError(
-            f"holds another run already ({known[0]}); name a new folder, or empty it", str(folder)
+            f"already holds another run ({known[0]}); use a new folder, or empty it", str(folder)
         )
 
 
 def describe(folder: Path, metrics: dict[str, Any], scenario: Iterable[str]) -> None:
-    """Write the metrics and the scenario of a run that has an end."""
+    """Write the metrics and the scenario of a finished run."""
     try:
         with (folder / SCENARIO_FILE).open("w", encoding="utf-8") as file:
             file.writelines(scenario)

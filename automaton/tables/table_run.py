@@ -1,6 +1,6 @@
-"""Make the tables of a run: events and states while it goes on, the others when it is over.
+"""Write the tables of a run: events and states during the run, all others at its end.
 
-Beside them stand its metrics and its scenario, as it was run.
+The metrics and the scenario of the run are written as well.
 """
 
 from __future__ import annotations
@@ -46,20 +46,20 @@ from automaton.world.resolved import Resolved
 
 
 class WantedTables(NamedTuple):
-    """Which tables, and where they go."""
+    """The requested tables, and their destination."""
 
     states: str | int | None = None  # a period, as ticks or as text with a unit; None: no states
     events: bool = False
-    robots: Sequence[int] | None = None  # events and states of these alone
-    folder: Path | None = None  # None: into memory
+    robots: Sequence[int] | None = None  # robots whose events and states are recorded; None: all
+    folder: Path | None = None  # None: keep tables in memory
     form: str = PARQUET
 
 
 class TableRun:
-    """The tables of one run: give its `sampling` to the run, and end it with `finish`."""
+    """The tables of one run: pass `sampling` to the run, and call `finish` at its end."""
 
     def __init__(self, resolved: Resolved, options: WantedTables, until: int | None = None) -> None:
-        """`until`: the tick where the run ends, if not before. Raises InputError."""
+        """`until`: the tick at which the run ends at the latest. Raises InputError."""
         self._resolved = resolved
         period = 0 if options.states is None else period_of(options.states, resolved)
         robots = _robots(options.robots, resolved.scenario.fleet.robots)
@@ -79,11 +79,11 @@ class TableRun:
         return self._buffers[-1]
 
     def _sample(self, simulation: Simulation) -> None:
-        assert self._states is not None, "there is a period"
+        assert self._states is not None, "a period is set"
         self._states.append(state_rows_of(simulation, self._robots))
 
     def finish(self, simulation: Simulation) -> None:
-        """Write what is left, and the tables that are read off a run when it is over."""
+        """Write the remaining rows, and the tables of the finished run."""
         for buffer in self._buffers:
             buffer.flush()
         for form, rows in tables_at_end(simulation, self.sampling.on_observe is not None):
@@ -94,7 +94,7 @@ class TableRun:
         self._sink.describe(metrics_document(simulation), scenario_lines(simulation))
 
     def close(self) -> None:
-        """What was written stays; groups that are not full are lost unless the run has an end."""
+        """Close all files; rows of incomplete groups are lost unless `finish` was called."""
         self._sink.close()
 
     def tables(self) -> Tables:
@@ -103,7 +103,7 @@ class TableRun:
 
 
 def tables_at_end(simulation: Simulation, is_observed: bool) -> Iterator[Table]:
-    """The tables that are read off the arrays of a run that is over."""
+    """The tables from the arrays of a finished run."""
     yield order_table(simulation)
     yield line_table(simulation)
     yield trip_table(simulation)
@@ -117,9 +117,9 @@ def tables_at_end(simulation: Simulation, is_observed: bool) -> Iterator[Table]:
 def table_run(
     resolved: Resolved, options: WantedTables, until: int | None = None
 ) -> Iterator[TableRun]:
-    """Make the tables of a run within; whatever happens, files are closed. Raises InputError.
+    """Write the tables of a run inside; always close the files. Raises InputError.
 
-    Of a run that is interrupted, what was written stays; of one that fails, no file and no new folder.
+    If the run is interrupted, written rows stay; if it fails, new files and a new folder are removed.
     """
     folder = options.folder
     before = None if folder is None or not folder.is_dir() else set(folder.iterdir())
@@ -138,7 +138,7 @@ def table_run(
 
 
 def _remove_new(folder: Path, before: set[Path] | None) -> None:
-    """Remove the files that are not among those of before; the folder, too, if it was not there."""
+    """Remove files that did not exist before, and the folder if it is new."""
     with suppress(OSError):
         for path in set(folder.iterdir()) - (before or set()):
             path.unlink()
@@ -147,16 +147,18 @@ def _remove_new(folder: Path, before: set[Path] | None) -> None:
 
 
 def period_of(states: str | int, resolved: Resolved) -> int:
-    """Ticks of a period. Raises InputError for what is not one."""
+    """Ticks of a period. Raises InputError for an invalid period."""
     if isinstance(states, bool) or not isinstance(states, (str, int)):
-        raise InputError(f"states must be a period such as '10 s', or ticks; found {states!r}")
+        raise InputError(
+            f"states must be a period such as '10 s' or a number of ticks, not {states!r}"
+        )
     if isinstance(states, str) and states.strip().isdecimal():
         states = int(states)
     factor = resolved.scenario.refine
     exact = Fraction(states * factor) if isinstance(states, int) else _read_period(states, resolved)
     ticks = math.floor(exact + Fraction(1, 2))
     if ticks < 1:
-        raise InputError(f"states are taken every {states}, which is less than a tick")
+        raise InputError(f"the period of states, {states}, is less than a tick")
     return ticks
 
 
@@ -179,7 +181,7 @@ def _robots(robots: Sequence[int] | None, count: int) -> Array | None:
 def expected_rows(
     resolved: Resolved, period: int, robots: Array | None, ticks: int
 ) -> dict[str, int]:
-    """How many rows the larger tables have at most, if the run takes all of its ticks."""
+    """Maximum number of rows of the larger tables, if the run uses all of its ticks."""
     fleet = resolved.scenario.fleet.robots if robots is None else len(robots)
     states = (ticks // period + 1) * fleet if period else 0
     orders = resolved.scenario.orders
@@ -190,15 +192,15 @@ def expected_rows(
     return {"states": states, "orders": asked}
 
 
-# What belongs to a run as a whole: its metrics, and its scenario as it was run.
+# The metrics of a run, and its scenario.
 
 
-LISTS: Final = ("listed", "lines", "tasks")  # of orders, which may have a million entries
+LISTS: Final = ("listed", "lines", "tasks")  # fields of orders that may have a million entries
 WIDTH: Final = 100
 
 
 def metrics_document(simulation: Simulation) -> dict[str, Any]:
-    """What `run --json` has of the whole run."""
+    """The values of `run --json` for the whole run."""
     resolved, metrics = simulation.resolved, metrics_of(simulation)
     orders = asked_orders(simulation.world)
     in_units = to_scenario_units(metrics, *units_of(resolved))
@@ -218,7 +220,7 @@ def metrics_document(simulation: Simulation) -> dict[str, Any]:
 
 
 def scenario_lines(simulation: Simulation) -> Iterator[str]:
-    """The scenario with all its defaults, numbers in ticks, and its seed; versions above it."""
+    """The scenario with all defaults, times in ticks, the seed, and a comment with versions."""
     orders = simulation.resolved.scenario.orders
     values = {name: getattr(orders, name) for name in LISTS}
     lists = {name: value for name, value in values.items() if isinstance(value, tuple | LineTable)}
@@ -227,7 +229,7 @@ def scenario_lines(simulation: Simulation) -> Iterator[str]:
     data["seed"] = simulation.seed
     data["layout"] = _layout(simulation)
     used = ", ".join(f"{name} {version}" for name, version in versions().items())
-    yield f"# As it was run, with {used}.\n"
+    yield f"# The scenario of the run, with {used}.\n"
     keys = {f"  {_key_of(orders, name)}: []": entries for name, entries in lists.items()}
     text = yaml.dump(data, Dumper=_Dumper, sort_keys=False, allow_unicode=True, width=WIDTH)
     for line in text.splitlines():
@@ -243,7 +245,7 @@ def scenario_lines(simulation: Simulation) -> Iterator[str]:
 
 
 def _sections(struct: msgspec.Struct, lists: Container[str] = ("orders",)) -> dict[str, Any]:
-    """The fields of a struct by their keys; an empty list for each of `lists`."""
+    """The fields of a struct by key, with an empty list for each of `lists`."""
     return {
         field.encode_name: []
         if field.name in lists
@@ -253,13 +255,13 @@ def _sections(struct: msgspec.Struct, lists: Container[str] = ("orders",)) -> di
 
 
 def _key_of(struct: msgspec.Struct, name: str) -> str:
-    """The key of a field."""
+    """The key of a field in files."""
     fields = msgspec.structs.fields(struct)
     return next(field.encode_name for field in fields if field.name == name)
 
 
 def _layout(simulation: Simulation) -> dict[str, Any]:
-    """The floor; one of a file is drawn, if it can be."""
+    """The layout; a floor from a file becomes a drawing if possible."""
     layout: dict[str, Any] = dict(simulation.resolved.scenario.layout)
     if "file" not in layout:
         return layout
@@ -273,7 +275,7 @@ def _layout(simulation: Simulation) -> dict[str, Any]:
 
 
 class _Dumper(yaml.SafeDumper):
-    """Writes texts of several lines as they are."""
+    """A YAML dumper that writes texts of several lines as blocks."""
 
 
 def _text(dumper: yaml.SafeDumper, text: str) -> yaml.ScalarNode:

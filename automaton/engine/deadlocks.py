@@ -1,9 +1,9 @@
 """Deadlocks: wait cycles none of whose robots has done anything else for DEADLOCK_TICKS.
 
 Each robot of a wait cycle waits for the next one, and the last for the first. A deadlock begins in
-the tick in which the last of its robots came to wait, and lasts until one of them moves or works.
-All runs count deadlocks, observed or not. Robots are looked through only when two of them may have
-waited for long enough, which the least recent activity of the fleet tells.
+the tick in which the last of its robots came to wait, and lasts until one of them moves, works or has
+nothing left to do. All runs count deadlocks, observed or not. Robots are looked through only while
+there is a deadlock, or when two of them may have waited for long enough.
 """
 
 import numpy as np
@@ -30,46 +30,62 @@ NO_TICK = np.int64(1) << 62
 @kernel
 def find_deadlocks(world, watch):
     """Count the deadlocks of this tick; `watch`: an observation whose arrays serve as scratch."""
-    deadlocks, robots = world.deadlocks, world.robots
+    robots, waiters = world.robots, watch.scratch.waiters
+    end_deadlocks(world)
     listed = list_standing(world, watch)
     for k in range(listed):
-        find_entry(world, watch, np.int64(watch.scratch.waiters[U(k)]))
+        find_entry(world, watch, np.int64(waiters[U(k)]))
     for k in range(listed):
-        enter_cells(world, watch, np.int64(watch.scratch.waiters[U(k)]))
+        enter_cells(world, watch, np.int64(waiters[U(k)]))
     for k in range(listed):
-        enter_blocker(world, watch, np.int64(watch.scratch.waiters[U(k)]))
+        enter_blocker(world, watch, np.int64(waiters[U(k)]))
     for k in range(listed):
-        i = np.int64(watch.scratch.waiters[U(k)])
+        i = np.int64(waiters[U(k)])
         find_refused_swap(world, watch, i)
         forget(watch, i)
         watch.scratch.color[U(i)] = 0
     for k in range(listed):
-        start = np.int64(watch.scratch.waiters[U(k)])
+        start = np.int64(waiters[U(k)])
         if watch.blocker[U(start)] == NIL or watch.scratch.color[U(start)]:
             continue
         member = walk_to_cycle(watch.blocker, robots.at_index, watch.scratch.color, start)
         if member != NIL:
-            note_deadlock(world, watch, member)
+            begin_deadlock(world, watch, member)
     for k in range(listed):
-        i = U(watch.scratch.waiters[U(k)])
-        if watch.scratch.color[i] != IN_DEADLOCK:
-            deadlocks.since[i] = NIL
-        watch.blocker[i] = NIL
+        watch.blocker[U(waiters[U(k)])] = NIL
+    if world.deadlocks.count.robots:
+        count_time(world)
+
+
+@kernel
+def end_deadlocks(world):
+    """Deadlocks end of which a robot has moved or worked, or has nothing to do."""
+    deadlocks, robots = world.deadlocks, world.robots
+    for i in range(robots.cell.shape[0] if deadlocks.count.robots else 0):
+        number = np.int64(deadlocks.number[U(i)])
+        if number == 0:
+            continue
+        acts = np.int64(world.tally.active[U(i)]) >= np.int64(deadlocks.since[U(i)])
+        if acts or robots.cell[U(i)] == NIL or robots.goal_type[U(i)] == GOAL_NONE:
+            for j in range(robots.cell.shape[0]):
+                if deadlocks.number[U(j)] == number:
+                    deadlocks.number[U(j)] = 0
+                    deadlocks.count.robots -= 1
 
 
 @kernel
 def list_standing(world, watch):
-    """List the robots that have waited for DEADLOCK_TICKS; enters when to look again.
+    """List the robots in no deadlock that have waited for DEADLOCK_TICKS; enters when to look again.
 
-    Two have to have waited so long: the next look is when the second of them may have.
+    Without a deadlock, the next look is when the second robot may have waited so long.
     """
     deadlocks, robots = world.deadlocks, world.robots
     patience = DEADLOCK_TICKS * world.rules.stride
     first, second = NO_TICK, NO_TICK
     listed = 0
     for i in range(robots.cell.shape[0]):
-        if robots.cell[U(i)] == NIL or robots.goal_type[U(i)] == GOAL_NONE:
-            deadlocks.since[U(i)] = NIL
+        is_idle = robots.cell[U(i)] == NIL or robots.goal_type[U(i)] == GOAL_NONE
+        if is_idle or deadlocks.number[U(i)]:
             continue
         active = last_activity(world, i)
         if active < first:
@@ -79,8 +95,6 @@ def list_standing(world, watch):
         if active + patience <= world.clock.tick:
             watch.scratch.waiters[U(listed)] = i
             listed += 1
-        else:
-            deadlocks.since[U(i)] = NIL
     deadlocks.count.next_look = max(second + patience, world.clock.tick + 1)
     return listed
 
@@ -118,36 +132,39 @@ def enter_cells(world, watch, i):
 
 
 @kernel
-def note_deadlock(world, watch, first):
-    """Count the deadlock of the wait cycle through robot `first`, and the time of its robots in it.
-
-    One in which a robot has been in a deadlock before goes on: its robots wait in another sequence.
-    """
-    deadlocks, robots, count = world.deadlocks, world.robots, world.deadlocks.count
-    tick, begin, known = world.clock.tick, np.int64(0), NO_TICK
-    name, members = np.int64(robots.identity[U(first)]), 0
+def begin_deadlock(world, watch, first):
+    """The wait cycle through robot `first` is a deadlock: its time counts from its beginning."""
+    deadlocks, count, at_index = world.deadlocks, world.deadlocks.count, world.robots.at_index
+    begin, members = np.int64(0), 0
     i = first
     while watch.scratch.color[U(i)] != IN_DEADLOCK:
         watch.scratch.color[U(i)] = IN_DEADLOCK
-        name = min(name, np.int64(robots.identity[U(i)]))
         begin = max(begin, last_activity(world, i) + 1)
-        if deadlocks.since[U(i)] != NIL:
-            known = min(known, np.int64(deadlocks.since[U(i)]))
         members += 1
-        i = np.int64(robots.at_index[U(watch.blocker[U(i)])])
-    if known == NO_TICK:
-        count.found += 1
-    else:
-        begin = known
+        i = np.int64(at_index[U(watch.blocker[U(i)])])
+    count.found += 1
+    count.robots += members
+    count.next_look = world.clock.tick + 1
     for _ in range(members):
-        if deadlocks.since[U(i)] == NIL:
-            deadlocks.counted[U(i)] = max(begin, last_activity(world, i) + 1) - 1
+        deadlocks.number[U(i)] = count.found
         deadlocks.since[U(i)] = begin
-        count.robot_ticks += tick - deadlocks.counted[U(i)]
-        deadlocks.counted[U(i)] = tick
-        i = np.int64(robots.at_index[U(watch.blocker[U(i)])])
-    lasted = tick - begin + 1
-    if lasted > count.longest:
-        count.longest = lasted
-        count.longest_begin = begin
-        count.longest_cell = np.int64(robots.cell[U(robots.at_index[U(name)])])
+        count.robot_ticks += world.clock.tick - begin + 1 - world.rules.stride
+        i = np.int64(at_index[U(watch.blocker[U(i)])])
+
+
+@kernel
+def count_time(world):
+    """Count this tick for the robots in deadlocks, and enter the longest deadlock."""
+    deadlocks, count, robots = world.deadlocks, world.deadlocks.count, world.robots
+    count.next_look = world.clock.tick + 1
+    count.robot_ticks += count.robots * world.rules.stride
+    for i in range(robots.cell.shape[0]):
+        if deadlocks.number[U(i)] == 0:
+            continue
+        begin, identity = np.int64(deadlocks.since[U(i)]), np.int64(robots.identity[U(i)])
+        lasted = world.clock.tick - begin + 1
+        is_first = begin == count.longest_begin and identity < count.longest_robot
+        if lasted > count.longest or (lasted == count.longest and is_first):
+            count.longest, count.longest_begin = lasted, begin
+            count.longest_robot = identity
+            count.longest_cell = np.int64(robots.cell[U(i)])

@@ -189,7 +189,9 @@ class Chargers(Struct, role=STATIC):
     longest_queue: Array = field(
         "(k,) int64", "most robots that stood on the way to it in one tick", role=MEASURED
     )
-    waiting: Array = field("(k,) int64", "scratch: robots that stand on the way to it", role=SCRATCH)
+    waiting: Array = field(
+        "(k,) int64", "scratch: robots that stand on the way to it", role=SCRATCH
+    )
 
 
 class Stations(Struct, role=STATIC):

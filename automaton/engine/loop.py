@@ -99,7 +99,8 @@ def ticks(
 
     `worlds`: the world; what strategies see of it; the same memory, read-only, which they get.
     `batches`: the robots that a layer is asked about; those of one call; the same, read-only.
-    `outputs`: the record, what is observed, and the scratch of the search for deadlocks. `mode`, `memories`: by strategy. `used`: by feature,
+    `outputs`: the record, what is observed,
+    and scratch for the search for deadlocks. `mode`, `memories`: by strategy. `used`: by feature,
     whether it is called. Functions come one by one: Numba warns of a tuple of them. Gives the run up in
     mid-tick once workspace.stop is set.
     """

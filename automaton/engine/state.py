@@ -444,7 +444,8 @@ class Tally(Struct, role=MEASURED):
         "(n,) int64", "tick in which it last picked up, dropped, visited, charged, or was idle"
     )
     active: Array = field(
-        "(n,) int64", "last tick in which it moved, worked or charged, of a longer action the last one"
+        "(n,) int64",
+        "last tick in which it moved, worked or charged, of a longer action the last one",
     )
     energy_used: Array = field("(n,) int64", "units of charge used")
     charged: Array = field("(n,) int64", "units of charge taken in at chargers")
@@ -487,7 +488,9 @@ class TimeUse(Struct, role=MEASURED):
         f"(n, {ACTION_COUNT}) int64", "of tally.ticks, those on the way to a charger"
     )
     aside: Array = field("(n,) int64", "ticks of moves and turns without an order or a charger")
-    making_way: Array = field("(n,) int64", "ticks of moves and turns for an order that were undone")
+    making_way: Array = field(
+        "(n,) int64", "ticks of moves and turns for an order that were undone"
+    )
     purpose: Array = field("(n,) uint8", "what its last operation is for")
     trail: Array = field(f"(n, {TRAIL_MOVES}) int32", "cells that its last moves left, as a ring")
     trail_top: Array = field("(n,) uint8", "the last of them")
@@ -500,19 +503,21 @@ class DeadlockCounts(NamedNumbers):
     """The deadlocks of a run."""
 
     found: int = number("deadlocks so far")
+    robots: int = number("robots that are in one now")
     robot_ticks: int = number("robot ticks spent in deadlocks")
     longest: int = number("ticks that the longest deadlock has lasted")
     longest_begin: int = number("first tick of that deadlock")
-    longest_cell: int = number("cell of the first of its robots")
-    next_look: int = number("no deadlock can be found before this tick")
+    longest_robot: int = number("lowest identity of its robots")
+    longest_cell: int = number("cell of that robot")
+    next_look: int = number("no deadlock begins or ends before this tick")
 
 
 class Deadlocks(Struct, role=MEASURED):
     """Wait cycles in which all robots have waited for DEADLOCK_TICKS (automaton.engine.deadlocks)."""
 
     count: DeadlockCounts = field(DeadlockCounts)
-    since: Array = field("(n,) int64", "first tick of the deadlock that it is in, or NIL", default=NIL)
-    counted: Array = field("(n,) int64", "last tick of that deadlock that count.robot_ticks contains")
+    number: Array = field("(n,) int64", "number from 1 of the deadlock that it is in, or 0")
+    since: Array = field("(n,) int64", "first tick of that deadlock")
 
 
 class Clock(NamedNumbers):

@@ -1,6 +1,6 @@
 """The bottleneck of a run: what was saturated for longest, when, and what the others did meanwhile.
 
-In a period, chargers are saturated if their places are nearly always taken and a robot or more
+In a period, chargers are saturated if their places are nearly always taken and half a robot or more
 stands on the way to one; a station, if it nearly always works; traffic, if a third of the robots at
 work lose their time to it; robots, if hardly one is idle although orders are open. The first of
 these counts, since what comes later follows from it: who waits for a charger is not idle either.
@@ -18,11 +18,12 @@ from automaton.units import count, number, percent
 from automaton.world.resolved import Resolved
 
 BUSY: Final = 0.9  # share of time from which a station or the chargers are saturated
-LINED_UP: Final = 1.0  # robots that stand on the way to full chargers
+LINED_UP: Final = 0.5  # robots that stand on the way to full chargers
 MOST_STATIONS: Final = 0.5  # share of saturated stations from which it is the stations
 LOST: Final = 1 / 3  # share of the time of robots at work, lost in traffic
 IDLE: Final = 0.05  # share of robots
-CHANGED: Final = 0.1  # of a rate, from which it is said to rise or fall
+FALL: Final = 0.1  # of a rate, from which it is said to fall
+MENTIONED: Final = 0.05  # share of the run in which something else has to be saturated
 SINGLE: Final = ("chargers", "stations", "traffic", "robots")
 
 
@@ -37,9 +38,9 @@ class Bottleneck(NamedTuple):
 
 def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
     """What is saturated in a period; "" if nothing is."""
-    if period.chargers and sum(period.charger_queues) >= LINED_UP:
-        if sum(period.chargers) >= BUSY * len(period.chargers):
-            return "chargers"
+    taken = sum(period.chargers) >= BUSY * len(period.chargers)
+    if period.chargers and taken and sum(period.charger_queues) >= LINED_UP:
+        return "chargers"
     busy = [k for k, share in enumerate(period.stations) if share >= BUSY]
     if busy:
         if len(busy) > 1 and len(busy) >= MOST_STATIONS * len(period.stations):
@@ -50,22 +51,27 @@ def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
     if at_work and period.in_traffic >= LOST * at_work:
         return "traffic"
     idle = robots - at_work - period.in_station_queues
-    idle -= period.charging + period.for_chargers + period.down
+    idle -= energy_of(period) + period.down
     return "robots" if period.backlog and idle <= IDLE * robots else ""
 
 
-def bottleneck(periods: Sequence[Period], robots: int, stations: Sequence[str]) -> Bottleneck | None:
-    """The bottleneck of a run; None if nothing was saturated."""
+def bottlenecks_of(
+    periods: Sequence[Period], robots: int, stations: Sequence[str]
+) -> list[Bottleneck]:
+    """What was saturated, for longest first; nothing if no resource was."""
     found = [saturated(period, robots, stations) for period in periods]
     ticks: dict[str, int] = {}
     for name, period in zip(found, periods, strict=True):
         ticks[name] = ticks.get(name, 0) + period.ticks
     ticks.pop("", None)
-    if not ticks:
-        return None
-    name = max(ticks, key=lambda one: ticks[one])
-    first, last = longest_stretch(periods, [one == name for one in found])
-    return Bottleneck(name, ticks[name] / max(periods[-1].end, 1), first, last)
+    return [
+        Bottleneck(
+            name,
+            ticks[name] / max(periods[-1].end, 1),
+            *longest_stretch(periods, [one == name for one in found]),
+        )
+        for name in sorted(ticks, key=lambda one: -ticks[one])
+    ]
 
 
 def longest_stretch(periods: Sequence[Period], is_in: Sequence[bool]) -> tuple[int, int]:
@@ -80,25 +86,42 @@ def longest_stretch(periods: Sequence[Period], is_in: Sequence[bool]) -> tuple[i
 
 
 def bottleneck_sentences(resolved: Resolved, outcome: Outcome) -> list[str]:
-    """The paragraph about the bottleneck: its name and when, then what the others did."""
+    """The paragraph about the bottleneck: what was saturated, when, and what the others did."""
     periods, robots = outcome.periods, resolved.scenario.fleet.robots
     if not periods:
         return []
-    found = bottleneck(periods, robots, station_names(resolved, outcome))
-    whole = joined(periods)
-    if found is None:
-        return [f"No resource was saturated: {'; '.join(others('', whole, robots))}."]
-    stretch = joined(periods[found.first : found.last + 1])
-    when = f"{moment(resolved, stretch.begin)} to {moment(resolved, stretch.end)}"
-    name = found.resource[0].upper() + found.resource[1:]
-    verb = "was" if found.resource.startswith("station ") or found.resource == "traffic" else "were"
+    found = bottlenecks_of(periods, robots, station_names(resolved, outcome))
+    if not found:
+        return [f"No resource was saturated: {'; '.join(others('', joined(periods), robots))}."]
+    first, *more = found
+    stretch = joined(periods[first.first : first.last + 1])
+    share = percent(first.share, 0)
     sentences = [
-        f"{name} {verb} the bottleneck for {percent(found.share, 0)} of the run, longest {when}: "
-        f"{'; '.join(facts(found.resource, stretch, robots))}."
+        f"{subject(first.resource)} the bottleneck, saturated for {share} of the run, longest "
+        f"{stretch_text(resolved, stretch)}: {'; '.join(facts(first.resource, stretch, robots))}.",
+        f"Meanwhile {'; '.join(others(first.resource, stretch, robots))}.",
     ]
-    rest = others(found.resource, stretch, robots)
-    change = rate_change(resolved, periods, found)
-    return [*sentences, f"Meanwhile {'; '.join([*rest, *change])}."]
+    for one in [first, *more]:
+        fall = rate_fall(resolved, periods, one)
+        stretch = joined(periods[one.first : one.last + 1])
+        if one is first and fall:
+            sentences.append(f"As it came to be, {fall}.")
+        elif one is not first and one.share >= MENTIONED:
+            texts = [*facts(one.resource, stretch, robots), *([fall] if fall else [])]
+            when = stretch_text(resolved, stretch)
+            sentences.append(f"{subject(one.resource)} saturated, too, {when}: {'; '.join(texts)}.")
+    return [" ".join(sentences)]
+
+
+def subject(resource: str) -> str:
+    """A resource as the beginning of a sentence, with its verb."""
+    is_one = resource.startswith("station ") or resource == "traffic"
+    return f"{resource[0].upper()}{resource[1:]} {'was' if is_one else 'were'}"
+
+
+def stretch_text(resolved: Resolved, stretch: Period) -> str:
+    """When a stretch was."""
+    return f"{moment(resolved, stretch.begin)} to {moment(resolved, stretch.end)}"
 
 
 def station_names(resolved: Resolved, outcome: Outcome) -> list[str]:
@@ -132,6 +155,7 @@ def joined(periods: Sequence[Period]) -> Period:
         mean([one.in_traffic for one in periods]),
         mean([one.in_station_queues for one in periods]),
         mean([one.charging for one in periods]),
+        mean([one.to_chargers for one in periods]),
         mean([one.for_chargers for one in periods]),
         mean([one.down for one in periods]),
         means([one.stations for one in periods]),
@@ -139,6 +163,11 @@ def joined(periods: Sequence[Period]) -> Period:
         means([one.chargers for one in periods]),
         means([one.charger_queues for one in periods]),
     )
+
+
+def energy_of(period: Period) -> float:
+    """Robots that charge, drive to chargers, or wait on the way there."""
+    return period.charging + period.to_chargers + period.for_chargers
 
 
 def facts(resource: str, period: Period, robots: int) -> list[str]:
@@ -154,7 +183,9 @@ def facts(resource: str, period: Period, robots: int) -> list[str]:
         share = percent(period.in_traffic / at_work if at_work else 0.0, 0)
         return [f"{share} of the time of robots at work was lost in traffic"]
     if resource == "robots":
-        return [f"{number(round(period.on_orders, 1))} of {count(robots, 'robot')} on orders"]
+        found = [f"{number(round(period.on_orders, 1))} of {count(robots, 'robot')} on orders"]
+        energy = energy_of(period)
+        return found + ([f"{number(round(energy, 1))} for energy"] if energy else [])
     busy = max(period.stations, default=0.0)
     mean = sum(period.stations) / max(len(period.stations), 1)
     queue = sum(period.station_queues)
@@ -179,19 +210,16 @@ def others(resource: str, period: Period, robots: int) -> list[str]:
     return found
 
 
-def rate_change(resolved: Resolved, periods: Sequence[Period], found: Bottleneck) -> list[str]:
-    """How the flow changed as a resource came to be saturated, if it did."""
+def rate_fall(resolved: Resolved, periods: Sequence[Period], found: Bottleneck) -> str:
+    """How the flow fell as a resource came to be saturated, if it did."""
     if not found.first:
-        return []
+        return ""
     stretch = joined(periods[found.first : found.last + 1])
     before, during = rate(resolved, periods[found.first - 1]), rate(resolved, stretch)
-    if not before or abs(during / before - 1) < CHANGED:
-        return []
-    verb = "fell" if during < before else "rose"
-    return [
-        f"{flow_name(resolved)} {verb} from {number(round(before))} to {number(round(during))} "
-        f"{rate_unit(resolved)}"
-    ]
+    if during > (1 - FALL) * before:
+        return ""
+    values = f"from {number(round(before))} to {number(round(during))}"
+    return f"{flow_name(resolved)} fell {values} {rate_unit(resolved)}"
 
 
 def flow_name(resolved: Resolved) -> str:

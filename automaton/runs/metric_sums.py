@@ -1,6 +1,7 @@
 """Metrics as quotients of what a run adds up, so that any stretch of it can be measured alone.
 
-    throughput = 1000 deliveries / ticks        blocked_share = ticks lost in traffic / ticks with something to do
+    throughput = 1000 deliveries / ticks
+    blocked_share = ticks lost in traffic / ticks with something to do
 
 Sums of stretches that follow each other add up to those of the whole. What is no such quotient
 cannot be taken out of a run that is over: quantiles of its orders, the station that works most.

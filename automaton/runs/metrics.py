@@ -211,12 +211,13 @@ def counted(run: Measured) -> Counted:
         sums["delayed"] = int(world.delays.lasted.sum())
     found = {**dict(run.counted), **sums}
     pods, jobs = world.pod_stations, busy_ticks(world)
+    has_parts = len(world.stations.part) > 0
     return Counted(
         int(world.clock.tick),
         found,
         ticks.sum(1),
-        jobs if len(jobs) else pods.served_ticks.copy(),
-        np.zeros_like(jobs) if len(jobs) else pods.queue_ticks.copy(),
+        jobs if has_parts else pods.served_ticks.copy(),
+        np.zeros_like(jobs) if has_parts else pods.queue_ticks.copy(),
         world.chargers.busy_ticks.copy(),
         world.chargers.queue_ticks.copy(),
     )

@@ -41,6 +41,7 @@ class Period(NamedTuple):
     in_traffic: float  # robots that lose time in traffic
     in_station_queues: float
     charging: float
+    to_chargers: float  # robots that drive to chargers
     for_chargers: float  # robots that lose time on the way to chargers
     down: float
     stations: tuple[float, ...]  # share of the time in which each station works or serves
@@ -133,7 +134,9 @@ def periods_of(simulation: Simulation, marks: list[Counted]) -> list[Period]:
         before = marks[k - 1] if k else mark.none()
         ticks = max(mark.tick - before.tick, 1)
 
-        def robots(*names: str, mark: Counted = mark, since: Counted = before, of: int = ticks) -> float:
+        def robots(
+            *names: str, mark: Counted = mark, since: Counted = before, of: int = ticks
+        ) -> float:
             return sum(mark.sums.get(one, 0) - since.sums.get(one, 0) for one in names) / of
 
         found.append(
@@ -148,6 +151,7 @@ def periods_of(simulation: Simulation, marks: list[Counted]) -> list[Period]:
                 robots(*TRAFFIC_SUMS),
                 robots("lost_station_queue"),
                 robots("charging"),
+                robots("driving_to_chargers"),
                 robots("lost_charger_queue"),
                 robots("downtime"),
                 tuple(((mark.station_busy - before.station_busy) / ticks).tolist()),
@@ -160,12 +164,15 @@ def periods_of(simulation: Simulation, marks: list[Counted]) -> list[Period]:
 
 
 def flow(world: World, borders: Array) -> tuple[Array, Array]:
-    """Orders that were done in each stretch, and those that were open at its end; lines where there are."""
+    """Orders, or lines where there are any: done in each stretch, and open at its end."""
     if has_lines(world):
         release, done = world.lines.release_tick.astype(np.int64), world.lines.done.astype(np.int64)
     else:
         orders = asked_orders(world)
-        release, done = np.where(orders.is_known, orders.release, np.iinfo(np.int64).max), orders.done
+        release, done = (
+            np.where(orders.is_known, orders.release, np.iinfo(np.int64).max),
+            orders.done,
+        )
     ends = np.maximum(done[done != NIL], 1)
     in_stretch = summed(ends, np.ones(len(ends)), borders)
     known = np.searchsorted(np.sort(release), borders[1:], side="right")

@@ -13,7 +13,7 @@ from automaton.documents.report_document import (
     Text,
 )
 from automaton.documents.text_output import print_document
-from automaton.runs.bottleneck import bottleneck_sentences, flow_name, rate, rate_unit
+from automaton.runs.bottleneck import bottleneck_sentences, flow_name, rate
 from automaton.runs.headless import LongestDeadlock, Outcome
 from automaton.runs.metric_catalogue import PER_1000_TICKS, units_of
 from automaton.runs.metric_sums import TRAFFIC_SUMS
@@ -69,7 +69,7 @@ def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
     document.add(Listed(heading(resolved, outcome, tick), mark=""))
     document.add(headline_table(resolved, outcome, tick))
     document.add(*[Text(text) for text in bottleneck_sentences(resolved, outcome)])
-    document.add(*([periods_table(resolved, outcome)] if outcome.by_period else []))
+    document.add(*([periods_table(resolved, outcome, tick)] if outcome.by_period else []))
     document.add(uses_table(outcome))
     document.add(Heading("All metrics", 3), metrics_table(outcome, tick, cell))
     document.add(*([types_table(outcome, tick)] if outcome.types else []))
@@ -97,10 +97,14 @@ def headline_table(resolved: Resolved, outcome: Outcome, tick: Unit) -> Table:
     total = max(sum(outcome.uses.values()), 1)
     traffic = sum(outcome.uses.get(name, 0) for name in TRAFFIC_SUMS)
     rows += [["lost in traffic", f"{percent(traffic / total)} of robot time"]]
-    rows += [["stranded", f"{count(int(n), 'time')} without charge"]] if (
-        n := metrics.get("battery_depletions")
-    ) else []
-    return Table(("figure", "value"), [*rows, *deadlock_row(resolved, outcome, tick)], also_left=(1,))
+    rows += (
+        [["stranded", f"{count(int(n), 'time')} without charge"]]
+        if (n := metrics.get("battery_depletions"))
+        else []
+    )
+    return Table(
+        ("figure", "value"), [*rows, *deadlock_row(resolved, outcome, tick)], also_left=(1,)
+    )
 
 
 def deadlock_row(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[list[str]]:
@@ -133,13 +137,17 @@ def throughput_text(per_1000_ticks: float, tick: Unit) -> str:
     return f"{number(an_hour)} orders an hour"
 
 
-def periods_table(resolved: Resolved, outcome: Outcome) -> Table:
+def periods_table(resolved: Resolved, outcome: Outcome, tick: Unit) -> Table:
     """One line for each period: flow, what robots did on average, how busy the rest was."""
     periods, has = outcome.periods, outcome.metrics
     what = flow_name(resolved)
     columns: list[tuple[str, bool, Callable[[Period], str]]] = [
         ("from", True, lambda one: one.name),
-        (f"{what} {rate_unit(resolved)}", True, lambda one: number(round(rate(resolved, one)))),
+        (
+            f"{what}/h" if tick.seconds else f"{what}/1000",
+            True,
+            lambda one: number(round(rate(resolved, one))),
+        ),
         ("backlog", True, lambda one: number(one.backlog)),
         ("late", "late_share" in has, lambda one: number(one.late or 0)),
         ("on orders", True, lambda one: robots_text(one.on_orders)),

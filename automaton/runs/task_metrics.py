@@ -286,7 +286,9 @@ def metrics_by_priority(run: Measured) -> list[dict[str, Any]]:
         mine = (priority == level) & orders.is_known
         done = mine & (orders.done != NIL)
         times = (orders.done - orders.release)[done]
-        due = mine & (orders.due != NEVER) & ((orders.done != NIL) | (orders.due < world.clock.tick))
+        due = (
+            mine & (orders.due != NEVER) & ((orders.done != NIL) | (orders.due < world.clock.tick))
+        )
         ends = np.where(orders.done == NIL, world.clock.tick, orders.done)
         rows.append(
             {

@@ -58,6 +58,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--until", type=whole("a tick", 1), metavar="TICK", help="stop there, if not before"
     )
     add_timeout_argument(parser)
+    parser.add_argument(
+        "--every",
+        metavar="PERIOD",
+        help="show the run by this period (ticks, or a time such as 15min); default an hour",
+    )
     add_table_arguments(parser)
     parser.add_argument("--picture", action="store_true", help="draw the grid at the end")
     add_output_arguments(parser)
@@ -66,6 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Run, report, and say on stderr if the run did not finish."""
     from automaton.runs.headless import run_once
+    from automaton.runs.periods import ticks_of_period
     from automaton.runs.run_diagnosis import JamWatch, note_jam
     from automaton.runs.run_report import run_document
 
@@ -74,6 +80,7 @@ def run(args: argparse.Namespace) -> int:
     if args.until is not None:
         args.until *= resolved.scenario.refine
     print_warnings(resolved)
+    every = ticks_of_period(resolved, args.every)
     with (
         written_tables(args, resolved) as tables,
         recorder(args.record, resolved) as on_record,
@@ -97,6 +104,7 @@ def run(args: argparse.Namespace) -> int:
             args.strategy_timeout,
             sampling,
             JamWatch(partial(note_jam, resolved.scenario.name)),
+            every,
         )
     parts: list[Drawn | EventLines] = [*drawn]
     parts += [tables] if isinstance(tables, EventLines) else []
@@ -218,6 +226,7 @@ def refinement_of(resolved: Resolved) -> dict[str, Any]:
 def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
     """The run as one object; times are in ticks, `metrics_in_units` has them in the units of the
     scenario."""
+    from automaton.runs.bottleneck import bottleneck_sentences
     from automaton.runs.metric_catalogue import to_scenario_units, units_of
 
     tick, cell = units_of(resolved)
@@ -243,6 +252,12 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "robots": outcome.robots,
         **({"types": list(outcome.types)} if outcome.types else {}),
         **({"stations": list(outcome.stations)} if outcome.stations else {}),
+        **({"chargers": list(outcome.chargers)} if outcome.chargers else {}),
+        **({"priorities": list(outcome.priorities)} if outcome.priorities else {}),
+        "deadlock": None if outcome.deadlock is None else outcome.deadlock._asdict(),
+        "robot_time": dict(outcome.uses),
+        "bottleneck": bottleneck_sentences(resolved, outcome),
+        **({"periods": [one.as_json() for one in outcome.periods]} if outcome.by_period else {}),
         **({"metrics_in_units": told} if told else {}),
     }
 

@@ -106,6 +106,7 @@ from automaton.engine.state import (
     RETRY_WAITED,
     STATUS_EXHAUSTED,
 )
+from automaton.engine.time_use import count_in_station_queue, note_move, note_turn
 from automaton.engine.trips import has_trips, is_in_own_queue, is_queueing_at_station
 
 
@@ -309,6 +310,7 @@ def turn(world, i, direction):
             return
         occupy(world.traffic.occupancy, cell, other_lane)
         robots.claim[i] = cell
+    note_turn(world, i, np.int64(world.rules.duration[robots.type[i], ACTION_TURN]))
     heading, headings = np.int64(robots.heading[i]), headings_of(grid, robots.type[i])
     left = headings == 4 and (direction - heading) & 3 == 3
     robots.heading[i] = (heading + (3 if left else 1)) & (headings - 1)
@@ -334,6 +336,8 @@ def apply_move_outcomes(world, record):
                 usual = np.int64(world.rules.duration[U(robots.type[U(i)]), U(ACTION_MOVE)])
             world.tally.operations[U(i), U(ACTION_MOVE), U(loaded)] += 1
             world.tally.ticks[U(i), U(ACTION_MOVE), U(loaded)] += own_ticks
+            world.tally.active[U(i)] = world.clock.tick + move_ticks - 1
+            note_move(world, i, intent & 3, own_ticks)
             if own_ticks != usual:
                 if not has_gates(world) or not is_cabin_move(world, i, intent & 3):
                     world.tally.slowdown_ticks[U(i)] += own_ticks - usual
@@ -483,6 +487,7 @@ def refused(world, record, i):
     robots, wait = world.robots, world.rules.wait
     if stands_in_queue(world, i):
         count_lost_tick(world, i, ACTION_STATION_QUEUE)
+        count_in_station_queue(world, i)
         robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
         robots.retry_state[i] = RETRY_NONE
     elif robots.route_index[i] >= robots.route_length[i]:

@@ -32,6 +32,7 @@ from automaton.engine.state import (
     STATUS_EXHAUSTED,
     STATUS_UP,
 )
+from automaton.engine.time_use import count_waiting_for_chargers
 
 
 @kernel
@@ -67,6 +68,8 @@ def charge_up(world, i):
     robots.busy[i] = 1  # motion takes it away again in this tick
     world.tally.operations[i, ACTION_CHARGE, 0] -= 0 if first else 1
     robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_CHARGE
+    charger = world.chargers.charger_at[robots.goal_cell[i]]
+    world.chargers.busy_ticks[charger] += world.rules.stride
     more = charge_gain(world, i)
     robots.charge[i] += more
     world.tally.charged[i] += more
@@ -115,6 +118,7 @@ def cancel_infeasible_moves(world):
     held, or others came before them, they do not try.
     """
     robots, chargers = world.robots, world.chargers
+    count_waiting_for_chargers(world)
     for charger in range(chargers.cell.shape[0]):
         chargers.first_ticket[charger] = 0
         chargers.exit_cell[charger] = NIL

@@ -182,6 +182,16 @@ class Chargers(Struct, role=STATIC):
     first_ticket: Array = field(
         "(k,) int64", "scratch: the lowest ticket at its door", role=SCRATCH
     )
+    busy_ticks: Array = field("(k,) int64", "robot ticks of charging there", role=MEASURED)
+    queue_ticks: Array = field(
+        "(k,) int64", "robot ticks lost on the way to it, wherever", role=MEASURED
+    )
+    longest_queue: Array = field(
+        "(k,) int64", "most robots that stood on the way to it in one tick", role=MEASURED
+    )
+    waiting: Array = field(
+        "(k,) int64", "scratch: robots that stand on the way to it", role=SCRATCH
+    )
 
 
 class Stations(Struct, role=STATIC):
@@ -471,6 +481,12 @@ class PodStations(Struct, role=STATIC):
     visited_at: Array = field(
         "(k,) int64", "the last tick in which a robot was in its cell or queue", role=MEASURED
     )
+    queue_ticks: Array = field("(k,) int64", "robot ticks lost in its queue", role=MEASURED)
+    longest_queue: Array = field(
+        "(k,) int64", "most robots that lost one tick in its queue", role=MEASURED
+    )
+    waiting: Array = field("(k,) int64", "robots that lost tick waiting_at there", role=MEASURED)
+    waiting_at: Array = field("(k,) int64", "last tick lost in its queue", role=MEASURED)
 
 
 # Zones that robots serve: the roads between stations, a zone design, and who does what in it.

@@ -73,6 +73,7 @@ from automaton.engine.state import (
     STATUS_TOWED,
     STATUS_UP,
 )
+from automaton.engine.time_use import note_delay
 from automaton.engine.trips import give_place_back, has_trips, offer, store_pod
 
 
@@ -490,6 +491,7 @@ def begin_delay(world, record, i):
     robots.busy[i] = busy + ticks
     world.traffic.own_ticks[i] = min(np.int64(world.traffic.own_ticks[i]) + ticks, MAX_BUSY)
     world.tally.ticks[i, robots.action[i], 1 if robots.load[i] != NIL else 0] += ticks
+    note_delay(world, i, ticks)
     return 1
 
 

@@ -15,6 +15,7 @@ from numba import types
 
 from automaton.engine.batches import batch_all_robots, batch_charging
 from automaton.engine.commit import commit_charging
+from automaton.engine.deadlocks import find_deadlocks
 from automaton.engine.decision_stream import keep_decisions
 from automaton.engine.digest import digest_world
 from automaton.engine.drive import count_robots, set_move_ticks
@@ -196,10 +197,11 @@ FEATURES = (
         (World, Observation, "int64"),
         lambda world, mode: world.clock.observing,
     ),
+    Feature(find_deadlocks, (World, Observation), lambda world, mode: len(world.deadlocks.number)),
 )
 (
     FAULTS, DELAYS, GATES, TRIPS, STATIONS, VISITS, MOVE_TICKS, BATTERY, SIGHT, ZONING, CHARGING,
-    RECORDING, OBSERVATION,
+    RECORDING, OBSERVATION, DEADLOCKS,
 ) = range(len(FEATURES))  # fmt: skip
 
 

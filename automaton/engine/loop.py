@@ -30,6 +30,7 @@ from automaton.engine.features import (
     BEFORE_OPERATIONS,
     COLLECTS,
     COMMITS,
+    DEADLOCKS,
     DELAYS,
     FAULTS,
     FEATURES,
@@ -92,18 +93,20 @@ def ticks(
     zoning, charging, allocation, routing, right_of_way, allocation_2, allocation_3, allocation_4,
     break_down_and_repair, delay_robots, gates, trips, work_at_stations, complete_visits, move_ticks,
     cancel_infeasible_moves, mask_world, zoning_layer, charging_layer, recording, observation,
+    find_deadlocks,
 ):  # fmt: skip
     """Run ticks until world.clock.stop_tick; pause there, when a buffer is full, and at the end.
 
     `worlds`: the world; what strategies see of it; the same memory, read-only, which they get.
     `batches`: the robots that a layer is asked about; those of one call; the same, read-only.
-    `outputs`: the record, and what is observed. `mode`, `memories`: by strategy. `used`: by feature,
+    `outputs`: the record, what is observed,
+    and scratch for the search for deadlocks. `mode`, `memories`: by strategy. `used`: by feature,
     whether it is called. Functions come one by one: Numba warns of a tuple of them. Gives the run up in
     mid-tick once workspace.stop is set.
     """
     world, visible_world, view = worlds
     full_batch, batch, batch_view = batches
-    record, observed = outputs
+    record, observed, watch = outputs
     decide = (
         zoning, charging, allocation, routing, right_of_way, allocation_2, allocation_3, allocation_4
     )  # fmt: skip
@@ -206,6 +209,8 @@ def ticks(
             recording(world, record, batch, decisions, NIL)
         if used[OBSERVATION]:
             observation(world, observed, np.int64(begins))
+        if used[DEADLOCKS] and begins and clock.tick >= world.deadlocks.count.next_look:
+            find_deadlocks(world, watch)
         clock.finished = is_finished(world)
 
 
@@ -284,7 +289,9 @@ def compile_loop():
         types.BaseTuple.from_types(worlds),
         types.BaseTuple.from_types(batches),
         declared_type(Decisions),
-        types.BaseTuple.from_types((declared_type(Record), declared_type(Observation))),
+        types.BaseTuple.from_types(
+            (declared_type(Record), declared_type(Observation), declared_type(Observation))
+        ),
         declared_type(Workspace),
         types.Array(types.uint8, 1, "C"),
         types.UniTuple(declared_type(Memory), STRATEGY_COUNT),

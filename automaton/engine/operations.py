@@ -12,6 +12,9 @@ from automaton.engine.state import (
     ACTION_DELAYED,
     ACTION_FOLLOWING,
     ACTION_ILLEGAL,
+    ACTION_TURN,
+    ACTION_WAIT,
+    GOAL_CHARGE,
     GOAL_NONE,
     GOAL_PARK,
     GOAL_STOP,
@@ -29,6 +32,7 @@ from automaton.engine.state import (
     STATUS_EXHAUSTED,
     STATUS_UP,
 )
+from automaton.engine.time_use import note_goal, note_time
 
 
 @kernel
@@ -100,8 +104,12 @@ def begin(world, i, action, ticks):
     loaded = 1 if world.robots.load[i] != NIL else 0
     world.robots.action[i] = action
     world.robots.busy[i] = ticks
+    if action != ACTION_WAIT:
+        world.tally.active[i] = world.clock.tick + ticks - 1
     world.tally.operations[i, action, loaded] += 1
     world.tally.ticks[i, action, loaded] += ticks
+    if action != ACTION_TURN:
+        note_time(world, i, action, ticks)
 
 
 @kernel
@@ -114,6 +122,8 @@ def count_lost_tick(world, i, action):
     world.robots.action[i] = action
     world.tally.operations[i, action, loaded] += 1
     world.tally.ticks[i, action, loaded] += ticks
+    if world.robots.goal_type[i] == GOAL_CHARGE:
+        note_time(world, i, action, ticks)
 
 
 @kernel
@@ -127,6 +137,8 @@ def count_following(world, i, ticks):
         units = energy_cost(world, i, ACTION_FOLLOWING, ticks)
         consume_energy(world, i, min(units, np.int64(world.robots.charge[i])))
     world.tally.ticks[i, ACTION_FOLLOWING, loaded] += ticks
+    if world.robots.goal_type[i] == GOAL_CHARGE:
+        world.time_use.to_charger[i, ACTION_FOLLOWING] += ticks
 
 
 @kernel
@@ -262,6 +274,7 @@ def replan(world, i):
 
 @kernel
 def set_goal(world, i, goal, goal_cell):
+    note_goal(world, i)
     world.robots.goal_type[i] = goal
     world.robots.goal_cell[i] = goal_cell
     request_route(world, i, REASON_NEW_GOAL)

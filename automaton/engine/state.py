@@ -443,6 +443,10 @@ class Tally(Struct, role=MEASURED):
     progress: Array = field(
         "(n,) int64", "tick in which it last picked up, dropped, visited, charged, or was idle"
     )
+    active: Array = field(
+        "(n,) int64",
+        "last tick in which it moved, worked or charged, of a longer action the last one",
+    )
     energy_used: Array = field("(n,) int64", "units of charge used")
     charged: Array = field("(n,) int64", "units of charge taken in at chargers")
     repaired: Array = field("(n,) int64", "units of charge that repairs added")
@@ -458,6 +462,62 @@ class Tally(Struct, role=MEASURED):
     leg_moves: Array = field("(n,) int64", "its moves before the leg of an order that it is on")
     leg_driven: Array = field("(n,) int64", "its ticks of moves and turns before that leg")
     leg_queued: Array = field("(n,) int64", "its ticks in queues of stations before that leg")
+
+
+# What an operation is for: time_use.purpose.
+PURPOSE_ORDER: Final = 0
+PURPOSE_CHARGER: Final = 1  # to get to a charger
+PURPOSE_ASIDE: Final = 2  # to park, or pushed aside without anything to do
+PURPOSE_MAKING_WAY: Final = 3  # it undoes what was driven for an order
+
+# Actions in which a robot loses time, as bits.
+LOST_ACTIONS: Final = sum(
+    1 << action
+    for action in (
+        *(ACTION_WAIT, ACTION_BLOCKED, ACTION_RETREAT, ACTION_BAY_BLOCKED, ACTION_ILLEGAL),
+        *(ACTION_QUEUE, ACTION_HELD_BACK, ACTION_STATION_QUEUE, ACTION_GATE),
+    )
+)
+TRAIL_MOVES: Final = 4  # moves that may be undone; a power of two
+
+
+class TimeUse(Struct, role=MEASURED):
+    """What robots use their time for, besides their orders (automaton.engine.time_use)."""
+
+    to_charger: Array = field(
+        f"(n, {ACTION_COUNT}) int64", "of tally.ticks, those on the way to a charger"
+    )
+    aside: Array = field("(n,) int64", "ticks of moves and turns without an order or a charger")
+    making_way: Array = field(
+        "(n,) int64", "ticks of moves and turns for an order that were undone"
+    )
+    purpose: Array = field("(n,) uint8", "what its last operation is for")
+    trail: Array = field(f"(n, {TRAIL_MOVES}) int32", "cells that its last moves left, as a ring")
+    trail_top: Array = field("(n,) uint8", "the last of them")
+    trail_depth: Array = field("(n,) uint8", "how many there are")
+    turned: Array = field("(n,) int32", "ticks of turns for an order since its last move")
+    turned_from: Array = field("(n,) uint8", "its heading before these")
+
+
+class DeadlockCounts(NamedNumbers):
+    """The deadlocks of a run."""
+
+    found: int = number("deadlocks so far")
+    robots: int = number("robots that are in one now")
+    robot_ticks: int = number("robot ticks spent in deadlocks")
+    longest: int = number("ticks that the longest deadlock has lasted")
+    longest_begin: int = number("first tick of that deadlock")
+    longest_robot: int = number("lowest identity of its robots")
+    longest_cell: int = number("cell of that robot")
+    next_look: int = number("no deadlock begins or ends before this tick")
+
+
+class Deadlocks(Struct, role=MEASURED):
+    """Wait cycles in which all robots have waited for DEADLOCK_TICKS (automaton.engine.deadlocks)."""
+
+    count: DeadlockCounts = field(DeadlockCounts)
+    number: Array = field("(n,) int64", "number from 1 of the deadlock that it is in, or 0")
+    since: Array = field("(n,) int64", "first tick of that deadlock")
 
 
 class Clock(NamedNumbers):
@@ -519,6 +579,8 @@ class World(Struct):
     service_zones: ServiceZones
     traffic: Traffic
     tally: Tally
+    time_use: TimeUse
+    deadlocks: Deadlocks
     delays: Delays
     clock: Clock = field(Clock, role=BY_ENTRY, digest=59, by="hash_of_tick")
 

@@ -10,7 +10,7 @@ import dis
 import sys
 import time
 import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from html import escape
 from types import FrameType
@@ -43,7 +43,9 @@ from automaton.runs.metrics import (
     metrics_of,
     sums_of_orders,
     sums_of_parts,
+    uses_of_run,
 )
+from automaton.runs.periods import Period, PeriodMarks
 from automaton.runs.progress import Jam, asked_orders, largest_jam
 from automaton.runs.run_diagnosis import (
     JamWatch,
@@ -52,7 +54,13 @@ from automaton.runs.run_diagnosis import (
     stalled_robots,
 )
 from automaton.runs.simulation import RECORD_TICKS, Simulation
-from automaton.runs.task_metrics import metrics_by_station, summed, tasks_after
+from automaton.runs.task_metrics import (
+    metrics_by_charger,
+    metrics_by_priority,
+    metrics_by_station,
+    summed,
+    tasks_after,
+)
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.units import count
 from automaton.world.resolved import Resolved, StrategyChoice
@@ -71,6 +79,15 @@ class OrdersExhausted(NamedTuple):
 
     taken: int  # tick in which the last order was taken
     delivered: int | None  # tick of the last delivery; None: not all are delivered
+
+
+class LongestDeadlock(NamedTuple):
+    """The longest deadlock of a run, and how many there were."""
+
+    deadlocks: int
+    ticks: int  # that the longest one lasted
+    first_tick: int  # of the longest one
+    cell: tuple[int, int]  # [x, y] of its first robot
 
 
 class Outcome(NamedTuple):
@@ -93,6 +110,12 @@ class Outcome(NamedTuple):
     )  # when orders ran out; None if they did not, or if the run ends with its orders
     types: Sequence[dict[str, Any]] = ()  # metrics by type of robot, where there are several
     stations: Sequence[dict[str, Any]] = ()  # metrics by station, if robots carry pods to stations
+    chargers: Sequence[dict[str, Any]] = ()  # metrics by charger, where robots have batteries
+    priorities: Sequence[dict[str, Any]] = ()  # metrics by priority, where orders have several
+    uses: Mapping[str, int] = {}  # robot ticks by what they were used for
+    periods: Sequence[Period] = ()  # the run by hour, or by other stretches
+    by_period: bool = False  # whether they are what was asked for, and two at least
+    deadlock: LongestDeadlock | None = None  # None: there was none
     tables: Any = None  # of `simulate(tables=True)`: automaton.tables.table_files.Tables
     picture: FloorPicture | None = None  # the floor at the end, of `simulate`
     recording: Any = None  # of `simulate(record=FILE)`: automaton.python_api.RecordedRun
@@ -124,11 +147,13 @@ def run_to_end(
     until: int | None = None,
     sampling: Sampling | None = None,
     watch: JamWatch | None = None,
+    marks: PeriodMarks | None = None,
 ) -> float:
     """Run to the stop condition, tick `until` or the limit; return seconds without compilation.
 
     `on_window` is called at the start and after every WINDOW_TICKS ticks. `last_worked` is an output,
-    (n,) int64: the end of the last window in which each stored robot worked. `watch` reports jams.
+    (n,) int64: the end of the last window in which each stored robot worked. `watch` reports jams,
+    `marks` keeps what was counted at the ends of periods.
     """
     limit = simulation.resolved.scenario.stop.max_duration
     limit = limit if until is None else min(limit, until)
@@ -136,6 +161,16 @@ def run_to_end(
     worked = operations(simulation)
 
     def advance(end: int) -> None:
+        while marks is not None and marks.next_mark(simulation.tick) < end:
+            go_on(marks.next_mark(simulation.tick))
+            if simulation.finished:
+                return
+            marks.look(simulation)
+        go_on(end)
+        if marks is not None:
+            marks.look(simulation)
+
+    def go_on(end: int) -> None:
         if sampling is None:
             simulation.run(end)
         else:
@@ -203,11 +238,12 @@ def run_once(
     patience: float | None = None,
     sampling: Sampling | None = None,
     watch: JamWatch | None = None,
+    every: int = 0,
 ) -> Outcome:
     """Run a scenario with its own seed to its end or to tick `until`, then call `on_end`.
 
     `patience`: seconds that a Python strategy has for each decision. `sampling`: samples to take
-    during the run. `watch` reports jams.
+    during the run. `watch` reports jams. `every`: ticks of a period of the outcome; 0: any.
 
     Raises InputError if a strategy raises an exception.
     """
@@ -217,7 +253,8 @@ def run_once(
         simulation = Simulation(
             resolved, on_record=on_record, on_observe=on_observe, patience=patience
         )
-        wall = run_to_end(simulation, on_window, last_worked, until, sampling, watch)
+        marks = PeriodMarks(every)
+        wall = run_to_end(simulation, on_window, last_worked, until, sampling, watch, marks)
     if on_end is not None:
         on_end(simulation)
     orders = asked_orders(simulation.world)
@@ -238,13 +275,29 @@ def run_once(
         ran_out=orders_exhausted(simulation),
         types=metrics_by_type(simulation),
         stations=metrics_by_station(simulation),
+        chargers=metrics_by_charger(simulation),
+        priorities=metrics_by_priority(simulation),
+        uses=uses_of_run(simulation),
+        periods=marks.periods(simulation),
+        by_period=marks.is_fixed and simulation.tick > every,
+        deadlock=longest_deadlock(simulation),
     )
 
 
+def longest_deadlock(simulation: Simulation) -> LongestDeadlock | None:
+    """The longest deadlock of a run, or None; of several that lasted as long, the first one."""
+    found = simulation.world.deadlocks.count
+    if not found.found:
+        return None
+    cell = simulation.resolved.floor_plan.xy(int(found.longest_cell))
+    return LongestDeadlock(int(found.found), int(found.longest), int(found.longest_begin), cell)
+
+
 def is_finished(simulation: Simulation) -> bool:
-    """Whether a run has met its stop condition, or reached its last tick if it has no condition."""
-    stop = simulation.resolved.scenario.stop
-    return simulation.finished or (stop.when == "never" and simulation.tick >= stop.max_duration)
+    """Whether a run is complete: its stop condition holds, or it came to a limit that is an end."""
+    scenario = simulation.resolved.scenario
+    is_over = simulation.tick >= scenario.stop.max_duration
+    return simulation.finished or (is_over and scenario.ends_at_limit)
 
 
 def orders_exhausted(simulation: Simulation) -> OrdersExhausted | None:

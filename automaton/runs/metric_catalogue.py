@@ -19,8 +19,8 @@ PER_1000_TICKS: Final = "orders/1000 ticks"  # of every throughput, here and in 
 METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "makespan": (
         "ticks",
-        "duration of the run: until all orders are delivered and all robots are parked, or until "
-        "the run stops",
+        "duration of a run that ends by itself: until all orders are delivered or, by stop.when, "
+        "until all robots are parked as well",
     ),
     "operations_per_robot": ("operations", "mean number of operations of a robot"),
     "operations": ("operations", "number of operations of all robots"),
@@ -45,10 +45,27 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
         "number of pods stored in another cell than the one they were lifted from",
     ),
     "legs_per_order": ("pick-ups", "mean number of pick-ups per delivered load"),
-    "utilization": ("share", "active time / time of all robots"),
+    "utilization": (
+        "share",
+        "share of robot time spent on orders: driving to them and with them, picks, drops and stops, "
+        "without lost time",
+    ),
+    "busy_share": (
+        "share",
+        "share of robot time in which robots move, turn, handle, charge or lose time",
+    ),
     "blocked_share": (
         "share",
-        "blocked time / (blocked + active time): time lost to other robots and to illegal decisions",
+        "share of the robot time with something to do that is lost in traffic; without the queues of "
+        "stations and chargers",
+    ),
+    "station_queue_share": (
+        "share",
+        "share of the robot time with something to do that is spent in the queues of stations",
+    ),
+    "charger_queue_share": (
+        "share",
+        "share of the robot time with something to do that is lost on the way to chargers",
     ),
     "task_time": ("ticks", "mean time from taking an order to its delivery, including both ticks"),
     "delay": ("ticks", "mean extra time of a task compared with an empty floor"),
@@ -64,7 +81,10 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
         "ticks",
         "time spent waiting in the parking bay because the home cell was occupied",
     ),
-    "lost_queueing": ("ticks", "time spent in the queue of a charger"),
+    "lost_charger_queue": (
+        "ticks",
+        "time lost by robots that are sent to charge and cannot, wherever they stand",
+    ),
     "lost_station_queue": ("ticks", "time spent in the queue of a station"),
     "lost_illegal": ("ticks", "time spent standing after an illegal decision of a strategy"),
     "lost_held_back": (
@@ -76,11 +96,21 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
         "ticks",
         "extra duration of moves that follow another robot and wait for it to leave the cell",
     ),
+    "lost_making_way": (
+        "ticks",
+        "time spent on moves for an order that later moves undo, and on turns that lead nowhere",
+    ),
     "slowdown_ticks": (
         "ticks",
         "extra duration of moves because of slow zones, speed limits and chance; not included in "
         "blocked_share",
     ),
+    "deadlocks": (
+        "times",
+        "number of wait cycles in which no robot did anything else for 64 ticks",
+    ),
+    "deadlock_time": ("ticks", "robot time spent in deadlocks, their first 64 ticks included"),
+    "longest_standstill": ("ticks", "duration of the longest deadlock"),
     "retreats": ("times", "number of retreats"),
     "lead_time": ("ticks", "mean time from the release of an order to its delivery"),
     "lead_time_p95": ("ticks", "95th percentile of the lead time of delivered orders"),

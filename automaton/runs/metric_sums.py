@@ -1,6 +1,7 @@
 """Metrics as quotients of sums that a run accumulates, so that any stretch can be measured alone.
 
-    throughput = 1000 deliveries / ticks        blocked_share = lost ticks / (active + lost outside)
+    throughput = 1000 deliveries / ticks
+    blocked_share = ticks lost in traffic / ticks with something to do
 
 The sums of consecutive stretches add up to the sums of the whole. Other metrics, such as quantiles
 of orders and the busiest station, cannot be computed by stretch once the run is over.
@@ -14,24 +15,15 @@ from typing import Final, NamedTuple
 
 from automaton.engine.state import BATTERY_FULL
 
-LOST_TICK_SUMS: Final = (
-    "lost_waiting",
-    "lost_refused",
-    "lost_retreating",
-    "lost_leaving_bay",
-    "lost_queueing",
-    "lost_station_queue",
-    "lost_illegal",
-    "lost_held_back",
-    "lost_at_gates",
-    "lost_following",
+# Robot time lost in traffic: to other robots, to closed ways, and to right of way.
+TRAFFIC_SUMS: Final = (
+    *("lost_waiting", "lost_refused", "lost_retreating", "lost_leaving_bay", "lost_held_back"),
+    *("lost_at_gates", "lost_following", "lost_making_way"),
 )
-LOST_OUTSIDE: Final = (
-    "lost_station_queue",
-    "lost_held_back",
-    "lost_at_gates",
-    "lost_following",
-)  # lost ticks that "active" does not include
+LOST_TICK_SUMS: Final = (
+    *TRAFFIC_SUMS,
+    *("lost_station_queue", "lost_charger_queue", "lost_illegal"),
+)
 COUNTED_BY_STRATEGIES: Final = (
     *(
         "redesigns",
@@ -47,7 +39,9 @@ COUNTED_BY_STRATEGIES: Final = (
 SUMS: Final = (
     *("ticks", "robot_ticks"),
     *("operations", "moves", "empty_moves", "empty_driving", "empty_driving_ticks", "active"),
+    *("engaged", "on_orders", "driving_to_chargers", "driving_aside"),
     *LOST_TICK_SUMS,
+    *("deadlocks", "deadlock_time"),
     *("retreats", "illegal_answers", "slowdown_ticks", "distance"),
     *("charge", "charging", "battery_depletions", "repaired", "breakdowns", "towed", "downtime"),
     "delayed",
@@ -80,8 +74,11 @@ QUOTIENTS: Final = {
     "throughput": Quotient("delivered", "ticks", 1000),
     "ticks_per_operation": Quotient("active", "operations"),
     "legs_per_order": Quotient("legs", "delivered", measured=False),
-    "utilization": Quotient("active", "robot_ticks"),
-    "blocked_share": Quotient(LOST_TICK_SUMS, ("active", *LOST_OUTSIDE)),
+    "utilization": Quotient("on_orders", "robot_ticks"),
+    "busy_share": Quotient("active", "robot_ticks"),
+    "blocked_share": Quotient(TRAFFIC_SUMS, "engaged"),
+    "station_queue_share": Quotient("lost_station_queue", "engaged"),
+    "charger_queue_share": Quotient("lost_charger_queue", "engaged"),
     "task_time": Quotient("task_times", "taken", measured=False),
     "delay": Quotient("delays", "taken", measured=False),
     "throughput_per_robot": Quotient("completed", "watched_robot_ticks", 1000),

@@ -15,6 +15,7 @@ from automaton.engine.state import (
     ACTION_BAY_BLOCKED,
     ACTION_BLOCKED,
     ACTION_CHARGE,
+    ACTION_DELAYED,
     ACTION_DOWN,
     ACTION_DROP,
     ACTION_FOLLOWING,
@@ -40,6 +41,9 @@ from automaton.engine.state import (
     LAYER_NAMES,
     NIL,
     ORDER_DELIVERED,
+    PURPOSE_ASIDE,
+    PURPOSE_CHARGER,
+    PURPOSE_MAKING_WAY,
     Array,
     World,
 )
@@ -63,24 +67,21 @@ OPERATION_STATES = [
 ]
 ACTIVE = [*range(ACTION_IDLE + 1, ACTION_DOWN), ACTION_SERVE]  # a stop is work, like a pick
 DRIVING = [ACTION_MOVE, ACTION_TURN, ACTION_WAIT]  # operations that an empty run consists of
-LOST_IN = dict(
-    zip(
-        LOST_TICK_SUMS,
-        (
-            ACTION_WAIT,
-            ACTION_BLOCKED,
-            ACTION_RETREAT,
-            ACTION_BAY_BLOCKED,
-            ACTION_QUEUE,
-            ACTION_STATION_QUEUE,
-            ACTION_ILLEGAL,
-            ACTION_HELD_BACK,
-            ACTION_GATE,
-            ACTION_FOLLOWING,
-        ),
-        strict=True,
-    )
-)  # metric: action
+LOST_IN = {  # metric: action
+    "lost_waiting": ACTION_WAIT,
+    "lost_refused": ACTION_BLOCKED,
+    "lost_retreating": ACTION_RETREAT,
+    "lost_leaving_bay": ACTION_BAY_BLOCKED,
+    "lost_held_back": ACTION_HELD_BACK,
+    "lost_at_gates": ACTION_GATE,
+    "lost_following": ACTION_FOLLOWING,
+    "lost_station_queue": ACTION_STATION_QUEUE,
+    "lost_illegal": ACTION_ILLEGAL,
+}
+LOST_TO_CHARGERS = [*LOST_IN.values(), ACTION_QUEUE]
+ENGAGED = [*ACTIVE, ACTION_STATION_QUEUE, ACTION_HELD_BACK, ACTION_GATE, ACTION_FOLLOWING]
+WORK = [ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_SERVE]
+WAYS = [ACTION_MOVE, ACTION_TURN]
 SHARES = (
     "empty_moves_share",
     "empty_operations_share",
@@ -99,8 +100,15 @@ class Counted(NamedTuple):
         str, int
     ]  # by the names of automaton.runs.metric_sums, without the sums of orders and parts
     actions: Array  # (A,) int64: robot ticks spent in each action
-    busy: Array  # (k,) int64: ticks in which each station worked
-    served: int  # ticks in which stations served robots with pods, summed over stations
+    # By station and by charger, int64: ticks of work, and robot ticks lost in the queue.
+    station_busy: Array
+    station_queue: Array
+    charger_busy: Array  # robot ticks: several robots may charge at once
+    charger_queue: Array
+
+    def none(self) -> Counted:
+        """What had been counted at the start."""
+        return Counted(0, {}, *(np.zeros_like(array) for array in self[2:]))
 
 
 def executed_ticks(world: World) -> Array:
@@ -117,6 +125,31 @@ def fleet_ticks(world: World) -> Array:
     for _, actions, loads, remaining in under_way(world):
         np.subtract.at(ticks, (actions, loads), remaining)
     return ticks
+
+
+class Uses(NamedTuple):
+    """What robots used ticks for besides orders; of each robot, or of all together."""
+
+    to_charger: Array  # (..., A): on the way to a charger, by action
+    aside: Array  # moves and turns without an order or a charger
+    making_way: Array  # moves and turns for an order that were undone
+
+
+def uses_of_time(world: World) -> Uses:
+    """What each robot used ticks for, without what the operations under way still need."""
+    use = world.time_use
+    uses = Uses(use.to_charger.copy(), use.aside.copy(), use.making_way.copy())
+    for robots, actions, _, remaining in under_way(world):
+        purpose = use.purpose[robots]
+        for number, total in (
+            (PURPOSE_ASIDE, uses.aside),
+            (PURPOSE_MAKING_WAY, uses.making_way),
+        ):
+            mine = (purpose == number) & np.isin(actions, WAYS)
+            total[robots[mine]] -= remaining[mine]
+        mine = purpose == PURPOSE_CHARGER
+        uses.to_charger[robots[mine], actions[mine]] -= remaining[mine]
+    return uses
 
 
 def under_way(world: World) -> list[tuple[Array, Array, Array, Array]]:
@@ -146,7 +179,12 @@ def counted(run: Measured) -> Counted:
     world = run.world
     tally, rules, out = world.tally, world.rules, world.tally.failures.sum(0)
     times, ticks = tally.operations.sum(0), fleet_ticks(world)
-    sums = _of_actions(times, ticks)
+    uses = uses_of_time(world)
+    sums = _of_actions(times, ticks, Uses(*(use.sum(0) for use in uses)))
+    sums |= {
+        "deadlocks": int(world.deadlocks.count.found),
+        "deadlock_time": int(world.deadlocks.count.robot_ticks),
+    }
     for name in _not_lost(world):
         del sums[name]
     sums |= {
@@ -172,8 +210,17 @@ def counted(run: Measured) -> Counted:
     if len(world.delays.until):
         sums["delayed"] = int(world.delays.lasted.sum())
     found = {**dict(run.counted), **sums}
-    served = int(world.pod_stations.served_ticks.sum())
-    return Counted(int(world.clock.tick), found, ticks.sum(1), busy_ticks(world), served)
+    pods, jobs = world.pod_stations, busy_ticks(world)
+    has_parts = len(world.stations.part) > 0
+    return Counted(
+        int(world.clock.tick),
+        found,
+        ticks.sum(1),
+        jobs if has_parts else pods.served_ticks.copy(),
+        np.zeros_like(jobs) if has_parts else pods.queue_ticks.copy(),
+        world.chargers.busy_ticks.copy(),
+        world.chargers.queue_ticks.copy(),
+    )
 
 
 def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float | int]:
@@ -193,7 +240,7 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
     borders = np.array([begin, now.tick])
     for found in (sums_of_orders(world, borders), sums_of_parts(world, borders)):
         sums |= {name: int(value[0]) for name, value in found.items()}
-    figures: dict[str, float | int] = {"makespan": now.tick}
+    figures: dict[str, float | int] = {"makespan": now.tick} if world.clock.finished else {}
     measure = run.resolved.scenario.measure
     if measure is not None:
         tasks = tasks_after(run, measure.warm_up)
@@ -204,12 +251,14 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         figures |= lead_times(world, begin)
     if "due_orders" in sums:
         figures |= tardiness_quantiles(world, begin)
+    if sums["deadlocks"]:
+        figures["longest_standstill"] = int(world.deadlocks.count.longest)
     figures["oldest_order"] = oldest_order(world)
     figures["starved_robots"] = len(starved_robots(world))
     if world.rules.battery:
         figures["min_charge"] = float(world.robots.charge.min() / BATTERY_FULL)
     if len(world.stations.part):
-        busy = now.busy if since is None else now.busy - since.busy
+        busy = now.station_busy - (0 if since is None else since.station_busy)
         figures["busiest_station"] = (most := int(np.argmax(busy))) + 1
         figures["busiest_station_utilization"] = float(busy[most]) / max(1, now.tick - begin)
     others = [name for name in now.sums if name in run.counted and name not in METRIC_CATALOGUE]
@@ -284,7 +333,7 @@ def may_slow(world: World) -> bool:
 def _not_lost(world: World) -> list[str]:
     """The metrics of lost ticks that do not apply to a run."""
     absent = {
-        "lost_queueing": not world.rules.battery,
+        "lost_charger_queue": not world.rules.battery,
         "lost_station_queue": not (has_lines(world) or _has_queues(world)),
         "lost_held_back": not world.rules.steered[0],
         "lost_at_gates": not len(world.gates.kind),
@@ -298,22 +347,46 @@ def _has_queues(world: World) -> bool:
     return bool((world.pod_stations.queue_at != NIL).any())
 
 
+# What robot time is used for, beside LOST_TICK_SUMS: sums, and what they are.
+OTHER_USES = {
+    "on_orders": "driving to orders and with them, picks, drops and stops",
+    "charging": "charging",
+    "driving_to_chargers": "moves and turns on the way to chargers",
+    "driving_aside": "moves and turns without an order: to park, or pushed aside",
+    "down": "broken down or without charge, on the floor",
+    "delayed": "delayed, with nothing under way",
+    "idle": "without an order, parked, or off the floor for repair",
+}
+
+
+def uses_of_run(run: Measured) -> dict[str, int]:
+    """Robot ticks by what they were used for, which add up to those of the run."""
+    now = counted(run)
+    uses = {"on_orders": now.sums["on_orders"]}
+    uses |= {name: now.sums[name] for name in LOST_TICK_SUMS if name in now.sums}
+    uses["charging"] = int(now.actions[ACTION_CHARGE])
+    uses |= {name: now.sums[name] for name in ("driving_to_chargers", "driving_aside")}
+    uses |= {"down": int(now.actions[ACTION_DOWN]), "delayed": int(now.actions[ACTION_DELAYED])}
+    uses["idle"] = now.tick * len(run.world.robots.cell) - sum(uses.values())
+    return uses
+
+
 def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
     """Operations, lost ticks and utilization of each robot, in the order of identities.
 
-    A row has `slowdown_ticks` if moves may take longer, `lost_queueing` if robots have batteries,
+    A row has `slowdown_ticks` if moves may take longer, `lost_charger_queue` if robots have batteries,
     `lost_station_queue` if they carry pods for lines or to queues, `lost_held_back` if right of way
     steers them, `lost_at_gates` if the floor has gates, and `lost_following` if robots follow each
     other in moves of several ticks.
     """
     world = run.world
     elapsed = int(world.clock.tick)
-    ticks = executed_ticks(world)
+    ticks, uses = executed_ticks(world), uses_of_time(world)
     slows, names = may_slow(world), type_names(run)
     rows = []
     for identity, i in enumerate(world.robots.at_index):
-        figures = _shares(world.tally.operations[i], ticks[i])
-        active = figures.pop("active")
+        figures = _shares(world.tally.operations[i], ticks[i], Uses(*(use[i] for use in uses)))
+        on_orders = figures.pop("on_orders")
         for name in _not_lost(world):
             del figures[name]
         actions = {
@@ -325,7 +398,7 @@ def metrics_by_robot(run: Measured) -> list[dict[str, Any]]:
         if names:
             row["type"] = names[run.resolved.fleet.type_of[identity]]
         row |= {"operations": figures.pop("operations")}
-        row |= actions | {"utilization": _ratio(active, elapsed)} | figures
+        row |= actions | {"utilization": _ratio(on_orders, elapsed)} | figures
         rows.append(row | ({"slowdown_ticks": int(world.tally.slowdown_ticks[i])} if slows else {}))
     return rows
 
@@ -341,6 +414,7 @@ def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
     A delivery counts for the type of the robot that last took the order.
     """
     world, ticks = run.world, executed_ticks(run.world)
+    uses = uses_of_time(world)
     done = world.orders.dispatched_type[world.orders.state == ORDER_DELIVERED]
     rows = []
     for number, kind in enumerate(run.resolved.scenario.fleet.types):
@@ -349,7 +423,7 @@ def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
             ACTION_NAMES[a]: int(ticks[mine, a].sum())
             for a in (ACTION_MOVE, ACTION_TURN, ACTION_PICK, ACTION_DROP)
         }
-        active = int(ticks[mine][:, ACTIVE].sum())
+        on_orders = on_orders_of(ticks[mine].sum(0), Uses(*(use[mine].sum(0) for use in uses)))
         row = {
             "type": kind.name,
             "robots": int(mine.sum()),
@@ -357,7 +431,7 @@ def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
         }
         row |= {"payload": kind.payload, "delivered": int((done == number).sum())}
         row |= {f"{name}_ticks": total for name, total in spent.items()}
-        share = _ratio(active, mine.sum() * int(world.clock.tick))
+        share = _ratio(on_orders, mine.sum() * int(world.clock.tick))
         rows.append(row | {"utilization": share})
     return rows
 
@@ -367,16 +441,19 @@ def illegal_by_layer(run: Measured) -> dict[str, int]:
     return dict(zip(LAYER_NAMES, (int(count) for count in run.world.tally.illegal), strict=True))
 
 
-def _shares(times: Array, ticks: Array) -> dict[str, float | int]:
+def _shares(times: Array, ticks: Array, uses: Uses) -> dict[str, float | int]:
     """Metrics from (A, 2) counts of operations and of ticks; [:, 0] is without load."""
-    sums = _of_actions(times, ticks)
+    sums = _of_actions(times, ticks, uses)
     figures: dict[str, float | int] = {"operations": sums["operations"]}
     figures |= {name: float(metric(name, sums) or 0.0) for name in SHARES}
-    return figures | {name: sums[name] for name in ("active", *LOST_TICK_SUMS)}
+    return figures | {name: sums[name] for name in ("on_orders", *LOST_TICK_SUMS)}
 
 
-def _of_actions(times: Array, ticks: Array) -> dict[str, int]:
+def _of_actions(times: Array, ticks: Array, uses: Uses) -> dict[str, int]:
     """Sum (A, 2) counts of operations and of ticks, as metric_sums names them; [:, 0] is without load."""
+    lost = {
+        name: int(ticks[action].sum() - uses.to_charger[action]) for name, action in LOST_IN.items()
+    }
     return {
         "operations": int(times[OPERATION_STATES].sum()),
         "moves": int(times[ACTION_MOVE].sum()),
@@ -384,8 +461,20 @@ def _of_actions(times: Array, ticks: Array) -> dict[str, int]:
         "empty_driving": int(times[DRIVING, 0].sum()),
         "empty_driving_ticks": int(ticks[DRIVING, 0].sum()),
         "active": int(ticks[ACTIVE].sum()),
-        **{name: int(ticks[action].sum()) for name, action in LOST_IN.items()},
+        "engaged": int(ticks[ENGAGED].sum()),
+        "on_orders": on_orders_of(ticks, uses),
+        "driving_to_chargers": int(uses.to_charger[WAYS].sum()),
+        "driving_aside": int(uses.aside),
+        **lost,
+        "lost_charger_queue": int(uses.to_charger[LOST_TO_CHARGERS].sum()),
+        "lost_making_way": int(uses.making_way),
     }
+
+
+def on_orders_of(ticks: Array, uses: Uses) -> int:
+    """Of (A, 2) ticks those spent on orders: work, and ways that are not undone."""
+    ways = ticks[WAYS].sum() - uses.to_charger[WAYS].sum() - uses.aside - uses.making_way
+    return int(ticks[WORK].sum() + ways)
 
 
 def _ratio(part: Any, whole: Any) -> float:

@@ -1,12 +1,24 @@
-"""The report of a run: its metrics, lost time by cause, and one line for each robot."""
+"""The report of a run: what matters first, its bottleneck, the run by hour, and all figures."""
 
 from __future__ import annotations
 
-from automaton.documents.report_document import Listed, NumberText, ReportDocument, Table, Text
+from collections.abc import Callable, Sequence
+
+from automaton.documents.report_document import (
+    Heading,
+    Listed,
+    NumberText,
+    ReportDocument,
+    Table,
+    Text,
+)
 from automaton.documents.text_output import print_document
-from automaton.runs.headless import Outcome
+from automaton.runs.bottleneck import bottleneck_sentences, flow_name, rate
+from automaton.runs.headless import LongestDeadlock, Outcome
 from automaton.runs.metric_catalogue import PER_1000_TICKS, units_of
-from automaton.runs.metrics import METRIC_CATALOGUE
+from automaton.runs.metric_sums import TRAFFIC_SUMS
+from automaton.runs.metrics import METRIC_CATALOGUE, OTHER_USES
+from automaton.runs.periods import Period, moment
 from automaton.runs.run_diagnosis import describe_jam, describe_wait_cycles
 from automaton.scenario.schema import Scenario
 from automaton.strategy.lookup import NO_STRATEGY
@@ -30,7 +42,8 @@ ROBOT_COLUMNS = {  # heading: metric of the robot
     "lost": "lost",
     "slowdown": "slowdown_ticks",
 }
-SLOWDOWN = "slowdown_ticks"  # shown with the lost time, but not part of it
+SLOWDOWN = "slowdown_ticks"
+ROBOT_HEADS = ("on orders", "in traffic", "in queues", "charging", "wait to charge", "down")
 ROBOTS_SHOWN = STATIONS_SHOWN = 50
 METRICS_TOLD = (
     "throughput",
@@ -50,18 +63,132 @@ def print_report(resolved: Resolved, outcome: Outcome) -> None:
 
 
 def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
-    """The report as a document."""
+    """The whole report: what matters first, then the bottleneck, then where the time went."""
     tick, cell = units_of(resolved)
     document = ReportDocument(f"{resolved.scenario.name}, seed {resolved.scenario.seed}")
     document.add(Listed(heading(resolved, outcome, tick), mark=""))
-    document.add(metrics_table(outcome, tick, cell), lost_table(outcome, tick))
+    document.add(headline_table(resolved, outcome, tick))
+    document.add(*[Text(text) for text in bottleneck_sentences(resolved, outcome)])
+    document.add(*([periods_table(resolved, outcome, tick)] if outcome.by_period else []))
+    document.add(uses_table(outcome))
+    document.add(Heading("All metrics", 3), metrics_table(outcome, tick, cell))
     document.add(*([types_table(outcome, tick)] if outcome.types else []))
+    document.add(*([priorities_table(outcome, tick)] if outcome.priorities else []))
     document.add(*([stations_table(outcome)] if outcome.stations else []))
+    document.add(*([chargers_table(outcome)] if outcome.chargers else []))
     document.add(robots_table(outcome, tick, cell))
     if len(outcome.robots) > ROBOTS_SHOWN:
         rest = len(outcome.robots) - ROBOTS_SHOWN
         document.add(Text(f"... and {count(rest, 'more robot')}: --json prints all"))
     return document
+
+
+def headline_table(resolved: Resolved, outcome: Outcome, tick: Unit) -> Table:
+    """The six figures that matter first."""
+    metrics = outcome.metrics
+    rows = [["delivered", f"{outcome.delivered:,} of {count(outcome.orders, 'order')}"]]
+    rows += [["throughput", throughput_text(metrics["throughput"], tick)]]
+    if "lead_time" in metrics:
+        mean, p95 = (time_text(metrics[name], tick) for name in ("lead_time", "lead_time_p95"))
+        rows += [["lead time", f"mean {mean}, 95th percentile {p95}"]]
+    if "late_share" in metrics:
+        rows += [["late", percent(metrics["late_share"])]]
+    rows += [["utilization", f"{percent(metrics['utilization'])} of robot time spent on orders"]]
+    total = max(sum(outcome.uses.values()), 1)
+    traffic = sum(outcome.uses.get(name, 0) for name in TRAFFIC_SUMS)
+    rows += [["lost in traffic", f"{percent(traffic / total)} of robot time"]]
+    rows += (
+        [["stranded", f"{count(int(n), 'time')} without charge"]]
+        if (n := metrics.get("battery_depletions"))
+        else []
+    )
+    return Table(
+        ("figure", "value"), [*rows, *deadlock_row(resolved, outcome, tick)], also_left=(1,)
+    )
+
+
+def deadlock_row(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[list[str]]:
+    """The deadlocks of a run, where and when the longest one was."""
+    if outcome.deadlock is None:
+        return []
+    return [["deadlocks", deadlock_text(resolved, outcome.deadlock, tick)]]
+
+
+def deadlock_text(resolved: Resolved, deadlock: LongestDeadlock, tick: Unit) -> str:
+    """Such as "3 deadlocks, the longest 47 min at (72, 38) from 11:14"."""
+    many = count(deadlock.deadlocks, "deadlock")
+    which = "the longest " if deadlock.deadlocks > 1 else ""
+    when = moment(resolved, deadlock.first_tick)
+    lasted = time_text(deadlock.ticks, tick)
+    return f"{many}, {which}{lasted} at {deadlock.cell} from {when}"
+
+
+def time_text(ticks: float, tick: Unit) -> str:
+    """Ticks in the unit in which they are told."""
+    value, name = duration(ticks, tick)
+    return f"{number(value)} {name}"
+
+
+def throughput_text(per_1000_ticks: float, tick: Unit) -> str:
+    """A throughput by the hour; without times in 1,000 ticks."""
+    if tick.seconds is None:
+        return f"{number(per_1000_ticks)} orders in 1,000 ticks"
+    an_hour = per_1000_ticks * SECONDS_PER_UNIT["h"] / (1000 * tick.seconds)
+    return f"{number(an_hour)} orders an hour"
+
+
+def periods_table(resolved: Resolved, outcome: Outcome, tick: Unit) -> Table:
+    """One line for each period: flow, what robots did on average, how busy the rest was."""
+    periods, has = outcome.periods, outcome.metrics
+    what = flow_name(resolved)
+    columns: list[tuple[str, bool, Callable[[Period], str]]] = [
+        ("from", True, lambda one: one.name),
+        (
+            f"{what}/h" if tick.seconds else f"{what}/1000",
+            True,
+            lambda one: number(round(rate(resolved, one))),
+        ),
+        ("backlog", True, lambda one: number(one.backlog)),
+        ("late", "late_share" in has, lambda one: number(one.late or 0)),
+        ("on orders", True, lambda one: robots_text(one.on_orders)),
+        ("in traffic", True, lambda one: robots_text(one.in_traffic)),
+        ("in queues", "lost_station_queue" in has, lambda one: robots_text(one.in_station_queues)),
+        ("charging", "lost_charger_queue" in has, lambda one: robots_text(one.charging)),
+        ("wait to charge", "lost_charger_queue" in has, lambda one: robots_text(one.for_chargers)),
+        ("down", "downtime" in has, lambda one: robots_text(one.down)),
+        ("stations", bool(periods[0].stations), lambda one: mean_percent(one.stations)),
+        ("chargers", bool(periods[0].chargers), lambda one: mean_percent(one.chargers)),
+    ]
+    shown = [(head, text) for head, is_shown, text in columns if is_shown]
+    rows = [[text(one) for _, text in shown] for one in periods]
+    heads = [head for head, _ in shown]
+    robots = [head for head in heads if head in ROBOT_HEADS]
+    busy = len(heads) - heads.index(robots[-1]) - 1
+    groups = [("robots", len(robots)), *([("busy", busy)] if busy else [])]
+    return Table(heads, rows, groups=groups)
+
+
+def robots_text(mean: float) -> str:
+    """A mean number of robots."""
+    return f"{mean:.1f}"
+
+
+def mean_percent(shares: Sequence[float]) -> str:
+    """The mean of some shares."""
+    return percent(sum(shares) / len(shares), 0)
+
+
+def uses_table(outcome: Outcome) -> Table:
+    """Where the time of the robots went; the shares add up to all of it."""
+    total, robots = max(sum(outcome.uses.values()), 1), len(outcome.robots)
+    rows = []
+    for name, ticks in outcome.uses.items():
+        if not ticks and not name.startswith(LOST_METRIC_PREFIX):
+            continue
+        meaning = OTHER_USES.get(name) or METRIC_CATALOGUE[name][1]
+        mean = robots * ticks / total
+        rows.append([name, f"{mean:.2f}", percent(ticks / total), meaning])
+    return Table(("robot time", "robots", "share", "what it is"), rows, also_left=(3,))
 
 
 def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
@@ -134,7 +261,7 @@ def metrics_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
     """
     rows, in_both = [], cell is not None or tick.seconds is not None
     for name in outcome.metrics:
-        if name.startswith(LOST_METRIC_PREFIX) or name == SLOWDOWN:
+        if name.startswith(LOST_METRIC_PREFIX):
             continue
         kind, meaning = METRIC_CATALOGUE.get(name, ("times", "counted by a strategy"))
         value, in_unit = in_units(outcome.metrics[name], kind, tick, cell)
@@ -163,23 +290,6 @@ def in_units(value: float, kind: str, tick: Unit, cell: Unit | None) -> tuple[Nu
     return NumberText(number(amount), amount), name
 
 
-def lost_table(outcome: Outcome, tick: Unit) -> Table:
-    """Robot time lost to other robots, by cause, and the extra time of slow driving."""
-    rows = []
-    total = sum(
-        value for name, value in outcome.metrics.items() if name.startswith(LOST_METRIC_PREFIX)
-    )
-    for name, (_, meaning) in METRIC_CATALOGUE.items():
-        if name.startswith(LOST_METRIC_PREFIX) and name in outcome.metrics:
-            value = outcome.metrics[name]
-            share = percent(value / total) if total else "-"
-            rows.append([name, number(tick.of(value)), share, meaning])
-    if SLOWDOWN in outcome.metrics:
-        cost = number(tick.of(outcome.metrics[SLOWDOWN]))
-        rows.append([SLOWDOWN, cost, "-", METRIC_CATALOGUE[SLOWDOWN][1]])
-    return Table(("lost time", tick.plural, "share", "cause"), rows, also_left=(3,))
-
-
 def types_table(outcome: Outcome, tick: Unit) -> Table:
     """One line for each robot type: deliveries, and time by action."""
     heads = ("type", "robots", "move time", "payload", "delivered", "driving", "handling", "used")
@@ -195,13 +305,44 @@ def types_table(outcome: Outcome, tick: Unit) -> Table:
     return Table(heads, rows)
 
 
+def priorities_table(outcome: Outcome, tick: Unit) -> Table:
+    """One line for each priority of orders, the highest first."""
+    rows = []
+    for row in outcome.priorities:
+        times = (row[name] for name in ("lead_time", "lead_time_p95"))
+        texts = ["-" if ticks is None else time_text(ticks, tick) for ticks in times]
+        late = "-" if row["late_share"] is None else percent(row["late_share"])
+        counts = (number(row[name]) for name in ("orders", "delivered"))
+        rows.append([number(row["priority"]), *counts, *texts, late])
+    heads = ("priority", "orders", "delivered", "lead time", "95th percentile", "late")
+    return Table(heads, rows)
+
+
+def chargers_table(outcome: Outcome) -> Table:
+    """One line for each charger, at most STATIONS_SHOWN."""
+    rows = [
+        [
+            number(row["charger"]),
+            f"({row['x']}, {row['y']})",
+            percent(row["utilization"]),
+            f"{row['mean_queue']:.2f}",
+            number(row["longest_queue"]),
+        ]
+        for row in outcome.chargers[:STATIONS_SHOWN]
+    ]
+    return Table(("charger", "at", "busy", "mean queue", "longest"), rows, also_left=(1,))
+
+
 def stations_table(outcome: Outcome) -> Table:
     """One line for each station for pods, at most STATIONS_SHOWN."""
     rows = []
     for row in outcome.stations[:STATIONS_SHOWN]:
         shares = (percent(row[name]) for name in ("service_share", "starved_share"))
-        rows.append([row["station"], number(row["visits"]), number(row["lines_done"]), *shares])
-    return Table(("station", "visits", "lines", "serves", "starved"), rows)
+        queue = f"{row['mean_queue']:.2f}", number(row["longest_queue"])
+        done = number(row["visits"]), number(row["lines_done"])
+        rows.append([row["station"], *done, *shares, *queue])
+    heads = ("station", "visits", "lines", "serves", "starved", "mean queue", "longest")
+    return Table(heads, rows)
 
 
 def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:

@@ -71,6 +71,7 @@ from automaton.world.building import (
     build_observation,
     build_record,
     build_sight,
+    build_watch,
     build_world,
     digest_interval,
 )
@@ -129,6 +130,7 @@ class Simulation:
         self.on_observe = on_observe
         self.observation = build_observation(self.world, OBSERVED_TICKS if on_observe else 0)
         self.world.clock.observing = 1 if on_observe else 0
+        self._watch = build_watch(self.world)
         picked = (
             [self._load_strategy(layer, choice) for layer, choice in resolved.choices]
             if strategies is None
@@ -274,7 +276,7 @@ class Simulation:
             (self.world, self.visible_world, self.view),
             (self.full_batch, self.batch, self._batch_view),
             self.decisions,
-            (self.record, self.observation),
+            (self.record, self.observation, self._watch),
             self.workspace,
             self._mode,
         )

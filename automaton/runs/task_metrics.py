@@ -205,6 +205,8 @@ class Station(NamedTuple):
     service_share: float  # share of time in which it served a robot
     # Share of time in which it had open lines and no break, but no robot in its cell or queue.
     starved_share: float
+    mean_queue: float  # robots that lose time in its queue
+    longest_queue: int
 
 
 def metrics_by_station(run: Measured) -> list[dict[str, Any]]:
@@ -225,9 +227,78 @@ def metrics_by_station(run: Measured) -> list[dict[str, Any]]:
             lines[k],
             int(stations.served_ticks[k]) / elapsed,
             int(stations.starved_ticks[k]) / elapsed,
+            int(stations.queue_ticks[k]) / elapsed,
+            int(stations.longest_queue[k]),
         )._asdict()
         for k, name in enumerate(names)
     ]
 
 
 NO_STATIONS = np.zeros(0, np.int32)
+
+
+class Charger(NamedTuple):
+    """What a charger did up to now."""
+
+    charger: int  # its number from 1, in reading order
+    x: int
+    y: int
+    places: int  # robots that charge there at once; 0: any number
+    utilization: float  # share of the time of its places; without a limit, mean number of robots
+    mean_queue: float  # robots sent to it that stand, wherever
+    longest_queue: int
+
+
+def metrics_by_charger(run: Measured) -> list[dict[str, Any]]:
+    """For each charger, what Charger has; () where robots have no batteries."""
+    chargers, elapsed = run.world.chargers, max(int(run.world.clock.tick), 1)
+    rows = []
+    for k, cell in enumerate(chargers.cell.tolist() if run.world.rules.battery else ()):
+        places = int(chargers.places[k])
+        busy = int(chargers.busy_ticks[k]) / elapsed / (places or 1)
+        rows.append(
+            Charger(
+                k + 1,
+                *run.resolved.floor_plan.xy(cell),
+                places,
+                busy,
+                int(chargers.queue_ticks[k]) / elapsed,
+                int(chargers.longest_queue[k]),
+            )._asdict()
+        )
+    return rows
+
+
+def metrics_by_priority(run: Measured) -> list[dict[str, Any]]:
+    """For each priority of orders, the highest first: how many, lead time, how many were late.
+
+    () where all orders have one priority. Times in ticks; None: no order is done, or none was due.
+    """
+    world, orders = run.world, asked_orders(run.world)
+    priority = world.orders.priority if not has_lines(world) else None
+    if priority is None:
+        priority = np.full(len(world.lines.left), np.iinfo(np.int16).min, np.int16)
+        np.maximum.at(priority, world.lines.order, world.lines.priority)
+    levels = np.unique(priority)[::-1]
+    if len(levels) < 2:
+        return []
+    rows = []
+    for level in levels.tolist():
+        mine = (priority == level) & orders.is_known
+        done = mine & (orders.done != NIL)
+        times = (orders.done - orders.release)[done]
+        due = (
+            mine & (orders.due != NEVER) & ((orders.done != NIL) | (orders.due < world.clock.tick))
+        )
+        ends = np.where(orders.done == NIL, world.clock.tick, orders.done)
+        rows.append(
+            {
+                "priority": level,
+                "orders": int(mine.sum()),
+                "delivered": int(done.sum()),
+                "lead_time": float(times.mean()) if len(times) else None,
+                "lead_time_p95": quantile(times, 95) if len(times) else None,
+                "late_share": float((ends > orders.due)[due].mean()) if due.any() else None,
+            }
+        )
+    return rows

@@ -219,6 +219,21 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
             description="Greatest number of ticks of a run.",
         ),
     ] = 50_000
+    at_limit: Annotated[
+        Literal["end", "failure"] | None,
+        Meta(
+            description="What it means that max_duration is reached with orders open. end: the run is "
+            "complete, as a shift is; failure: it is unfinished. Default: end with units.clock or "
+            "with when: never, else failure."
+        ),
+    ] = None
+
+    def __post_init__(self) -> None:
+        if self.when == "never" and self.at_limit == "failure":
+            raise ValueError(
+                "stop has when: never and at_limit: failure, so that no run would ever be complete; "
+                "leave at_limit out"
+            )
 
 
 class Measure(ConfigSection, frozen=True, kw_only=True):
@@ -298,6 +313,13 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     seed: Annotated[
         int, Meta(ge=0, le=2**63 - 1, description="The seed of all random draws of a run.")
     ] = 1
+
+    @property
+    def ends_at_limit(self) -> bool:
+        """Whether a run is complete that reaches stop.max_duration."""
+        if self.stop.at_limit is not None:
+            return self.stop.at_limit == "end"
+        return self.stop.when == "never" or self.units.clock is not None
 
     def __post_init__(self) -> None:
         tick = unit(self.units.tick)

@@ -16,7 +16,7 @@ TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "throughput_per_robot"
 OF_TIMES: Final = ("lead_time", "lead_time_p95", "lead_time_p99", "lead_time_max")
 OF_DUE_TIMES: Final = ("late_share", "not_yet_due", "tardiness", "tardiness_p95", "tardiness_p99")
 OF_BATTERIES: Final = (
-    *("lost_queueing", "energy", "charging_share"),
+    *("lost_charger_queue", "energy", "charging_share"),
     *("min_charge", "repair_energy", "battery_depletions"),
 )
 OF_LINES: Final = ("lines_done", "visits", "lines_per_visit", "trips", "pod_moves")

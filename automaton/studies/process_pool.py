@@ -21,7 +21,7 @@ from typing import Any, Final, NamedTuple, TypeVar
 from automaton.errors import WorkerDiedError
 from automaton.runs.cores import cores
 from automaton.runs.first_compilation import compiled_parts
-from automaton.runs.headless import attribute_strategy_errors, run_to_end
+from automaton.runs.headless import attribute_strategy_errors, is_finished, run_to_end
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.world.resolved import Resolved
@@ -106,8 +106,7 @@ def run_chunk(chunk: Chunk) -> tuple[int, list[RunResult]]:
         with attribute_strategy_errors(resolved):
             simulation = Simulation(resolved, seed)
             figures = chunk.conduct(simulation)
-        finished = simulation.finished or resolved.scenario.stop.when == "never"
-        batch.append(RunResult(seed, finished, simulation.digest, figures))
+        batch.append(RunResult(seed, is_finished(simulation), simulation.digest, figures))
     return chunk.first, batch
 
 

@@ -33,12 +33,14 @@ from automaton.engine.state import (
     Batch,
     ChargingDecisions,
     Clock,
+    Deadlocks,
     Decisions,
     Record,
     RightOfWayDecisions,
     Robots,
     RoutingDecisions,
     Tally,
+    TimeUse,
     Traffic,
     World,
     ZoningDecisions,
@@ -154,6 +156,8 @@ def _build_coarse(
         service_zones=service_zones,
         traffic=traffic,
         tally=Tally.sized({"n": n}),
+        time_use=TimeUse.sized({"n": n}),
+        deadlocks=Deadlocks.sized({"n": n}),
         delays=build_delays(scenario.faults.delays, n),
         clock=clock,
     )
@@ -265,6 +269,8 @@ def build_sight(world: World, floor: PreparedFloor) -> World:
             world.rules.following,
         ),
         tally=world.tally.copied(),
+        time_use=TimeUse.sized({"n": len(world.robots.cell)}),
+        deadlocks=Deadlocks.sized({"n": len(world.robots.cell)}),
         delays=world.delays.copied(),  # without who is delayed
         chargers=world.chargers.copied(),
         service_zones=service_zones.replaced(
@@ -314,6 +320,11 @@ def build_observation(world: World, ticks: int) -> Observation:
         zone_before=world.service_zones.design.zone.copy(),
         scratch=build_scratch(n, cells),
     )
+
+
+def build_watch(world: World) -> Observation:
+    """Scratch of the search for deadlocks, which looks at robots as an observation does."""
+    return build_observation(world, 1)
 
 
 def build_scratch(n: int, cells: int) -> ObservationScratch:

@@ -159,8 +159,9 @@ def scenario_at_end(run: WatchedRun) -> Resolved:
 def outcome_of(run: WatchedRun, last_worked: np.ndarray) -> Outcome:
     """What is left of a run; `last_worked` as of `run_to_end`."""
     front = run.leading_simulation
-    stop = scenario_at_end(run).scenario.stop
-    finished = front.finished or (stop.when == "never" and front.tick >= stop.max_duration)
+    scenario = scenario_at_end(run).scenario
+    is_over = front.tick >= scenario.stop.max_duration
+    finished = front.finished or (is_over and scenario.ends_at_limit)
     orders = asked_orders(front.world)
     return Outcome(
         finished=finished,

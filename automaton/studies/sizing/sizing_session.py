@@ -341,18 +341,17 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
     where = f"{resolved.scenario.name}, {fleet}, {allocation}, seed {simulation.seed}"
     since = run_marked(simulation, watch=JamWatch(partial(note_jam, where))).warm_up
     figures, now = metrics_of(simulation, since), counted(simulation)
-    begin, before, served = (
-        (0, 0, 0) if since is None else (since.tick, since.actions, since.served)
-    )
-    ticks, elapsed = now.actions - before, max(1, now.tick - begin)
+    since = now.none() if since is None else since
+    ticks, elapsed = now.actions - since.actions, max(1, now.tick - since.tick)
     figures[MEASURED_TICKS] = elapsed // simulation.resolved.scenario.refine
     world, floor_plan = simulation.world, simulation.resolved.floor_plan
     stations = int(np.count_nonzero(floor_plan.kind == STATION))
     places = sum(places_of_chargers(resolved.scenario, floor_plan).values())
     if stations:
         handling = int(ticks[[ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP]].sum())
-        # Pods are picked and dropped in storage, not at stations.
-        used = now.served - served if len(world.trips.pod) else handling
+        # Pods are picked and dropped in storage.
+        served = int((now.station_busy - since.station_busy).sum())
+        used = served if len(world.trips.pod) else handling
         figures[STATION_USE] = used / (stations * elapsed)
     if places and world.rules.battery:
         figures[CHARGER_USE] = float(ticks[ACTION_CHARGE].sum()) / (places * elapsed)

@@ -591,7 +591,7 @@ def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]
     stretches = [counted(simulation)] * ((limit - 1) // stretch) if stretch else []
     row = figures_of(simulation, window, CountedStretches(None, stretches))
     cut = not simulation.finished and simulation.tick < limit
-    if cut and resolved.scenario.stop.when == "never":
+    if cut and resolved.scenario.ends_at_limit:
         return seconds * limit / simulation.tick, False, row_bytes(plan, row)
     return seconds, cut, row_bytes(plan, row)
 

@@ -1,0 +1,239 @@
+"""The bottleneck of a run: what was saturated for longest, when, and what the others did meanwhile.
+
+In a period, chargers are saturated if their places are nearly always taken and half a robot or more
+stands on the way to one; a station, if it nearly always works; traffic, if a third of the robots at
+work lose their time to it; robots, if hardly one is idle although orders are open. The first of
+these counts, since what comes later follows from it: who waits for a charger is not idle either.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Final, NamedTuple
+
+from automaton.runs.headless import Outcome
+from automaton.runs.metric_catalogue import units_of
+from automaton.runs.periods import HOUR_S, Period, moment
+from automaton.units import count, number, percent
+from automaton.world.resolved import Resolved
+
+BUSY: Final = 0.9  # share of time from which a station or the chargers are saturated
+LINED_UP: Final = 0.5  # robots that stand on the way to full chargers
+MOST_STATIONS: Final = 0.5  # share of saturated stations from which it is the stations
+LOST: Final = 1 / 3  # share of the time of robots at work, lost in traffic
+IDLE: Final = 0.05  # share of robots
+FALL: Final = 0.1  # of a rate, from which it is said to fall
+MENTIONED: Final = 0.05  # share of the run in which something else has to be saturated
+SINGLE: Final = ("chargers", "stations", "traffic", "robots")
+
+
+class Bottleneck(NamedTuple):
+    """The resource that was saturated for longest."""
+
+    resource: str  # one of SINGLE, or "station NAME"
+    share: float  # of the run in which it was saturated
+    first: int  # number of the first period of the longest stretch in which it was
+    last: int
+
+
+def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
+    """What is saturated in a period; "" if nothing is."""
+    taken = sum(period.chargers) >= BUSY * len(period.chargers)
+    if period.chargers and taken and sum(period.charger_queues) >= LINED_UP:
+        return "chargers"
+    busy = [k for k, share in enumerate(period.stations) if share >= BUSY]
+    if busy:
+        if len(busy) > 1 and len(busy) >= MOST_STATIONS * len(period.stations):
+            return "stations"
+        most = max(busy, key=lambda k: period.station_queues[k])
+        return f"station {stations[most]}"
+    at_work = period.on_orders + period.in_traffic
+    if at_work and period.in_traffic >= LOST * at_work:
+        return "traffic"
+    idle = robots - at_work - period.in_station_queues
+    idle -= energy_of(period) + period.down
+    return "robots" if period.backlog and idle <= IDLE * robots else ""
+
+
+def bottlenecks_of(
+    periods: Sequence[Period], robots: int, stations: Sequence[str]
+) -> list[Bottleneck]:
+    """What was saturated, for longest first; nothing if no resource was."""
+    found = [saturated(period, robots, stations) for period in periods]
+    ticks: dict[str, int] = {}
+    for name, period in zip(found, periods, strict=True):
+        ticks[name] = ticks.get(name, 0) + period.ticks
+    ticks.pop("", None)
+    return [
+        Bottleneck(
+            name,
+            ticks[name] / max(periods[-1].end, 1),
+            *longest_stretch(periods, [one == name for one in found]),
+        )
+        for name in sorted(ticks, key=lambda one: -ticks[one])
+    ]
+
+
+def longest_stretch(periods: Sequence[Period], is_in: Sequence[bool]) -> tuple[int, int]:
+    """The first and the last period of the longest stretch of periods that are in it."""
+    best, first, length = (0, 0), 0, -1
+    for k, inside in enumerate(is_in):
+        if not inside:
+            first = k + 1
+        elif periods[k].end - periods[first].begin > length:
+            best, length = (first, k), periods[k].end - periods[first].begin
+    return best
+
+
+def bottleneck_sentences(resolved: Resolved, outcome: Outcome) -> list[str]:
+    """The paragraph about the bottleneck: what was saturated, when, and what the others did."""
+    periods, robots = outcome.periods, resolved.scenario.fleet.robots
+    if not periods:
+        return []
+    found = bottlenecks_of(periods, robots, station_names(resolved, outcome))
+    if not found:
+        return [f"No resource was saturated: {'; '.join(others('', joined(periods), robots))}."]
+    first, *more = found
+    stretch = joined(periods[first.first : first.last + 1])
+    share = percent(first.share, 0)
+    sentences = [
+        f"{subject(first.resource)} the bottleneck, saturated for {share} of the run, longest "
+        f"{stretch_text(resolved, stretch)}: {'; '.join(facts(first.resource, stretch, robots))}.",
+        f"Meanwhile {'; '.join(others(first.resource, stretch, robots))}.",
+    ]
+    for one in [first, *more]:
+        fall = rate_fall(resolved, periods, one)
+        stretch = joined(periods[one.first : one.last + 1])
+        if one is first and fall:
+            sentences.append(f"As it came to be, {fall}.")
+        elif one is not first and one.share >= MENTIONED:
+            texts = [*facts(one.resource, stretch, robots), *([fall] if fall else [])]
+            when = stretch_text(resolved, stretch)
+            sentences.append(f"{subject(one.resource)} saturated, too, {when}: {'; '.join(texts)}.")
+    return [" ".join(sentences)]
+
+
+def subject(resource: str) -> str:
+    """A resource as the beginning of a sentence, with its verb."""
+    is_one = resource.startswith("station ") or resource == "traffic"
+    return f"{resource[0].upper()}{resource[1:]} {'was' if is_one else 'were'}"
+
+
+def stretch_text(resolved: Resolved, stretch: Period) -> str:
+    """When a stretch was."""
+    return f"{moment(resolved, stretch.begin)} to {moment(resolved, stretch.end)}"
+
+
+def station_names(resolved: Resolved, outcome: Outcome) -> list[str]:
+    """The stations of a period, by name or number."""
+    known = [str(row["station"]) for row in outcome.stations]
+    number_of = len(outcome.periods[0].stations)
+    return known if len(known) == number_of else [str(k + 1) for k in range(number_of)]
+
+
+def joined(periods: Sequence[Period]) -> Period:
+    """Periods that follow each other as one; means are weighted by their ticks."""
+    ticks = max(sum(one.ticks for one in periods), 1)
+
+    def mean(values: Sequence[float]) -> float:
+        pairs = zip(values, periods, strict=True)
+        return sum(value * one.ticks for value, one in pairs) / ticks
+
+    def means(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
+        return tuple(mean(column) for column in zip(*rows, strict=True))
+
+    late = [one.late for one in periods if one.late is not None]
+    first, last = periods[0], periods[-1]
+    return Period(
+        first.begin,
+        last.end,
+        first.name,
+        sum(one.done for one in periods),
+        last.backlog,
+        sum(late) if late else None,
+        mean([one.on_orders for one in periods]),
+        mean([one.in_traffic for one in periods]),
+        mean([one.in_station_queues for one in periods]),
+        mean([one.charging for one in periods]),
+        mean([one.to_chargers for one in periods]),
+        mean([one.for_chargers for one in periods]),
+        mean([one.down for one in periods]),
+        means([one.stations for one in periods]),
+        means([one.station_queues for one in periods]),
+        means([one.chargers for one in periods]),
+        means([one.charger_queues for one in periods]),
+    )
+
+
+def energy_of(period: Period) -> float:
+    """Robots that charge, drive to chargers, or wait on the way there."""
+    return period.charging + period.to_chargers + period.for_chargers
+
+
+def facts(resource: str, period: Period, robots: int) -> list[str]:
+    """How a resource was used in a period."""
+    if resource == "chargers":
+        busy, queue = sum(period.chargers), sum(period.charger_queues)
+        return [
+            f"{number(round(busy, 1))} of {count(len(period.chargers), 'charger')} busy",
+            f"{number(round(queue, 1))} robots waiting for one",
+        ]
+    if resource == "traffic":
+        at_work = period.on_orders + period.in_traffic
+        share = percent(period.in_traffic / at_work if at_work else 0.0, 0)
+        return [f"{share} of the time of robots at work was lost in traffic"]
+    if resource == "robots":
+        found = [f"{number(round(period.on_orders, 1))} of {count(robots, 'robot')} on orders"]
+        energy = energy_of(period)
+        return found + ([f"{number(round(energy, 1))} for energy"] if energy else [])
+    busy = max(period.stations, default=0.0)
+    mean = sum(period.stations) / max(len(period.stations), 1)
+    queue = sum(period.station_queues)
+    if resource == "stations":
+        return [f"stations {percent(mean, 0)} busy", f"{number(round(queue, 1))} robots in queues"]
+    return [f"{percent(busy, 0)} busy, all stations {percent(mean, 0)}"]
+
+
+def others(resource: str, period: Period, robots: int) -> list[str]:
+    """How the other resources were used in a period."""
+    found = []
+    if resource != "robots":
+        found += facts("robots", period, robots)
+    if period.stations and not resource.startswith("station"):
+        mean = sum(period.stations) / len(period.stations)
+        found.append(f"stations {percent(mean, 0)} busy")
+    if resource != "traffic":
+        found += [fact for fact in facts("traffic", period, robots) if period.on_orders]
+    if period.chargers and resource != "chargers":
+        share = sum(period.chargers) / len(period.chargers)
+        found.append(f"chargers {percent(share, 0)} busy")
+    return found
+
+
+def rate_fall(resolved: Resolved, periods: Sequence[Period], found: Bottleneck) -> str:
+    """How the flow fell as a resource came to be saturated, if it did."""
+    if not found.first:
+        return ""
+    stretch = joined(periods[found.first : found.last + 1])
+    before, during = rate(resolved, periods[found.first - 1]), rate(resolved, stretch)
+    if during > (1 - FALL) * before:
+        return ""
+    values = f"from {number(round(before))} to {number(round(during))}"
+    return f"{flow_name(resolved)} fell {values} {rate_unit(resolved)}"
+
+
+def flow_name(resolved: Resolved) -> str:
+    """What a period counts as done."""
+    return "lines" if resolved.scenario.orders.lines is not None else "orders"
+
+
+def rate(resolved: Resolved, period: Period) -> float:
+    """What is done in a period, in an hour; in 1,000 ticks where a tick is not a time."""
+    seconds = units_of(resolved)[0].seconds
+    ticks = 1000 if seconds is None else HOUR_S / seconds
+    return period.done / max(period.ticks, 1) * ticks
+
+
+def rate_unit(resolved: Resolved) -> str:
+    """The unit of `rate`."""
+    return "in 1,000 ticks" if units_of(resolved)[0].seconds is None else "an hour"

@@ -1,0 +1,190 @@
+"""A run by hour, or by any other period: flow, what robots did, and how busy stations and chargers were.
+
+Counts are read off between two ticks, where a period ends; orders know their ticks themselves. A run
+that nobody wants by period is looked at as well, at intervals that grow with it, since its bottleneck
+is known by when something was saturated, not by how busy it was over all.
+"""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from typing import Any, Final, NamedTuple
+
+import numpy as np
+
+from automaton.engine.state import NIL, Array, World
+from automaton.errors import InputError
+from automaton.runs.metric_sums import TRAFFIC_SUMS
+from automaton.runs.metrics import Counted, counted
+from automaton.runs.progress import asked_orders, has_lines
+from automaton.runs.simulation import Simulation
+from automaton.runs.task_metrics import summed
+from automaton.scenario.quantities import clock_text
+from automaton.units import exact_time
+from automaton.world.resolved import Resolved
+
+HOUR_S: Final = 3600
+MAX_LOOKS: Final = 64  # beyond which an interval doubles
+FIRST_INTERVAL: Final = 256  # ticks
+
+
+class Period(NamedTuple):
+    """What went on in a stretch of a run. Numbers of robots are means over its ticks."""
+
+    begin: int  # the tick before the first one
+    end: int  # the last one
+    name: str  # the clock time of `begin`, or its tick
+    done: int  # orders; where pods are carried, lines
+    backlog: int  # of the same, known and not done at the end
+    late: int | None  # orders that were due and are late; None without due times
+    on_orders: float
+    in_traffic: float  # robots that lose time in traffic
+    in_station_queues: float
+    charging: float
+    to_chargers: float  # robots that drive to chargers
+    for_chargers: float  # robots that lose time on the way to chargers
+    down: float
+    stations: tuple[float, ...]  # share of the time in which each station works or serves
+    station_queues: tuple[float, ...]  # mean number of robots
+    chargers: tuple[float, ...]  # share of the time of its places in which robots charge
+    charger_queues: tuple[float, ...]
+
+    @property
+    def ticks(self) -> int:
+        """How many it has."""
+        return self.end - self.begin
+
+    def as_json(self) -> dict[str, Any]:
+        """The period as an object."""
+        return {name: list(v) if isinstance(v, tuple) else v for name, v in self._asdict().items()}
+
+
+class PeriodMarks:
+    """Keeps what a run has counted at the ends of periods.
+
+    `ticks`: of a period; 0: whatever is short enough to tell when something was saturated.
+    """
+
+    def __init__(self, ticks: int = 0) -> None:
+        self.is_fixed = ticks > 0
+        self._ticks = ticks or FIRST_INTERVAL
+        self._marks: list[Counted] = []
+
+    def next_mark(self, tick: int) -> int:
+        """The tick of the next mark after a tick."""
+        return (tick // self._ticks + 1) * self._ticks
+
+    def look(self, simulation: Simulation) -> None:
+        """Keep what a run has counted by now, if a period ends."""
+        if simulation.tick % self._ticks or not simulation.tick:
+            return
+        self._marks.append(counted(simulation))
+        if not self.is_fixed and len(self._marks) > MAX_LOOKS:
+            self._ticks *= 2
+            self._marks = [one for one in self._marks if one.tick % self._ticks == 0]
+
+    def periods(self, simulation: Simulation) -> list[Period]:
+        """The periods of a run up to now; the last one may be shorter."""
+        marks = [one for one in self._marks if one.tick < simulation.tick]
+        return periods_of(simulation, [*marks, counted(simulation)])
+
+
+def ticks_of_period(resolved: Resolved, text: str | None) -> int:
+    """Ticks of a period such as "15min" or "500"; None: an hour, or 0 where a tick is not a time.
+
+    Raises InputError for a text that is neither a time nor a number of ticks.
+    """
+    seconds = exact_time(resolved.scenario.units.tick)
+    if text is None:
+        return 0 if seconds is None else max(1, round(HOUR_S / seconds))
+    if text.isdecimal() and int(text):
+        return int(text) * resolved.scenario.refine
+    wanted = exact_time(text)
+    if wanted is None or not wanted:
+        raise InputError(f"--every takes ticks or a time, such as 500 or 15min, not '{text}'")
+    if seconds is None:
+        raise InputError(
+            f"--every {text} is a time, and units.tick is '{resolved.scenario.units.tick}'; "
+            "give a number of ticks"
+        )
+    ticks = wanted / seconds
+    if ticks < 1:
+        raise InputError(f"--every {text} is less than a tick ({resolved.scenario.units.tick})")
+    return round(ticks)
+
+
+def moment(resolved: Resolved, tick: int) -> str:
+    """When a tick is: its clock time where the scenario has one, else the tick."""
+    scale = resolved.scenario.units.scale
+    if scale.clock is None:
+        return f"tick {tick:,}"
+    return clock_text(scale.clock, Fraction(tick) * scale.tick_seconds)
+
+
+def periods_of(simulation: Simulation, marks: list[Counted]) -> list[Period]:
+    """The stretches between marks; the first one begins with tick 0."""
+    world, resolved = simulation.world, simulation.resolved
+    borders = np.array([0, *(mark.tick for mark in marks)])
+    done, backlog = flow(world, borders)
+    late = late_orders(world, borders)
+    places = world.chargers.places.astype(np.int64)
+    places = np.where(places < 1, len(world.robots.cell), places)
+    found = []
+    for k, mark in enumerate(marks):
+        before = marks[k - 1] if k else mark.none()
+        ticks = max(mark.tick - before.tick, 1)
+
+        def robots(
+            *names: str, mark: Counted = mark, since: Counted = before, of: int = ticks
+        ) -> float:
+            return sum(mark.sums.get(one, 0) - since.sums.get(one, 0) for one in names) / of
+
+        found.append(
+            Period(
+                before.tick,
+                mark.tick,
+                moment(resolved, before.tick),
+                int(done[k]),
+                int(backlog[k]),
+                None if late is None else int(late[k]),
+                robots("on_orders"),
+                robots(*TRAFFIC_SUMS),
+                robots("lost_station_queue"),
+                robots("charging"),
+                robots("driving_to_chargers"),
+                robots("lost_charger_queue"),
+                robots("downtime"),
+                tuple(((mark.station_busy - before.station_busy) / ticks).tolist()),
+                tuple(((mark.station_queue - before.station_queue) / ticks).tolist()),
+                tuple(((mark.charger_busy - before.charger_busy) / places / ticks).tolist()),
+                tuple(((mark.charger_queue - before.charger_queue) / ticks).tolist()),
+            )
+        )
+    return found
+
+
+def flow(world: World, borders: Array) -> tuple[Array, Array]:
+    """Orders, or lines where there are any: done in each stretch, and open at its end."""
+    if has_lines(world):
+        release, done = world.lines.release_tick.astype(np.int64), world.lines.done.astype(np.int64)
+    else:
+        orders = asked_orders(world)
+        release, done = (
+            np.where(orders.is_known, orders.release, np.iinfo(np.int64).max),
+            orders.done,
+        )
+    ends = np.maximum(done[done != NIL], 1)
+    in_stretch = summed(ends, np.ones(len(ends)), borders)
+    known = np.searchsorted(np.sort(release), borders[1:], side="right")
+    return in_stretch, known - np.cumsum(in_stretch)
+
+
+def late_orders(world: World, borders: Array) -> Array | None:
+    """Orders that came to be late in each stretch: due in it and not done by then."""
+    orders = asked_orders(world)
+    has_due = orders.is_known & (orders.due < np.iinfo(np.int32).max)
+    if not has_due.any():
+        return None
+    due, done = orders.due[has_due], orders.done[has_due]
+    is_late = (due < borders[-1]) & ((done == NIL) | (done > due))
+    return summed(np.maximum(due[is_late] + 1, 1), np.ones(int(is_late.sum())), borders)

@@ -74,7 +74,7 @@ class DistanceTables(Struct, role=SCRATCH):
     )
     goal_entries: Array = field(
         "(G, C) uint8",
-        "the same for a goal, where ways lead to cells but not through; G = 0: nowhere",
+        "the same for goals in cells that no path crosses; G = 0: no such cells",
         role=CONSTANT,
     )
     cost: Array = field(

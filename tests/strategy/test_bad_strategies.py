@@ -172,7 +172,7 @@ def test_values_that_a_radius_would_hide_are_called_constant() -> None:
         ("Silent", "allocation", r"Silent: it has no method decide \(did you mean 'decied'"),
         ("Base", "allocation", r"reset\(\) must return a state, which is a Struct; it returned None"),
         ("OneRow", "allocation", "times must have one row per robot; it has 1 rows for 3 robots"),
-        ("WorldAsState", "allocation", "a state of its own, found one of the world"),
+        ("WorldAsState", "allocation", "a state of its own; it returned one of the world"),
         ("NoWait", "right_of_way", "1 <= from <= to <= 10,000"),
         (
             "CountsNothing",

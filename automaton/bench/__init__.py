@@ -30,7 +30,9 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
         "automaton.bench.crowd_speed", True, "look-ups of robots by cell; giving way in a crowd"
     ),
     "observing": BenchPart(
-        "automaton.bench.route_speed:observing_measurements", True, "overhead of observation per tick"
+        "automaton.bench.route_speed:observing_measurements",
+        True,
+        "overhead of observation per tick",
     ),
     "steering": BenchPart(
         "automaton.bench.steering_speed",
@@ -77,9 +79,7 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
     "loop": BenchPart(
         "automaton.bench.loop_speed", True, "the loop with an idle fleet; the digest"
     ),
-    "sweep": BenchPart(
-        "automaton.bench.sweep_speed", False, "overhead of a sweep; two workers"
-    ),
+    "sweep": BenchPart("automaton.bench.sweep_speed", False, "overhead of a sweep; two workers"),
     "viewer": BenchPart(
         "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; takes minutes"
     ),

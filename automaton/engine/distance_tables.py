@@ -60,12 +60,18 @@ class DistanceTables(Struct, role=SCRATCH):
 
     headings: int = field("int64", "distinguished headings, as of the grid", role=STATIC)
     first_encoding: int = field("int64", "the narrowest encoding to try", role=STATIC)
-    unit: int = field("int64", "unit of the costs in tables: all costs are multiples of it", role=STATIC)
+    unit: int = field(
+        "int64", "unit of the costs in tables: all costs are multiples of it", role=STATIC
+    )
     is_narrow: int = field("int64", "1: JOINT, and SPLIT if costs are larger", role=STATIC)
-    patterns: int = field("int64", "number of patterns of differences between four headings", role=STATIC)
+    patterns: int = field(
+        "int64", "number of patterns of differences between four headings", role=STATIC
+    )
     reciprocal: int = field("int64", "2**32 / patterns, rounded up", role=STATIC)
     offset: Array = field("(4,) int64", "from a cell to its neighbour E, S, W, N", role=CONSTANT)
-    drivable: Array = field("(F,) int32", "cells with an entry in the tables, in Z-order", role=CONSTANT)
+    drivable: Array = field(
+        "(F,) int32", "cells with an entry in the tables, in Z-order", role=CONSTANT
+    )
     number: Array = field("(C,) int32", "their entry in a table, or NIL", role=CONSTANT)
     entries: Array = field(
         "(S, C) uint8",
@@ -94,7 +100,9 @@ class DistanceTables(Struct, role=SCRATCH):
         "(4096,) uint8", "the pattern of differences, 3 bits each", role=CONSTANT
     )
     pool: Array = field("(words,) uint16", "the tables, one after another")
-    row_of: Array = field("(S C,) int32", "the row of the table of set s to a goal: [s C + goal]", default=NIL)
+    row_of: Array = field(
+        "(S C,) int32", "the row of the table of set s to a goal: [s C + goal]", default=NIL
+    )
     owner: Array = field("(R,) int32", "the entry of row_of that names a row, or NIL", default=NIL)
     kept_in: Array = field("(R,) int64", "the last tick in which a row must be kept", default=NIL)
     used: Array = field("(R,) uint8", "1 = used since the clock hand passed")
@@ -107,7 +115,9 @@ class DistanceTables(Struct, role=SCRATCH):
     head: Array = field("(Q,) int64", "in a search: the next entry of each queue")
     end: Array = field("(Q,) int64", "in a search: entries added to each queue so far")
     stop: Array = field("(1,) int64", "not 0 = the run is aborted, searches end", role=STOP)
-    set_headings: Array = field("(S,) int64", "number of headings that set s distinguishes", role=CONSTANT)
+    set_headings: Array = field(
+        "(S,) int64", "number of headings that set s distinguishes", role=CONSTANT
+    )
     alike: Array = field(
         "(S,) int64", "headings that set s treats as heading 0: bit h", role=CONSTANT
     )

@@ -52,12 +52,14 @@ class Rules(Struct, role=STATIC):
         "int64", "1: robots without a load drive under pods; 0: only the one that lifts it"
     )
     loaded_types: int = field(
-        "int64", "added to the type of a robot that carries a load; 0: loads do not change how it drives"
+        "int64",
+        "added to the type of a robot that carries a load; 0: loads do not change how it drives",
     )
     own_zones: int = field("int64", "1: only orders and stations in zones of robots that are seen")
     refinement: int = field("int64", "ticks of the run per tick of its scenario; 1: not refined")
     stride: int = field(
-        "int64", "strategies decide and robots begin operations only in the first of this many ticks"
+        "int64",
+        "strategies decide and robots begin operations only in the first of this many ticks",
     )
     tick_us: int = field("int64", "microseconds per tick; 0: the scenario does not say")
     cell_milli: int = field(
@@ -73,9 +75,7 @@ class Rules(Struct, role=STATIC):
     )
     holders: Array = field(f"({STRATEGY_COUNT},) uint8", "1 = a strategy reads traffic.holder")
     allocations: int = field("int64", "number of allocation strategies")
-    allocation: Array = field(
-        "(K,) uint8", "the allocation strategy of a robot type"
-    )
+    allocation: Array = field("(K,) uint8", "the allocation strategy of a robot type")
     steered: Array = field("(1,) uint8", "1 = right of way steers the robots: they keep no routes")
     watches_chargers: Array = field(
         "(1,) uint8", "1 = charging is asked about idle robots when a place at a charger is free"
@@ -111,7 +111,9 @@ class Grid(Struct, role=CONSTANT):
     """The floor, static; flat index c = y * width + x, with a border wall one cell wide."""
 
     width: int = field("int64", "cells in a row, border included")
-    headings: int = field("int64", "poses per cell: the most headings that any robot type distinguishes")
+    headings: int = field(
+        "int64", "poses per cell: the most headings that any robot type distinguishes"
+    )
     kind: Array = field("(C,) uint8", "automaton.floor.cells")
     cell_flags: Array = field(
         "(C,) uint8", "bits 0-3 exits E S W N, 4 may turn, 5-6 capacity (0 unlimited)"
@@ -125,7 +127,9 @@ class Grid(Struct, role=CONSTANT):
     offset: Array = field("(4,) int64", "from a cell to its neighbour E, S, W, N")
     slot: Array = field("(C,) int32", "the slot in this cell, or NIL")
     traffic_zone: Array = field(
-        "(C, 2) int32", "traffic zone of a robot that travels in direction d: [c, d >> 1], or NIL", role=CONSTANT
+        "(C, 2) int32",
+        "traffic zone of a robot that travels in direction d: [c, d >> 1], or NIL",
+        role=CONSTANT,
     )
     traffic_zone_count: int = field("int64", "automaton.floor.traffic_zones")
     min_move_ticks: Array = field(
@@ -146,7 +150,9 @@ class Slots(Struct, role=DERIVED):
     Where robots may fail, the last n slots are spare: each holds a load left behind by a robot.
     """
 
-    cell: Array = field("(s,) int32", "its cell; NIL: a spare slot without a load", digest=43, header=True)
+    cell: Array = field(
+        "(s,) int32", "its cell; NIL: a spare slot without a load", digest=43, header=True
+    )
     unbounded: Array = field("(s,) uint8", "1 = any number of loads: no shelf")
     content: Array = field("(s,) int32", "the order on a shelf, or NIL", digest=41)
     reserved_by: Array = field(
@@ -234,7 +240,10 @@ class Stops(Struct, role=STATIC):
     """
 
     cell: Array = field(
-        "(v,) int32", "the cell where a robot must stand; NIL: not known yet", role=DERIVED, header=True
+        "(v,) int32",
+        "the cell where a robot must stand; NIL: not known yet",
+        role=DERIVED,
+        header=True,
     )
     ticks: Array = field(
         "(v,) int32",
@@ -287,16 +296,18 @@ class Gates(Struct, role=STATIC):
         "(a,) int64", "lost ticks after which a robot is planned around a closing; empty: never"
     )
     max_robots: Array = field("(g,) int32", "robots that a block can hold")
-    same_way: Array = field("(g,) uint8", "1 = a block is one-way: robots in it at the same time entered over one cell")
-    opening_ticks: Array = field("(g,) int64", "ticks that a door, or the doors of a lift, take to open")
+    same_way: Array = field(
+        "(g,) uint8", "1 = a block is one-way: robots in it at the same time entered over one cell"
+    )
+    opening_ticks: Array = field(
+        "(g,) int64", "ticks that a door, or the doors of a lift, take to open"
+    )
     hold_ticks: Array = field("(g,) int64", "ticks without use after which a door shuts")
     travel_ticks: Array = field("(g,) int64", "ticks of a cabin from one mouth to the next")
     cabin_ticks: Array = field(
         "(c, 4) int32", "ticks of a move in a lift, by direction E S W N; 0: the usual ones"
     )
-    closing: Array = field(
-        "(g,) int32", "the current or next closing of a gate, from 0", digest=75
-    )
+    closing: Array = field("(g,) int32", "the current or next closing of a gate, from 0", digest=75)
     open_from: Array = field(
         "(g,) int64", "tick from which a door, or a lift at its mouth, lets robots in", digest=76
     )
@@ -308,14 +319,22 @@ class Gates(Struct, role=STATIC):
         "(g,) int32", "identity of the robot that called a lift, or NIL", default=NIL, digest=79
     )
     waited: Array = field(
-        "(r,) int64", "ticks that a robot has lost in front of one closed gate, by identity", digest=80
+        "(r,) int64",
+        "ticks that a robot has lost in front of one closed gate, by identity",
+        digest=80,
     )
     waited_for: Array = field(
-        "(r,) int32", "the row of closings for which these ticks count, by identity, or NIL", default=NIL, digest=81
+        "(r,) int32",
+        "the row of closings for which these ticks count, by identity, or NIL",
+        default=NIL,
+        digest=81,
     )
     robots: Array = field("(g,) int32", "robots in it when the tick began", role=SCRATCH)
     held: Array = field(
-        "(n,) int32", "the gate that blocked a robot in this tick, or NIL", default=NIL, role=SCRATCH
+        "(n,) int32",
+        "the gate that blocked a robot in this tick, or NIL",
+        default=NIL,
+        role=SCRATCH,
     )
     first_entrant: Array = field(
         "(g,) int32", "first entry in the list of its entrants", default=NIL, role=SCRATCH
@@ -338,7 +357,11 @@ class Pods(Struct, role=STATIC):
     """Pods; each is in a slot or on a robot."""
 
     slot: Array = field(
-        "(p,) int32", "the slot where it stands; NIL: on a robot", default=NIL, digest=61, header=True
+        "(p,) int32",
+        "the slot where it stands; NIL: on a robot",
+        default=NIL,
+        digest=61,
+        header=True,
     )
     home: Array = field("(p,) int32", "the slot where it stood at the start")
     pod_class: Array = field("(p,) int16", "its class, from 0")
@@ -349,7 +372,9 @@ class Pods(Struct, role=STATIC):
         default=NIL,
         digest=63,
     )
-    last_line: Array = field("(p,) int32", "the last line or order that waits", default=NIL, role=DERIVED)
+    last_line: Array = field(
+        "(p,) int32", "the last line or order that waits", default=NIL, role=DERIVED
+    )
     stored: Array = field(
         "(p,) int32", "pods stored in this tick for which lines wait", role=DERIVED
     )
@@ -357,9 +382,7 @@ class Pods(Struct, role=STATIC):
     weight: Array = field(
         "(p,) int32", "its weight, which a robot must be able to carry", default=1, header=True
     )
-    open_lines: Array = field(
-        "(p,) int32", "open lines for it: known and not done", role=DERIVED
-    )
+    open_lines: Array = field("(p,) int32", "open lines for it: known and not done", role=DERIVED)
     sku_first: Array = field(
         "(skus + 1,) int32",
         "pods with SKU u: sku_pod[sku_first[u]: sku_first[u + 1]]",
@@ -446,11 +469,15 @@ class PodStations(Struct, role=STATIC):
     """The stations to which pods are carried, by number."""
 
     cell: Array = field("(k,) int32", "its cell", header=True)
-    places: Array = field("(k,) int32", "places: most trips on their way to it; NIL: no limit", header=True)
+    places: Array = field(
+        "(k,) int32", "places: most trips on their way to it; NIL: no limit", header=True
+    )
     taken: Array = field("(k,) int32", "places in use", digest=72)
     open_lines: Array = field("(k,) int32", "open lines: known and not done", digest=73)
     rule: Array = field("(k,) int32", "its rule of handling: a row of lines.handling", header=True)
-    visit: Array = field("(k,) int64", "base duration of a visit, in millionths of a tick", header=True)
+    visit: Array = field(
+        "(k,) int64", "base duration of a visit, in millionths of a tick", header=True
+    )
     station_at: Array = field("(c,) int32", "the station in a cell, or NIL")
     queue_at: Array = field("(c,) int32", "the station of the queue that has this cell, or NIL")
     queue_way: Array = field("(c,) uint8", "direction from a cell of a queue to the next one")
@@ -494,8 +521,12 @@ class Roads(Struct, role=STATIC):
     step: Array = field("(P, 4) int32", "distance to that point, in cells")
     station: Array = field("(P,) int32", "the station at the point, or NIL")
     point: Array = field("(S,) int32", "the point of each station")
-    hop: Array = field("(P, P) int32", "the next point on the shortest path to another point, or NIL")
-    between: Array = field("(S, S) int32", "length of the shortest path in cells, regardless of zones")
+    hop: Array = field(
+        "(P, P) int32", "the next point on the shortest path to another point, or NIL"
+    )
+    between: Array = field(
+        "(S, S) int32", "length of the shortest path in cells, regardless of zones"
+    )
 
 
 class Design(Struct, role=STATE):
@@ -551,9 +582,7 @@ class ServiceZones(Struct):
         digest=54,
         recorded=False,
     )
-    halt: Array = field(
-        "(n,) int64", "last tick of the halt of a robot", default=NIL, digest=56
-    )
+    halt: Array = field("(n,) int64", "last tick of the halt of a robot", default=NIL, digest=56)
     wake: Array = field(
         "(n,) int64",
         "tick from which zoning is asked about a robot, or NIL",
@@ -586,7 +615,9 @@ class Delays(Struct, role=STATIC):
     number of robots if the scenario has delays, else 0.
     """
 
-    probability: int = field("int64", "probability per robot and tick that a delay begins, times 2**32")
+    probability: int = field(
+        "int64", "probability per robot and tick that a delay begins, times 2**32"
+    )
     poisson: int = field(
         "int64", "1: a Poisson number of robots begin a delay, those with the lowest hashes"
     )
@@ -594,9 +625,7 @@ class Delays(Struct, role=STATIC):
     counts: Array = field(
         "(c,) int64", "probability that a robot adds at most 0, 1, ... delays, times 2**32"
     )
-    lengthens: Array = field(
-        "(A,) uint8", "1 = a delay that begins during this action extends it"
-    )
+    lengthens: Array = field("(A,) uint8", "1 = a delay that begins during this action extends it")
     until: Array = field(
         "(d,) int64", "by identity: the last tick of its delay, or 0", digest=74, recorded=False
     )

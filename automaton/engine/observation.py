@@ -144,7 +144,7 @@ CAUSES: Final = (
     ),
     Cause(
         "reduced speed",
-        "{robot} drives, but its moves take longer: slow zones, speed limits or random delays; it does not wait",
+        "{robot} drives, but slow zones, speed limits or random delays extend its moves",
         "a move begun in a zone with m robots takes m times as long",
         False,
     ),
@@ -291,7 +291,9 @@ class ObservationScratch(Struct, role=SCRATCH):
 
     count: WaiterCounts = field(WaiterCounts)
     entry: Array = field(
-        "(n,) int32", "the entry of `holder` for the resource that a waiting robot needs, or NIL", default=NIL
+        "(n,) int32",
+        "the entry of `holder` for the resource that a waiting robot needs, or NIL",
+        default=NIL,
     )
     holder: Array = field(
         "(2C,) int32",
@@ -315,26 +317,26 @@ class Observation(Struct, role=MEASURED):
     """
 
     cause: Array = field("(n,) uint8", "why it waits: an index of CAUSES")
-    blocker: Array = field("(n,) int32", "identity of the robot that blocks it, or NIL", default=NIL)
+    blocker: Array = field(
+        "(n,) int32", "identity of the robot that blocks it, or NIL", default=NIL
+    )
     wanted: Array = field("(n,) int32", "the cell that it tries to enter, or NIL", default=NIL)
     since: Array = field(
         "(n,) int64", "tick in which its wait began; meaningful while cause is not 0"
     )
-    slow_zone: Array = field(
-        "(n,) int32", "zone that slows its current move, or NIL", default=NIL
-    )
+    slow_zone: Array = field("(n,) int32", "zone that slows its current move, or NIL", default=NIL)
     slow_zone_occupancy: Array = field(
         "(n,) int32", "robots in that zone when the move began; valid only with a slow_zone"
     )
-    wait_cycle_ticks: Array = field(
-        "(n,) int32", "duration of its wait cycle in ticks"
-    )
+    wait_cycle_ticks: Array = field("(n,) int32", "duration of its wait cycle in ticks")
     lost: Array = field(f"(n, {CAUSE_COUNT}) int64", "ticks lost by cause")
     lost_in_zone: Array = field(
         "(Z,) int64", "lost ticks of CAUSE_REDUCED_SPEED in moves slowed by a zone"
     )
     busy_before: Array = field("(n,) uint16", "robots.busy after the previous tick")
-    dropped: Array = field("(n,) int32", "the load that it dropped in this tick, or NIL", default=NIL)
+    dropped: Array = field(
+        "(n,) int32", "the load that it dropped in this tick, or NIL", default=NIL
+    )
     load_before: Array = field("(n,) int32", default=NIL)
     order_before: Array = field("(n,) int32", default=NIL)
     visits_before: Array = field("(n,) int64", "tally.visits after the previous tick")

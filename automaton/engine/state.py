@@ -131,7 +131,9 @@ PHASE_CHARGING_AGAIN: Final = 3  # the second entry of charging
 # Why a robot is in a batch.
 REASON_IDLE: Final = 0  # it has nothing to do
 REASON_PICKED: Final = 1  # its pick has begun and its order has no stops: where does the load go?
-REASON_ORDER_RETURNED: Final = 2  # it returned its order because its way was blocked: plan around robots
+REASON_ORDER_RETURNED: Final = (
+    2  # it returned its order because its way was blocked: plan around robots
+)
 REASON_REPLAN: Final = 3  # it drives home or nowhere, and needs a new plan
 REASON_PERIODIC: Final = 4  # the strategy is asked in every k-th tick
 REASON_NEW_GOAL: Final = 5  # routing: a new goal
@@ -140,7 +142,9 @@ REASON_RETRIES_EXHAUSTED: Final = 7  # right of way: the retries are used up
 REASON_RETREATING: Final = 8  # right of way: the next step of a retreat
 REASON_ORDER_TAKEN: Final = 9  # charging: it has taken an order
 REASON_NO_ORDER: Final = 10  # charging: allocation has no order for it
-REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue yet, or a robot went down or is up again
+REASON_ZONE_EVENT: Final = (
+    11  # zoning: an order has no queue yet, or a robot went down or is up again
+)
 REASON_SERVED: Final = 12  # the last stop of its order is done: where does the load go?
 REASON_AROUND_CLOSED: Final = 13  # routing: it has waited long before a closed cell
 
@@ -188,7 +192,9 @@ class Robots(Struct):
 
     identity: Array = field("(n,) int32", "a permutation of 0..n-1", role=STATIC)
     at_index: Array = field("(n,) int32", "the storage index of an identity", role=STATIC)
-    type: Array = field("(n,) uint8", "its type; with a load, plus rules.loaded_types", role=DERIVED)
+    type: Array = field(
+        "(n,) uint8", "its type; with a load, plus rules.loaded_types", role=DERIVED
+    )
     cell: Array = field(
         "(n,) int32",
         "the cell where it stands, or that a long move leaves; NIL: off the floor",
@@ -211,11 +217,11 @@ class Robots(Struct):
     priority: Array = field("(n,) int16", "set by right of way; higher goes first", digest=6)
     load: Array = field("(n,) int32", "the order it carries, or NIL", default=NIL, digest=7)
     order: Array = field("(n,) int32", "the order it works on, or NIL", default=NIL, digest=8)
-    slot: Array = field("(n,) int32", "the slot where it will drop its load, or NIL", default=NIL, digest=9)
-    goal_type: Array = field("(n,) uint8", "GOAL_*", digest=10)
-    goal_cell: Array = field(
-        "(n,) int32", "the cell of its goal, or NIL", default=NIL, digest=11
+    slot: Array = field(
+        "(n,) int32", "the slot where it will drop its load, or NIL", default=NIL, digest=9
     )
+    goal_type: Array = field("(n,) uint8", "GOAL_*", digest=10)
+    goal_cell: Array = field("(n,) int32", "the cell of its goal, or NIL", default=NIL, digest=11)
     charge_target: Array = field("(n,) int32", "charge at which it leaves its charger", digest=12)
     charging_interruptible: Array = field(
         "(n,) uint8", "1 = while it charges it may get an order", digest=26, recorded=False
@@ -270,7 +276,9 @@ class Robots(Struct):
         by="hash_of_order_queue",
     )
     order_queue_length: Array = field("(n,) int32", "number of planned orders", role=DERIVED)
-    charging_reason: Array = field("(n,) uint8", "why charging is asked about it", digest=32, recorded=False)
+    charging_reason: Array = field(
+        "(n,) uint8", "why charging is asked about it", digest=32, recorded=False
+    )
     need: Array = field("(n,) uint8", "NEED_* bits", default=NEED_ALLOCATION, hidden=0, digest=21)
     reason: Array = field("(n,) uint8", "why allocation is asked about it", digest=22)
     route_reason: Array = field(
@@ -337,7 +345,11 @@ class Orders(Struct):
         "(m,) int32", "release tick, from which it is known", hidden=NEVER, digest=38, header=True
     )
     weight: Array = field(
-        "(m,) int32", "its weight, which a robot must be able to carry", role=DERIVED, hidden=0, header=True
+        "(m,) int32",
+        "its weight, which a robot must be able to carry",
+        role=DERIVED,
+        hidden=0,
+        header=True,
     )
     priority: Array = field(
         "(m,) int16", "the larger one comes first", role=DERIVED, hidden=0, header=True
@@ -379,13 +391,9 @@ class Orders(Struct):
     picked: Array = field(
         "(m,) int32", "tick in which it was last picked up, or NIL", default=NIL, role=MEASURED
     )
-    moves: Array = field(
-        "(m,) int32", "moves of robots in its completed legs", role=MEASURED
-    )
+    moves: Array = field("(m,) int32", "moves of robots in its completed legs", role=MEASURED)
     driven: Array = field("(m,) int32", "ticks of moves and turns in these legs", role=MEASURED)
-    queued: Array = field(
-        "(m,) int32", "ticks in queues of stations in these legs", role=MEASURED
-    )
+    queued: Array = field("(m,) int32", "ticks in queues of stations in these legs", role=MEASURED)
 
 
 class Traffic(Struct, role=SCRATCH):
@@ -470,7 +478,9 @@ class Clock(NamedNumbers):
     unparked: int = number("number of robots that are not parked")
     revision: int = number("increases with every change of an order or a reservation")
     allocation_revision: int = number("`revision` when allocation was last asked")
-    fresh_allocation: int = number("number of robots that need allocation and do not wait for a change")
+    fresh_allocation: int = number(
+        "number of robots that need allocation and do not wait for a change"
+    )
     needing_route: int = number("number of robots with a request to routing")
     needing_right_of_way: int = number("number of robots with a request to right of way")
     finished: int = number("1 = the stop condition holds")
@@ -578,7 +588,10 @@ class AllocationDecisions(Struct):
     try_drop: Array = decided("CMD_DROP_AT: 1 = a TRY_DROP operation follows the pick")
     ask_again: Array = decided("1 = ask again in the next tick in any case", dtype="uint8")
     order_queue_length: Array = field(
-        "(n,) int32", "by storage index: KEEP, or the number of planned orders", default=KEEP, role=CALL
+        "(n,) int32",
+        "by storage index: KEEP, or the number of planned orders",
+        default=KEEP,
+        role=CALL,
     )
     order_queue: Array = field("(n, L) int32", "by storage index: the planned orders of a robot")
     order_taken: Array = field(
@@ -597,9 +610,7 @@ class RoutingDecisions(Struct):
 
 class RightOfWayDecisions(Struct):
     command: Array = decided("KEEP, CMD_STEP, CMD_WAIT, CMD_RETREAT, CMD_HOLD or CMD_GO", KEEP)
-    value: Array = decided(
-        "direction, ticks, or moves; CMD_HOLD: its preferred direction, or NIL"
-    )
+    value: Array = decided("direction, ticks, or moves; CMD_HOLD: its preferred direction, or NIL")
     return_order: Array = decided("1 = an empty robot returns its order")
     priority: Array = decided("KEEP or the robot's new priority", KEEP)
 

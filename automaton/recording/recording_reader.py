@@ -241,9 +241,7 @@ class Admission:
         if not 0 <= header["seed"] < 1 << 63:
             raise InvalidFrameError(f"invalid seed {header['seed']}")
         if not 1 <= header["digest_every"] <= MAX_DIGEST_INTERVAL:
-            raise InvalidFrameError(
-                f"invalid digest interval of {header['digest_every']:,} ticks"
-            )
+            raise InvalidFrameError(f"invalid digest interval of {header['digest_every']:,} ticks")
         sizes |= {"rows": height + 2, "columns": width + 2, "cells": (width + 2) * (height + 2)}
         sizes |= {"spare": header["slots"]["first_spare"], "names": len(header["digest_names"])}
         self.scenario = scenario_of(header["scenario"])
@@ -255,7 +253,9 @@ class Admission:
         if there[0] != there[1] or there[2] != wanted or there[2] > there[0]:
             raise InvalidFrameError("its pods, lines or stations do not match its scenario")
         if not wanted:
-            sizes["rules"] = sizes["cells"]  # handling times; without lines stations do not need them
+            sizes["rules"] = sizes[
+                "cells"
+            ]  # handling times; without lines stations do not need them
         if ("gates" in header) and not self.scenario.floor.closed:
             raise InvalidFrameError("it has closed cells, but its scenario has none")
         check_arrays(header, HEADER_ARRAYS, sizes)

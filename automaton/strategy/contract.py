@@ -74,9 +74,7 @@ class Strategy:
     # metric -> field of the state with one number per robot; the metric is their sum
     counters: ClassVar[Mapping[str, str]] = {}
     period: int = 0  # it is also asked every `period` ticks (above); 0 = only on events
-    holders: bool = (
-        False  # it looks up robots by cell: traffic.holder is filled while it is asked
-    )
+    holders: bool = False  # it looks up robots by cell: traffic.holder is filled while it is asked
 
     def __init_subclass__(cls) -> None:
         # A `decide` in a subclass of a compiled strategy replaces the kernel.
@@ -125,9 +123,13 @@ def checked_state(strategy: Strategy, state: Any, view: World) -> Struct:
     """The state that `reset` returned. Raises InputError if it does not fit this fleet."""
     robots = len(view.robots.cell)
     if not isinstance(state, Struct):
-        raise _fault(strategy, f"reset() must return a state, which is a Struct; it returned {state!r}")
+        raise _fault(
+            strategy, f"reset() must return a state, which is a Struct; it returned {state!r}"
+        )
     if not state.is_open:
-        raise _fault(strategy, "reset() must return a state of its own; it returned one of the world")
+        raise _fault(
+            strategy, "reset() must return a state of its own; it returned one of the world"
+        )
     counted = []
     for name, declared, array in state.arrays():
         if declared.is_per_robot:

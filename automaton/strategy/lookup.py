@@ -273,7 +273,7 @@ class ZoningParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
         dict[str, tuple[int, ...]],
         Meta(
             description="{TYPE: [stations]}: stations reserved for robots of one type; "
-                        "exchanges never assign them to another type."
+            "exchanges never assign them to another type."
         ),
     ] = {}
 

@@ -206,9 +206,7 @@ class Energy:
             in_time = cell == NIL or tick - since == wait
             in_time |= r in pods.put_aside and wait is not None and tick - since > wait
             if before not in (STATUS_DEPLETED, STATUS_FAILED) or not in_time:
-                self.report_violation(
-                    "energy", [r], cell, "is towed at the wrong time"
-                )
+                self.report_violation("energy", [r], cell, "is towed at the wrong time")
             if (status == STATUS_REMOVED) != (self.faults["repair_time"] is None):
                 self.report_violation(
                     "energy", [r], cell, "is removed, or towed to return, against the rules"
@@ -251,7 +249,9 @@ class Energy:
         elif not (self.faults["failure_probability"] or self.faults.get("mtbf")):
             due = [f["at"] for f in self.faults["list"] if f["robot"] == r and f["at"] <= tick]
             if not due:
-                self.report_violation("energy", [r], cell, "breaks down without a cause in the scenario")
+                self.report_violation(
+                    "energy", [r], cell, "breaks down without a cause in the scenario"
+                )
 
     def _dearest(self) -> int:
         """Charge of the most expensive operation; moves in slow zones or lifts last longer."""

@@ -164,7 +164,12 @@ class CheckedBlock(CheckedGate):
         if self.inside and self.mouth != NIL:
             mouths.add(self.mouth)
         if self.same and len(mouths) > 1:
-            complain("block", robots, entered[0][2], "enters a block against the direction of the robots in it")
+            complain(
+                "block",
+                robots,
+                entered[0][2],
+                "enters a block against the direction of the robots in it",
+            )
         self.mouth = entered[0][2]
 
 
@@ -201,7 +206,9 @@ class CheckedLift(CheckedGate):
         way = abs(self.number[to] - self.number[self.cabin])
         there = (self.asked or 0) + way * self.travel + self.doors
         if tick < there:
-            complain("lift", robots, to, f"enters a lift whose cabin is not there before tick {there}")
+            complain(
+                "lift", robots, to, f"enters a lift whose cabin is not there before tick {there}"
+            )
 
 
 class GateRules:

@@ -74,9 +74,7 @@ class Loads:
         self.motion = motion
         self.report_violation = report_violation
         self.slot_cell: list[int] = header["slots"]["cell"].tolist()
-        self.spare: int = header["slots"][
-            "first_spare"
-        ]  # the first slot for loads left by robots
+        self.spare: int = header["slots"]["first_spare"]  # the first slot for loads left by robots
         spares = len(self.slot_cell) - self.spare
         kinds = [CELL_KINDS[motion.kind[cell]] for cell in self.slot_cell[: self.spare]]
         none = [False] * spares
@@ -127,7 +125,9 @@ class Loads:
         for order, (start, end) in self.work.ends.items():
             ends = self.slot_cell[self.place[order]], self.slot_cell[self.target[order]]
             if ends != (start, end):
-                report_violation("part", [], start, f"order {order} does not match the route of its part")
+                report_violation(
+                    "part", [], start, f"order {order} does not match the route of its part"
+                )
         for pod, slot in enumerate(self.trips.slot):
             self.content[slot] = pod
         for order, slot in enumerate(self.place):
@@ -185,9 +185,7 @@ class Loads:
             return
         order, cell = self.load[r], self.motion.cell[r]
         if order == NIL or slot < self.spare or self.slot_cell[slot] != NIL:
-            self.report_violation(
-                "load", [r], cell, "leaves no load, or not in a spare slot"
-            )
+            self.report_violation("load", [r], cell, "leaves no load, or not in a spare slot")
             return
         self.visits.served.pop(r, None)
         self.load[r], self.place[order], self.state[order] = NIL, slot, ORDER_WAITING
@@ -347,7 +345,9 @@ class Loads:
             text = f"order {order} is assigned although it is not free"
             self.report_violation("order", robots, NIL, text)
         elif not self.visits.is_for(r, order):
-            self.report_violation("order", [r], NIL, f"gets order {order}, which belongs to another robot")
+            self.report_violation(
+                "order", [r], NIL, f"gets order {order}, which belongs to another robot"
+            )
         elif self.order[r] != NIL or self.load[r] != NIL:
             self.report_violation("order", [r], NIL, f"gets order {order} while it has another one")
         elif not self.visits.has_load[order] and self.weight[order] > self.motion.types.payload[r]:
@@ -363,9 +363,7 @@ class Loads:
         had, cell = self.reserved[slot], self.slot_cell[slot]
         if r == NIL:
             if had == NIL:
-                self.report_violation(
-                    "slot", [], cell, "a shelf is released that was not reserved"
-                )
+                self.report_violation("slot", [], cell, "a shelf is released that was not reserved")
             elif self.slot[had] == slot:
                 self.slot[had] = NIL
         else:
@@ -374,7 +372,9 @@ class Loads:
                 text = "a slot is reserved that is not an empty, unreserved shelf"
                 self.report_violation("slot", robots, cell, text)
             elif self.slot[r] != NIL or self.load[r] == NIL:
-                self.report_violation("slot", [r], cell, "reserves a second shelf, or a shelf without having a load")
+                self.report_violation(
+                    "slot", [r], cell, "reserves a second shelf, or a shelf without having a load"
+                )
             self.slot[r] = slot
         self.reserved[slot] = r
 
@@ -385,7 +385,9 @@ class Loads:
                 text = f"handles a load at a {self.kind_name[slot]} without standing on it"
                 self.report_violation("load", [r], self.slot_cell[slot], text)
         elif self.motion.cell[r] == NIL or offset not in self.motion.step:
-            self.report_violation("load", [r], self.slot_cell[slot], "handles a slot that is not adjacent")
+            self.report_violation(
+                "load", [r], self.slot_cell[slot], "handles a slot that is not adjacent"
+            )
         elif self.stand[slot] == ABOVE_OR_BELOW and abs(offset) == 1:
             text = f"handles a {self.kind_name[slot]} from the side"
             self.report_violation("load", [r], self.slot_cell[slot], text)
@@ -404,7 +406,9 @@ class Loads:
             )
             self.report_violation("payload", [r], cell, text)
         if self.by[order] != r:
-            self.report_violation("order", [r], cell, f"picks up order {order}, which it does not have")
+            self.report_violation(
+                "order", [r], cell, f"picks up order {order}, which it does not have"
+            )
         if slot == NIL or self.state[order] != ORDER_WAITING:
             text = f"picks up order {order}, which waits in no slot"
             self.report_violation("load", [r], cell, text)
@@ -433,16 +437,22 @@ class Loads:
             return
         self._beside(r, slot)
         if not self.visits.is_over(order):
-            self.report_violation("visit", [r], cell, f"drops order {order}, which has remaining stops")
+            self.report_violation(
+                "visit", [r], cell, f"drops order {order}, which has remaining stops"
+            )
         if self.endless[slot]:
             on_its_way = self.station[slot]
             if (self.target[order] != slot and not on_its_way) or self.dock[slot]:
-                self.report_violation("load", [r], cell, "drops its load in a slot that is not its target")
+                self.report_violation(
+                    "load", [r], cell, "drops its load in a slot that is not its target"
+                )
         else:
             if self.content[slot] != NIL:
                 self.report_violation("load", [r], cell, "drops on a full shelf")
             if self.reserved[slot] != r:
-                self.report_violation("slot", [r], cell, "drops on a shelf that it has not reserved")
+                self.report_violation(
+                    "slot", [r], cell, "drops on a shelf that it has not reserved"
+                )
             self.content[slot] = self.trips.pod_of[order] if self.trips.there else order
         delivered = self.target[order] in (slot, NIL)
         if self.trips.there:

@@ -79,7 +79,9 @@ class ReplayedMotion:
         self.free = [1] * len(self.home)  # first tick in which it may begin an operation
         self.begun = [0] * len(self.home)  # last recorded action of each robot
         self.parked = [True] * len(self.home)
-        self.unsure: set[int] = set()  # may be parked on the floor, or about to leave: actions do not tell
+        self.unsure: set[int] = (
+            set()
+        )  # may be parked on the floor, or about to leave: actions do not tell
         self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (to, direction)
         # (from, to) -> the robot that last drove there, and the tick of its arrival
         self._drive: dict[tuple[int, int], tuple[int, int]] = {}
@@ -117,7 +119,9 @@ class ReplayedMotion:
             if cell == NIL:
                 continue
             if not CELL_KINDS[self.kind[cell]].drivable:
-                self.report_violation("exits", [r], cell, "it starts in a cell that is not drivable")
+                self.report_violation(
+                    "exits", [r], cell, "it starts in a cell that is not drivable"
+                )
             self.check_area(r, cell)
             self._take(r, cell, self.heading[r])
 
@@ -136,7 +140,9 @@ class ReplayedMotion:
             return
         other = self.holder.get(resource, r)
         if other != r:
-            self.report_violation("capacity", [other, r], cell, "two robots where only one has room")
+            self.report_violation(
+                "capacity", [other, r], cell, "two robots where only one has room"
+            )
         self.holder[resource] = r
 
     def _give(self, r: int, cell: int, direction: int) -> None:

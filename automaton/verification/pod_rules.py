@@ -246,7 +246,9 @@ class ReplayedTrips:
         if station == NIL:
             return
         if not self._has_place(station):
-            text = f"goes to station {station + 1}, where all {self._places[station]} places are taken"
+            text = (
+                f"goes to station {station + 1}, where all {self._places[station]} places are taken"
+            )
             self.report_violation("place", [r], self.cell[station], text)
         self.taken[station] += 1
 
@@ -305,9 +307,8 @@ class ReplayedTrips:
                 free.pop(cell, None)
                 free.pop(motion.claim.get(other, (cell, 0))[0], None)
         if self._ways.nearest(r, free) != slot:
-            text = (
-                f"is towed, and its pod {self.pod_of[trip] + 1} is put into slot {slot}, not the nearest one"
-            )
+            pod = self.pod_of[trip] + 1
+            text = f"is towed, and its pod {pod} is put into slot {slot}, not the nearest one"
             self.report_violation("pod", [r], motion.cell[r], text)
         self._serving = {k: one for k, one in self._serving.items() if one[0] != r}
         self.begun[trip] = self.over[trip]
@@ -320,7 +321,9 @@ class ReplayedTrips:
         cell = self.motion.cell[r]
         station = self.cell.index(cell) if cell in self.cell else NIL
         if self.has_break(tick, cell):
-            self.report_violation("visit", [r], cell, "begins a visit during a break of its station")
+            self.report_violation(
+                "visit", [r], cell, "begins a visit during a break of its station"
+            )
         other, until = self._serving.get(station, (r, 0))
         if station != NIL and until >= tick:
             text = "begins a visit at a station that is serving another robot"
@@ -375,7 +378,9 @@ class ReplayedTrips:
             if pod != NIL and load[r] != NIL:
                 self.report_violation("pod", [r], to, "drives with a load under a pod")
             elif pod != NIL and (order[r] == NIL or self.pod_of[order[r]] != pod):
-                self.report_violation("pod", [r], to, "drives under a pod that it is not going to lift")
+                self.report_violation(
+                    "pod", [r], to, "drives under a pod that it is not going to lift"
+                )
 
     def end(self, load: Sequence[int]) -> None:
         """After motion: free places at stations that robots have left, and trips of pods that they
@@ -469,7 +474,9 @@ class LoadedWays:
         self.motion = motion
         self._stations = stations
         self._homes = list(motion.home)
-        self._ends: dict[int, set[int]] = {}  # by robot: storage cells from which it reaches everything
+        self._ends: dict[
+            int, set[int]
+        ] = {}  # by robot: storage cells from which it reaches everything
         # The same for loads only, by headings and by closed cells.
         self._ends_of_loads: dict[tuple[int, frozenset[int]], set[int]] = {}
 

@@ -55,26 +55,26 @@ RULE_TEXTS: Final = {
     "swap": "two robots do not swap over an edge where robots cannot pass",
     "following": "with following `none`, a cell is entered only if it had room when the tick began",
     "bay": "a parking bay holds one robot, which enters and leaves it through its own home "
-           "cell, when that is empty, and without following",
+    "cell, when that is empty, and without following",
     "load": "an order is in exactly one place; loads are handled next to their slot",
     "order": "an order is reserved by one robot at a time",
     "slot": "an empty shelf is reserved by one robot at a time",
     "move time": "a move takes its duration times the robots in its slow zone, plus random "
-                 "delays; under convoy at least the remaining ticks of the robot ahead",
+    "delays; under convoy at least the remaining ticks of the robot ahead",
     "area": "robots stay out of areas closed to their type",
     "payload": "robots carry no order heavier than the payload of their type",
     "arrival": "loads are handled on arrival only if that takes 0 ticks",
     "duration": "waits have recorded durations",
     "energy": "operations use charge when they begin; robots go down when their move ends and "
-              "stand still until they are towed",
+    "stand still until they are towed",
     "visit": "a robot does the next stop of its order when it stands there at the end of a "
-             "tick; one stop per tick",
+    "tick; one stop per tick",
     "due": "each order is due when its scenario says",
     "pod": "a pod is in one storage cell or on one robot; no robot with a load drives under one",
     "line": "a line is done once, at its station, when its pod is there",
     "place": "no more robots are bound for a station than it has places",
     "delay": "delays begin and last as drawn; delayed robots begin no operation; no move ends "
-             "before that of the robot ahead",
+    "before that of the robot ahead",
     "closed": "no robot enters a closed cell",
     "door": "no robot drives through a door that is shut",
     "block": "a block holds at most its number of robots, of one direction if it is one-way",

@@ -48,7 +48,11 @@ FIRST_RUN_NOTICE = "first run of this version on this machine (half a minute): c
 FIRST_USE_NOTICE = "first use on this machine: compiling "
 # Compilation makes millions of objects that live until it ends: garbage collection after every 700
 # objects would take 10 % of the time.
-GARBAGE_THRESHOLD = (50_000, 50, 1000)  # numbers of objects and collections that trigger a collection
+GARBAGE_THRESHOLD = (
+    50_000,
+    50,
+    1000,
+)  # numbers of objects and collections that trigger a collection
 COMPILE_NOTICE_DELAY_S = 1.0  # delay of the notice about a compilation
 
 

@@ -389,9 +389,8 @@ def park_if_home(world, i):
     robots.executed[i] = np.int64(robots.executed[i]) | ENTERED_PARKING_BAY
     world.clock.unparked -= 1
     if world.rules.steered[0] == 0 or robots.need[i] & NEED_ALLOCATION == 0:
-        request_allocation(
-            world, i, REASON_IDLE
-        )  # a robot pushed from its place already has its request
+        # A robot pushed from its place already has its request.
+        request_allocation(world, i, REASON_IDLE)
     if robots.bay[i] != NIL or world.rules.leave:
         vacate(world.traffic.occupancy, home, np.int64(robots.travel[i]))
         robots.cell[i] = NIL

@@ -142,9 +142,8 @@ def take_all_out(world, record):
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         status = robots.status[i]
-        is_between = (
-            robots.busy[i] != 0 and robots.claim[i] != NIL
-        )  # a move that has begun is completed
+        # A move that has begun is completed.
+        is_between = robots.busy[i] != 0 and robots.claim[i] != NIL
         is_over = status == STATUS_EXHAUSTED and not is_between
         if is_over or (status == STATUS_FAILING and robots.busy[i] == 0):
             if status == STATUS_FAILING and world.rules.repair_in_place.shape[0]:

@@ -88,9 +88,7 @@ def lane_of(cell_flags, direction):
 # bytes.
 
 
-ROW_FULL = (
-    0  # columns of memory.rows: address of a per-robot field in the full state; 0 for other fields
-)
+ROW_FULL = 0  # columns of memory.rows: address of a per-robot field in full; 0 for others
 ROW_SHOWN = 1  # its address in the visible state
 ROW_BYTES = 2  # bytes of a robot's row; of the whole field unless it is per robot
 NO_STATE_ROWS = np.zeros((0, 3), np.int64)  # without a radius

@@ -131,9 +131,7 @@ PHASE_CHARGING_AGAIN: Final = 3  # the second entry of charging
 # Why a robot is in a batch.
 REASON_IDLE: Final = 0  # it has nothing to do
 REASON_PICKED: Final = 1  # its pick has begun and its order has no stops: where does the load go?
-REASON_ORDER_RETURNED: Final = (
-    2  # it returned its order because its way was blocked: plan around robots
-)
+REASON_ORDER_RETURNED: Final = 2  # it returned its order, its way was blocked: plan around robots
 REASON_REPLAN: Final = 3  # it drives home or nowhere, and needs a new plan
 REASON_PERIODIC: Final = 4  # the strategy is asked in every k-th tick
 REASON_NEW_GOAL: Final = 5  # routing: a new goal
@@ -142,9 +140,7 @@ REASON_RETRIES_EXHAUSTED: Final = 7  # right of way: the retries are used up
 REASON_RETREATING: Final = 8  # right of way: the next step of a retreat
 REASON_ORDER_TAKEN: Final = 9  # charging: it has taken an order
 REASON_NO_ORDER: Final = 10  # charging: allocation has no order for it
-REASON_ZONE_EVENT: Final = (
-    11  # zoning: an order has no queue yet, or a robot went down or is up again
-)
+REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue yet, or a robot went down or is up
 REASON_SERVED: Final = 12  # the last stop of its order is done: where does the load go?
 REASON_AROUND_CLOSED: Final = 13  # routing: it has waited long before a closed cell
 

@@ -29,9 +29,7 @@ class Costs(NamedTuple):
     flags: Array  # (S, C) uint8: bits 0-3 exits E S W N, 4 may turn
     step: Array  # (S,) cost of a step; or (S, C, 4): from cell c in direction d
     turn: Array  # (S,) cost of a turn by 90 degrees
-    headings: Array | None = (
-        None  # (S,) number of distinguished headings; None: as many as the grid has
-    )
+    headings: Array | None = None  # (S,) number distinguished; None: as many as the grid has
 
 
 def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> DistanceTables:

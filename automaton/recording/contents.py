@@ -64,9 +64,7 @@ MAX_BYTES: Final = {
 }
 MAX_BYTES[FRAME_KIND_CONDITIONS] = 64 * MIB  # 36 MiB for as many lines
 MAX_TEXT: Final = 24 * MIB  # bytes of a scenario
-MAX_LISTS: Final = (
-    1_000_000  # lists and mappings in it: empty ones take 1 byte in the file, 64 in memory
-)
+MAX_LISTS: Final = 1_000_000  # lists and mappings in it: 1 byte each takes 64 in memory
 MAX_NESTING: Final = 40  # nested lists and mappings, as in the file of a scenario
 # listed starts and stations: 1 byte each in the file takes 8 or more in memory
 MAX_PLACES: Final = 1_000_000

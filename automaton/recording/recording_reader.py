@@ -253,9 +253,7 @@ class Admission:
         if there[0] != there[1] or there[2] != wanted or there[2] > there[0]:
             raise InvalidFrameError("its pods, lines or stations do not match its scenario")
         if not wanted:
-            sizes["rules"] = sizes[
-                "cells"
-            ]  # handling times; without lines stations do not need them
+            sizes["rules"] = sizes["cells"]  # rules of handling; unused without lines
         if ("gates" in header) and not self.scenario.floor.closed:
             raise InvalidFrameError("it has closed cells, but its scenario has none")
         check_arrays(header, HEADER_ARRAYS, sizes)

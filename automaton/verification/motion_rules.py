@@ -79,9 +79,8 @@ class ReplayedMotion:
         self.free = [1] * len(self.home)  # first tick in which it may begin an operation
         self.begun = [0] * len(self.home)  # last recorded action of each robot
         self.parked = [True] * len(self.home)
-        self.unsure: set[int] = (
-            set()
-        )  # may be parked on the floor, or about to leave: actions do not tell
+        # parked on the floor, or about to leave: actions do not tell
+        self.unsure: set[int] = set()
         self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (to, direction)
         # (from, to) -> the robot that last drove there, and the tick of its arrival
         self._drive: dict[tuple[int, int], tuple[int, int]] = {}

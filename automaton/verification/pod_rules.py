@@ -474,9 +474,8 @@ class LoadedWays:
         self.motion = motion
         self._stations = stations
         self._homes = list(motion.home)
-        self._ends: dict[
-            int, set[int]
-        ] = {}  # by robot: storage cells from which it reaches everything
+        # By robot: storage cells from which it reaches everything.
+        self._ends: dict[int, set[int]] = {}
         # The same for loads only, by headings and by closed cells.
         self._ends_of_loads: dict[tuple[int, frozenset[int]], set[int]] = {}
 

@@ -141,7 +141,10 @@ def out(*later: tuple[int, int, int, int]) -> list[tuple[int, int, int, int]]:
         (out((6, CHANGE_STATUS, 0, STATUS_TOWED)), "is towed at the wrong time"),
         (out((8, CHANGE_STATUS, 0, STATUS_TOWED)), "is towed at the wrong time"),
         ([(7, CHANGE_STATUS, 0, STATUS_TOWED)], "is towed at the wrong time"),
-        (out((7, CHANGE_STATUS, 0, STATUS_REMOVED)), "is removed, or towed to return, against the rules"),
+        (
+            out((7, CHANGE_STATUS, 0, STATUS_REMOVED)),
+            "is removed, or towed to return, against the rules",
+        ),
         (
             out((7, CHANGE_STATUS, 0, STATUS_TOWED), (8, CHANGE_STATUS, 0, STATUS_UP)),
             "comes back at another time",

@@ -353,9 +353,7 @@ def _runs_later(source: str, place: int, indent: int) -> bool:
     for line in reversed(source[:place].splitlines()):
         text = line.lstrip()
         depth = len(line) - len(text)
-        if (
-            text and depth < indent and text[0] not in ")]}"
-        ):  # skips the end of a multi-line statement
+        if text and depth < indent and text[0] not in ")]}":  # not the end of a long head
             if _LATER.match(text):
                 return True
             indent = depth

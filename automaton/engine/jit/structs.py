@@ -619,9 +619,7 @@ def _cell(name: str) -> property:
     return property(lambda struct: struct.array(name)[()])
 
 
-_ORIGINALS: WeakKeyDictionary[Struct, tuple[Struct, bool]] = (
-    WeakKeyDictionary()
-)  # originals of views
+_ORIGINALS: WeakKeyDictionary[Struct, tuple[Struct, bool]] = WeakKeyDictionary()  # of views
 _STATES_BY_ADDRESS: WeakValueDictionary[int, Struct] = WeakValueDictionary()
 
 

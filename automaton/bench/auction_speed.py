@@ -1,6 +1,6 @@
-"""Auctions on random places in the plane (Manhattan distances), and what they are compared with.
+"""Auctions on random points in the plane (Manhattan distances), and reference methods.
 
-With charging, robots begin half full and a list of four or five tasks empties a battery, so that many
+With charging, robots begin half charged and a list of four or five tasks empties a battery, so many
 bids need a charging plan. Exponents are slopes of log time between two sizes.
 """
 
@@ -31,7 +31,7 @@ from strategies.allocation.auction.metaheuristics import generations, population
 
 PLANE_SIDE: Final = 100  # ticks
 PLANE_CHARGERS: Final = 4
-PLANE_DRAIN: Final = BATTERY_FULL // 250  # units per tick: 250 ticks on a full battery
+PLANE_DRAIN: Final = BATTERY_FULL // 250  # units per tick: a full battery lasts 250 ticks
 PLANE_RATE: Final = BATTERY_FULL // 50
 SMALL_AUCTION: Final = (8, 80)  # robots, tasks
 LARGE_AUCTION: Final = (100, 1000)
@@ -73,7 +73,7 @@ def timed(size: tuple[int, int], policy: int, method: Method, repeat: int) -> Sa
 
 
 def measurements() -> list[Measurement]:
-    """Auctions with and without charging, their growth, the optimum and others, charging plans."""
+    """Auctions with and without charging, their growth, reference methods, charging plans."""
     found = []
     small, large = (
         f"auction, {robots} robots, {tasks:,} tasks"
@@ -101,7 +101,7 @@ def measurements() -> list[Measurement]:
 
 
 def growth() -> list[Measurement]:
-    """Exponents of time in the tasks (80 to 320, 8 robots) and in the robots (8 to 32, 320 tasks)."""
+    """Exponents of time by tasks (80 to 320, 8 robots) and by robots (8 to 32, 320 tasks)."""
     ways = {
         "only the winner bids again": SELL,
         "everybody bids again": METHODS[AGAIN],
@@ -140,7 +140,7 @@ def others() -> list[Measurement]:
 
 
 def prepare_optimum(robots: int) -> Sample:
-    """Milliseconds of the optimum of ten tasks."""
+    """A sampler: milliseconds to find the optimum for ten tasks."""
     workspace = bundles_for(robots, 10)
 
     def work(one: Instance) -> None:
@@ -150,7 +150,7 @@ def prepare_optimum(robots: int) -> Sample:
 
 
 def prepare_genetic() -> Sample:
-    """Milliseconds of the paper's genetic algorithm: 1,000 generations of 20."""
+    """A sampler: milliseconds of the paper's genetic algorithm, 1,000 generations of 20."""
     population = population_for(2, 10, 10)
 
     def work(one: Instance) -> None:
@@ -161,7 +161,7 @@ def prepare_genetic() -> Sample:
 
 
 def plans() -> list[Measurement]:
-    """Microseconds of a quote for one list of ten tasks, a call from Python included."""
+    """Microseconds of a quote for one list of ten tasks, including a call from Python."""
     kinds = (
         ("as much as needed", POLICY_HIERARCHICAL),
         ("fill-up", POLICY_FILL_UP),
@@ -174,7 +174,7 @@ def plans() -> list[Measurement]:
 
 
 def prepare_plan(policy: int, calls: int = 200) -> Sample:
-    """A sampler: the same list, quoted again and again."""
+    """A sampler: repeated quotes for the same list."""
     one = market(1, 10, policy)
     order = np.arange(10, dtype=np.int32)
 

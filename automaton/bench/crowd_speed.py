@@ -1,7 +1,7 @@
-"""Robots looked up by cell: entering who holds what, and idle robots that may have to give way.
+"""Look-ups of robots by cell: entering the holders of cells, and idle robots that may give way.
 
-The crowd stands still on a floor that it nearly fills, so that files of robots, which each of them
-has to follow, run all over the floor: what is asked for every robot must not grow with the fleet.
+The crowd stands still on a floor that it nearly fills. Each robot must follow a chain of robots
+across the floor, so the cost per robot must not grow with the fleet.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def measurements() -> list[Measurement]:
 
 
 def prepare_holders(case: WalkingFleet) -> Sample:
-    """A sampler: ns per robot to enter the holders of all cells and to remove them again."""
+    """A sampler: ns per robot to enter and remove the holders of all cells."""
     world = walking_fleet(case)
 
     def rounds() -> None:
@@ -75,7 +75,7 @@ def prepare_crowd(robots: int, ticks: int = TICKS) -> Sample:
 
 
 def idle_crowd(robots: int) -> Simulation:
-    """Robots that have nothing to do and are asked in every tick whether they give way."""
+    """Robots without tasks that are asked in every tick whether they give way."""
     side = round((1.02 * robots) ** 0.5)
     resolved = scene(open_floor(side, -(-102 * robots // (100 * side))), robots)
     parameters = lookup.parameters_type("right_of_way", "retreat")(idle_give_way=True)

@@ -1,4 +1,4 @@
-"""Strategies that decide nothing: what is left is the cost of asking them."""
+"""Strategies that decide nothing, to measure the cost of asking them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class Idle(Strategy):
 
 
 class EveryTick(Strategy):
-    """Asked every tick inside the loop, and keeps everything as it is."""
+    """Asked every tick inside the loop; changes nothing."""
 
     layer = "zoning"
     compiled = decide_nothing
@@ -30,7 +30,7 @@ class EveryTick(Strategy):
 
 
 class EveryTickInPython(Strategy):
-    """Asked every tick outside the loop, and keeps everything as it is."""
+    """Asked every tick outside the loop; changes nothing."""
 
     layer = "zoning"
     period = 1

@@ -1,4 +1,4 @@
-"""Plans made one after the other inside compiled code, so that calls from Python do not count."""
+"""Plans made one after another inside compiled code, to exclude calls from Python."""
 
 from __future__ import annotations
 
@@ -38,7 +38,8 @@ def plan_legs(
 def plan_avoiding(
     grid: Grid, duration: Array, workspace: RouteSpace, tasks: Array, foreseen: Array, steps: Array
 ) -> None:
-    """Plan both legs of robot 0 of each task, (n, r, 3) int32, with others foreseen, (n, Z) int32."""
+    """Plan both legs of robot 0 of each task, (n, r, 3) int32, with predicted occupancy by others,
+    (n, Z) int32."""
     seed = np.uint64(1)
     for number in range(tasks.shape[0]):
         for zone in range(workspace.count.shape[0]):
@@ -70,7 +71,7 @@ def plan_avoiding(
 
 @kernel
 def plan_in_time(view: World, workspace: Workspace, state: CongestionState) -> None:
-    """Plan the way of every robot to its goal cell again, each seeing the plans of those before it."""
+    """Replan the route of every robot to its goal cell; each sees the plans of earlier robots."""
     for i in range(view.robots.cell.shape[0]):
         if view.robots.goal_cell[i] != NIL:
             forget(state, i)

@@ -1,4 +1,4 @@
-"""The loop with nothing to do, a layer that is asked every tick, and the digest of a small world."""
+"""The idle loop, a layer asked every tick, and the digest of a small world."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ def prepare_loop(ticks: int = TICKS) -> Sample:
 
 
 def prepare_digest(digests: int = DIGESTS) -> Sample:
-    """A sampler: us for a digest of the whole state, asked for from Python."""
+    """A sampler: us for a digest of the whole state, called from Python."""
     simulation = idle_fleet()
 
     def sample() -> float:
@@ -48,7 +48,7 @@ def prepare_digest(digests: int = DIGESTS) -> Sample:
 
 
 def idle_fleet(zoning: str = "none") -> Simulation:
-    """Five robots that stay in their parking bays for ever, with a strategy for zoning if wanted."""
+    """Five robots that always stay in their parking bays, optionally with a zoning strategy."""
     settings = (
         "fleet.robots=5",
         f"strategy.allocation={IDLE}",
@@ -68,7 +68,7 @@ def seconds_of(simulation: Simulation, ticks: int) -> float:
 
 
 def layer_measurements() -> list[Measurement]:
-    """One for each way in which a strategy may be written."""
+    """One measurement for each form of a strategy."""
     return [
         Measurement(
             "layer asked every tick, compiled",
@@ -84,7 +84,7 @@ def layer_measurements() -> list[Measurement]:
 
 
 def prepare_layer(strategy: str, ticks: int) -> Sample:
-    """A sampler: us per tick with the layer less us per tick without, one after the other."""
+    """A sampler: us per tick with the layer minus us per tick without, measured in succession."""
     without, asked = idle_fleet(), idle_fleet(strategy)
 
     def sample() -> float:

@@ -1,6 +1,6 @@
 """Kernels that the bench measures: the bare step, and look-ups in distance tables.
 
-In the bare step every robot wants to move in a random direction, and all occupancy rules apply.
+In the bare step every robot tries to move in a random direction, and all occupancy rules apply.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def random_walk_in_spans(world: World, first: int, last: int) -> None:
 
 @kernel
 def compute(tables: DistanceTables, goals: Array) -> None:
-    """Compute the tables to some goals, whether they are there or not."""
+    """Compute the tables to some goals, even if they exist."""
     for k in range(goals.shape[0]):
         row = tables.row_of[goals[k]]
         if row != NIL:
@@ -59,7 +59,8 @@ def compute(tables: DistanceTables, goals: Array) -> None:
 def rank_options(
     tables: DistanceTables, goals: Array, cells: Array, headings: Array, rounds: int
 ) -> np.int64:
-    """For robots with a goal each: what staying and each neighbour costs; the sum."""
+    """Look up the cost of staying and of each neighbour, for robots with a goal each; returns the
+    sum."""
     total = np.int64(0)
     for _ in range(rounds):
         for k in range(goals.shape[0]):

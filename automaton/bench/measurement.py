@@ -1,7 +1,7 @@
-"""What is measured, and how a figure comes of it: a warm-up, then the median of several samples.
+"""Measurements: a warm-up, then the median of several samples.
 
-Samples within the process are CPU time, which does not count the ticks that others were given the
-core; compiled kernels run on one core, so on an idle machine it equals the time on the wall.
+Samples within the process are CPU time, which excludes time that other processes had the core.
+Compiled kernels run on one core, so on an idle machine CPU time equals wall-clock time.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ IDLE = "automaton.bench.idle_strategies:Idle"
 
 
 class NotMeasuredError(Exception):
-    """What was to be timed did not happen in time, or ended; says what."""
+    """The measured event did not happen in time, or the process ended; the text says which."""
 
 
 class Measurement(NamedTuple):
-    """Something to measure."""
+    """A measurement."""
 
     name: str
     unit: str
-    prepare: Callable[[], Sample]  # builds what is needed, outside the measured time
+    prepare: Callable[[], Sample]  # sets up, outside the measured time
     warm_up: bool = True  # False: the first sample counts
-    at_most: int = 1_000_000  # samples, where one takes long
-    at_least: int = 1  # samples, where a target is told for so many
+    at_most: int = 1_000_000  # most samples, for slow measurements
+    at_least: int = 1  # least samples, if a target needs them
 
 
 class MeasuredFigure(NamedTuple):
@@ -58,7 +58,7 @@ class MeasuredFigure(NamedTuple):
     median: float
     low: float
     high: float
-    load: float | None = None  # processes that wanted a core in the last minute; None: not known
+    load: float | None = None  # load average of the last minute; None: unknown
 
 
 def take(measurement: Measurement, repeat: int) -> MeasuredFigure:
@@ -73,12 +73,12 @@ def take(measurement: Measurement, repeat: int) -> MeasuredFigure:
 
 
 def load() -> float | None:
-    """The load average of the last minute; None where the system keeps none."""
+    """The load average of the last minute; None if the system has none."""
     return round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else None
 
 
 def rounded(value: float) -> float:
-    """To four digits: the noise begins before."""
+    """Round to four digits: further ones are noise."""
     return float(f"{value:.4g}")
 
 
@@ -96,24 +96,24 @@ def cpu_seconds(work: Callable[[], object]) -> float:
 
 
 def wall_seconds(work: Callable[[], object]) -> float:
-    """Seconds that `work` takes on the wall, for work in other processes."""
+    """Wall-clock seconds of `work`, for work in other processes."""
     begun = time.perf_counter()
     work()
     return time.perf_counter() - begun
 
 
-# Floors without shelves and scenes without orders: nothing but driving.
+# Floors without shelves and scenes without orders, to measure only driving.
 
 
 def open_floor(width: int, height: int) -> FloorPlan:
-    """Free floor, one robot to a cell."""
+    """Free floor with capacity 1 in each cell."""
     kind, leave = bordered(height, width), bordered(height, width)
     kind[1:-1, 1:-1], leave[1:-1, 1:-1] = FLOOR, ALL_EXITS
     return make_floor_plan(kind, leave)
 
 
 def mixed_floor(width: int, height: int) -> FloorPlan:
-    """Free floor whose cells hold 1, 2 or any number of robots, each a third, at random."""
+    """Free floor; a random third of the cells each has capacity 1, 2 or no limit."""
     plain = open_floor(width, height)
     capacity = bordered(height, width)
     choice = np.random.default_rng(1).choice([1, 2, UNLIMITED], (height, width))

@@ -1,9 +1,9 @@
-"""The loop itself, driving: long routes are given beforehand and no layer is asked.
+"""The loop while driving: long routes are set in advance and no layer is asked.
 
 >>>>>v    Each pair of rows is a ring; all its robots drive round clockwise,
 ^<<<<<    so that no robot is in any other robot's way and every robot moves in every tick.
 
-And what it costs to observe a run, as the viewer does: the same fleet with and without, by turns.
+Also the cost of observing a run, as the viewer does: the same fleet alternately with and without.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def measurements() -> list[Measurement]:
 
 
 def prepare(robots: int = ROBOTS, side: int = SIDE, ticks: int = TICKS) -> Sample:
-    """A sampler: ns per robot and tick; every sample gets routes of its own. `side` is even."""
+    """A sampler: ns per robot and tick; every sample gets its own routes. `side` is even."""
     simulation = circling_fleet(robots, side)
 
     def sample() -> float:
@@ -44,7 +44,7 @@ def prepare(robots: int = ROBOTS, side: int = SIDE, ticks: int = TICKS) -> Sampl
 
 
 def circling_fleet(robots: int, side: int) -> Simulation:
-    """Robots at random places, all on the way: allocation has been asked, and left them to it."""
+    """Robots at random places, all driving: allocation has been asked and has decided nothing."""
     simulation = Simulation(scene(open_floor(side, side), robots))
     give_routes(simulation.world, side, 2)
     simulation.run(1)
@@ -80,7 +80,7 @@ def give_routes(world: World, width: int, steps: int) -> None:
     robots.route[:, :steps] = ring(width)[(position[:, None] + ahead) % (2 * width)]
     robots.route_length[:] = steps
     robots.route_index[:] = 0
-    # A goal without a task at its end: nothing is to be decided on the way there.
+    # A goal without a task: no decisions are needed on the way.
     robots.goal_type[:] = GOAL_CHARGE
     robots.goal_cell[:] = NIL
 
@@ -95,7 +95,7 @@ def ring(width: int) -> Array:
 
 
 def observing_measurements() -> list[Measurement]:
-    """A fleet in which no robot waits, and one in which robots are in each other's way."""
+    """A fleet in which no robot waits, and one in which robots block each other."""
     return [
         Measurement("observing, all on the way", NS_PER_ROBOT_AND_TICK, prepare_observing),
         Measurement(
@@ -109,7 +109,7 @@ def observing_measurements() -> list[Measurement]:
 def prepare_observing(
     robots: int = ROBOTS, side: int = SIDE, ticks: int = OBSERVING_TICKS, at_random: bool = False
 ) -> Sample:
-    """A sampler: ns per robot and tick with less those without. `side` is even."""
+    """A sampler: ns per robot and tick with observation minus those without. `side` is even."""
     fleets = [observed_fleet(robots, side, observed) for observed in (False, True)]
     seeds = iter(range(1_000_000))
 
@@ -124,13 +124,13 @@ def prepare_observing(
 
 
 def observed_fleet(robots: int, side: int, observed: bool) -> Simulation:
-    """Robots at random places; what is observed is thrown away."""
+    """Robots at random places; observations are discarded."""
     resolved = scene(open_floor(side, side), robots)
     return Simulation(resolved, on_observe=Simulation.empty_observation if observed else None)
 
 
 def seconds_of_observing(simulation: Simulation, ticks: int, seed: int | None) -> float:
-    """CPU seconds of the next ticks, round the rings or, with a seed, wherever the draws say."""
+    """CPU seconds of the next ticks, round the rings or, with a seed, in random directions."""
     world = simulation.world
     if seed is None:
         give_routes(world, world.grid.width - 2, ticks)

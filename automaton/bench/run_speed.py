@@ -1,9 +1,10 @@
-"""What runs cost: whole ones of the table-top warehouse, ticks with pods, recorded and verified ones.
+"""The cost of runs: whole runs of the table-top warehouse, ticks with pods, recording,
+verification.
 
-A sweep pays for a run of the table-top warehouse with setting up included; the floor and its distance
-fields are shared by all runs on it, so the warm-up has built them. Robots that carry pods to stations
-with queues are measured for each robot and tick, while lines become trips. A recording is measured in
-times of the run: made as a file, and verified from it.
+A run of the table-top warehouse includes its set-up, as in a sweep. All runs on a floor share the
+floor and its distance tables, which the warm-up builds. Robots that carry pods to stations with
+queues are measured per robot and tick, including the assignment of lines to trips. Recording to a
+file and verifying it are measured as multiples of the run's time.
 """
 
 from __future__ import annotations
@@ -65,7 +66,7 @@ def run_through(scenarios: Sequence[Resolved], seeds: Sequence[int]) -> None:
 
 
 def pod_measurements() -> list[Measurement]:
-    """The shipped floor with 30 robots, while it gets through."""
+    """The shipped floor with 30 robots, while traffic flows."""
     return [
         Measurement(
             f"{GOODS_SCENARIO}, whole tick with {right_of_way}",
@@ -77,7 +78,7 @@ def pod_measurements() -> list[Measurement]:
 
 
 def prepare_pods(right_of_way: str, started: int = POD_STARTED, ticks: int = POD_TICKS) -> Sample:
-    """A sampler: ns per robot and tick of so many ticks, after the first ones."""
+    """A sampler: ns per robot and tick over a number of ticks, after the first ones."""
     resolved = resolve(GOODS_SCENARIO, (f"strategy.right_of_way={right_of_way}",))
     robots = resolved.scenario.fleet.robots
 
@@ -91,7 +92,7 @@ def prepare_pods(right_of_way: str, started: int = POD_STARTED, ticks: int = POD
 
 
 def recording_measurements() -> list[Measurement]:
-    """The same ticks each time, set-up included."""
+    """The same ticks each time, including set-up."""
     return [
         Measurement(
             f"{GOODS_SCENARIO}, {RECORDED_TICKS:,} ticks recorded", TIMES_THE_RUN, prepare_recorded
@@ -103,14 +104,14 @@ def recording_measurements() -> list[Measurement]:
 
 
 def prepare_recorded(scenario: str = GOODS_SCENARIO, ticks: int = RECORDED_TICKS) -> Sample:
-    """A sampler: CPU time of a run that is recorded, by that of the run alone."""
+    """A sampler: CPU time of a recorded run / CPU time of the run alone."""
     resolved = resolve(scenario, (f"stop.max_duration={ticks}",))
     folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
     return lambda: ratio(lambda: record(resolved, Path(folder.name) / RECORDING_NAME), resolved)
 
 
 def prepare_verified(scenario: str = GOODS_SCENARIO, ticks: int = RECORDED_TICKS) -> Sample:
-    """A sampler: CPU time of the verification of a recording, by that of its run."""
+    """A sampler: CPU time of verifying a recording / CPU time of its run."""
     resolved = resolve(scenario, (f"stop.max_duration={ticks}",))
     folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
     record(resolved, Path(folder.name) / RECORDING_NAME)
@@ -118,7 +119,7 @@ def prepare_verified(scenario: str = GOODS_SCENARIO, ticks: int = RECORDED_TICKS
 
 
 def ratio(work: Callable[[], object], resolved: Resolved) -> float:
-    """CPU time of some work, by that of a run right after it."""
+    """CPU time of `work` / CPU time of a run right after it."""
     return cpu_seconds(work) / cpu_seconds(lambda: Simulation(resolved).run())
 
 

@@ -1,6 +1,6 @@
 """How long a command takes from Enter to the prompt, imports included.
 
-In the first run ever on a machine everything is compiled, because the cache is empty.
+The first run on a machine compiles everything, because the cache is empty.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ COLD = (  # one after the other, the first one with an empty cache
 
 
 def measurements() -> list[Measurement]:
-    """One for each command; the warm-up fills the caches of the disk and of the kernels."""
+    """One measurement per command; the warm-up fills the disk cache and the kernel cache."""
     return [
         *(
             Measurement(f"start-up, {' '.join(command)}", S, partial(prepare, command))
@@ -40,12 +40,12 @@ def measurements() -> list[Measurement]:
 
 
 def prepare(command: Sequence[str]) -> Sample:
-    """A sampler: seconds on the wall of a command in a process of its own."""
+    """A sampler: wall-clock seconds of a command in a separate process."""
     return lambda: wall_seconds(lambda: run_command(command))
 
 
 def prepare_edited() -> Sample:
-    """A sampler: seconds on the wall of a run, each after an edit in a copy of a strategy."""
+    """A sampler: wall-clock seconds of a run, each after an edit in a copy of a strategy."""
     folder = tempfile.TemporaryDirectory(prefix="automaton-bench-")
     spec = importlib.util.find_spec(STRATEGY)
     assert spec is not None and spec.origin is not None
@@ -64,7 +64,7 @@ def prepare_edited() -> Sample:
 def run_command(command: Sequence[str], **variables: str) -> None:
     """Run `automaton COMMAND` silently, with these environment variables.
 
-    Raises RuntimeError, with what it wrote to stderr, if it fails.
+    Raises RuntimeError, with its stderr, if it fails.
     """
     environment = os.environ | variables
     done = subprocess.run(
@@ -78,7 +78,7 @@ def run_command(command: Sequence[str], **variables: str) -> None:
 
 
 def first_run_measurements() -> list[Measurement]:
-    """A first run on two cores and on one, and what later runs compile besides; once or twice each."""
+    """A first run on two cores and on one, and later runs that compile more; once or twice each."""
     return [
         Measurement("first run, compiling", S, prepare_first_run, warm_up=False, at_most=2),
         *(
@@ -89,7 +89,7 @@ def first_run_measurements() -> list[Measurement]:
 
 
 def prepare_first_run() -> Sample:
-    """A sampler: seconds on the wall of `run tabletop-1` with an empty cache."""
+    """A sampler: wall-clock seconds of `run tabletop-1` with an empty cache."""
 
     def sample() -> float:
         with tempfile.TemporaryDirectory(prefix="automaton-bench-") as folder:
@@ -101,9 +101,9 @@ def prepare_first_run() -> Sample:
 
 
 def prepare_cold(number: int) -> Sample:
-    """A sampler: CPU seconds of one of the runs that begin with an empty cache, on one core.
+    """A sampler: CPU seconds, on one core, of a run in a sequence that begins with an empty cache.
 
-    Without the setting of cores, where the system has none, another process helps the first run.
+    On systems that cannot restrict cores, a second process helps the first run.
     """
 
     def sample() -> float:
@@ -118,7 +118,7 @@ def prepare_cold(number: int) -> Sample:
 
 @contextmanager
 def on_one_core() -> Iterator[None]:
-    """While inside, this process and those that it starts use one core."""
+    """While inside, this process and its children use one core."""
     if not hasattr(os, "sched_setaffinity"):
         yield
         return
@@ -131,6 +131,6 @@ def on_one_core() -> Iterator[None]:
 
 
 def children_seconds() -> float:
-    """CPU seconds of the processes that this one has started and waited for."""
+    """CPU seconds of finished child processes."""
     times = os.times()
     return times.children_user + times.children_system

@@ -1,7 +1,8 @@
-"""What a tick costs under each right of way: 400 robots on an open floor, 10,000 in one-way aisles.
+"""The cost of a tick under each right of way: 400 robots on an open floor, 10,000 in one-way
+aisles.
 
-Ticks are whole ones: orders and allocation, and routes where robots follow them, are included. All
-distance tables are there when the measurement begins.
+Whole ticks are measured, including orders, allocation and, if used, routes. All distance tables
+exist when the measurement begins.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ STEERING_RIGHTS_OF_WAY: Final = ("retreat", "wait", "pibt", "epibt")
 
 
 class BusyFleet(NamedTuple):
-    """A fleet that always has something to do."""
+    """A fleet that always has work."""
 
     robots: int
     floor: dict[str, Any]
     started: int  # ticks until the fleet has spread
-    ticks: int  # of a sample
+    ticks: int  # ticks of a sample
 
 
 OPEN_FLOOR: Final = {
@@ -57,7 +58,7 @@ def measurements() -> list[Measurement]:
 
 
 def prepare_fleet(right_of_way: str, case: BusyFleet) -> Sample:
-    """A sampler: ns per robot and tick of the next ticks, orders and allocation included."""
+    """A sampler: ns per robot and tick of the next ticks, including orders and allocation."""
     simulation = Simulation(resolve(busy_fleet(right_of_way, case)))
     compute_tables(simulation)
     simulation.run(case.started)
@@ -70,7 +71,7 @@ def prepare_fleet(right_of_way: str, case: BusyFleet) -> Sample:
 
 
 def busy_fleet(right_of_way: str, case: BusyFleet = BUSY_CROWD) -> Scenario:
-    """A run without end in which every robot always has an order."""
+    """An endless run in which every robot always has an order."""
     return Scenario(
         name="bench",
         layout=case.floor,
@@ -83,14 +84,14 @@ def busy_fleet(right_of_way: str, case: BusyFleet = BUSY_CROWD) -> Scenario:
 
 
 def compute_tables(simulation: Simulation) -> None:
-    """Compute the distance tables to all cells: what they cost is measured by another part."""
+    """Compute the distance tables to all cells; another part measures their cost."""
     view, workspace = simulation.view, simulation.workspace
     for cell in view.grid.drivable.tolist():
         table_of(view, workspace, 0, cell)
 
 
 def tours(robots: int) -> Orders:
-    """Orders of two stops each, one and a half times as many open as there are robots."""
+    """Orders of two stops each; 1.5 open orders per robot."""
     return msgspec.convert(
         {
             "generator": "tours",

@@ -1,8 +1,8 @@
-"""The bare step: every robot wants to move in a random direction, all occupancy rules apply.
+"""The bare step: every robot tries to move in a random direction, all occupancy rules apply.
 
-It is measured by size and density of the fleet and by the order in which robots are stored. Robots
-stored in random order jump about in memory and are the harder case; a fleet whose storage follows the
-floor is also measured, as is a floor of mixed capacities.
+Cases differ in size and density of the fleet and in storage order. Robots stored in random order
+cause scattered memory access and are the harder case; other cases store robots in floor order or
+use mixed capacities.
 """
 
 from __future__ import annotations
@@ -40,10 +40,10 @@ class WalkingFleet(NamedTuple):
     robots: int
     side: int  # the floor is side x side cells
     remark: str = ""
-    reading_order: bool = False  # robots stored along the floor at the start, else at random
+    reading_order: bool = False  # robots stored in floor order at the start, else at random
     mixed: bool = False  # capacities 1, 2 and unlimited, 8 priorities
     spans: bool = False  # a tenth of the moves take 2 or 3 ticks
-    convoy: bool = False  # and robots follow those that are on their way out
+    convoy: bool = False  # robots follow those on their way out
 
     @property
     def name(self) -> str:
@@ -69,7 +69,7 @@ WALKING_FLEETS = (
 
 
 def measurements() -> list[Measurement]:
-    """One for each case."""
+    """One measurement for each case."""
     return [
         Measurement(case.name, NS_PER_ROBOT_AND_TICK, partial(prepare, case))
         for case in WALKING_FLEETS
@@ -77,7 +77,7 @@ def measurements() -> list[Measurement]:
 
 
 def prepare(case: WalkingFleet) -> Sample:
-    """A sampler: ns per robot and tick of the next ticks of a fleet that keeps walking."""
+    """A sampler: ns per robot and tick of the next ticks of a moving fleet."""
     world = walking_fleet(case)
     walk: Callable[[World, int, int], None] = random_walk_in_spans if case.spans else random_walk
     ticks = max(FEWEST_TICKS, SAMPLE_ROBOT_TICKS // case.robots)

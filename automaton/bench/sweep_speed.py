@@ -1,7 +1,8 @@
-"""What a sweep costs beside its runs, and what a second worker brings.
+"""The overhead of a sweep, and the gain of a second worker.
 
-Runs of some 50 ms; the workers have started and loaded the compiled loop before the clock runs.
-Seconds on the wall, since the work is in other processes: only an idle machine gives true figures.
+Runs take about 50 ms; the workers have loaded the compiled loop before measurement starts.
+Wall-clock seconds, since the work is in other processes: only an idle machine gives correct
+figures.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from automaton.studies.sweeps.sweep_session import chunk_of, sweep_into
 
 SWEPT_RUNS = 80
 SWEEP_SAMPLES = 3
-SWEPT_TICKS = 2_800  # some 50 ms with 20 robots
+SWEPT_TICKS = 2_800  # about 50 ms with 20 robots
 SHARE, TIMES = "% of the bare runs", "times"
 
 
@@ -42,13 +43,13 @@ def measurements() -> list[Measurement]:
 
 
 class LastingPool(LocalPool):
-    """A pool that stays when a sweep is over, with workers that are ready."""
+    """A pool of ready workers that outlives a sweep."""
 
     def close(self, now: bool) -> None:
         """Stay."""
 
     def ready(self, plan: SweepPlan) -> None:
-        """Have every worker start and load what it needs."""
+        """Start every worker and load the compiled loop."""
         crew: list[FutureLike] = []
         for number, run in zip(range(2 * self.workers), plan.manifest.runs(), strict=False):
             crew.append(self.submit(chunk_of(plan, plan.manifest.version, number, (run,))))
@@ -75,13 +76,13 @@ def prepare(figure: Callable[[SweepPlan, dict[int, LastingPool]], float]) -> Sam
 
 
 def overhead(plan: SweepPlan, pools: dict[int, LastingPool]) -> float:
-    """Seconds of a sweep beyond those of the same runs, in per cent."""
+    """Extra time of a sweep over that of the same runs, in percent."""
     bare = wall_seconds(lambda: run_bare(plan))
     return 100 * (swept(plan, pools[1])[0] / bare - 1)
 
 
 def coordination(plan: SweepPlan, pools: dict[int, LastingPool]) -> float:
-    """CPU seconds of the coordinating process, in per cent of those of the runs."""
+    """CPU time of the coordinating process, in percent of that of the runs."""
     found: list[tuple[float, float]] = []
     seconds = cpu_seconds(lambda: found.append(swept(plan, pools[1])))
     return 100 * seconds / found[0][1]
@@ -93,12 +94,12 @@ def speed_up(plan: SweepPlan, pools: dict[int, LastingPool]) -> float:
 
 
 def dearer(plan: SweepPlan, pools: dict[int, LastingPool]) -> float:
-    """CPU seconds of the runs side by side over those one after the other."""
+    """CPU seconds of parallel runs over those of sequential runs."""
     return swept(plan, pools[2])[1] / swept(plan, pools[1])[1]
 
 
 def swept(plan: SweepPlan, pool: LastingPool) -> tuple[float, float]:
-    """(seconds on the wall, CPU seconds of the runs) of a whole sweep into a new folder."""
+    """(wall-clock seconds, CPU seconds of the runs) of a whole sweep into a new folder."""
     with tempfile.TemporaryDirectory(prefix="automaton-bench-") as folder:
         begun = time.perf_counter()
         store = sweep_into(Path(folder), plan, lambda: pool).store
@@ -107,6 +108,6 @@ def swept(plan: SweepPlan, pool: LastingPool) -> tuple[float, float]:
 
 
 def run_bare(plan: SweepPlan) -> None:
-    """The same runs in this process, without anything that a sweep adds."""
+    """The same runs in this process, without the sweep."""
     for run in plan.manifest.runs():
         run_one(plan.scenarios[run.point], run)

@@ -1,4 +1,5 @@
-"""What distance tables cost: to compute, and to look up; on floors of shelves like large warehouses.
+"""The cost of distance tables: computation and look-ups, on floors of shelves like large
+warehouses.
 
 ........................      Rows of shelves, ten by one, with aisles one cell wide
 .##########.##########.       between them and around them.
@@ -22,7 +23,7 @@ from automaton.world.prepared_floor import cell_flags_of, floor_for
 
 NS_PER_CELL = "ns per drivable cell"
 NS_PER_ROBOT = "ns per robot"
-FLOOR_SIZES = {(161, 63): 40, (500, 140): 10}  # columns, rows: tables of a sample
+FLOOR_SIZES = {(161, 63): 40, (500, 140): 10}  # columns, rows: number of tables in a sample
 SHELF, MARGIN = 10, 5  # cells in a row without a gap; free columns on both sides
 ASKING_ROBOTS = 1000
 ROUNDS = 100
@@ -30,7 +31,7 @@ TABLE_BYTES = 256 * 2**20
 
 
 def measurements() -> list[Measurement]:
-    """A table with each set of costs, on each floor; and five options looked up in many tables."""
+    """A table for each set of costs and floor; look-ups of five options in many tables."""
     parts = []
     for size, tables in FLOOR_SIZES.items():
         floor = "x".join(map(str, size))
@@ -48,7 +49,7 @@ def measurements() -> list[Measurement]:
 
 @cache
 def shelves(columns: int, rows: int) -> FloorPlan:
-    """A floor of shelves, drawn above; without slots, since nothing is handled here."""
+    """The floor of shelves drawn above, without slots, since no loads are handled."""
     kind, leave = bordered(rows, columns), bordered(rows, columns)
     y, x = np.mgrid[:rows, :columns]
     inside = (x >= MARGIN) & (x < columns - MARGIN) & (y % 2 == 1) & (y < rows - 1)
@@ -68,14 +69,14 @@ def tables_for(size: tuple[int, int], turn: int, weighted: bool = False) -> Dist
 
 
 def lattice(grid: Grid) -> Array:
-    """(C, 4) 6 for a step against the direction of its row or column, which alternate, else 2."""
+    """(C, 4) 6 for a step against the direction of its row or column, these alternate; else 2."""
     y, x = np.divmod(np.arange(len(grid.kind)), grid.width)
     against = np.stack([y % 2 == 0, x % 2 == 1, y % 2 == 1, x % 2 == 0], axis=1)
     return np.where(against, 6, 2)
 
 
 def prepare_tables(size: tuple[int, int], turn: int, weighted: bool, many: int) -> Sample:
-    """A sampler: ns to compute a table, per cell that robots drive on."""
+    """A sampler: ns to compute a table, per drivable cell."""
     tables = tables_for(size, turn, weighted)
     goals = np.random.default_rng(1).choice(tables.drivable, many, replace=False).astype(np.int64)
     seconds = partial(cpu_seconds, partial(compute, tables, goals))
@@ -83,7 +84,7 @@ def prepare_tables(size: tuple[int, int], turn: int, weighted: bool, many: int) 
 
 
 def prepare_options(robots: int = ASKING_ROBOTS) -> Sample:
-    """A sampler: ns to look up what five options of a robot cost, its table included."""
+    """A sampler: ns to look up the costs of five options of a robot, including its table."""
     tables, random = tables_for(next(iter(FLOOR_SIZES)), 1), np.random.default_rng(1)
     goals, cells = (random.choice(tables.drivable, robots).astype(np.int64) for _ in range(2))
     headings = random.integers(0, 4, robots)

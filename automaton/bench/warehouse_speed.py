@@ -1,16 +1,15 @@
-"""What plans cost on the warehouse of Bhattathiri, Li & Kuhl and on larger ones like it.
+"""The cost of plans on the warehouse of Bhattathiri, Li & Kuhl and on larger ones like it.
 
 A leg leads from the access cell of a rack to a dock, or on to another rack, drawn uniformly. An
-avoidance plan chooses among the candidates for both legs, with what is predicted of five others given,
-and writes the routes. Plans are made one after the other inside compiled code, so that calls from Python
-do not count.
+avoidance plan chooses among the candidates for both legs, given predictions for five other robots,
+and writes the routes. Plans are made one after another inside compiled code, to exclude calls from
+Python.
 
-A leg in time leads a robot that is under way to its dock or rack; its old plan is taken out of the
-forecast, the route is searched, and the new plan is put in. The forecast replays the plans of all 100.
+A leg in time leads a driving robot to its dock or rack: its old plan is removed from the forecast,
+the route is searched, and the new plan is added. The forecast replays the plans of all 100 robots.
 
-A fleet drives with or without the rule of slow zones, all decisions included: A* plans each leg, of
-which there are fewer where zones slow robots down. The network is asked about legs, one after the other,
-as in a run.
+A fleet drives with or without slow zones, including all decisions: A* plans each leg, and slow
+zones lead to fewer legs. The network predicts legs one after another, as in a run.
 """
 
 from __future__ import annotations
@@ -30,10 +29,10 @@ from strategies.routing.forecasts import forecast_all, forget_all
 from strategies.routing.predicted_paths import kernel_network, predict_legs
 from strategies.routing.routing_parameters import network_for, shipped
 
-PLANS_BY_SIDE = {100: 1000, 300: 200, 1000: 40}  # of a sample, by the side of the floor
+PLANS_BY_SIDE = {100: 1000, 300: 200, 1000: 40}  # plans per sample, by side of the floor
 TASKS_SEED = 1
 FLEET_ROBOTS = 100
-TICKS_BEFORE = 30  # before the measurement, so that some are in each other's way
+TICKS_BEFORE = 30  # before the measurement, so that some robots block each other
 DRIVEN_TICKS = 1000
 LEGS = 1000
 
@@ -104,7 +103,7 @@ def prepare_legs_in_time(side: int, robots: int = FLEET_ROBOTS) -> Sample:
 
 
 def prepare_forecast(side: int, robots: int = FLEET_ROBOTS) -> Sample:
-    """A sampler: us for a forecast, and for clearing it away."""
+    """A sampler: us to make and clear a forecast."""
     view, workspace, state = routing_of(fleet_under_way(side, robots))
 
     def sample() -> float:
@@ -115,12 +114,12 @@ def prepare_forecast(side: int, robots: int = FLEET_ROBOTS) -> Sample:
 
 
 def routing_of(simulation: Simulation) -> tuple[World, Workspace, Memory]:
-    """What routing sees, works in and remembers."""
+    """View, workspace and state of routing."""
     return simulation.view, simulation.workspace, simulation.states[LAYER_ROUTING]
 
 
 def zone_measurements() -> list[Measurement]:
-    """A tick of a fleet with each rule of slowdown, and a leg asked of the network."""
+    """A tick of a fleet with each rule of slowdown, and a prediction of the network for a leg."""
     return [
         Measurement(
             f"warehouse-100, {FLEET_ROBOTS} robots, slowdown {rule}",
@@ -132,7 +131,7 @@ def zone_measurements() -> list[Measurement]:
 
 
 def prepare_fleet(rule: str, robots: int = FLEET_ROBOTS, ticks: int = DRIVEN_TICKS) -> Sample:
-    """A sampler: ns per robot and tick; each sample is a run of its own."""
+    """A sampler: ns per robot and tick; each sample is a separate run."""
     settings = (f"world.slowdown={rule}", f"fleet.robots={robots}", f"stop.max_duration={ticks}")
     resolved = resolve(
         WAREHOUSE_SCENARIO, (*settings, "measure.warm_up=0", "strategy.routing=astar")

@@ -1,9 +1,8 @@
-"""Zones that are redesigned: days in the factory of Keith & La, and single designs.
+"""Redesign of zones: days in the factory of Keith & La, and single designs.
 
-A run is 8 hours of the factory with half as many parts again, so that there is work to the end;
-building the world is part of it. Growth is told on lattices of aisles: a crossing every six cells, a
-station halfway along aisles drawn at random, flow between stations drawn at random. Exponents are slopes
-of log time over log size.
+A run is 8 hours of the factory with 50 % more parts, so work lasts to the end; it includes building
+the world. Growth is measured on lattices of aisles: a crossing every six cells, a station halfway
+along random aisles, flow between random stations. Exponents are slopes of log time over log size.
 """
 
 from __future__ import annotations
@@ -55,9 +54,9 @@ FLEET_STATIONS: Final = 200
 LATTICE_TICKS: Final = 5000
 ZONING_KINDS: Final = ("annealing", "decentralized")
 FEWEST_ZONES: Final = 3
-GROWTH_REPAIRS: Final = 5  # of each size: they differ by their draws
+GROWTH_REPAIRS: Final = 5  # samples of each size, which differ by their random draws
 BLOCK: Final = 6  # cells between two crossings of a lattice
-ROBOT_SPEED: Final = 94.48  # cells a minute
+ROBOT_SPEED: Final = 94.48  # cells per minute
 LOADS: Final = 10  # most loads between two stations
 ANNEALED: Final = Annealing()
 BRED: Final = Genetic()
@@ -84,7 +83,7 @@ def measurements() -> list[Measurement]:
 
 
 def growth() -> list[Measurement]:
-    """Exponents: a repair in the stations and in the zones, a run in the robots."""
+    """Exponents: repairs by stations and by zones, a run by robots."""
     most = max(stations for stations, _ in LATTICE_SIZES)
     ways: list[tuple[str, Mapping[int, Callable[[], Sample]], int]] = [
         (
@@ -108,7 +107,7 @@ def growth() -> list[Measurement]:
 
 
 def prepare_growth(sizes: Mapping[int, Callable[[], Sample]], each: int) -> Sample:
-    """A sampler of the slope over all sizes, each measured so many times."""
+    """A sampler of the slope over all sizes, each measured `each` times."""
     samplers = {size: prepare() for size, prepare in sizes.items()}
 
     def sample() -> float:
@@ -119,14 +118,14 @@ def prepare_growth(sizes: Mapping[int, Callable[[], Sample]], each: int) -> Samp
 
 
 def prepare_run(scenario: str, settings: tuple[str, ...], hours: float = HOURS) -> Sample:
-    """A sampler: seconds of a run, its world built again."""
+    """A sampler: seconds of a run, including building the world."""
     resolved = resolve(scenario, (*settings, *MORE_PARTS))
     until = round(3600 * hours / unit(resolved.scenario.units.tick).size)
     return lambda: cpu_seconds(lambda: Simulation(resolved).run(until))
 
 
 class ZoneTask(NamedTuple):
-    """Zones to be made."""
+    """A zoning problem."""
 
     roads: Roads
     rules: ZoneRules
@@ -162,7 +161,7 @@ def anneal(one: ZoneTask, seed: int) -> int:
 
 
 def repairing(one: ZoneTask) -> Sample:
-    """A sampler: milliseconds of a repair, each with draws of its own."""
+    """A sampler: milliseconds of a repair, each with its own random draws."""
     seeds = itertools.count(1)
 
     def sample() -> float:
@@ -195,7 +194,7 @@ def prepare_breeding(
 
 
 def lattice(stations: int) -> str:
-    """A picture: aisles with a crossing every BLOCK cells, t for stations halfway between two."""
+    """A drawn floor: aisles with a crossing every BLOCK cells, t for stations halfway between two."""
     lines = 2
     while 2 * lines * (lines - 1) < 1.5 * stations:
         lines += 1
@@ -213,7 +212,7 @@ def lattice(stations: int) -> str:
 
 
 def prepare_lattice(stations: int, zones: int) -> Sample:
-    """A repair on a lattice, with as many loads in all as there are stations, times LOADS."""
+    """A repair on a lattice, with LOADS loads per station in total."""
     floor_plan = draw_floor(lattice(stations))
     rng = np.random.default_rng(2)
     flow = np.zeros((stations, stations))
@@ -223,7 +222,7 @@ def prepare_lattice(stations: int, zones: int) -> Sample:
 
 
 def fleet(kind: str, robots: int, stations: int = FLEET_STATIONS) -> Scenario:
-    """Robots on a lattice, any number in a cell; parts go through five stations drawn at random."""
+    """Robots on a lattice, any number per cell; parts go through five random stations."""
     rng = np.random.default_rng(3)
     routes = [(rng.permutation(stations)[:5] + 1).tolist() for _ in range(2 * robots)]
     return msgspec.convert(

@@ -1,1 +1,1 @@
-"""The physics: the state, the tick, and what is noted of it; it imports nothing else of ours."""
+"""The physics: the state, the tick and their observation; imports no other package of the project."""

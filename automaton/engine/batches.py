@@ -1,4 +1,4 @@
-"""Who is asked, and with what: the batch of robots that concern a layer in this tick, by identity."""
+"""Batches: which robots a layer is asked about in this tick, in order of identity."""
 
 import numpy as np
 from numba import types
@@ -57,7 +57,7 @@ def append(batch, i, reason):
 
 @kernel
 def batch_all_robots(world, batch, layer):
-    """Zoning: all robots, when an order is in no queue yet or the tick is due; or those to be woken."""
+    """Zoning: all robots if an order has no queue yet or the tick is due; else robots due to wake."""
     robots, clock = world.robots, world.clock
     batch.count = 0
     everybody = is_due(world, layer)
@@ -85,10 +85,10 @@ def batch_all_robots(world, batch, layer):
 
 @kernel
 def batch_charging(world, batch):
-    """Robots with a battery that are free, have taken an order, or were left without one.
+    """Robots with a battery that are free, took an order, or got no order.
 
-    Once each, when they are not busy: the free ones before allocation, the others after it. On the
-    ticks that the strategy asked for, all that are in order.
+    Each is asked about once, when it is not busy: free robots before allocation, the others after
+    it. In periodic ticks of the strategy, the batch also has every robot that is up.
     """
     robots, clock = world.robots, world.clock
     batch.count = 0
@@ -117,8 +117,8 @@ def allocation_of(world, i):
 
 @kernel
 def may_set_order_queue(world, batch, i):
-    """Whether the plan of robot i may be made now: by its own strategy, with limited sight by its own
-    decision."""
+    """Whether the plan of robot i may be set now: only by its own strategy, and under limited sight
+    only by its own decision."""
     if allocation_of(world, i) != batch.strategy:
         return False
     return world.rules.radius == NIL or batch.robot[0] == i
@@ -126,7 +126,7 @@ def may_set_order_queue(world, batch, i):
 
 @kernel
 def is_allocation_due(world):
-    """Whether a strategy that allocates orders asked for this tick."""
+    """Whether an allocation strategy asked for this tick."""
     for further in range(world.rules.allocations):
         if is_due(world, number_of_allocation(further)):
             return True
@@ -135,13 +135,13 @@ def is_allocation_due(world):
 
 @kernel
 def number_of_allocation(further):
-    """The number of the first strategy that allocates orders, 0, or of a further one."""
+    """The number of the first allocation strategy (0), or of a further one."""
     return np.int64(LAYER_RIGHT_OF_WAY + further if further else LAYER_ALLOCATION)
 
 
 @kernel
 def strategy_of_call(world, full_batch, layer, call):
-    """The strategy that call number `call` asks: that of the layer, or one of several allocations."""
+    """The strategy asked in call number `call`: that of the layer, or one of several allocations."""
     if layer != LAYER_ALLOCATION or world.rules.allocations == 1:
         return np.int64(layer)
     if world.rules.radius != NIL:
@@ -151,10 +151,9 @@ def strategy_of_call(world, full_batch, layer, call):
 
 @kernel
 def batch_allocation(world, batch):
-    """Robots that are free, have just picked, or gave their order back; those of one strategy after those
-    of another.
+    """Robots that are free, have just picked up, or returned their order; grouped by strategy.
 
-    One that was left idle is asked again when an order or a reservation has changed.
+    An idle robot is asked again after an order or a reservation has changed.
     """
     clock = world.clock
     batch.count = 0
@@ -172,7 +171,7 @@ def batch_allocation(world, batch):
 
 @kernel
 def append_concerned(world, batch, strategy):
-    """The robots of a strategy that allocates orders that it is asked about, by identity."""
+    """The robots about which an allocation strategy is asked, by identity."""
     robots, clock = world.robots, world.clock
     due, several = is_due(world, strategy), world.rules.allocations > 1
     for identity in range(robots.cell.shape[0]):
@@ -191,7 +190,7 @@ def append_concerned(world, batch, strategy):
 
 @kernel
 def is_on_its_way(world, i):
-    """Whether robot i has a plan, whatever it does now, that can still be made again."""
+    """Whether robot i has a plan that can still be replaced, whatever it does now."""
     robots = world.robots
     if robots.goal_cell[i] == NIL or robots.need[i] & NEED_ROUTE or robots.retreat_moves[i]:
         return False
@@ -200,9 +199,9 @@ def is_on_its_way(world, i):
 
 @kernel
 def batch_routing(world, batch):
-    """Robots with a new goal or a plan to be made again, once they are free to drive.
+    """Robots that are free to drive and have a new goal or need a new plan.
 
-    A strategy that asked for this tick gets all that are on their way too: REASON_PERIODIC.
+    In periodic ticks of the strategy, also all robots on their way: REASON_PERIODIC.
     """
     robots, clock = world.robots, world.clock
     batch.count = 0
@@ -230,7 +229,7 @@ def batch_routing(world, batch):
 
 @kernel
 def batch_right_of_way(world, batch):
-    """Robots whose retries are used up, and robots in a retreat: they ask for every step."""
+    """Robots without retries left, and robots in a retreat, which ask for every step."""
     robots, clock = world.robots, world.clock
     batch.count = 0
     due = is_due(world, LAYER_RIGHT_OF_WAY)
@@ -263,9 +262,9 @@ clear_right_of_way = clearing(RightOfWayDecisions)
 
 @kernel
 def clear_decisions(batch, decisions, layer, known):
-    """Every decision starts as declared: KEEP; `known`: numbers of orders that may be marked.
+    """Reset all decisions to KEEP; `known`: orders that may be marked have lower numbers.
 
-    A list of tasks that repeats has millions of orders of which few are released.
+    A repeating task list has millions of orders, few of them released.
     """
     count = batch.count
     if layer == LAYER_ALLOCATION:

@@ -1,7 +1,7 @@
-"""Who keeps the robots that wait, and so why: passes over those that `observe` has listed.
+"""Who blocks each waiting robot, and the cause: passes over the robots that `observe` listed.
 
-Which robot holds the cell that is waited for; who kept whom from swapping; the cause, which depends
-on what the blocker does; the lost ticks by cause and by cell.
+They find the holder of each wanted cell, refused swaps, and the cause, which depends on what the
+blocker does; they count lost ticks by cause and by cell.
 """
 
 import numpy as np
@@ -49,7 +49,7 @@ REQUESTED = -2  # value of scratch.holder: a robot waits for it
 
 @kernel
 def find_blockers(world, observation):
-    """Who keeps the robots that wait, and the causes that follow from it."""
+    """Find the blockers of the waiting robots, and then the causes."""
     scratch = observation.scratch
     waiters = scratch.count.waiters
     if world.rules.following == FOLLOWING_CONVOY:
@@ -74,7 +74,7 @@ def find_blockers(world, observation):
 
 @kernel
 def find_robots_ahead(world, observation):
-    """Enter who is still leaving the cells into which robots follow."""
+    """For robots that follow into a cell, enter the robot that is still leaving it."""
     robots, scratch = world.robots, observation.scratch
     follow = 0
     for k in range(scratch.count.waiters):
@@ -100,13 +100,13 @@ def find_robots_ahead(world, observation):
 
 @kernel
 def follows(observation, i):
-    """Whether robot i is listed because it drives on behind another one."""
+    """Whether robot i is listed because it drives behind another robot."""
     return observation.cause[U(i)] == CAUSE_DRIVING_AHEAD and observation.scratch.entry[U(i)] == NIL
 
 
 @kernel
 def resource_ahead(world, i):
-    """What robot i takes of the cell that it enters."""
+    """The resource that robot i takes in the cell that it enters."""
     claim, cells = np.int64(world.robots.claim[U(i)]), world.grid.cell_flags.shape[0]
     way = direction_between(world.grid, np.int64(world.robots.cell[U(i)]), claim)
     return resource_of(np.int64(world.traffic.occupancy[U(claim)]), claim, way, cells)
@@ -114,7 +114,7 @@ def resource_ahead(world, i):
 
 @kernel
 def seek(world, observation, i):
-    """Ask for the holder of what robot i waits for; returns 1 if it waits for a cell or a lane."""
+    """Request the holder of what robot i waits for; returns 1 if it waits for a cell or a lane."""
     scratch = observation.scratch
     cell = np.int64(world.robots.cell[U(i)])
     if cell >= 0:
@@ -130,9 +130,9 @@ def seek(world, observation, i):
 
 @kernel
 def place_holders(world, observation):
-    """Enter who holds each resource that is sought, after the motion of this tick.
+    """Enter the holder of each requested resource, after the motion of this tick.
 
-    The sieve, small enough for a fast cache, keeps most robots from looking into `holder`.
+    The sieve fits in a fast cache and spares most robots a look-up in `holder`.
     """
     robots, sieve = world.robots, observation.scratch.sieve
     mask = sieve.shape[0] - 1
@@ -154,7 +154,7 @@ def place_holders(world, observation):
 
 @kernel
 def place_entrants(world, observation, mask):
-    """Enter who comes into a cell before who is still leaving it."""
+    """Enter robots that come into a cell; they go before robots that are still leaving it."""
     robots, sieve = world.robots, observation.scratch.sieve
     for i in range(robots.cell.shape[0]):
         cell, claim = np.int64(robots.cell[U(i)]), np.int64(robots.claim[U(i)])
@@ -164,7 +164,7 @@ def place_entrants(world, observation, mask):
 
 @kernel
 def hold(world, observation, cell, direction, i):
-    """Robot i holds its lane of a limited cell: enter it if a robot seeks it."""
+    """Robot i holds its lane of a limited cell: enter it if a robot requested it."""
     word = np.int64(world.traffic.occupancy[U(cell)])
     entry = resource_of(word, cell, direction, world.grid.cell_flags.shape[0])
     if (word >> CAPACITY_SHIFT) & 3 and observation.scratch.holder[U(entry)] == REQUESTED:
@@ -173,7 +173,7 @@ def hold(world, observation, cell, direction, i):
 
 @kernel
 def enter_blocker(world, observation, i):
-    """Robot i is kept by the holder of what it waits for; by no robot, the cause is another one."""
+    """The holder of what robot i waits for blocks it; without a holder the cause changes."""
     entry = np.int64(observation.scratch.entry[U(i)])
     if entry == NIL:
         return
@@ -192,7 +192,7 @@ def enter_blocker(world, observation, i):
 
 @kernel
 def forget(observation, i):
-    """What robot i waits for is sought no more."""
+    """Withdraw the request of robot i."""
     scratch = observation.scratch
     entry = np.int64(scratch.entry[U(i)])
     if entry != NIL:
@@ -203,9 +203,9 @@ def forget(observation, i):
 
 @kernel
 def find_refused_swap(world, observation, i):
-    """Robot i was refused a cell held by one that wanted to come out to it: that one waits for i too.
+    """Robot i was refused a cell whose holder wanted to enter i's cell: the holder waits for i too.
 
-    Its way was free but for this rule, where it would have entered a cell for several robots.
+    Where robot i's cell has room for several robots, only the swap rule refused the holder.
     """
     robots = world.robots
     if observation.blocker[U(i)] == NIL or np.int64(world.traffic.intent[U(i)]) & REFUSED == 0:
@@ -214,9 +214,9 @@ def find_refused_swap(world, observation, i):
     if np.int64(world.traffic.intent[U(q)]) & REFUSED == 0 or observation.blocker[U(q)] != NIL:
         return
     if observation.cause[U(q)] == CAUSE_POD_AHEAD:
-        return  # a pod keeps it, no robot
+        return  # a pod blocks it, no robot
     if has_gates(world) and world.gates.held[U(q)] != NIL:
-        return  # a gate does
+        return  # a gate blocks it
     if (
         observation.wanted[U(q)] == robots.cell[U(i)]
         and observation.wanted[U(i)] == robots.cell[U(q)]
@@ -226,7 +226,7 @@ def find_refused_swap(world, observation, i):
 
 @kernel
 def cause_of_wait(world, observation, i):
-    """Why robot i waits for its wanted cell: what its holder does."""
+    """Why robot i waits for its wanted cell; depends on what the holder does."""
     robots = world.robots
     if observation.blocker[U(i)] == NIL:
         intent = np.int64(world.traffic.intent[U(i)])
@@ -254,7 +254,7 @@ def cause_of_wait(world, observation, i):
 
 @kernel
 def count_wait(world, observation, i):
-    """Enter the lost tick of robot i by its cause and by its cell; one that is free loses a stride."""
+    """Count a lost tick of robot i by cause and by cell; a free robot loses a whole stride."""
     ticks = world.rules.stride if is_begin(world) and world.robots.busy[U(i)] == 0 else 1
     observation.lost[U(i), U(observation.cause[U(i)])] += ticks
     cell = np.int64(world.robots.cell[U(i)])
@@ -269,17 +269,18 @@ def count_wait(world, observation, i):
         ) + ticks
 
 
-# Find wait cycles: robots of which each waits for the next one, and the last for the first.
+# Find wait cycles: each robot waits for the next one, and the last for the first.
 #
-# Each robot has one blocker at most, so every walk along blockers ends, or comes to one cycle.
+# Each robot has at most one blocker, so every walk along blockers ends or reaches one cycle.
 
 
 @kernel
 def walk_to_cycle(blocker, at_index, color, start):
-    """Walk along blockers from robot `start`; a robot of the cycle that the walk closes, or NIL.
+    """Walk along blockers from robot `start`; returns a robot of the cycle closed by this walk, or
+    NIL.
 
-    blocker: (n,) identity of the robot that each robot waits for, or NIL. at_index: (n,) where each
-    identity is stored. color: (n,) 0 = no walk has come there yet; modified: start + 1 on this walk.
+    blocker: (n,) identity of the robot that each robot waits for, or NIL. at_index: (n,) storage
+    index of each identity. color: (n,) 0 = not visited yet; modified: start + 1 on this walk.
     """
     i = start
     while blocker[U(i)] != NIL and color[U(i)] == 0:

@@ -1,4 +1,5 @@
-"""How decisions enter the world: each is checked, an illegal one costs a tick of WAIT and is counted."""
+"""How decisions enter the world: each is checked; an illegal one costs a tick of WAIT and is
+counted."""
 
 import numpy as np
 
@@ -93,12 +94,12 @@ from automaton.engine.trips import (
     withdraw_offer,
 )
 
-GIVEN = 255  # in out.order_taken: a robot got the order in this batch
+GIVEN = 255  # in out.order_taken: assigned in this batch
 
 
 @kernel
 def serves(world, i, goal_cell, slot):
-    """Whether `goal_cell` is a cell from which robot i serves `slot`."""
+    """Whether robot i can serve `slot` from `goal_cell`."""
     if goal_cell < 0 or slot < 0 or slot >= world.slots.cell.shape[0]:
         return False
     if (
@@ -121,7 +122,7 @@ def commit_allocation(world, record, batch, decisions):
         i = np.int64(batch.robot[k])
         command = out.command[k]
         if robots.status[i] > STATUS_EXHAUSTED:
-            continue  # it went down in this tick
+            continue  # it broke down in this tick
         if command == CMD_TAKE_ORDER:
             take(world, record, i, np.int64(out.order[k]), np.int64(out.goal_cell[k]), out)
         elif command == CMD_DROP_AT:
@@ -148,7 +149,7 @@ def commit_allocation(world, record, batch, decisions):
 
 @kernel
 def route_around_robots(world, i):
-    """Robot i chose again where its way was blocked (`plan_again`): its new route leads around robots."""
+    """Robot i, whose way was blocked, chose again (`plan_again`): its new route avoids other robots."""
     robots = world.robots
     if (
         robots.retreat_moves[i] == 0
@@ -160,7 +161,7 @@ def route_around_robots(world, i):
 
 @kernel
 def commit_order_queues(world, batch, out):
-    """Enter the orders that robots are to do next; a plan with one that does not wait is illegal."""
+    """Enter the planned orders of robots; a plan is illegal if one of its orders does not wait."""
     robots, orders = world.robots, world.orders
     for i in range(robots.cell.shape[0]):
         count = np.int64(out.order_queue_length[i])
@@ -180,12 +181,12 @@ def commit_order_queues(world, batch, out):
             changed = changed or robots.order_queue[i, k] != out.order_queue[i, k]
             robots.order_queue[i, k] = out.order_queue[i, k]
         if changed:
-            world.clock.revision += 1  # who was left idle is asked again
+            world.clock.revision += 1  # an idle robot is asked again
 
 
 @kernel
 def leave_floor(world, i, ask_again):
-    """Robot i parks where it stands, unless it is busy or on a retreat."""
+    """Robot i parks where it stands, unless it is busy or in a retreat."""
     robots = world.robots
     if robots.busy[i] or robots.retreat_moves[i]:
         stay_idle(world, i, ask_again)
@@ -200,7 +201,7 @@ def leave_floor(world, i, ask_again):
 
 @kernel
 def stay_idle(world, i, ask_again):
-    """Nothing for robot i now: ask again when an order or a reservation has changed."""
+    """No order for robot i: ask again when an order or a reservation has changed."""
     robots = world.robots
     if robots.need[i] & NEED_ALLOCATION == 0 or ask_again:
         return
@@ -216,16 +217,16 @@ def stay_idle(world, i, ask_again):
 
 @kernel
 def may_have(reserved_by, identity):
-    """Whether something reserved by `by` (NIL: no robot) is free for a robot."""
+    """Whether a resource reserved by `by` (NIL: no robot) is available to a robot."""
     return reserved_by == NIL or reserved_by == identity
 
 
 @kernel
 def may_take(world, i, order, out):
-    """Whether robot i may get an order: it waits, and is free, or another robot may lose it.
+    """Whether robot i may get an order: it waits, and is unreserved or may be taken from its robot.
 
-    One without a load is its robot's only when its first stop is done; but what a batch has given
-    to a robot it does not give to another one.
+    An order without a load may be taken from its robot until its first stop is begun, except within
+    the batch that assigned it.
     """
     robots, orders = world.robots, world.orders
     if robots.load[i] != NIL or order < 0 or order >= orders.state.shape[0]:
@@ -243,7 +244,8 @@ def may_take(world, i, order, out):
 
 @kernel
 def begins_at(world, i, order, goal_cell):
-    """Whether robot i begins an order in `goal_cell`: its next stop, or where its load is picked up."""
+    """Whether robot i begins an order in `goal_cell`: its next stop, or the access cell of its
+    pick-up."""
     if has_load(world.orders, order):
         return serves(world, i, goal_cell, np.int64(world.orders.current_slot[order]))
     if goal_cell != next_stop_cell(world, order):
@@ -253,15 +255,16 @@ def begins_at(world, i, order, goal_cell):
 
 @kernel
 def take(world, record, i, order, goal_cell, out):
-    """Reserve a waiting order for robot i and send it to the goal cell; who had it has it no longer."""
+    """Reserve a waiting order for robot i and send it to the goal cell; a previous robot loses the
+    order."""
     robots, orders = world.robots, world.orders
     if not may_take(world, i, order, out) or not begins_at(world, i, order, goal_cell):
         refuse(world, LAYER_ALLOCATION, i)
         return
     if has_trips(world) and robots.order[i] != order:
-        own = world.trips.place[robots.identity[i]]  # it is free when this robot changes its trip
+        own = world.trips.place[robots.identity[i]]  # freed when this robot changes its trip
         if not has_place(world, order) and own != next_station(world, order):
-            return  # another robot got the last place in this batch: it is asked again
+            return  # another robot got the last place in this batch: ask this robot again
         take_trip(world, record, np.int64(robots.identity[i]), order)
     out.order_taken[order] = GIVEN
     clear_allocation_request(world, i)
@@ -287,7 +290,7 @@ def take(world, record, i, order, goal_cell, out):
 
 @kernel
 def take_trip(world, record, identity, order):
-    """A robot takes a trip, with a place at its station; a place or an offer that it has ends."""
+    """A robot takes a trip and a place at its station; its previous place or offer ends."""
     if world.trips.offered[identity] != NIL:
         if world.trips.offered[identity] != order:
             withdraw_offer(world, record, identity)
@@ -298,12 +301,12 @@ def take_trip(world, record, identity, order):
 
 @kernel
 def choose_slot(world, record, i, slot, goal_cell, try_drop):
-    """Reserve the slot where robot i will drop its load, once no stop is left."""
+    """Reserve the slot where robot i will drop its load; legal only when no stop is left."""
     robots, slots = world.robots, world.slots
     legal = robots.load[i] != NIL and serves(world, i, goal_cell, slot)
     legal = legal and next_stop(world, np.int64(robots.load[i])) == NIL
     legal = legal and (not has_trips(world) or world.pods.slot_class[slot] != NIL)
-    if legal and slots.unbounded[slot]:  # at a station a load may lie on its way
+    if legal and slots.unbounded[slot]:  # a load may be dropped at any station, not only its target
         legal = slot == world.orders.target[robots.load[i]] or world.stations.at[slot] != NIL
     elif legal:
         legal = slots.content[slot] == NIL and may_have(slots.reserved_by[slot], robots.identity[i])
@@ -347,7 +350,7 @@ def commit_routing(world, batch, decisions):
 
 @kernel
 def commit_charging(world, record, batch, decisions):
-    """A robot that has neither a load nor begun an order may be sent to a charger, or away from it."""
+    """A robot without a load or a begun order may be sent to a charger, or away from it."""
     robots, out = world.robots, decisions.charging
     for k in range(batch.count):
         goal_cell, charge_target = np.int64(out.goal_cell[k]), np.int64(out.charge_target[k])
@@ -374,7 +377,7 @@ def commit_charging(world, record, batch, decisions):
 
 @kernel
 def is_charger(world, i, goal_cell):
-    """Whether `goal_cell` is a charger that robot i gets to."""
+    """Whether `goal_cell` is a charger that robot i can reach."""
     inside = 0 <= goal_cell < world.grid.cell_flags.shape[0]
     if not inside or world.rules.battery == 0 or world.chargers.charger_at[goal_cell] == NIL:
         return False
@@ -383,14 +386,14 @@ def is_charger(world, i, goal_cell):
 
 @kernel
 def send_to_charger(world, record, i, goal_cell, charge_target, charging_interruptible):
-    """Robot i gives back what it has not begun, and goes to charge up to a level."""
+    """Robot i returns the orders that it has not begun, and goes to charge up to a level."""
     robots = world.robots
     if robots.order[i] != NIL:
         return_order(world, record, i)
     robots.charge_target[i] = charge_target
     robots.charging_interruptible[i] = 1 if charging_interruptible else 0
     if charging_interruptible:
-        request_allocation(world, i, REASON_REPLAN)  # it may have an order while it charges
+        request_allocation(world, i, REASON_REPLAN)  # it may get an order while it charges
     else:
         clear_allocation_request(world, i)
     if robots.goal_type[i] != GOAL_CHARGE or robots.goal_cell[i] != goal_cell:
@@ -400,7 +403,7 @@ def send_to_charger(world, record, i, goal_cell, charge_target, charging_interru
         set_goal(world, i, GOAL_CHARGE, goal_cell)
 
 
-# How decisions of right of way enter the world: steps, waits, retreats, and where robots are steered.
+# How decisions of right of way enter the world: steps, waits, retreats, and steering.
 
 
 MAX_COMMAND_TICKS = 10_000  # of one wait or retreat
@@ -442,22 +445,22 @@ def commit_right_of_way(world, record, batch, decisions):
 
 @kernel
 def commit_steering(world, record, i, command, value):
-    """What a right of way that steers may ask of robot i, in its parking bay or on the floor."""
+    """What a steering right of way may ask of robot i, in its parking bay or on the floor."""
     robots = world.robots
     in_bay = robots.cell[i] == NIL
     waits_in_bay = in_bay and robots.goal_type[i] != GOAL_NONE and robots.goal_type[i] != GOAL_PARK
     if command == CMD_GO and waits_in_bay and 0 <= value < 4:
-        robots.step[i] = value  # out of its parking bay, wherever it goes then
+        robots.step[i] = value  # out of its parking bay, in whatever direction
     elif command == CMD_GO and may_step(world, i, value):
         robots.step[i] = value
         if robots.parked[i]:
             robots.parked[i] = 0
             world.clock.unparked += 1
-            if robots.goal_type[i] == GOAL_NONE:  # pushed from its place: it comes back by itself
+            if robots.goal_type[i] == GOAL_NONE:  # pushed from its place: it returns by itself
                 set_goal(world, i, GOAL_PARK, np.int64(robots.home[i]))
     elif command == CMD_HOLD and -1 <= value < 4:
         if robots.parked[i] and in_bay == 0 and robots.goal_type[i] != GOAL_NONE:
-            robots.parked[i] = 0  # it has work: what it loses counts from now on
+            robots.parked[i] = 0  # it has work: its lost ticks count from now on
             world.clock.unparked += 1
         if waits_in_bay or robots.parked[i] == 0:
             robots.step[i] = HOLD | (NO_STEP if value == NIL else value)
@@ -469,7 +472,7 @@ def commit_steering(world, record, i, command, value):
 
 @kernel
 def may_step(world, i, direction):
-    """Whether robot i, on the floor, may move in a direction, or turn towards it."""
+    """Whether robot i, on the floor, may move in a direction or turn towards it."""
     robots = world.robots
     if robots.cell[i] == NIL or direction < 0 or direction > 3:
         return False
@@ -480,7 +483,7 @@ def may_step(world, i, direction):
 
 @kernel
 def step(world, i, direction):
-    """One move, or the turn before it, now; outside a retreat the route is planned again after it.
+    """Execute one move, or the turn before it; outside a retreat the route is then planned again.
 
     A robot that is parked on the floor leaves its place.
     """
@@ -500,7 +503,7 @@ def step(world, i, direction):
 
 @kernel
 def pause(world, record, i, ticks):
-    """Wait; during a retreat this gives it up, and the plan is made again around the robots."""
+    """Wait; in a retreat this ends it, and the plan is made again around the robots."""
     robots = world.robots
     begin(world, i, ACTION_WAIT, ticks)
     robots.executed[i] = EXECUTED_WAIT
@@ -530,7 +533,7 @@ def retreat(world, record, i, moves, returns):
 
 @kernel
 def plan_again(world, record, i, returns):
-    """A retreat of no moves: the plan is made again where robot i stands; this tick executes nothing.
+    """A retreat of 0 moves: robot i plans again where it stands; this tick executes nothing.
 
     Its failed retries still count: the next one may lead to a retreat.
     """
@@ -548,7 +551,7 @@ def plan_again(world, record, i, returns):
 
 @kernel
 def choose_again(world, record, i):
-    """Robot i gives back an order that it has not begun, and is asked for another; or returns False."""
+    """Robot i returns an order that it has not begun and asks for another one; else returns False."""
     robots = world.robots
     if robots.load[i] != NIL or has_started(world, i) or robots.goal_type[i] == GOAL_CHARGE:
         return False

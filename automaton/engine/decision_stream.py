@@ -1,14 +1,15 @@
-"""The decisions of strategies as a stream of numbers: kept while a run goes on, given again in a replay.
+"""The decisions of strategies as a stream of numbers: recorded during a run, fed back in a replay.
 
     tick * 8 + phase (entry of LAYER_SEQUENCE) | identity * 65,536 + number of values | values ...
 
-in the order in which they entered the world; decisions that are as they began (KEEP) are left out.
-Values: the fields of a decision as declared in automaton.engine.state. Before the decisions of
-allocation come plans (PLAN_WORDS times the number of orders, the orders). A route has its steps, then
-31 directions of 2 bits in each word, or -1 for an illegal one. A robot's decision of zoning is followed
-by its message if that changes; a row of zoning that is about no robot has ROW_MARK + its kind in the
-place of an identity. With limited sight zoning is called for each robot; a replay decides all of them at
-once, and the last design of a tick counts: those that are here are whole and sound (`judge_zoning`).
+in the order in which they entered the world; unchanged decisions (KEEP) are left out. Values: the
+fields of a decision as declared in automaton.engine.state. Plans (PLAN_WORDS times the number of
+orders, the orders) come before the decisions of allocation. A route has its number of steps, then
+31 directions of 2 bits per word, or -1 for an illegal one. A zoning decision about a robot is
+followed by its message if that changes; a zoning row about no robot has ROW_MARK + its kind in
+place of an identity. Under limited sight zoning is called for each robot; a replay decides for all
+robots at once, and the last design of a tick counts: recorded designs are complete and valid
+(`judge_zoning`).
 """
 
 import numpy as np
@@ -36,7 +37,7 @@ from automaton.engine.state import (
 
 PHASE_BITS = 3
 COUNT_BITS = 16
-STEPS_PER_WORD = 31  # directions in a word
+STEPS_PER_WORD = 31  # directions per word
 ILLEGAL_ROUTE = -1
 ILLEGAL_PLAN = -1
 
@@ -44,7 +45,7 @@ ILLEGAL_PLAN = -1
 CHARGING_WORDS = len(decision_values(ChargingDecisions))
 ALLOCATION_WORDS = len(decision_values(AllocationDecisions))
 RIGHT_OF_WAY_WORDS = len(decision_values(RightOfWayDecisions))
-PLAN_WORDS = ALLOCATION_WORDS + 1  # of a plan, its orders aside: longer than any other decision
+PLAN_WORDS = ALLOCATION_WORDS + 1  # of a plan without its orders: longer than any other decision
 
 append_charging, read_charging = appending(ChargingDecisions), reading(ChargingDecisions)
 append_allocation, read_allocation = appending(AllocationDecisions), reading(AllocationDecisions)
@@ -54,7 +55,7 @@ read_right_of_way = reading(RightOfWayDecisions)
 
 @kernel
 def key_of(world):
-    """What the words of the decisions that are given now begin with."""
+    """The first part of the head of the decisions made now."""
     return (world.clock.tick << PHASE_BITS) | world.clock.phase
 
 
@@ -91,7 +92,7 @@ def keep_decisions(world, record, batch, decisions, layer):
 
 @kernel
 def keep_plans(world, record, batch, out):
-    """Append the plans that allocation made, by identity."""
+    """Append the plans made by allocation, by identity."""
     for identity in range(world.robots.cell.shape[0]):
         i = np.int64(world.robots.at_index[identity])
         count = np.int64(out.order_queue_length[i])
@@ -111,7 +112,7 @@ def keep_plans(world, record, batch, out):
 
 @kernel
 def words_until(words, end, tick):
-    """How many of the first `end` words tell of ticks up to `tick`."""
+    """How many of the first `end` words belong to ticks up to `tick`."""
     at = 0
     while at < end and words[at] >> PHASE_BITS <= tick:
         at += 2 + (words[at + 1] & ((1 << COUNT_BITS) - 1))
@@ -137,7 +138,7 @@ def first_other_tick(words, others):
 
 @kernel
 def put(world, words, at, batch, decisions, layer, k):
-    """Write the values of decision k; returns how many there are, 0 for KEEP."""
+    """Write the values of decision k; returns their number, 0 for KEEP."""
     if layer == LAYER_CHARGING:
         return append_charging(decisions.charging, k, words, at)
     if layer == LAYER_ALLOCATION:
@@ -165,11 +166,11 @@ def put_route(world, words, at, i, out, k):
 
 
 class ReplayState(Struct):
-    """What a layer that decides as recorded goes through."""
+    """The memory of a layer that decides as recorded."""
 
     layer: int = field("int64")
     words: Array = field("(w,) int64", "the stream of decisions", role=CONSTANT)
-    cursor: int = field("() int64", "words given")
+    cursor: int = field("() int64", "words recorded")
     end: int = field("() int64", "words in the stream")
 
 
@@ -185,10 +186,10 @@ def repeat(view, batch, decisions, memory, workspace):
         return
     for k in range(batch.count):
         if layer == LAYER_ALLOCATION:
-            # Of robots that were asked one by one, each plan stands by its decision.
+            # When robots are asked one by one, each plan is next to its decision.
             at = skip_others(view, batch, words, at, end, key)
             at = repeat_plans(view, decisions.allocation, words, at, end, key)
-        # Earlier ticks, and other layers of this one.
+        # Skip earlier ticks, and other layers of this one.
         while at + 1 < end and words[at] < key:
             at += 2 + (words[at + 1] & ((1 << COUNT_BITS) - 1))
         if at + 1 >= end or words[at] != key:
@@ -204,7 +205,7 @@ def repeat(view, batch, decisions, memory, workspace):
 
 @kernel
 def skip_others(view, batch, words, at, end, key):
-    """Where words begin that are not of robots with another allocation, whose are behind one another."""
+    """Where the words of this allocation begin; words of each allocation are contiguous."""
     several = view.rules.allocations > 1
     while several and at + 1 < end and words[at] <= key:
         identity, size = words[at + 1] >> COUNT_BITS, words[at + 1] & ((1 << COUNT_BITS) - 1)
@@ -242,7 +243,7 @@ def give_plan(robots, out, words, at, size, i):
 
 @kernel
 def fewest_values(layer):
-    """How many values a recorded decision has at least."""
+    """The least number of values of a recorded decision."""
     if layer == LAYER_CHARGING:
         return CHARGING_WORDS
     if layer == LAYER_ALLOCATION:
@@ -252,7 +253,7 @@ def fewest_values(layer):
 
 @kernel
 def give(words, at, size, decisions, layer, k):
-    """Enter so many recorded values as decision k."""
+    """Enter `size` recorded values as decision k."""
     if layer == LAYER_CHARGING:
         read_charging(decisions.charging, k, words, at)
     elif layer == LAYER_ALLOCATION:
@@ -275,13 +276,13 @@ def give_route(words, at, size, out, k):
 
 # The decisions of zoning: robots one by one, then queues, servers, designs.
 ROW_MARK = 1 << 24
-ROW_QUEUES = 0  # order, queue, next slot, whether it skips transfer stations; again and again
+ROW_QUEUES = 0  # order, queue, next slot, whether it skips transfer stations; repeated
 ROW_SERVERS = 1  # a robot for each zone
 ROW_STATIONS = 2  # a zone for each station, then zone, zone, station of each transfer station
 ROW_SEGMENT = 3  # owner, its two ends, its points
-ROW_REFUSED = 4  # how many decisions were illegal and are not here
+ROW_REFUSED = 4  # number of illegal decisions, which are not stored
 ROBOT_WORDS = len(decision_values(ZoningDecisions))
-MAX_QUEUED = 8_000  # orders of a row
+MAX_QUEUED = 8_000  # orders per row
 
 append_zoning, read_zoning = appending(ZoningDecisions), reading(ZoningDecisions)
 
@@ -355,7 +356,7 @@ def keep_zoning(world, record, batch, out, key):
 
 @kernel
 def keep_robot(world, record, batch, out, key, k):
-    """Append what zoning says of one robot, unless it is nothing."""
+    """Append the zoning decision about one robot, unless it is empty."""
     at = world.clock.decision_words
     words = record.decisions
     size = append_zoning(out, k, words, at + 2)
@@ -418,7 +419,7 @@ def repeat_zoning(view, batch, out, words, at, end, key):
 
 @kernel
 def place_of(view, batch, identity):
-    """Which entry of a batch a robot is, or NIL."""
+    """The index of a robot in a batch, or NIL."""
     for k in range(batch.count):
         if view.robots.identity[batch.robot[k]] == identity:
             return k

@@ -1,9 +1,9 @@
-"""The digest of a state: 64 bits that are equal exactly when the states are, whatever the storage.
+"""The digest of a state: 64 bits that identify the state, independent of the storage order.
 
 Per array the sum mod 2^64 of hash(array, identity of the element, value): robots by identity,
-orders and slots by index. A pure function of the state after a tick; strategy memory, scratch,
-what follows from other arrays (occupancy) and what is kept for metrics (tallies, when and from
-where an order was taken) are left out.
+orders and slots by index. A pure function of the state after a tick. It excludes strategy memory,
+scratch, derived arrays (occupancy), and data for metrics (tallies, when and from where an order was
+taken).
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from automaton.engine.random_numbers import splitmix64
 from automaton.engine.state import NIL, World
 
 DIGEST_NAMES = digest_names(World)
-FIRST_OPTIONAL = 60  # number of the first array that only some scenarios have
+FIRST_OPTIONAL = 60  # number of the first optional array
 
 
 @kernel
@@ -26,7 +26,7 @@ def add_value(out, array, element, value):
 
 @kernel
 def code_of_cell(robots, i):
-    """The cell of robot i; off the floor where it comes back to."""
+    """The cell of robot i; off the floor, the cell to which it returns."""
     if robots.cell[i] == NIL and robots.bay[i] == NIL:
         return -2 - np.int64(robots.home[i])
     return np.int64(robots.cell[i])
@@ -85,8 +85,8 @@ def digest_world(world, out):
 def combine(digests):
     """One digest of the whole state from the digests of its arrays.
 
-    Of those from FIRST_OPTIONAL on, the empty ones are left out: what a scenario does not use does
-    not change the digests of its runs.
+    Empty arrays from FIRST_OPTIONAL on are left out, so features that a scenario does not use do
+    not change its digests.
     """
     whole = np.uint64(0)
     for k in range(digests.shape[0]):

@@ -1,8 +1,8 @@
-"""What each free robot tries in a tick, and what becomes of it: the two sides of motion.
+"""What each free robot tries in a tick, and the outcome: the phases before and after motion.
 
 `leave_parking_bays` and `drive` turn goals and routes into intents and begin operations;
-`apply_move_outcomes` reads the outcome of the moves and runs the waits and retries that right of
-way has set.
+`apply_move_outcomes` reads the outcomes of the moves and runs the waits and retries that right of
+way defines.
 """
 
 import numpy as np
@@ -112,7 +112,8 @@ from automaton.engine.trips import has_trips, is_in_own_queue, is_queueing_at_st
 
 @kernel
 def leave_parking_bays(world):
-    """Place robots with a task on their home cells if those had room at the start of the tick."""
+    """Place parked robots with a task on their home cells if these had room at the start of the
+    tick."""
     robots, tick = world.robots, world.clock.tick
     gated = has_gates(world)
     if gated:
@@ -146,7 +147,7 @@ def leave_parking_bays(world):
 
 @kernel
 def may_leave_bay(world, i):
-    """Whether robot i, parked with a goal, drives now: its route has come, or right of way says so."""
+    """Whether robot i, parked with a goal, drives now: it has a route, or right of way says so."""
     robots = world.robots
     if world.rules.steered[0] == 0:
         has_route = robots.route_index[i] < robots.route_length[i]
@@ -163,7 +164,7 @@ def may_leave_bay(world, i):
 
 @kernel
 def halt_robots(world, record):
-    """Robots that zoning halts wait from now on until it lets them go; who is down does not."""
+    """Robots that zoning halts wait until it releases them; robots that are down do not."""
     robots, tick = world.robots, world.clock.tick
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
@@ -182,7 +183,7 @@ def halt_robots(world, record):
 def drive(world, record):
     """Set traffic.intent and begin the operations of every robot that is free and on the floor."""
     robots, traffic = world.robots, world.traffic
-    several = world.rules.duration.shape[0] > 1  # types; reading a robot's costs 1 ns
+    several = world.rules.duration.shape[0] > 1  # reading a robot's costs takes 1 ns
     span = world.rules.duration[0, ACTION_MOVE]
     heading_mask = headings_of(world.grid, 0) - 1
     for i in range(robots.cell.shape[0]):
@@ -236,13 +237,13 @@ def drive_without_route(world, record, i):
     elif world.rules.steered[0] and is_in_own_queue(world, i):
         move_up(world, i)
     elif robots.retreat_moves[i] == 0 and robots.goal_cell[i] != NIL:
-        if robots.need[i] & NEED_ROUTE == 0:  # the route ended before: go on
+        if robots.need[i] & NEED_ROUTE == 0:  # the route ended early: continue on a new one
             request_route(world, i, REASON_NEW_GOAL)
 
 
 @kernel
 def move_up(world, i):
-    """Robot i, which is steered, is in the queue of its station: it tries the next cell in each tick."""
+    """Robot i is steered and in the queue of its station: it tries the next cell in each tick."""
     robots = world.robots
     direction = np.int64(world.pod_stations.queue_way[robots.cell[i]])
     if is_facing(world, i, direction):
@@ -254,7 +255,7 @@ def move_up(world, i):
 
 @kernel
 def hold_back(world, i, direction):
-    """Right of way lets robot i stay where it is."""
+    """Right of way tells robot i to stay."""
     count_lost_tick(world, i, ACTION_HELD_BACK)
     world.robots.executed[i] = np.int64(world.robots.executed[i]) | EXECUTED_BLOCKED
     world.traffic.intent[i] = HELD if direction == NO_STEP else HELD | TOWARDS | direction
@@ -262,7 +263,7 @@ def hold_back(world, i, direction):
 
 @kernel
 def do_goal(world, record, i):
-    """At its goal cell, robot i begins what it came for."""
+    """At its goal cell, robot i begins its task."""
     robots = world.robots
     flags = np.int64(robots.executed[i])
     goal_type = robots.goal_type[i]
@@ -284,7 +285,7 @@ def do_goal(world, record, i):
 
 @kernel
 def handling_time(world, record, i, action):
-    """Ticks of a pick or a drop that begins now, delay included."""
+    """Ticks of a pick or a drop that begins now, including the random delay."""
     ticks = max(np.int64(world.rules.duration[world.robots.type[i], action]), 1)
     if world.rules.handling_jitter:
         identity = np.int64(world.robots.identity[i])
@@ -295,7 +296,7 @@ def handling_time(world, record, i, action):
 
 @kernel
 def turn(world, i, direction):
-    """Turn robot i by 90 degrees towards a direction, clockwise if it must turn round.
+    """Turn robot i by 90 degrees towards a direction, clockwise for a half turn.
 
     In a cell of capacity 2 a turning robot needs both lanes; it claims its own cell meanwhile.
     """
@@ -377,7 +378,7 @@ def apply_move_outcomes(world, record):
 
 @kernel
 def park_if_home(world, i):
-    """A robot at home with nothing to do is in its parking bay, off the floor, or parked, from now on."""
+    """A robot at home with nothing to do is now in its parking bay, off the floor, or parked."""
     robots = world.robots
     home = np.int64(robots.home[i])
     if robots.goal_type[i] != GOAL_PARK or robots.cell[i] != home or robots.retreat_moves[i]:
@@ -392,7 +393,8 @@ def park_if_home(world, i):
     robots.executed[i] = np.int64(robots.executed[i]) | ENTERED_PARKING_BAY
     world.clock.unparked -= 1
     if world.rules.steered[0] == 0 or robots.need[i] & NEED_ALLOCATION == 0:
-        request_allocation(world, i, REASON_IDLE)  # who was pushed from its place waits as before
+        # A robot pushed from its place already has its request.
+        request_allocation(world, i, REASON_IDLE)
     if robots.bay[i] != NIL or world.rules.leave:
         vacate(world.traffic.occupancy, home, np.int64(robots.travel[i]))
         robots.cell[i] = NIL
@@ -401,7 +403,8 @@ def park_if_home(world, i):
 
 @kernel
 def handle_at_once(world, record, i):
-    """A robot whose move ends at its goal cell handles its load in the same tick, if that takes none."""
+    """A robot whose move ends at its goal cell handles its load in the same tick if that takes 0
+    ticks."""
     robots, duration = world.robots, world.rules.duration[world.robots.type[i]]
     picks = robots.goal_type[i] == GOAL_PICK and duration[ACTION_PICK] == 0
     drops = robots.goal_type[i] == GOAL_DROP and duration[ACTION_DROP] == 0
@@ -428,7 +431,7 @@ def handle_at_once(world, record, i):
 
 @kernel
 def after_step(world, i):
-    """A step that right of way asked for was made; after the last one of a retreat plan again."""
+    """A step that right of way asked for is done; after the last step of a retreat, plan again."""
     robots = world.robots
     if world.rules.steered[0]:
         park_if_home(world, i)
@@ -443,7 +446,7 @@ def after_step(world, i):
 
 @kernel
 def stop_before_pod(world, i):
-    """Robot i carries a load and would drive under a pod: the tick is lost, it plans again."""
+    """Robot i carries a load and would drive under a pod: it loses the tick and plans again."""
     robots = world.robots
     count_lost_tick(world, i, ACTION_BLOCKED)
     robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
@@ -453,7 +456,7 @@ def stop_before_pod(world, i):
 
 @kernel
 def stop_at_gate(world, i):
-    """A gate keeps robot i: the tick is lost, and it tries again in the next one."""
+    """A gate blocks robot i: it loses the tick and tries again in the next one."""
     robots = world.robots
     count_lost_tick(world, i, ACTION_GATE)
     robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
@@ -469,9 +472,10 @@ def stop_at_gate(world, i):
 
 @kernel
 def stands_in_queue(world, i):
-    """Whether robot i finds the next cell of its station's queue held, or the station: no wait begins.
+    """Whether robot i is blocked by the queue of its station or by the station; then no wait
+    begins.
 
-    One that the queue alone moves stands in it whatever the robot ahead is there for.
+    A robot that only the queue moves counts as queueing, whatever the robot ahead does there.
     """
     if not has_trips(world) or world.traffic.intent[i] == NO_TURN:
         return False
@@ -515,12 +519,12 @@ def refused(world, record, i):
         record_change(world.clock, record, CHANGE_DURATION, identity, ticks)
 
 
-# How long a move takes where zones or speed limits slow robots down, or where chance does.
+# How long a move takes where zones, speed limits or random delays slow robots down.
 #
-# A MOVE that starts in a zone with m robots takes m times as long (Bhattathiri, Li & Kuhl). m is what
-# the zone held when the tick began, each robot counted in the cell that it stands in or leaves, the
-# mover always included. Cells in no zone slow no robot down. A speed limit holds before zones
-# multiply; a tick more, by a draw, comes on top.
+# A MOVE that starts in a zone with m robots takes m times as long (Bhattathiri, Li & Kuhl). m is
+# the number of robots in the zone when the tick began; each robot counts in the cell where it
+# stands or that it leaves, and the mover always counts. Cells outside zones do not slow robots
+# down. A speed limit applies before the zone multiplies; a random extra tick is added last.
 
 
 @kernel
@@ -539,7 +543,7 @@ def count_robots(grid, robots, zone_occupancy):
 
 @kernel
 def set_move_ticks(world):
-    """Set traffic.move_ticks of every move that is wanted in this tick."""
+    """Set traffic.move_ticks of every move intended in this tick."""
     traffic = world.traffic
     for i in range(world.robots.cell.shape[0]):
         intent = np.int64(traffic.intent[U(i)])
@@ -549,7 +553,7 @@ def set_move_ticks(world):
 
 @kernel
 def ticks_of_move(world, i, intent):
-    """What a move of robot i takes if it starts now."""
+    """Ticks of a move of robot i that starts now."""
     rules = world.rules
     usual = np.int64(rules.duration[U(world.robots.type[U(i)]), U(ACTION_MOVE)])
     ticks = limited_ticks(world.grid, usual, np.int64(world.robots.cell[U(i)]), intent & 3)
@@ -565,7 +569,8 @@ def ticks_of_move(world, i, intent):
 
 @kernel
 def robots_in_zone(world, i, intent):
-    """Robots that slow a move of robot i out of its cell, itself included; 1 where there is no zone."""
+    """Number of robots that slow a move of robot i out of its cell, including itself; 1 outside
+    zones."""
     cell = np.int64(world.robots.cell[U(i)])
     traffic_zone = np.int64(world.grid.traffic_zone[U(cell), U((intent & 3) >> 1)])
     if traffic_zone == NIL:

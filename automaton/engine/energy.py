@@ -1,7 +1,7 @@
-"""Energy: what operations take from batteries, charging, and the lines before chargers.
+"""Energy: the charge used by operations, charging, and the queues before chargers.
 
-An operation is paid when it begins. A robot that lacks what its next one takes is exhausted: it
-does nothing in this tick and is down from the next one on (automaton.engine.faults).
+An operation uses its charge when it begins. A robot without enough charge for its next operation is
+exhausted: it does nothing in this tick and is down from the next tick on (automaton.engine.faults).
 """
 
 import numpy as np
@@ -37,7 +37,7 @@ from automaton.engine.time_use import count_waiting_for_chargers
 
 @kernel
 def has_energy_for(world, i, action):
-    """Whether the battery of robot i holds what an operation takes; else it is exhausted."""
+    """Whether robot i has enough charge for an operation; if not, it is exhausted."""
     if world.rules.battery == 0:
         return True
     ticks = max(np.int64(world.rules.duration[world.robots.type[i], action]), 1)
@@ -51,7 +51,7 @@ def has_energy_for(world, i, action):
 
 @kernel
 def charge_gain(world, i):
-    """Units that a tick at a charger, or a stride, gives robot i at its charge."""
+    """Units of charge that robot i gains in one tick (or stride) at a charger."""
     charge = np.int64(world.robots.charge[i])
     rate = rate_at(world.rules.curve[world.robots.type[i]], charge)
     return min(world.rules.stride * rate, BATTERY_FULL - charge)
@@ -59,13 +59,13 @@ def charge_gain(world, i):
 
 @kernel
 def charge_up(world, i):
-    """One tick of charging at the robot's goal cell; it is free when its level is reached."""
+    """One tick of charging at the robot's goal cell; the robot is free when its level is reached."""
     robots = world.robots
     first = robots.action[i] != ACTION_CHARGE
     robots.ticket[i] = 0
     world.tally.progress[i] = world.clock.tick
     count_lost_tick(world, i, ACTION_CHARGE)
-    robots.busy[i] = 1  # motion takes it away again in this tick
+    robots.busy[i] = 1  # motion counts it down in this tick
     world.tally.operations[i, ACTION_CHARGE, 0] -= 0 if first else 1
     robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_CHARGE
     charger = world.chargers.charger_at[robots.goal_cell[i]]
@@ -80,7 +80,7 @@ def charge_up(world, i):
 
 @kernel
 def end_charging(world, i):
-    """Robot i has nothing to do at a charger any more."""
+    """Robot i is done at its charger."""
     robots = world.robots
     if robots.goal_type[i] == GOAL_CHARGE:
         offer_charger(world, i)
@@ -93,7 +93,7 @@ def end_charging(world, i):
 
 @kernel
 def offer_charger(world, besides):
-    """A robot leaves its place at a charger: charging is asked about all others that are idle."""
+    """A robot leaves its place at a charger: charging is asked about all other idle robots."""
     if world.rules.watches_chargers[0] == 0:
         return
     robots = world.robots
@@ -105,17 +105,17 @@ def offer_charger(world, besides):
 
 @kernel
 def has_line(world, i):
-    """Whether robots line up before the charger where robot i is to charge: its places may be taken."""
+    """Whether robots queue before the charger where robot i is to charge: its places may run out."""
     places = world.chargers.places[world.chargers.charger_at[world.robots.goal_cell[i]]]
     return places == 1 or places < world.robots.cell.shape[0]
 
 
 @kernel
 def cancel_infeasible_moves(world):
-    """Take back the moves that robots cannot pay, or that would jump a line; idle ticks are paid.
+    """Cancel moves without enough charge, or out of turn in a charger queue; subtract idle charge.
 
-    Call between `drive` and motion. Robots before their charger wait for their turn: while it is
-    held, or others came before them, they do not try.
+    Call between `drive` and motion. Robots before their charger wait for their turn: they do not
+    try to enter while it is occupied or others came first.
     """
     robots, chargers = world.robots, world.chargers
     count_waiting_for_chargers(world)
@@ -147,7 +147,7 @@ def cancel_infeasible_moves(world):
 
 @kernel
 def record_exit_cell(world, i):
-    """A robot in a charger, with its charging done, is about to drive out into this cell."""
+    """Record the cell into which a robot that has finished charging is about to drive out."""
     robots, chargers = world.robots, world.chargers
     charger = np.int64(chargers.charger_at[U(robots.cell[U(i)])])
     if charger == NIL or robots.goal_type[U(i)] == GOAL_CHARGE or robots.claim[U(i)] != NIL:
@@ -163,7 +163,7 @@ def record_exit_cell(world, i):
 
 @kernel
 def is_entering_charger(world, i):
-    """Whether the move that robot i wants leads into the charger where it is to charge."""
+    """Whether the intended move of robot i leads into the charger where it is to charge."""
     robots = world.robots
     if robots.goal_type[U(i)] != GOAL_CHARGE:
         return False
@@ -173,7 +173,7 @@ def is_entering_charger(world, i):
 
 @kernel
 def join_charger_queue(world, i):
-    """Robot i keeps its place in the line before its charger, or gets the last one."""
+    """Robot i keeps its place in the queue before its charger, or joins at the end."""
     robots, chargers = world.robots, world.chargers
     if robots.ticket[i] == 0:
         world.clock.tickets_issued += 1
@@ -187,7 +187,8 @@ def join_charger_queue(world, i):
 def block_unless_first(world, i):
     """Robot i does not move into its charger unless it is first and there is room.
 
-    A holder that wants out through robot i's own cell is met head-on: right of way must decide.
+    If the occupant must leave through robot i's cell, the two meet head-on: right of way must
+    decide.
     """
     robots, chargers = world.robots, world.chargers
     if not is_entering_charger(world, i):
@@ -206,9 +207,9 @@ def block_unless_first(world, i):
 
 # The charging curve, a step function: units per tick by the level at the start of the tick.
 #
-# A curve is (K, 2) int32: the level from which each piece holds (the first one from 0), and its rate.
-# One piece is the linear curve. Further pieces make a taper; the time to charge from a to b is then
-# the sum over the pieces in between, each in whole ticks.
+# A curve is (K, 2) int32: the level from which each piece applies (the first one from 0), and its
+# rate. A single piece is linear charging. Further pieces make a taper; the time to charge from a to
+# b is then the sum over the pieces in between, each in whole ticks.
 
 
 # Columns of a curve.
@@ -243,7 +244,7 @@ def charging_ticks(curve, low, high):
 
 @kernel
 def level_after(curve, low, ticks, full):
-    """The level after so many ticks of charging; never above `full`."""
+    """The level after a number of ticks of charging; never above `full`."""
     level = np.int64(low)
     left = np.int64(ticks)
     last = curve.shape[0] - 1

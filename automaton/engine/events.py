@@ -56,7 +56,7 @@ IN_CYCLE = NIL  # value of scratch.color
 
 @kernel
 def max_events(world):
-    """How many events a tick can have."""
+    """The maximum number of events in a tick."""
     return MAX_EVENTS_PER_ROBOT * world.robots.cell.shape[0] + world.stations.slot.shape[0] + 1
 
 
@@ -75,7 +75,7 @@ def note_events(world, observation):
         if executed & LEFT_PARKING_BAY:
             event(world, observation, EVENT_LEFT_BAY, identity, NIL, NIL)
         visited = world.tally.visits[i] != observation.visits_before[i]
-        came = action == EXECUTED_PICK and robots.load[i] == NIL  # all that it had to do
+        came = action == EXECUTED_PICK and robots.load[i] == NIL  # the pick completed its order
         # An order that is done may have been taken in this tick, too.
         had = np.int64(world.tally.visited[i]) if (visited or came) and order == NIL else order
         if had != before and before != NIL and action != EXECUTED_DROP:
@@ -97,7 +97,7 @@ def note_events(world, observation):
 
 @kernel
 def note_work(world, observation):
-    """The events of stations that are done with a part."""
+    """The events of stations whose job on a part is done."""
     stations = world.stations
     for k in range(observation.working.shape[0]):
         work, now = np.int64(observation.working[k]), np.int64(stations.in_service[k])
@@ -109,13 +109,13 @@ def note_work(world, observation):
 
 @kernel
 def note_zones(world, observation):
-    """The event of stations that came from one zone into another."""
+    """The event of stations that changed their zone."""
     design, moved = world.service_zones.design, 0
     for station in range(observation.zone_before.shape[0]):
         before, now = np.int64(observation.zone_before[station]), np.int64(design.zone[station])
         if before != now:
             observation.zone_before[station] = now
-            if before != NIL:  # at the start it had none
+            if before != NIL:  # no zone before the first design
                 moved += 1
                 observation.reshaped[before] = world.clock.tick
                 observation.reshaped[now] = world.clock.tick
@@ -126,7 +126,7 @@ def note_zones(world, observation):
 
 @kernel
 def action_of(executed):
-    """What a robot did, of which a move at whose end it handled its load is the handling."""
+    """The action of a robot; a move at whose end it handled its load counts as the handling."""
     if executed & PICKED_ON_ARRIVAL:
         return EXECUTED_PICK
     return EXECUTED_DROP if executed & DROPPED_ON_ARRIVAL else executed & ACTION_MASK
@@ -145,7 +145,7 @@ def event(world, observation, code, robot, subject, value):
 
 @kernel
 def note_action(world, observation, i, identity, action):
-    """The events of an operation that robot i began."""
+    """The events of an operation that robot i has begun."""
     if action == EXECUTED_PICK and world.robots.load[i] == NIL:
         visited = np.int64(world.tally.visited[i])
         event(
@@ -162,7 +162,7 @@ def note_action(world, observation, i, identity, action):
     elif action == EXECUTED_CHARGE:
         if (
             world.tally.operations[i, ACTION_CHARGE, 0] != observation.stays[i]
-        ):  # not in every tick of a stay
+        ):  # only in the first tick of a stay
             observation.stays[i] = world.tally.operations[i, ACTION_CHARGE, 0]
             event(
                 world, observation, EVENT_CHARGING, identity, NIL, np.int64(world.robots.charge[i])
@@ -182,7 +182,7 @@ def note_action(world, observation, i, identity, action):
 
 @kernel
 def note_visit(world, observation, i, identity):
-    """The events of a stop that robot i has done, after the last one the delivery of its order."""
+    """The events of a stop that robot i has done; after the last stop the order is delivered."""
     observation.visits_before[i] = world.tally.visits[i]
     order, cell = np.int64(world.tally.visited[i]), np.int64(world.robots.cell[i])
     event(world, observation, EVENT_VISITED, identity, order, cell)
@@ -192,7 +192,7 @@ def note_visit(world, observation, i, identity):
 
 @kernel
 def note_status(world, observation, i, identity):
-    """The events of a robot that goes down, is towed, or comes back."""
+    """The events of a robot that goes down, is towed, or returns."""
     status = np.int64(world.robots.status[i])
     observation.status_before[i] = status
     if status == STATUS_DEPLETED or status == STATUS_FAILED:
@@ -208,7 +208,7 @@ def note_status(world, observation, i, identity):
 def find_cycles(world, observation):
     """Mark the robots on cycles of blockers.
 
-    Whoever has a blocker is among those that `observe` has listed.
+    `observe` has listed all robots with a blocker.
     """
     scratch = observation.scratch
     color = scratch.color
@@ -230,7 +230,7 @@ def find_cycles(world, observation):
 
 @kernel
 def close_cycle(world, observation, first):
-    """Mark the cycle through `first`, and note when it closed or has lasted too long."""
+    """Mark the cycle through `first`, and report when it closes or has lasted too long."""
     robots = world.robots
     members = 0
     youngest = np.int64(observation.wait_cycle_ticks[first])
@@ -243,7 +243,7 @@ def close_cycle(world, observation, first):
         members += 1
         i = np.int64(robots.at_index[observation.blocker[i]])
     for _ in range(members):
-        # With another robot in it, it is another wait cycle.
+        # a cycle with a new member is a new wait cycle
         observation.wait_cycle_ticks[i] = youngest + 1
         i = np.int64(robots.at_index[observation.blocker[i]])
     if youngest == 0:

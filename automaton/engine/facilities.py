@@ -1,4 +1,4 @@
-"""The floor, and what stands on it: slots for loads, stations that work on parts, chargers.
+"""The floor and its facilities: slots for loads, stations that work on parts, chargers.
 
 C cells with the border, s slots, m orders, K types of robots. NIL (-1) means none.
 """
@@ -21,16 +21,16 @@ from automaton.engine.jit.structs import (
     nested,
 )
 
-ACTION_COUNT: Final = 20  # actions that automaton.engine.state numbers
-MICRO: Final = 1_000_000  # parts of a tick in which handling at stations is summed
-# Strategies by number: of the layers, then further ones that allocate orders to some types of robots.
+ACTION_COUNT: Final = 20  # number of actions in automaton.engine.state
+MICRO: Final = 1_000_000  # parts of a tick in which handling times at stations are summed
+# Strategies by number: one per layer, then further allocations for some types of robots.
 STRATEGY_COUNT: Final = 8
 
 
 class Rules(Struct, role=STATIC):
     """The scenario's constants."""
 
-    seed: Any = field("uint64", "all draws of a run follow from it")
+    seed: Any = field("uint64", "seed of all random draws of a run")
     following: int = field(
         "int64", "FOLLOWING_*: when a robot may begin to move into a cell that another one holds"
     )
@@ -39,103 +39,107 @@ class Rules(Struct, role=STATIC):
     )
     stop: int = field("int64", "STOP_PARKED, STOP_DELIVERED, STOP_NEVER")
     leave: int = field("int64", "1: a robot with nothing to do leaves the floor where it stands")
-    radius: int = field("int64", "how far strategies see, cells; NIL everything, or ORDER_LIST")
+    radius: int = field("int64", "how far strategies see, in cells; NIL: everything; or ORDER_LIST")
     circle: int = field("int64", "1: the radius is Euclid's, 0: Chebyshev's")
-    in_system: int = field("int64", "orders that a closed loop keeps open; 0: it is none")
-    assigned: int = field("int64", "1: order k is for robot k mod n alone, one after another")
+    in_system: int = field("int64", "orders that a closed loop keeps open; 0: no closed loop")
+    assigned: int = field("int64", "1: order k is for robot k mod n only, one after another")
     skip_reached: int = field(
-        "int64", "1: such a robot passes over an order at whose first stop it stands"
+        "int64", "1: such a robot skips an order at whose first stop it stands"
     )
-    priorities: Array = field("(p,) int16", "those that orders have, the highest first")
+    priorities: Array = field("(p,) int16", "priorities that orders have, highest first")
     join: int = field("int64", "1: lines join trips under way; 0: each is a trip of its own")
     under: int = field(
         "int64", "1: robots without a load drive under pods; 0: only the one that lifts it"
     )
     loaded_types: int = field(
-        "int64", "what is added to the type of a robot that carries a load; 0: it drives as without"
+        "int64",
+        "added to the type of a robot that carries a load; 0: loads do not change how it drives",
     )
     own_zones: int = field("int64", "1: only orders and stations in zones of robots that are seen")
-    refinement: int = field("int64", "ticks of the run in a tick of its scenario; 1: not refined")
+    refinement: int = field("int64", "ticks of the run per tick of its scenario; 1: not refined")
     stride: int = field(
-        "int64", "in the first of so many ticks strategies decide and robots begin something"
+        "int64",
+        "strategies decide and robots begin operations only in the first of this many ticks",
     )
-    tick_us: int = field("int64", "a tick in millionths of a second; 0: the scenario does not say")
+    tick_us: int = field("int64", "microseconds per tick; 0: the scenario does not say")
     cell_milli: int = field(
-        "int64", "a cell's side in thousandths of the scenario's unit of length; 0: none"
+        "int64", "a cell's side in thousandths of the scenario's unit of length; 0: unknown"
     )
     duration: Array = field(f"(K, {ACTION_COUNT}) int32", "ticks of each action, by type of robot")
-    payload: Array = field("(K,) int32", "the heaviest order that robots of a type carry")
+    payload: Array = field("(K,) int32", "the heaviest order that robots of a type can carry")
     wait: Array = field(
         "(5,) int32", "empty from, to; loaded from, to; retries before right of way is asked"
     )
     period: Array = field(
-        f"({STRATEGY_COUNT},) int32", "a strategy is asked every so many ticks; 0 never"
+        f"({STRATEGY_COUNT},) int32", "ticks between periodic calls of a strategy; 0 never"
     )
     holders: Array = field(f"({STRATEGY_COUNT},) uint8", "1 = a strategy reads traffic.holder")
-    allocations: int = field("int64", "how many strategies allocate orders to robots")
-    allocation: Array = field(
-        "(K,) uint8", "the strategy that allocates orders to robots of a type"
-    )
+    allocations: int = field("int64", "number of allocation strategies")
+    allocation: Array = field("(K,) uint8", "the allocation strategy of a robot type")
     steered: Array = field("(1,) uint8", "1 = right of way steers the robots: they keep no routes")
     watches_chargers: Array = field(
         "(1,) uint8", "1 = charging is asked about idle robots when a place at a charger is free"
     )
     table_bytes: int = field("int64", "memory for distance tables")
-    slowdown: int = field("int64", "1: a move takes as many times longer as its zone has robots")
-    extra_tick: int = field("int64", "of 2**32 moves, how many take a tick more")
-    handling_jitter: int = field("int64", "a pick or drop takes up to so many ticks more")
+    slowdown: int = field("int64", "1: a move in a zone with m robots takes m times as long")
+    extra_tick: int = field("int64", "probability that a move takes an extra tick, times 2**32")
+    handling_jitter: int = field("int64", "maximum random delay of a pick or drop, ticks")
     battery: int = field("int64", "1: robots run on batteries")
     drain: Array = field(
         f"(K, {ACTION_COUNT}, 2) int64",
-        "units of charge that a tick of each action takes; [.., 1] loaded",
+        "units of charge used per tick of each action; [.., 1] loaded",
     )
     curve: Array = field(
-        "(K, pieces, 2) int32", "from this charge on, units that a tick at a charger gives"
+        "(K, pieces, 2) int32", "from this charge on, units gained per tick at a charger"
     )
-    reserve: Array = field("(K,) int64", "charge that plans never go below")
+    reserve: Array = field("(K,) int64", "charge that plans must keep in reserve")
     tow_after: int = field("int64", "ticks that a robot is down before it is towed; NIL: it stays")
-    repair: int = field("int64", "ticks from towing until it comes back; NIL: never")
+    repair: int = field("int64", "ticks from towing until it returns; NIL: never")
     repaired: int = field(
-        "int64", "charge with which it comes back; NIL: its own, or the reserve if it ran empty"
+        "int64", "charge with which it returns; NIL: its own, or the reserve if it ran empty"
     )
-    may_fail: int = field("int64", "1: robots may go down")
-    faults: Array = field("(f, 2) int64", "tick, identity; by tick")
-    breakdown: int = field("int64", "of 2**32 ticks on the floor, how many end in a fault")
+    may_fail: int = field("int64", "1: robots may break down or run empty")
+    faults: Array = field("(f, 2) int64", "planned faults: tick, identity; by tick")
+    breakdown: int = field("int64", "probability of a fault per tick on the floor, times 2**32")
     repair_in_place: Array = field(
         "(r,) int32",
-        "ticks for which a broken robot stands, all alike probable; r = 0: it is towed",
+        "duration of a repair in place, ticks, entries equally likely; r = 0: it is towed",
     )
 
 
 class Grid(Struct, role=CONSTANT):
-    """The floor, static; flat index c = y * width + x, one cell of border wall all round."""
+    """The floor, static; flat index c = y * width + x, with a border wall one cell wide."""
 
     width: int = field("int64", "cells in a row, border included")
-    headings: int = field("int64", "headings of the robots that distinguish most: poses of a cell")
+    headings: int = field(
+        "int64", "poses per cell: the most headings that any robot type distinguishes"
+    )
     kind: Array = field("(C,) uint8", "automaton.floor.cells")
     cell_flags: Array = field(
         "(C,) uint8", "bits 0-3 exits E S W N, 4 may turn, 5-6 capacity (0 unlimited)"
     )
     type_cell_flags: Array = field(
         "(K, C) uint8",
-        "the same for robots of type k, with their exits; 7 no way leads through",
+        "the same for robots of type k, with their exits; bit 7: no path crosses the cell",
         role=CONSTANT,
     )
-    drivable: Array = field("(F,) int32", "the cells that robots drive on, ascending")
+    drivable: Array = field("(F,) int32", "drivable cells, ascending")
     offset: Array = field("(4,) int64", "from a cell to its neighbour E, S, W, N")
     slot: Array = field("(C,) int32", "the slot in this cell, or NIL")
     traffic_zone: Array = field(
-        "(C, 2) int32", "of a robot that travels in direction d: [c, d >> 1], or NIL", role=CONSTANT
+        "(C, 2) int32",
+        "traffic zone of a robot that travels in direction d: [c, d >> 1], or NIL",
+        role=CONSTANT,
     )
     traffic_zone_count: int = field("int64", "automaton.floor.traffic_zones")
     min_move_ticks: Array = field(
         "(M,) uint16",
-        "ticks that a move from cell c in direction d takes at least: [4 c + d]; M = 0: no limits",
+        "least ticks of a move from cell c in direction d: [4 c + d]; M = 0: no limits",
         role=CONSTANT,
     )
     type_headings: Array = field(
         "(K,) int64",
-        "that robots of type k distinguish: 1 omni, 2 rail (axes), 4 differential",
+        "headings that robots of type k distinguish: 1 omni, 2 rail (axes), 4 differential",
         role=CONSTANT,
     )
 
@@ -143,10 +147,12 @@ class Grid(Struct, role=CONSTANT):
 class Slots(Struct, role=DERIVED):
     """Cells that hold loads: shelves one each; destinations, racks, docks and stations any number.
 
-    Where robots may fail, the last n are spare ones: a load that a robot had to leave lies in one.
+    Where robots may fail, the last n slots are spare: each holds a load left behind by a robot.
     """
 
-    cell: Array = field("(s,) int32", "NIL: a spare one without a load", digest=43, header=True)
+    cell: Array = field(
+        "(s,) int32", "its cell; NIL: a spare slot without a load", digest=43, header=True
+    )
     unbounded: Array = field("(s,) uint8", "1 = any number of loads: no shelf")
     content: Array = field("(s,) int32", "the order on a shelf, or NIL", digest=41)
     reserved_by: Array = field(
@@ -159,28 +165,28 @@ class Slots(Struct, role=DERIVED):
         "(s, 4) int32", "drivable neighbours E, S, W, N, or NIL; a station: itself"
     )
     accessible: Array = field(
-        "(K, s) uint8", "1 = robots of this type get to an access cell of the slot"
+        "(K, s) uint8", "1 = robots of this type can reach an access cell of the slot"
     )
     first_spare: int = field("int64", "the first spare slot, or s", role=STATIC)
     reachable: Array = field(
-        "(K, C) uint8", "1 = robots of this type get there and back home", role=CONSTANT
+        "(K, C) uint8", "1 = robots of this type can reach the cell and return home", role=CONSTANT
     )
 
 
 class Chargers(Struct, role=STATIC):
-    """Cells where robots charge; k of them."""
+    """Chargers: k cells where robots charge."""
 
-    cell: Array = field("(k,) int32", "where it is")
+    cell: Array = field("(k,) int32", "its cell")
     charger_at: Array = field("(C,) int32", "the charger in a cell, or NIL")
-    places: Array = field("(k,) int32", "robots that charge there at once")
+    places: Array = field("(k,) int32", "number of robots that can charge there at once")
     exit_cell: Array = field(
         "(k,) int32",
-        "scratch: the cell into which its holder wants to move, or NIL",
+        "scratch: the cell into which its occupant intends to move, or NIL",
         default=NIL,
         role=SCRATCH,
     )
     first_ticket: Array = field(
-        "(k,) int64", "scratch: the lowest ticket at its door", role=SCRATCH
+        "(k,) int64", "scratch: the lowest ticket in its queue", role=SCRATCH
     )
     busy_ticks: Array = field("(k,) int64", "robot ticks of charging there", role=MEASURED)
     queue_ticks: Array = field(
@@ -195,14 +201,14 @@ class Chargers(Struct, role=STATIC):
 
 
 class Stations(Struct, role=STATIC):
-    """Stations that process parts: k of them, one part at a time each, first in, first out; j jobs.
+    """k stations that process parts, one at a time, first in, first out; j jobs.
 
     A job is one part at one station.
     """
 
     at: Array = field("(s,) int32", "the station that a slot is, or NIL")
     slot: Array = field("(k,) int32")
-    in_service: Array = field("(k,) int32", "the job under way, or NIL", default=NIL, digest=44)
+    in_service: Array = field("(k,) int32", "the current job, or NIL", default=NIL, digest=44)
     queue_tail: Array = field(
         "(k,) int32",
         "the job at the end of the queue, or NIL",
@@ -210,10 +216,10 @@ class Stations(Struct, role=STATIC):
         digest=45,
         recorded=False,
     )
-    job_done_tick: Array = field("(k,) int64", "tick in which the job under way is done", digest=46)
-    part_arrivals: Array = field("(p,) int32", "the jobs with which parts begin, by tick")
+    job_done_tick: Array = field("(k,) int64", "tick in which the current job is done", digest=46)
+    part_arrivals: Array = field("(p,) int32", "the first job of each part, by tick")
     station: Array = field("(j,) int32")
-    processing_time: Array = field("(j,) int32", "how long it takes", header=True)
+    processing_time: Array = field("(j,) int32", "its duration", header=True)
     part: Array = field("(j,) int32", "the part's number")
     releases_order: Array = field(
         "(j,) int32", "the order that is released when it is done; NIL: none"
@@ -223,7 +229,7 @@ class Stations(Struct, role=STATIC):
     )
     arrival_tick: Array = field(
         "(j,) int32",
-        "tick in which the part came, or comes; NIL: unknown",
+        "tick in which the part arrives; NIL: unknown",
         hidden=NIL,
         digest=48,
         header=True,
@@ -237,45 +243,49 @@ class Stations(Struct, role=STATIC):
 
 
 class Stops(Struct, role=STATIC):
-    """The stops of all orders, one order after another; v cells in which a robot has to stand.
+    """The stops of all orders, one order after another; v stops.
 
-    Those of order k are `orders.first_stop[k]` to `orders.first_stop[k + 1]`, without the end; of a trip
-    up to the first without a cell.
+    Those of order k are `orders.first_stop[k]` to `orders.first_stop[k + 1]`, end excluded; of a
+    trip, up to the first stop without a cell.
     """
 
     cell: Array = field(
-        "(v,) int32", "where a robot has to stand, NIL: none yet", role=DERIVED, header=True
+        "(v,) int32",
+        "the cell where a robot must stand; NIL: not known yet",
+        role=DERIVED,
+        header=True,
     )
     ticks: Array = field(
         "(v,) int32",
-        "for how long; 0: it is enough that it stands there",
+        "ticks of the stop; 0: to stand there at the end of a tick is enough",
         role=DERIVED,
         header=True,
     )
     done: Array = field(
         "(v,) int32",
-        "tick at whose end a robot stood there for its order, or NIL",
+        "tick in which the stop was done, or NIL",
         default=NIL,
         digest=60,
     )
     arrived: Array = field(
         "(v,) int32",
-        "tick at whose end the robot that last came for it stood there, or NIL",
+        "tick in which the robot that last came for it arrived there, or NIL",
         default=NIL,
         role=MEASURED,
     )
 
 
 class Gates(Struct, role=STATIC):
-    """What lets robots into some cells at some times only: g gates, without gates all sizes are 0.
+    """Gates let robots into cells only at some times: g gates; without gates all sizes are 0.
 
-    A gate has cells, and a cell may have several gates. All are numbered together, in the order of
-    their kinds. What they are stays; what has a digest number changes from tick to tick.
+    A gate has cells, and a cell may have several gates. All gates are numbered together, in the
+    order of their kinds. Fields with a digest number change from tick to tick; the others are
+    constant.
     """
 
     kind: Array = field("(g,) uint8", "GATE_*")
     cell_first: Array = field(
-        "(c + 1,) int32", "cell_gate[cell_first[k]: cell_first[k + 1]] are the gates of cell k"
+        "(c + 1,) int32", "gates of cell k: cell_gate[cell_first[k]: cell_first[k + 1]]"
     )
     cell_gate: Array = field("(e,) int32", "gates by cell, each cell's in ascending order")
     cell_index: Array = field(
@@ -283,7 +293,7 @@ class Gates(Struct, role=STATIC):
     )
     first_closing: Array = field(
         "(g + 1,) int32",
-        "closings[first_closing[k]: first_closing[k + 1]] are those of gate k",
+        "closings of gate k: closings[first_closing[k]: first_closing[k + 1]]",
         header=True,
     )
     closings: Array = field(
@@ -295,100 +305,114 @@ class Gates(Struct, role=STATIC):
     replan_after: Array = field(
         "(a,) int64", "lost ticks after which a robot is planned around a closing; empty: never"
     )
-    max_robots: Array = field("(g,) int32", "that a block holds")
-    same_way: Array = field("(g,) uint8", "1 = robots enter a block after each other over one cell")
-    opening_ticks: Array = field("(g,) int64", "that a door takes to open, or the doors of a lift")
-    hold_ticks: Array = field("(g,) int64", "without use after which a door shuts")
-    travel_ticks: Array = field("(g,) int64", "of a cabin from one mouth to the next")
+    max_robots: Array = field("(g,) int32", "robots that a block can hold")
+    same_way: Array = field(
+        "(g,) uint8", "1 = a block is one-way: robots in it at the same time entered over one cell"
+    )
+    opening_ticks: Array = field(
+        "(g,) int64", "ticks that a door, or the doors of a lift, take to open"
+    )
+    hold_ticks: Array = field("(g,) int64", "ticks without use after which a door shuts")
+    travel_ticks: Array = field("(g,) int64", "ticks of a cabin from one mouth to the next")
     cabin_ticks: Array = field(
         "(c, 4) int32", "ticks of a move in a lift, by direction E S W N; 0: the usual ones"
     )
-    closing: Array = field(
-        "(g,) int32", "which closing of a gate comes or lasts, from 0", digest=75
-    )
+    closing: Array = field("(g,) int32", "the current or next closing of a gate, from 0", digest=75)
     open_from: Array = field(
         "(g,) int64", "tick from which a door, or a lift at its mouth, lets robots in", digest=76
     )
     used: Array = field("(g,) int64", "tick in which a door was last used or asked for", digest=77)
     mouth: Array = field(
-        "(g,) int32", "a block: the cell last entered; a lift: where its cabin is", digest=78
+        "(g,) int32", "a block: the cell last entered; a lift: the cell of its cabin", digest=78
     )
     caller: Array = field(
         "(g,) int32", "identity of the robot that called a lift, or NIL", default=NIL, digest=79
     )
     waited: Array = field(
-        "(r,) int64", "ticks that a robot has lost before one closing, by identity", digest=80
+        "(r,) int64",
+        "ticks that a robot has lost in front of one closed gate, by identity",
+        digest=80,
     )
     waited_for: Array = field(
-        "(r,) int32", "that row of closings, by identity, or NIL", default=NIL, digest=81
+        "(r,) int32",
+        "the row of closings for which these ticks count, by identity, or NIL",
+        default=NIL,
+        digest=81,
     )
-    robots: Array = field("(g,) int32", "in it when the tick began", role=SCRATCH)
+    robots: Array = field("(g,) int32", "robots in it when the tick began", role=SCRATCH)
     held: Array = field(
-        "(n,) int32", "the gate that kept a robot in this tick, or NIL", default=NIL, role=SCRATCH
+        "(n,) int32",
+        "the gate that blocked a robot in this tick, or NIL",
+        default=NIL,
+        role=SCRATCH,
     )
     first_entrant: Array = field(
-        "(g,) int32", "entry of those that want into it", default=NIL, role=SCRATCH
+        "(g,) int32", "first entry in the list of its entrants", default=NIL, role=SCRATCH
     )
     entrant: Array = field("(y,) int32", "storage index of a robot", role=SCRATCH)
-    entrant_cell: Array = field("(y,) int32", "the cell that it would enter", role=SCRATCH)
-    next_entrant: Array = field("(y,) int32", "the next one of the same gate", role=SCRATCH)
+    entrant_cell: Array = field("(y,) int32", "the cell that it wants to enter", role=SCRATCH)
+    next_entrant: Array = field("(y,) int32", "the next entry of the same gate", role=SCRATCH)
 
 
-# Pods, the lines of orders that they are carried to stations for, and the trips that follow.
+# Pods, order lines served by carrying pods to stations, and the resulting trips.
 #
-# p pods, k stations, l lines of q orders. A *trip* is one pod lifted, carried to some stations and
-# stored again: an order of the world, which is known from the tick in which a line asks for it. There
-# are as many numbers of trips as lines, w = l times the stops that a trip may have. Orders of a list
-# may carry pods without lines: then the arrays of trips go by order and stop of the list, those of
-# lines are empty. NIL (-1) means none.
+# p pods, k stations, l lines of q orders. A *trip* lifts one pod, carries it to some stations and
+# stores it again. It is an order of the world, known from the tick in which a line asks for it.
+# Trips have as many numbers as lines; w = l times the maximum number of stops of a trip. Orders of
+# a list may carry pods without lines: then arrays of trips are indexed by order and stop of the
+# list, and arrays of lines are empty. NIL (-1) means none.
 
 
 class Pods(Struct, role=STATIC):
-    """Pods. One is in a slot or on a robot, never elsewhere."""
+    """Pods; each is in a slot or on a robot."""
 
     slot: Array = field(
-        "(p,) int32", "where it stands, NIL: on a robot", default=NIL, digest=61, header=True
+        "(p,) int32",
+        "the slot where it stands; NIL: on a robot",
+        default=NIL,
+        digest=61,
+        header=True,
     )
-    home: Array = field("(p,) int32", "the slot in which it stood first")
+    home: Array = field("(p,) int32", "the slot where it stood at the start")
     pod_class: Array = field("(p,) int16", "its class, from 0")
-    trip: Array = field("(p,) int32", "its trip that is not over, or NIL", default=NIL, digest=62)
+    trip: Array = field("(p,) int32", "its current trip, or NIL", default=NIL, digest=62)
     first_line: Array = field(
         "(p,) int32",
-        "the first line, or order of a list, that waits for its next trip, or NIL",
+        "the first line (or order of a list) that waits for its next trip, or NIL",
         default=NIL,
         digest=63,
     )
-    last_line: Array = field("(p,) int32", "the last of them", default=NIL, role=DERIVED)
+    last_line: Array = field(
+        "(p,) int32", "the last line or order that waits", default=NIL, role=DERIVED
+    )
     stored: Array = field(
-        "(p,) int32", "those stored in this tick that lines wait for", role=DERIVED
+        "(p,) int32", "pods stored in this tick for which lines wait", role=DERIVED
     )
     slot_class: Array = field("(s,) int16", "the class of a storage cell, from 0; other slots: NIL")
     weight: Array = field(
-        "(p,) int32", "what a robot must be able to carry", default=1, header=True
+        "(p,) int32", "its weight, which a robot must be able to carry", default=1, header=True
     )
-    open_lines: Array = field(
-        "(p,) int32", "lines for it that are known and not done", role=DERIVED
-    )
+    open_lines: Array = field("(p,) int32", "open lines for it: known and not done", role=DERIVED)
     sku_first: Array = field(
         "(skus + 1,) int32",
-        "sku_pod[sku_first[u]: sku_first[u + 1]] are the pods with SKU u",
+        "pods with SKU u: sku_pod[sku_first[u]: sku_first[u + 1]]",
         header=True,
     )
     sku_pod: Array = field("(held,) int32", "pods, by SKU and number", header=True)
 
 
 class Lines(Struct, role=STATIC):
-    """What orders want of pods at stations."""
+    """Order lines: what orders need from pods at stations."""
 
     order: Array = field("(l,) int32", "the order that it belongs to", header=True)
     pod: Array = field(
         "(l,) int32", "the pod that it asks for; NIL: any with its SKU", default=NIL, header=True
     )
     sku: Array = field(
-        "(l,) int32", "the SKU that is wanted of any pod, or NIL", default=NIL, header=True
+        "(l,) int32", "the SKU needed from any pod, or NIL", default=NIL, header=True
     )
     taken_from: Array = field(
-        "(l,) int32", "the pod that has it, NIL: not known yet", default=NIL, role=DERIVED
+        "(l,) int32", "the pod that serves it; NIL: not known yet", default=NIL, role=DERIVED
     )
     station: Array = field(
         "(l,) int32", "the station that it asks for; NIL: any", default=NIL, header=True
@@ -401,15 +425,15 @@ class Lines(Struct, role=STATIC):
         "(h, l) int64", "millionths of a tick that it takes, by rule of handling", header=True
     )
     served_at: Array = field(
-        "(l,) int32", "the station where it is done, NIL: not known yet", default=NIL, digest=64
+        "(l,) int32", "the station that serves it; NIL: not known yet", default=NIL, digest=64
     )
     following: Array = field(
         "(l,) int32",
-        "the next line of the same stop, or that waits for the same pod, or NIL",
+        "the next line of the same stop, or the next one that waits for the same pod, or NIL",
         default=NIL,
         role=DERIVED,
     )
-    trip: Array = field("(l,) int32", "its trip, NIL: none yet", default=NIL, digest=65)
+    trip: Array = field("(l,) int32", "its trip; NIL: none yet", default=NIL, digest=65)
     done: Array = field("(l,) int32", "tick in which it was done, or NIL", default=NIL, digest=66)
     left: Array = field("(q,) int32", "lines of an order that are not done", role=DERIVED)
     order_station: Array = field(
@@ -421,61 +445,65 @@ class Lines(Struct, role=STATIC):
 
 
 class Trips(Struct, role=DERIVED):
-    """Trips, beside what is kept of every order; and what robots hold for them, by identity."""
+    """Fields of trips beyond those of all orders, and the places of robots, by identity."""
 
-    pod: Array = field("(l,) int32", "its pod, NIL: not known yet", default=NIL)
+    pod: Array = field("(l,) int32", "its pod; NIL: not known yet", default=NIL)
     following: Array = field(
         "(listed,) int32",
-        "of an order of a list: the next one that waits for the same pod, or NIL",
+        "for orders of a list: the next one that waits for the same pod, or NIL",
         default=NIL,
     )
-    begun: Array = field("(l,) int32", "how many of its stops were begun", digest=67)
+    begun: Array = field("(l,) int32", "number of its stops that were begun", digest=67)
     station: Array = field("(w,) int32", "the station of a stop, or NIL", default=NIL, digest=68)
-    handling: Array = field("(w,) int64", "millionths of a tick that its lines take")
+    handling: Array = field("(w,) int64", "handling time of its lines, in millionths of a tick")
     first_line: Array = field("(w,) int32", "the first line of a stop, or NIL", default=NIL)
-    last_line: Array = field("(w,) int32", "the last of them", default=NIL)
+    last_line: Array = field("(w,) int32", "the last line of a stop", default=NIL)
     place: Array = field(
         "(r,) int32", "the station at which a robot has a place, or NIL", default=NIL, digest=69
     )
     leaving: Array = field(
         "(r,) int32",
-        "a station at which it has another one until it has left the cell, or NIL",
+        "a station where it also has a place until it leaves the cell, or NIL",
         default=NIL,
         digest=70,
     )
     offered: Array = field(
         "(r,) int32",
-        "the trip of the pod above it, which is reserved for it, or NIL",
+        "the trip, reserved for it, of the pod above it, or NIL",
         default=NIL,
         digest=71,
     )
 
 
 class PodStations(Struct, role=STATIC):
-    """The stations to which pods are carried, in the sequence of their numbers."""
+    """The stations to which pods are carried, by number."""
 
-    cell: Array = field("(k,) int32", "where it is", header=True)
-    places: Array = field("(k,) int32", "trips that it lets come, NIL: any number", header=True)
-    taken: Array = field("(k,) int32", "how many have a place", digest=72)
-    open_lines: Array = field("(k,) int32", "lines that are known and not done", digest=73)
+    cell: Array = field("(k,) int32", "its cell", header=True)
+    places: Array = field(
+        "(k,) int32", "places: most trips on their way to it; NIL: no limit", header=True
+    )
+    taken: Array = field("(k,) int32", "places in use", digest=72)
+    open_lines: Array = field("(k,) int32", "open lines: known and not done", digest=73)
     rule: Array = field("(k,) int32", "its rule of handling: a row of lines.handling", header=True)
-    visit: Array = field("(k,) int64", "millionths of a tick that a visit takes", header=True)
+    visit: Array = field(
+        "(k,) int64", "base duration of a visit, in millionths of a tick", header=True
+    )
     station_at: Array = field("(c,) int32", "the station in a cell, or NIL")
-    queue_at: Array = field("(c,) int32", "the station whose queue a cell belongs to, or NIL")
+    queue_at: Array = field("(c,) int32", "the station of the queue that has this cell, or NIL")
     queue_way: Array = field("(c,) uint8", "direction from a cell of a queue to the next one")
     held_back: Array = field(
-        "(c,) uint8", "1 = its holder queues there, or is at the station", role=SCRATCH
+        "(c,) uint8", "1 = its occupant queues there or is at the station", role=SCRATCH
     )
     ticks_from: Array = field(
         "(d, s) int32",
-        "least ticks with a load from a slot to each station; no rows where no line has a SKU",
+        "least ticks with a load from a slot to each station; no rows if no line has a SKU",
         header=True,
     )
     breaks: Array = field("(b, 3) int64", "station, first tick, tick after the last; by tick")
     served_ticks: Array = field("(k,) int64", "ticks in which it served a robot", role=MEASURED)
     starved_ticks: Array = field(
         "(k,) int64",
-        "ticks with lines open for it, no break, and no robot in its cell or queue",
+        "idle ticks: open lines, no break, and no robot in its cell or queue",
         role=MEASURED,
     )
     visited_at: Array = field(
@@ -489,41 +517,45 @@ class PodStations(Struct, role=STATIC):
     waiting_at: Array = field("(k,) int64", "last tick lost in its queue", role=MEASURED)
 
 
-# Zones that robots serve: the roads between stations, a zone design, and who does what in it.
+# Zones that robots serve: the roads between stations, a zone design, and the assignment of robots.
 #
 # P critical points, S stations, Z zones, M segments (at most one for each station), s slots, m
-# orders, n robots. A station is a slot of its own, or a group of slots (shelves, racks) that are
-# served from near the same point. NIL (-1) means none. Without a zoning strategy all arrays are
-# empty. Source of the terms: Keith & La, "Dynamic Zoning of Industrial Environments with Autonomous
-# Mobile Robots", after Ho & Liao.
+# orders, n robots. A station is a single slot, or a group of slots (shelves, racks) served from
+# near one point. NIL (-1) means none. Without a zoning strategy all arrays are empty. Source of the
+# terms: Keith & La, "Dynamic Zoning of Industrial Environments with Autonomous Mobile Robots",
+# after Ho & Liao.
 
 
 MESSAGE_WORDS: Final = 8  # numbers in the message that a robot sends to those in range
 
 
 class Roads(Struct, role=STATIC):
-    """Critical points (stations, crossings, corners, dead ends) and the straight ways between them."""
+    """Critical points (stations, crossings, corners, dead ends) and the straight roads between them."""
 
     cell: Array = field("(P,) int32", "flat cell")
-    next: Array = field("(P, 4) int32", "the point that driving E, S, W, N leads to, or NIL")
-    step: Array = field("(P, 4) int32", "cells to it")
+    next: Array = field("(P, 4) int32", "the next point when driving E, S, W, N, or NIL")
+    step: Array = field("(P, 4) int32", "distance to that point, in cells")
     station: Array = field("(P,) int32", "the station at the point, or NIL")
     point: Array = field("(S,) int32", "the point of each station")
-    hop: Array = field("(P, P) int32", "the next point on the shortest way to another one, or NIL")
-    between: Array = field("(S, S) int32", "cells of the shortest way, whatever the zones are")
+    hop: Array = field(
+        "(P, P) int32", "the next point on the shortest path to another point, or NIL"
+    )
+    between: Array = field(
+        "(S, S) int32", "length of the shortest path in cells, regardless of zones"
+    )
 
 
 class Design(Struct, role=STATE):
     """A zone design; a segment is a path of points from one station of its zone to another."""
 
     zone: Array = field("(S,) int32", "the zone of each station", default=NIL)
-    segments: int = field("() int64", "how many are in use; the first ones")
+    segments: int = field("() int64", "number of segments in use; these come first")
     owner: Array = field("(M,) int32", "zone of a segment", default=NIL)
     ends: Array = field("(M, 2) int32", "the stations that it joins", default=NIL)
-    points: Array = field("(M,) int32", "how many points it has, both ends included")
+    points: Array = field("(M,) int32", "number of its points, including both ends")
     path: Array = field("(M, P) int32", "its points", default=NIL)
     held: Array = field(
-        "(P,) int32", "the zone whose stations or segments a point belongs to, or NIL", default=NIL
+        "(P,) int32", "the zone of the station or segment that has the point, or NIL", default=NIL
     )
     transfer: Array = field(
         "(Z, Z, S) uint8", "1 = a transfer station between two zones; symmetric"
@@ -538,7 +570,7 @@ class ServiceZones(Struct):
     station_of: Array = field("(s,) int32", "the station of a slot, or NIL", role=DERIVED)
     accessible: Array = field(
         "(Z, S) uint8",
-        "1 = the robot with the number of the zone gets to the station",
+        "1 = the robot with the number of the zone can reach the station",
         default=1,
         role=STATIC,
     )
@@ -548,8 +580,8 @@ class ServiceZones(Struct):
     )
     queue: Array = field(
         "(m,) int32",
-        "the zone in whose queue an order is; NIL: none yet; "
-        "-2 - zone: none any more, since a robot of that zone dropped it on its way",
+        "the zone whose queue has an order; NIL: none yet; -2 - zone: none now, a robot of "
+        "that zone dropped it on its way",
         default=NIL,
         digest=51,
     )
@@ -566,19 +598,17 @@ class ServiceZones(Struct):
         digest=54,
         recorded=False,
     )
-    halt: Array = field(
-        "(n,) int64", "a robot stands still up to this tick", default=NIL, digest=56
-    )
+    halt: Array = field("(n,) int64", "last tick of the halt of a robot", default=NIL, digest=56)
     wake: Array = field(
         "(n,) int64",
-        "zoning is asked about a robot from this tick on, or NIL",
+        "tick from which zoning is asked about a robot, or NIL",
         default=NIL,
         digest=57,
         recorded=False,
     )
     messages: Array = field(
         f"(n, {MESSAGE_WORDS}) int64",
-        "what each robot sends to those in range",
+        "the message that each robot sends to robots in range",
         digest=58,
         recorded=False,
     )
@@ -595,25 +625,25 @@ def design_for(roads: Roads, zones: int) -> Design:
 
 
 class Delays(Struct, role=STATIC):
-    """Delays: how often they begin, how long they last, and who is delayed.
+    """Delays: how often they begin, how long they last, and which robots have one.
 
-    A delayed robot begins nothing; a move or a turn under way may take longer by its delay. d robots
-    where a scenario has delays, else 0.
+    A delayed robot begins nothing; a move or a turn under way may take longer by its delay. d =
+    number of robots if the scenario has delays, else 0.
     """
 
-    probability: int = field("int64", "of 2**32 robots, how many begin a delay in a tick")
+    probability: int = field(
+        "int64", "probability per robot and tick that a delay begins, times 2**32"
+    )
     poisson: int = field(
-        "int64", "1: a Poisson number of robots begin one, those with the least hashes"
+        "int64", "1: a Poisson number of robots begin a delay, those with the lowest hashes"
     )
-    ticks: Array = field("(t,) int32", "how long delays last: all entries are alike probable")
+    ticks: Array = field("(t,) int32", "durations of delays; all entries are equally likely")
     counts: Array = field(
-        "(c,) int64", "of 2**32 robots, how many make at most 0, 1, ... robots begin one"
+        "(c,) int64", "probability that a robot adds at most 0, 1, ... delays, times 2**32"
     )
-    lengthens: Array = field(
-        "(A,) uint8", "1 = such an operation takes longer by a delay that begins in it"
-    )
+    lengthens: Array = field("(A,) uint8", "1 = a delay that begins during this action extends it")
     until: Array = field(
         "(d,) int64", "by identity: the last tick of its delay, or 0", digest=74, recorded=False
     )
-    lasted: Array = field("(d,) int64", "by identity: ticks in which it was delayed", role=MEASURED)
-    hash: Array = field("(h,) uint64", "of those that may begin one", role=SCRATCH)
+    lasted: Array = field("(d,) int64", "by identity: number of delayed ticks", role=MEASURED)
+    hash: Array = field("(h,) uint64", "hashes of robots that may begin a delay", role=SCRATCH)

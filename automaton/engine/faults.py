@@ -1,10 +1,10 @@
-"""Robots that go down, are towed, and come back; or are repaired where they stand.
+"""Robots break down or run empty, are towed and return, or are repaired in place.
 
-An empty battery or a fault takes a robot out where it stands. Its orders are given back; its load
-becomes a waiting order in its cell, to be picked up from the cells beside it; a pod stays on it. It
-holds its cell until it is towed, and its pod is put into storage; where robots are not repaired, it is
-gone. Where broken robots are repaired in place, one keeps its orders and its load, and goes on when its
-repair is over.
+With an empty battery or a fault a robot goes down where it stands. It returns its orders; its load
+becomes a waiting order in its cell, to be picked up from adjacent cells; a pod stays on it. It
+holds its cell until it is towed; then its pod is put into storage. A robot that is not repaired is
+removed for good. If broken robots are repaired in place, they keep orders and load, and continue
+after the repair.
 """
 
 import numpy as np
@@ -79,7 +79,7 @@ from automaton.engine.trips import give_place_back, has_trips, offer, store_pod
 
 @kernel
 def break_down_and_repair(world, record, workspace):
-    """At the start of a tick: robots are towed and come back; others fail, or lack energy."""
+    """At the start of a tick: robots are towed and return; others fail or run out of energy."""
     clock, faults = world.clock, world.rules.faults
     while clock.next_fault < faults.shape[0] and faults[clock.next_fault, 0] <= clock.tick:
         fail(world, np.int64(world.robots.at_index[faults[clock.next_fault, 1]]))
@@ -93,7 +93,7 @@ def break_down_and_repair(world, record, workspace):
 
 @kernel
 def fail(world, i):
-    """Robot i breaks down when what it does is over."""
+    """Robot i breaks down when its current operation ends."""
     if world.robots.status[i] == STATUS_UP:
         world.robots.status[i] = STATUS_FAILING
         world.clock.robots_down += 1
@@ -115,7 +115,7 @@ def draw_faults(world):
 
 @kernel
 def tow_and_repair(world, record, workspace):
-    """Robots come back, or are towed; one with a pod as soon as there is a cell to put it into."""
+    """Robots return, or are towed; a robot with a pod is towed once a cell for the pod is free."""
     robots, tick = world.robots, world.clock.tick
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
@@ -138,12 +138,13 @@ def tow_and_repair(world, record, workspace):
 
 @kernel
 def take_all_out(world, record):
-    """Robots that fail and whose operation is over, or that lacked energy, go down."""
+    """Failing robots go down when their operation ends; exhausted robots go down."""
     robots = world.robots
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
         status = robots.status[i]
-        is_between = robots.busy[i] != 0 and robots.claim[i] != NIL  # a move that has begun ends
+        # A move that has begun is completed.
+        is_between = robots.busy[i] != 0 and robots.claim[i] != NIL
         is_over = status == STATUS_EXHAUSTED and not is_between
         if is_over or (status == STATUS_FAILING and robots.busy[i] == 0):
             if status == STATUS_FAILING and world.rules.repair_in_place.shape[0]:
@@ -152,14 +153,14 @@ def take_all_out(world, record):
                 after = STATUS_DEPLETED if status == STATUS_EXHAUSTED else STATUS_FAILED
                 take_out(world, record, i, after)
         if robots.status[i] == STATUS_FAILED and world.rules.repair_in_place.shape[0]:
-            robots.busy[i] = 1  # motion takes it away again in this tick
+            robots.busy[i] = 1  # motion counts it down in this tick
         if robots.status[i] == STATUS_DEPLETED or robots.status[i] == STATUS_FAILED:
             world.tally.ticks[i, ACTION_DOWN, 0] += world.rules.stride
 
 
 @kernel
 def stop_in_place(world, record, i):
-    """Robot i is down where it stands until it is repaired there; it keeps all that it has to do."""
+    """Robot i is down until it is repaired in place; it keeps its orders and load."""
     robots, rules, tick = world.robots, world.rules, world.clock.tick
     become(world, record, i, STATUS_FAILED)
     entry = random_between(
@@ -178,7 +179,7 @@ def stop_in_place(world, record, i):
 
 @kernel
 def go_on_in_place(world, record, i):
-    """Robot i is in order again where it stands."""
+    """Robot i works again, where it stands."""
     world.robots.status_until[i] = 0
     become(world, record, i, STATUS_UP)
     world.clock.robots_down -= 1
@@ -186,7 +187,7 @@ def go_on_in_place(world, record, i):
 
 @kernel
 def take_out(world, record, i, status):
-    """Robot i is down: what it had to do goes back, its load lies in its cell."""
+    """Robot i is down: it returns its orders, and its load lies in its cell."""
     robots = world.robots
     become(world, record, i, status)
     return_orders(world, record, i)
@@ -214,7 +215,7 @@ def become(world, record, i, status):
 
 @kernel
 def return_orders(world, record, i):
-    """Orders and slots of robot i go back; it has no goal, no route and no plan."""
+    """Robot i returns its orders and reserved slots; it has no goal, no route and no plan."""
     robots = world.robots
     if robots.order[i] != NIL and robots.load[i] == NIL:
         return_order(world, record, i)
@@ -252,7 +253,7 @@ def leave_load(world, record, i):
     put_off(world, i)
     robots.order[i] = NIL
     record_change(world.clock, record, CHANGE_LOAD_LEFT, robots.identity[i], slot)
-    if world.service_zones.queue.shape[0]:  # it counts to the station from where it came
+    if world.service_zones.queue.shape[0]:  # zoning counts it at the station where it was picked up
         came_from = np.int64(world.service_zones.picked_from[order])
         world.service_zones.station_of[slot] = (
             NIL if came_from == NIL else world.service_zones.station_of[came_from]
@@ -263,7 +264,7 @@ def leave_load(world, record, i):
 
 @kernel
 def spare_slot(slots):
-    """A spare slot without a load, NIL if there is none."""
+    """An unused spare slot, NIL if none."""
     for slot in range(slots.first_spare, slots.cell.shape[0]):
         if slots.cell[slot] == NIL:
             return slot
@@ -272,7 +273,7 @@ def spare_slot(slots):
 
 @kernel
 def open_slot(world, slot, cell):
-    """Put a spare slot into a cell; False if robots get to no cell beside it."""
+    """Put a spare slot into a cell; False if robots can reach no cell beside it."""
     slots = world.slots
     slots.accessible[:, slot] = 0
     served = False
@@ -289,7 +290,7 @@ def open_slot(world, slot, cell):
 
 @kernel
 def is_within(world, slot, cell):
-    """Whether robots of some type get to a cell and back, and with a load; these serve the slot."""
+    """Whether robots of some type, with a load, can reach a cell and return; these serve the slot."""
     slots, found = world.slots, False
     for robot_type in range(slots.reachable.shape[0]):
         if slots.reachable[with_load(world, robot_type), cell]:
@@ -300,9 +301,9 @@ def is_within(world, slot, cell):
 
 @kernel
 def tow(world, record, i):
-    """Robot i is taken off the floor; it comes back at its home, or never.
+    """Take robot i off the floor; it returns at its home, or never.
 
-    The home of a robot that leaves the floor where it is done is where it was towed from.
+    If robots leave the floor where they finish, the home is the cell from which it was towed.
     """
     robots, rules = world.robots, world.rules
     if robots.cell[i] != NIL:
@@ -330,7 +331,7 @@ def tow(world, record, i):
 
 @kernel
 def charge_in_repair(world, i):
-    """Robot i, which is being towed, gets the charge with which it will come back."""
+    """Set the charge with which robot i, which is being towed, will return."""
     robots, rules = world.robots, world.rules
     before = np.int64(robots.charge[i])
     after = np.int64(rules.repaired)
@@ -346,7 +347,7 @@ def charge_in_repair(world, i):
 
 @kernel
 def come_back(world, record, i):
-    """Robot i is in order again, and off the floor at its home."""
+    """Robot i works again, off the floor at its home."""
     robots = world.robots
     robots.status_until[i] = 0
     become(world, record, i, STATUS_UP)
@@ -357,15 +358,15 @@ def come_back(world, record, i):
         drive_on_with_load(world, i, REASON_PICKED)
 
 
-# What becomes of the pod of a robot that is towed: it is put into the nearest free storage cell.
+# The pod of a towed robot is put into the nearest free storage cell.
 #
-# Its order waits there with the stops that are left, for any robot; one with none left is over,
-# unless it names another cell.
+# Its order waits there with its remaining stops, for any robot. An order without remaining stops is
+# done, unless it names another cell.
 
 
 @kernel
 def put_pod_aside(world, record, workspace, i):
-    """The pod of robot i, which is about to be towed, stands in storage; False: no cell is free."""
+    """Store the pod of robot i, which is about to be towed; False: no cell is free."""
     robots, orders, trips = world.robots, world.orders, world.trips
     slot = nearest_storage(world, workspace, i)
     if slot == NIL:
@@ -379,7 +380,7 @@ def put_pod_aside(world, record, workspace, i):
     put_pod_into(world.traffic.occupancy, cell)
     give_place_back(world, identity)
     orders.current_slot[order] = slot
-    trips.begun[order] = orders.stops_done[order]  # a visit that was cut short begins again
+    trips.begun[order] = orders.stops_done[order]  # an interrupted visit begins again
     stays = orders.target[order] == NIL or orders.target[order] == slot
     if stays and next_stop(world, order) == NIL:
         complete_order(world, order)
@@ -395,9 +396,9 @@ def put_pod_aside(world, record, workspace, i):
 
 @kernel
 def nearest_storage(world, workspace, i):
-    """The slot that robot i, with its pod, gets to soonest of those that are free; NIL: none is.
+    """The free slot that robot i with its pod reaches first; NIL: none is free.
 
-    Ties go to the lowest number, which also decides where it gets to none of them.
+    Ties go to the lowest number; if it can reach none, the lowest number counts too.
     """
     robots, slots = world.robots, world.slots
     robot_type = np.int64(robots.type[i])
@@ -420,9 +421,10 @@ def nearest_storage(world, workspace, i):
 
 @kernel
 def leave_out_held(world, workspace, i):
-    """No goals are the cells of robots with a load but i; where none drives under pods, of any robot.
+    """Exclude cells of other robots with a load; if robots do not drive under pods, of all other
+    robots.
 
-    That is the cell in which one stands, and the one that it enters.
+    Both the cell where a robot stands and the cell that it enters are excluded.
     """
     robots = world.robots
     for j in range(robots.cell.shape[0]):
@@ -433,19 +435,20 @@ def leave_out_held(world, workspace, i):
             workspace.mark_stamp[robots.claim[j]] = NIL
 
 
-# Robots that are delayed: for some ticks they begin nothing, and what they drive takes longer.
+# Delays: for some ticks robots begin nothing, and a move under way takes longer.
 #
-# As in the League of Robot Runners 2026. In the faults phase each robot on the floor that is in order
-# and not delayed begins a delay with a probability; or a Poisson number of them do, those with the
-# least hashes. A sum of Poisson numbers is one: each robot adds one with the probability as its mean.
+# As in the League of Robot Runners 2026. In the faults phase each working, undelayed robot on the
+# floor begins a delay with a given probability; or a Poisson number of these robots do, those with
+# the lowest hashes. A sum of Poisson numbers is a Poisson number: each robot adds one whose mean is
+# the probability.
 #
-# Under convoy no move ends before the one ahead of it, so a delay in mid-move is handed on to those
-# behind.
+# Under convoy no move ends before the one ahead of it, so a delay in mid-move is passed on to the
+# robots behind.
 
 
 @kernel
 def delay_robots(world, record):
-    """Begin delays, and let delayed robots stand; call after robots have gone down and come back."""
+    """Begin delays, and hold delayed robots; call after robots have gone down and returned."""
     robots, delays, tick = world.robots, world.delays, world.clock.tick
     draws = chance_decides(world)
     last_hash = find_last_hash(world) if delays.poisson and draws else np.uint64(0)
@@ -468,7 +471,7 @@ def delay_robots(world, record):
 
 @kernel
 def begins_delay(world, identity, last_hash):
-    """Whether a robot that may begin a delay does."""
+    """Whether a robot that may begin a delay begins one."""
     bits = random_bits(world.rules.seed, STREAM_DELAYS, world.clock.coarse_tick, identity)
     if world.delays.poisson:
         return bits <= last_hash
@@ -477,7 +480,8 @@ def begins_delay(world, identity, last_hash):
 
 @kernel
 def begin_delay(world, record, i):
-    """Robot i is delayed from this tick on; returns 1 if what it drives takes longer, else 0."""
+    """Robot i is delayed from this tick on; returns 1 if its current move or turn takes longer,
+    else 0."""
     robots, delays, tick = world.robots, world.delays, world.clock.tick
     identity, last = np.int64(robots.identity[i]), delays.ticks.shape[0] - 1
     drawn_in = world.clock.coarse_tick
@@ -497,7 +501,7 @@ def begin_delay(world, record, i):
 
 @kernel
 def hand_delays_on(world):
-    """Put off the ends of moves behind robots that were delayed, in files and rings of any length."""
+    """Postpone the ends of moves behind delayed robots, in queues and rings of any length."""
     robots, until = world.robots, world.delays.until
     mark_claims(world, 1)
     for identity in range(robots.cell.shape[0]):
@@ -510,7 +514,7 @@ def hand_delays_on(world):
 
 @kernel
 def mark_claims(world, value):
-    """Enter the robots that come into cells (1), or remove them (0)."""
+    """Enter the robots that move into cells (1), or remove them (0)."""
     robots = world.robots
     for i in range(robots.cell.shape[0]):
         if is_between_cells(robots, i):
@@ -543,7 +547,7 @@ def hand_on(world, i):
 
 @kernel
 def put_off_end(world, i, ticks):
-    """The move of robot i ends so many ticks later, which it loses to following."""
+    """Postpone the end of the move of robot i by some ticks, which count as lost to following."""
     robots, traffic = world.robots, world.traffic
     robots.busy[U(i)] += np.uint16(ticks)
     if ticks:
@@ -555,7 +559,7 @@ def put_off_end(world, i, ticks):
 
 @kernel
 def find_last_hash(world):
-    """The hash up to which robots begin delays in this tick, 0: none does."""
+    """The highest hash with which a robot begins a delay in this tick; 0: no delay."""
     robots, delays, rules = world.robots, world.delays, world.rules
     drawn_in, count, able = world.clock.coarse_tick, 0, 0
     for identity in range(robots.cell.shape[0]):
@@ -574,7 +578,7 @@ def find_last_hash(world):
 
 @kernel
 def least_hash(hashes, able, count):
-    """The least number that is not less than `count` of the first `able` hashes; 0 for none."""
+    """The `count`-th lowest of the first `able` hashes; 0 if `count` is 0."""
     result = np.uint64(0)
     if count == 0:
         return result

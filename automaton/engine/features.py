@@ -1,7 +1,7 @@
-"""What a world may have besides robots that drive for orders: parts of a tick that many runs do without.
+"""Features: optional parts of a tick, which many runs do not use.
 
-The loop calls each by a pointer, as it calls strategies: a part is compiled alone, by any process, and
-only for a run that uses it.
+The loop calls each feature by a pointer, as it calls strategies. Each is compiled separately, and
+only for runs that use it.
 """
 
 from __future__ import annotations
@@ -52,14 +52,14 @@ from automaton.engine.trips import (
 from automaton.engine.visibility import mask_world
 from automaton.engine.zoning import commit_zoning, judge_zoning
 
-# Moments of a tick in which a part is called that is called more than once.
+# Moments of a tick, for features that are called more than once per tick.
 TICK_BEGINS = 0  # before anything is decided
 COLLECTS = 1  # the robots that a layer is asked about
-JUDGES = 2  # decisions, before they are recorded
-COMMITS = 3  # and after that
+JUDGES = 2  # decisions before they are recorded
+COMMITS = 3  # decisions after they are recorded
 BEFORE_DRIVING = 4
-MOVES_WANTED = 5  # all that robots want is known
-MOVES_FEASIBLE = 6  # and limited to what charge allows
+MOVES_WANTED = 5  # all intended moves are known
+MOVES_FEASIBLE = 6  # moves are limited to the charge of batteries
 BEFORE_OPERATIONS = 7
 AFTER_OPERATIONS = 8
 TICK_ENDS = 9
@@ -95,7 +95,7 @@ def trips(world, record, moment, first):
 
 @kernel
 def move_ticks(world, moment):
-    """Moves that take longer than a robot's usual ones: slow zones, speed limits, chance."""
+    """Moves longer than the robot's usual ones: slow zones, speed limits, random delays."""
     if moment == MOVES_WANTED:
         set_move_ticks(world)
     elif world.rules.slowdown:
@@ -104,7 +104,7 @@ def move_ticks(world, moment):
 
 @kernel
 def zoning(world, record, full_batch, batch, decisions, moment):
-    """The layer that designs service zones; whether it is asked."""
+    """The layer that designs service zones; returns whether it is asked."""
     if moment == COLLECTS:
         return 1 if batch_all_robots(world, full_batch, LAYER_ZONING) else 0
     if moment == JUDGES:
@@ -116,7 +116,7 @@ def zoning(world, record, full_batch, batch, decisions, moment):
 
 @kernel
 def charging(world, record, full_batch, batch, decisions, moment):
-    """The layer that sends robots to chargers; whether it is asked."""
+    """The layer that sends robots to chargers; returns whether it is asked."""
     if moment == COLLECTS:
         return 1 if batch_charging(world, full_batch) else 0
     if moment == COMMITS:
@@ -126,7 +126,7 @@ def charging(world, record, full_batch, batch, decisions, moment):
 
 @kernel
 def recording(world, record, batch, decisions, layer):
-    """Keep what a layer decided; without a layer, what was committed in this tick."""
+    """Record the decisions of a layer; without a layer, the committed actions of this tick."""
     if layer == NIL:
         write_record(world, record)
     else:
@@ -135,7 +135,7 @@ def recording(world, record, batch, decisions, layer):
 
 @kernel
 def write_record(world, record):
-    """Keep what was committed in this tick, by identity, and the digests after it when they are due."""
+    """Record the committed actions of this tick, by identity, and the digests when they are due."""
     row = world.clock.recorded_ticks
     for i in range(world.robots.executed.shape[0]):
         record.executed[row, world.robots.identity[i]] = world.robots.executed[i]
@@ -148,7 +148,7 @@ def write_record(world, record):
 
 @kernel
 def observation(world, observed, begins):
-    """Note what there is to see; `begins`: whether strategies could decide in this tick."""
+    """Observe the tick; `begins`: whether strategies could decide in it."""
     observe(world, observed)
     if begins:
         find_cycles(world, observed)
@@ -160,7 +160,7 @@ class Feature(NamedTuple):
 
     kernel: Any
     arguments: tuple[Any, ...]  # struct classes, and "int64" for numbers
-    is_used: Callable[[World, Array], Any]  # of the world, and of how each strategy decides
+    is_used: Callable[[World, Array], Any]  # takes the world, and how each strategy decides
     result: str = "void"
 
 
@@ -216,7 +216,7 @@ def signature(feature: Feature) -> Any:
 
 @cache
 def compiled_feature(number: int) -> Any:
-    """What the loop is given to call a feature by, compiled or loaded once in a process."""
+    """The function object by which the loop calls a feature; compiled or loaded once per process."""
     feature = FEATURES[number]
     function = first_class(feature.kernel, signature(feature)) if jit_is_on() else feature.kernel
     COMPILING.finish(feature.kernel)
@@ -229,7 +229,7 @@ def used_features(world: World, mode: Array) -> Array:
 
 
 class Absent:
-    """Stands for a function that is not called."""
+    """A placeholder for a function that is not called."""
 
     def __init__(self, signature: Any) -> None:
         self._numba_type_ = types.FunctionType(signature)
@@ -240,11 +240,11 @@ class Absent:
 
 @cache
 def absent(signature: Any) -> Any:
-    """What the loop is given in the place of a function with this signature that it does not call."""
+    """The placeholder for an uncalled function with this signature."""
     return Absent(signature) if jit_is_on() else None
 
 
 @cache
 def absent_feature(number: int) -> Any:
-    """The same for a feature."""
+    """The placeholder for a feature."""
     return absent(signature(FEATURES[number]))

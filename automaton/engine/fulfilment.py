@@ -1,18 +1,19 @@
 """How robots fulfil orders: reserved, picked up, taken from stop to stop, dropped.
 
-An order is released, reserved by a robot, and done leg by leg; a leg ends where its load is dropped
-or its robot gives it up. A load is on its robot from the first tick of the pick, and on its slot from
-the first tick of the drop.
+An order is released, reserved by a robot, and done leg by leg; a leg ends when the load is dropped
+or the robot returns the order. A load is on its robot from the first tick of the pick, and on its
+slot from the first tick of the drop.
 
-The stops of an order are done one after another, by the robot of the order, which stands there. A stop
-that takes no time is done in the tick at whose end that robot stands in its cell, however it came
-there; at most one is done by a robot in a tick. At another one the robot does SERVE for as many ticks,
-and the stop is done in the last of them. The world itself sets the next stop as the robot's goal and
-asks routing. After the last one an order without a load is delivered, and allocation is asked what the
-robot does next; of one with a load it is asked where that goes.
+The robot of an order does its stops one after another. A stop of 0 ticks is done in the tick at
+whose end the robot stands in its cell, however it came there; a robot does at most one stop per
+tick. At a longer stop the robot does SERVE for its number of ticks, and the stop is done in the
+last of them. The world itself sets the next stop as the robot's goal and asks routing. After the
+last stop an order without a load is delivered, and allocation is asked what the robot does next;
+for an order with a load, allocation is asked where the load goes.
 
-Until its first stop is begun an order without a load may be given to another robot; from then on it is
-its robot's until it ends. If that robot goes down, the order waits again with the stops that are left.
+Until its first stop is begun, an order without a load may be given to another robot; after that it
+stays with its robot until it ends. If that robot goes down, the order waits again with its
+remaining stops.
 """
 
 import numpy as np
@@ -74,14 +75,15 @@ from automaton.engine.trips import (
     store_pod,
 )
 
-# Orders: released, reserved, given back, done.
+# Orders: released, reserved, returned, done.
 
 
 @kernel
 def release_orders(world):
-    """Orders whose tick has come are known from now on; in a closed loop one for each delivered.
+    """Release orders that are due; in a closed loop, one for each delivered order.
 
-    Where they are dealt out, each robot's next one is, once it has done the one before.
+    If orders are assigned to robots in advance, a robot's next one is released when the previous is
+    done.
     """
     orders, clock = world.orders, world.clock
     while clock.next_release < orders.release_sequence.shape[0]:
@@ -104,7 +106,7 @@ def release_orders(world):
 
 @kernel
 def announce_next(world, i, order):
-    """Robot i has done an order that was its own: its next one is known from the next tick on."""
+    """Robot i has done an order assigned to it; its next order is released in the next tick."""
     orders, clock, robots = world.orders, world.clock, world.robots.cell.shape[0]
     following = order + robots
     while following < orders.state.shape[0]:
@@ -119,7 +121,7 @@ def announce_next(world, i, order):
 
 @kernel
 def reserve_order(world, record, order, identity):
-    """Give an order to a robot, or back (NIL)."""
+    """Assign an order to a robot, or return it (NIL)."""
     world.orders.reserved_by[order] = identity
     world.clock.revision += 1
     record_change(world.clock, record, CHANGE_ORDER_RESERVED, order, identity)
@@ -127,7 +129,7 @@ def reserve_order(world, record, order, identity):
 
 @kernel
 def reserve_slot(world, record, slot, identity):
-    """Reserve a shelf for a robot's load, or free it (NIL); other slots take any number."""
+    """Reserve a shelf for a robot's load, or free it (NIL); other slots hold any number."""
     if world.slots.unbounded[slot]:
         return
     world.slots.reserved_by[slot] = identity
@@ -137,14 +139,14 @@ def reserve_slot(world, record, slot, identity):
 
 @kernel
 def has_started(world, i):
-    """Whether robot i has an order that no other robot may get."""
+    """Whether robot i has an order that no other robot can get."""
     order = world.robots.order[i]
     return order != NIL and world.orders.state[order] == ORDER_STARTED
 
 
 @kernel
 def return_order(world, record, i):
-    """The order of robot i, which carries no load, waits again with the stops that are left."""
+    """The order of robot i, which carries no load, waits again with its remaining stops."""
     order = np.int64(world.robots.order[i])
     world.robots.order[i] = NIL
     if world.orders.state[order] == ORDER_STARTED:
@@ -156,7 +158,7 @@ def return_order(world, record, i):
 
 @kernel
 def lose_order(world, record, i):
-    """The order of robot i is given to another one: it has nothing to do."""
+    """The order of robot i goes to another robot; robot i has nothing to do."""
     robots = world.robots
     return_order(world, record, i)
     end_goal(world, i)
@@ -168,7 +170,7 @@ def lose_order(world, record, i):
 
 @kernel
 def end_goal(world, i):
-    """Robot i drives nowhere."""
+    """Robot i has no goal and no route."""
     world.robots.goal_type[i] = GOAL_NONE
     world.robots.goal_cell[i] = NIL
     drop_route(world.robots, i)
@@ -190,12 +192,12 @@ def complete_order(world, order):
 
 @kernel
 def leave_queue(world, order):
-    """An order waits again somewhere: zoning is to say in whose queue it is."""
+    """An order waits again somewhere; zoning must assign it to a queue."""
     request_zoning(world)
     if world.service_zones.queue.shape[0]:
         former = np.int64(world.service_zones.queue[order])
         if former >= 0:
-            # It is that zone's until zoning says otherwise.
+            # It stays with that zone until zoning decides otherwise.
             world.service_zones.queue[order] = -2 - former
         world.service_zones.next_slot[order] = NIL
         world.service_zones.skips_transfer[order] = 0
@@ -204,7 +206,7 @@ def leave_queue(world, order):
 
 @kernel
 def begin_leg(world, i):
-    """Robot i begins a leg of an order: with its load, or without one when it takes the order."""
+    """Robot i begins a leg of an order: with its load, or empty when it takes the order."""
     tally = world.tally
     tally.leg_moves[i] = both(tally.operations, i, ACTION_MOVE)
     tally.leg_driven[i] = driven_ticks(tally, i)
@@ -213,7 +215,7 @@ def begin_leg(world, i):
 
 @kernel
 def end_leg(world, i, order):
-    """The leg of an order on which robot i was is over."""
+    """Robot i ends its leg of an order."""
     tally, orders = world.tally, world.orders
     orders.moves[order] += both(tally.operations, i, ACTION_MOVE) - tally.leg_moves[i]
     orders.driven[order] += driven_ticks(tally, i) - tally.leg_driven[i]
@@ -228,7 +230,7 @@ def driven_ticks(tally, i):
 
 @kernel
 def both(counts, i, action):
-    """What is counted of an action of robot i, with a load and without."""
+    """The count of an action of robot i, loaded and empty together."""
     return counts[i, action, 0] + counts[i, action, 1]
 
 
@@ -237,7 +239,7 @@ def both(counts, i, action):
 
 @kernel
 def pick_up(world, record, i, ticks):
-    """The shelf empties in the first tick of the pick; where to go is known in the next tick."""
+    """The shelf is empty from the first tick of the pick; the destination is known in the next tick."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
     handle(world, i, ACTION_PICK, ticks)
@@ -268,7 +270,7 @@ def pick_up(world, record, i, ticks):
 
 @kernel
 def visit(world, record, i, order, ticks):
-    """The order lies where it has to go: it is done when the robot arrives."""
+    """The load already lies at its target: the order is done when the robot arrives."""
     world.robots.order[i] = NIL
     complete_order(world, order)
     deliver(world, order, ticks)
@@ -278,19 +280,19 @@ def visit(world, record, i, order, ticks):
 
 @kernel
 def empty_slot(world, slot):
-    """A load is taken from a slot; a spare one is put away."""
+    """A load is taken from a slot; a spare slot becomes unused."""
     slots = world.slots
     slots.content[slot] = NIL
     if slot >= slots.first_spare:
         slots.cell[slot] = NIL
-        slots.unbounded[slot] = 1  # no shelf: no robot drops a load there
+        slots.unbounded[slot] = 1  # not a shelf, so no robot drops a load there
         for direction in range(4):
             slots.access[slot, direction] = NIL
 
 
 @kernel
 def set_down(world, record, i, ticks):
-    """The load is on the slot, and there for others, in the first tick of the drop."""
+    """The load is on the slot, available to others, from the first tick of the drop."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.load[i])
     slot = np.int64(robots.slot[i])
@@ -337,7 +339,7 @@ def handle(world, i, action, ticks):
 
 @kernel
 def serve(world, record, i):
-    """Robot i, which stands at the next stop of its order, begins what it does there."""
+    """Robot i, which stands at the next stop of its order, begins to serve it."""
     robots, orders = world.robots, world.orders
     order = np.int64(robots.order[i])
     stop = next_stop(world, order)
@@ -358,7 +360,7 @@ def serve(world, record, i):
 
 @kernel
 def note_arrival(world, order, stop, tick):
-    """The robot that last took an order stands at a stop of it since the end of a tick."""
+    """Note that the robot that last took an order has arrived at a stop of it."""
     taken = np.int64(world.orders.dispatched[order])
     if world.stops.arrived[stop] < taken:
         world.stops.arrived[stop] = max(tick, taken)
@@ -366,7 +368,7 @@ def note_arrival(world, order, stop, tick):
 
 @kernel
 def start(orders, order):
-    """The first stop of an order is begun: one without a load is its robot's from now on."""
+    """The first stop of an order is begun: an order without a load now stays with its robot."""
     if orders.state[order] == ORDER_WAITING:
         orders.state[order] = ORDER_STARTED
         orders.legs[order] += 1
@@ -374,24 +376,24 @@ def start(orders, order):
 
 @kernel
 def complete_visits(world, record):
-    """At the end of a tick: robots that stand at the next stop of their orders have done it."""
+    """At the end of a tick: robots that have served the next stop of their orders complete it."""
     robots, in_sequence = world.robots, has_trips(world)
     for k in range(robots.cell.shape[0]):
-        # Places are given to robots in the sequence of their identities.
+        # Robots get places in order of identity.
         i = np.int64(robots.at_index[U(k)]) if in_sequence else k
         if robots.goal_type[U(i)] != GOAL_STOP or robots.cell[U(i)] != robots.goal_cell[U(i)]:
             continue
-        entering = robots.claim[U(i)]  # one that turns in a passing aisle claims its own cell
+        entering = robots.claim[U(i)]  # a robot that turns in a passing aisle claims its own cell
         if (entering == NIL or entering == robots.cell[U(i)]) and has_served(world, i):
             complete_visit(world, record, i)
 
 
 @kernel
 def has_served(world, i):
-    """Whether robot i, at the next stop of its order, has done there what it came for."""
+    """Whether robot i, at the next stop of its order, has served it."""
     robots = world.robots
     if robots.status[i] > STATUS_EXHAUSTED:
-        return False  # it is down, and does nothing
+        return False  # it is down
     stop = next_stop(world, np.int64(robots.order[i]))
     if world.stops.ticks[stop]:
         return robots.action[i] == ACTION_SERVE and robots.busy[i] == 0
@@ -443,9 +445,8 @@ def complete_visit(world, record, i):
 
 @kernel
 def deliver(world, order, ticks):
-    """A load is where it has to go when its robot has dropped it, in so many ticks.
-
-    The station begins to work on its part, or lines it up.
+    """A load is delivered; its part, if any, reaches the station after `ticks` ticks, with the
+    drop.
     """
     if world.stations.job_of_order.shape[0]:
         work = np.int64(world.stations.job_of_order[order])
@@ -455,10 +456,10 @@ def deliver(world, order, ticks):
 
 @kernel
 def come(world, work, tick):
-    """A part comes to the station of this work; it can be worked on from a tick on.
+    """A part arrives at the station of this job; processing can start from a given tick on.
 
-    It stands behind those that came before; of those that come in one tick the lowest number is first,
-    so that the sequence in which robots are stored decides nothing.
+    It queues behind parts that arrived earlier. Among parts of one tick the lowest number is first,
+    so the storage order of robots has no effect.
     """
     stations = world.stations
     k = np.int64(stations.station[work])
@@ -480,7 +481,7 @@ def come(world, work, tick):
 
 @kernel
 def work_at_stations(world):
-    """Parts enter that come in this tick; jobs that are done end, and the next ones begin."""
+    """Parts arrive; finished jobs end, and the next ones begin."""
     stations, clock = world.stations, world.clock
     while clock.next_part < stations.part_arrivals.shape[0]:
         work = np.int64(stations.part_arrivals[clock.next_part])
@@ -507,7 +508,7 @@ def work_at_stations(world):
 
 @kernel
 def make_known(world, order):
-    """The order waits at its station from now on."""
+    """The order waits at its station."""
     orders, clock = world.orders, world.clock
     orders.state[order] = ORDER_WAITING
     orders.release_tick[order] = clock.tick

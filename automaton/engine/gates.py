@@ -1,4 +1,5 @@
-"""Gates: whether they are closed, shut or full, what a move in a lift takes, and whom they let in."""
+"""Gates: whether they are closed, shut or full, how long a move in a lift takes, and whom they
+admit."""
 
 import numpy as np
 
@@ -31,7 +32,7 @@ def is_gated(view, cell):
 
 @kernel
 def index_in(gates, cell, gate):
-    """The entry of a cell in a gate, or NIL: it is not in it."""
+    """The index of a cell in a gate, or NIL: not in it."""
     for entry in range(gates.cell_first[cell], gates.cell_first[cell + 1]):
         if gates.cell_gate[entry] == gate:
             return entry
@@ -40,7 +41,7 @@ def index_in(gates, cell, gate):
 
 @kernel
 def is_closed_now(view, gate):
-    """Whether a closing lasts."""
+    """Whether a closing is in effect."""
     row = view.gates.first_closing[gate] + view.gates.closing[gate]
     tick = view.clock.tick
     return (
@@ -51,9 +52,9 @@ def is_closed_now(view, gate):
 
 @kernel
 def closed_until(view, cell, known):
-    """The tick from which a cell that is closed now is open again, 0 if it is not closed.
+    """The tick in which a closed cell opens again; 0 if it is not closed now.
 
-    `known`: closings of which routing may not know how long they last do not count.
+    `known`: count only closings whose duration routing may know.
     """
     gates, until = view.gates, np.int64(0)
     if gates.kind.shape[0] == 0:
@@ -69,7 +70,7 @@ def closed_until(view, cell, known):
 
 @kernel
 def is_shut(view, gate):
-    """Whether a closing or a door lets no robot in."""
+    """Whether a closing or a shut door admits no robot."""
     if view.gates.kind[gate] == GATE_CLOSING:
         return is_closed_now(view, gate)
     return view.gates.kind[gate] == GATE_DOOR and (view.gates.open_from[gate] > view.clock.tick)
@@ -77,7 +78,7 @@ def is_shut(view, gate):
 
 @kernel
 def gate_before(view, i, to):
-    """The gate that keeps robot i out of a cell beside it in this tick, whoever else moves; or NIL."""
+    """The gate that keeps robot i out of an adjacent cell in this tick, however others move; or NIL."""
     gates, cell = view.gates, np.int64(view.robots.cell[i])
     if gates.kind.shape[0] == 0:
         return np.int64(NIL)
@@ -104,7 +105,7 @@ def gate_before(view, i, to):
 
 @kernel
 def opens_soon(view, gate, i):
-    """Whether a gate that keeps robot i opens to it by itself: a door, or a lift that comes for it."""
+    """Whether a gate that blocks robot i opens to it by itself: a door, or a lift that comes for it."""
     gates = view.gates
     if gates.kind[gate] != GATE_LIFT:
         return gates.kind[gate] == GATE_DOOR
@@ -114,7 +115,7 @@ def opens_soon(view, gate, i):
 
 @kernel
 def is_in_full_gate(view, cell):
-    """Whether a cell is in a block or lift that holds as many robots as it may: no robot comes in."""
+    """Whether a cell is in a block or lift that is full."""
     gates = view.gates
     if gates.kind.shape[0] == 0:
         return False
@@ -127,7 +128,7 @@ def is_in_full_gate(view, cell):
 
 @kernel
 def set_cabin_ticks(world):
-    """In a lift moves take their share of the ticks from one mouth to the next."""
+    """Set the ticks of moves in lifts: their share of the travel time from one mouth to the next."""
     robots, traffic = world.robots, world.traffic
     for i in range(robots.cell.shape[0]):
         intent = np.int64(traffic.intent[U(i)])
@@ -139,22 +140,23 @@ def set_cabin_ticks(world):
 
 @kernel
 def is_cabin_move(world, i, direction):
-    """Whether a move that robot i has made, or is in, takes the ticks of a lift."""
+    """Whether the last or current move of robot i takes the ticks of a lift."""
     cell = np.int64(world.robots.cell[U(i)])
     if world.robots.claim[U(i)] == NIL:
         cell -= world.grid.offset[U(direction)]
     return world.gates.cabin_ticks[U(cell), U(direction)] != 0
 
 
-# What gates let robots do in a tick: who enters, who is kept, which doors open, where cabins go.
+# Gates in a tick: which robots enter, which are held, which doors open, where cabins go.
 #
-# A robot whose move a gate refuses does not take part in the motion of this tick. Entrants of a block
-# or lift are ranked as claimants of a cell are: by priority, then by a hash of tick and identity.
+# A robot whose move a gate refuses does not take part in the motion of this tick. Entrants of a
+# block or lift are ranked like claimants of a cell: by priority, then by a hash of tick and
+# identity.
 
 
 @kernel
 def update_gates(world):
-    """Before anything is decided: closings go on, doors shut, cabins stand where they were left."""
+    """Before any decision: closings advance, doors shut, cabins stay where they were left."""
     gates, tick = world.gates, world.clock.tick
     count_robots(world)
     for gate in range(gates.kind.shape[0]):
@@ -177,7 +179,7 @@ def update_gates(world):
 
 @kernel
 def count_robots(world):
-    """Count the robots in each gate, and find where the cabins of those in lifts are."""
+    """Count the robots in each gate, and locate the cabins of occupied lifts."""
     gates, robots = world.gates, world.robots
     gates.robots[:] = 0
     for i in range(robots.cell.shape[0]):
@@ -198,7 +200,7 @@ def count_robots(world):
 
 @kernel
 def hold_at_gates(world):
-    """Take back the moves that gates refuse: call after all intents are known, before claims are made."""
+    """Cancel the moves that gates refuse: call after all intents are known, before claims are made."""
     gates, robots, traffic = world.gates, world.robots, world.traffic
     entrants = 0
     for i in range(robots.cell.shape[0]):
@@ -220,7 +222,7 @@ def hold_at_gates(world):
 
 @kernel
 def ask_gates_of_bays(world):
-    """Find which robots in parking bays their gates hold there: those come before all that move."""
+    """Find which robots in parking bays are held by gates; bays come before all moves."""
     gates, robots, tick = world.gates, world.robots, world.clock.tick
     entrants = 0
     for i in range(robots.cell.shape[0]):
@@ -251,14 +253,15 @@ def wants_out(world, i):
 
 @kernel
 def enter_from_bay(world, cell):
-    """A robot has left its parking bay into a cell: it counts for those that would move in now."""
+    """A robot has left its parking bay into a cell: it counts against robots that try to enter now."""
     for entry in range(world.gates.cell_first[cell], world.gates.cell_first[cell + 1]):
         world.gates.robots[world.gates.cell_gate[entry]] += 1
 
 
 @kernel
 def ask(world, i, cell, to, entrants):
-    """Robot i would go from a cell, NIL: its parking bay, into another. Returns the entrants so far."""
+    """Robot i tries to go from a cell (NIL: its parking bay) into another; returns the number of
+    entrants."""
     gates = world.gates
     for entry in range(gates.cell_first[to], gates.cell_first[to + 1]):
         gate = np.int64(gates.cell_gate[entry])
@@ -280,7 +283,7 @@ def ask(world, i, cell, to, entrants):
 
 @kernel
 def use_door(world, gate):
-    """A robot asks for a door: it begins to open, or stays open."""
+    """A robot requests a door: the door begins to open, or stays open."""
     gates, tick = world.gates, world.clock.tick
     gates.used[gate] = tick
     if gates.open_from[gate] == NEVER:
@@ -289,7 +292,7 @@ def use_door(world, gate):
 
 @kernel
 def let_in(world):
-    """Decide who of the entrants of each block and lift may enter; the others are held."""
+    """Decide which entrants of each block and lift may enter; hold the others."""
     gates = world.gates
     for gate in range(gates.kind.shape[0]):
         if gates.first_entrant[gate] == NIL:
@@ -303,7 +306,7 @@ def let_in(world):
 
 @kernel
 def best_entrant(world, gate, mouth):
-    """The entrant of a gate that comes first of those into this cell, NIL: into any; or NIL."""
+    """The first-ranked entrant of a gate into this cell (NIL: into any cell); or NIL."""
     gates = world.gates
     best, entry = NIL, gates.first_entrant[gate]
     while entry != NIL:
@@ -320,7 +323,7 @@ def best_entrant(world, gate, mouth):
 
 @kernel
 def hold_entrants(world, gate):
-    """All entrants of a gate that it has not let in are held."""
+    """Hold all entrants that a gate has not admitted."""
     gates = world.gates
     entry = gates.first_entrant[gate]
     while entry != NIL:
@@ -332,7 +335,7 @@ def hold_entrants(world, gate):
 
 @kernel
 def let_into_block(world, gate):
-    """The best entrants enter as far as there is room; where robots go one way, over one cell."""
+    """The best-ranked entrants enter while there is room; in a one-way block, over one cell."""
     gates = world.gates
     room = gates.max_robots[gate] - gates.robots[gate]
     mouth = np.int64(NIL)
@@ -343,7 +346,7 @@ def let_into_block(world, gate):
             if best != NIL and room > 0:
                 mouth = np.int64(gates.entrant_cell[best])
                 gates.mouth[gate] = mouth
-    head = NIL  # entries that are let in, taken off the list
+    head = NIL  # admitted entries, removed from the list
     while room > 0:
         best = best_entrant(world, gate, mouth)
         if best == NIL:
@@ -355,7 +358,7 @@ def let_into_block(world, gate):
 
 @kernel
 def move_entry(gates, gate, entry, head):
-    """Take an entry off the list of a gate and put it at the head of another list: its new head."""
+    """Move an entry from the list of a gate to the head of another list; returns the new head."""
     before = gates.first_entrant[gate]
     if before == entry:
         gates.first_entrant[gate] = gates.next_entrant[entry]
@@ -382,9 +385,9 @@ def let_into_lift(world, gate):
 
 @kernel
 def find_caller(world, gate):
-    """The entry of the robot for which the cabin comes, or NIL: no robot wants in.
+    """The entry of the robot for which the cabin comes; NIL: no robot tries to enter.
 
-    It is the one that called, else one at the same mouth, else one for which the cabin is called again.
+    First the robot that called; else one at the same mouth; else one for which the cabin is called.
     """
     gates, tick = world.gates, world.clock.tick
     entry = gates.first_entrant[gate]
@@ -415,7 +418,8 @@ def find_caller(world, gate):
 
 @kernel
 def note_closing(world, i):
-    """Robot i has lost a tick; whether it has now waited for so long that it plans around a closing."""
+    """Count a lost tick of robot i; returns whether it has waited long enough to plan around a
+    closing."""
     gates = world.gates
     gate, identity = np.int64(gates.held[i]), np.int64(world.robots.identity[i])
     if gates.kind[gate] != GATE_CLOSING or gates.replan_after.shape[0] == 0:

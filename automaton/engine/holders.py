@@ -1,7 +1,7 @@
 """Which robot holds a cell: `traffic.holder`, for strategies that look robots up by cell.
 
-It is entered right before a layer whose strategy says `holders = True` is asked, from what that
-strategy sees, and removed after: no other robot pays for it, and nothing of it outlasts a decision.
+It is filled from what the strategy sees right before a strategy with `holders = True` is asked, and
+cleared afterwards: other strategies pay nothing for it, and nothing persists between decisions.
 """
 
 from typing import Any
@@ -17,9 +17,10 @@ from automaton.engine.state import FOLLOWING_CONVOY, NIL
 
 @kernel
 def enter_holders(visible_world):
-    """Enter every robot at the cells, or lanes of cells for two, that it holds.
+    """Enter every robot in the cells, or lanes of two-lane cells, that it holds.
 
-    Under convoy a robot may come into a cell that another one is still leaving: the first is entered.
+    Under convoy a robot may enter a cell that another one is still leaving: the entering robot
+    counts.
     """
     robots = visible_world.robots
     for i in range(robots.cell.shape[0]):
@@ -39,7 +40,8 @@ def remove_holders(visible_world):
 
 @kernel
 def mark_held(visible_world, i, value):
-    """Enter a value at all that robot i holds; a robot that turns between two lanes holds both."""
+    """Enter a value for each cell or lane that robot i holds; a robot that turns between two lanes
+    holds both."""
     robots = visible_world.robots
     cell = np.int64(robots.cell[U(i)])
     if cell == NIL:
@@ -51,7 +53,7 @@ def mark_held(visible_world, i, value):
 
 @kernel
 def mark_claim(visible_world, i, value):
-    """Enter a value at what robot i claims: the cell that it enters, or the lane to which it turns."""
+    """Enter a value for what robot i claims: the cell that it enters, or the lane to which it turns."""
     robots = visible_world.robots
     cell, claim = np.int64(robots.cell[U(i)]), np.int64(robots.claim[U(i)])
     if claim == cell:
@@ -69,7 +71,7 @@ def mark_cell(visible_world, cell, direction, value):
 
 @kernel
 def lane_of(cell_flags, direction):
-    """The column of `holder`, by a cell's rule, for a robot that travels in `direction`.
+    """The column of `holder` for a robot that travels in `direction`, by the capacity of the cell.
 
     NIL in a cell without limit.
     """
@@ -79,20 +81,21 @@ def lane_of(cell_flags, direction):
     return direction >> 1 if capacity == 2 else 0
 
 
-# What one robot remembers: under a radius a strategy sees its robot's rows of the state alone.
+# Per-robot memory: with a radius a strategy sees only its own robot's rows of the state.
 #
-# Its state exists twice then: in full, and as the strategy is shown it, which is zero but for the
-# rows of the robot that it is asked about. The loop knows no strategy's types, and moves bytes.
+# The state then exists twice: in full, and as the strategy sees it, with zeros except in the rows
+# of the robot that it is asked about. The loop does not know the types of strategies; it copies
+# bytes.
 
 
-ROW_FULL = 0  # columns of memory.rows: address of a per-robot field in full; 0 for other fields
-ROW_SHOWN = 1  # its address as shown
-ROW_BYTES = 2  # of a robot's row; of the whole field unless it is per robot
+ROW_FULL = 0  # columns of memory.rows: address of a per-robot field in full; 0 for others
+ROW_SHOWN = 1  # its address in the visible state
+ROW_BYTES = 2  # bytes of a robot's row; of the whole field unless it is per robot
 NO_STATE_ROWS = np.zeros((0, 3), np.int64)  # without a radius
 
 
 def state_rows(full: Struct, shown: Struct) -> Any:
-    """(f, 3) int64: the rows of a memory that has this state, in full and as shown."""
+    """(f, 3) int64: the rows of a memory with this state, full and visible."""
     rows = []
     for (_, declared, array), (_, _, other) in zip(full.arrays(), shown.arrays(), strict=True):
         if not declared.is_kept or not array.nbytes:
@@ -107,7 +110,7 @@ def state_rows(full: Struct, shown: Struct) -> Any:
 
 @kernel
 def show_rows(rows, i):
-    """Show a strategy what robot i remembers."""
+    """Copy what robot i remembers to the visible state."""
     for k in range(rows.shape[0]):
         size = rows[k, ROW_BYTES]
         if rows[k, ROW_FULL]:
@@ -116,7 +119,7 @@ def show_rows(rows, i):
 
 @kernel
 def keep_rows(rows, i):
-    """Keep what robot i remembers now, and show nothing any more."""
+    """Save what robot i remembers now, and clear the visible state."""
     for k in range(rows.shape[0]):
         shown, size = rows[k, ROW_SHOWN], rows[k, ROW_BYTES]
         if rows[k, ROW_FULL]:

@@ -3,9 +3,9 @@
     faults -> orders -> stations -> zoning -> charging -> allocation -> charging -> routing
            -> right of way -> motion -> record -> observe
 
-A layer is asked when something concerns it: in one call about all the robots concerned, or, with
-limited sight, in one call for each of them. A compiled strategy is called right here; for a Python
-strategy the generator yields its number, and goes on in mid-tick when it is resumed.
+A layer is asked when an event concerns it: in one call about all robots concerned or, with limited
+sight, in one call per robot. A compiled strategy is called directly; for a Python strategy the
+generator yields its number and continues in mid-tick when resumed.
 """
 
 import numpy as np
@@ -79,7 +79,7 @@ from automaton.engine.visibility import call_count, name_robots
 
 # What the generator yields: the number of a strategy in Python that has to decide, or
 LOOP_PAUSED = STRATEGY_COUNT
-LOOP_GIVEN_UP = STRATEGY_COUNT + 1  # workspace.stop is set: it must not be resumed
+LOOP_GIVEN_UP = STRATEGY_COUNT + 1  # workspace.stop is set: the generator must not be resumed
 
 MODE_ABSENT = 0  # mode: how a strategy decides
 MODE_COMPILED = 1
@@ -97,12 +97,12 @@ def ticks(
 ):  # fmt: skip
     """Run ticks until world.clock.stop_tick; pause there, when a buffer is full, and at the end.
 
-    `worlds`: the world; what strategies see of it; the same memory, read-only, which they get.
-    `batches`: the robots that a layer is asked about; those of one call; the same, read-only.
-    `outputs`: the record, what is observed,
-    and scratch for the search for deadlocks. `mode`, `memories`: by strategy. `used`: by feature,
-    whether it is called. Functions come one by one: Numba warns of a tuple of them. Gives the run up in
-    mid-tick once workspace.stop is set.
+    `worlds`: the world; the visible world; a read-only view of that for strategies. `batches`: all
+    robots that a layer is asked about; the robots of one call; a read-only view of these.
+    `outputs`: the record, the observation, scratch of the search for deadlocks. `mode`, `memories`: by
+    strategy. `used`: by feature,
+    whether it is called. Functions are separate arguments: Numba warns about tuples of functions.
+    Aborts the run in mid-tick once workspace.stop is set.
     """
     world, visible_world, view = worlds
     full_batch, batch, batch_view = batches
@@ -154,7 +154,7 @@ def ticks(
                     if world.rules.radius > 0:
                         show_rows(memory.rows, i)
                 if batch.count == 0 and not is_due(world, strategy):
-                    continue  # it is about robots of other allocations
+                    continue  # it concerns robots of other allocations
                 clear_decisions(batch, decisions, layer, clock.known_orders)
                 if world.rules.holders[strategy]:
                     enter_holders(visible_world)
@@ -162,7 +162,7 @@ def ticks(
                     decide[strategy](view, batch_view, decisions, memory, workspace)
                 else:
                     yield strategy
-                    # Whatever stands there now.
+                    # Whatever they hold now.
                     name_robots(world, full_batch, batch, strategy, call)
                 if world.rules.holders[strategy]:
                     remove_holders(visible_world)
@@ -216,7 +216,7 @@ def ticks(
 
 @kernel
 def begin_actions(world, record):
-    """Bays, halts, and what robots begin: operations, and the moves that they want."""
+    """Parking bays, halts, operations that begin, and intended moves."""
     if world.clock.unparked < world.robots.cell.shape[0]:
         leave_parking_bays(world)
     if world.clock.halted_until >= world.clock.tick:
@@ -226,7 +226,7 @@ def begin_actions(world, record):
 
 @kernel
 def collect_batch(world, full_batch, layer):
-    """Whether something concerns a layer in this tick; its robots are then in the batch."""
+    """Whether a layer must be asked in this tick; then the batch holds its robots."""
     if layer == LAYER_ALLOCATION:
         return batch_allocation(world, full_batch)
     if layer == LAYER_ROUTING:
@@ -247,7 +247,7 @@ def commit(world, record, batch, decisions, layer):
 
 @kernel
 def is_full(world, record, observation):
-    """Whether another tick might not fit into the buffers of a recording or of an observation."""
+    """Whether the next tick may exceed the buffers of the recording or the observation."""
     clock, robots = world.clock, world.robots.cell.shape[0]
     if clock.observing:
         if observation.count.events + max_events(world) > observation.events.shape[0]:
@@ -279,7 +279,7 @@ def is_finished(world):
 
 
 def compile_loop():
-    """The generator function, and the signature of `decide`; all runs have the same types."""
+    """The generator function and the signature of `decide`; all runs use the same types."""
     if not jit_is_on():
         return ticks, None
     decide = decide_signature()

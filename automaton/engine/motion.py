@@ -1,31 +1,31 @@
-"""Which of the moves that robots want in a tick happen: the occupancy rules of the world.
+"""Motion: which intended moves happen in a tick, by the occupancy rules of the world.
 
-Executed is the greatest set of intents in which every cell has room for its best-ranked claimants,
-counting what members of the set give up; queues follow and rings rotate by themselves.
+The tick executes the largest set of intents in which every cell has room for its best-ranked
+claimants, including room that members of the set release. Queues follow and rings rotate as a
+result.
 
-One word per cell, so that one load tells all: bits 0-3 say that a robot claims the cell travelling
-E, S, W, N; bit 4 that two claim it in one direction; bits 5 and 6 hold its room, one for travel E
-or S, one for W or N: the two lanes of capacity 2. A cell of capacity 1 has or lacks both at once, a
-cell without limit keeps both. Bits 8-14 repeat grid.cell_flags; bit 15 says that a pod
-stands there. A *resource* is a cell of capacity 1 or one lane: it has one holder, so one claimant at
-most wins.
+Each cell has one word, so one load reads everything. Bits 0-3: a robot claims the cell travelling
+E, S, W, N. Bit 4: two robots claim it in one direction. Bits 5 and 6: it has room for travel E or
+S, and for W or N (the two lanes of capacity 2). In a cell of capacity 1 both bits change together;
+in a cell without limit both stay set. Bits 8-14 repeat grid.cell_flags. Bit 15: a pod stands there.
+A *resource* is a cell of capacity 1 or one lane: it has one holder, so at most one claimant wins.
 
-A move of d ticks that begins in tick T is on its edge in the ticks T .. T+d-1. Two moves over one
-edge in opposite directions that share a tick pass through each other. Unless both cells let robots
-pass, the later one is refused, and both if they begin in one tick. Where a cell has capacity 1, the
-claim of a long move keeps others off in all its ticks but the last, in which it gives up the cell
-that it leaves. In that tick its claim bit stands once more in the cell that it enters, so that who
-starts against it is refused like one of two who start at once.
+A move of d ticks that begins in tick T occupies its edge in the ticks T .. T+d-1. Two moves over
+one edge in opposite directions conflict if they share a tick. Unless both cells let robots pass,
+the later move is refused, or both if they begin in the same tick. If a cell has capacity 1, the
+claim of a long move keeps other robots off in all of its ticks except the last, in which it
+releases the cell that it leaves. In that tick its claim bit is set again in the cell that it
+enters, so a robot that starts against it is refused as if both started at once.
 
-Under the rule `convoy` a move of any length takes the room ahead and gives back its own at once, as moves
-of one tick do under `handover`: so the room bits say whether a cell is *open*, not whether it is empty.
-`traffic.leaving` holds, by resource, when the last move out of it ends, and its direction. A move takes
-its own ticks, or those that the move out of its target still takes if these are more; in a ring all
-take as long as the longest. Lengths follow from head to tail: a robot sets out when the cell ahead is
-open, so the length of the move out of that is settled.
+Under the rule `convoy` a move of any length takes the room ahead and releases its own at once, like
+moves of one tick under `handover`. So the room bits tell whether a cell is *open*, not whether it
+is empty. `traffic.leaving` holds, by resource, the end and direction of the last move out of it. A
+move takes its own ticks, or the remaining ticks of the move out of its target if these are more; in
+a ring all moves take as long as the longest. Lengths are fixed from head to tail: a robot sets out
+when the cell ahead is open, so the length of the move out of that cell is known.
 
-Two passes decide all but the contested and the queueing intents from these words alone; only final
-inferences are drawn, so the order of the robots does not matter. `resolve` decides the rest.
+Two passes over these words decide all intents except contested and queueing ones. They draw only
+conclusions that cannot change, so the order of robots does not matter. `resolve` decides the rest.
 """
 
 import numpy as np
@@ -37,21 +37,21 @@ from automaton.engine.state import FOLLOWING_CONVOY, FOLLOWING_NONE, GOAL_PICK, 
 LIVE = 4  # bits of traffic.intent; bits 0-1 are the direction
 ENTERED = 8  # it left its parking bay this tick: no robot may follow into its cell
 NO_TURN = 8  # without LIVE: a turn that found the other lane held
-MOVED = 16  # outcomes
+MOVED = 16  # REFUSED, without LIVE: this robot may not drive under the pod
 REFUSED = 32
 POD_AHEAD = 32  # REFUSED, without LIVE: a robot that does not drive under this pod
-AT_GATE = 40  # two bits, without LIVE: a gate lets it not in
+AT_GATE = 40  # two bits, without LIVE: a gate blocks it
 ARRIVED = 64  # a long move ended, or a robot stands at its goal already
-HELD = 128  # right of way holds it back; bits 0-1 are where it would like to go, if TOWARDS is set
+HELD = 128  # right of way holds it back; bits 0-1 are its preferred direction, if TOWARDS is set
 TOWARDS = 8
 
 CLAIM_BITS = 31
 FLAGS_SHIFT = 8  # shift of the rule in a word
 CAPACITY_SHIFT = 13  # shift of the class of capacity in a word
 POD = 1 << 15  # bit of a word: a pod stands here, under which not all robots drive (drives_under)
-# Room that a robot takes, by class (unlimited, 1, 2) and lane.
+# Room taken by a robot, by class (unlimited, 1, 2) and lane.
 ROOM_TAKEN_BITS = 0b10_01_11_11_00_00
-ROBOTS_FETCHED_AHEAD = 16  # robots whose cells are fetched in advance
+ROBOTS_FETCHED_AHEAD = 16  # cells are prefetched for this many robots
 
 INTENT_GOAL = 0  # columns of traffic.pending: the wanted resource, then its entry in the contest
 INTENT_OWN = 1  # the held resource if a robot may follow, then its entry, or NIL
@@ -60,7 +60,7 @@ INTENT_STATE = 3  # 0 undecided, MOVED or REFUSED
 INTENT_CELL = 4  # where it stands
 INTENT_DIRECTION = 5
 INTENT_FREED = 6  # room that it gives up at once when it moves
-INTENT_TICKS = 7  # under convoy: what its move takes by itself, then what it takes
+INTENT_TICKS = 7  # under convoy: its own ticks, then the ticks that it takes
 
 
 @kernel(inline=True)
@@ -84,32 +84,32 @@ def occupy(occupancy, cell, direction):
 
 @kernel
 def vacate(occupancy, cell, direction):
-    """Give back the room of a robot that entered `cell` in `direction`."""
+    """Release the room of a robot that entered `cell` in `direction`."""
     word = np.int64(occupancy[U(cell)])
     occupancy[U(cell)] = np.uint16(word | taken_bits(word, np.int64(direction)))
 
 
 @kernel
 def put_pod_into(occupancy, cell):
-    """A pod stands in a cell from now on."""
+    """A pod now stands in a cell."""
     occupancy[U(cell)] = np.uint16(np.int64(occupancy[U(cell)]) | POD)
 
 
 @kernel
 def take_pod_out(occupancy, cell):
-    """No pod stands in a cell any more."""
+    """A cell no longer has a pod."""
     occupancy[U(cell)] = np.uint16(np.int64(occupancy[U(cell)]) & ~POD)
 
 
 @kernel
 def has_room(occupancy, cell, direction):
-    """Return whether a robot travelling in `direction` may begin to move into `cell` now."""
+    """Return whether a robot travelling in `direction` may now begin to move into `cell`."""
     return np.int64(occupancy[U(cell)]) & room_bit(np.int64(direction)) != 0
 
 
 @kernel
 def is_empty(traffic, cell, direction, tick):
-    """Return whether a robot travelling in `direction` finds no robot in `cell`, nor one on its way in.
+    """Return whether a robot travelling in `direction` finds no robot in `cell` or on its way in.
 
     Under convoy a cell may be open although a robot is still leaving it.
     """
@@ -125,7 +125,7 @@ def is_empty(traffic, cell, direction, tick):
 
 @kernel(inline=True)
 def fetch_ahead(grid, robots, traffic, i):
-    """Ask for the words that a robot stored a little later is about to need."""
+    """Prefetch the words for a robot stored a little later."""
     if i + ROBOTS_FETCHED_AHEAD < robots.cell.shape[0]:
         cell = np.int64(robots.cell[U(i + ROBOTS_FETCHED_AHEAD)])
         if cell >= 0:
@@ -136,9 +136,9 @@ def fetch_ahead(grid, robots, traffic, i):
 
 @kernel(inline=True)
 def fetch_leaving_ahead(grid, robots, traffic, i):
-    """Ask for when the cells of a robot stored a little later are left.
+    """Prefetch when robots leave the cells around a robot stored a little later.
 
-    A step in convoy takes 43 ns so, and 61 without (`automaton bench --only step`).
+    With it a step in convoy takes 43 ns, without it 61 ns (`automaton bench --only step`).
     """
     if i + ROBOTS_FETCHED_AHEAD < robots.cell.shape[0]:
         cell = np.int64(robots.cell[U(i + ROBOTS_FETCHED_AHEAD)])
@@ -165,7 +165,8 @@ def direction_between(grid, cell, neighbour):
 
 @kernel
 def vacate_later(traffic, cell, direction, at_once, releases):
-    """Give back a cell's room, at once or at the end of the tick; returns the releases put off."""
+    """Release a cell's room, at once or at the end of the tick; returns the number of postponed
+    releases."""
     if at_once:
         vacate(traffic.occupancy, cell, direction)
         return releases
@@ -194,13 +195,13 @@ def end_moves(grid, rules, robots, traffic, arriving):
         robots.claim[U(i)] = NIL
         traffic.intent[U(i)] = ARRIVED
         if entered == left:
-            direction ^= 2  # it turned, and gives the other lane back
+            direction ^= 2  # it turned, and releases the other lane
         else:
             way = direction_between(grid, left, entered)
             robots.cell[U(i)] = entered
             robots.travel[U(i)] = way
             if rules.following == FOLLOWING_CONVOY:
-                continue  # its room was given back when the move began
+                continue  # its room was released when the move began
             dirty = bar_way_back(traffic, left, entered, way, dirty)
         releases = vacate_later(
             traffic, left, direction, rules.following != FOLLOWING_NONE, releases
@@ -210,10 +211,10 @@ def end_moves(grid, rules, robots, traffic, arriving):
 
 @kernel
 def bar_way_back(traffic, left, entered, way, dirty):
-    """Whoever starts now against a long move that ends in this tick finds its claim.
+    """Set the claim of a long move that ends in this tick, against robots that start the other way.
 
-    It would pass through that robot where one gives up a cell of capacity 1 and enters one in which
-    robots may be. Returns the number of dirty cells.
+    Otherwise two robots could pass through each other when one releases a cell of capacity 1 and
+    enters a cell that may hold robots. Returns the number of dirty cells.
     """
     single = (np.int64(traffic.occupancy[U(left)]) >> CAPACITY_SHIFT) & 3 == 1
     word = np.int64(traffic.occupancy[U(entered)])
@@ -225,7 +226,7 @@ def bar_way_back(traffic, left, entered, way, dirty):
 
 @kernel
 def advance(grid, rules, robots, traffic, i, releases):
-    """Let robot i make its move; returns the number of releases put off to the tick's end."""
+    """Let robot i make its move; returns the number of releases postponed to the tick's end."""
     direction = np.int64(traffic.intent[U(i)]) & 3
     cell = np.int64(robots.cell[U(i)])
     target = cell + grid.offset[U(direction)]
@@ -239,7 +240,8 @@ def advance(grid, rules, robots, traffic, i, releases):
 
 @kernel
 def finish_move(rules, robots, traffic, i, cell, target, releases):
-    """Write down the move of robot i, whose room is arranged; returns the releases put off."""
+    """Enter the move of robot i, whose room is already updated; returns the number of postponed
+    releases."""
     intent = np.int64(traffic.intent[U(i)])
     direction = intent & 3
     traffic.intent[U(i)] = np.uint8(intent | MOVED)
@@ -260,7 +262,7 @@ def move_all(grid, rules, robots, traffic, tick):
     """Execute the moves of one tick; counts busy robots down and ends long moves that are due.
 
     Reads traffic.intent (LIVE | direction, or 0) and traffic.move_ticks of robots that are not
-    busy; leaves MOVED, REFUSED or ARRIVED there. A want against the cell's exits becomes 0.
+    busy; writes MOVED, REFUSED or ARRIVED there. An intent against the cell's exits becomes 0.
     """
     arriving = claim_cells(grid, rules, robots, traffic)
     releases, dirty = end_moves(grid, rules, robots, traffic, arriving)
@@ -320,7 +322,8 @@ def drives_under(rules, robots, i, target):
 
 @kernel
 def move_uncontested(grid, rules, robots, traffic, releases, dirty):
-    """Second pass: refuse swaps, make sole claims with room; returns (releases, pending, dirty)."""
+    """Second pass: refuse swaps, execute uncontested moves with room; returns (releases, pending,
+    dirty)."""
     occupancy, intent = traffic.occupancy, traffic.intent
     cells = occupancy.shape[0]
     pending = 0
@@ -417,10 +420,10 @@ def join_uncontested(grid, robots, traffic, tick, releases, dirty):
 
 @kernel(inline=True)
 def meets_on_edge(traffic, here, there, target, direction, tick):
-    """Whether a robot would meet one on its edge that starts now, or is on its way over it.
+    """Whether a robot would meet another on its edge, which starts now or is already on it.
 
-    The latter comes out of a cell of capacity 1 into one in which robots may be: into one of capacity
-    1 it would come behind a robot that is on its way out, and wants nothing.
+    A robot already on the edge comes from a cell of capacity 1 into a cell that may hold robots. A
+    move into a cell of capacity 1 follows a robot on its way out, which has no intent now.
     """
     starts = (here >> (direction ^ 2)) & 1 != 0
     single, single_here = (there >> CAPACITY_SHIFT) & 3 == 1, (here >> CAPACITY_SHIFT) & 3 == 1
@@ -434,7 +437,7 @@ def meets_on_edge(traffic, here, there, target, direction, tick):
 
 @kernel(inline=True)
 def ticks_behind(traffic, there, goal, tick, ticks):
-    """Ticks of a move into a resource: its own, or until the robot that leaves it has left."""
+    """Ticks of a move into a resource: its own, or until the leaving robot has left."""
     if (there >> CAPACITY_SHIFT) & 3 == 0:
         return ticks
     return max(ticks, (traffic.leaving[U(goal)] >> 2) - tick + 1)
@@ -442,7 +445,7 @@ def ticks_behind(traffic, there, goal, tick, ticks):
 
 @kernel
 def set_out(robots, traffic, tick, i, target, own, ticks):
-    """Robot i begins its move under convoy, out of the resource `own`; the room is arranged."""
+    """Robot i begins its move under convoy, out of the resource `own`; room is already updated."""
     intent = np.int64(traffic.intent[U(i)])
     direction = intent & 3
     traffic.intent[U(i)] = np.uint8(intent | MOVED)
@@ -480,11 +483,11 @@ def resource_of(word, cell, direction, cells):
 def resolve(grid, rules, robots, traffic, tick, pending, releases):
     """Decide the pending intents: the best claimant of each resource, queues, then rings.
 
-    The contest has an entry for every resource of a crowded floor, else a hash table, which stays
-    small where few robots meet on many cells.
+    On a crowded floor the contest has an entry for every resource; otherwise it uses a hash table,
+    which stays small if few robots meet on many cells.
     """
     contest, intents = traffic.contest, traffic.pending
-    drawn_in = (tick - 1) // rules.refinement + 1  # ties go by the coarse tick
+    drawn_in = (tick - 1) // rules.refinement + 1  # the coarse tick breaks ties
     if traffic.key.shape[0] > 0:
         enter_entries(traffic, pending)
     for k in range(pending):
@@ -550,7 +553,7 @@ def is_before(robots, tick, i, j):
 
 @kernel
 def own_resource(robots, traffic, i):
-    """What robot i holds of its cell: the cell, or a lane of it."""
+    """The resource that robot i holds in its cell: the cell, or a lane of it."""
     cell = np.int64(robots.cell[U(i)])
     word = np.int64(traffic.occupancy[U(cell)])
     return resource_of(word, cell, np.int64(robots.travel[U(i)]), traffic.occupancy.shape[0])
@@ -558,10 +561,10 @@ def own_resource(robots, traffic, i):
 
 @kernel
 def move_queue(grid, rules, robots, traffic, tick, k):
-    """Move winner k if its target has room, then whoever won the cell that it leaves, and so on.
+    """Move winner k if its target has room, then the winner of the cell that it leaves, and so on.
 
-    Only room and outcome are written here, from one row for each intent; the robots, scattered in
-    memory, follow in their order (the half-full floor is a third faster so).
+    This writes only room and outcome, from one row per intent; the robots, scattered in memory,
+    follow later in storage order (33 % faster on a half-full floor).
     """
     while k != NIL:
         row = traffic.pending[U(k)]
@@ -582,7 +585,7 @@ def move_queue(grid, rules, robots, traffic, tick, k):
 
 @kernel
 def settle_ticks(robots, traffic, tick, there, target, row):
-    """Settle what the move of an intent takes, and so what the one behind it takes at least."""
+    """Fix the ticks of an intent's move, and so the least ticks of the move behind it."""
     direction = np.int64(row[INTENT_DIRECTION])
     goal = resource_of(there, target, direction, traffic.occupancy.shape[0])
     ticks = ticks_behind(traffic, there, goal, tick, np.int64(row[INTENT_TICKS]))
@@ -593,7 +596,7 @@ def settle_ticks(robots, traffic, tick, there, target, row):
 
 @kernel
 def behind(traffic, k):
-    """The intent that won the resource which intent k would give up, or NIL."""
+    """The intent that won the resource that intent k would release, or NIL."""
     own = np.int64(traffic.pending[U(k), U(INTENT_OWN)])
     return NIL if own == NIL else np.int64(traffic.contest[U(own)])
 
@@ -602,9 +605,9 @@ def behind(traffic, k):
 def rotate_ring(traffic, k):
     """Follow the winners behind winner k: a ring closes on k and rotates, any other queue is refused.
 
-    A resource has one winner, who wants one resource: so queues and rings never branch. Members of
-    a ring give room to each other, so the room of its cells stays as it is. Under convoy all take as
-    long as the longest; under `handover` only moves of one tick form rings.
+    A resource has one winner, which claims one resource, so queues and rings never branch. Members
+    of a ring pass room to each other, so the room of its cells does not change. Under convoy all
+    take as long as the longest; under `handover` only moves of one tick form rings.
     """
     intents = traffic.pending
     ticks = np.int64(intents[U(k), U(INTENT_TICKS)])

@@ -1,8 +1,8 @@
-"""Why a robot does not get on: the causes of lost time, and the events of a run.
+"""Why a robot makes no progress: the causes of lost time, and the events of a run.
 
-A robot waits when it neither works nor drives in a tick. Its cause says what keeps it, its blocker
-which robot does, and `wanted` names the cell that it wants to enter. CAUSE_REDUCED_SPEED is no
-wait: it is the cause of the ticks that a move takes beyond its duration.
+A robot waits in a tick in which it neither works nor drives. The cause tells why, the blocker is
+the robot that blocks it, and `wanted` is the cell that it tries to enter. CAUSE_REDUCED_SPEED is
+not a wait: it is the cause of the ticks that a move takes beyond its duration.
 """
 
 from __future__ import annotations
@@ -16,16 +16,16 @@ from automaton.engine.state import Array
 
 
 class Cause(NamedTuple):
-    """One cause."""
+    """A cause of lost time."""
 
     name: str
-    text: str  # a sentence about {robot}; {cell} is the wanted cell, {blocker} who keeps it
+    text: str  # a sentence about {robot}; {cell} is the wanted cell, {blocker} the robot that blocks it
     rule: str  # the rule behind it
-    blocked: bool  # another robot keeps it: the time counts as blocked
+    blocked: bool  # another robot blocks it: the time counts as blocked
 
     @property
     def meaning(self) -> str:
-        """The sentence about any robot."""
+        """The sentence, about robots in general."""
         return self.text.format(robot="the robot", blocker="another robot", cell="the next cell")
 
 
@@ -48,7 +48,7 @@ CAUSE_ILLEGAL_DECISION: Final = 15
 CAUSE_CHARGER_QUEUE: Final = 16
 CAUSE_NO_ENERGY: Final = 17
 CAUSE_FAULT: Final = 18
-CAUSE_REDUCED_SPEED: Final = 19  # in observation.lost alone: who does is not waiting
+CAUSE_REDUCED_SPEED: Final = 19  # only in observation.lost: such a robot does not wait
 CAUSE_REDESIGN: Final = 20
 CAUSE_HELD_BACK: Final = 21
 CAUSE_STATION_QUEUE: Final = 22
@@ -59,7 +59,7 @@ CAUSE_CLOSED: Final = 26  # and the other kinds of gates after it, in the sequen
 CAUSE_DOOR: Final = 27
 CAUSE_BLOCK: Final = 28
 CAUSE_LIFT: Final = 29
-CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; why depends on its holder
+CAUSE_UNDECIDED: Final = 255  # within a tick: waits for a cell; the cause depends on its holder
 
 _HELD = "rule of occupancy: a cell holds no more robots than its capacity"
 CAUSES: Final = (
@@ -68,7 +68,7 @@ CAUSES: Final = (
     Cause(
         "head-on",
         "{blocker} holds {cell} and wants to come the other way",
-        "two robots never swap over one edge",
+        "two robots cannot swap over one edge",
         True,
     ),
     Cause("working ahead", "{blocker} holds {cell} while it works there", _HELD, True),
@@ -77,7 +77,7 @@ CAUSES: Final = (
     Cause(
         "vertex conflict",
         "{blocker} won {cell} in this tick",
-        "of several claimants the higher priority wins, ties by a hash",
+        "the claimant with the highest priority wins; a hash breaks ties",
         True,
     ),
     Cause(
@@ -89,12 +89,12 @@ CAUSES: Final = (
     Cause(
         "bay",
         "{blocker} holds {cell}, so {robot} cannot leave its parking bay",
-        "a robot leaves its parking bay when its home cell was empty",
+        "a robot may leave its parking bay only if its home cell was empty",
         True,
     ),
     Cause(
         "random wait",
-        "{cell} is free; a random wait of right of way is not over",
+        "{cell} is free; a random wait set by right of way is not over",
         "after a refused move a robot waits before it tries again",
         False,
     ),
@@ -110,14 +110,14 @@ CAUSES: Final = (
         "right of way: a retreat takes the tick in which it is decided",
         True,
     ),
-    Cause("no order", "{robot} has no order", "the allocation gave the robot no order", False),
+    Cause("no order", "{robot} has no order", "allocation assigned no order to the robot", False),
     Cause(
         "no drop-off slot",
         "{robot} holds a load and has no slot to drop it at",
-        "the allocation named no slot",
+        "allocation named no slot",
         False,
     ),
-    Cause("no route", "{robot} has a goal but no route to it", "the routing found no route", False),
+    Cause("no route", "{robot} has a goal but no route to it", "routing found no route", False),
     Cause(
         "illegal decision",
         "a decision of a strategy about {robot} broke a rule",
@@ -132,38 +132,38 @@ CAUSES: Final = (
     ),
     Cause(
         "empty battery",
-        "the battery of {robot} lacks what its next operation takes",
-        "a robot without energy stands where it is until it is towed",
+        "the battery of {robot} lacks the charge for its next operation",
+        "a robot without energy stays in its cell until it is towed",
         False,
     ),
     Cause(
         "broken down",
         "{robot} has broken down",
-        "a broken robot stands where it is until it is towed or repaired",
+        "a broken robot stays in its cell until it is towed or repaired",
         False,
     ),
     Cause(
         "reduced speed",
-        "{robot} drives, but its moves take longer: slow zones, speed limits or chance; it does not wait",
+        "{robot} drives, but slow zones, speed limits or random delays extend its moves",
         "a move begun in a zone with m robots takes m times as long",
         False,
     ),
     Cause(
         "redesign",
         "{robot} stands still while the service zones are redesigned",
-        "zoning halts robots while it decides who serves which stations",
+        "zoning halts robots while it decides which robots serve which stations",
         False,
     ),
     Cause(
         "held back",
-        "right of way lets {robot} stay where it is: others come first",
-        "right of way steers the robots, and says in each tick who goes and who stays",
+        "right of way tells {robot} to wait: others go first",
+        "right of way steers the robots: in each tick it decides which ones move and which ones wait",
         False,
     ),
     Cause(
         "station queue",
         "{robot} is queueing before its station: {blocker} holds {cell}",
-        "stations serve robots in the sequence of their queue",
+        "stations serve robots in the order of their queue",
         True,
     ),
     Cause(
@@ -175,25 +175,25 @@ CAUSES: Final = (
     Cause(
         "station break",
         "{robot} stands at its station, which has a break",
-        "no visit begins in a break of its station",
+        "no visit begins during a break of its station",
         False,
     ),
     Cause(
         "delayed",
         "{robot} is delayed",
-        "a delayed robot begins nothing, and a move or a turn under way takes longer by the delay",
+        "a delayed robot begins no operation; the delay extends a move or a turn under way",
         False,
     ),
     Cause(
         "closed",
-        "{cell} is closed for some time",
-        "no robot enters a closed cell; one that is there goes on, and may leave",
+        "{cell} is closed temporarily",
+        "no robot may enter a closed cell; a robot inside continues and may leave",
         False,
     ),
     Cause(
         "door",
         "{cell} is a door that is shut",
-        "a door opens to a robot that asks for it",
+        "a door opens when a robot requests it",
         False,
     ),
     Cause(
@@ -204,7 +204,7 @@ CAUSES: Final = (
     ),
     Cause(
         "lift",
-        "{cell} is in a lift whose cabin is not there for {robot}",
+        "{cell} is in a lift whose cabin is not ready for {robot}",
         "a lift takes one robot at a time, and comes when it is called",
         False,
     ),
@@ -223,7 +223,7 @@ EVENT_ORDER_RETURNED: Final = 8  # robot, order
 EVENT_CHARGING: Final = 9  # robot, none, its charge: a stay at a charger begins
 EVENT_ILLEGAL_DECISION: Final = 10  # robot
 EVENT_WAIT_CYCLE: Final = 11  # robot of least number in a cycle that has just closed, none, members
-EVENT_DEADLOCK: Final = 12  # the same, when the cycle has lasted DEADLOCK_TICKS
+EVENT_DEADLOCK: Final = 12  # as above, once the cycle has lasted DEADLOCK_TICKS
 EVENT_DEPLETED: Final = 13  # robot, none, its cell
 EVENT_FAILED: Final = 14  # robot, none, its cell
 EVENT_TOWED: Final = 15  # robot
@@ -247,10 +247,10 @@ EVENT_NAMES: Final = (
     *("battery empty", "broken down", "towed", "back"),
     *("job done", "part finished", "zones redesigned", "visited"),
 )
-DEADLOCK_TICKS: Final = 64  # most wait cycles are two robots head-on that soon retreat
+DEADLOCK_TICKS: Final = 64  # most wait cycles are two robots that meet head-on and soon retreat
 
 # Bits of scratch.marks.
-IS_WAITING: Final = 1  # for anything but an order
+IS_WAITING: Final = 1  # waits for anything except an order
 IS_EVENTFUL: Final = 2
 
 # Columns of observation.curve.
@@ -259,17 +259,18 @@ WORKING_ROBOTS: Final = 1
 DELIVERED_ORDERS: Final = 2
 CURVE_COLUMNS: Final = 3
 
-# Columns of observation.lost_ticks_by_cell: together, since a robot that waits needs them all.
+# Columns of observation.lost_ticks_by_cell: in one array, since each waiting robot needs all of
+# them.
 LOST_EVER: Final = 0  # robot ticks
-LOST_LATELY: Final = 1  # the same, halved every MEMORY_TICKS
+LOST_LATELY: Final = 1  # robot ticks, halved every MEMORY_TICKS
 COUNTED_AT: Final = 2  # tick of the last entry in LOST_LATELY
-DELAY_COLUMNS: Final = 4  # a power of two: no cell lies in two lines of the cache
+DELAY_COLUMNS: Final = 4  # a power of two: no cell spans two cache lines
 
-MEMORY_TICKS: Final = 128  # in which the congestion of a cell halves
+MEMORY_TICKS: Final = 128  # ticks after which the congestion of a cell halves
 
 
 class ObservationCounts(NamedNumbers):
-    """Rows in the buffers of an observation."""
+    """Rows used in the buffers of an observation."""
 
     events: int = number("rows of observation.events in use")
     curve_rows: int = number("rows of observation.curve in use")
@@ -283,87 +284,89 @@ class WaiterCounts(NamedNumbers):
 
 
 class ObservationScratch(Struct, role=SCRATCH):
-    """What the kernels that observe a tick need meanwhile; n robots, C cells.
+    """Scratch of the kernels that observe a tick; n robots, C cells.
 
-    `marks` and `words` share their memory, so that eight marks are looked at in one.
+    `marks` and `words` share memory, so one word reads eight marks.
     """
 
     count: WaiterCounts = field(WaiterCounts)
     entry: Array = field(
-        "(n,) int32", "the resource of `holder` that a waiting robot wants, or NIL", default=NIL
+        "(n,) int32",
+        "the entry of `holder` for the resource that a waiting robot needs, or NIL",
+        default=NIL,
     )
     holder: Array = field(
         "(2C,) int32",
-        "storage index of who holds what a robot wants; NIL between ticks",
+        "storage index of the holder of a wanted resource; NIL between ticks",
         default=NIL,
     )
-    sieve: Array = field("(power of two,) uint8", "whether a cell of this remainder is wanted")
+    sieve: Array = field("(power of two,) uint8", "whether a wanted cell has this remainder")
     marks: Array = field("(n rounded up to eights,) uint8", "by identity; zero between ticks")
     words: Array = field("(ceil(n / 8),) uint64")
-    waiters: Array = field("(n,) int32", "storage indices, by identity")
-    eventful: Array = field("(n,) int32", "the same of robots of which events may tell")
+    waiters: Array = field("(n,) int32", "waiting robots: storage indices in order of identity")
+    eventful: Array = field("(n,) int32", "robots with possible events: likewise")
     color: Array = field("(n,) int32", "in the search for cycles")
 
 
 class Observation(Struct, role=MEASURED):
-    """What is watched while a run goes on; nothing in the world depends on it.
+    """The observation of a run; nothing in the world depends on it.
 
     n robots by storage, C cells, E events and T ticks between two pauses; k stations that work on
-    parts, S stations and P zones of a partition. All but scratch and buffers goes on from what it was
-    after the tick before.
+    parts, S stations and P zones of a partition. Everything except scratch and buffers continues
+    from the previous tick.
     """
 
-    cause: Array = field("(n,) uint8", "why it waits, of CAUSES")
-    blocker: Array = field("(n,) int32", "identity of the robot that keeps it, or NIL", default=NIL)
-    wanted: Array = field("(n,) int32", "the cell that it wants, or NIL", default=NIL)
+    cause: Array = field("(n,) uint8", "why it waits: an index of CAUSES")
+    blocker: Array = field(
+        "(n,) int32", "identity of the robot that blocks it, or NIL", default=NIL
+    )
+    wanted: Array = field("(n,) int32", "the cell that it tries to enter, or NIL", default=NIL)
     since: Array = field(
         "(n,) int64", "tick in which its wait began; meaningful while cause is not 0"
     )
-    slow_zone: Array = field(
-        "(n,) int32", "zone that slows the move that it is in, or NIL", default=NIL
-    )
+    slow_zone: Array = field("(n,) int32", "zone that slows its current move, or NIL", default=NIL)
     slow_zone_occupancy: Array = field(
-        "(n,) int32", "robots in that zone when the move began; meaningful beside a slow_zone"
+        "(n,) int32", "robots in that zone when the move began; valid only with a slow_zone"
     )
-    wait_cycle_ticks: Array = field(
-        "(n,) int32", "ticks that its cycle of robots that wait for each other has lasted"
-    )
+    wait_cycle_ticks: Array = field("(n,) int32", "duration of its wait cycle in ticks")
     lost: Array = field(f"(n, {CAUSE_COUNT}) int64", "ticks lost by cause")
     lost_in_zone: Array = field(
-        "(Z,) int64", "of CAUSE_REDUCED_SPEED, those of moves that a zone slows"
+        "(Z,) int64", "lost ticks of CAUSE_REDUCED_SPEED in moves slowed by a zone"
     )
-    busy_before: Array = field("(n,) uint16", "robots.busy after the tick before")
-    dropped: Array = field("(n,) int32", "the load that it drop in this tick, or NIL", default=NIL)
+    busy_before: Array = field("(n,) uint16", "robots.busy after the previous tick")
+    dropped: Array = field(
+        "(n,) int32", "the load that it dropped in this tick, or NIL", default=NIL
+    )
     load_before: Array = field("(n,) int32", default=NIL)
     order_before: Array = field("(n,) int32", default=NIL)
-    visits_before: Array = field("(n,) int64", "tally.visits after the tick before")
-    stays: Array = field("(n,) int64", "stays at chargers that events have told of")
+    visits_before: Array = field("(n,) int64", "tally.visits after the previous tick")
+    stays: Array = field("(n,) int64", "stays at chargers already reported as events")
     status_before: Array = field("(n,) uint8")
-    working: Array = field("(k,) int32", "stations.in_service after the tick before", default=NIL)
-    zone_before: Array = field("(S,) int32", "service_zones.design.zone after the tick before")
+    working: Array = field("(k,) int32", "stations.in_service after the previous tick", default=NIL)
+    zone_before: Array = field("(S,) int32", "service_zones.design.zone after the previous tick")
     reshaped: Array = field(
-        "(P,) int64", "the last tick in which stations came to or left a zone, or NIL", default=NIL
+        "(P,) int64", "the last tick in which a zone gained or lost stations, or NIL", default=NIL
     )
-    redesigns: int = field("() int64", "ticks in which stations changed their zones")
+    redesigns: int = field("() int64", "number of ticks in which stations changed zones")
     lost_ticks_by_cell: Array = field(f"(C, {DELAY_COLUMNS}) int32", "robot ticks lost in a cell")
     flow: Array = field("(C, 4) int32", "moves out of a cell, E S W N")
     count: ObservationCounts = field(ObservationCounts, role=SCRATCH)
     events: Array = field("(E, 5) int64", role=SCRATCH)
-    curve: Array = field(f"(T, {CURVE_COLUMNS}) int32", "one row for each tick", role=SCRATCH)
+    curve: Array = field(f"(T, {CURVE_COLUMNS}) int32", "one row per tick", role=SCRATCH)
     scratch: ObservationScratch
 
 
 def is_waiting(cause: Array) -> Array:
-    """(n,) bool: who is kept from getting on; to have no order is no such wait."""
+    """(n,) bool: robots kept from making progress; a robot without an order does not count."""
     kept: Array = (cause != CAUSE_NOT_WAITING) & (cause != CAUSE_NO_ORDER)
     return kept
 
 
 def waited_ticks(cause: Array, since: Array, tick: int) -> Array:
-    """(n,) int64: how long each robot has waited at a tick, whatever kept it; 0 for one that does not.
+    """(n,) int64: how long each robot has waited at a tick, for any cause; 0 if it does not wait.
 
-    A wait whose cause changes goes on, but a wait for an order is one of its own. The first tick lost
-    counts.
+    A wait continues when its cause changes, but a wait for an order is a separate wait. The first
+    lost tick counts.
     """
     waited: Array = np.where(cause != CAUSE_NOT_WAITING, tick - since, 0)
     return waited
@@ -381,7 +384,7 @@ def visits_of(flow: Array, offset: Array) -> Array:
 
 
 def congestion_of(delay: Array, tick: int) -> Array:
-    """(C,) int32: the robot ticks lost lately, as they count at this tick."""
+    """(C,) int32: recently lost robot ticks, weighted as of this tick."""
     halvings = np.minimum((tick - delay[:, COUNTED_AT]) // MEMORY_TICKS, 31)
     faded: Array = delay[:, LOST_LATELY] >> halvings
     return faded

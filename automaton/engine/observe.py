@@ -1,9 +1,9 @@
-"""What is watched in every tick of an observed run: who waits for whom and why, events, heat maps.
+"""Observation of each tick: which robot waits for which and why, events, heat maps.
 
-After motion, one pass over the robots finds who got on and who waits for which cell; whoever drives
-or works costs no more than this. Only when a robot waits, further passes over those who do: who
-holds the cells that are waited for; who kept whom from swapping; the cause, which depends on what
-the blocker does; cycles of robots that wait for each other. Nothing here writes to the world.
+After motion, one pass over the robots finds which made progress, and which wait for which cell.
+Robots that drive or work cost no more than this. Further passes process only waiting robots: they
+find the holder of each wanted cell, refused swaps, the cause (which depends on the blocker) and
+wait cycles. Nothing here writes to the world.
 """
 
 import numpy as np
@@ -86,7 +86,7 @@ from automaton.engine.state import (
 from automaton.engine.trips import has_break, has_trips
 
 MARKS = 8  # in a word
-# Flags and actions that are events; a load that is dropped on arrival changes hands.
+# Flags and actions that are events; a load dropped on arrival changes hands.
 EVENT_FLAGS = LEFT_PARKING_BAY | ENTERED_PARKING_BAY | PICKED_ON_ARRIVAL
 EVENT_ACTIONS = (
     (1 << EXECUTED_PICK)
@@ -99,7 +99,7 @@ EVENT_ACTIONS = (
 
 @kernel
 def observe(world, observation):
-    """Note what this tick was like."""
+    """Observe this tick."""
     waiting, working, marked = scan_robots(world, observation)
     observation.scratch.count.waiters = 0
     observation.scratch.count.eventful = 0
@@ -116,7 +116,7 @@ def observe(world, observation):
 
 @kernel
 def orders_done(world):
-    """How many orders are done; where pods are carried, those whose lines are."""
+    """Number of completed orders; where pods are carried, of orders with all lines done."""
     if world.lines.order.shape[0]:
         return world.clock.orders_done
     return world.orders.state.shape[0] - world.clock.undelivered
@@ -124,7 +124,7 @@ def orders_done(world):
 
 @kernel
 def scan_robots(world, observation):
-    """One pass: moves, waits and events; returns how many wait, work, and have to be gone through."""
+    """One pass: moves, waits and events; returns the numbers of waiting, working and listed robots."""
     robots, scratch = world.robots, observation.scratch
     intent, executed, cause = world.traffic.intent, robots.executed, observation.cause
     busy, busy_before = robots.busy, observation.busy_before
@@ -155,9 +155,9 @@ def scan_robots(world, observation):
         if convoy and is_following(world, i):
             now = note_following(world, observation, i)
         elif w & MOVED or visited:
-            pass  # it got on, or stood where it had to
+            pass  # it made progress, or stood where it had to
         elif between and w == 0 and told == 0 and busy_before[U(i)] == 0:
-            now = np.int64(cause[U(i)])  # it begins nothing: the tick is counted already
+            now = np.int64(cause[U(i)])  # it begins nothing: this tick is already counted
             goes_on = True
         elif w or told or busy_before[U(i)] or robots.parked[U(i)] == 0:
             now = find_wait(world, observation, i, w, told & ACTION_MASK)
@@ -191,7 +191,7 @@ def scan_robots(world, observation):
 
 @kernel(inline=True)
 def fetch_move(world, observation, i):
-    """Ask for the words of the map of moves that a robot stored a little later needs."""
+    """Prefetch the words of the map of moves for a robot stored a little later."""
     intent = np.int64(world.traffic.intent[U(i)])
     cell = np.int64(world.robots.cell[U(i)])
     if intent & MOVED and cell >= 0:
@@ -200,10 +200,10 @@ def fetch_move(world, observation, i):
 
 @kernel
 def count_move(world, observation, i, direction):
-    """Enter a move of robot i into the map of moves."""
+    """Count a move of robot i in the map of moves."""
     robots = world.robots
     entered = np.int64(robots.claim[U(i)])
-    if entered == NIL:  # it has arrived; one that moved home may be in its parking bay already
+    if entered == NIL:  # it has arrived; a robot that moved home may already be in its parking bay
         entered = np.int64(robots.cell[U(i)])
         if entered == NIL:
             entered = np.int64(robots.home[U(i)])
@@ -212,7 +212,7 @@ def count_move(world, observation, i, direction):
 
 @kernel
 def is_following(world, i):
-    """Whether robot i loses this tick of its move to the robot ahead: the last ticks are its own."""
+    """Whether robot i loses this tick of its move to the robot ahead; its own ticks come last."""
     robots = world.robots
     if robots.claim[U(i)] == NIL or robots.claim[U(i)] == robots.cell[U(i)]:
         return False
@@ -222,7 +222,7 @@ def is_following(world, i):
 
 @kernel
 def note_following(world, observation, i):
-    """Robot i drives on behind one that is still leaving the cell: `find_blockers` finds that one."""
+    """Robot i drives behind a robot that is still leaving the cell, which `find_blockers` finds."""
     observation.blocker[U(i)] = NIL
     observation.wanted[U(i)] = world.robots.claim[U(i)]
     observation.scratch.entry[U(i)] = NIL
@@ -231,7 +231,7 @@ def note_following(world, observation, i):
 
 @kernel
 def end_wait(observation, i):
-    """Robot i gets on again."""
+    """Robot i makes progress again."""
     observation.cause[U(i)] = CAUSE_NOT_WAITING
     observation.blocker[U(i)] = NIL
     observation.wanted[U(i)] = NIL
@@ -240,7 +240,8 @@ def end_wait(observation, i):
 
 @kernel
 def note_wait(world, observation, i, cause):
-    """Robot i lost this tick; a wait for an order and a wait on the way begin again."""
+    """Robot i lost this tick; changing between a wait for an order and another wait starts a new
+    wait."""
     before = np.int64(observation.cause[U(i)])
     if before == CAUSE_NOT_WAITING or (before == CAUSE_NO_ORDER) != (cause == CAUSE_NO_ORDER):
         observation.since[U(i)] = world.clock.tick - 1
@@ -252,7 +253,7 @@ def note_wait(world, observation, i, cause):
 
 @kernel
 def list_waiting(world, observation):
-    """List the robots that wait, and those with something to tell, by identity; clears the marks."""
+    """List waiting robots, and robots with events, by identity; clear the marks."""
     scratch, at_index = observation.scratch, world.robots.at_index
     waiters = 0
     eventful = 0
@@ -274,7 +275,7 @@ def list_waiting(world, observation):
 
 @kernel
 def wait_for(world, observation, i, cell, direction, cause):
-    """Robot i waits for a cell; CAUSE_UNDECIDED becomes a cause when all robots are looked at."""
+    """Robot i waits for a cell; CAUSE_UNDECIDED is replaced once all robots have been scanned."""
     word = np.int64(world.traffic.occupancy[U(cell)])
     entry = resource_of(word, cell, direction, world.grid.cell_flags.shape[0])
     prefetch(observation.scratch.holder, U(entry))
@@ -285,7 +286,7 @@ def wait_for(world, observation, i, cell, direction, cause):
 
 @kernel
 def find_wait(world, observation, i, want, did):
-    """Why robot i, which did not move, does not get on; enters the cell that it waits for."""
+    """Why robot i did not move; enters the cell that it waits for."""
     robots = world.robots
     observation.blocker[U(i)] = NIL
     observation.wanted[U(i)] = NIL
@@ -344,7 +345,7 @@ def find_wait(world, observation, i, want, did):
 
 @kernel
 def note_gate(world, observation, i, want):
-    """A gate keeps robot i, on the floor or in its parking bay."""
+    """A gate blocks robot i, on the floor or in its parking bay."""
     cell = np.int64(world.robots.cell[U(i)])
     to = cell + world.grid.offset[U(want & 3)]
     observation.wanted[U(i)] = world.robots.home[U(i)] if cell == NIL else to
@@ -353,7 +354,7 @@ def note_gate(world, observation, i, want):
 
 @kernel
 def note_held_back(world, observation, i, want):
-    """Right of way lets robot i stay; who is in the cell that it would like, if it likes one?"""
+    """Right of way tells robot i to wait; find the holder of its preferred cell, if any."""
     if want & TOWARDS == 0:
         return CAUSE_HELD_BACK
     direction = want & 3
@@ -363,9 +364,9 @@ def note_held_back(world, observation, i, want):
 
 @kernel
 def note_slow_move(world, observation, i, want):
-    """Enter the zone that slows robot i, and a tick that its move takes beyond its duration.
+    """Enter the zone that slows robot i, and count a tick of its move beyond its duration.
 
-    A move that is slowed is a long one, out of its cell; its last ticks are its duration.
+    A slowed move is a long move out of its cell; its own duration is the last part.
     """
     robots = world.robots
     if robots.claim[U(i)] == NIL:
@@ -406,9 +407,9 @@ def find_next_cell(world, observation, i):
 
 @kernel
 def find_held_way_out(world, observation, i):
-    """Robot i waits without a route, since a retreat found no way: before the cell that leads on.
+    """Robot i waits without a route after a failed retreat: find the cell for which it waits.
 
-    Of the cells beside it that others hold, the one nearest to its goal, ties to the least direction.
+    Among adjacent cells without room, it is the one nearest to its goal; ties: lowest direction.
     """
     robots, grid = world.robots, world.grid
     cell = np.int64(robots.cell[U(i)])
@@ -435,7 +436,7 @@ def find_held_way_out(world, observation, i):
 
 @kernel
 def wait_to_turn(world, observation, i):
-    """Robot i is about to turn: only in a passing aisle can another one keep it."""
+    """Robot i is about to turn: another robot can block it only in a passing aisle."""
     cell = np.int64(world.robots.cell[U(i)])
     observation.wanted[U(i)] = cell
     if (np.int64(world.traffic.occupancy[U(cell)]) >> CAPACITY_SHIFT) & 3 == 2:
@@ -447,7 +448,7 @@ def wait_to_turn(world, observation, i):
 
 @kernel
 def find_idleness(world, observation, i):
-    """Robot i is on the floor, free, and did nothing: what is missing?"""
+    """Why robot i, free and on the floor, did nothing."""
     robots = world.robots
     if robots.goal_type[U(i)] == GOAL_NONE:
         return CAUSE_NO_ORDER if robots.load[U(i)] == NIL else CAUSE_NO_DROP_OFF_SLOT

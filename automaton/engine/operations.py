@@ -1,7 +1,7 @@
-"""What robots begin, and what is asked about them: the small steps of which every phase is made.
+"""Operations of robots and requests to layers: the small steps used in every phase.
 
-Operations with the ticks and the charge that they take; requests to the layers; routes and headings;
-how far an order has come; the rows of changes that a recording keeps.
+Operations with their ticks and charge; requests to the layers; routes and headings; progress of
+orders; the rows of changes in a recording.
 """
 
 import numpy as np
@@ -37,14 +37,14 @@ from automaton.engine.time_use import note_goal, note_time
 
 @kernel
 def energy_cost(world, i, action, ticks):
-    """Units of charge that an operation of robot i takes."""
+    """Units of charge that an operation of robot i uses."""
     loaded = 1 if world.robots.load[i] != NIL else 0
     return ticks * np.int64(world.rules.drain[world.robots.type[i], action, loaded])
 
 
 @kernel
 def exhaust(world, i):
-    """The battery of robot i lacks what it needs: it is down from the next tick on."""
+    """The battery of robot i is too low for its operation: it is down from the next tick on."""
     if world.robots.status[i] == STATUS_UP:
         world.clock.robots_down += 1
     if world.robots.status[i] <= STATUS_EXHAUSTED:
@@ -53,7 +53,7 @@ def exhaust(world, i):
 
 @kernel
 def consume_energy(world, i, units):
-    """Take units from the battery of robot i; one that cannot pay is empty and exhausted."""
+    """Take charge from the battery of robot i; if there is too little, it is empty and exhausted."""
     robots = world.robots
     taken = min(units, np.int64(robots.charge[i]))
     robots.charge[i] -= taken
@@ -64,41 +64,42 @@ def consume_energy(world, i, units):
 
 @kernel
 def take_on(world, i, order):
-    """Robot i carries a load from now on, and drives as such robots do."""
+    """Robot i now carries a load, and drives as the loaded type."""
     world.robots.load[i] = order
     world.robots.type[i] += np.uint8(world.rules.loaded_types)
 
 
 @kernel(inline=True)
 def with_load(world, robot_type):
-    """The type that robots have with a load: where loads are handled, both have to get there."""
+    """The loaded type of a robot type; to handle a load somewhere, both types must reach the cell."""
     more = world.rules.loaded_types
     return robot_type + more if robot_type < more else robot_type
 
 
 @kernel(inline=True)
 def without_load(world, robot_type):
-    """The type that robots of a type have without a load."""
+    """The unloaded type of a robot type."""
     more = world.rules.loaded_types
     return robot_type - more if more and robot_type >= more else robot_type
 
 
 @kernel
 def types_of_robots(world):
-    """How many types of robots there are, those with a load left out."""
+    """Number of robot types, without the loaded types."""
     return world.rules.loaded_types or world.rules.duration.shape[0]
 
 
 @kernel
 def put_off(world, i):
-    """Robot i carries its load no longer."""
+    """Robot i no longer carries a load."""
     world.robots.load[i] = NIL
     world.robots.type[i] -= np.uint8(world.rules.loaded_types)
 
 
 @kernel
 def begin(world, i, action, ticks):
-    """Robot i begins an operation of so many ticks, the current one included; motion counts them."""
+    """Robot i begins an operation of `ticks` ticks, including the current one; motion counts them
+    down."""
     if world.rules.battery:
         consume_energy(world, i, energy_cost(world, i, action, ticks))
     loaded = 1 if world.robots.load[i] != NIL else 0
@@ -114,7 +115,7 @@ def begin(world, i, action, ticks):
 
 @kernel
 def count_lost_tick(world, i, action):
-    """Count a tick in which robot i executes nothing, and why; it begins nothing for a stride."""
+    """Count a tick in which robot i executes nothing, by reason; it begins nothing for a stride."""
     ticks = world.rules.stride
     if world.rules.battery:
         consume_energy(world, i, energy_cost(world, i, action, ticks))
@@ -128,9 +129,9 @@ def count_lost_tick(world, i, action):
 
 @kernel
 def count_following(world, i, ticks):
-    """Count ticks of a move that lasts longer because of the robot ahead.
+    """Count ticks by which a robot ahead extends a move.
 
-    They take charge as waiting does, at most what is there: the move has begun, and ends.
+    They use charge like waiting, at most the remaining charge: a move that has begun is completed.
     """
     loaded = 1 if world.robots.load[i] != NIL else 0
     if world.rules.battery:
@@ -143,7 +144,7 @@ def count_following(world, i, ticks):
 
 @kernel
 def is_held_up(world, i):
-    """Whether robot i stands because it is delayed, between two operations or in one."""
+    """Whether a delay stops robot i, between two operations or during one."""
     delays, robots = world.delays, world.robots
     if delays.until.shape[0] == 0 or robots.parked[U(i)]:
         return False
@@ -155,20 +156,20 @@ def is_held_up(world, i):
 
 @kernel
 def refuse(world, layer, i):
-    """An illegal decision: the robot waits for one tick, unless an operation runs anyway."""
+    """An illegal decision: the robot waits for one tick, unless an operation is under way."""
     world.tally.illegal[layer] += 1
     if world.robots.busy[i] == 0:
         count_lost_tick(world, i, ACTION_ILLEGAL)
-        world.robots.busy[i] = 1  # motion takes it away again in this tick
+        world.robots.busy[i] = 1  # motion counts it down in this tick
         world.robots.executed[i] = EXECUTED_ILLEGAL
 
 
-# What is to be decided: the layers that are asked about a robot, and why.
+# Requests: which layers are asked about a robot, and why.
 
 
 @kernel
 def request_zoning(world):
-    """Something happened: zoning is asked in this tick, or in the next one."""
+    """An event for zoning: it is asked in this tick or the next one."""
     if world.service_zones.wake.shape[0]:
         world.clock.unqueued_orders += 1
 
@@ -192,14 +193,14 @@ def clear_allocation_request(world, i):
         if robots.seen_revision[i] == NIL:
             world.clock.fresh_allocation -= 1
         else:
-            world.tally.progress[i] = world.clock.tick  # it had nothing to do up to now
+            world.tally.progress[i] = world.clock.tick  # it had nothing to do until now
         robots.need[i] &= np.uint8(255 - NEED_ALLOCATION)
     robots.seen_revision[i] = NIL
 
 
 @kernel
 def request_charging(world, i, reason):
-    """Charging is to be asked about robot i, which has a battery."""
+    """Ask charging about robot i, if it has a battery."""
     robots = world.robots
     if world.rules.battery == 0:
         return
@@ -211,7 +212,7 @@ def request_charging(world, i, reason):
 
 @kernel
 def request_route(world, i, reason):
-    """Routing is to be asked about robot i; where right of way steers, there is none to ask."""
+    """Ask routing about robot i; if right of way steers, there is no routing."""
     robots = world.robots
     drop_route(robots, i)
     if world.rules.steered[0]:
@@ -245,7 +246,7 @@ def clear_right_of_way(world, i):
 
 @kernel
 def drop_route(robots, i):
-    """Forget the route: a stale plan must never be resumed."""
+    """Delete the route: a stale plan must never be resumed."""
     robots.route_length[i] = 0
     robots.route_index[i] = 0
     robots.route_hash[i] = 0
@@ -253,8 +254,8 @@ def drop_route(robots, i):
 
 @kernel
 def first_cell(robots, i):
-    """Where a new route of robot i begins: the cell that it enters, stands in, or leaves its
-    parking bay by."""
+    """First cell of a new route of robot i: the cell that it enters, stands in, or through which it
+    leaves its bay."""
     if robots.claim[i] != NIL:
         return np.int64(robots.claim[i])
     return np.int64(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
@@ -280,15 +281,14 @@ def set_goal(world, i, goal, goal_cell):
     request_route(world, i, REASON_NEW_GOAL)
 
 
-# Which way robots face: each type distinguishes its own number of headings.
+# Headings: each robot type distinguishes its own number of them.
 #
 #     omni           1: always heading 0; it moves in any direction at once
 #     rail           2: its axis, 0 east and west, 1 south and north; it reverses freely
 #     differential   4: the direction in which it moves, E S W N
 #
-# A robot moves in a direction if that is, modulo its headings, the heading in which it stands. On a
-# floor with several kinematics a pose is numbered by the headings of the finest:
-# cell * grid.headings + heading.
+# A robot can move in a direction that equals its heading, modulo its number of headings. On a floor
+# with several kinematics the finest one numbers the poses: cell * grid.headings + heading.
 
 
 @kernel
@@ -299,20 +299,20 @@ def headings_of(grid, robot_type):
 
 @kernel
 def heading_towards(grid, robot_type, direction):
-    """The heading in which a robot of a type moves in a direction."""
+    """The heading that a robot of a type needs to move in a direction."""
     return direction & (np.int64(grid.type_headings[U(robot_type)]) - 1)
 
 
 @kernel
 def is_facing(view, i, direction):
-    """Whether robot i moves in a direction without a turn."""
+    """Whether robot i can move in a direction without a turn."""
     robots = view.robots
     return heading_towards(view.grid, robots.type[U(i)], direction) == robots.heading[U(i)]
 
 
 @kernel
 def entry_heading(grid, robot_type, cell):
-    """Heading of a robot placed on the floor: vertical if the cell leads north or south."""
+    """Heading of a robot placed on the floor: vertical if the cell has an exit north or south."""
     cell_flags = np.int64(grid.cell_flags[cell])
     for direction in (1, 3, 0, 2):
         if (cell_flags >> direction) & 1:
@@ -322,7 +322,7 @@ def entry_heading(grid, robot_type, cell):
 
 @kernel
 def is_drivable(world, i, steps, route_length):
-    """Whether a route starts at robot i, keeps to exits open to it, and turns only where it may."""
+    """Whether a route starts at robot i, uses only exits open to it, and turns only where allowed."""
     grid, robots = world.grid, world.robots
     if route_length > steps.shape[0]:
         return False
@@ -343,7 +343,7 @@ def is_drivable(world, i, steps, route_length):
     return True
 
 
-# How many ticks a move takes where the floor limits the speed of all robots.
+# Ticks of a move where the floor limits the speed of all robots.
 
 
 @kernel(inline=True)
@@ -355,7 +355,7 @@ def limited_ticks(grid, usual, cell, direction):
     return max(np.int64(usual), np.int64(limits[np.uint64(4 * cell + direction)]))
 
 
-# How far an order has come: its load, if it has one, and the stops that are left.
+# Progress of an order: its load, if any, and the remaining stops.
 
 
 @kernel
@@ -366,7 +366,7 @@ def has_load(orders, order):
 
 @kernel
 def is_assigned(view, i, order):
-    """Whether robot i may do an order, as far as orders are dealt out."""
+    """Whether robot i may do an order, if orders are assigned in advance."""
     if view.rules.assigned == 0:
         return True
     return order % view.robots.cell.shape[0] == view.robots.identity[i]
@@ -383,7 +383,7 @@ def next_stop(world, order):
 
 @kernel
 def end_of_stops(world, order):
-    """The first stop that is not one of an order any more."""
+    """The end of the stops of an order, exclusive."""
     end = np.int64(world.orders.first_stop[order + 1])
     if world.trips.pod.shape[0]:
         stop = np.int64(world.orders.first_stop[order])
@@ -402,7 +402,7 @@ def next_stop_cell(world, order):
 
 @kernel
 def drive_on_with_load(world, i, reason):
-    """Robot i has a load: it drives to the next stop; after the last one allocation says where to."""
+    """Robot i has a load: it drives to the next stop; after the last stop, allocation decides where."""
     cell = next_stop_cell(world, np.int64(world.robots.load[i]))
     if cell == NIL:
         request_allocation(world, i, reason)
@@ -410,10 +410,10 @@ def drive_on_with_load(world, i, reason):
         set_goal(world, i, GOAL_STOP, cell)
 
 
-# The rows of changes that a recorded run keeps.
+# The rows of changes in a recorded run.
 
 
-MAX_CHANGES_PER_ROBOT = 13  # rows that a robot may add in a tick
+MAX_CHANGES_PER_ROBOT = 13  # most rows that a robot may add in a tick
 
 
 @kernel

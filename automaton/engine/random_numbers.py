@@ -1,15 +1,15 @@
-"""Random draws that are addressed, not consumed: draw(seed, stream, tick, robot).
+"""Random draws by address, not from a sequence: draw(seed, stream, tick, robot).
 
-A draw depends on nothing but its address, so orders do not change when a router draws more often,
-and two strategies face the same demand (common random numbers). The mixer is SplitMix64's
-finalizer (Steele, Lea & Flood 2014).
+A draw depends only on its address, so orders do not change when a router draws more often, and two
+strategies face the same demand (common random numbers). The mixer is SplitMix64's finalizer
+(Steele, Lea & Flood 2014).
 """
 
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
 
-# Streams of the world; a method declares its own beside what it draws, from the numbers left out.
+# Streams of the world; strategies declare their own, using the remaining numbers.
 STREAM_ORDERS = 1
 STREAM_WAITS = 2
 STREAM_RETREATS = 3
@@ -21,15 +21,15 @@ STREAM_RELEASES = 8
 STREAM_BREAKDOWNS = 9
 STREAM_HANDLING = 16
 STREAM_PROCESSING_TIMES = 17
-STREAM_LINES = 18  # what a line takes at a station
-STREAM_LINE_DEMAND = 19  # which lines are drawn
-STREAM_STORAGE = 20  # into which cell a pod goes
+STREAM_LINES = 18  # handling time of a line at a station
+STREAM_LINE_DEMAND = 19  # which lines are sampled
+STREAM_STORAGE = 20  # the storage cell of a pod
 STREAM_DELAYS = 22  # which robots begin a delay
-STREAM_DELAY_TICKS = 23  # how long it lasts
-STREAM_DELAY_COUNTS = 24  # how many begin one
-STREAM_REPAIRS = 25  # how long a repair in place takes
-STREAM_CLOSINGS = 21  # when cells close, and for how long
-STREAM_STRATEGY = 32  # plug-ins use this one and above
+STREAM_DELAY_TICKS = 23  # duration of a delay
+STREAM_DELAY_COUNTS = 24  # number of delays
+STREAM_REPAIRS = 25  # duration of a repair in place
+STREAM_CLOSINGS = 21  # start and duration of closings
+STREAM_STRATEGY = 32  # plug-ins use numbers from here on
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _A = np.uint64(0xBF58476D1CE4E5B9)
@@ -42,7 +42,7 @@ _32 = np.uint64(32)
 
 @kernel
 def splitmix64(value):
-    """A bijection of the 64-bit integers."""
+    """A bijection of 64-bit integers."""
     value = (value ^ (value >> _30)) * _A
     value = (value ^ (value >> _27)) * _B
     return value ^ (value >> _31)
@@ -58,7 +58,7 @@ def random_bits(seed, stream, tick, robot):
 
 @kernel
 def random_between(low, high, seed, stream, tick, robot):
-    """A uniform integer from low to high, both included."""
+    """A uniform integer from low to high, inclusive."""
     bits = random_bits(seed, stream, tick, robot) >> _32
     return low + np.int64((bits * np.uint64(high - low + 1)) >> _32)
 
@@ -79,9 +79,10 @@ def random_bits_of_each(out, seed, stream, ticks, robots):
 
 @kernel
 def draw_releases(out, chance, seed, last):
-    """out[k] = tick of order k: each tick after the one before has `chance` of 2**32 to be it.
+    """out[k] = tick of order k: each tick after order k-1 is chosen with probability `chance` /
+    2**32.
 
-    Those that would come after tick `last` stand at it.
+    Later ticks than `last` become `last`.
     """
     tick = 0
     for k in range(1, out.shape[0]):
@@ -94,16 +95,16 @@ def draw_releases(out, chance, seed, last):
         out[k] = tick
 
 
-# A tick that is finer than the scenario counts: where a coarse tick begins and ends.
+# Fine ticks of a refined scenario: where a coarse tick begins and ends.
 #
-# Of K fine ticks that make a coarse one, strategies decide and robots begin something in the first
-# alone; in the others they go on. So rules.stride is K; where strategies decide in every tick, it is
-# 1. What chance decides goes by the coarse tick in both cases, and happens in its first fine one.
+# A coarse tick has K fine ticks. Strategies decide and robots begin operations only in the first;
+# in the others, operations continue. Then rules.stride is K; if strategies decide in every tick, it
+# is 1. Random draws use the coarse tick in both cases, and take effect in its first fine tick.
 
 
 @kernel
 def next_tick(world):
-    """The clock goes on by a tick."""
+    """Advance the clock by a tick."""
     clock = world.clock
     clock.tick += 1
     clock.coarse_tick = (clock.tick - 1) // world.rules.refinement + 1
@@ -111,13 +112,13 @@ def next_tick(world):
 
 @kernel
 def is_begin(world):
-    """Whether strategies decide in this tick, and robots begin something."""
+    """Whether strategies decide and robots begin operations in this tick."""
     return (world.clock.tick - 1) % world.rules.stride == 0
 
 
 @kernel
 def is_end(world):
-    """Whether they do in the next one."""
+    """Whether strategies decide in the next tick."""
     return world.clock.tick % world.rules.stride == 0
 
 

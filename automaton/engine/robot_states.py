@@ -1,9 +1,9 @@
-"""The states of a robot, read off its fields: what it is about, and how it gets on.
+"""The states of a robot, derived from its fields: condition, task and motion.
 
 A robot is in one state of each of three kinds, which change independently: its condition
-(`robots.status`), its task, and its motion. docs/explanation/robot-states.md has the tables of their
-transitions; a test holds them to what runs do. `robots` is the state's struct of arrays, or a copy that
-has the fields of the same names.
+(`robots.status`), its task, and its motion. docs/explanation/robot-states.md has the tables of
+their transitions; a test checks them against runs. `robots` is the state's struct of arrays, or a
+copy with fields of the same names.
 """
 
 from __future__ import annotations
@@ -39,35 +39,35 @@ from automaton.engine.state import (
 
 
 class Task(IntEnum):
-    """What a robot is about after a tick."""
+    """The task of a robot after a tick."""
 
-    PARKED = 0  # in its parking bay, or off duty where it is
+    PARKED = 0  # in its parking bay, or off duty in its cell
     IDLE = 1  # on the floor without a goal
-    TO_PICK = 2  # it drives to where it picks up its order
+    TO_PICK = 2  # it drives to the pick-up of its order
     PICKING = 3
-    HOLDING = 4  # it has picked up; allocation has not said where to
-    TRYING = 5  # it looks whether its load can be dropped
-    TO_DROP = 6  # it drives to where it drops its load
+    HOLDING = 4  # it has picked up; allocation has not yet named the destination
+    TRYING = 5  # it checks whether its load can be dropped
+    TO_DROP = 6  # it drives to the drop-off of its load
     DROPPING = 7
     TO_CHARGER = 8
     QUEUEING = 9  # before a charger
     CHARGING = 10
     TO_PARK = 11  # it drives home
-    OUT = 12  # down on the floor, or off it: condition says which
+    OUT = 12  # down on the floor, or off it: see its condition
     TO_STOP = 13  # it drives to the next stop of its order
-    AT_STOP = 14  # it stands there for as long as the stop takes
+    AT_STOP = 14  # it is at the stop for as long as the stop takes
 
 
 class Motion(IntEnum):
-    """How a robot gets on after a tick."""
+    """The motion of a robot after a tick."""
 
     STANDING = 0  # nothing to drive
-    DRIVING = 1  # it moves or turns, or does so next
+    DRIVING = 1  # it moves or turns, or is about to
     WAITING = 2  # before a held cell, for a random time; then it tries again
     STUCK = 3  # its retries are used up: right of way decides
     RETREATING = 4
-    HALTED = 5  # zoning lets it stand still
-    HELD_BACK = 6  # a right of way that steers lets it stay on its way
+    HALTED = 5  # zoning halts it
+    HELD_BACK = 6  # a steering right of way tells it to wait on its way
 
 
 def is_charging(robots: Any) -> Array:
@@ -78,7 +78,8 @@ def is_charging(robots: Any) -> Array:
 
 
 def is_queueing(robots: Any) -> Array:
-    """Return (n,) bool: robots that queue before a charger; one that drives into it does not."""
+    """Return (n,) bool: robots that queue before a charger; a robot driving into the charger does
+    not."""
     entering = (robots.claim == robots.goal_cell) | (robots.cell == robots.goal_cell)
     out: Array = (robots.ticket != 0) & ~entering
     return out
@@ -113,10 +114,10 @@ def tasks_of(robots: Any) -> Array:
 
 
 def motions_of(robots: Any, halted: Array, steered: bool = False) -> Array:
-    """Return (n,) int64: the Motion of each robot; `halted`: (n,) bool, zoning halts it.
+    """Return (n,) int64: the Motion of each robot; `halted`: (n,) bool, halted by zoning.
 
-    `steered`: right of way does, so robots on their way have no routes. The first condition that holds
-    decides.
+    `steered`: right of way steers, so robots on their way have no routes. The first condition that
+    holds decides.
     """
     waits = (robots.busy > 0) & (robots.action == ACTION_WAIT)
     moves = (robots.busy > 0) & ((robots.action == ACTION_MOVE) | (robots.action == ACTION_TURN))

@@ -2,12 +2,11 @@
 
     pose = cell * headings + heading
 
-Robots of a type share the ticks of their moves, and the exits that are open to them.
-A robot moves along its heading (a rail robot both ways along its axis) and turns by 90 degrees
-where the floor allows it; each type has its own headings (automaton.engine.operations). Ties are
-settled by rule, so every search gives the same path on every machine: poses leave the queue by
-(cost, pose); a path down a distance table prefers a move to a turn, then the lowest direction (E, S,
-W, N).
+Robots of a type share the ticks of their moves and the exits open to them. A robot moves along its
+heading (a rail robot both ways along its axis) and turns by 90 degrees where the floor allows it;
+each type has its own headings (automaton.engine.operations). Ties are broken by rule, so a search
+gives the same path on every machine: poses leave the queue by (cost, pose); a path along a distance
+table prefers a move to a turn, then the lowest direction (E, S, W, N).
 """
 
 import numpy as np
@@ -36,7 +35,7 @@ POSE_MASK = (1 << 32) - 1
 
 @kernel
 def push(heap, size, key):
-    """Put a key into the binary heap of that size."""
+    """Insert a key into a binary heap with `size` keys."""
     at = size
     while at > 0:
         above = (at - 1) >> 1
@@ -49,7 +48,7 @@ def push(heap, size, key):
 
 @kernel
 def pop(heap, size):
-    """Take the least key out of the binary heap of that size."""
+    """Remove the least key from a binary heap with `size` keys."""
     least = heap[0]
     last = heap[size - 1]
     size -= 1
@@ -69,9 +68,10 @@ def pop(heap, size):
 
 @kernel
 def table_of(view, workspace, robot_type, goal_cell):
-    """The table with the costs of a robot type to a goal cell, for `cost_at`; NIL: the run is given up.
+    """The table with the costs of a robot type to a goal cell, for `cost_at`; NIL: the run is
+    aborted.
 
-    It is good for the rest of the tick. One tick may have as many as fit world.distance_tables.
+    It is valid for the rest of the tick. All tables of one tick must fit world.distance_tables.
     """
     return row_to(workspace.tables, robot_type, goal_cell, view.clock.tick, True)
 
@@ -84,7 +84,7 @@ def cost_at(view, workspace, table, cell, heading):
 
 @kernel
 def fetch_cost(view, workspace, table, cell):
-    """Ask the memory for what `cost_at` will read of a table for a cell."""
+    """Prefetch the entry of a table that `cost_at` will read for a cell."""
     tables = workspace.tables
     number = np.int64(tables.number[cell])
     if number >= 0 and table >= 0:
@@ -94,16 +94,16 @@ def fetch_cost(view, workspace, table, cell):
 
 @kernel
 def weighted_table_of(view, tables, cost_set, goal_cell):
-    """The table in tables of a strategy's own (automaton.strategy.weighted_tables), for `cost_in`.
+    """The table in a strategy's own tables (automaton.strategy.weighted_tables), for `cost_in`.
 
-    NIL: the run is given up. It is good for the rest of the tick.
+    NIL: the run is aborted. It is valid for the rest of the tick.
     """
     return row_to(tables, cost_set, goal_cell, view.clock.tick, True)
 
 
 @kernel
 def passing_table(view, workspace, robot_type, goal_cell):
-    """The same as table_of, good until the next table is asked for; there always is room for it."""
+    """Like table_of, but valid only until the next table is requested; there is always room for it."""
     return row_to(workspace.tables, robot_type, goal_cell, view.clock.tick, False)
 
 
@@ -116,7 +116,7 @@ def distance(view, workspace, robot_type, cell, heading, target):
 
 @kernel
 def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
-    """Write the shortest path on the empty floor, or as much as fits, into steps; NIL if none."""
+    """Write the shortest path on the empty floor, as far as it fits, into steps; NIL if none."""
     grid, duration, type_cell_flags = (
         view.grid,
         view.rules.duration[robot_type],
@@ -140,7 +140,7 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
                 grid, duration[ACTION_MOVE], cell, direction
             ):
                 if length == steps.shape[0]:
-                    return length  # as much as fits; the robot asks again at its end
+                    return length  # it is full; the robot asks again at the end of its route
                 steps[length] = direction
                 length += 1
                 cell = after
@@ -156,7 +156,7 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
 
 @kernel
 def begin_search(workspace):
-    """Begin a search; returns its number, with which it stamps the poses that it reaches."""
+    """Begin a search; returns its number, which marks the poses that it reaches."""
     workspace.generation[0] += 1
     return workspace.generation[0]
 
@@ -177,14 +177,14 @@ TURNED_AHEAD = 4  # parents: 0..3 a move in that direction, else a turn
 TURNED_BEHIND = 5
 STARTED = 6
 
-AROUND_ROBOTS = 1  # what searches go around: cells without room now
-AROUND_CLOSED = 2  # closed cells
-AROUND_KNOWN = 3  # closed cells of which routing may know how long they are
+AROUND_ROBOTS = 1  # search around cells that have no room now
+AROUND_CLOSED = 2  # search around closed cells
+AROUND_KNOWN = 3  # search around closed cells whose duration routing may know
 
 
 @kernel
 def is_closed(view, cell, direction, target, around):
-    """Whether a search around something may not enter a cell; its own target is always open."""
+    """Whether a search must avoid a cell; its own target is always open."""
     if not around or cell == target:
         return False
     if around > AROUND_ROBOTS:
@@ -196,8 +196,8 @@ def is_closed(view, cell, direction, target, around):
 def find_path(view, workspace, robot_type, cell, heading, target, around, steps):
     """A* from a pose to a target cell; writes directions into steps, returns the length or NIL.
 
-    `around`: 0, or AROUND_*: such cells, the target excepted, are removed from the floor. The estimate
-    is the exact cost on the empty floor (a distance table).
+    `around`: 0, or AROUND_*: remove these cells from the floor, except the target. The estimate is
+    the exact cost on the empty floor (a distance table).
     """
     grid, duration, type_cell_flags = (
         view.grid,
@@ -219,7 +219,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
         cost = np.int64(workspace.cost[pose])
         here, h = pose // grid.headings, pose % grid.headings
         if (key >> 32) != cost + cost_in(tables, table, here, h):
-            continue  # a better way to this pose was found meanwhile
+            continue  # a better path to this pose was found meanwhile
         workspace.generation[1] += 1
         if here == target:
             return write_path(grid, workspace, pose, steps)
@@ -255,7 +255,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
 
 @kernel(inline=True)
 def ways_on(flags, is_start):
-    """The directions in which a way leads on from a cell with these flags: none out of storage."""
+    """The directions in which a path may continue from a cell with these flags: none out of storage."""
     return flags & 15 if is_start or flags & NO_WAY_THROUGH == 0 else 0
 
 
@@ -309,7 +309,7 @@ def mark_goal(workspace, search, cell, value):
 def nearest_mark(view, workspace, search, robot_type, cell, heading, around):
     """The value of the marked cell of least cost from a pose, ties to the lowest value; NIL if none.
 
-    Dijkstra that ends with the first cost at which a mark was found. `around` as in find_path.
+    Dijkstra's algorithm, until the first cost at which it finds a mark. `around` as in find_path.
     """
     grid, duration, type_cell_flags = (
         view.grid,
@@ -353,15 +353,16 @@ def nearest_mark(view, workspace, search, robot_type, cell, heading, around):
     return best
 
 
-# What a step in each direction leaves to drive: of many robots at once, each with its own table.
+# Remaining cost after a step in each direction, for many robots at once, each with its own table.
 #
-# Tables lie far from each other, so nearly every look-up waits for the memory. The first pass only
-# reads: it is so short that the processor has ten robots on the way at once. The second one computes.
+# Tables are far apart in memory, so nearly every look-up is a cache miss. The first pass only
+# reads: it is short enough for the processor to overlap ten robots. The second pass computes.
 
 
 @kernel
 def find_step_costs(view, tables, robots, count, table, out):
-    """Enter the costs after a step E, S, W, N of the first `count` robots listed, which are on the floor.
+    """Enter the costs after a step E, S, W, N for the first `count` listed robots, which are on the
+    floor.
 
     `table`: by robot, rows of `tables`. out[i, d]: the cost from the next cell of robot i, with the
     heading of direction d, to the goal cell of its table; UNREACHABLE: no way, or the exit is not open.
@@ -380,9 +381,9 @@ def find_step_costs(view, tables, robots, count, table, out):
 
 @kernel
 def close_storage(view, robots, count, out):
-    """Robots step into no cell through which no way with a load leads, but into their goal.
+    """Exclude steps into cells that loaded robots cannot cross, unless the cell is the goal.
 
-    Those without a load could, but would find no place there to make way for one with a load.
+    Unloaded robots could cross them, but could not make way there for loaded robots.
     """
     grid, first_loaded = view.grid, view.rules.loaded_types
     for k in range(count if first_loaded else 0):
@@ -399,7 +400,7 @@ def close_storage(view, robots, count, out):
 
 @kernel
 def step_cost(view, tables, i, direction, row):
-    """The cost after a step of one robot in any encoding."""
+    """The cost after a step of one robot, for any encoding."""
     grid, robot_type = view.grid, np.int64(view.robots.type[U(i)])
     cell = np.int64(view.robots.cell[U(i)])
     if (np.int64(grid.type_cell_flags[U(robot_type), U(cell)]) >> direction) & 1 == 0:
@@ -410,7 +411,7 @@ def step_cost(view, tables, i, direction, row):
 
 @kernel
 def read_words(view, tables, robots, count, table, out):
-    """Enter the words of the next cells, FAR where an exit is closed; without a branch."""
+    """Enter the words of the next cells, FAR if an exit is closed; branch-free."""
     cells, types, flags_of = view.robots.cell, view.robots.type, view.grid.type_cell_flags
     pool, number, offset = tables.pool, tables.number, tables.offset
     east, south, west, north = offset[0], offset[1], offset[2], offset[3]

@@ -1,4 +1,4 @@
-"""Build empty distance tables for the costs of robot types, or for weights of a strategy."""
+"""Build empty distance tables for the costs of robot types or the weights of a strategy."""
 
 from __future__ import annotations
 
@@ -24,19 +24,20 @@ COORDINATE_BITS = 31
 
 
 class Costs(NamedTuple):
-    """S sets of costs, all from 1 on; a turn may cost nothing."""
+    """S sets of costs; steps cost at least 1, a turn may cost 0."""
 
     flags: Array  # (S, C) uint8: bits 0-3 exits E S W N, 4 may turn
     step: Array  # (S,) cost of a step; or (S, C, 4): from cell c in direction d
     turn: Array  # (S,) cost of a turn by 90 degrees
-    headings: Array | None = None  # (S,) that are distinguished; None: as many as the grid has
+    headings: Array | None = None  # (S,) number distinguished; None: as many as the grid has
 
 
 def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> DistanceTables:
-    """Tables in at most so many bytes, or room for one; it is taken from the machine as they are filled.
+    """Tables in at most `table_bytes`, but at least room for one; memory is allocated as they are
+    filled.
 
-    `stop`: (1,) int64, not 0 when the run is given up. Raises ValueError for costs that are too many
-    or too small.
+    `stop`: (1,) int64, not 0 when the run is aborted. Raises ValueError for too many distinct costs
+    or too small ones.
     """
     sets, cells = costs.flags.shape
     drivable = len(grid.drivable)
@@ -45,8 +46,8 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
     is_narrow = is_narrow_for(grid.headings, turn)
     is_narrow &= bool((costs.flags[:, grid.drivable] & MAY_TURN).all())
     words = drivable * (1 if is_narrow else grid.headings)
-    goals = sets * drivable + 1  # the last row is never kept
-    widest = 2 * drivable * grid.headings  # words of a table; one always fits
+    goals = sets * drivable + 1  # the last row is always replaceable
+    widest = 2 * drivable * grid.headings  # words of the widest table; one always fits
     pool = max(widest, min(table_bytes // BYTES_PER_WORD, goals * widest))
     patterns = turn_patterns(turn if is_narrow else 0)
     sizes = {"C": cells, "S C": sets * cells, "P": cells * grid.headings}
@@ -87,15 +88,15 @@ def build_tables(grid: Grid, costs: Costs, table_bytes: int, stop: Array) -> Dis
 
 
 def headings_alike(distinguished: int, headings: int) -> int:
-    """Of robots that distinguish so many headings, the set of those that are as good as heading 0."""
+    """The set of headings treated as heading 0 by robots that distinguish `distinguished` headings."""
     return sum(1 << heading for heading in range(0, headings, distinguished))
 
 
 def in_z_order(grid: Grid) -> Array:
-    """(F,) int32: the drivable cells in Z-order, so that neighbours share lines of the cache.
+    """(F,) int32: the drivable cells in Z-order, so neighbours share cache lines.
 
-    A robot's next cells lie in 1.1 lines of its table, and in 1.4 if cells go row by row (the floor
-    of `automaton bench --only steering`); it and all its neighbours in 1.5 and 2.9.
+    A robot's next cells are in 1.1 cache lines of its table, and in 1.4 with row-by-row order (the
+    floor of `automaton bench --only steering`); the cell and all neighbours in 1.5 and 2.9.
     """
     x, y = np.divmod(grid.drivable.astype(np.int64), grid.width)[::-1]
     key = np.zeros(len(x), np.int64)
@@ -106,9 +107,9 @@ def in_z_order(grid: Grid) -> Array:
 
 
 def renew(tables: DistanceTables) -> None:
-    """Make tables that an earlier run has used ready for another run, which finds what they hold.
+    """Prepare tables of an earlier run for another run, which reuses their contents.
 
-    Whether a run has enough room must not depend on the runs before it.
+    Whether a run has enough room must not depend on earlier runs.
     """
     tables.kept_in[:] = NIL
     if tables.status.encoding != tables.first_encoding:
@@ -118,12 +119,12 @@ def renew(tables: DistanceTables) -> None:
 
 
 def bytes_taken(tables: DistanceTables) -> int:
-    """Bytes of the rows that were in use at some time."""
+    """Bytes of the rows used so far."""
     return int(BYTES_PER_WORD * tables.status.taken * tables.status.words)
 
 
 def turn_patterns(turn: int) -> list[tuple[int, ...]]:
-    """What each of four headings may cost more than the best one, where a turn costs so much."""
+    """All patterns of extra costs of four headings over the best one, for a cost of a turn."""
     return [
         pattern
         for pattern in itertools.product(range(2 * turn + 1), repeat=4)
@@ -132,14 +133,14 @@ def turn_patterns(turn: int) -> list[tuple[int, ...]]:
 
 
 def excess_of(patterns: list[tuple[int, ...]]) -> Array:
-    """[4 pattern + h]: what heading h costs more."""
+    """[4 pattern + h]: the extra cost of heading h."""
     table = np.zeros((MAX_PATTERNS, 4), np.uint8)
     table[: len(patterns)] = patterns
     return table.reshape(-1)
 
 
 def numbers_of(patterns: list[tuple[int, ...]]) -> Array:
-    """The number of a pattern by its differences, DELTA_BITS each."""
+    """The number of each pattern, indexed by its differences of DELTA_BITS each."""
     table = np.zeros(1 << (4 * DELTA_BITS), np.uint8)
     for number, pattern in enumerate(patterns):
         table[sum(more << (DELTA_BITS * h) for h, more in enumerate(pattern))] = number
@@ -156,9 +157,10 @@ def entries_of(flags: Array, offset: Array) -> Array:
 
 
 def queues_of(costs: Costs, turns: bool) -> tuple[int, Array, Array, Array, Array]:
-    """The unit of all costs; the distinct ones in it (S, Q); how many (S,).
+    """The unit of all costs; the distinct costs in that unit (S, Q); their number (S,).
 
-    And which of them a turn has (S,), and each step (W, 4C). Without `turns` robots never turn.
+    Also the index of the cost of a turn (S,) and of each step (W, 4C). Without `turns` robots never
+    turn.
     """
     steps = costs.step.reshape(len(costs.flags), -1).astype(np.int64)
     is_weighted = costs.step.ndim > 1
@@ -167,12 +169,12 @@ def queues_of(costs: Costs, turns: bool) -> tuple[int, Array, Array, Array, Arra
         leaves = (flags[:, None] >> np.arange(4, dtype=np.uint8)) & 1 > 0
         used = np.unique(step[leaves.reshape(-1)] if is_weighted else step)
         if len(used) and (used[0] < 1 or turn < 0):
-            raise ValueError("a step costs 1 or more, a turn 0 or more")
+            raise ValueError("a step must cost at least 1 and a turn at least 0")
         distinct.append([*used.tolist(), *([turn] if turns and turn not in used else [])])
     most = max(1, *map(len, distinct))
     if most > MAX_QUEUES:
         raise ValueError(
-            f"{most} distinct costs of steps and turns, at most {MAX_QUEUES} are allowed"
+            f"{most} distinct costs of steps and turns; at most {MAX_QUEUES} are allowed"
         )
     unit = math.gcd(*(value for values in distinct for value in values)) or 1
     cost = np.array([one + [0] * (most - len(one)) for one in distinct], np.int64)

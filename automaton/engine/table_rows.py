@@ -1,8 +1,8 @@
-"""Least costs from every pose to a goal cell: what a distance table is made of.
+"""Least costs from every pose to a goal cell: the contents of distance tables.
 
-The search begins at the goal and goes against the direction of travel. In place of a heap it has a
-queue for each distinct cost of a step or a turn. What enters a queue was reached at the cost of now
-plus the cost of the queue, so each queue is sorted by itself, and the least of their heads is next:
+The search begins at the goal and runs against the direction of travel. Instead of a heap it has a
+queue for each distinct cost of a step or a turn. An entry is added at the current cost plus the
+cost of the queue, so each queue stays sorted, and the least head of all queues is next:
 
     queue of cost 1:   4 4 5        now: 4, then 4, then 5 of the queue of cost 1, ...
     queue of cost 3:   5 6 6 7
@@ -11,8 +11,8 @@ With a single cost this is a breadth-first search. An entry is a cell with a set
 
     entry = cost << 32 | cell << 4 | headings (bit h)
 
-At most 4 entries per cell come of steps (one for each direction in which it is left), and at most 3 of
-turns, since each set of headings that turns was not reached before: that bounds the queues.
+At most 4 entries per cell come from steps (one per direction of leaving it), and at most 3 from
+turns, since only newly reached sets of headings turn: this bounds the queues.
 """
 
 import numpy as np
@@ -31,14 +31,14 @@ from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import NIL
 from automaton.engine.state import MAY_TURN
 
-ENTRIES_PER_CELL = 7  # of a queue
-MAX_QUEUES = 16  # distinct costs
+ENTRIES_PER_CELL = 7  # in a queue
+MAX_QUEUES = 16  # most distinct costs
 ENTRY_COST = 32  # bits below the cost
 ENTRY_CELL = 4  # bits below the cell
 ENTRY_MASK = (1 << ENTRY_COST) - 1
-DELTA_BITS = 3  # of each heading in `turns`
+DELTA_BITS = 3  # per heading in `turns`
 
-# [headings, set of them]: the directions in which a robot moves that has one of them.
+# [headings, set of headings]: the directions in which a robot with one of them can move.
 DIRECTIONS_OF = np.array(
     [
         [
@@ -49,7 +49,7 @@ DIRECTIONS_OF = np.array(
     ],
     np.uint8,
 )
-# [set of headings]: 1 in the bits of each of them in `turns`.
+# [set of headings]: 1 in the bits of each of its headings in `turns`.
 DELTA_OF = np.array(
     [sum(((chosen >> h) & 1) << (DELTA_BITS * h) for h in range(4)) for chosen in range(16)],
     np.uint16,
@@ -58,9 +58,9 @@ DELTA_OF = np.array(
 
 @kernel
 def find_costs(tables, cost_set, goal):
-    """Find the least cost from each pose to a goal cell in any heading; False if it was given up.
+    """Find the least cost from each pose to a goal cell in any heading; False if aborted.
 
-    Written: `reached` and, where `is_narrow`, `least` and `turns`, else `costs`, of the cells reached.
+    Writes, for reached cells, `reached` and, if `is_narrow`, `least` and `turns`, else `costs`.
     """
     tables.reached[:] = 0
     tables.head[:] = 0
@@ -87,7 +87,7 @@ def find_costs(tables, cost_set, goal):
 
 @kernel
 def enter_goal(tables, cost_set, goal):
-    """Enter the steps into a goal through which no way leads."""
+    """Enter the steps into a goal that no path crosses."""
     ways = np.int64(tables.goal_entries[cost_set, goal])
     for direction in range(4):
         if (ways >> direction) & 1:
@@ -103,13 +103,14 @@ def enter_goal(tables, cost_set, goal):
 
 @kernel
 def heading_set(tables, cost_set, direction):
-    """The set of headings in which a robot moves in a direction; those it does not distinguish too."""
+    """The headings with which a robot can move in a direction, including those it does not
+    distinguish."""
     return tables.alike[cost_set] << (direction & (tables.set_headings[cost_set] - 1))
 
 
 @kernel
 def drain(tables, cost_set, source, now):
-    """Settle the entries of a queue that cost as much as `now`, and enter what comes before them."""
+    """Settle the entries of a queue with cost `now`, and enter their predecessors."""
     headings, entries, offset = tables.headings, tables.entries[cost_set], tables.offset
     queue, end, reached, cost_of = tables.queue, tables.end, tables.reached, tables.cost[cost_set]
     turn_queue = np.int64(tables.turn_queue[cost_set])
@@ -160,7 +161,7 @@ def drain(tables, cost_set, source, now):
 
 @kernel(inline=True)
 def note_costs(tables, cell, known, new, now):
-    """Note the cost of new headings of a cell, of which some are known."""
+    """Enter the cost of new headings of a cell that already has known headings."""
     if tables.is_narrow:
         if known == 0:
             tables.least[np.uint64(cell)] = now
@@ -176,7 +177,7 @@ def note_costs(tables, cell, known, new, now):
 
 @kernel(inline=True)
 def turned_from(headings, chosen):
-    """The set of headings a quarter turn from a set of them, to both sides."""
+    """The set of headings one quarter turn from a set of headings, to either side."""
     if headings == 4:
         return ((chosen << 1) | (chosen >> 3) | (chosen >> 1) | (chosen << 3)) & 15
     if headings == 2:
@@ -184,26 +185,26 @@ def turned_from(headings, chosen):
     return np.int64(0)
 
 
-# Distance tables that are asked for, looked up, and replaced when their memory is needed.
+# Distance tables: requested, looked up, and replaced when their memory is needed.
 #
-# They are computed when they are first asked for, and stay until their memory is needed. A clock hand
-# passes over them: it spares those looked at since it came by last, and never takes one that was
-# asked for with `keeps` in this tick. Contents decide nothing: a table that is gone is computed
-# again.
+# They are computed at the first request and stay until their memory is needed (clock replacement).
+# The clock hand skips tables used since its last pass, and never replaces a table requested with
+# `keeps` in this tick. Results do not depend on which tables are present: a missing table is
+# recomputed.
 
 
 @kernel
 def row_to(tables, cost_set, goal, tick, keeps):
     """The row of the table of a set of costs to a goal cell; NIL once tables.stop is set.
 
-    It is computed if it is not there. With `keeps` it stays where it is for the rest of the tick;
-    else it may be gone with the next row that is asked for. If the tick keeps more than there is room
-    for, tables.stop is set to STOP_NO_ROOM.
+    It is computed if missing. With `keeps` it stays in place for the rest of the tick; otherwise
+    the next request may replace it. If a tick keeps more tables than fit, tables.stop is set to
+    STOP_NO_ROOM.
     """
     cost_set, goal = np.int64(cost_set), np.int64(goal)
     row = np.int64(tables.row_of[cost_set * tables.number.shape[0] + goal])
     if row != NIL and keeps and row == tables.status.rows - 1:
-        forget(tables, row)  # the last row is never kept
+        forget(tables, row)  # the last row is always replaceable
         row = np.int64(NIL)
     if row == NIL:
         row = add_row(tables, cost_set, goal, tick, keeps)
@@ -217,7 +218,7 @@ def row_to(tables, cost_set, goal, tick, keeps):
 
 @kernel
 def known_row(tables, cost_set, goal):
-    """The row of a table that is there, good until the next one is asked for; NIL: it is not."""
+    """The row of an existing table, valid until the next request; NIL: no table."""
     row = np.int64(tables.row_of[np.int64(cost_set) * tables.number.shape[0] + goal])
     if row != NIL:
         tables.used[row] = 1
@@ -226,7 +227,7 @@ def known_row(tables, cost_set, goal):
 
 @kernel
 def has_room_for(tables, more):
-    """Whether so many more tables fit without one being replaced; True where all there can be do."""
+    """Whether `more` tables fit without replacing any; True if all possible tables fit."""
     status, goals = tables.status, tables.entries.shape[0] * tables.drivable.shape[0]
     last = min(status.rows - 1, goals)
     return last == goals or status.taken + more <= last
@@ -234,7 +235,7 @@ def has_room_for(tables, more):
 
 @kernel
 def cost_in(tables, row, cell, heading):
-    """What it costs from a pose to the goal cell of a row; UNREACHABLE: no way, or no row."""
+    """The cost from a pose to the goal cell of a row; UNREACHABLE: no path, or no row."""
     number = np.int64(tables.number[cell])
     if number < 0 or row < 0:
         return np.int64(UNREACHABLE)
@@ -251,7 +252,7 @@ def cost_in(tables, row, cell, heading):
 
 @kernel
 def wide_cost_in(tables, row, number, heading):
-    """The same in the other encodings, by the number of the cell."""
+    """As `cost_in`, for the other encodings, by the number of the cell."""
     begin = row * tables.status.words
     encoding = tables.status.encoding
     if encoding == SPLIT:
@@ -272,7 +273,7 @@ def wide_cost_in(tables, row, number, heading):
 
 @kernel
 def add_row(tables, cost_set, goal, tick, keeps):
-    """Compute a table that is not there; its row, or NIL if there is no room or the run is given up."""
+    """Compute a missing table; returns its row, or NIL if there is no room or the run is aborted."""
     if tables.stop[0]:
         return np.int64(NIL)
     if tables.status.words == 0:
@@ -294,9 +295,9 @@ def add_row(tables, cost_set, goal, tick, keeps):
 
 @kernel
 def free_row(tables, tick, keeps):
-    """A row that has no table, or no longer has one; NIL if all are kept in this tick.
+    """A row without a table, replacing one if needed; NIL if all are kept in this tick.
 
-    The last row is never kept, so that there always is one for a single look-up.
+    The last row is never kept, so a single look-up always has a row.
     """
     status = tables.status
     last = status.rows - 1
@@ -321,7 +322,7 @@ def free_row(tables, tick, keeps):
 
 @kernel
 def forget(tables, row):
-    """Take the table out of a row."""
+    """Remove the table from a row."""
     if tables.owner[row] != NIL:
         tables.row_of[tables.owner[row]] = NIL
         tables.owner[row] = NIL
@@ -329,7 +330,7 @@ def forget(tables, row):
 
 @kernel
 def lay_out(tables, encoding):
-    """Divide the pool into rows of this encoding."""
+    """Divide the pool into rows of an encoding."""
     cells, headings = tables.drivable.shape[0], tables.headings
     words = np.int64(cells)
     if encoding == SPLIT:
@@ -347,7 +348,7 @@ def lay_out(tables, encoding):
 
 @kernel
 def widen(tables, tick):
-    """Go on to a wider encoding, with the rows that are kept in this tick; False if they do not fit."""
+    """Change to a wider encoding, converting the rows kept in this tick; False if they do not fit."""
     status = tables.status
     wider = SPLIT if status.encoding == JOINT else POSE32
     lay_out(tables, wider)
@@ -363,13 +364,13 @@ def widen(tables, tick):
             continue
         if row >= status.taken or not find_costs(tables, entry // cells, entry % cells):
             return False
-        write_row(tables, row)  # what fits the narrower encoding fits the wider one
+        write_row(tables, row)  # data of a narrower encoding fit the wider one
     return True
 
 
 @kernel
 def write_row(tables, row):
-    """Write what a search has found into a row; False if it does not fit the encoding."""
+    """Write the result of a search into a row; False if it does not fit the encoding."""
     encoding = tables.status.encoding
     begin = row * tables.status.words
     if encoding == JOINT:
@@ -415,7 +416,7 @@ def write_split(tables, begin):
 
 @kernel
 def write_poses(tables, begin, encoding):
-    """POSE16 and POSE32; from narrow costs, too."""
+    """Write POSE16 or POSE32, also from narrow costs."""
     headings = tables.headings
     for number in range(tables.drivable.shape[0]):
         cell = np.int64(tables.drivable[number])

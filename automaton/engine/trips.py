@@ -1,12 +1,13 @@
-"""From lines to trips of pods, by rule: what strategies decide does not change what a line becomes.
+"""From order lines to trips of pods, by fixed rules that do not depend on strategies.
 
-A line that is released gets a station and joins the trip of its pod if that has a stop there which is
-not begun; else the trip gets one more stop, if its last one is not over; else there is a new trip, if
-the pod stands without one. What is left waits, and is taken in the tick after the pod was stored.
+A released line gets a station. It joins the trip of its pod if the trip has a stop there that has
+not begun. Otherwise the trip gets one more stop, if its last stop is not done. Otherwise a new trip
+begins, if the pod is stored and has no trip. Remaining lines wait until the tick after the pod has
+been stored.
 
-Each trip needs a place at the station of its next stop. It is taken with the trip, and given back when
-the robot has left the station's cell; after a stop that is done, the next one's is taken at once, and
-without one the trip ends in storage. So no robot waits for a place with a pod on it.
+Each trip needs a place at the station of its next stop. The robot gets it with the trip and returns
+it when it has left the station's cell. After a stop, the robot gets the place for the next stop at
+once, or the trip ends in storage. So no robot waits for a place while it carries a pod.
 """
 
 import numpy as np
@@ -29,19 +30,19 @@ from automaton.engine.state import (
 
 @kernel
 def has_trips(world):
-    """Whether orders of this world carry pods: all are trips, or those of a list that have one."""
+    """Whether orders of this world carry pods: all orders are trips, or orders of a list have pods."""
     return world.trips.pod.shape[0] > 0
 
 
 @kernel
 def has_lines(world):
-    """Whether its trips are made of lines; otherwise orders of a list carry pods."""
+    """Whether trips are made from lines; otherwise orders of a list carry pods."""
     return world.lines.order.shape[0] > 0
 
 
 @kernel
 def plan_trips(world, record):
-    """New trips of pods that were stored in the last tick, then the lines that are released."""
+    """Make new trips for pods stored in the last tick, then process the released lines."""
     clock, lines = world.clock, world.lines
     for k in range(clock.stored_pods):
         take_waiting_lines(world, record, np.int64(world.pods.stored[k]))
@@ -87,8 +88,8 @@ def choose_pod(world, line):
 
 @kernel
 def pod_with_sku(world, sku, station):
-    """Of the pods with a SKU one that can be joined at a station; else of those in storage without a
-    trip the one nearest to it; else the one with the fewest open lines; ties the lowest number."""
+    """The pod for a SKU: one whose trip can be joined at a station; else the stored pod without a
+    trip nearest to it; else the one with the fewest open lines; ties: lowest number."""
     pods, nearest, fewest = world.pods, np.int64(NIL), np.int64(NIL)
     ticks = np.int64(0)
     for k in range(pods.sku_first[sku], pods.sku_first[sku + 1]):
@@ -108,7 +109,7 @@ def pod_with_sku(world, sku, station):
 
 @kernel
 def take_line(world, record, line):
-    """A line joins the trip of its pod, makes one, or waits for the next."""
+    """A line joins the trip of its pod, starts one, or waits for the next trip."""
     pods = world.pods
     pod = np.int64(world.lines.taken_from[line])
     trip = np.int64(pods.trip[pod])
@@ -120,7 +121,7 @@ def take_line(world, record, line):
 
 @kernel
 def append_waiting(world, pod, line):
-    """A line waits, behind the others, for the pod's next trip."""
+    """A line queues for the pod's next trip."""
     pods, lines = world.pods, world.lines
     lines.following[line] = NIL
     if pods.first_line[pod] == NIL:
@@ -132,7 +133,7 @@ def append_waiting(world, pod, line):
 
 @kernel
 def take_waiting_lines(world, record, pod):
-    """A new trip of a stored pod takes the lines that wait; those that it has no stop for wait on."""
+    """A new trip of a stored pod takes the waiting lines, as far as it has stops for them."""
     pods = world.pods
     line = np.int64(pods.first_line[pod])
     pods.first_line[pod] = NIL
@@ -148,7 +149,7 @@ def take_waiting_lines(world, record, pod):
 
 @kernel
 def new_trip(world, record, pod):
-    """A trip of a pod that stands in storage is known from now on; who stands beneath may have it."""
+    """Release a trip of a stored pod; a robot beneath the pod may get it."""
     orders, clock, pods = world.orders, world.clock, world.pods
     trip = np.int64(clock.next_release)
     slot = np.int64(pods.slot[pod])
@@ -169,7 +170,7 @@ def new_trip(world, record, pod):
 
 @kernel
 def find_stop(world, trip, station):
-    """The first stop of a trip at a station that is not begun, else its first free one, or NIL."""
+    """The first stop of a trip at a station that has not begun, else its first free stop, or NIL."""
     orders, trips = world.orders, world.trips
     end = np.int64(orders.first_stop[trip + 1])
     stop = np.int64(orders.first_stop[trip]) + trips.begun[trip]
@@ -180,13 +181,13 @@ def find_stop(world, trip, station):
 
 @kernel
 def has_stop_at(world, stop, station):
-    """Whether there is such a stop, and it is one at a station."""
+    """Whether `stop` exists and is at a station."""
     return stop != NIL and world.trips.station[stop] == station
 
 
 @kernel
 def add_to_trip(world, trip, line):
-    """Serve a line at a stop of a trip that is not begun, or at one more; False: there is not one."""
+    """Serve a line at a stop that has not begun, or at a new stop; False: no stop is possible."""
     orders, stops, trips = world.orders, world.stops, world.trips
     station = np.int64(world.lines.served_at[line])
     first = np.int64(orders.first_stop[trip])
@@ -195,7 +196,7 @@ def add_to_trip(world, trip, line):
         return False
     if stops.cell[stop] == NIL:
         if stop > first and orders.stops_done[trip] == stop - first:
-            return False  # the last stop is over
+            return False  # the last stop is done
         stops.cell[stop] = world.pod_stations.cell[station]
         trips.station[stop] = station
         trips.handling[stop] = world.pod_stations.visit[station]
@@ -205,7 +206,7 @@ def add_to_trip(world, trip, line):
 
 @kernel
 def add_to_stop(world, trip, stop, line):
-    """A stop of a trip serves one line more; the trip is as urgent as the most urgent of its lines."""
+    """A stop of a trip serves one more line; the trip is as urgent as its most urgent line."""
     lines, orders, trips = world.lines, world.orders, world.trips
     lines.trip[line] = trip
     lines.following[line] = NIL
@@ -229,7 +230,7 @@ def add_to_stop(world, trip, stop, line):
 
 @kernel
 def ticks_of(handling):
-    """Whole ticks of so many millionths: half up, at least 1 unless there is nothing to do."""
+    """Round millionths of a tick to ticks: half up, at least 1 unless there is nothing to do."""
     if handling == 0:
         return np.int64(0)
     return min(max((handling + MICRO // 2) // MICRO, 1), MAX_BUSY)
@@ -237,7 +238,7 @@ def ticks_of(handling):
 
 @kernel
 def offer(world, record, trip, cell):
-    """Reserve a trip for the robot that stands beneath its pod, if it is free and carries the weight."""
+    """Reserve a trip for the robot beneath its pod, if the robot is free and can carry the weight."""
     robots = world.robots
     for i in range(robots.cell.shape[0]):
         if robots.cell[i] != cell or robots.claim[i] != NIL or robots.order[i] != NIL:
@@ -247,7 +248,7 @@ def offer(world, record, trip, cell):
         if world.orders.weight[trip] <= world.rules.payload[robots.type[i]]:
             world.trips.offered[robots.identity[i]] = trip
             reserve(world, record, trip, np.int64(robots.identity[i]))
-            if robots.goal_type[i] == GOAL_PARK:  # it may not get away from here before it is asked
+            if robots.goal_type[i] == GOAL_PARK:  # the robot must not leave before it is asked
                 request_allocation(world, i, REASON_REPLAN)
         return
 
@@ -261,7 +262,7 @@ def reserve(world, record, trip, identity):
 
 @kernel
 def withdraw_offer(world, record, identity):
-    """The trip that is reserved for a robot without being its own is for any robot."""
+    """Release the trip that is offered to a robot: any robot may take it."""
     trip = np.int64(world.trips.offered[identity])
     world.trips.offered[identity] = NIL
     if world.orders.reserved_by[trip] == identity:
@@ -272,7 +273,8 @@ def withdraw_offer(world, record, identity):
 
 @kernel
 def leave_stations_and_pods(world, record):
-    """After motion: robots that have left a station give its place back, and who left a pod its trip."""
+    """After motion: robots that left a station return the place, and robots that left a pod its
+    trip."""
     robots, trips = world.robots, world.trips
     for identity in range(trips.place.shape[0]):
         leaving, offered = trips.leaving[identity], trips.offered[identity]
@@ -291,7 +293,7 @@ def leave_stations_and_pods(world, record):
 
 @kernel
 def next_station(world, trip):
-    """The station of a trip's next stop, NIL if none is left."""
+    """The station of a trip's next stop, NIL if no stop is left."""
     stop = np.int64(world.orders.first_stop[trip]) + np.int64(world.orders.stops_done[trip])
     if stop == world.orders.first_stop[trip + 1] or world.stops.cell[stop] == NIL:
         return np.int64(NIL)
@@ -300,7 +302,7 @@ def next_station(world, trip):
 
 @kernel
 def has_place(view, trip):
-    """Whether the station of a trip's next stop lets one more come."""
+    """Whether the station of a trip's next stop has a free place."""
     station = next_station(view, trip)
     if station == NIL:
         return True
@@ -310,7 +312,7 @@ def has_place(view, trip):
 
 @kernel
 def take_place(world, identity, trip):
-    """A robot has a place at the station of a trip's next stop."""
+    """A robot gets a place at the station of a trip's next stop."""
     station = next_station(world, trip)
     world.trips.place[identity] = station
     if station != NIL:
@@ -328,13 +330,13 @@ def give_place_back(world, identity):
 
 @kernel
 def has_break(world, trip):
-    """Whether no visit begins now at the next stop of an order: it is a station that has a break."""
+    """Whether the next stop of an order is at a station that has a break."""
     return is_in_break(world, world.pod_stations.station_at[next_stop_cell(world, trip)])
 
 
 @kernel
 def is_in_break(world, station):
-    """Whether no visit begins now at a station, or NIL."""
+    """Whether a station (or NIL) has a break now."""
     tick, breaks = world.clock.tick, world.pod_stations.breaks
     for row in range(breaks.shape[0]):
         if station != NIL and breaks[row, 0] == station and breaks[row, 1] <= tick < breaks[row, 2]:
@@ -344,9 +346,9 @@ def is_in_break(world, station):
 
 @kernel
 def end_visit(world, identity, trip, stop):
-    """The lines of a stop are done; its robot goes on to the next stop if it gets a place there.
+    """The lines of a stop are done; its robot continues to the next stop if it gets a place there.
 
-    Returns the cell of that stop, or NIL: the pod goes into storage, and lines that are left wait.
+    Returns the cell of that stop, or NIL: the pod goes into storage, and remaining lines wait.
     """
     station = np.int64(world.trips.station[stop])
     world.trips.begun[trip] = world.orders.stops_done[trip]
@@ -384,7 +386,7 @@ def complete_line(world, line):
 
 @kernel
 def drop_stops(world, trip):
-    """The stops of a trip that are left are not made: their lines wait, before the others."""
+    """Cancel the remaining stops of a trip: their lines wait, ahead of the others."""
     orders, stops, trips, lines, pods = (
         world.orders,
         world.stops,
@@ -415,14 +417,14 @@ def drop_stops(world, trip):
 
 @kernel
 def lift_pod(world, trip):
-    """The pod of a trip is on its robot: its cell is free floor."""
+    """The pod of a trip is now on its robot: its cell is free."""
     pods, pod = world.pods, np.int64(world.trips.pod[trip])
     pods.slot[pod] = NIL
 
 
 @kernel
 def store_pod(world, trip, slot, is_over):
-    """The pod of a trip stands in a slot; if the trip is over, what waits for the pod is next."""
+    """The pod of a trip is now in a slot; if the trip is done, waiting lines or orders are next."""
     pods, pod = world.pods, np.int64(world.trips.pod[trip])
     pods.slot[pod] = slot
     world.slots.content[slot] = pod
@@ -431,25 +433,25 @@ def store_pod(world, trip, slot, is_over):
     pods.trip[pod] = NIL
     if pods.first_line[pod] != NIL:
         place = world.clock.stored_pods
-        while place > 0 and pods.stored[place - 1] > pod:  # robots store pods in any sequence
+        while place > 0 and pods.stored[place - 1] > pod:  # robots store pods in any order
             pods.stored[place] = pods.stored[place - 1]
             place -= 1
         pods.stored[place] = pod
         world.clock.stored_pods += 1
 
 
-# Orders of a list that carry pods: each waits for its turn, since a pod has one order at a time.
+# Orders of a list that carry pods: each waits until its pod has no other order.
 #
-# An order is known to strategies when its pod stands in storage without another one. Until then it
-# waits behind the others for the same pod, in the sequence of their releases; in the tick after the
-# pod was stored the next one is known, and begins where the pod stands then.
+# Strategies know an order when its pod is stored without another order. Until then it queues for
+# the pod, in sequence of release. In the tick after the pod was stored the next order becomes
+# known; it begins where the pod stands then.
 
 
 @kernel
 def take_turns(world, record, first):
-    """Orders of pods that were stored in the last tick are known, and those released in this one.
+    """Make known the orders of pods stored in the last tick, and the orders released in this tick.
 
-    `first`: the place of these in the sequence of releases.
+    `first`: the place of the latter in the sequence of releases.
     """
     clock, pods, orders = world.clock, world.pods, world.orders
     for k in range(clock.stored_pods):
@@ -471,7 +473,7 @@ def take_turns(world, record, first):
 
 @kernel
 def await_turn(world, pod, order):
-    """An order waits, behind the others, until its pod has none."""
+    """An order queues until its pod has no order."""
     pods, following = world.pods, world.trips.following
     world.orders.state[order] = ORDER_UNRELEASED
     following[order] = NIL
@@ -484,7 +486,7 @@ def await_turn(world, pod, order):
 
 @kernel
 def begin_turn(world, record, pod, order):
-    """The order of a pod that stands in storage may be taken; who stands beneath may have it."""
+    """Release the order of a stored pod; a robot beneath the pod may get it."""
     orders, slot = world.orders, np.int64(world.pods.slot[pod])
     world.pods.trip[pod] = order
     orders.source[order] = slot
@@ -494,12 +496,12 @@ def begin_turn(world, record, pod, order):
     offer(world, record, order, np.int64(world.slots.cell[slot]))
 
 
-# Queues of stations: who stands in one, who is held up by it, and what stations did in each tick.
+# Queues of stations: which robots stand in them or are blocked by them, and starved stations.
 
 
 @kernel
 def mark_queues(world):
-    """After motion: which cells of stations and queues are held by robots that go there, or are there."""
+    """Mark the cells of stations and queues held by robots that go to these stations or are there."""
     robots = world.robots
     for i in range(robots.cell.shape[0]):
         cell = robots.cell[i]
@@ -514,7 +516,7 @@ def mark_queues(world):
 
 @kernel
 def count_starved(world):
-    """After `mark_queues`: count the tick for stations that could serve, and have no robot."""
+    """After `mark_queues`: count the tick for stations that could serve but have no robot."""
     stations, tick = world.pod_stations, world.clock.tick
     for k in range(stations.cell.shape[0]):
         if stations.open_lines[k] and stations.visited_at[k] != tick and not is_in_break(world, k):
@@ -523,7 +525,7 @@ def count_starved(world):
 
 @kernel
 def mark_if_queueing(world, i, cell):
-    """Mark a cell that robot i holds, if that is a station, or in the queue of the one it goes to."""
+    """Mark a cell held by robot i if it is its station, or in the queue of the station it goes to."""
     robots, stations = world.robots, world.pod_stations
     station = stations.queue_at[cell]
     own = station if station != NIL else stations.station_at[cell]
@@ -548,7 +550,7 @@ def clear_queues(world):
 
 @kernel
 def is_in_own_queue(view, i):
-    """Whether robot i stands in the queue of the station to which it goes: the queue alone moves it."""
+    """Whether robot i is in the queue of its destination station, so only the queue moves it."""
     if view.trips.pod.shape[0] == 0 or view.robots.goal_type[i] != GOAL_STOP:
         return False
     station = view.pod_stations.queue_at[view.robots.cell[i]]
@@ -557,7 +559,7 @@ def is_in_own_queue(view, i):
 
 @kernel
 def is_queueing_at_station(world, i, ahead):
-    """Whether robot i, whose stop is a station, finds its place in the queue, or the station, held."""
+    """Whether robot i, bound for a station, is blocked by its queue or by the station."""
     robots, stations = world.robots, world.pod_stations
     if robots.goal_type[i] != GOAL_STOP or stations.held_back[ahead] == 0:
         return False

@@ -1,15 +1,15 @@
-"""What a robot sees: with limited sight a strategy is asked robot by robot, with masked copies.
+"""Visibility: with limited sight a strategy is asked about one robot at a time, with masked copies.
 
 rules.radius   NIL          everything: one call for the whole batch
                ORDER_LIST   the order list, and the neighbouring cells (the robot's bumper)
                r >= 1       the order list, and the robots within r cells (Chebyshev distance, or
                             Euclidean with rules.circle)
 
-With rules.own_zones a strategy knows no other orders, works and stations than those of the zones of
-the robots that its robot sees, and of no order what is only measured.
+With rules.own_zones a strategy sees only orders, jobs and stations in the zones of robots that its
+robot sees, and no measured fields of orders.
 
-Hidden robots look like robots in no cell, with nothing to do; their cells look empty. Under a radius
-a strategy gets its robot's own rows of its state only (automaton.engine.holders).
+Hidden robots appear off the floor with nothing to do; their cells look empty. With a radius a
+strategy gets only its robot's rows of its own state (automaton.engine.holders).
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ from automaton.engine.state import (
 
 HIDDEN_POINT = -2  # design.held: the point belongs to a robot out of sight
 
-# What a robot, an order and so on have in a struct, hidden and shown.
+# Kernels to hide and show an element of a struct: a robot, an order and so on.
 hide_robot, show_robot = hiding(Robots, "n"), showing(Robots, "n")
 hide_tally, show_tally = hiding(Tally, "n"), showing(Tally, "n")
 hide_signals, show_signals = hiding(ServiceZones, "n"), showing(ServiceZones, "n")
@@ -44,7 +44,7 @@ hide_job, show_job = hiding(Stations, "j"), showing(Stations, "j")
 
 @kernel
 def call_count(world, full_batch, layer):
-    """How often a layer is called for a batch: once for each strategy, or for each robot."""
+    """The number of calls of a layer for a batch: one per strategy, or one per robot."""
     if world.rules.radius != NIL:
         return full_batch.count
     return np.int64(world.rules.allocations if layer == LAYER_ALLOCATION else 1)
@@ -52,7 +52,7 @@ def call_count(world, full_batch, layer):
 
 @kernel
 def name_robots(world, full_batch, batch, strategy, call):
-    """Enter the robots that call number `call` is about: the strategy's of the batch, or one of them."""
+    """Enter the robots of call number `call`: those of the strategy in the batch, or one of them."""
     batch.strategy = strategy
     batch.count = 0
     if world.rules.radius != NIL:
@@ -102,7 +102,7 @@ def mask_world(world, visible_world, i):
             if world.service_zones.wake.shape[0]:
                 show_signals(visible_world.service_zones, world.service_zones, j)
                 if j != i:
-                    visible_world.service_zones.wake[j] = NIL  # another robot's timer
+                    visible_world.service_zones.wake[j] = NIL  # the timer of another robot
     if world.rules.own_zones and world.service_zones.queue.shape[0]:
         mask_zones(world, visible_world, i)
     show_tally(visible_world.tally, world.tally, i)
@@ -110,7 +110,7 @@ def mask_world(world, visible_world, i):
 
 @kernel
 def hide_all(world, visible_world):
-    """Take back what has been shown."""
+    """Hide again what has been shown."""
     for j in range(world.robots.cell.shape[0]):
         hide_cell(world, visible_world, np.int64(visible_world.robots.cell[j]))
         hide_cell(world, visible_world, np.int64(visible_world.robots.claim[j]))
@@ -131,7 +131,7 @@ def is_zone_visible(world, i, zone):
 
 @kernel
 def zone_of_order(world, order):
-    """The zone that has an order: in whose queue it is, or in which it lies, or that of its robot."""
+    """The zone of an order: of its queue, its slot, or its robot."""
     service_zones = world.service_zones
     if service_zones.queue[order] != NIL:
         queue = np.int64(service_zones.queue[order])
@@ -144,7 +144,7 @@ def zone_of_order(world, order):
 
 @kernel
 def mask_zones(world, visible_world, i):
-    """Show the zones, queues and stations of robots in sight; the others look as if there were none."""
+    """Show the zones, queues and stations of robots in sight; hide the others."""
     a, b = visible_world.service_zones, world.service_zones
     zones = b.server.shape[0]
     for zone in range(zones):
@@ -183,7 +183,7 @@ def copy_segment(source, m, design, to):
 
 @kernel
 def hide_segments(design):
-    """Segments look as if no robot owned them."""
+    """Hide the owners of segments."""
     for segment in range(design.segments):
         for k in range(design.points[segment]):
             design.path[segment, k] = NIL
@@ -194,7 +194,7 @@ def hide_segments(design):
 
 @kernel
 def mask_orders(world, visible_world, i):
-    """Orders in the zones of robots in sight, or on these robots; others look as if still to come."""
+    """Show orders in the zones of robots in sight, or on these robots; others look unreleased."""
     a, b = visible_world.orders, world.orders
     x, y = visible_world.service_zones, world.service_zones
     for order in range(b.state.shape[0]):
@@ -218,7 +218,7 @@ def mask_orders(world, visible_world, i):
 
 @kernel
 def mask_jobs(world, visible_world):
-    """Lines of stations in the zones of robots in sight."""
+    """Show the queues of stations in the zones of robots in sight."""
     a, b = visible_world.stations, world.stations
     for k in range(b.slot.shape[0]):
         if visible_world.service_zones.design.zone[k] != NIL:
@@ -234,10 +234,10 @@ def mask_jobs(world, visible_world):
 
 @kernel
 def hide_cell(world, visible_world, cell):
-    """The cell looks empty."""
+    """Make a cell look empty."""
     if cell != NIL:
         cell_flags = np.int64(world.grid.cell_flags[U(cell)])
-        # Room both ways.
+        # Room in both directions.
         visible_world.traffic.occupancy[U(cell)] = np.uint16((cell_flags << FLAGS_SHIFT) | 96)
 
 

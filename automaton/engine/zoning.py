@@ -1,8 +1,8 @@
-"""How the decisions of zoning enter the world: designs, queues, and what robots tell each other.
+"""How the decisions of zoning enter the world: designs, queues and messages between robots.
 
 A design is checked as a whole: every station is in a zone, segments follow roads between stations
 of their zone, no point is in two zones, a transfer station belongs to one of its two zones. With
-limited sight a robot may change only what it can see.
+limited sight a robot may change only what it sees.
 """
 
 import numpy as np
@@ -48,12 +48,12 @@ def commit_zoning(world, record, batch, decisions):
 
 @kernel
 def judge_zoning(world, batch, out):
-    """Make the design of a decision whole, and refuse what cannot be recorded as it stands.
+    """Complete the design of a decision, and reject what cannot be recorded.
 
-    That is a design that is not sound or changes too much, and a number of queued orders that
-    cannot be.
+    Rejected are a design that is invalid or changes too much, and an invalid number of queued
+    orders.
     """
-    most = 2 * world.robots.cell.shape[0]  # of a replay, which tells of all calls at once
+    most = 2 * world.robots.cell.shape[0]  # in a replay, which decides for all calls at once
     refused = min(max(np.int64(0), out.refused), most)
     if not 0 <= out.queued <= out.order.shape[0]:
         out.queued = 0
@@ -68,7 +68,7 @@ def judge_zoning(world, batch, out):
 
 @kernel
 def may_become(world, batch, design):
-    """Whether a design, made whole, is sound and changes only what may be changed."""
+    """Whether a completed design is valid and changes only what it may change."""
     if not has_room_for(design):
         return False
     if world.rules.own_zones and batch.count:
@@ -78,7 +78,7 @@ def may_become(world, batch, design):
 
 @kernel
 def has_room_for(design):
-    """Whether the segments of a design and their points are as many as there is room for."""
+    """Whether the segments of a design and their points fit the arrays."""
     if not 0 <= design.segments <= design.owner.shape[0]:
         return False
     for segment in range(design.segments):
@@ -89,7 +89,7 @@ def has_room_for(design):
 
 @kernel
 def commit_robot(world, record, i, out, k):
-    """What zoning says of robot i, decision k of the batch."""
+    """Enter the zoning decision about robot i, decision k of the batch."""
     service_zones, tick = world.service_zones, world.clock.tick
     service_zone = np.int64(out.service_zone[k])
     if service_zone != KEEP and not may_serve(world, service_zone):
@@ -120,7 +120,7 @@ def commit_robot(world, record, i, out, k):
 
 @kernel
 def may_serve(world, service_zone):
-    """Whether a zone exists, or is NIL; without a design there may be as many as cells."""
+    """Whether a zone exists, or is NIL; without a design there may be as many zones as cells."""
     designed = world.service_zones.queue.shape[0] > 0
     zones = world.service_zones.server.shape[0] if designed else world.grid.cell_flags.shape[0]
     return NIL <= service_zone < zones
@@ -128,7 +128,7 @@ def may_serve(world, service_zone):
 
 @kernel
 def fill_in_hidden(world, i, design):
-    """What robot i does not see of the zones stays as it is."""
+    """Copy the parts of the zones that robot i does not see from the current design."""
     now = world.service_zones.design
     for station in range(design.zone.shape[0]):
         if design.zone[station] == NIL:
@@ -154,7 +154,7 @@ def fill_in_hidden(world, i, design):
 
 @kernel
 def is_sound(world, design):
-    """Whether a design is one; writes design.held, the zone of each point of primary segments."""
+    """Whether a design is valid; writes design.held, the zone of each point of primary segments."""
     roads, zones = world.service_zones.roads, world.service_zones.server.shape[0]
     held = design.held
     held[:] = NIL
@@ -179,7 +179,7 @@ def is_sound(world, design):
 
 @kernel
 def is_path(roads, design, segment):
-    """Whether a segment leads along roads from one station of its zone to another."""
+    """Whether a segment follows roads from one station of its zone to another."""
     owner = np.int64(design.owner[segment])
     count = np.int64(design.points[segment])
     if not 2 <= count <= design.path.shape[1]:
@@ -204,7 +204,8 @@ def is_path(roads, design, segment):
 
 @kernel
 def transfers_are_sound(design, accessible):
-    """Whether transfer stations lie in one of their two zones, and both know and serve them."""
+    """Whether each transfer station is in one of its two zones, and robots of both zones can serve
+    it."""
     zones = design.transfer.shape[0]
     for a in range(zones):
         for b in range(zones):
@@ -221,7 +222,7 @@ def transfers_are_sound(design, accessible):
 
 @kernel
 def may_change(world, batch, design):
-    """With limited sight: whether all stations that change their zone do so between robots in sight."""
+    """With limited sight: whether stations change zones only between robots in sight."""
     if world.rules.radius == NIL or batch.count == 0:
         return True
     i = np.int64(batch.robot[0])
@@ -262,7 +263,7 @@ def adopt(design, given):
 
 @kernel
 def enqueue_order(world, out, k):
-    """Entry k of the decisions: an order that no robot has taken comes into a queue."""
+    """Entry k of the decisions: an order that no robot has taken enters a queue."""
     service_zones, orders = world.service_zones, world.orders
     order, queue, next_slot = (
         np.int64(out.order[k]),
@@ -272,7 +273,7 @@ def enqueue_order(world, out, k):
     legal = 0 <= order < orders.state.shape[0] and 0 <= queue < service_zones.server.shape[0]
     legal = legal and orders.state[order] == ORDER_WAITING and orders.reserved_by[order] == NIL
     legal = legal and 0 <= next_slot < world.slots.cell.shape[0]
-    if legal and next_slot != orders.target[order]:  # on the way: at another station, or on a shelf
+    if legal and next_slot != orders.target[order]:  # dropped on the way
         legal = world.stations.at[next_slot] != NIL or world.slots.unbounded[next_slot] == 0
         legal = legal and next_slot != orders.current_slot[order]
     if not legal:

@@ -1,1 +1,1 @@
-"""The file of a recorded run, written and read."""
+"""Recordings of runs: writing and reading their files."""

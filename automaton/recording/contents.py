@@ -1,6 +1,6 @@
-"""What frames hold: type, shape and range of every value, checked before anything else sees it.
+"""Contents of frames: type, shape and range of every value, checked before any other use.
 
-Sizes are bounded before they are allocated, and arrays checked before they index anything.
+Sizes are limited before allocation, and arrays are checked before they index others.
 """
 
 from __future__ import annotations
@@ -36,12 +36,12 @@ from automaton.errors import InputError
 from automaton.floor.cells import ALL_EXITS, CELL_KINDS
 from automaton.printable import cleaned
 
-FRAME_KIND_HEADER: Final = 1  # what the run follows from
+FRAME_KIND_HEADER: Final = 1  # the inputs of the run
 # decisions, committed actions, changes and digests of consecutive ticks
 FRAME_KIND_TICKS: Final = 2
 FRAME_KIND_KEYFRAME: Final = 3  # the state after a tick
-FRAME_KIND_END: Final = 4  # how the run ended; a recording without it was cut short
-# what holds from the next tick on: at tick 0, and where a run was branched off
+FRAME_KIND_END: Final = 4  # the end of the run; a recording without it was cut short
+# rules from the next tick on: at tick 0, and where a run was branched off
 FRAME_KIND_CONDITIONS: Final = 5
 
 Content = dict[str, Any]
@@ -49,7 +49,7 @@ Array = NDArray[Any]
 
 
 class DecodedFrame(NamedTuple):
-    """One frame, decoded."""
+    """A decoded frame."""
 
     kind: int
     content: Content
@@ -57,30 +57,30 @@ class DecodedFrame(NamedTuple):
 
 MIB: Final = 1 << 20
 MAX_BYTES: Final = {
-    FRAME_KIND_HEADER: 192 * MIB,  # 95 for 1,000,000 lines of trips with two stops
+    FRAME_KIND_HEADER: 192 * MIB,  # 95 MiB for 1,000,000 lines of trips with two stops
     FRAME_KIND_TICKS: 256 * MIB,
     FRAME_KIND_KEYFRAME: 256 * MIB,
     FRAME_KIND_END: MIB,
 }
-MAX_BYTES[FRAME_KIND_CONDITIONS] = 64 * MIB  # 36 for as many
+MAX_BYTES[FRAME_KIND_CONDITIONS] = 64 * MIB  # 36 MiB for as many lines
 MAX_TEXT: Final = 24 * MIB  # bytes of a scenario
-MAX_LISTS: Final = 1_000_000  # lists and mappings in it: an empty one of a byte takes 64 in memory
-MAX_NESTING: Final = 40  # of lists and mappings within each other, as in the file of a scenario
-# starts and stations that are listed: a byte of each takes 8 and more
+MAX_LISTS: Final = 1_000_000  # lists and mappings in it: 1 byte each takes 64 in memory
+MAX_NESTING: Final = 40  # nested lists and mappings, as in the file of a scenario
+# listed starts and stations: 1 byte each in the file takes 8 or more in memory
 MAX_PLACES: Final = 1_000_000
 MAX_LABELS: Final = 10_000  # settings, files, versions, names of digests
-MAX_EMPTY: Final = 1 << 16  # rows or columns of an array without values, which takes no bytes
+MAX_EMPTY: Final = 1 << 16  # rows or columns of an empty array, which takes no bytes
 
-FRAME_TICKS: Final = 256  # at most in a FRAME_KIND_TICKS frame
-MAX_ROWS: Final = 64  # changes of a robot in a tick
-MAX_CHANGES: Final = 4_000_000  # in a FRAME_KIND_TICKS frame
+FRAME_TICKS: Final = 256  # most ticks in a FRAME_KIND_TICKS frame
+MAX_ROWS: Final = 64  # most changes of a robot in a tick
+MAX_CHANGES: Final = 4_000_000  # most changes in a FRAME_KIND_TICKS frame
 LAST_TICK: Final = 2_000_000_000
 MAX_NUMBER: Final = 1 << 31
-MAX_HANDLING: Final = 65_536_000_000  # millionths of a tick that a line takes, or a visit
+MAX_HANDLING: Final = 65_536_000_000  # millionths of a tick for a line or a visit
 
-IN_HEADER: Final = attrgetter("in_header")  # of declarations of fields
+IN_HEADER: Final = attrgetter("in_header")  # selects declarations of fields
 
-# Routes are left out: they are the bulk of a state, and committed actions do not need them.
+# Routes are left out: they are most of a state, and committed actions do not need them.
 KEYFRAME_ARRAYS: Final = {
     part: arrays
     for part, struct in World.struct_classes().items()
@@ -121,7 +121,7 @@ OF_SKUS: Final = {
 
 
 def _part_of(struct: Any, optional: tuple[str, ...]) -> type[msgspec.Struct]:
-    """The arrays of a struct that a header has, of which it may leave some out."""
+    """The arrays of a struct in a header, some of them optional."""
     always = tuple(name for name in struct.fields_where(IN_HEADER) if name not in optional)
     return _part(struct.__name__, always, *((name, _MAYBE, UNSET) for name in optional))
 
@@ -210,11 +210,11 @@ _FRAMES: Final[dict[int, Any]] = {
 
 
 class InvalidFrameError(ValueError):
-    """What a frame holds cannot be; the text says what, without the file and the frame."""
+    """The content of a frame is invalid; the text says why, without naming file and frame."""
 
 
 def read_content(kind: int, payload: bytes | memoryview) -> Content:
-    """Decode a frame: types are checked, shapes and ranges not. Raises InvalidFrameError."""
+    """Decode a frame: checks types, but not shapes and ranges. Raises InvalidFrameError."""
     data = inflated(payload, MAX_BYTES[kind])
     try:
         frame = msgspec.msgpack.decode(data, type=_FRAMES[kind], ext_hook=_array_in)
@@ -224,7 +224,7 @@ def read_content(kind: int, payload: bytes | memoryview) -> Content:
 
 
 def inflated(payload: bytes | memoryview, most: int) -> bytes:
-    """Decompressed bytes, so many at most. Raises InvalidFrameError."""
+    """Decompress at most `most` bytes. Raises InvalidFrameError."""
     unpacking = zlib.decompressobj()
     try:
         data = unpacking.decompress(payload, most + 1)
@@ -272,7 +272,7 @@ def _mapping(name: str, data: bytes) -> Content:
 
 
 def _nested_in(holder: Any) -> list[Any]:
-    """The lists and mappings in one; of millions of numbers it is only asked whether there are any."""
+    """The lists and mappings directly in `holder`; a type check skips long lists of numbers."""
     parts = [*holder, *holder.values()] if isinstance(holder, dict) else holder
     if _NESTING.isdisjoint(map(type, parts)):
         return []
@@ -293,7 +293,7 @@ _DESCRIBED = msgspec.msgpack.Decoder(tuple[str, tuple[int, ...], memoryview])
 
 
 def array_out(value: Any) -> Any:
-    """An array, or a number of NumPy, as msgpack stores it."""
+    """Encode an array, or a NumPy number, for msgpack."""
     if isinstance(value, np.generic):
         return value.item()
     little = np.ascontiguousarray(value, value.dtype.newbyteorder("<"))
@@ -317,7 +317,7 @@ def _array_in(code: int, data: memoryview) -> Array:
             raise InvalidFrameError(f"one of its arrays has an extent of {extent}")
         count *= extent
     if not count and max(shape) > MAX_EMPTY:
-        raise InvalidFrameError(f"one of its arrays has no values but an extent of {max(shape):,}")
+        raise InvalidFrameError(f"one of its arrays is empty but has an extent of {max(shape):,}")
     if len(shape) > 2 or count * dtype.itemsize != len(content):
         raise InvalidFrameError("the size of one of its arrays does not match its shape")
     array: Array = np.frombuffer(content, dtype).reshape(shape)
@@ -325,15 +325,15 @@ def _array_in(code: int, data: memoryview) -> Array:
 
 
 class Range(NamedTuple):
-    """What an array must be; a text among shape and bounds names a size."""
+    """The constraints on an array; text in shape and bounds names a size."""
 
     dtype: str
-    shape: tuple[str | int, ...]  # a size that is not known yet is the one found
+    shape: tuple[str | int, ...]  # an unknown size is set to the extent found
     least: int
     below: str | int
 
 
-# Those that others are measured by come first.
+# Arrays that define sizes come first.
 HEADER_ARRAYS: Final = {
     "floor.kind": Range("u1", ("rows", "columns"), 0, len(CELL_KINDS)),
     "floor.exits": Range("u1", ("rows", "columns"), 0, ALL_EXITS + 1),
@@ -385,12 +385,12 @@ CONDITIONS_ARRAYS: Final = {
     "steered": Range("u1", (1,), 0, 2),
     "watches_chargers": Range("u1", (1,), 0, 2),
 }
-# Only the validator reads states, as numbers; `verify` compares them with the run made again.
+# Only the validator reads states as numbers; `verify` compares them with the repeated run.
 STATE_SIZES: Final = {name: name for name in ("robots", "orders", "slots", "stops")}
 
 
 def check_arrays(content: Content, wanted: Mapping[str, Range], sizes: dict[str, int]) -> None:
-    """Check arrays by dotted names; enter sizes not known yet. Raises InvalidFrameError."""
+    """Check arrays by dotted names; adds unknown sizes to `sizes`. Raises InvalidFrameError."""
     for name, (dtype, shape, least, below) in wanted.items():
         *path, last = name.split(".")
         part = content
@@ -434,10 +434,10 @@ def check_keyframe(content: Content, sizes: dict[str, int]) -> None:
 
 
 def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
-    """FRAME_KIND_TICKS as they are used: a row for each tick.
+    """Expand the content of a FRAME_KIND_TICKS frame: one row per tick.
 
-    `known`: how many robots and names of digests there are, where that is known. Raises
-    InvalidFrameError if parts do not fit it or each other.
+    `known`: the numbers of robots and of digest names, if known. Raises InvalidFrameError if parts
+    do not fit these or each other.
     """
     ticks = content["executed"].shape[1] if content["executed"].ndim == 2 else 0
     sizes = {**known, "ticks": ticks}
@@ -483,7 +483,7 @@ def unpacked_ticks(content: Content, known: Mapping[str, int]) -> Content:
 
 
 def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
-    """Changes name robots, orders and slots that there are. Raises InvalidFrameError."""
+    """Check that changes name existing robots, orders and slots. Raises InvalidFrameError."""
     robots, orders, slots = (sizes[name] for name in ("robots", "orders", "slots"))
     limits = {
         CHANGE_ORDER_RESERVED: (orders, -1, robots),
@@ -508,7 +508,7 @@ def check_changes(changes: Array, sizes: Mapping[str, int]) -> None:
 
 
 def refusal(error: InvalidFrameError, file: str, number: int, kind: int, at: int) -> InputError:
-    """The sentence about a frame that cannot be."""
+    """The sentence about an invalid frame."""
     name = {
         FRAME_KIND_HEADER: "the header",
         FRAME_KIND_TICKS: "ticks",

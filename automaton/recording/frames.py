@@ -4,11 +4,11 @@
     frame      kind, length, last tick, CRC-32 of these, seal | payload: zlib(msgpack)
     ...        HEADER, CONDITIONS, KEYFRAME at tick 0, TICKS ..., KEYFRAME ..., END
 
-The seal of a frame is a hash of the seal before it and of the frame; its CRC begins with the seal
-before it as well. So only an end that is missing goes unnoticed: such a file is *cut short*, and
-reads to its last whole frame. Whatever is changed, missing in the middle or doubled is *damage*.
-Who alters a recording can compute seals as well: `verify` runs it again. Arrays are stored
-little-endian; what repeats from tick to tick is stored so that zlib sees it.
+The seal of a frame is a hash of the previous seal and of the frame; its CRC also begins with the
+previous seal. So only a missing end is not detected as damage: such a file is *cut short*, and is
+read to its last whole frame. Changed, missing or repeated frames are *damage*. Seals do not detect
+tampering, since anyone can compute them: `verify` runs the recording again. Arrays are stored
+little-endian, in a layout in which zlib finds repetition between ticks.
 """
 
 from __future__ import annotations
@@ -41,24 +41,24 @@ from automaton.recording.contents import (
 )
 
 RECORDING_FORMAT: Final = 6
-MAGIC: Final = b"\x93AUTOMATON\r\n"  # not text, and spoilt by a transfer that changes line ends
+MAGIC: Final = b"\x93AUTOMATON\r\n"  # not text, and broken by transfers that change line ends
 PREAMBLE: Final = struct.Struct("<12sH")  # magic, format
 FRAME: Final = struct.Struct("<BIQI16s")  # kind, bytes of the payload, tick, CRC-32, seal
 CHECKED: Final = struct.Struct("<BIQ")  # the part of FRAME that the CRC covers
 
 DECODED: Final = 4  # FRAME_KIND_TICKS frames that stay decoded
-COMPRESSION: Final = 5  # of zlib: 6 takes 1.7 times as long for 3 % less
+COMPRESSION: Final = 5  # zlib level: 6 takes 1.7 times as long and saves 3 %
 
 
 class Stored(Protocol):
-    """One frame as it is stored, wherever its bytes are."""
+    """A stored frame, wherever its bytes are."""
 
     @property
     def kind(self) -> int: ...
 
     @property
     def tick(self) -> int:
-        """The last one that it tells of."""
+        """Its last tick."""
 
     @property
     def data(self) -> bytes | memoryview:
@@ -66,23 +66,23 @@ class Stored(Protocol):
 
 
 class Payload(NamedTuple):
-    """One frame as it is stored, with its bytes."""
+    """A stored frame with its bytes."""
 
     kind: int
-    tick: int  # the last one that it tells of
+    tick: int  # its last tick
     data: bytes | memoryview  # compressed
-    at: int = 0  # where in a file it begins
-    before: int = 0  # the last tick of the frames before it
+    at: int = 0  # its offset in the file
+    before: int = 0  # the last tick of the previous frames
 
 
 Reader = Callable[[int, Any], Content]  # (number of the frame behind the header, the frame)
 
 
 class StoredFrames:
-    """The checked frames of a file or of a run under way, decoded one at a time as they are asked for.
+    """The checked frames of a file or of a current run, decoded one at a time on request.
 
-    FRAME_KIND_TICKS frames can be found by tick; the last ones that were used stay decoded. `read`:
-    checks what it decodes; frames of this process need no check.
+    FRAME_KIND_TICKS frames can be found by tick; recently used ones stay decoded. `read`: decodes
+    and checks; frames of this process need no check.
     """
 
     def __init__(self, payloads: Sequence[Stored], read: Reader | None = None) -> None:
@@ -100,12 +100,12 @@ class StoredFrames:
 
     @property
     def last_tick(self) -> int:
-        """The last tick that is there."""
+        """The last recorded tick."""
         self._index()
         return self._last[-1] if self._last else 0
 
     def rules_at(self, tick: int) -> Content:
-        """What holds in the tick after `tick`. Raises InputError if the frame is lost."""
+        """The conditions in the tick after `tick`. Raises InputError if the frame is missing."""
         self._index()
         found = [rules for rules in self._rules if rules["tick"] <= tick]
         if not found:
@@ -113,7 +113,7 @@ class StoredFrames:
         return found[-1]
 
     def next_rules(self, tick: int) -> int | None:
-        """The first tick after `tick` at which other rules begin to hold; None if none do."""
+        """The first tick after `tick` from which other rules apply; None if there is none."""
         self._index()
         return min((r["tick"] for r in self._rules if r["tick"] > tick), default=None)
 
@@ -149,21 +149,21 @@ class StoredFrames:
 
 @dataclass(frozen=True)
 class Recording:
-    """A recorded run, from a file or in memory; `frames` can be gone through again and again."""
+    """A recorded run, from a file or in memory; `frames` can be iterated repeatedly."""
 
     header: Content
     frames: Iterable[DecodedFrame]  # after the header
-    complete: bool  # the FRAME_KIND_END frame is there: it was not cut short
+    complete: bool  # has a FRAME_KIND_END frame: it was not cut short
 
     @property
     def ticks(self) -> int:
-        """Ticks that are recorded."""
+        """Number of recorded ticks."""
         if isinstance(self.frames, StoredFrames):
             return self.frames.last_tick
         return max((tick_of(kind, content) for kind, content in self.frames), default=0)
 
     def stored(self) -> StoredFrames:
-        """The frames in the form in which ticks can be found."""
+        """The frames as a sequence that finds ticks."""
         if isinstance(self.frames, StoredFrames):
             return self.frames
         return StoredFrames([payload_of(kind, content) for kind, content in self.frames])
@@ -175,7 +175,7 @@ def preamble() -> bytes:
 
 
 def tick_of(kind: int, content: Content) -> int:
-    """The last tick that a frame tells of."""
+    """The last tick of a frame's content."""
     if kind == FRAME_KIND_HEADER:
         return 0
     if kind == FRAME_KIND_TICKS:
@@ -184,7 +184,7 @@ def tick_of(kind: int, content: Content) -> int:
 
 
 def payload_of(kind: int, content: Content) -> Payload:
-    """A frame as it is stored."""
+    """Encode a frame for storage."""
     packed = content
     if kind == FRAME_KIND_TICKS:
         packed = _pack_ticks(content)
@@ -209,12 +209,12 @@ class Chain:
         return FRAME.pack(kind, len(data), tick, crc, self._seal) + data
 
     def leads_to(self, head: bytes) -> bool:
-        """Whether this is the head of the frame that comes next."""
+        """Whether this is the head of the next frame."""
         checked = head[: CHECKED.size]
         return bool(zlib.crc32(checked, zlib.crc32(self._seal)) == FRAME.unpack(head)[3])
 
     def follow(self, head: bytes, data: bytes) -> bool:
-        """Go on to the next frame; whether it is what was written."""
+        """Advance to the next frame; returns whether it is intact."""
         self._seal = self._sealed(head[: CHECKED.size], data)
         return bool(self._seal == FRAME.unpack(head)[4])
 
@@ -235,13 +235,13 @@ def encoded(header: Content, frames: Iterable[DecodedFrame]) -> bytes:
 def decode(
     kind: int, payload: bytes | memoryview, sizes: Mapping[str, int] = MappingProxyType({})
 ) -> Content:
-    """The content of a frame, of the right types and of these sizes. Raises Unsound."""
+    """The content of a frame, checked for types and sizes. Raises Unsound."""
     content = read_content(kind, payload)
     return unpacked_ticks(content, sizes) if kind == FRAME_KIND_TICKS else unpack_listed(content)
 
 
 def _pack_ticks(content: Content) -> Content:
-    """One line per robot and per digest; digests as what changed since those before."""
+    """One row per robot and per digest; digests as differences from the previous ones."""
     due = np.flatnonzero(content["digests"].any(axis=1)).astype(np.int32)
     digests = content["digests"][due]
     changed = digests.copy()
@@ -258,18 +258,19 @@ def _pack_ticks(content: Content) -> Content:
     }
 
 
-# Long lists of orders and of lines as columns: a million would be too many values of a scenario.
+# Long lists of orders and lines are stored as columns: a million would exceed the limits of a
+# scenario.
 #
 # {"scenario": {"orders": {"list": [{"from": [0, 0], ...}, ...]}}}     in memory
 # {"scenario": {"orders": {"list": null}}, "listed": {"from": (n, 2), "release": (n,), ...}}  in a file
 #
-# Of lines `listed_lines` has the columns and `line_names` what they name: a number or a text for each
-# code. What is due at a tick is a column of its own, `due at`.
+# For lines, `listed_lines` has the columns and `line_names` the values of codes: numbers or texts.
+# Due times at a tick are a separate column, `due at`.
 
 
-MIN_PACKED: Final = 1000  # orders; shorter lists stay as the scenario has them
+MIN_PACKED: Final = 1000  # orders; shorter lists stay in the scenario
 PAIRS_OF_CELLS: Final = ("from", "to")
-NAMES: Final = ("order", "pod", "sku", "station")  # of lines: numbers and texts
+NAMES: Final = ("order", "pod", "sku", "station")  # columns of lines: numbers and texts
 DUE_AT: Final = "due at"
 STORED_NULL: Final = -(2**31)  # stands for null
 MAX_VALUE: Final = 2**31 - 1
@@ -295,7 +296,7 @@ def pack_listed(content: Content) -> Content:
 
 
 def unpack_listed(content: Content) -> Content:
-    """Return a header or conditions with its lists themselves. Raises InvalidFrameError."""
+    """Return a header or conditions with its lists restored. Raises InvalidFrameError."""
     names = content.get("line_names", {})
     for key, form in (("listed", "list"), ("listed_lines", "lines")):
         columns = content.get(key)
@@ -319,7 +320,8 @@ def _with_list(content: Content, form: str, rows: list[Any] | None) -> Content:
 def _columns(
     rows: Sequence[Any], names: dict[str, list[Any]] | None = None
 ) -> dict[str, Column] | None:
-    """The columns of a list; where there are `names`, which are filled, codes. None: it has others."""
+    """The columns of a list; codes for columns in `names`, which is filled. None: it has other
+    columns."""
     columns = {}
     for name in rows[0]:
         values = [row[name] for row in rows]
@@ -338,7 +340,7 @@ def _columns(
 
 
 def _codes(values: list[Any], names: list[Any]) -> list[int | None]:
-    """The place of each value among `names`, which gets those that are new."""
+    """The index of each value in `names`; new values are added."""
     known: dict[Any, int] = {}
     codes = [None if value is None else known.setdefault(value, len(known)) for value in values]
     names += known
@@ -346,7 +348,7 @@ def _codes(values: list[Any], names: list[Any]) -> list[int | None]:
 
 
 def _column(name: str, values: list[Any]) -> Column | None:
-    """(n,) or, of cells, (n, 2) int32; None where a value is neither a cell, a number nor nothing."""
+    """(n,) or, for cells, (n, 2) int32; None if a value is not a cell, a number or None."""
     if name in PAIRS_OF_CELLS:
         if any(value is None for value in values):
             return None
@@ -375,7 +377,7 @@ def _rows(columns: dict[str, Column], names: dict[str, list[Any]]) -> list[dict[
 
 
 def _named(name: str, column: Column, names: list[Any]) -> list[Any]:
-    """What the codes of a column stand for."""
+    """The values of the codes in a column."""
     codes = _values(column)
     if any(code is not None and not 0 <= code < len(names) for code in codes):
         raise InvalidFrameError(f"its lines contain an unnamed {name}")

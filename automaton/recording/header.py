@@ -1,6 +1,6 @@
-"""The header of a recording: what a run follows from, and what a validator has to know of it.
+"""The header of a recording: the inputs of a run, and the data that a validator needs.
 
-Nothing in it needs the scenario's file, the generator of its floor, or Numba to be read again.
+Reading it does not need the scenario's file, the generator of its floor, or Numba.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
 
 
 def _of_pods(world: Any) -> Content:
-    """What a header has of pods, the lines that want them, and the stations to which they go."""
+    """The fields of a header for pods, lines and their stations."""
     if not len(world.pods.slot):
         return {}
     left_out = {name: set(arrays) for name, arrays in OF_SKUS.items()}
@@ -83,13 +83,13 @@ def _of_pods(world: Any) -> Content:
 
 
 def _copies(struct: Struct, left_out: Container[str] = ()) -> Content:
-    """Copies of the arrays of a struct that belong into a header."""
+    """Copies of the arrays of a struct that belong in a header."""
     names = [name for name in struct.fields_where(IN_HEADER) if name not in left_out]
     return {name: getattr(struct, name).copy() for name in names}
 
 
 def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
-    """What holds after the current tick of a simulation; `settings` were changed here."""
+    """The conditions after the current tick of a simulation; `settings`: those changed here."""
     resolved, rules = simulation.resolved, simulation.world.rules
     return {
         "tick": simulation.tick,
@@ -105,7 +105,7 @@ def rules_of(simulation: Any, settings: tuple[str, ...] = ()) -> Content:
 
 
 def _strategies(resolved: Resolved) -> Content:
-    """By layer, then the allocations that types of robots have to themselves."""
+    """Strategies by layer, then the allocations of single robot types."""
     resolved = resolved.unrefined
     types = zip(resolved.scenario.fleet.types, resolved.own_allocations, strict=False)
     own = {own_allocation_of(kind.name): choice for kind, choice in types if choice is not None}
@@ -116,20 +116,20 @@ def _strategies(resolved: Resolved) -> Content:
 
 
 def own_allocation_of(robot_type: str) -> str:
-    """The key of the allocation that a type of robots has to itself, among recorded strategies."""
+    """The key of the allocation of a single robot type, among recorded strategies."""
     return f"allocation of {robot_type}"
 
 
 def changed(header: Content, rules: Content) -> Content:
-    """The header with the scenario and the strategies that hold after a CONDITIONS frame."""
+    """The header with the scenario and the strategies that apply after a CONDITIONS frame."""
     return {**header, "scenario": rules["scenario"], "strategies": rules["strategies"]}
 
 
 def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     """The scenario of a recording, ready to run again.
 
-    Raises InputError when a strategy is not installed here or takes other parameters now. Without
-    its strategies, which a replay does not need, plug-ins keep their parameters as recorded.
+    Raises InputError if a strategy is not installed or now takes other parameters. Without its
+    strategies, which a replay does not need, plug-ins keep their recorded parameters.
     """
 
     def choice_of(layer: str, given: Content) -> StrategyChoice:
@@ -155,7 +155,7 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
 
 
 def floor_plan_of(floor: Content) -> FloorPlan:
-    """The floor that a header tells of."""
+    """The floor of a header."""
     return FloorPlan(
         width=floor["width"],
         height=floor["height"],

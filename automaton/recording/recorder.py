@@ -1,4 +1,4 @@
-"""Recorders: they empty the buffers of a running simulation into frames, in a file or in memory.
+"""Recorders: write the buffers of a running simulation as frames, to a file or to memory.
 
 with Recorder(path, resolved, seed) as recorder:
     simulation = Simulation(resolved, seed, on_record=recorder)
@@ -41,17 +41,17 @@ from automaton.scenario.text_files import is_recording
 from automaton.world.building import build_world, digest_interval
 from automaton.world.resolved import Resolved
 
-FRAME_SECONDS = 1.0  # what a killed process may lose
-# Of decisions and changes: what a frame holds of those of several calls at most.
+FRAME_SECONDS = 1.0  # data that a killed process may lose
+# Most bytes of decisions and changes from several calls in one frame.
 FRAME_BYTES = 16 << 20
 
-Rows = tuple[Array, Array, Array, Array]  # did (T, n), decisions (Y,), changes (X, 4), digests
+Rows = tuple[Array, Array, Array, Array]  # actions (T, n), decisions (Y,), changes (X, 4), digests
 
 
 class BaseRecorder:
-    """What all recorders do: give one to Simulation as `on_record`; subclasses `write` frames."""
+    """The base of recorders: give one to Simulation as `on_record`; subclasses `write` frames."""
 
-    digest_every: ClassVar[int | None] = None  # tick that has digests; None: by its size
+    digest_every: ClassVar[int | None] = None  # ticks between digests; None: by size
 
     def __init__(self, resolved: Resolved, seed: int) -> None:
         self._start, _ = build_world(resolved, seed)
@@ -68,11 +68,11 @@ class BaseRecorder:
         self.write(FRAME_KIND_HEADER, self.header)
 
     def write(self, kind: int, content: Content) -> None:
-        """Keep a frame."""
+        """Store a frame."""
         raise NotImplementedError
 
     def __call__(self, simulation: Simulation) -> None:
-        """Take what the buffers of a simulation hold, and empty them."""
+        """Take over the buffers of a simulation, and empty them."""
         self._begin(simulation)
         world, record = simulation.world, simulation.record
         rows = int(world.clock.recorded_ticks)
@@ -95,7 +95,7 @@ class BaseRecorder:
         return sum(part[1].nbytes + part[2].nbytes for part in self._pending)
 
     def _begin(self, simulation: Simulation) -> None:
-        """Before the first tick: what the strategies of this run asked for, and the state."""
+        """Before the first tick: write the initial conditions and the state."""
         if self._simulation is None:
             rules = rules_of(simulation)
             self.write(FRAME_KIND_CONDITIONS, {**rules, "tick": 0})
@@ -103,7 +103,7 @@ class BaseRecorder:
         self._simulation = simulation
 
     def _rows(self, clock: Clock, record: Record, rows: int) -> Rows:
-        # After an interrupt those of an unfinished tick may be there: they are not kept.
+        # After an interrupt the buffers may hold rows of an unfinished tick: drop them.
         last = self._first + self._held + rows - 1
         changes = record.changes[: clock.change_rows]
         decisions = record.decisions[
@@ -113,7 +113,7 @@ class BaseRecorder:
         return record.executed[:rows].copy(), decisions.copy(), kept, record.digests[:rows].copy()
 
     def change(self, simulation: Simulation, settings: tuple[str, ...]) -> None:
-        """The run goes on as `simulation`, in which something was changed after this tick."""
+        """The run continues as `simulation`, which was changed after this tick."""
         self.flush()
         self._simulation = simulation
         simulation.world.clock.digest_every = self.header["digest_every"]
@@ -139,7 +139,7 @@ class BaseRecorder:
         self._held = 0
 
     def end(self) -> None:
-        """Write the last state, how the run ended and its metrics; nothing comes after it."""
+        """Write the last state, the outcome of the run and its metrics; this is the last frame."""
         if self.ended:
             return
         simulation = self._simulation
@@ -166,7 +166,7 @@ class BaseRecorder:
 
 
 class MemoryRecorder(BaseRecorder):
-    """Keeps the frames in a list, for tests and for whoever looks at a run at once."""
+    """Keeps the frames in a list, for tests and for immediate playback."""
 
     def __init__(self, resolved: Resolved, seed: int | None = None) -> None:
         self.frames: list[DecodedFrame] = []
@@ -177,16 +177,16 @@ class MemoryRecorder(BaseRecorder):
             self.frames.append(DecodedFrame(kind, content))
 
     def recording(self) -> Recording:
-        """What was recorded so far; the run ends here."""
+        """The recording up to now; the run ends here."""
         self.end()
         return Recording(self.header, self.frames, complete=True)
 
 
 class RecordingFile:
-    """The file of a recording under way.
+    """The file of a recording in progress.
 
-    It grows as FILE.part and takes its name when it is closed, so that a file of that name is
-    replaced only by a run that has an end. Raises InputError if it cannot be written.
+    It is written as FILE.part and renamed when closed, so only a finished run replaces an existing
+    file. Raises InputError if it cannot be written.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -196,7 +196,7 @@ class RecordingFile:
             raise InputError("cannot write the recording: the path is a folder", str(path))
         try:
             if self.path.exists() and not is_recording(self.path):
-                raise InputError("is not a recording and is not overwritten", str(path))
+                raise InputError("exists and is not a recording; not overwritten", str(path))
             self._file = self.part.open("wb")
         except OSError as error:
             raise InputError(f"cannot write the recording: {error.strerror}", str(path)) from None
@@ -204,12 +204,12 @@ class RecordingFile:
         self._chain = Chain()
 
     def write(self, payload: Payload) -> None:
-        """Append a frame; it is there even if this process dies."""
+        """Append a frame; it persists even if this process dies."""
         self._file.write(self._chain.framed(payload))
         self._file.flush()
 
     def close(self) -> None:
-        """Give the file its name."""
+        """Rename the file to its final name."""
         if self._file.closed:
             return
         os.fsync(self._file.fileno())
@@ -217,7 +217,7 @@ class RecordingFile:
         put_in_place(self.part, self.path)
 
     def abandon(self) -> None:
-        """Leave what there is as FILE.part, and an older FILE alone."""
+        """Keep the data as FILE.part, and an older FILE unchanged."""
         self._file.close()
 
 
@@ -232,7 +232,7 @@ class Recorder(BaseRecorder):
         self._file.write(payload_of(kind, content))
 
     def close(self) -> None:
-        """Give the file its name; without `end` before, it counts as cut short."""
+        """Rename the file to its final name; without `end` before, it counts as cut short."""
         self._file.close()
 
     def __enter__(self) -> Self:
@@ -252,4 +252,4 @@ class Recorder(BaseRecorder):
         if kind is None or issubclass(kind, KeyboardInterrupt):
             self.close()
         else:
-            self._file.abandon()  # a run that failed
+            self._file.abandon()  # the run failed

@@ -1,7 +1,7 @@
-"""Read the file of a recording: its chain and its header at once, frames as they are asked for.
+"""Read the file of a recording: its chain and its header at once, frames on request.
 
-Before anything else sees it, the header must fit itself, its floor and the rules for scenarios, and
-each frame the header. A title says what the run is called.
+Before any other use, the header is checked for consistency with itself, its floor and the rules for
+scenarios, and each frame against the header. A title names the run.
 """
 
 from __future__ import annotations
@@ -64,10 +64,10 @@ from automaton.world.task_lists import order_count
 
 
 def read_recording(path: str | Path) -> Recording:
-    """Open a recording: check the chain of its frames and the header; frames as they are read.
+    """Open a recording: check the chain of its frames and the header now, other frames when read.
 
     Raises InputError for a file that is not a recording, has another format, or is damaged. A file
-    that was cut short is read to its last whole frame.
+    cut short is read up to its last whole frame.
     """
     file = str(path)
     try:
@@ -102,7 +102,7 @@ def _check_preamble(data: bytes, file: str) -> None:
 
 
 def _frames_of(stream: BinaryIO, size: int, file: str) -> Iterator[Payload]:
-    """The frames of a file behind its preamble. Raises InputError for damage."""
+    """The frames of a file after its preamble. Raises InputError for damage."""
     chain, sequence = Chain(), Sequel()
     at, number = PREAMBLE.size, 0
 
@@ -135,17 +135,17 @@ def _frames_of(stream: BinaryIO, size: int, file: str) -> Iterator[Payload]:
 
 
 class Sequel:
-    """In which sequence frames stand, told by their kinds and ticks alone."""
+    """Check of the sequence of frames, by kinds and ticks only."""
 
     def __init__(self) -> None:
         self.tick = 0
-        self.keyframe = -1  # the tick of the last one
+        self.keyframe = -1  # tick of the last keyframe
         self.ended = False
         self._number = 0
-        self._conditions = 0  # the last tick at which they changed
+        self._conditions = 0  # last tick with changed conditions
 
     def check_scenario(self, kind: int, tick: int) -> str:
-        """What is wrong with the next frame, or ""; takes it in."""
+        """The fault of the next frame, or ""; advances."""
         first = (FRAME_KIND_HEADER, FRAME_KIND_CONDITIONS, FRAME_KIND_KEYFRAME)
         number, self._number = self._number, self._number + 1
         if number < len(first) or kind == FRAME_KIND_HEADER:
@@ -183,7 +183,7 @@ class Sequel:
         return ""
 
 
-# What must be right: the header by itself, its floor, its scenario, and each frame.
+# Checks of the header by itself, of its floor and scenario, and of each frame.
 
 
 MAX_CELLS = 200_000_000
@@ -192,10 +192,10 @@ DIGEST_DIGITS = 16
 
 
 class Admission:
-    """The check of one file: its header now, its other frames as they are read."""
+    """The check of one file: its header now, other frames when read."""
 
     def __init__(self, file: str, first: Payload) -> None:
-        """Raises InputError if the header cannot be."""
+        """Raises InputError if the header is invalid."""
         self.file = file
         self.sizes: dict[str, int] = {}
         try:
@@ -209,7 +209,7 @@ class Admission:
             ) from None
 
     def content(self, index: int, payload: Payload) -> Content:
-        """The content of a frame behind the header. Raises InputError if it cannot be."""
+        """The content of a frame after the header. Raises InputError if it is invalid."""
         kind = payload.kind
         try:
             content = decode(kind, payload.data, self.sizes)
@@ -237,13 +237,11 @@ class Admission:
         floor, sizes = header["floor"], self.sizes
         width, height = floor["width"], floor["height"]
         if not (width > 0 and height > 0 and (width + 2) * (height + 2) <= MAX_CELLS):
-            raise InvalidFrameError(f"a floor cannot have {width:,} x {height:,} cells")
+            raise InvalidFrameError(f"invalid floor of {width:,} x {height:,} cells")
         if not 0 <= header["seed"] < 1 << 63:
-            raise InvalidFrameError(f"a seed cannot be {header['seed']}")
+            raise InvalidFrameError(f"invalid seed {header['seed']}")
         if not 1 <= header["digest_every"] <= MAX_DIGEST_INTERVAL:
-            raise InvalidFrameError(
-                f"the digest interval cannot be {header['digest_every']:,} ticks"
-            )
+            raise InvalidFrameError(f"invalid digest interval of {header['digest_every']:,} ticks")
         sizes |= {"rows": height + 2, "columns": width + 2, "cells": (width + 2) * (height + 2)}
         sizes |= {"spare": header["slots"]["first_spare"], "names": len(header["digest_names"])}
         self.scenario = scenario_of(header["scenario"])
@@ -255,7 +253,7 @@ class Admission:
         if there[0] != there[1] or there[2] != wanted or there[2] > there[0]:
             raise InvalidFrameError("its pods, lines or stations do not match its scenario")
         if not wanted:
-            sizes["rules"] = sizes["cells"]  # of handling; without lines stations have them in vain
+            sizes["rules"] = sizes["cells"]  # rules of handling; unused without lines
         if ("gates" in header) and not self.scenario.floor.closed:
             raise InvalidFrameError("it has closed cells, but its scenario has none")
         check_arrays(header, HEADER_ARRAYS, sizes)
@@ -284,7 +282,7 @@ class Admission:
             raise InvalidFrameError("its stations do not match its floor")
 
     def _check_stops(self, header: Content) -> None:
-        """Each order has a load or stops, or both; the stops are the orders' one after another."""
+        """Each order has a load or stops, or both; stops are in the sequence of their orders."""
         orders, sizes = header["orders"], self.sizes
         sizes.setdefault("stops", 0)
         first = orders.get("first_stop")
@@ -296,13 +294,13 @@ class Admission:
             raise InvalidFrameError("its stops do not match its orders")
         without = orders["source"] == NIL
         nowhere = orders["target"] == NIL
-        if "pods" in header:  # the order of one may end anywhere
+        if "pods" in header:  # an order with a pod may end in any storage cell
             nowhere &= ~np.isin(orders["source"], header["pods"]["slot"])
         if not np.array_equal(nowhere, without) or (count[without] == 0).any():
             raise InvalidFrameError("it has an order with neither a load nor stops")
 
     def _check_trips(self, header: Content) -> None:
-        """Where orders are lines, there are as many trips, and none is known yet."""
+        """With lines, there are as many trips as lines, and no trip is released yet."""
         cells = header["stops"]["cell"] if "stops" in header else np.zeros(0, np.int32)
         if self.scenario.orders.lines is None:
             if (cells == NIL).any():
@@ -321,7 +319,7 @@ class Admission:
         self._check_skus(header)
 
     def _check_pods(self, header: Content) -> None:
-        """No two pods stand in one cell, and orders of a list carry those that there are."""
+        """Each cell has at most one pod, and listed orders carry existing pods."""
         slots, source = header["pods"]["slot"], header["orders"]["source"]
         if len(np.unique(slots)) != len(slots):
             raise InvalidFrameError("two of its pods stand in one cell")
@@ -329,7 +327,7 @@ class Admission:
             raise InvalidFrameError("an order of its list has no pod")
 
     def _check_skus(self, header: Content) -> None:
-        """Each line wants a pod, or a SKU that some pod holds."""
+        """Each line needs a pod, or a SKU that some pod holds."""
         there = [name in header[part] for part, arrays in OF_SKUS.items() for name in arrays]
         wants_any = header["lines"]["pod"] == NIL
         if not any(there) and not wants_any.any():
@@ -351,7 +349,7 @@ class Admission:
             raise InvalidFrameError("its distances from slots to stations do not match its floor")
 
     def _check_counts(self, header: Content) -> None:
-        """As many orders and jobs as the scenario has, before a world is built for them."""
+        """Check the numbers of orders and jobs against the scenario before building a world."""
         orders, jobs = counted(self.scenario, self.floor_plan)
         for name, wanted in (("orders", orders), ("jobs", jobs)):
             if self.sizes[name] != wanted:
@@ -365,7 +363,7 @@ class Admission:
             raise InvalidFrameError("the release sequence of its orders is not a permutation")
 
     def _check_strategies(self, scenario: Scenario, recorded: Content) -> None:
-        """Strategies are recorded as the scenario names them; parameters of plug-ins are not known."""
+        """Recorded strategies match the names in the scenario; parameters of plug-ins are unknown."""
         given = recorded_strategies(recorded)
         specs = {layer: getattr(scenario.strategy, layer) for layer in LAYER_NAMES}
         for kind in scenario.fleet.types:
@@ -410,7 +408,7 @@ class _RecordedStrategy(msgspec.Struct, forbid_unknown_fields=True):
 
 
 def recorded_strategies(recorded: Content) -> dict[str, _RecordedStrategy]:
-    """The recorded strategies by layer, then types' own. Raises InvalidFrameError."""
+    """The recorded strategies by layer, then by robot type. Raises InvalidFrameError."""
     try:
         return msgspec.convert(recorded, dict[str, _RecordedStrategy])
     except msgspec.ValidationError as error:
@@ -430,7 +428,7 @@ def scenario_of(given: Content) -> Scenario:
 
 
 def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
-    """How many orders and how many jobs at stations a scenario has."""
+    """The numbers of orders and of jobs at stations in a scenario."""
     orders = scenario.orders
     if orders.parts is not None:
         jobs = sum(kind.count * len(kind.route) for kind in orders.parts)
@@ -447,15 +445,15 @@ def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
 
 
 def check_layout(layout: Content) -> None:
-    """A generator that comes with the program takes these parameters. Raises InputError."""
+    """Check the parameters of a built-in generator. Raises InputError."""
     if is_shipped(layout):
         parameters = {key: value for key, value in layout.items() if key != "generator"}
         validated(parameters, generator_type(layout["generator"]), ("layout",))
 
 
 def check_plan(floor_plan: FloorPlan) -> None:
-    """A floor that a generator may have built: no robot drives off it. Raises InvalidFrameError,
-    InputError.
+    """Check that a generator may have built a floor: no robot can drive off it. Raises
+    InvalidFrameError, InputError.
     """
     kinds = np.array([kind.drivable for kind in CELL_KINDS])
     drivable = kinds[floor_plan.kind]
@@ -483,7 +481,7 @@ def check_plan(floor_plan: FloorPlan) -> None:
 
 
 def check_ticks(payload: Payload, content: Content) -> None:
-    """A frame tells of the ticks that the file says. Raises InvalidFrameError."""
+    """Check that a frame holds the ticks named in the file. Raises InvalidFrameError."""
     last = tick_of(payload.kind, content)
     first = content["first"] if payload.kind == FRAME_KIND_TICKS else payload.before + 1
     if (first, last) != (payload.before + 1, payload.tick):
@@ -491,34 +489,34 @@ def check_ticks(payload: Payload, content: Content) -> None:
 
 
 def check_digest(text: str) -> None:
-    """Raises InvalidFrameError for what is not a digest."""
+    """Raises InvalidFrameError if a value is not a digest."""
     if len(text) != DIGEST_DIGITS or set(text) - set("0123456789abcdef"):
         raise InvalidFrameError("its digest is not 16 hex digits")
 
 
-# What a run is called: scenario, fleet, seed and settings; beside another one the difference first.
+# Titles of runs: scenario, fleet, seed and settings; next to another run, differences come first.
 #
 # tabletop-mini, 3 robots, seed 1, right_of_way=wait, from tick 140 right_of_way=retreat
 
 
-MAX_TITLE_LENGTH: Final = 24  # characters of a value; pictures of floors are values too
+MAX_TITLE_LENGTH: Final = 24  # longest value; pictures of floors are values too
 
 
 class Head(NamedTuple):
-    """Over one of two maps."""
+    """Titles above two maps."""
 
-    own: str  # in what it differs from the run beside it
-    common: str  # what both have
+    own: str  # differences from the other run
+    common: str  # what both runs share
 
 
 def title_of(resolved: Resolved, seed: int, frames: StoredFrames | None = None) -> str:
-    """A run in a few words; `frames` say where it was branched off."""
+    """A short title of a run; `frames` tell where it was branched off."""
     branches = () if frames is None else branches_of(frames)
     return ", ".join((*_parts(resolved, seed), *branches))
 
 
 def branches_of(frames: StoredFrames) -> tuple[str, ...]:
-    """From which tick on other settings held. Raises InputError."""
+    """The ticks from which settings changed, with these settings. Raises InputError."""
     said: list[str] = []
     tick: int | None = 0
     while tick is not None:
@@ -532,7 +530,7 @@ def branches_of(frames: StoredFrames) -> tuple[str, ...]:
 def heads_of(
     names: Sequence[str], recordings: Sequence[Recording], resolved: Sequence[Resolved]
 ) -> tuple[Head, ...]:
-    """Of two recordings."""
+    """The titles of two recordings."""
     seeds = [recording.header["seed"] for recording in recordings]
     branches = [branches_of(recording.stored()) for recording in recordings]
     settings = _differing(recordings)
@@ -550,7 +548,7 @@ def heads_of(
 
 
 def live_heads(one: Resolved, other: Resolved) -> tuple[Head, ...]:
-    """Of two live runs."""
+    """The titles of two live runs."""
     resolved = (one, other)
     scenarios = [_flat("", plain_data(each.scenario)) for each in resolved]
     settings = _different(scenarios, scenarios)
@@ -565,7 +563,7 @@ def live_heads(one: Resolved, other: Resolved) -> tuple[Head, ...]:
 
 
 def short(setting: str) -> str:
-    """A setting as it is commonly known."""
+    """The short name of a setting."""
     return setting.removeprefix("strategy.")
 
 
@@ -577,7 +575,7 @@ def _parts(resolved: Resolved, seed: int) -> tuple[str, ...]:
 
 
 def _differing(recordings: Sequence[Recording]) -> list[list[str]]:
-    """The settings at the start that differ then, or did at the end."""
+    """The settings at the start that differ then or at the end."""
     starts = [_flat("", recording.header["scenario"]) for recording in recordings]
     ends = [_flat("", _last_scenario(recording.stored())) for recording in recordings]
     return _different(starts, ends)

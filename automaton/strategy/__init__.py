@@ -1,1 +1,1 @@
-"""Strategies: what a layer is asked, how it decides, and how a scenario's names find it."""
+"""Strategies: the contract of a layer, and how names in a scenario find a strategy."""

@@ -1,9 +1,10 @@
-"""What a strategy imports: its contract, the declarations and constants of the world, and kernels.
+"""The imports of a strategy: its contract, the declarations and constants of the world, and
+kernels.
 
     from automaton.strategy.api import CMD_PARK, NIL, Strategy, Struct, field, kernel
 
-It loads Numba. The parameters of a shipped strategy do not import it, since every `automaton check`
-reads them, and neither do the modules of this package.
+It loads Numba. Modules with parameters of shipped strategies do not import it, since every
+`automaton check` reads them; nor do the modules of this package.
 """
 
 from __future__ import annotations

@@ -1,33 +1,34 @@
 """The contract of a strategy: a layer, parameters, `reset`, and `decide` in one of two forms.
 
 compiled     a kernel (module-level, decorated with `kernel`) that the loop calls directly
-decide       a Python method that the loop leaves for, and comes back from
+decide       a Python method for which the compiled loop returns to Python
 
 Both get the same arguments: the view (read-only), the batch, the decisions (which start as KEEP),
-the strategy's own memory, and the workspace of the searches. What a strategy remembers it declares
-as a struct, and `reset` makes it; `State.of(memory)` is this state in both forms. Fields whose first
-extent is n have a row for each robot: under a radius a robot sees its own row, and zeros elsewhere.
+the strategy's own memory, and the workspace of the searches. A strategy declares its state as a
+struct, and `reset` makes it; `State.of(memory)` is this state in both forms. Fields whose first
+extent is n have a row per robot: with a radius a robot sees its own row, and zeros elsewhere.
 
-With `period` = k a layer is also asked in every k-th tick, about robots that nothing concerns; their
-reason is REASON_PERIODIC, and KEEP lets them go on. These are: all robots (zoning, charging, allocation);
-robots that are free to act (right of way); robots on their way (routing), that is, with a goal cell
-that their drive does not end in now, no route being asked for, and no retreat or TRY_DROP to do
-first. They may turn, wait or be in the middle of a long move: a new route replaces the rest of the
-old one when that is over. It begins in `position(view, robot)`, in a long move the cell that it
-enters.
+With `period` = k a layer is also asked in every k-th tick about robots without an event; their
+reason is REASON_PERIODIC, and KEEP means that they continue. For zoning, charging and allocation
+these are all robots; for right of way, robots that are free to act; for routing, robots on their
+way: they have a goal cell where they do not arrive now, no pending route request, and no retreat or
+TRY_DROP to do first. They may turn, wait or be in the middle of a long move: a new route replaces
+the rest of the old one when that ends. It begins in `position(view, robot)`, in a long move the
+cell that the robot enters.
 
-Where types of robots have allocations of their own, each of these is asked about its robots alone, one
-after another; `batch.strategy` is its number, `view.rules.allocation` that of each type. A charging
-strategy with `watches_chargers` is also asked about idle robots as soon as a place at a charger is free.
+If robot types have allocations of their own, each allocation is asked only about its robots, one
+after another; `batch.strategy` is its number, and `view.rules.allocation` has the number for each
+type. A charging strategy with `watches_chargers` is also asked about idle robots as soon as a place
+at a charger is free.
 
-What others ask of a strategy that they do not know, it declares, as an attribute of its class or of its
-Parameters: `steers` (right of way), `avoids_traffic`, `searches_by_astar`, `takes_shortest_routes`
-(routing), `keeps_way_back` (charging); see automaton.strategy.lookup. Warnings, metrics and defaults
-follow from these, for plug-ins as for what is shipped.
+A strategy declares its properties as attributes of its class or of its Parameters: `steers` (right
+of way), `avoids_traffic`, `searches_by_astar`, `takes_shortest_routes` (routing), `keeps_way_back`
+(charging); see automaton.strategy.lookup. Warnings, metrics and defaults depend on these, for
+plug-ins as for shipped strategies.
 
 A right of way that steers (`steers` = True) is asked in every tick (`period` = 1) about all robots
-that are free. It answers CMD_GO with a direction, CMD_HOLD, or KEEP for what a robot came for at its
-goal cell. Then robots keep no routes, and routing is not asked.
+that are free. It answers CMD_GO with a direction, CMD_HOLD, or KEEP for a robot that is to begin
+its task at its goal cell. Then robots have no routes, and routing is not asked.
 """
 
 from __future__ import annotations
@@ -49,11 +50,11 @@ WaitRanges = tuple[int, int, int, int, int]
 
 
 class NoState(Struct):
-    """The state of a strategy that remembers nothing."""
+    """The empty state of a strategy without memory."""
 
 
 class Strategy:
-    """What every strategy is; a subclass names its layer and gives `compiled` or `decide`.
+    """The base of all strategies; a subclass names its layer and defines `compiled` or `decide`.
 
         class Keep(automaton.Strategy):
             layer = "allocation"
@@ -64,29 +65,28 @@ class Strategy:
 
         automaton.Simulation("tabletop-mini", strategies={"allocation": Keep}).step(5)
 
-    What these arguments hold and what may be decided: [the contract](strategy-contract.md).
+    The arguments and the possible decisions: [the contract](strategy-contract.md).
     """
 
     layer: ClassVar[str]
     Parameters: ClassVar[type[msgspec.Struct]] = NoParameters
     compiled: ClassVar[Callable[..., None] | None] = None
-    # metric -> field of the state with a number for each robot, summed over robots
+    # metric -> field of the state with one number per robot; the metric is their sum
     counters: ClassVar[Mapping[str, str]] = {}
-    period: int = 0  # it is also asked every `period` ticks (above); 0 = only when concerned
-    holders: bool = (
-        False  # it looks robots up by cell: while it is asked, traffic.holder is entered
-    )
+    period: int = 0  # it is also asked every `period` ticks (above); 0 = only on events
+    holders: bool = False  # it looks up robots by cell: traffic.holder is filled while it is asked
 
     def __init_subclass__(cls) -> None:
-        # A decide written in a subclass of a compiled strategy replaces its kernel.
+        # A `decide` in a subclass of a compiled strategy replaces the kernel.
         if "decide" in cls.__dict__ and "compiled" not in cls.__dict__:
             cls.compiled = None
 
     # charging: it is also asked about idle robots when a place at a charger is free
     watches_chargers: bool = False
-    steers: bool = False  # right of way: robots go where it says in each tick, without routes
+    steers: bool = False  # right of way: decides each move of robots, which have no routes
 
-    other_layers: Mapping[str, Strategy] = {}  # of the run, by layer; known before reset
+    # the other strategies of the run, by layer; set before reset
+    other_layers: Mapping[str, Strategy] = {}
 
     def __init__(self, parameters: Any = None) -> None:
         self.parameters = self.Parameters() if parameters is None else parameters
@@ -105,14 +105,14 @@ class Strategy:
         return (1, 1, 1, 1, 1)
 
 
-# What a strategy hands to compiled code is checked here, once: kernels do not check indices.
+# Input of strategies to compiled code is checked here, once: kernels do not check indices.
 
 
-MAX_WAIT_TICKS = 10_000  # ticks of a wait
+MAX_WAIT_TICKS = 10_000  # the longest wait, in ticks
 
 
 def check_decides(strategy: Strategy) -> None:
-    """Raises InputError for a class that decides nothing: a misspelt `decide`, mostly."""
+    """Raises InputError for a class without decisions: usually `decide` is misspelt."""
     kind = type(strategy)
     if kind.compiled is None and kind.decide is Strategy.decide:
         names = [name for name in vars(kind) if not name.startswith("_")]
@@ -120,24 +120,28 @@ def check_decides(strategy: Strategy) -> None:
 
 
 def checked_state(strategy: Strategy, state: Any, view: World) -> Struct:
-    """What `reset` returns. Raises InputError if it is not a state for this fleet."""
+    """The state that `reset` returned. Raises InputError if it does not fit this fleet."""
     robots = len(view.robots.cell)
     if not isinstance(state, Struct):
-        raise _fault(strategy, f"reset() must return a state, which is a Struct; found {state!r}")
+        raise _fault(
+            strategy, f"reset() must return a state, which is a Struct; it returned {state!r}"
+        )
     if not state.is_open:
-        raise _fault(strategy, "reset() must return a state of its own, found one of the world")
+        raise _fault(
+            strategy, "reset() must return a state of its own; it returned one of the world"
+        )
     counted = []
     for name, declared, array in state.arrays():
         if declared.is_per_robot:
             if len(array) != robots:
-                rows = f"found {len(array)} rows for {robots} robots"
-                raise _fault(strategy, f"{name} must have a row for each robot, {rows}")
+                rows = f"it has {len(array)} rows for {robots} robots"
+                raise _fault(strategy, f"{name} must have one row per robot; {rows}")
             counted += [name] * (len(declared.extents) == 1)
         elif view.rules.radius > 0 and declared.is_kept and array.any():
             raise _fault(
                 strategy,
-                f"{name} has values, but no row for each robot: with information.radius it would be "
-                "zero in every call; declare it with role=CONSTANT",
+                f"{name} has values, but not one row per robot: with information.radius it "
+                f"would be zero in every call; declare it with role=CONSTANT",
             )
     for name, field in strategy.counters.items():
         if field not in counted:
@@ -145,20 +149,20 @@ def checked_state(strategy: Strategy, state: Any, view: World) -> Struct:
             kind = type(state).__name__
             raise _fault(
                 strategy,
-                f"counter {name!r} must name a field of {kind} with a number for each robot: {fields}",
+                f"counter {name!r} must name a field of {kind} with one number per robot: {fields}",
             )
     return state
 
 
 def check_counters(strategy: Strategy, reserved: Collection[str]) -> None:
-    """Raises InputError for a counter with a name that every run counts under."""
+    """Raises InputError for a counter with the name of a built-in metric."""
     for name in strategy.counters:
         if name in reserved:
-            raise _fault(strategy, f"counter {name!r}: every run counts this itself; rename it")
+            raise _fault(strategy, f"counter {name!r}: a built-in metric has this name; rename it")
 
 
 def checked_wait_ranges(strategy: Strategy) -> tuple[int, ...]:
-    """What `wait_ranges` returns. Raises InputError if a range is empty or a number out of bounds."""
+    """The result of `wait_ranges`. Raises InputError if a range is empty or a number out of bounds."""
     waits = strategy.wait_ranges()
     whole = isinstance(waits, tuple) and len(waits) == 5 and all(isinstance(w, int) for w in waits)
     if (
@@ -169,13 +173,13 @@ def checked_wait_ranges(strategy: Strategy) -> tuple[int, ...]:
         raise _fault(
             strategy,
             "wait_ranges() must give (empty from, to, loaded from, to, retries) with "
-            f"1 <= from <= to <= {MAX_WAIT_TICKS:,} and 1 <= retries <= 256, found {waits!r}",
+            f"1 <= from <= to <= {MAX_WAIT_TICKS:,} and 1 <= retries <= 256; it gave {waits!r}",
         )
     return waits
 
 
 def checked_period(strategy: Strategy) -> int:
-    """How often the strategy asks to be called. Raises InputError for anything but ticks."""
+    """The period of the strategy. Raises InputError if it is not a number of ticks."""
     period = strategy.period
     if not isinstance(period, int) or not 0 <= period < 2**31:
         raise _fault(strategy, f"period must be a number of ticks, 0 for never; found {period!r}")
@@ -186,7 +190,7 @@ def _fault(strategy: Strategy, text: str) -> InputError:
     return InputError(f"{strategy.layer} strategy {type(strategy).__name__}: {text}")
 
 
-# A strategy's kernel becomes a function of the one signature that the loop calls.
+# Compile a strategy's kernel to a function with the signature that the loop calls.
 
 
 ARGUMENTS = ("view", "batch", "decisions", "memory", "workspace")
@@ -194,9 +198,9 @@ _COMPILED: dict[Any, Any] = {}
 
 
 def compiled_decide(function: Callable[..., None], signature: Any) -> Any:
-    """Compile `function` alone for the loop's signature, once per process.
+    """Compile `function` for the loop's signature, once per process.
 
-    Raises InputError, one sentence with the place, when it does not fit or does not compile.
+    Raises InputError, one sentence with file and line, if it does not fit or does not compile.
     """
     if not jit_is_on():
         return function

@@ -1,7 +1,7 @@
 """How a name in a scenario finds a strategy: the table, "module:Class", or an installed plug-in.
 
-Built-ins have no privileges: the table is only the shortest way in. Importing this needs no Numba, and a
-strategy is imported only when it is loaded.
+Built-ins have no privileges: the table only gives them short names. This module does not import
+Numba, and imports a strategy only when it is loaded.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ class NoParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class AsRecorded(msgspec.Struct, frozen=True):
-    """The parameters of a strategy that is not loaded: what a recording says of them."""
+    """The recorded parameters of a strategy that is not loaded."""
 
     values: dict[str, Any]
 
@@ -34,11 +34,11 @@ class AsRecorded(msgspec.Struct, frozen=True):
 
 
 def resolve_paths(parameters: Any, folder: Path) -> Any:
-    """Parameters with the files that they name found from a folder, as absolute paths.
+    """Parameters with file names resolved against a folder, as absolute paths.
 
-    Parameters that name files have a method `resolve_paths(folder)`, and `files` that lists them;
-    they may have `check_files(driving)`, which reads them and raises InputError; `driving()` gives the
-    floor's grid, and the ticks of each action of robots of the first type.
+    Parameters that name files have a method `resolve_paths(folder)`, and `files`, which lists them.
+    They may have `check_files(driving)`, which reads them and raises InputError; `driving()`
+    returns the floor's grid, and the ticks of each action for the first robot type.
     """
     return parameters.resolve_paths(folder) if hasattr(parameters, "resolve_paths") else parameters
 
@@ -48,7 +48,7 @@ def files_of(parameters: Any) -> tuple[Path, ...]:
     return tuple(getattr(parameters, "files", ()))
 
 
-# What a method of scheduling can be: the columns of Table 1 of Keith & La.
+# Properties of scheduling methods: the columns of Table 1 of Keith & La.
 MULTIPLE: Final = "multiple AMRs"
 DYNAMIC: Final = "dynamic environment"
 MANUFACTURING: Final = "manufacturing"
@@ -57,20 +57,20 @@ DECENTRALIZED: Final = "decentralized"
 METHOD_PROPERTIES: Final = (MULTIPLE, DYNAMIC, MANUFACTURING, WAREHOUSE, DECENTRALIZED)
 
 
-# Of which robots a right of way is the default: CatalogueEntry.default_for.
+# The robots for which a right of way is the default: CatalogueEntry.default_for.
 ROUTED: Final = "robots that follow routes"
 STEERED: Final = "robots that are steered"
 SLOW_STEERED: Final = (
-    "robots that are steered, turn or move for several ticks, and mostly both ways"
+    "steered robots with turns or moves of several ticks, mostly on two-way floors"
 )
-IMPORTED: Final = "robots on floors of other programs"
+IMPORTED: Final = "robots on imported floors"
 
 
 class CatalogueEntry(NamedTuple):
-    """One row of the table: where a strategy is, what parameters it takes, and one line for `list`.
+    """One row of the table: the class of a strategy, its parameters, and one line for `list`.
 
-    `properties`: those of METHOD_PROPERTIES that its method has; None where nobody has said.
-    `default_for`: the robots whose default it is, "" for none.
+    `properties`: the METHOD_PROPERTIES of its method; None if unknown. `default_for`: the robots
+    for which it is the default, "" for none.
     """
 
     implementation: str  # "module:Class"
@@ -81,7 +81,7 @@ class CatalogueEntry(NamedTuple):
 
 
 PLUGINS = "automaton.strategies"  # entry-point group; each entry is named "layer.name"
-NO_STRATEGY = "none"  # zoning and charging may be absent
+NO_STRATEGY = "none"  # zoning and charging are optional
 OPTIONAL_LAYERS = ("zoning", "charging")
 
 
@@ -94,9 +94,10 @@ def _catalogue() -> dict[str, dict[str, CatalogueEntry]]:
 
 
 def zone_design_reader() -> Any:
-    """What reads the zone design of a scenario (strategies.catalogue), whatever its zoning strategy.
+    """The function that reads the zone design of a scenario (strategies.catalogue), for any
+    strategy.
 
-    A replay needs it where the strategy is not installed, too.
+    A replay also needs it if the strategy is not installed.
     """
     module, _, name = importlib.import_module("strategies.catalogue").ZONE_DESIGNS.partition(":")
     return getattr(importlib.import_module(module), name)
@@ -104,7 +105,7 @@ def zone_design_reader() -> Any:
 
 @cache
 def _plugins(layer: str) -> dict[str, str]:
-    from importlib.metadata import entry_points  # with all that reads mails
+    from importlib.metadata import entry_points  # slow: imports the parser of e-mails
 
     found = {}
     for point in entry_points(group=PLUGINS):
@@ -115,13 +116,13 @@ def _plugins(layer: str) -> dict[str, str]:
 
 
 def names(layer: str) -> list[str]:
-    """The names that a scenario may use for a layer, "module:Class" aside."""
+    """The names that a scenario may use for a layer, besides "module:Class"."""
     optional = [NO_STRATEGY] if layer in OPTIONAL_LAYERS else []
     return optional + list(_catalogue()[layer]) + list(_plugins(layer))
 
 
 def is_built_in(layer: str, name: str) -> bool:
-    """Whether a name needs no plug-in."""
+    """Whether a name belongs to a built-in strategy."""
     return name in _catalogue()[layer] or (name == NO_STRATEGY and layer in OPTIONAL_LAYERS)
 
 
@@ -147,7 +148,7 @@ def summary(layer: str, name: str) -> str:
 
 
 def place(layer: str, name: str) -> str:
-    """Where a strategy is implemented, "module:Class"; "" for none."""
+    """The implementation of a strategy, "module:Class"; "" if unknown."""
     if name == NO_STRATEGY:
         return ""
     entry = _catalogue()[layer].get(name)
@@ -155,19 +156,19 @@ def place(layer: str, name: str) -> str:
 
 
 def properties(layer: str, name: str) -> dict[str, bool]:
-    """Which METHOD_PROPERTIES a strategy has, as its table says; empty where that says nothing."""
+    """Which METHOD_PROPERTIES a strategy has, by the table; empty if unknown."""
     entry = _catalogue()[layer].get(name)
     if entry is None or entry.properties is None:
         return {}
     return {one: one in entry.properties for one in METHOD_PROPERTIES}
 
 
-# What a strategy may declare of itself, as an attribute of its class or of its Parameters.
-STEERS: Final = "steers"  # right of way: robots go where it says, without routes
+# Properties that a strategy may declare, as an attribute of its class or of its Parameters.
+STEERS: Final = "steers"  # right of way: decides each move of robots, which have no routes
 AVOIDS_TRAFFIC: Final = "avoids_traffic"  # routing: routes go around other robots
 SEARCHES_BY_ASTAR: Final = "searches_by_astar"  # routing: a route is the path of an A* search
-KEEPS_WAY_BACK: Final = "keeps_way_back"  # charging: a charger stays within reach
-# Routing: where robots are steered instead, nothing is missing.
+KEEPS_WAY_BACK: Final = "keeps_way_back"  # charging: robots always keep a charger in reach
+# Routing: if robots are steered instead, nothing is lost.
 TAKES_SHORTEST_ROUTES: Final = "takes_shortest_routes"
 DECLARATIONS: Final = (
     STEERS,
@@ -179,28 +180,28 @@ DECLARATIONS: Final = (
 
 
 def declares(layer: str, name: str, what: str) -> bool:
-    """Whether a strategy declares one of DECLARATIONS; False for one that cannot be loaded here."""
-    if is_built_in(layer, name):  # its parameters say so, which are read without Numba
+    """Whether a strategy declares one of DECLARATIONS; False if it cannot be loaded here."""
+    if is_built_in(layer, name):  # its parameters declare it, which are read without Numba
         return bool(getattr(parameters_type(layer, name), what, False))
     try:
         kind = load(layer, name)
-    except InputError:  # a recording is read without its strategies
+    except InputError:  # recordings can be read without their strategies
         return False
     return bool(getattr(kind, what, False) or getattr(kind.Parameters, what, False))
 
 
 def default_for(layer: str, robots: str) -> str:
-    """The name of the strategy that declares itself the default for such robots."""
+    """The name of the strategy that is the default for such robots."""
     entries = _catalogue()[layer].items()
     return next(name for name, entry in entries if entry.default_for == robots)
 
 
-# Classes that a Python program has given, by "module:Class".
+# Classes given by a Python program, by "module:Class".
 _GIVEN: dict[str, type] = {}
 
 
 def name_of_class(kind: type) -> str:
-    """The name by which a scenario finds a class from here on, in this process alone if it is local."""
+    """The name by which a scenario now finds a class; a local class only in this process."""
     name = f"{kind.__module__}:{kind.__qualname__}"
     _GIVEN[name] = kind
     return name
@@ -213,8 +214,8 @@ def load(layer: str, name: str) -> Any:
     where = place(layer, name)
     if ":" not in where:
         raise InputError(
-            f"{layer} strategy {name!r} is unknown; known are {', '.join(names(layer))}"
-            f"{nearest(name, names(layer))}; your own is named as 'module:Class'"
+            f"{layer} strategy {name!r} is unknown; choose from {', '.join(names(layer))}"
+            f"{nearest(name, names(layer))}; name your own as 'module:Class'"
         )
     module_name, _, class_name = where.partition(":")
     try:
@@ -223,7 +224,7 @@ def load(layer: str, name: str) -> Any:
         raise InputError(
             f"{layer} strategy {name!r}: cannot import {module_name!r}: {error}"
         ) from error
-    except Exception as error:  # whatever a user's module does wrong while it is imported
+    except Exception as error:  # any error of a user's module during its import
         raised = f"{type(error).__name__}: {error}"
         text = f"{layer} strategy {name!r}: importing {module_name!r} raised {raised}"
         raise InputError(text) from error
@@ -238,7 +239,7 @@ def load(layer: str, name: str) -> Any:
 
 
 def _of_layer(kind: Any, layer: str, name: str) -> Any:
-    """A class if it is a strategy of a layer. Raises InputError for another one."""
+    """Return a class that is a strategy of a layer. Raises InputError for another one."""
     theirs = getattr(kind, "layer", None)
     if theirs != layer:
         what = "not a strategy" if theirs is None else f"a strategy for layer {theirs!r}"
@@ -246,17 +247,17 @@ def _of_layer(kind: Any, layer: str, name: str) -> Any:
     return kind
 
 
-# The parameters of zoning from which a world is built, whatever the strategy.
+# The zoning parameters from which a world is built, for any strategy.
 
 
 class ZoningParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Where zones begin; the parameters of each zoning strategy that has any of these extend it."""
+    """The initial zones; parameters of zoning strategies that have any of these extend this class."""
 
     design: Annotated[
         str | dict[str, Any] | None,
         Meta(
             description="The initial zones: the name of a shipped design, a file, or {zones: [...]}; "
-            "left out: simulated annealing on the flow between all stations."
+            "default: simulated annealing on the flow between all stations."
         ),
     ] = None
     groups: Annotated[
@@ -271,16 +272,16 @@ class ZoningParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
     priority: Annotated[
         dict[str, tuple[int, ...]],
         Meta(
-            description="{TYPE: [stations]}: stations that belong to robots of one type; no exchange "
-            "gives such a station to another type."
+            description="{TYPE: [stations]}: stations reserved for robots of one type; "
+            "exchanges never assign them to another type."
         ),
     ] = {}
 
 
 def zoning_parameters_of(parameters: msgspec.Struct) -> ZoningParameters:
-    """What the parameters of a zoning strategy say of the world, or the defaults.
+    """The parameters of a zoning strategy that define the world, or the defaults.
 
-    Raises InputError where a struct has such a parameter of its own: it would be ignored.
+    Raises InputError if a struct has its own parameter of such a name: it would be ignored.
     """
     if isinstance(parameters, ZoningParameters):
         return parameters

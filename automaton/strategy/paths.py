@@ -1,6 +1,6 @@
 """Shortest paths for strategies written in Python; compiled ones call automaton.engine.search.
 
-All costs are ticks on poses (cell, heading), turns included; ties are settled by rule.
+All costs are ticks on poses (cell, heading), including turns; ties are broken by rule.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from automaton.strategy import placing as slot_access
 def position(view: World, robot: int) -> int:
     """The cell from which a robot (storage index) drives on.
 
-    In a long move that is the cell which it enters, in a parking bay the home cell through which it
+    In a long move this is the cell that it enters; in a parking bay, the home cell through which it
     leaves.
     """
     robots = view.robots
@@ -30,7 +30,7 @@ def position(view: World, robot: int) -> int:
 
 
 def _checked(view: World, cell: int) -> int:
-    """Compiled searches do not check indices, so what a user's code names is checked here."""
+    """Check a cell named by a user's code, since compiled searches do not check indices."""
     if not 0 <= cell < view.grid.cell_flags.shape[0]:
         raise IndexError(
             f"cell {cell} is outside the grid of {view.grid.cell_flags.shape[0]} cells"
@@ -61,7 +61,7 @@ def dropoff_cell(view: World, robot: int, slot: int) -> int | None:
 
 
 def access_cells(view: World, robot: int, slot: int) -> list[int]:
-    """The cells from which a robot can serve a slot: east, south, west and north of it."""
+    """The cells from which a robot can serve a slot: its east, south, west and north neighbours."""
     reachable = view.slots.reachable[with_load(view, int(view.robots.type[robot]))]
     return [int(cell) for cell in view.slots.access[slot] if cell != NIL and reachable[cell]]
 
@@ -71,7 +71,7 @@ def nearest(
 ) -> int | None:
     """The index of the cell of least path cost from a robot; ties to the lowest index.
 
-    `around`: as if cells without room now were no part of the floor. None if none is reachable.
+    `around`: exclude cells that have no room now. None if no cell is reachable.
     """
     mark = search.begin_search(workspace)
     for index, cell in enumerate(cells):

@@ -1,9 +1,8 @@
-"""A bound of time on each decision of a strategy in Python: a guard, which never changes a result.
+"""A time limit for each decision of a strategy in Python: a guard, which never changes a result.
 
-In the main thread an alarm raises NoAnswer, which ends sleeps and waits for locks and sockets, too.
-In other threads, or where somebody else has set the alarm, a thread looks on and raises it at the
-next instruction of Python: waits are not bounded there. Compiled code hears of neither before it is
-over.
+In the main thread an alarm raises NoAnswer, which also ends sleeps and waits for locks and sockets.
+In other threads, or if the alarm is in use, a watching thread raises NoAnswer at the next Python
+instruction: this does not end waits. Neither interrupts compiled code.
 """
 
 from __future__ import annotations
@@ -17,15 +16,15 @@ from contextlib import contextmanager
 from typing import NoReturn
 from weakref import ref
 
-LOOKS = 10  # in the time that a decision may take
+LOOKS = 10  # checks per time limit
 
 
 class NoAnswer(BaseException):
-    """A strategy has not answered in time. No Exception: strategies catch those."""
+    """A strategy has not answered in time. Not an Exception, since strategies catch those."""
 
 
 class Watchdog:
-    """Ends the decisions of one simulation that take more than so many seconds."""
+    """Ends decisions of one simulation that take longer than `seconds`."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
@@ -39,7 +38,7 @@ class Watchdog:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """A decision, or the making of a strategy, in this thread."""
+        """Limit the time of a decision, or of making a strategy, in this thread."""
         with self._alarm() if _alarm_is_free() else self._watched():
             yield
 
@@ -49,13 +48,13 @@ class Watchdog:
             raise self._error
 
         usual = signal.signal(signal.SIGALRM, ring)
-        signal.setitimer(signal.ITIMER_REAL, self.seconds, self.seconds)  # strategies may catch it
+        signal.setitimer(signal.ITIMER_REAL, self.seconds, self.seconds)  # repeats
         try:
             try:
                 yield
             finally:
                 signal.setitimer(signal.ITIMER_REAL, 0)
-        finally:  # it may have rung just before the line above
+        finally:  # the alarm may have fired just before the line above
             signal.setitimer(signal.ITIMER_REAL, 0)
             signal.signal(signal.SIGALRM, usual)
 
@@ -70,14 +69,14 @@ class Watchdog:
             finally:
                 self._deciding = 0
         finally:
-            self._deciding = 0  # the error may have come in the line above
-            with self._lock:  # whoever was about to raise it has done so
+            self._deciding = 0  # the error may have been raised in the line above
+            with self._lock:  # waits for a thread that is about to raise it
                 pass
             if self._raised:
                 _raise_in(threading.get_ident(), None)
 
     def look(self) -> None:
-        """Raise the error if it is time; again and again, since a strategy may catch it."""
+        """Raise the error if the time is over; repeatedly, since a strategy may catch it."""
         with self._lock:
             if self._deciding and time.monotonic() > self._until:
                 self._until = time.monotonic() + self.seconds
@@ -86,7 +85,7 @@ class Watchdog:
 
 
 def _alarm_is_free() -> bool:
-    """Whether this is the main thread, and nobody uses its alarm."""
+    """Whether this is the main thread and its alarm is unused."""
     return (
         threading.current_thread() is threading.main_thread()
         and signal.getsignal(signal.SIGALRM) is signal.SIG_DFL
@@ -103,6 +102,6 @@ def _look_on(watched: ref[Watchdog]) -> None:
 
 
 def _raise_in(thread: int, error: type[BaseException] | None) -> None:
-    """Raise an error in a thread at its next instruction; None: not any more."""
+    """Raise an error in a thread at its next instruction; None: cancel it."""
     raised = None if error is None else ctypes.py_object(error)
     ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), raised)

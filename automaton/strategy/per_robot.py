@@ -1,9 +1,8 @@
 """Strategies for one robot at a time: write `decide(me, view)` and return a decision.
 
-A scenario names the class that `per_robot` makes "module:name". The robots of a batch are asked in
-the order of their identities and each decision counts as made for those after it. With
-`information: orders` or a radius, `view` holds what that robot may know, and nothing else: for
-teaching, and for honest decentralization.
+A scenario names the class made by `per_robot` "module:name". The robots of a batch are asked in
+order of identity, and later robots see earlier decisions. With `information: orders` or a radius,
+`view` holds only what that robot may know: for teaching, and for true decentralization.
 """
 
 from __future__ import annotations
@@ -21,17 +20,17 @@ from automaton.strategy.contract import Strategy
 
 @dataclass(frozen=True)
 class Order:
-    """An order that waits."""
+    """A waiting order."""
 
     index: int  # its number
-    slot: int  # where its load lies; NIL: it has none
-    target: int  # slot to which it must go, or NIL
+    slot: int  # where its load is; NIL: no load
+    target: int  # destination slot, or NIL
     stop: int = NIL  # flat cell of its next stop, if it has no load
 
 
 @dataclass(frozen=True)
 class Decision:
-    """What a robot is to do; made by the functions below."""
+    """The decision for a robot, made by the functions below."""
 
     command: int
     value: Any = None
@@ -49,7 +48,7 @@ def drop_at(slot: int) -> Decision:
 
 
 def deliver() -> Decision:
-    """Allocation: drop the load at its order's target, a pod in storage where it stood at the start."""
+    """Allocation: drop the load at its order's target, or a pod at its initial storage cell."""
     return Decision(state.CMD_DROP_AT)
 
 
@@ -69,9 +68,9 @@ def wait(ticks: int) -> Decision:
 
 
 def retreat(moves: int, return_order: bool = True) -> Decision:
-    """Right of way: make room by so many moves; an empty robot may give its order back.
+    """Right of way: retreat by up to `moves` moves; an empty robot may return its order.
 
-    Of no moves: plan again where the robot stands.
+    With 0 moves: plan again where the robot stands.
     """
     return Decision(state.CMD_RETREAT, moves, return_order)
 
@@ -89,20 +88,20 @@ def next_stop(view: World, order: int) -> int:
 
 
 class LocalView:
-    """What one robot knows: the order list, and the robots in its sight."""
+    """The knowledge of one robot: the order list, and the robots in its sight."""
 
     def __init__(self, view: World, out: state.AllocationDecisions, robot: int) -> None:
-        self.view = view  # all that is visible, as arrays
+        self.view = view  # everything visible, as arrays
         self._out = out
         self._robot = robot
 
     @property
     def tick(self) -> int:
-        """The tick in which it is asked."""
+        """The current tick."""
         return int(self.view.clock.tick)
 
     def open_orders(self) -> list[Order]:
-        """Orders that wait and that no other robot reserved, of those that the robot can do, by index."""
+        """Waiting orders that the robot can do and no other robot has reserved, by index."""
         known = self.view.orders
         return [
             Order(
@@ -115,7 +114,7 @@ class LocalView:
         ]
 
     def target_of(self, order: int) -> int:
-        """The slot to which an order must go."""
+        """The destination slot of an order."""
         return int(self.view.orders.target[order])
 
     def robots(self) -> dict[int, tuple[int, int]]:
@@ -131,20 +130,20 @@ class LocalView:
 
 
 class OwnNumbers(Struct):
-    """What each robot remembers."""
+    """The memory of each robot."""
 
     numbers: Array = field("(n, k) int64")
 
 
 class Me:
-    """The robot that decides."""
+    """The robot about which the strategy is asked."""
 
     def __init__(
         self, view: World, workspace: Workspace, robot: int, reason: int, row: Any
     ) -> None:
         self._view, self.workspace, self.index = view, workspace, robot
         self.reason = reason  # automaton.strategy.api.REASON_*
-        self.memory = row  # (k,) int64 numbers that are kept for this robot
+        self.memory = row  # (k,) int64 numbers remembered for this robot
 
     @property
     def identity(self) -> int:
@@ -165,15 +164,15 @@ class Me:
         return None if load == NIL else load
 
     def access_cell_for(self, slot: int) -> int:
-        """The flat cell from which it picks up at a slot, or drops there if it is loaded, by the
-        scenario's `world.access_cell`; NIL: from none."""
+        """The flat cell from which it picks up at a slot, or drops there if loaded, by the
+        scenario's `world.access_cell`; NIL: none."""
         cell_of = paths.pickup_cell if self.load is None else paths.dropoff_cell
         cell = cell_of(self._view, self.index, slot)
         return NIL if cell is None else cell
 
     def ticks_to(self, place: int | Order) -> int:
-        """Ticks, on the empty floor, to the cell from which it serves a slot, or to where an order
-        begins: where its load lies, or its next stop."""
+        """Ticks on the empty floor to the cell from which it serves a slot, or to the first cell of
+        an order: the pick-up, or the next stop."""
         slot, cell = (place.slot, place.stop) if isinstance(place, Order) else (place, NIL)
         if slot != NIL:
             cell = self.access_cell_for(slot)
@@ -182,7 +181,7 @@ class Me:
         return paths.distance(self._view, self.workspace, self.index, cell)
 
     def route(self, around: bool = False) -> list[int] | None:
-        """Directions to its goal cell; `around`: avoiding the robots in sight."""
+        """Directions to its goal cell; `around`: avoid the robots in sight."""
         goal_cell = int(self._view.robots.goal_cell[self.index])
         return paths.route(self._view, self.workspace, self.index, goal_cell, around)
 
@@ -190,7 +189,7 @@ class Me:
 def per_robot(
     layer: str, memory: int = 0
 ) -> Callable[[Callable[[Me, LocalView], Decision | None]], Any]:
-    """Make a strategy class from decide(me, view) -> decision or None (keep on).
+    """Make a strategy class from decide(me, view) -> decision or None (continue).
 
         from automaton.strategy.per_robot import deliver, park, take
 
@@ -205,7 +204,7 @@ def per_robot(
 
         automaton.simulate("tabletop-mini", strategies={"allocation": eager}).metrics["makespan"]
 
-    `layer`: allocation, routing or right_of_way; `memory`: how many numbers each robot keeps in
+    `layer`: allocation, routing or right_of_way; `memory`: number of integers per robot in
     me.memory. Raises ValueError for another layer.
     """
     if layer not in _ENTER:

@@ -1,6 +1,6 @@
-"""Which orders a robot may take, from which cell it picks up and drops, and where its load goes.
+"""Which orders a robot may take, where it picks up and drops, and where its load goes.
 
-The rule of access cells (`world.access_cell`) is one for whatever decides or predicts:
+All decisions and predictions use the same rule of access cells (`world.access_cell`):
 
 fixed (default)   A load is picked up from the right of its shelf where the floor allows it (the
                   table-top robots stand at (x + 1, y)), and dropped from the left: so loads travel
@@ -8,14 +8,14 @@ fixed (default)   A load is picked up from the right of its shelf where the floo
 nearest           The cell with the least rows and columns to the cell from which the robot comes;
                   of several the one that is first by the fixed rule.
 
-A pod is dropped after its trip by a policy of storage (`storage` of allocations):
+After its trip a pod is dropped by a storage policy (`storage` of allocations):
 
 fixed     where it stood at the start; if another pod was put there, as nearest
 nearest   the free cell of least ticks with a load from where the robot is; ties: the lowest slot
 class     the nearest free cell of the pod's class; then of the classes after it, then before it
 random    any free cell
 
-But for the first, a cell in which a robot still is comes last.
+Except with `fixed`, cells in which a robot still stands come last.
 """
 
 import numpy as np
@@ -46,23 +46,23 @@ from automaton.engine.state import (
 from automaton.engine.table_rows import cost_in, has_room_for, known_row
 from automaton.engine.trips import has_place
 
-PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; to drop, each turned around
+PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; for drops, the opposite ones
 
 
 @kernel
 def position(view, i):
-    """The cell from which a robot drives on: in a long move the one that it enters, its home in its
-    parking bay."""
+    """The cell from which a robot drives on: in a long move the cell that it enters; in its parking
+    bay its home."""
     return first_cell(view.robots, i)
 
 
 @kernel
 def access_cell(view, robot_type, slot, turned, origin):
-    """The cell from which robots of a type serve a slot, NIL if there is none.
+    """The cell from which robots of a type serve a slot, or NIL.
 
     turned: 0 to pick up, 2 to drop; origin: the cell from which the robot comes, NIL if unknown.
     """
-    one = view.slots.reachable.shape[0] == 1  # then access holds only what it gets to
+    one = view.slots.reachable.shape[0] == 1  # then access holds only reachable cells
     robot_type = with_load(view, robot_type)
     is_nearest = view.rules.nearest_access != 0 and origin != NIL
     width = view.grid.width
@@ -81,13 +81,13 @@ def access_cell(view, robot_type, slot, turned, origin):
 
 @kernel
 def pickup_cell(view, robot_type, slot, origin):
-    """The cell from which robots of a type that come from `origin` pick a load up, or NIL."""
+    """The cell from which robots of a type that come from `origin` pick up a load, or NIL."""
     return access_cell(view, robot_type, slot, 0, origin)
 
 
 @kernel
 def cell_beside(view, slot, direction):
-    """The neighbour of a slot in a direction, of those from which any robots serve it, or NIL."""
+    """The neighbour of a slot in a direction if some robots serve the slot from it, or NIL."""
     return np.int64(view.slots.access[slot, direction])
 
 
@@ -95,7 +95,7 @@ def cell_beside(view, slot, direction):
 def begin_cell(view, robot_type, order, origin):
     """The cell where robots of a type that come from `origin` begin an order that waits, or NIL.
 
-    There they pick its load up; of an order without a load it is the next stop.
+    There they pick up its load; for an order without a load it is the next stop.
     """
     if not has_load(view.orders, order):
         return next_stop_cell(view, order)
@@ -110,7 +110,7 @@ def dropoff_cell(view, robot_type, slot, origin):
 
 @kernel
 def can_bring(view, robot_type, order, slot):
-    """Whether robots of a type carry an order, and get to where it lies, to its stops and to a slot."""
+    """Whether robots of a type can carry an order, and reach its load, its stops and a slot."""
     if view.orders.weight[order] > view.rules.payload[robot_type]:
         return False
     if not reaches_stops(view, robot_type, order):
@@ -121,7 +121,7 @@ def can_bring(view, robot_type, order, slot):
     if slot == NIL:
         return accessible[robot_type, view.orders.current_slot[order]] != 0
     if accessible.shape[0] == 1:
-        return True  # there are no orders but for slots that a robot serves
+        return True  # orders exist only for slots that some robot serves
     return (
         accessible[robot_type, view.orders.current_slot[order]] != 0
         and accessible[robot_type, slot] != 0
@@ -130,7 +130,7 @@ def can_bring(view, robot_type, order, slot):
 
 @kernel
 def reaches_stops(view, robot_type, order):
-    """Whether robots of a type get to all stops of an order that are left, and back."""
+    """Whether robots of a type can reach all remaining stops of an order, and return."""
     orders, reachable = view.orders, view.slots.reachable
     if reachable.shape[0] > 1:
         if has_load(orders, order):
@@ -144,9 +144,9 @@ def reaches_stops(view, robot_type, order):
 
 @kernel
 def can_do(view, i, order):
-    """Whether robot i carries an order, and gets to where it lies and to its target, or its stops.
+    """Whether robot i can carry an order, and reach its load and its target, or its stops.
 
-    Of orders that are dealt out, robots do their own alone.
+    If orders are assigned in advance, robots do only their own.
     """
     robot_type = np.int64(view.robots.type[i])
     target = np.int64(view.orders.target[order])
@@ -156,14 +156,15 @@ def can_do(view, i, order):
 # Which orders a robot may take, and how it takes one.
 
 
-LEAST_PRIORITY = -(1 << 15)  # below that of any order
+LEAST_PRIORITY = -(1 << 15)  # below the priority of any order
 
 
 @kernel
 def is_open(view, out, i, order):
-    """Whether an order waits for robot i, and no earlier decision of this batch took it.
+    """Whether an order is open to robot i, and no earlier decision of this batch took it.
 
-    It is reserved for no robot, or as a trip for the one beneath its pod; and its station lets one come.
+    It is unreserved, or a trip reserved for the robot beneath its pod; and its station has a free
+    place.
     """
     if view.orders.state[order] != ORDER_WAITING or out.order_taken[order]:
         return False
@@ -189,33 +190,33 @@ def highest_priority(view, out, i):
 
 @kernel
 def take_order(view, out, k, i, order):
-    """Decision k of the batch: robot i takes this order and drives to where it begins."""
+    """Decision k of the batch: robot i takes this order and drives to its first cell."""
     out.command[k] = CMD_TAKE_ORDER
     out.order[k] = order
     out.goal_cell[k] = begin_cell(view, view.robots.type[i], order, position(view, i))
     out.order_taken[order] = 1
 
 
-# Where a load is dropped.
+# Destinations of loads.
 
 
 STORAGE_POLICIES = ("fixed", "nearest", "class", "random")
 FIXED, NEAREST, CLASS, RANDOM = range(4)
 ANY_CLASS = -1
-SLOT_BITS = 32  # of a rank, below the ticks
+SLOT_BITS = 32  # bits of the slot in a rank, below the ticks
 SLOT_MASK = (1 << SLOT_BITS) - 1
 
 
 class PlacingState(Struct):
-    """The policy of storage; it remembers nothing."""
+    """The storage policy."""
 
-    storage: int = field("int64", "its place among STORAGE_POLICIES")
+    storage: int = field("int64", "index in STORAGE_POLICIES")
 
 
 @kernel
 def takes_load(view, out, slot):
-    """Whether a load may be dropped at a slot: where any number fits, or on a shelf that is empty
-    and promised to no robot."""
+    """Whether a load may be dropped at a slot: it is unbounded, or an empty shelf without a
+    reservation."""
     if view.slots.unbounded[slot]:
         return True
     empty = view.slots.content[slot] == NIL and view.slots.reserved_by[slot] == NIL
@@ -224,13 +225,13 @@ def takes_load(view, out, slot):
 
 @kernel
 def places_load(reason):
-    """Whether allocation is asked where the load of a robot goes."""
+    """Whether allocation must choose the destination of the robot's load."""
     return reason in (REASON_PICKED, REASON_SERVED)
 
 
 @kernel
 def set_down(view, out, k, i, slot):
-    """Decision k: robot i drops its load at this slot, which takes it."""
+    """Decision k: robot i drops its load at this slot, which must accept it."""
     out.command[k] = CMD_DROP_AT
     out.slot[k] = slot
     out.goal_cell[k] = dropoff_cell(view, view.robots.type[i], slot, position(view, i))
@@ -240,7 +241,7 @@ def set_down(view, out, k, i, slot):
 
 @kernel
 def deliver(view, out, k, i):
-    """Decision k: drop the load at its order's own target; if it is full, ask again next tick."""
+    """Decision k: drop the load at its order's target; if that is full, ask again in the next tick."""
     slot = np.int64(view.orders.target[view.robots.load[i]])
     if takes_load(view, out, slot):
         set_down(view, out, k, i, slot)
@@ -250,7 +251,7 @@ def deliver(view, out, k, i):
 
 @kernel
 def place_load(view, out, workspace, k, i, policy):
-    """Decision k: robot i brings its load to its target, or its pod into storage."""
+    """Decision k: robot i takes its load to its target, or its pod into storage."""
     if view.orders.target[view.robots.load[i]] != NIL:
         deliver(view, out, k, i)
         return
@@ -271,9 +272,9 @@ def is_free(view, out, i, slot):
 
 @kernel
 def is_left(view, out, i, slot):
-    """Whether robot i may store a pod in a slot in which no robot is.
+    """Whether robot i may store a pod in a slot without a robot.
 
-    One that has lifted a pod there comes out where another one would come in.
+    A robot that has lifted a pod there would leave where robot i enters.
     """
     return is_free(view, out, i, slot) and has_room(
         view.traffic.occupancy, view.slots.cell[slot], 0
@@ -282,7 +283,7 @@ def is_left(view, out, i, slot):
 
 @kernel
 def storage_for(view, out, workspace, i, policy):
-    """The slot for the pod of robot i, NIL if none is free; `policy`: of STORAGE_POLICIES."""
+    """The slot for the pod of robot i, NIL if none is free; `policy`: index in STORAGE_POLICIES."""
     pod = view.trips.pod[view.robots.load[i]]
     if policy == FIXED and is_free(view, out, i, view.pods.home[pod]):
         return np.int64(view.pods.home[pod])
@@ -298,7 +299,7 @@ def storage_for(view, out, workspace, i, policy):
 
 @kernel
 def nearest_of_classes(view, out, workspace, i, own):
-    """The nearest slot of a class, or of those after it, or before it, in which no robot is; or NIL."""
+    """The nearest slot without a robot, of a class, else of later, else of earlier classes; or NIL."""
     classes = 0
     for slot in range(view.pods.slot_class.shape[0]):
         classes = max(classes, np.int64(view.pods.slot_class[slot]) + 1)
@@ -312,7 +313,7 @@ def nearest_of_classes(view, out, workspace, i, own):
 
 @kernel
 def may_store(view, out, i, slot, wanted, left):
-    """Whether a slot is of a class, or any is wanted, and free for robot i; `left`: without a robot."""
+    """Whether a slot has the wanted class (or any) and is free for robot i; `left`: without a robot."""
     if wanted != ANY_CLASS and view.pods.slot_class[slot] != wanted:
         return False
     return is_left(view, out, i, slot) if left else is_free(view, out, i, slot)
@@ -320,16 +321,16 @@ def may_store(view, out, i, slot, wanted, left):
 
 @kernel
 def nearest_free(view, out, workspace, i, wanted, left):
-    """The free slot of a class, or of any, that robot i gets to soonest with its load; NIL: none.
+    """The free slot of a class, or of any, that robot i with its load reaches first; NIL: none.
 
-    `left`: of those in which no robot is. Distance tables give the ticks. One of those that are not
-    there is computed, if there is room, where a slot might be nearer by the rows and columns to it;
-    if there are several such slots, the floor is searched.
+    `left`: only slots without a robot. Distance tables give the ticks. Without a table, the number
+    of rows and columns is a lower bound: if one such slot might be nearer and there is room, its
+    table is computed; if several might be, the floor is searched.
     """
     tables, robot_type, here = workspace.tables, np.int64(view.robots.type[i]), position(view, i)
     heading, step = np.int64(view.robots.heading[i]), view.rules.duration[robot_type, ACTION_MOVE]
     best = ranked(UNREACHABLE, 0)  # ticks and slot
-    first, second = best, best  # of slots whose tables are not there, the least that they may be
+    first, second = best, best  # lower bounds of slots without tables
     for slot in range(view.slots.first_spare):
         if not may_store(view, out, i, slot, wanted, left):
             continue
@@ -352,7 +353,7 @@ def nearest_free(view, out, workspace, i, wanted, left):
 
 @kernel(inline=True)
 def ranked(ticks, slot):
-    """A number that is less for fewer ticks; then for a lower slot."""
+    """A number that sorts by ticks, then by slot."""
     return (min(np.int64(ticks), UNREACHABLE) << SLOT_BITS) | np.int64(slot)
 
 
@@ -365,7 +366,7 @@ def lines_between(view, cell, other):
 
 @kernel
 def searched_free(view, out, workspace, i, wanted, left):
-    """The same by a search of the floor that ends at the first one."""
+    """As `nearest_free`, by a search of the floor that ends at the first such slot."""
     search = begin_search(workspace)
     robot_type, here = view.robots.type[i], position(view, i)
     for slot in range(view.slots.first_spare):
@@ -377,7 +378,7 @@ def searched_free(view, out, workspace, i, wanted, left):
 
 @kernel
 def any_left(view, out, i):
-    """A free slot in which no robot is, all alike probable."""
+    """A random free slot without a robot, uniformly distributed."""
     count = 0
     for slot in range(view.slots.first_spare):
         count += is_left(view, out, i, slot)

@@ -1,6 +1,6 @@
-"""Distance tables with weights of a strategy's own, such as lattice weights that order the traffic.
+"""Distance tables with a strategy's own weights, such as lattice weights that direct the traffic.
 
-A strategy declares them in its state, builds them in `reset`, and asks in its kernels:
+A strategy declares them in its state, builds them in `reset`, and uses them in its kernels:
 
     class State(Struct):
         tables: DistanceTables
@@ -21,14 +21,14 @@ from automaton.units import memory
 
 
 def weighted_tables(view: World, step: Array, turn: int | Array) -> DistanceTables:
-    """Tables for robots that pay `step` for a step and `turn` for a turn by 90 degrees.
+    """Tables with cost `step` for a step and `turn` for a turn by 90 degrees.
 
-    `step`: (C, 4) or, by set of costs, (S, C, 4) whole numbers from 1 on: from cell c in direction d
-    (E, S, W, N); only exits are looked at. A set has 16 distinct costs at most, those of turns
-    included. `turn`: one number, or one by set. Set k has the exits of robot type k, or all sets those
-    of the only type. The tables take up to `world.distance_tables` of memory for themselves, beside
-    those of ticks. Raises ValueError for costs that are too many or too small, or of another shape;
-    InputError where the machine has not so much memory.
+    `step`: (C, 4) or, by set of costs, (S, C, 4) whole numbers from 1 on: from cell c in direction
+    d (E, S, W, N); only exits are used. A set has at most 16 distinct costs, including turns.
+    `turn`: one number, or one per set. Set k has the exits of robot type k; with a single type all
+    sets have its exits. The tables take up to `world.distance_tables` of memory in addition to the
+    tables of ticks. Raises ValueError for too many distinct costs, too small costs or a wrong
+    shape; InputError if the machine has too little memory.
     """
     cells = len(view.grid.kind)
     steps = np.asarray(step).reshape(-1, cells, 4)
@@ -38,18 +38,18 @@ def weighted_tables(view: World, step: Array, turn: int | Array) -> DistanceTabl
     flags = np.broadcast_to(types, (len(steps), cells)).copy()
     turns = np.broadcast_to(np.asarray(turn, np.int64), len(steps)).copy()
     headings = np.broadcast_to(view.grid.type_headings, len(steps)).copy()
-    stop = np.zeros(1, np.int64)  # the run puts its own in place
+    stop = np.zeros(1, np.int64)  # replaced by the run's own
     budget = view.rules.table_bytes
     try:
         return build_tables(view.grid, Costs(flags, steps, turns, headings), budget, stop)
     except MemoryError:
         raise InputError(
-            f"world.distance_tables is {memory(budget)}, and the tables of a strategy with weights of "
-            "its own take as much again, more than this machine can give; set it lower"
+            f"world.distance_tables is {memory(budget)}, and the tables of a strategy with its "
+            "own weights take the same amount again, more than this machine can give; set it lower"
         ) from None
 
 
 def no_tables() -> DistanceTables:
-    """Tables of no cells, for the state of a strategy whose parameters ask for none."""
+    """Empty tables, for strategies whose parameters do not use them."""
     extents = ("C", "F", "G", "L", "P", "Q", "R", "S", "S C", "W", "words")
     return DistanceTables.sized(dict.fromkeys(extents, 0))

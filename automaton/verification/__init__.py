@@ -1,1 +1,1 @@
-"""The independent validator, and recordings run again and compared."""
+"""The independent validator, and the comparison of recordings with repeated runs."""

@@ -1,8 +1,8 @@
-"""The rules of batteries, faults and delays, checked on committed actions: charges worked out again.
+"""The rules of batteries, faults and delays, checked on committed actions with recomputed charges.
 
-What a robot does is paid when it begins, in ten-thousandths of a percent; waiting and standing are
-paid as long as there is something left. A robot that is down does nothing until it is towed, which
-happens exactly when the scenario says so, and comes back with the charge that it says.
+An operation uses its charge when it begins; waiting and standing use charge while there is some
+left. A robot that is down does nothing until it is towed, exactly when the scenario says, and
+returns with the charge that the scenario says.
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ from automaton.verification.move_time_rules import (
 from automaton.verification.pod_rules import ReplayedTrips
 
 BATTERY_FULL: Final = 1_000_000_000
-# statuses as they are recorded
+# recorded statuses
 STATUS_UP, STATUS_DEPLETED, STATUS_FAILED, STATUS_TOWED, STATUS_REMOVED = 0, 3, 4, 5, 6
-REPAIR: Final = 25  # the stream of draws of repairs in place
+REPAIR: Final = 25  # random stream of repairs in place
 OPERATION_BY_CODE: Final = {
     **dict.fromkeys(range(MOVE_EAST, MOVE_NORTH + 1), "move"),
     TURN_LEFT: "turn",
@@ -66,7 +66,7 @@ WAIT_CODES: Final = (
 
 
 class TowedPods(Protocol):
-    """What becomes of the pods of robots that are towed."""
+    """The pods of towed robots."""
 
     trips: ReplayedTrips
     load: list[int]
@@ -79,7 +79,7 @@ def units(percent: float) -> int:
 
 
 class BatteryOfType:
-    """What the batteries of a type of robots take and give, in units of charge."""
+    """Charge used and gained by the batteries of a robot type, in units of charge."""
 
     def __init__(self, usual: dict[str, Any], own: dict[str, Any]) -> None:
         said = {name: value for name, value in own.items() if value is not None}
@@ -113,7 +113,7 @@ class Energy:
         self.apply_rules(header["scenario"])
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
-        """Take over what a scenario says of batteries and faults."""
+        """Apply the rules of a scenario for batteries and faults."""
         self.battery = scenario.get("battery")
         self.faults = scenario["faults"]
         in_place = self.faults.get("repair_in_place")
@@ -128,18 +128,18 @@ class Energy:
         ]
 
     def spend(self, tick: int, acts: Acts, rows: Rows, load: list[int], placed: set[int]) -> None:
-        """Pay for what begins in a tick, as loads are before it.
+        """Subtract the charge of operations that begin in a tick, with the loads before it.
 
-        `placed`: robots that come out of their parking bays in it.
+        `placed`: robots that leave their parking bays in this tick.
         """
         for r, did in acts:
             if self.status[r] != STATUS_UP and did & ACTION_MASK:
-                text = "does something although it is down"
+                text = "acts although it is down"
                 self.report_violation("energy", [r], self.motion.cell[r], text)
         if self.battery is None:
             return
         lengths = {row[2]: row[3] for row in rows if row[1] == CHANGE_DURATION}
-        stride = self.ticks_of.stride  # for which a lost tick lasts
+        stride = self.ticks_of.stride  # ticks of a lost tick
         for r, did in acts:
             code, loaded = did & ACTION_MASK, int(load[r] != NIL)
             if code in OPERATION_BY_CODE:
@@ -161,14 +161,14 @@ class Energy:
                     self._stand(r, stride * self.own[r].rates["wait"][int(load[r] != NIL)])
 
     def _ticks_behind(self, tick: int, r: int, code: int, ticks: int, is_new: bool) -> int:
-        """The ticks of a move that are lost behind the robot ahead, which it pays as it pays waits."""
+        """The ticks of a move lost behind the robot ahead, which use charge like waits."""
         if self.motion.following != "convoy" or code > MOVE_NORTH or self.motion.cell[r] == NIL:
             return 0
         return max(0, ticks - self.motion.own_ticks(tick, r, code - MOVE_EAST, is_new))
 
     def _operate(self, r: int, name: str, price: int) -> None:
         if price > self.charge[r]:
-            text = f"begins a {name} that takes {price} units of charge and has {self.charge[r]}"
+            text = f"begins a {name} that takes {price} units of charge, but has {self.charge[r]}"
             self.report_violation("energy", [r], self.motion.cell[r], text)
         self.charge[r] -= min(price, self.charge[r])
 
@@ -178,12 +178,12 @@ class Energy:
     def _take_in(self, r: int) -> None:
         cell = self.motion.cell[r]
         if cell == NIL or self.motion.kind[cell] != CHARGER:
-            self.report_violation("energy", [r], cell, "charges where there is no charger")
+            self.report_violation("energy", [r], cell, "charges in a cell without a charger")
         rate = max(step for step in self.own[r].curve if step[0] <= self.charge[r])[1]
         self.charge[r] += min(self.ticks_of.stride * rate, BATTERY_FULL - self.charge[r])
 
     def stand_for(self, r: int, ticks: int) -> None:
-        """Pay for standing so many ticks."""
+        """Subtract the charge for standing for a number of ticks."""
         if self.battery is not None:
             loaded = int(self.motion.types.load[r] != NIL)
             self._stand(r, ticks * self.own[r].rates["wait"][loaded])
@@ -193,7 +193,7 @@ class Energy:
         return self.status[r] >= STATUS_DEPLETED
 
     def become(self, tick: int, r: int, status: int, pods: TowedPods) -> None:
-        """A robot goes down, is towed, or comes back; it is towed when there is room for its pod."""
+        """A robot goes down, is towed, or returns; it is towed when there is room for its pod."""
         before, since = self.status[r], self.since[r]
         cell = self.motion.cell[r]
         if status in (STATUS_DEPLETED, STATUS_FAILED):
@@ -206,12 +206,10 @@ class Energy:
             in_time = cell == NIL or tick - since == wait
             in_time |= r in pods.put_aside and wait is not None and tick - since > wait
             if before not in (STATUS_DEPLETED, STATUS_FAILED) or not in_time:
-                self.report_violation(
-                    "energy", [r], cell, "is towed at another time than it must be"
-                )
+                self.report_violation("energy", [r], cell, "is towed at the wrong time")
             if (status == STATUS_REMOVED) != (self.faults["repair_time"] is None):
                 self.report_violation(
-                    "energy", [r], cell, "is gone, or comes back, against the rules"
+                    "energy", [r], cell, "is removed, or towed to return, against the rules"
                 )
             if status == STATUS_TOWED and self.battery is not None:
                 self._mend(r, before == STATUS_DEPLETED, self.own[r].reserve)
@@ -224,14 +222,14 @@ class Energy:
                 self.repairs, random_bits(self.seed, REPAIR, self.ticks_of.of(since), r)
             )
             if tick - since != wanted:
-                text = f"goes on after {tick - since} ticks and is repaired in {wanted}"
+                text = f"resumes after {tick - since} ticks, but its repair takes {wanted}"
                 self.report_violation("energy", [r], cell, text)
         elif before != STATUS_TOWED or tick - since != self.faults["repair_time"]:
-            self.report_violation("energy", [r], cell, "comes back at another time than it must")
+            self.report_violation("energy", [r], cell, "returns at the wrong time")
         self.status[r], self.since[r] = status, tick
 
     def _mend(self, r: int, ran_empty: bool, reserve: int) -> None:
-        """The charge with which a towed robot comes back."""
+        """Set the charge with which a towed robot returns."""
         given = self.faults["charge"]
         if given != "kept":
             self.charge[r] = units(given)
@@ -241,9 +239,9 @@ class Energy:
     def _check_fault(self, tick: int, r: int, status: int, before: int) -> None:
         cell = self.motion.cell[r]
         if self.motion.is_under_way(r):
-            self.report_violation("energy", [r], cell, "goes down before its move is over")
+            self.report_violation("energy", [r], cell, "goes down before its move ends")
         if before != STATUS_UP:
-            self.report_violation("energy", [r], cell, "goes down although it is already")
+            self.report_violation("energy", [r], cell, "goes down although it is already down")
         if status == STATUS_DEPLETED:
             if self.charge[r] and self.charge[r] >= self._dearest():
                 text = f"is out of energy with {self.charge[r]} units of charge"
@@ -251,10 +249,12 @@ class Energy:
         elif not (self.faults["failure_probability"] or self.faults.get("mtbf")):
             due = [f["at"] for f in self.faults["list"] if f["robot"] == r and f["at"] <= tick]
             if not due:
-                self.report_violation("energy", [r], cell, "breaks down although nothing says so")
+                self.report_violation(
+                    "energy", [r], cell, "breaks down without a cause in the scenario"
+                )
 
     def _dearest(self) -> int:
-        """Units that the dearest operation takes; a move in a slow zone or a lift lasts longer."""
+        """Charge of the most expensive operation; moves in slow zones or lifts last longer."""
         if self.battery is None:
             return 0
         pace = self.motion.pace
@@ -273,20 +273,21 @@ class Energy:
 
 
 def parted_faults(rows: Rows) -> tuple[Rows, Rows]:
-    """The changes of a tick: robots that go down, are towed or come back, then the others."""
+    """The changes of a tick, in two parts: robots that go down, are towed or return; then the
+    others."""
     told = [k for k, row in enumerate(rows) if row[1] in (CHANGE_STATUS, CHANGE_LOAD_LEFT)]
     if not told:
         return [], rows
-    # The order of a load that was left is given back right after it.
+    # The order of a load that was left is returned right after it.
     first = told[-1] + (2 if rows[told[-1]][1] == CHANGE_LOAD_LEFT else 1)
     return rows[:first], rows[first:]
 
 
-# Delays: who begins one and how long it lasts, drawn once more; what it does.
+# Delays: which robots begin one and for how long, drawn again; and their effects.
 
 
-MAX_BUSY: Final = 65_535  # ticks for which a robot may be busy
-BEGIN, TICKS, COUNT = 22, 23, 24  # streams of draws
+MAX_BUSY: Final = 65_535  # longest time for which a robot may be busy
+BEGIN, TICKS, COUNT = 22, 23, 24  # random streams
 
 
 class ReplayedDelays:
@@ -308,7 +309,7 @@ class ReplayedDelays:
         self.table = self.rules.get("table") or durations_of(self.rules) if self.rules else []
 
     def begin(self, tick: int, rows: list[list[int]]) -> None:
-        """Begin the delays of a tick as they are recorded, and say which are others than drawn."""
+        """Begin the recorded delays of a tick, and report those that differ from the draws."""
         if not self.rules and not rows:
             return
         due = self._due(tick) if self.rules else {}
@@ -317,7 +318,7 @@ class ReplayedDelays:
             if due.get(r) != recorded.get(r):
                 words = [f"{recorded[r]} ticks" if r in recorded else "none"]
                 words += [f"{due[r]} ticks" if r in due else "none"]
-                text = f"a delay of {words[0]} is recorded, and {words[1]} is due"
+                text = f"a delay of {words[0]} is recorded, but {words[1]} is due"
                 self.report_violation("delay", [r], self.motion.cell[r], text)
         delayed = [r for r in recorded if 0 <= r < len(self.until)]
         for r in delayed:
@@ -338,7 +339,7 @@ class ReplayedDelays:
             self.motion.lengthen(r, ticks)
 
     def _due(self, tick: int) -> dict[int, int]:
-        """How long the delays last that begin in a tick, by robot."""
+        """Durations of the delays that begin in a tick, by robot."""
         able = []
         for r, cell in enumerate(self.motion.cell):
             if cell == NIL or self.energy.is_down(r):

@@ -1,8 +1,8 @@
-"""Gates, worked out a second time: closed cells, doors, blocks and lifts, from moves alone.
+"""Gates, recomputed from moves only: closed cells, doors, blocks and lifts.
 
-A recording says that a robot was refused, but not before which cell. So each robot that was refused
-beside a door or a lift, or began to wait there, counts as one that may have asked for it, and an entry
-is a violation where no such robot can have opened it in time.
+A recording says that a robot was refused, but not at which cell. So each robot that was refused
+next to a door or a lift, or began to wait there, may have requested it. An entry is a violation if
+no such robot can have opened it in time.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from automaton.verification.move_time_rules import CoarseTicks
 NIL: Final = -1
 Complaint = Callable[..., None]  # (rule, robots, cell, text)
 Entry = tuple[int, int, int]  # robot, from (NIL: its parking bay), to
-Asks = set[int]  # cells that robots may have asked for in a tick
+Asks = set[int]  # cells that robots may have requested in a tick
 
 
 class Cells:
-    """What the floor of a header says about the cells of gates."""
+    """The cells of gates, from the floor of a header."""
 
     def __init__(self, floor: dict[str, Any]) -> None:
         self.stride = floor["width"] + 2
@@ -42,7 +42,7 @@ class Cells:
         return cell
 
     def of(self, cells: Any) -> list[int]:
-        """The drivable cells of a rectangle, or of a path by its corners, in its sequence."""
+        """The drivable cells of a rectangle, or of a path by its corners, in its order."""
         if isinstance(cells, dict):
             (x, y), (u, v) = cells["from"], cells["to"]
             columns, rows = sorted((x, u)), sorted((y, v))
@@ -67,7 +67,7 @@ class Cells:
                 yield cell + step
 
     def mouths(self, shaft: list[int]) -> list[int]:
-        """The cells of a shaft that robots enter from outside, or leave to there."""
+        """The cells of a shaft where robots enter or leave it."""
         joined = {
             (cell, to)
             for cell in range(len(self.exits))
@@ -81,7 +81,7 @@ class Cells:
 class CheckedGate:
     """Any gate: its cells, and the robots in it when the tick began.
 
-    It is looked at and checked only in ticks in which a robot is in it, enters it or may ask for it.
+    It is checked only in ticks in which a robot is in it, enters it or may request it.
     """
 
     rule = ""
@@ -91,20 +91,20 @@ class CheckedGate:
         self.inside: set[int] = set()
 
     def look(self, inside: set[int], cell: list[int]) -> None:
-        """Note who is in it as a tick begins."""
+        """Record the robots in it when a tick begins."""
         self.inside = inside
 
     def check(self, tick: int, entered: list[Entry], asked: bool, complain: Complaint) -> None:
-        """Check who enters it in a tick; `asked`: whether a robot may have asked for it."""
+        """Check the robots that enter it in a tick; `asked`: whether a robot may have requested it."""
 
 
 class Closed(CheckedGate):
-    """Cells that no robot enters at times."""
+    """Cells that are closed at times."""
 
     def __init__(self, cells: list[int], rows: list[list[int]]) -> None:
         super().__init__(cells)
         self.rows = rows
-        self.row = 0  # the first one that is not over
+        self.row = 0  # the first row that is not over
 
     def check(self, tick: int, entered: list[Entry], asked: bool, complain: Complaint) -> None:
         while self.row < len(self.rows) and self.rows[self.row][1] <= tick:
@@ -118,16 +118,16 @@ class Closed(CheckedGate):
 
 
 class CheckedDoor(CheckedGate):
-    """A cell that is shut until a robot asks for it.
+    """A cell that is shut until a robot requests it.
 
-    Any robot that may have asked may have been the first one: it may be open from several ticks on.
+    Any possible request may have been the first, so several opening ticks are possible.
     """
 
     def __init__(self, cells: list[int], section: dict[str, Any]) -> None:
         super().__init__(cells)
         self.opening, self.hold = section["opening_time"], section["hold_open"]
-        self.open_from: int | None = None  # the last tick in which it may have come open
-        self.opening_at: list[int] = []  # later ones
+        self.open_from: int | None = None  # the latest tick in which it may have opened
+        self.opening_at: list[int] = []  # later possible openings
         self.used = 0
 
     def check(self, tick: int, entered: list[Entry], asked: bool, complain: Complaint) -> None:
@@ -146,7 +146,7 @@ class CheckedDoor(CheckedGate):
 
 
 class CheckedBlock(CheckedGate):
-    """Cells that hold so many robots together."""
+    """Cells that together hold at most a number of robots."""
 
     def __init__(self, cells: list[int], most: int, same: bool) -> None:
         super().__init__(cells)
@@ -158,13 +158,18 @@ class CheckedBlock(CheckedGate):
             return
         robots = [r for r, _, _ in entered]
         if len(self.inside) + len(entered) > self.most:
-            text = f"enters a block of {len(self.inside)} robots, which holds {self.most}"
+            text = f"enters a block with {len(self.inside)} robots and a limit of {self.most}"
             complain("block", robots, entered[0][2], text)
         mouths = {to for _, _, to in entered}
         if self.inside and self.mouth != NIL:
             mouths.add(self.mouth)
         if self.same and len(mouths) > 1:
-            complain("block", robots, entered[0][2], "enters a block against those in it")
+            complain(
+                "block",
+                robots,
+                entered[0][2],
+                "enters a block against the direction of the robots in it",
+            )
         self.mouth = entered[0][2]
 
 
@@ -173,7 +178,7 @@ class CheckedLift(CheckedGate):
 
     def __init__(self, cells: list[int], mouths: list[int], section: dict[str, Any]) -> None:
         super().__init__(cells)
-        # The last mouth up to each cell of the path: a towed robot may come back between two mouths.
+        # The last mouth up to each cell of the path: a towed robot may return between two mouths.
         last = itertools.accumulate(int(cell in mouths) for cell in cells)
         self.number = dict(zip(cells, last, strict=True))
         self.travel, self.doors = section["travel_time"], section["door_time"]
@@ -196,12 +201,14 @@ class CheckedLift(CheckedGate):
             return
         robots, to = [r for r, _, _ in entered], entered[0][2]
         if len(self.inside) + len(entered) > 1:
-            complain("lift", robots, to, "enters a lift, which holds one robot")
+            complain("lift", robots, to, "enters an occupied lift, which holds one robot")
             return
         way = abs(self.number[to] - self.number[self.cabin])
         there = (self.asked or 0) + way * self.travel + self.doors
         if tick < there:
-            complain("lift", robots, to, f"enters a lift whose cabin is not there before {there}")
+            complain(
+                "lift", robots, to, f"enters a lift whose cabin is not there before tick {there}"
+            )
 
 
 class GateRules:
@@ -229,14 +236,15 @@ class GateRules:
             self.gates.append(CheckedLift(shaft, mouths, one))
             for path in (shaft, shaft[::-1]):
                 self._share_out(path, set(mouths), one["travel_time"])
-        self.by_cell: dict[int, list[int]] = {}  # the gates that it belongs to
+        self.by_cell: dict[int, list[int]] = {}  # gates by cell
         for number, gate in enumerate(self.gates):
             for cell in gate.cells:
                 self.by_cell.setdefault(cell, []).append(number)
-        self.used: set[int] = set()  # gates that robots were in as the tick began
+        self.used: set[int] = set()  # gates with robots in them when the tick began
 
     def _check_schedule(self, one: dict[str, Any], rows: list[list[int]], number: int) -> None:
-        """Closings last at least a tick and come one after another; those by schedule when it says."""
+        """Check that closings last at least a tick, do not overlap, and follow their schedule, if
+        any."""
         every, begin = one.get("every"), one.get("from")
         for k, (first, end) in enumerate(rows):
             wrong = end <= first or (k and first <= rows[k - 1][1])
@@ -245,12 +253,12 @@ class GateRules:
                 ticks = tuple(self.ticks_of.begin_of(tick) for tick in (due, due + one["for"]))
                 wrong = (first, end) != ticks or (k > 0 and every is None)
             if wrong:
-                text = f"closing {number + 1} has the ticks {first} to {end - 1}"
+                text = f"closing {number + 1} has the invalid ticks {first} to {end - 1}"
                 self.complain("closed", [], NIL, text)
                 return
 
     def _share_out(self, path: list[int], mouths: set[int], travel: int) -> None:
-        """From mouth to mouth moves take equal shares of coarse ticks, the last one the rest."""
+        """Moves from mouth to mouth take equal shares of the travel time, the last move the rest."""
         fine = self.ticks_of.factor
         stretch: list[tuple[int, int]] = []
         for cell, to in itertools.pairwise(path):
@@ -262,7 +270,7 @@ class GateRules:
                 stretch = []
 
     def look(self, tick: int, cell: list[int], claim: dict[int, tuple[int, int]]) -> None:
-        """Note who is where as a tick begins, before robots leave their parking bays."""
+        """Record where robots are when a tick begins, before they leave their parking bays."""
         inside: dict[int, set[int]] = {}
         claimed = ((r, one) for r, (one, _) in claim.items())
         for r, one in itertools.chain(enumerate(cell), claimed):
@@ -275,7 +283,8 @@ class GateRules:
         self.used = set(inside)
 
     def check(self, tick: int, acts: list[tuple[int, int]], placed: set[int], motion: Any) -> None:
-        """Check who enters gates in a tick; `placed`: robots that have left their parking bays."""
+        """Check the robots that enter gates in a tick; `placed`: robots that have left their
+        parking bays."""
         entries = [(r, NIL, motion.cell[r]) for r in sorted(placed)]
         asks: Asks = set()
         for r, did in acts:

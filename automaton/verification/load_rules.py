@@ -1,9 +1,9 @@
-"""The rules of loads, checked on committed actions: conservation, and reservations one at a time.
+"""The rules of loads, checked on committed actions: conservation, and single reservations.
 
-Every order is in exactly one place: on a slot, or on a robot. It is taken only by the robot that
-reserved it, from a slot beside that robot; it is dropped only on an empty shelf that the robot
-reserved, or where it has to go in the end. Racks are reached from above and below only. What is
-delivered to a station is worked on there.
+Every order is in exactly one place: in a slot, or on a robot. Only the robot that reserved it may
+pick it up, from an adjacent slot. It may be dropped only on an empty shelf that the robot reserved,
+or at its target. Racks are served only from above and below. Stations work on the parts delivered
+to them.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ from automaton.verification.visit_rules import (
     ReplayedVisits,
 )
 
-LASTING: Final = (EXECUTED_WAIT, EXECUTED_SERVE)  # their length stands beside them
+LASTING: Final = (EXECUTED_WAIT, EXECUTED_SERVE)  # their durations are recorded with them
 
-# Handling on arrival: the flag, what it is like, and the duration that has to be 0.
+# Handling on arrival: the flag, the equivalent action, and the duration that must be 0.
 ON_ARRIVAL: Final = (
     (PICKED_ON_ARRIVAL, EXECUTED_PICK, "pick"),
     (DROPPED_ON_ARRIVAL, EXECUTED_DROP, "drop"),
@@ -74,9 +74,7 @@ class Loads:
         self.motion = motion
         self.report_violation = report_violation
         self.slot_cell: list[int] = header["slots"]["cell"].tolist()
-        self.spare: int = header["slots"][
-            "first_spare"
-        ]  # the first slot for loads that robots left
+        self.spare: int = header["slots"]["first_spare"]  # the first slot for loads left by robots
         spares = len(self.slot_cell) - self.spare
         kinds = [CELL_KINDS[motion.kind[cell]] for cell in self.slot_cell[: self.spare]]
         none = [False] * spares
@@ -94,10 +92,10 @@ class Loads:
         self.work = Work(header)
         self.trips = ReplayedTrips(header, motion, report_violation)
         self.visits = ReplayedVisits(header, self, self.trips)
-        self.picking: dict[int, int] = {}  # robots that picked up: the last tick of that
-        self.status = [0] * len(motion.home)  # of each robot, as the rules of energy know it
+        self.picking: dict[int, int] = {}  # robots that picked up: the last tick of the pick
+        self.status = [0] * len(motion.home)  # of each robot, from the rules of energy
         coming = sorted(range(len(released)), key=lambda k: (released[k], k), reverse=True)
-        if self.trips.there:  # all are known from tick 1 on at the earliest
+        if self.trips.there:  # all are released in tick 1 or later
             self.state = [ORDER_UNRELEASED] * len(released)
         timed = [
             order
@@ -121,13 +119,15 @@ class Loads:
         self.order = [NIL] * len(motion.home)  # reserved or carried by each robot
         self.slot = [NIL] * len(motion.home)  # shelf reserved by each robot
         self.undelivered = len(self.place)
-        self.put_aside: set[int] = set()  # robots that are towed now, whose pods are in storage
+        self.put_aside: set[int] = set()  # towed robots whose pods are in storage
         self._lengths: dict[int, int] = {}  # recorded durations of this tick
         self._arriving = False
         for order, (start, end) in self.work.ends.items():
             ends = self.slot_cell[self.place[order]], self.slot_cell[self.target[order]]
             if ends != (start, end):
-                report_violation("part", [], start, f"order {order} is not the way of its part")
+                report_violation(
+                    "part", [], start, f"order {order} does not match the route of its part"
+                )
         for pod, slot in enumerate(self.trips.slot):
             self.content[slot] = pod
         for order, slot in enumerate(self.place):
@@ -142,10 +142,10 @@ class Loads:
             self.content[slot] = order
 
     def release(self, tick: int) -> None:
-        """Orders are released: in their ticks, or one for each that was delivered before this tick."""
+        """Release orders: in their ticks, or one for each order delivered before this tick."""
         released: list[int] = []
         while self._coming and self._coming[-1][0] <= tick:
-            # Known and not delivered are all but those to come, of those that are left.
+            # Open orders are the undelivered ones minus those not yet released.
             if self._in_system and self.undelivered - len(self._coming) >= self._in_system:
                 break
             released.append(self._coming.pop()[1])
@@ -162,7 +162,7 @@ class Loads:
             self._release_pods(released)
 
     def _release_pods(self, released: list[int]) -> None:
-        """Orders of a list that carry pods are open when it is their turn."""
+        """Listed orders that carry pods open when their pod has no earlier order."""
         carrying = [order for order in released if self.trips.pod_of[order] != NIL]
         for order in carrying:
             self.state[order] = ORDER_UNRELEASED
@@ -170,7 +170,7 @@ class Loads:
             self.place[order], self.state[order] = slot, ORDER_WAITING
 
     def _is_free(self, r: int, trip: int) -> bool:
-        """Whether the trip of the pod above it may be kept for a robot."""
+        """Whether the trip of the pod above a robot may be reserved for it."""
         idle = self.order[r] == NIL and self.load[r] == NIL and self.status[r] == 0
         weight = self.weight[trip]
         if self.trips.of_lines:
@@ -178,25 +178,24 @@ class Loads:
         return idle and weight <= self.motion.types.payload[r]
 
     def leave(self, r: int, slot: int) -> None:
-        """A robot that goes down leaves its load in a spare slot in its cell, a pod in storage."""
+        """A robot that goes down leaves its load in a spare slot in its cell; a pod goes into
+        storage."""
         if self.trips.there:
             self._put_aside(r, slot)
             return
         order, cell = self.load[r], self.motion.cell[r]
         if order == NIL or slot < self.spare or self.slot_cell[slot] != NIL:
-            self.report_violation(
-                "load", [r], cell, "leaves no load, or in a slot that is not a spare one"
-            )
+            self.report_violation("load", [r], cell, "leaves no load, or not in a spare slot")
             return
         self.visits.served.pop(r, None)
         self.load[r], self.place[order], self.state[order] = NIL, slot, ORDER_WAITING
         self.slot_cell[slot], self.content[slot], self.endless[slot] = cell, order, False
 
     def _put_aside(self, r: int, slot: int) -> None:
-        """The pod of a robot that is about to be towed stands in a slot."""
+        """The pod of a robot about to be towed is put into a slot."""
         order = self.load[r]
         if order == NIL or self.status[r] < STATUS_DEPLETED:
-            text = "has no pod, or is not down, and a pod of its is put into storage"
+            text = "its pod is put into storage, but it has no pod or is not down"
             self.report_violation("pod", [r], self.motion.cell[r], text)
             return
         free = {
@@ -215,7 +214,7 @@ class Loads:
         self.put_aside.add(r)
 
     def apply(self, tick: int, rows: Rows, acts: Acts) -> dict[int, int]:
-        """Carry out the changes of a tick in their order; returns lengths of waits and charging."""
+        """Apply the changes of a tick in order; returns the durations of waits and charging."""
         lengths: dict[int, int] = {}
         self._lengths, self._arriving = lengths, False
         if not rows and not any(did & ACTION_MASK >= EXECUTED_PICK for _, did in acts):
@@ -225,7 +224,7 @@ class Loads:
         for _, code, subject, value in rows:
             if not self.exists(code, subject, value):
                 self.report_violation(
-                    "record", [], NIL, f"no such change: {code} {subject} {value}"
+                    "record", [], NIL, f"invalid change: {code} {subject} {value}"
                 )
             elif code == CHANGE_DURATION:
                 lengths[subject] = value
@@ -240,7 +239,7 @@ class Loads:
         return lengths
 
     def arrive(self, tick: int, rows: Rows, acts: Acts) -> None:
-        """Carry out what robots do with their loads as they arrive, at the end of a tick."""
+        """Apply the handling of loads on arrival, at the end of a tick."""
         did: dict[int, int] = {}
         self._arriving = True
         for r, code in acts:
@@ -255,7 +254,7 @@ class Loads:
                 handled |= {subject} if code in (CHANGE_PICKED, CHANGE_DROPPED) else set()
             else:
                 self.report_violation(
-                    "record", [], NIL, f"no such change: {code} {subject} {value}"
+                    "record", [], NIL, f"invalid change: {code} {subject} {value}"
                 )
         self._check_acts(did, {}, handled)
 
@@ -279,7 +278,7 @@ class Loads:
             self.report_violation("arrival", [r], cell, text)
 
     def exists(self, code: int, subject: int, value: int) -> bool:
-        """Whether a change names things that there are."""
+        """Whether a change names existing things."""
         return names_what_is_there(
             code, subject, value, len(self.load), len(self.place), len(self.slot_cell)
         )
@@ -288,29 +287,30 @@ class Loads:
         if code in (EXECUTED_PICK, EXECUTED_DROP):
             least = self.motion.handling(r, code)
             if not least <= ticks <= least + self.motion.given["handling_jitter"]:
-                text = f"handles its load for {ticks} ticks, which no rule gives"
+                text = f"handles its load for {ticks} ticks, which no rule allows"
                 self.report_violation("duration", [r], self.motion.cell[r], text)
         elif ticks < 1 or not (code in LASTING or 1 <= code <= MOVE_NORTH):
-            text = f"a duration of {ticks} belongs to nothing that it does"
+            text = f"a duration of {ticks} belongs to none of its actions"
             self.report_violation("duration", [r], self.motion.cell[r], text)
 
     def _check_acts(self, did: dict[int, int], lengths: dict[int, int], handled: set[int]) -> None:
         for r, code in did.items():
             cell = self.motion.cell[r]
             if code in (EXECUTED_PICK, EXECUTED_DROP) and r not in handled:
-                self.report_violation("load", [r], cell, "handles a load that is not named")
+                self.report_violation("load", [r], cell, "handles a load without a recorded change")
             elif (
                 code in LASTING
                 or (code in (EXECUTED_PICK, EXECUTED_DROP) and self.motion.given["handling_jitter"])
             ) and (r not in lengths):
                 self.report_violation(
-                    "duration", [r], cell, "waits, or stands at a stop, without a duration"
+                    "duration", [r], cell, "has an operation without a recorded duration"
                 )
             elif code == EXECUTED_TRY_DROP and self.load[r] == NIL:
                 self.report_violation("load", [r], cell, "tries to drop without a load")
 
     def reserve_order(self, order: int, r: int) -> None:
-        """An order is given to a robot, kept for the one beneath its pod, or given back (NIL)."""
+        """An order is assigned to a robot, reserved for the robot beneath its pod, or returned
+        (NIL)."""
         had = self.by[order]
         if r != NIL and self.trips.offers.get(order) == r:
             self.trips.offered[r] = order
@@ -325,11 +325,11 @@ class Loads:
 
     def _give_back(self, order: int, had: int) -> None:
         if had == NIL or self.state[order] in (ORDER_CARRIED, ORDER_UNRELEASED):
-            text = f"order {order} is given back, but is carried or was not reserved"
+            text = f"order {order} is returned, but is carried or was not reserved"
             self.report_violation("order", [had] if had != NIL else [], NIL, text)
         if self.state[order] == ORDER_STARTED:
             if had != NIL and self.status[had] < STATUS_DEPLETED:
-                text = f"order {order} is given back, but one of its stops is done"
+                text = f"order {order} is returned, but one of its stops is done"
                 self.report_violation("order", [had], NIL, text)
             self.state[order] = ORDER_WAITING
         if had != NIL and self.order[had] == order:
@@ -342,12 +342,14 @@ class Loads:
         is_offered = had == r and self.trips.offered[r] == order
         if (had != NIL and not is_offered) or self.state[order] != ORDER_WAITING:
             robots = [r] if had == NIL else [r, had]
-            text = f"order {order} is given out although it is not free"
+            text = f"order {order} is assigned although it is not free"
             self.report_violation("order", robots, NIL, text)
         elif not self.visits.is_for(r, order):
-            self.report_violation("order", [r], NIL, f"gets order {order} of another robot")
+            self.report_violation(
+                "order", [r], NIL, f"gets order {order}, which belongs to another robot"
+            )
         elif self.order[r] != NIL or self.load[r] != NIL:
-            self.report_violation("order", [r], NIL, f"gets order {order} beside another")
+            self.report_violation("order", [r], NIL, f"gets order {order} while it has another one")
         elif not self.visits.has_load[order] and self.weight[order] > self.motion.types.payload[r]:
             text = f"gets order {order} of weight {self.weight[order]}, which it cannot carry"
             self.report_violation("payload", [r], NIL, text)
@@ -361,18 +363,18 @@ class Loads:
         had, cell = self.reserved[slot], self.slot_cell[slot]
         if r == NIL:
             if had == NIL:
-                self.report_violation(
-                    "slot", [], cell, "a shelf is given back that was not reserved"
-                )
+                self.report_violation("slot", [], cell, "a shelf is released that was not reserved")
             elif self.slot[had] == slot:
                 self.slot[had] = NIL
         else:
             if had != NIL or self.content[slot] != NIL or self.endless[slot]:
                 robots = [r] if had == NIL else [r, had]
-                text = "a slot is reserved that is not a shelf, or not empty and free"
+                text = "a slot is reserved that is not an empty, unreserved shelf"
                 self.report_violation("slot", robots, cell, text)
             elif self.slot[r] != NIL or self.load[r] == NIL:
-                self.report_violation("slot", [r], cell, "reserves a second shelf, or has no load")
+                self.report_violation(
+                    "slot", [r], cell, "reserves a second shelf, or a shelf without having a load"
+                )
             self.slot[r] = slot
         self.reserved[slot] = r
 
@@ -380,12 +382,14 @@ class Loads:
         offset = self.slot_cell[slot] - self.motion.cell[r]
         if self.stand[slot] == ON_IT:
             if offset:
-                text = f"handles a load of a {self.kind_name[slot]} that it is not on"
+                text = f"handles a load at a {self.kind_name[slot]} without standing on it"
                 self.report_violation("load", [r], self.slot_cell[slot], text)
         elif self.motion.cell[r] == NIL or offset not in self.motion.step:
-            self.report_violation("load", [r], self.slot_cell[slot], "handles a slot not beside it")
+            self.report_violation(
+                "load", [r], self.slot_cell[slot], "handles a slot that is not adjacent"
+            )
         elif self.stand[slot] == ABOVE_OR_BELOW and abs(offset) == 1:
-            text = f"handles a {self.kind_name[slot]} from its side"
+            text = f"handles a {self.kind_name[slot]} from the side"
             self.report_violation("load", [r], self.slot_cell[slot], text)
 
     def _pick(self, tick: int, r: int, order: int, code: int) -> None:
@@ -398,13 +402,15 @@ class Loads:
         most = self.motion.types.payload[r]
         if self.weight[order] > most:
             text = (
-                f"picks up order {order} of weight {self.weight[order]} and carries {most} at most"
+                f"picks up order {order} of weight {self.weight[order]} but carries at most {most}"
             )
             self.report_violation("payload", [r], cell, text)
         if self.by[order] != r:
-            self.report_violation("order", [r], cell, f"picks up order {order} that it has not")
+            self.report_violation(
+                "order", [r], cell, f"picks up order {order}, which it does not have"
+            )
         if slot == NIL or self.state[order] != ORDER_WAITING:
-            text = f"picks up order {order} that waits on no slot"
+            text = f"picks up order {order}, which waits in no slot"
             self.report_violation("load", [r], cell, text)
         else:
             self._beside(r, slot)
@@ -412,7 +418,7 @@ class Loads:
             if self.trips.there:
                 self.trips.lift(r, order)
         if slot != NIL and slot == self.target[order] and not self.trips.there:
-            self.state[order] = ORDER_DELIVERED  # it had only to be visited
+            self.state[order] = ORDER_DELIVERED  # the pick completed the order
             self.undelivered -= 1
             self.work.deliver(tick + self._handling(r, EXECUTED_PICK), order)
             return
@@ -425,22 +431,28 @@ class Loads:
     def _drop(self, tick: int, r: int, slot: int, code: int) -> None:
         order, cell = self.load[r], self.slot_cell[slot]
         if code != EXECUTED_DROP:
-            self.report_violation("load", [r], cell, "loses a load without setting it down")
+            self.report_violation("load", [r], cell, "loses a load without dropping it")
         if order == NIL:
             self.report_violation("load", [r], cell, "drops without a load")
             return
         self._beside(r, slot)
         if not self.visits.is_over(order):
-            self.report_violation("visit", [r], cell, f"drops order {order}, which has stops left")
+            self.report_violation(
+                "visit", [r], cell, f"drops order {order}, which has remaining stops"
+            )
         if self.endless[slot]:
             on_its_way = self.station[slot]
             if (self.target[order] != slot and not on_its_way) or self.dock[slot]:
-                self.report_violation("load", [r], cell, "drops where its load must not go")
+                self.report_violation(
+                    "load", [r], cell, "drops its load in a slot that is not its target"
+                )
         else:
             if self.content[slot] != NIL:
                 self.report_violation("load", [r], cell, "drops on a full shelf")
             if self.reserved[slot] != r:
-                self.report_violation("slot", [r], cell, "drops on a shelf it has not reserved")
+                self.report_violation(
+                    "slot", [r], cell, "drops on a shelf that it has not reserved"
+                )
             self.content[slot] = self.trips.pod_of[order] if self.trips.there else order
         delivered = self.target[order] in (slot, NIL)
         if self.trips.there:
@@ -453,24 +465,24 @@ class Loads:
             self.work.deliver(tick + self._handling(r, EXECUTED_DROP), order)
 
     def _handling(self, r: int, code: int) -> int:
-        """Ticks that a robot handles its load for; none as it arrives."""
+        """Ticks for which a robot handles its load; 0 on arrival."""
         if self._arriving:
             return 0
         return self._lengths.get(r, self.motion.handling(r, code))
 
     def check_parked(self, acts: Acts) -> None:
-        """A robot parks only with nothing to do."""
+        """A robot may park only without an order."""
         for r, did in acts:
             if did & ENTERED_PARKING_BAY and (self.load[r] != NIL or self.order[r] != NIL):
                 self.report_violation("bay", [r], self.motion.home[r], "parks with an order")
 
 
-# The rules of stations: parts are worked on one at a time, in arrival order. When the job on a part is
-# done, the order to its next station is released; the next part is worked on from the same tick on.
+# The rules of stations: parts are processed one at a time, in arrival order. When the job on a part
+# is done, the order to its next station is released, and the next job begins in the same tick.
 
 
 class Work:
-    """What lies in the lines of all stations, replayed from deliveries."""
+    """The queues of parts at all stations, replayed from deliveries."""
 
     def __init__(self, header: dict[str, Any]) -> None:
         floor, orders = header["floor"], header["scenario"]["orders"]
@@ -479,16 +491,16 @@ class Work:
         ]
         self.cells: list[int] = list(floor["numbered"]) or cells
         self.lines: list[deque[int]] = [deque() for _ in self.cells]
-        self.until = [0] * len(self.cells)  # tick in which the first of its line is done
-        self.station: list[int] = []  # of each work
+        self.until = [0] * len(self.cells)  # tick in which the first job of its queue is done
+        self.station: list[int] = []  # of each job
         self.ticks: list[int] = []
-        self.frees: list[int] = []  # the order that a work frees, or NIL
+        self.frees: list[int] = []  # the order that a job releases, or NIL
         self.done: list[int] = []
-        self.came: list[int] = []  # tick from which it may be worked on
-        self.begins_with: dict[int, int] = {}  # order -> work that begins with its delivery
-        self.ends: dict[int, tuple[int, int]] = {}  # order -> cells where it begins and ends
-        self._entering: list[tuple[int, int]] = []  # (tick, work), by tick
-        # What is drawn stands in the header; older ones have nothing that is.
+        self.came: list[int] = []  # tick from which it can be processed
+        self.begins_with: dict[int, int] = {}  # order -> job that begins with its delivery
+        self.ends: dict[int, tuple[int, int]] = {}  # order -> cells of its source and target
+        self._entering: list[tuple[int, int]] = []  # (tick, job), by tick
+        # Random values are in the header; older headers have none.
         drawn = header.get("jobs", {})
         self._drawn: list[int] = (
             drawn["processing_time"].tolist() if "processing_time" in drawn else []
@@ -519,11 +531,11 @@ class Work:
 
     @property
     def undone(self) -> int:
-        """Works that are still to do."""
+        """Number of unfinished jobs."""
         return self.done.count(NIL)
 
     def begin(self, tick: int) -> list[int]:
-        """Parts come, work ends; returns the orders that are released."""
+        """Parts arrive and jobs end; returns the released orders."""
         while self._entering and self._entering[-1][0] <= tick:
             self._come(tick, self._entering.pop()[1])
         freed = []
@@ -538,7 +550,7 @@ class Work:
         return freed
 
     def deliver(self, tick: int, order: int) -> None:
-        """An order is where it has to go from this tick on."""
+        """An order is delivered; its part can be processed from this tick on."""
         if order in self.begins_with:
             self._come(tick, self.begins_with[order])
 
@@ -554,5 +566,5 @@ class Work:
             self.until[self.station[work]] = tick + self.ticks[work]
 
     def first(self) -> list[int]:
-        """The work under way at each station, or NIL."""
+        """The current job of each station, or NIL."""
         return [line[0] if line else NIL for line in self.lines]

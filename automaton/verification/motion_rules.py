@@ -1,12 +1,12 @@
-"""The rules of motion, checked on committed actions: a second opinion that knows no kernel.
+"""The rules of motion, checked on committed actions, independent of the kernels.
 
-A *resource* is a cell of capacity 1, or one lane of a cell of capacity 2 (east and south share
-lane 0, west and north lane 1). A resource has one holder; a cell without limit has no resources.
-A robot on its way out holds its resource up to the last tick of its move; under convoy, until that
-begins: then whoever follows holds it, and arrives no sooner than the robot ahead has left.
-Of each tick: parking bays open, operations begin, all moves happen at once, robots at home park.
-Robots that leave the floor when they are done are at home wherever they stand. At the end: what the
-rows of changes of a tick name, and due times.
+A *resource* is a cell of capacity 1, or one lane of a cell of capacity 2 (east and south share lane
+0, west and north lane 1). A resource has one holder; a cell without limit has no resources. A robot
+on its way out holds its resource up to the last tick of its move; under convoy, only until the move
+begins: then the follower holds it, and arrives no sooner than the robot ahead has left. Phases of a
+tick: parking bays open, operations begin, all moves happen at once, robots at home park. Robots
+that leave the floor when idle are at home wherever they stand. The last parts of this module check
+the rows of changes, and due times.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ HANDLING: Final = {
     EXECUTED_PICK: "pick",
     EXECUTED_DROP: "drop",
     EXECUTED_TRY_DROP: "try_drop",
-}  # by code of recorded action: the duration that it takes
+}  # usual duration by code of recorded action
 
-Acts = list[tuple[int, int]]  # (robot, what the recording says it did), robots ascending
+Acts = list[tuple[int, int]]  # (robot, recorded action), robots ascending
 Complaint = Callable[..., None]  # (rule, robots, cell, text)
 Mover = tuple[int, int, int, int]  # robot, from, to, direction
 
@@ -68,33 +68,34 @@ class ReplayedMotion:
         self.headings = self.types.headings
         self.pace = MoveTimes(floor, header["seed"], self.types)
         self.holder: dict[int, int] = {}  # resource -> robot
-        self.leaver: dict[int, int] = {}  # resource -> robot whose long move leads out of it
+        self.leaver: dict[int, int] = {}  # resource -> robot with a long move out of it
         self.apply_rules(scenario)
         self.leave: bool = scenario["fleet"].get("when_idle") == "leave"
         self.home: list[int] = robots["home"].tolist()
         self.bay: list[int] = robots["bay"].tolist()
         self.cell: list[int] = robots["cell"].tolist()  # NIL in its parking bay
         self.heading: list[int] = robots["heading"].tolist()
-        self.travel = list(self.heading)  # direction in which it came into its cell
-        self.free = [1] * len(self.home)  # first tick in which it may begin something
-        self.begun = [0] * len(self.home)  # what each did last, as recorded
+        self.travel = list(self.heading)  # direction in which it entered its cell
+        self.free = [1] * len(self.home)  # first tick in which it may begin an operation
+        self.begun = [0] * len(self.home)  # last recorded action of each robot
         self.parked = [True] * len(self.home)
-        self.unsure: set[int] = set()  # parked on the floor, or about to leave: actions do not tell
+        # parked on the floor, or about to leave: actions do not tell
+        self.unsure: set[int] = set()
         self.claim: dict[int, tuple[int, int]] = {}  # long moves: robot -> (to, direction)
-        # (from, to) -> the robot that last drove there, and the tick in which it arrived or will
+        # (from, to) -> the robot that last drove there, and the tick of its arrival
         self._drive: dict[tuple[int, int], tuple[int, int]] = {}
         self._arrivals: dict[int, list[int]] = {}  # tick -> robots whose long move ends in it
-        self._turned: dict[int, list[int]] = {}  # tick -> robots that give their second lane back
+        self._turned: dict[int, list[int]] = {}  # tick -> robots that release their second lane
         self.arrived: set[int] = set()  # robots whose move ended in this tick
         self._check_start(floor["bays"].tolist())
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
-        """Take over what a scenario says of motion."""
+        """Apply the rules of a scenario for motion."""
         self.following: str = scenario["world"]["following"]
         self.given: dict[str, Any] = scenario["durations"]
         self.types.apply_rules(scenario)
         self.pace.apply_rules(scenario)
-        for resource, r in self.leaver.items():  # who is on its way out, by the rule of now
+        for resource, r in self.leaver.items():  # robots on their way out, by the current rule
             if self.following != "convoy":
                 self.holder.setdefault(resource, r)
             elif self.holder.get(resource) == r:
@@ -108,7 +109,7 @@ class ReplayedMotion:
         for r, cell in enumerate(self.cell):
             if self.heading[r] >= self.headings[r]:
                 self.report_violation(
-                    "heading", [r], cell, "it starts in a heading that it has not"
+                    "heading", [r], cell, "it starts in a heading that its type lacks"
                 )
             if self.bay[r] != NIL and (self.bay[r], self.home[r]) not in known:
                 self.report_violation(
@@ -117,14 +118,16 @@ class ReplayedMotion:
             if cell == NIL:
                 continue
             if not CELL_KINDS[self.kind[cell]].drivable:
-                self.report_violation("exits", [r], cell, "it starts where no robot can stand")
+                self.report_violation(
+                    "exits", [r], cell, "it starts in a cell that is not drivable"
+                )
             self.check_area(r, cell)
             self._take(r, cell, self.heading[r])
 
     # Resources
 
     def resource(self, cell: int, direction: int) -> int:
-        """What a robot travelling in `direction` holds in a cell, NIL where there is no limit."""
+        """The resource that a robot travelling in `direction` holds in a cell; NIL: no limit."""
         capacity = self.capacity[cell]
         if capacity == 1:
             return 2 * cell
@@ -136,7 +139,9 @@ class ReplayedMotion:
             return
         other = self.holder.get(resource, r)
         if other != r:
-            self.report_violation("capacity", [other, r], cell, "two robots where one has room")
+            self.report_violation(
+                "capacity", [other, r], cell, "two robots where only one has room"
+            )
         self.holder[resource] = r
 
     def _give(self, r: int, cell: int, direction: int) -> None:
@@ -145,7 +150,7 @@ class ReplayedMotion:
             del self.holder[resource]
 
     def _first_in(self, resource: int) -> int:
-        """Return a robot that is in a resource, on its way into it or out of it; NIL without one."""
+        """Return a robot in a resource, or on its way into or out of it; NIL: none."""
         return self.holder.get(resource, self.leaver.get(resource, NIL))
 
     def is_under_way(self, r: int) -> bool:
@@ -155,19 +160,19 @@ class ReplayedMotion:
     # One tick
 
     def look(self, acts: Acts) -> None:
-        """Note what the length of a move depends on, before anything happens."""
+        """Record the state on which the durations of moves depend, before anything happens."""
         if self.pace.slow and any(0 < did & ACTION_MASK <= MOVE_NORTH for _, did in acts):
             self.pace.count(self.cell, self.travel)
 
     def open_bays(self, tick: int, acts: Acts) -> set[int]:
-        """Place the robots that leave their parking bays; returns them."""
+        """Place robots that leave their parking bays; returns these robots."""
         placed: set[int] = set()
         for r, did in acts:
             if not did & LEFT_PARKING_BAY:
                 continue
             if self.cell[r] != NIL or self.free[r] > tick:
                 self.report_violation(
-                    "bay", [r], self.cell[r], "leaves a parking bay it is not parked in"
+                    "bay", [r], self.cell[r], "leaves a parking bay in which it is not parked"
                 )
                 continue
             home = self.home[r]
@@ -185,14 +190,14 @@ class ReplayedMotion:
         return placed
 
     def entry_heading(self, r: int, cell: int) -> int:
-        """How robot r stands when it comes out of its bay: vertical where the cell leads so."""
+        """Heading of robot r when it leaves its bay: vertical if the cell has a vertical exit."""
         for direction in (SOUTH, NORTH, EAST, WEST):
             if self.exits[cell] >> direction & 1:
                 return direction & (self.headings[r] - 1)
         return 0
 
     def execute(self, tick: int, acts: Acts, lengths: dict[int, int], placed: set[int]) -> None:
-        """Begin what robots do in this tick, carry out the moves, park who is home."""
+        """Begin the operations of this tick, execute the moves, park robots at home."""
         movers: list[Mover] = []
         parking = False
         for r, did in acts:
@@ -220,7 +225,7 @@ class ReplayedMotion:
 
     def _may_act(self, tick: int, r: int, code: int) -> bool:
         if self.free[r] > tick:
-            text = f"begins something although it is busy until tick {self.free[r] - 1}"
+            text = f"begins an operation although it is busy until tick {self.free[r] - 1}"
             self.report_violation("busy", [r], self.cell[r], text)
             return False
         if self.cell[r] == NIL:
@@ -231,13 +236,13 @@ class ReplayedMotion:
             return False
         if code == EXECUTED_BAY_BLOCKED:
             self.report_violation(
-                "bay", [r], self.cell[r], "waits to leave a parking bay it is not in"
+                "bay", [r], self.cell[r], "waits to leave a parking bay in which it is not"
             )
         if code != EXECUTED_ILLEGAL:
             self.parked[r] = False
             self.unsure.discard(r)
         elif self.parked[r]:
-            self.unsure.add(r)  # it may have been told to leave as well, and have lost the tick
+            self.unsure.add(r)  # it may also have decided to leave, and lost the tick
         return True
 
     def _begin_move(self, r: int, direction: int, movers: list[Mover]) -> None:
@@ -251,23 +256,23 @@ class ReplayedMotion:
             movers.append((r, cell, cell + self.step[direction], direction))
 
     def handling(self, r: int, code: int) -> int:
-        """Ticks of what a robot does besides driving, by the scenario; 1 where that says nothing.
+        """Ticks of an operation other than driving, by the scenario; 1 by default.
 
-        A pick or a drop that takes no time costs a tick where no move precedes it.
+        A pick or drop of 0 ticks takes 1 tick if no move precedes it.
         """
         name = HANDLING.get(code)
         return 1 if name is None else max(1, self.types.ticks_of(r, name))
 
     def check_area(self, r: int, cell: int) -> None:
-        """A robot may be in a cell, with what it carries now."""
+        """Check that a robot may be in a cell, with its current load."""
         if self.types.is_closed(r, cell):
-            text = f"is in an area that is closed to {self.types.called(r)}"
+            text = f"is in an area closed to {self.types.called(r)}"
             self.report_violation("area", [r], cell, text)
 
     def own_ticks(self, tick: int, r: int, direction: int, is_new: bool) -> int:
-        """Return what a move that begins now takes where no robot is ahead.
+        """Return the ticks of a move that begins now without a robot ahead.
 
-        `is_new`: the robot came out of its parking bay in this tick.
+        `is_new`: the robot left its parking bay in this tick.
         """
         if self.pace.usual and not self.pace.cabin_ticks:
             return self.pace.usual_of(r)
@@ -277,7 +282,7 @@ class ReplayedMotion:
     def _check_lengths(
         self, tick: int, movers: list[Mover], lengths: dict[int, int], placed: set[int]
     ) -> None:
-        """Whether moves take as long as the rules say; `lengths`: as recorded, if not as usual."""
+        """Check the durations of moves; `lengths`: recorded ones, if not the usual ones."""
         own = {r: self.own_ticks(tick, r, way, r in placed) for r, _, _, way in movers}
         due = dict(own)
         if self.following == "convoy":
@@ -287,14 +292,15 @@ class ReplayedMotion:
             if ticks != due[r]:
                 _, why = self.pace.due(tick, r, start, way, None if r in placed else self.travel[r])
                 if due[r] != own[r]:
-                    why += f", and a robot ahead still takes {due[r]}"
-                text = f"its move is recorded with {ticks} ticks and must take {due[r]}: {why}"
+                    why += f", and the robot ahead still takes {due[r]}"
+                text = f"its move is recorded with {ticks} ticks but must take {due[r]}: {why}"
                 self.report_violation("move time", [r], start, text)
 
     def _wait_for_those_ahead(self, tick: int, movers: list[Mover], due: dict[int, int]) -> None:
-        """Let moves that begin now take at least what the moves ahead still take.
+        """Extend moves that begin now to the remaining ticks of the moves ahead.
 
-        `due`: the ticks of each, modified: from the heads of files to their ends, in a ring the most.
+        `due`: the ticks of each move, modified from the heads of queues to their ends; in a ring
+        the most.
         """
         starts = {self.resource(start, self.travel[r]): r for r, start, _, _ in movers}
         ahead: dict[int, int] = {}
@@ -321,15 +327,15 @@ class ReplayedMotion:
             self.report_violation("turn", [r], cell, "an omnidirectional robot does not turn")
             return
         if headings == 2 and not CELL_KINDS[self.kind[cell]].turns:
-            self.report_violation("turn", [r], cell, "turns on rails without a turntable")
+            self.report_violation("turn", [r], cell, "turns on rails in a cell without a turntable")
         if headings == 2 and code == TURN_LEFT:
-            self.report_violation("turn", [r], cell, "on rails a turn has no side")
+            self.report_violation("turn", [r], cell, "a turn on rails is neither left nor right")
         quarter = 3 if code == TURN_LEFT else 1
         self.heading[r] = (self.heading[r] + quarter) & (headings - 1)
         if self.capacity[cell] == 2:
             other = self.leaver.get(self.resource(cell, self.travel[r] ^ 2), NIL)
             if other != NIL and self.following == "convoy":
-                text = "turns although a robot has not yet left the other lane"
+                text = "turns although another robot has not yet left the other lane"
                 self.report_violation("capacity", [r, other], cell, text)
             self._take(r, cell, self.travel[r] ^ 2)
             self.claim[r] = (cell, self.travel[r])
@@ -346,11 +352,11 @@ class ReplayedMotion:
                 text = "enters a cell that was held when the tick began"
                 self.report_violation("following", [r, holder], to, text)
             elif holder in placed and self.resource(to, self.travel[holder]) == resource:
-                text = "follows a robot that came out of its parking bay in this tick"
+                text = "follows a robot that left its parking bay in this tick"
                 self.report_violation("bay", [r, holder], to, text)
 
     def _check_edge(self, tick: int, r: int, start: int, to: int) -> None:
-        """Between two cells from this tick on, a robot meets no robot who is there the other way."""
+        """A robot now between two cells must not meet a robot there in the opposite direction."""
         other, arrival = self._drive.get((to, start), (NIL, NIL))
         limited = self.capacity[start] == 1 or self.capacity[to] == 1
         if arrival >= tick and limited:
@@ -384,11 +390,11 @@ class ReplayedMotion:
         for r in self.arrived:
             other = self.leaver.get(self.resource(self.cell[r], self.travel[r]), r)
             if other != r and self.following == "convoy":
-                text = "arrives where a robot is that has not yet left"
+                text = "arrives in a cell that another robot has not yet left"
                 self.report_violation("capacity", [other, r], self.cell[r], text)
 
     def lengthen(self, r: int, ticks: int) -> None:
-        """The move or the turn that robot r is in takes so many ticks longer."""
+        """Extend the current move or turn of robot r."""
         last = self.free[r] - 1
         self.free[r] += ticks
         for ends in (self._arrivals, self._turned):
@@ -399,9 +405,10 @@ class ReplayedMotion:
             self._drive[self.cell[r], self.claim[r][0]] = r, self.free[r] - 1
 
     def hand_on(self, delayed: list[int]) -> list[tuple[int, int]]:
-        """Let no move end before that of the robot ahead, from delayed ones to the ends of their files.
+        """Let no move end before that of the robot ahead, from delayed robots to the ends of their
+        queues.
 
-        Returns by how many ticks moves take longer: (robot, ticks).
+        Returns the extensions of moves: (robot, ticks).
         """
         behind = {self.resource(*self.claim[r]): r for r in self.claim if self.is_under_way(r)}
         longer: list[tuple[int, int]] = []
@@ -422,7 +429,7 @@ class ReplayedMotion:
         if self.leave and cell != NIL:
             self.home[r] = cell
         if cell != self.home[r] or self.free[r] > tick + 1:
-            self.report_violation("bay", [r], cell, "parks although it does not stand at home")
+            self.report_violation("bay", [r], cell, "parks although it is not at home")
             return
         self.parked[r] = True
         self.unsure.discard(r)
@@ -441,27 +448,27 @@ class ReplayedMotion:
         self.unsure.discard(r)
 
     def know(self, parked: list[int]) -> None:
-        """Take over from a recorded state who is parked, where actions do not tell."""
+        """Take from a recorded state which robots are parked, if actions do not tell."""
         for r in self.unsure:
             self.parked[r] = bool(parked[r])
         self.unsure.clear()
 
     def all_parked(self) -> set[bool]:
-        """Whether all robots are parked, as far as actions tell: each answer that is possible."""
+        """Whether all robots are parked: all answers possible by the actions."""
         sure = all(parked or r in self.unsure for r, parked in enumerate(self.parked))
         return {sure, sure and not self.unsure}
 
     def busy(self, tick: int) -> list[int]:
-        """Ticks that each robot still needs after this one."""
+        """Remaining busy ticks of each robot after this tick."""
         return [max(0, free - tick - 1) for free in self.free]
 
 
-# Rows of changes: which belong together, and whether what they name is there.
+# Rows of changes: their groups, and whether the things that they name exist.
 
 
 Rows = list[list[int]]  # (tick, code, subject, value)
 
-STATUS_REMOVED = 6  # the last status of a robot
+STATUS_REMOVED = 6  # the highest status of a robot
 
 
 def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
@@ -469,7 +476,7 @@ def parted(rows: Rows, acts: Acts) -> tuple[Rows, Rows]:
     arriving = {r for r, did in acts if did & (PICKED_ON_ARRIVAL | DROPPED_ON_ARRIVAL)}
     for at, (_, code, subject, _) in enumerate(rows if arriving else ()):
         if code in (CHANGE_PICKED, CHANGE_DROPPED) and subject in arriving:
-            # How long moves and waits take stands in between.
+            # Durations of moves and waits are in between.
             lengths = [row for row in rows[at:] if row[1] == CHANGE_DURATION]
             return rows[:at] + lengths, [row for row in rows[at:] if row[1] != CHANGE_DURATION]
     return rows, []
@@ -482,7 +489,7 @@ def parted_delays(rows: Rows) -> tuple[Rows, Rows]:
 
 
 def parted_visits(rows: Rows) -> tuple[Rows, Rows]:
-    """The changes of a tick before stops are done, at its very end, and those from then on."""
+    """The changes of a tick before stops are done at its end, and those from then on."""
     for at, row in enumerate(rows):
         if row[1] == CHANGE_VISITED:
             return rows[:at], rows[at:]
@@ -492,7 +499,7 @@ def parted_visits(rows: Rows) -> tuple[Rows, Rows]:
 def names_what_is_there(
     code: int, subject: int, value: int, robots: int, orders: int, slots: int
 ) -> bool:
-    """Whether a change names robots, orders and slots of which there are so many."""
+    """Whether a change names existing robots, orders and slots, given their numbers."""
     limits = {
         CHANGE_ORDER_RESERVED: (orders, robots),
         CHANGE_SLOT_RESERVED: (slots, robots),
@@ -510,7 +517,7 @@ def names_what_is_there(
     return 0 <= subject < subjects and least <= value < values
 
 
-# Due times: an order is due when its scenario says, from the first tick to the last one.
+# Due times: each order is due when its scenario says, under all rules of the run.
 
 
 NEVER: Final = 2**31 - 1  # no due time

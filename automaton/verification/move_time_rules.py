@@ -1,7 +1,7 @@
-"""How long moves, operations, delays and repairs take, worked out a second time from the header.
+"""Durations of moves, operations, delays and repairs, recomputed from the header.
 
-Zones are found by walking over the floor cell by cell; random draws are computed with integers of
-Python, quantiles and exponentials with the standard library. None of this is shared with the world.
+Zones are found by walking over the floor cell by cell; random draws use Python integers, quantiles
+and exponentials the standard library. None of this code is shared with the world.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from automaton.scenario.order_lines import plain_data
 from automaton.scenario.refinement import refined_data
 
 MAX_MOVE_TICKS: Final = 65_535  # of a move
-EXTRA_TICKS: Final = 6  # the stream of draws that say whether a move takes a tick more
+EXTRA_TICKS: Final = 6  # random stream that decides whether a move takes an extra tick
 ALL_BITS: Final = 2**64 - 1
 STEP_OF_STATE: Final = 0x9E3779B97F4A7C15
 
 
 class MoveTimes:
-    """The rules about the length of a move: its duration, speed limits, slow zones, extra ticks."""
+    """The rules for the duration of a move: its duration, speed limits, slow zones, extra ticks."""
 
     def __init__(self, floor: dict[str, Any], seed: int, types: Types) -> None:
         self.floor = floor
         self.types = types
         self.seed = seed
-        self.zones: list[tuple[int, int]] = []  # by cell: of robots that travel E or S, W or N
-        self.crowd: dict[int, int] = {}  # robots by zone as the tick began
+        self.zones: list[tuple[int, int]] = []  # by cell: for robots that travel E or S, W or N
+        self.crowd: dict[int, int] = {}  # robots by zone when the tick began
         self.ticks_of = CoarseTicks({})
         self.cabin_ticks: dict[tuple[int, int], int] = {}  # in lifts, by cell and direction
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
-        """Take over what a scenario says of the length of moves."""
+        """Apply the rules of a scenario for the duration of moves."""
         world = scenario["world"]
         self.ticks_of = CoarseTicks(scenario)
         self.slow: bool = world.get("slowdown", "none") == "zones"
@@ -44,7 +44,7 @@ class MoveTimes:
         self.zones = zones_by_cell(self.floor, world["traffic_zones"]) if self.slow else []
 
     def count(self, cell: list[int], travel: list[int]) -> None:
-        """Count the robots of each zone; call before anything happens in a tick."""
+        """Count the robots in each zone; call before anything happens in a tick."""
         self.crowd = {}
         for c, direction in zip(cell, travel, strict=True):
             if c != NIL:
@@ -52,7 +52,7 @@ class MoveTimes:
                 self.crowd[zone] = self.crowd.get(zone, 0) + 1
 
     def usual_of(self, robot: int) -> int:
-        """What a move of a robot takes where nothing slows it down."""
+        """Ticks of a move of a robot without anything that slows it."""
         return self.types.ticks_of(robot, "move")
 
     def due(
@@ -60,8 +60,8 @@ class MoveTimes:
     ) -> tuple[int, str]:
         """How many ticks a move that starts now takes, and why.
 
-        `came`: the direction in which the robot entered the cell, None if from its parking bay just
-        now.
+        `came`: the direction in which the robot entered the cell; None if it has just left its
+        parking bay.
         """
         if (cell, direction) in self.cabin_ticks:
             ticks = self.cabin_ticks[cell, direction]
@@ -80,11 +80,11 @@ class MoveTimes:
         if self.extra:
             late = self.draw(tick, robot) < self.extra
             ticks += late * self.ticks_of.factor
-            why += f" and chance adds {'a tick' if late else 'none'}"
+            why += f" and a random delay adds {'a tick' if late else 'none'}"
         return min(ticks, MAX_MOVE_TICKS), why
 
     def draw(self, tick: int, robot: int) -> int:
-        """The 32 bits that decide on the extra tick of a robot's move."""
+        """The 32 bits that decide whether a robot's move takes an extra tick."""
         return random_bits(self.seed, EXTRA_TICKS, self.ticks_of.of(tick), robot) >> 32
 
 
@@ -104,7 +104,7 @@ def splitmix64(value: int) -> int:
 
 
 def least_ticks(floor: dict[str, Any], section: dict[str, Any]) -> dict[tuple[int, int], int]:
-    """Ticks that a move takes at least by a speed limit, by flat cell and direction."""
+    """Least ticks of a move by speed limits, by flat cell and direction."""
     stride = floor["width"] + 2
     steps = {EAST: 1, SOUTH: stride, WEST: -1, NORTH: -stride}
     least: dict[tuple[int, int], int] = {}
@@ -119,7 +119,7 @@ def least_ticks(floor: dict[str, Any], section: dict[str, Any]) -> dict[tuple[in
 
 
 def cells_of(cells: Any) -> list[tuple[int, int]]:
-    """The cells of a rectangle with two corners, or of a path along rows and columns with some."""
+    """The cells of a rectangle by two corners, or of a path along rows and columns by its corners."""
     if isinstance(cells, dict):
         (x, y), (u, v) = cells["from"], cells["to"]
         columns = range(min(x, u), max(x, u) + 1)
@@ -169,12 +169,12 @@ def zones_by_cell(floor: dict[str, Any], mode: str) -> list[tuple[int, int]]:
     return pairs
 
 
-# What the type of a robot asks of it: how long its operations take without a load and with one,
-# what it carries, and where it may not go.
+# Properties of robot types: durations of operations without and with a load, payload, and closed
+# areas.
 
 
 NIL: Final = -1
-ANY: Final = 1 << 60  # payload of a robot that carries everything
+ANY: Final = 1 << 60  # payload without a limit
 HEADING_COUNTS: Final = {"omni": 1, "rail": 2, "differential": 4}
 TIMED_OPERATIONS: Final = ("move", "turn", "pick", "drop", "try_drop")
 
@@ -182,7 +182,7 @@ Ticks = dict[str, tuple[int, int]]  # by operation: without a load, and with one
 
 
 class Types:
-    """By robot: its type, what it carries, where it may not go, and how long its operations take."""
+    """By robot: type, payload, closed areas, and durations of operations."""
 
     def __init__(self, floor: dict[str, Any], scenario: dict[str, Any]) -> None:
         kinds = kinds_of(scenario)
@@ -190,7 +190,7 @@ class Types:
         self.name: list[str] = []
         self.payload: list[int] = []
         self.closed: list[tuple[set[int], set[int]]] = []  # flat cells, without a load and with one
-        self.headings: list[int] = []  # that it distinguishes
+        self.headings: list[int] = []  # number of headings that it distinguishes
         for kind, robots in kinds:
             shut = (
                 closed_to(floor, areas, kind["name"], "empty"),
@@ -201,30 +201,30 @@ class Types:
             self.closed += [shut] * robots
             drives = kind.get("kinematics") or scenario["fleet"]["kinematics"]
             self.headings += [HEADING_COUNTS[drives]] * robots
-        # What each robot carries: the list that loads are kept in.
+        # the load of each robot, in the list shared with the rules of loads
         self.load = [NIL] * len(self.name)
         self.apply_rules(scenario)
 
     def apply_rules(self, scenario: dict[str, Any]) -> None:
-        """Take over what a scenario says of durations."""
+        """Apply the rules of a scenario for durations."""
         self.ticks: list[Ticks] = []
         for kind, robots in kinds_of(scenario):
             self.ticks += [ticks_of_type(scenario["durations"], kind)] * robots
 
     def ticks_of(self, robot: int, operation: str) -> int:
-        """What an operation of a robot takes by its scenario, with what the robot carries now."""
+        """Ticks of an operation of a robot by the scenario, with its current load."""
         return self.ticks[robot][operation][self.load[robot] != NIL]
 
     def slowest(self, operation: str) -> int:
-        """What an operation takes the robots that are slowest in it; 1 of those without a duration."""
+        """Ticks of an operation for the slowest robots; 1 for operations without a duration."""
         return max(max(one.get(operation, (1, 1))) for one in self.ticks)
 
     def is_closed(self, robot: int, cell: int) -> bool:
-        """Whether a robot may not be in a cell, with what it carries now."""
+        """Whether a cell is closed to a robot with its current load."""
         return cell in self.closed[robot][self.load[robot] != NIL]
 
     def called(self, robot: int) -> str:
-        """A robot of this type, with or without a load, as errors say it."""
+        """Robots of this type, with or without a load, in the words of errors."""
         own = f"robots of the type {self.name[robot]}" if self.name[robot] else "robots"
         empty, loaded = self.closed[robot]
         carries = "with" if self.load[robot] != NIL else "without"
@@ -232,7 +232,7 @@ class Types:
 
 
 def kinds_of(scenario: dict[str, Any]) -> list[tuple[dict[str, Any], int]]:
-    """The types of a scenario, each with how many robots are of it."""
+    """The types of a scenario, each with its number of robots."""
     fleet = scenario["fleet"]
     kinds: list[dict[str, Any]] = list(fleet.get("types") or ({"name": ""},))
     counted = sum(kind.get("robots") or 0 for kind in kinds)
@@ -240,7 +240,7 @@ def kinds_of(scenario: dict[str, Any]) -> list[tuple[dict[str, Any], int]]:
 
 
 def ticks_of_type(durations: dict[str, Any], kind: dict[str, Any]) -> Ticks:
-    """What the operations of a type take; what it does not say is as for all."""
+    """Durations of the operations of a type; the general ones by default."""
     own = kind.get("durations") or {}
     ticks: Ticks = {}
     for name in TIMED_OPERATIONS:
@@ -252,7 +252,7 @@ def ticks_of_type(durations: dict[str, Any], kind: dict[str, Any]) -> Ticks:
 
 
 def closed_to(floor: dict[str, Any], areas: dict[str, Any], *names: str) -> set[int]:
-    """The flat cells of the areas that are closed to all, or to one of these names."""
+    """The flat cells of the areas closed to all, or to one of these names."""
     stride = floor["width"] + 2
     cells: set[int] = set()
     for area in areas.values():
@@ -264,27 +264,27 @@ def closed_to(floor: dict[str, Any], areas: dict[str, Any], *names: str) -> set[
     return cells
 
 
-# Where the coarse ticks of a refined run begin and end. Strategies decide and robots begin something
-# in the first of `stride` ticks, stops are done in the last one. Chance is drawn in coarse ticks.
+# Coarse ticks of a refined run. Strategies decide and robots begin operations in the first of
+# `stride` ticks; stops are done in the last one. Random draws use coarse ticks.
 
 
 class CoarseTicks:
-    """How the ticks of a recording follow from those of its scenario."""
+    """The relation between the ticks of a recording and those of its scenario."""
 
     def __init__(self, scenario: dict[str, Any]) -> None:
         self.factor: int = scenario.get("refine", 1)
         self.stride = self.factor if scenario.get("decide", "coarse") == "coarse" else 1
 
     def of(self, tick: int) -> int:
-        """The coarse tick to which a tick belongs."""
+        """The coarse tick of a tick."""
         return (tick - 1) // self.factor + 1
 
     def begin_of(self, tick: int) -> int:
-        """The tick in which a coarse one begins; 0 is before the first one."""
+        """The first tick of a coarse tick; 0 is before the first one."""
         return self.factor * (tick - 1) + 1 if tick > 0 else 0
 
     def decides(self, tick: int) -> bool:
-        """Whether anything is decided, released or begun in a tick."""
+        """Whether decisions, releases and starts of operations happen in a tick."""
         return (tick - 1) % self.stride == 0
 
     def ends(self, tick: int) -> bool:
@@ -292,12 +292,12 @@ class CoarseTicks:
         return tick % self.stride == 0
 
     def draws(self, tick: int) -> bool:
-        """Whether chance decides in a tick on faults and delays."""
+        """Whether faults and delays are drawn in a tick."""
         return (tick - 1) % self.factor == 0
 
 
 def in_fine_ticks(scenario: dict[str, Any]) -> dict[str, Any]:
-    """A recorded scenario in the ticks of its run; closings and chances stay as they were read."""
+    """A recorded scenario in the ticks of its run, except for closings and probabilities."""
     factor = scenario.get("refine", 1)
     if factor == 1:
         return scenario
@@ -313,21 +313,21 @@ def in_fine_ticks(scenario: dict[str, Any]) -> dict[str, Any]:
     return fine
 
 
-# How long delays and repairs in place last, and how many robots are delayed.
+# Durations of delays and repairs in place, and numbers of delayed robots.
 
 
-PLACES: Final = 65_536  # of the quantiles from which durations are drawn
+PLACES: Final = 65_536  # number of quantiles from which durations are drawn
 DRAWS: Final = 2**32
 DIGITS: Final = Context(prec=50)
 
 
 def drawn_from(table: list[int], bits: int) -> int:
-    """An entry of a table, all alike probable."""
+    """A random entry of a table, uniformly distributed."""
     return table[(bits >> 32) * len(table) >> 32]
 
 
 def durations_of(rules: dict[str, Any]) -> list[int]:
-    """How long delays last, each duration as often as it is probable."""
+    """Durations of delays, each repeated in proportion to its probability."""
     least, most = rules["ticks"]["from"], rules["ticks"]["to"]
     if rules["distribution"] == "uniform":
         return list(range(least, most + 1))
@@ -339,7 +339,7 @@ def durations_of(rules: dict[str, Any]) -> list[int]:
 
 
 def repairs_of(duration: Any) -> list[int]:
-    """How long repairs in place last, each duration as often as it is probable."""
+    """Durations of repairs in place, each repeated in proportion to its probability."""
     if isinstance(duration, int):
         return [duration]
     if duration.get("empirical"):
@@ -365,7 +365,7 @@ def quantile_places() -> list[float]:
 
 
 def half_up(value: float) -> int:
-    """The nearest whole number; halves go up."""
+    """The nearest integer, rounding half up."""
     return math.floor(value + 0.5)
 
 

@@ -1,8 +1,8 @@
-"""The rules of pods: a second opinion on what becomes of lines, trips, places and pods.
+"""The rules of pods: independent checks of lines, trips, places and pods.
 
-Lines come in sequence and join trips by rule, whatever strategies decide; a trip has a place at the
-station of its next stop, or ends in storage. What a robot does with its pod is read from the
-recorded actions and changes, all else is worked out again from the lines of the header.
+Lines are released in sequence and join trips by fixed rules; a trip has a place at the station of
+its next stop, or ends in storage. Actions of robots with pods come from the recording; everything
+else is recomputed from the lines of the header.
 """
 
 from __future__ import annotations
@@ -17,23 +17,23 @@ from automaton.floor.cells import CELL_KINDS, STORAGE
 from automaton.verification.motion_rules import Acts, Complaint, ReplayedMotion
 from automaton.verification.move_time_rules import NIL
 
-PARTS_OF_TICK: Final = 1_000_000  # of a tick, in which handling is recorded
-LONGEST: Final = 65_535  # ticks of a visit
+PARTS_OF_TICK: Final = 1_000_000  # parts of a tick, in which handling is recorded
+LONGEST: Final = 65_535  # base duration of a visit in ticks
 NOT_YET: Final = (1 << 31) - 1  # release of a trip without lines
 
-Idle = Callable[[int, int], bool]  # whether a robot may have a trip kept for it
+Idle = Callable[[int, int], bool]  # whether a trip may be reserved for a robot
 
 
 class ReplayedTrips:
-    """Where pods are, what lines wait for, and who has which place; trips are orders by number."""
+    """The positions of pods, waiting lines, and places of robots; trips are numbered like orders."""
 
     def __init__(
         self, header: dict[str, Any], motion: ReplayedMotion, report_violation: Complaint
     ) -> None:
         self.motion = motion
         self.report_violation = report_violation
-        self.there = "pods" in header  # otherwise all this is empty
-        # Otherwise trips are orders of a list, and have their stops.
+        self.there = "pods" in header  # otherwise all fields are empty
+        # Otherwise trips are listed orders, with their own stops.
         self.of_lines = "lines" in header
         scenario = header["scenario"]
         rules = scenario.get("pods") or {}
@@ -46,9 +46,9 @@ class ReplayedTrips:
         stations = _lists(header.get("pod_stations"))
         self.slot: list[int] = _lists(header.get("pods")).get("slot", [])
         self.standing = {self.slot_cell[slot]: pod for pod, slot in enumerate(self.slot)}
-        self.trip = [NIL] * len(self.slot)  # of each pod, until it is over
-        self.waiting: list[list[int]] = [[] for _ in self.slot]  # lines, for its next trip
-        self._stored: list[int] = []  # pods that were stored in this tick
+        self.trip = [NIL] * len(self.slot)  # of each pod, until the trip is done
+        self.waiting: list[list[int]] = [[] for _ in self.slot]  # lines that wait for its next trip
+        self._stored: list[int] = []  # pods stored in this tick
         self._order: list[int] = lines.get("order", [])
         self._pod: list[int] = lines.get("pod", [])
         self._asks: list[int] = lines.get("station", [])
@@ -58,7 +58,7 @@ class ReplayedTrips:
         self._holders = _holders(header.get("pods") or {})
         self.weight: list[int] = _lists(header.get("pods")).get("weight", [1] * len(self.slot))
         self.taken_from = list(self._pod)
-        self.wanted = [0] * len(self.slot)  # lines of each pod that are known and not done
+        self.wanted = [0] * len(self.slot)  # open lines of each pod: known and not done
         self._handling: list[list[int]] = lines.get("handling", [])
         count = len(self._pod)
         self._coming = sorted(range(count), key=lambda line: (-self._release[line], -line))
@@ -85,12 +85,12 @@ class ReplayedTrips:
         self.begun, self.priority, self.release = [0] * count, [0] * count, [NOT_YET] * count
         self.stops: list[list[int]] = [[] for _ in range(count)]  # stations
         self.served: list[list[list[int]]] = [[] for _ in range(count)]  # lines, by stop
-        self.over = [0] * count  # stops that are done
+        self.over = [0] * count  # completed stops
         robots = len(motion.home)
         self.place, self.leaving, self.offered = [NIL] * robots, [NIL] * robots, [NIL] * robots
-        self.offers: dict[int, int] = {}  # trips of this tick -> who stands beneath its pod
-        self._withdrawn: dict[int, int] = {}  # robot -> trip, of this tick, without a reason yet
-        # A robot that is about to fail gets no offer, which actions do not show.
+        self.offers: dict[int, int] = {}  # trips of this tick -> robot beneath the pod
+        self._withdrawn: dict[int, int] = {}  # robot -> trip, in this tick, without a reason yet
+        # A robot about to fail gets no offer; actions do not show this.
         faults = scenario["faults"]
         self._may_fail = bool(faults.get("listed") or faults.get("failure_probability"))
         self._may_fail |= scenario.get("battery") is not None
@@ -98,7 +98,7 @@ class ReplayedTrips:
     # Lines become trips
 
     def plan(self, tick: int, is_free: Idle) -> list[tuple[int, int]]:
-        """Lines are released; returns new trips with their slots. `is_free`: robot, trip."""
+        """Release lines; returns new trips with their slots. `is_free`: robot, trip."""
         before = self.known
         for pod in sorted(self._stored):
             lines, self.waiting[pod] = self.waiting[pod], []
@@ -117,9 +117,9 @@ class ReplayedTrips:
     def line_up(
         self, released: list[int], is_free: Callable[[int, int], bool]
     ) -> list[tuple[int, int]]:
-        """Orders of a list whose pods stand without one, with their slots; the others wait.
+        """Listed orders whose pods have no other order, with their slots; the others wait.
 
-        `released`: those of this tick that carry pods.
+        `released`: orders of this tick that carry pods.
         """
         begun = [(pod, self.waiting[pod].pop(0)) for pod in sorted(self._stored)]
         self._stored.clear()
@@ -144,7 +144,8 @@ class ReplayedTrips:
         self.open[station] += 1
 
     def _choose_pod(self, line: int) -> None:
-        """One that has the SKU: with a stop to come there, else stored and near, else little wanted."""
+        """A pod with the SKU: with a coming stop there, else the nearest stored one, else the least
+        in demand."""
         if self._pod[line] == NIL:
             station, pods = self.served_at[line], self._holders[self._sku[line]]
             calling = [pod for pod in pods if self._joins and self._calls_at(pod, station)]
@@ -156,7 +157,7 @@ class ReplayedTrips:
         self.wanted[self.taken_from[line]] += 1
 
     def _calls_at(self, pod: int, station: int) -> bool:
-        """Whether a stop of a pod's trip at a station is not begun."""
+        """Whether a pod's trip has a stop at a station that has not begun."""
         trip = self.trip[pod]
         return trip != NIL and station in self.stops[trip][self.begun[trip] :]
 
@@ -177,18 +178,18 @@ class ReplayedTrips:
         return trip
 
     def _begin(self, pod: int, trip: int, is_free: Idle) -> None:
-        """A trip may be taken; it is kept for a robot beneath its pod."""
+        """A trip may be taken; it is reserved for a robot beneath its pod."""
         self.trip[pod] = trip
         self._offer(trip, self.slot_cell[self.slot[pod]], is_free)
 
     def _offer(self, trip: int, cell: int, is_free: Idle) -> None:
-        """A trip may be kept for the robot that stands beneath its pod."""
+        """A trip may be reserved for the robot beneath its pod."""
         for r, where in enumerate(self.motion.cell):
             if where == cell and r not in self.motion.claim and is_free(r, trip):
                 self.offers[trip] = r
 
     def _add(self, trip: int, line: int) -> bool:
-        """A stop that is not begun serves a line, or one more stop does; False: neither can be."""
+        """Add a line to a stop that has not begun, or to a new stop; False: neither is possible."""
         stations, station = self.stops[trip], self.served_at[line]
         later = [k for k in range(self.begun[trip], len(stations)) if stations[k] == station]
         if later:
@@ -211,12 +212,12 @@ class ReplayedTrips:
     # The next stop of a trip
 
     def next_station(self, trip: int) -> int:
-        """Where a trip goes next, NIL: into storage."""
+        """The next station of a trip; NIL: into storage."""
         stations = self.stops[trip]
         return stations[self.over[trip]] if self.over[trip] < len(stations) else NIL
 
     def ticks(self, trip: int, stop: int) -> int:
-        """How long a visit takes: the sum for its lines, once made whole ticks."""
+        """Duration of a visit: the sum for its lines, rounded to ticks."""
         station = self.stops[trip][stop]
         by_line = self._handling[self._rule[station]]
         parts = self._visit[station] + sum(by_line[line] for line in self.served[trip][stop])
@@ -224,20 +225,20 @@ class ReplayedTrips:
         return min(self._factor * max(ticks, 1), LONGEST) if parts else 0
 
     def has_break(self, tick: int, cell: int) -> bool:
-        """Whether no visit begins in a cell: it is a station that has a break."""
+        """Whether a cell is a station that has a break."""
         station = self.cell.index(cell) if cell in self.cell else NIL
         return any(k == station and a <= tick < b for k, a, b in self._breaks)
 
-    # What robots do
+    # Actions of robots
 
     def take(self, r: int, trip: int) -> None:
         """A robot gets a trip, and a place at its station."""
         if self.offered[r] not in (NIL, trip):
-            text = f"gets trip {trip}, and that of the pod above it stays reserved for it"
+            text = f"gets trip {trip}, but the trip of the pod above it stays reserved for it"
             self.report_violation("order", [r], self.motion.cell[r], text)
         self.offered[r] = NIL
         if self._withdrawn.get(r, trip) != trip:
-            del self._withdrawn[r]  # it has another trip, if only for a moment
+            del self._withdrawn[r]  # it has another trip, even if only for a moment
         self._take_place(r, self.next_station(trip))
 
     def _take_place(self, r: int, station: int) -> None:
@@ -245,7 +246,9 @@ class ReplayedTrips:
         if station == NIL:
             return
         if not self._has_place(station):
-            text = f"goes to station {station + 1}, whose {self._places[station]} places are taken"
+            text = (
+                f"goes to station {station + 1}, where all {self._places[station]} places are taken"
+            )
             self.report_violation("place", [r], self.cell[station], text)
         self.taken[station] += 1
 
@@ -253,13 +256,13 @@ class ReplayedTrips:
         return self._places[station] == NIL or self.taken[station] < self._places[station]
 
     def give_back(self, r: int) -> None:
-        """A robot has its trip no longer."""
+        """A robot loses its trip."""
         if self.place[r] != NIL:
             self.taken[self.place[r]] -= 1
         self.place[r] = NIL
 
     def withdraw(self, r: int) -> None:
-        """The trip of the pod above a robot is not kept for it any more."""
+        """The trip of the pod above a robot is no longer reserved for it."""
         self._withdrawn[r] = self.offered[r]
         self.offered[r] = NIL
 
@@ -268,17 +271,17 @@ class ReplayedTrips:
         pod = self.pod_of[trip]
         if pod == NIL or self.slot[pod] == NIL:
             self.report_violation(
-                "pod", [r], self.motion.cell[r], "lifts a pod that stands nowhere"
+                "pod", [r], self.motion.cell[r], "lifts a pod that is not in storage"
             )
             return
         self.standing.pop(self.slot_cell[self.slot[pod]], None)
         self.slot[pod] = NIL
 
     def store(self, r: int, trip: int, slot: int, is_over: bool) -> None:
-        """A robot sets the pod of a trip down, which may have to go on from there."""
+        """A robot drops the pod of a trip, which may have to continue from there."""
         pod, cell = self.pod_of[trip], self.slot_cell[slot]
         if pod == NIL or self.slot[pod] != NIL or cell in self.standing:
-            text = "stores a pod that it has not, or where one stands"
+            text = "stores a pod that it does not have, or in an occupied slot"
             self.report_violation("pod", [r], cell, text)
             return
         self.slot[pod], self.standing[cell] = slot, pod
@@ -297,16 +300,15 @@ class ReplayedTrips:
         free: dict[int, int],
         idle: Idle,
     ) -> None:
-        """The pod of a robot that is towed stands in a slot; `free`: empty ones, by cell."""
+        """The pod of a towed robot is put into a slot; `free`: empty slots, by cell."""
         trip, motion = load[r], self.motion
         for other, cell in enumerate(motion.cell):
             if other != r and cell != NIL and (load[other] != NIL or not self._drives_under):
                 free.pop(cell, None)
                 free.pop(motion.claim.get(other, (cell, 0))[0], None)
         if self._ways.nearest(r, free) != slot:
-            text = (
-                f"is towed, and pod {self.pod_of[trip] + 1} put into slot {slot}: not the nearest"
-            )
+            pod = self.pod_of[trip] + 1
+            text = f"is towed, and its pod {pod} is put into slot {slot}, not the nearest one"
             self.report_violation("pod", [r], motion.cell[r], text)
         self._serving = {k: one for k, one in self._serving.items() if one[0] != r}
         self.begun[trip] = self.over[trip]
@@ -315,20 +317,22 @@ class ReplayedTrips:
             self._offer(trip, self.slot_cell[slot], idle)
 
     def serve(self, tick: int, r: int, trip: int, ticks: int, stop: int) -> None:
-        """A visit begins at a stop of a trip, its next one."""
+        """A visit begins at the next stop of a trip."""
         cell = self.motion.cell[r]
         station = self.cell.index(cell) if cell in self.cell else NIL
         if self.has_break(tick, cell):
-            self.report_violation("visit", [r], cell, "begins a visit in a break of its station")
+            self.report_violation(
+                "visit", [r], cell, "begins a visit during a break of its station"
+            )
         other, until = self._serving.get(station, (r, 0))
         if station != NIL and until >= tick:
-            text = "begins a visit at a station that serves another robot"
+            text = "begins a visit at a station that is serving another robot"
             self.report_violation("visit", [other, r], cell, text)
         self._serving[station] = r, tick + ticks - 1
         self.begun[trip] = stop + 1
 
     def finish_stop(self, tick: int, r: int, trip: int) -> int:
-        """A visit is over, and its lines are done; returns how many."""
+        """A visit ends, and its lines are done; returns their number."""
         station, stop = self.next_station(trip), self.over[trip]
         if station == NIL:
             return 0
@@ -351,7 +355,8 @@ class ReplayedTrips:
         return len(lines)
 
     def _end_early(self, trip: int) -> None:
-        """No place where it goes next: what is left of a trip waits, before the others."""
+        """There is no place at the next station: the remaining lines of a trip wait, ahead of the
+        others."""
         left = [line for lines in self.served[trip][self.over[trip] :] for line in lines]
         for line in left:
             self.in_trip[line] = NIL
@@ -362,7 +367,8 @@ class ReplayedTrips:
     # Every tick
 
     def check_moves(self, acts: Acts, load: Sequence[int], order: Sequence[int]) -> None:
-        """No robot with a load drives under a pod; where the rules say so, none but who lifts it."""
+        """No robot with a load drives under a pod; by some rules, only the robot that lifts the pod
+        does."""
         for r, did in acts:
             code = did & ACTION_MASK
             if not 0 < code <= MOVE_NORTH or (load[r] == NIL and self._drives_under):
@@ -372,13 +378,16 @@ class ReplayedTrips:
             if pod != NIL and load[r] != NIL:
                 self.report_violation("pod", [r], to, "drives with a load under a pod")
             elif pod != NIL and (order[r] == NIL or self.pod_of[order[r]] != pod):
-                self.report_violation("pod", [r], to, "drives under a pod that it does not lift")
+                self.report_violation(
+                    "pod", [r], to, "drives under a pod that it is not going to lift"
+                )
 
     def end(self, load: Sequence[int]) -> None:
-        """After motion: places at stations that robots left are free, and so are pods they left."""
+        """After motion: free places at stations that robots have left, and trips of pods that they
+        left."""
         for trip, r in self.offers.items():
             if not self._may_fail:
-                text = f"stands free under the pod of trip {trip}, which is not reserved for it"
+                text = f"is free under the pod of trip {trip}, but the trip is not reserved for it"
                 self.report_violation("order", [r], self.motion.cell[r], text)
         self.offers.clear()
         for r, cell in enumerate(self.motion.cell):
@@ -387,11 +396,11 @@ class ReplayedTrips:
                 self.taken[station] -= 1
                 self.leaving[r] = NIL
             if trip != NIL and not self._stands_beneath(r, trip):
-                text = f"has left the pod of trip {trip}, which stays reserved for it"
+                text = f"has left the pod of trip {trip}, but the trip stays reserved for it"
                 self.report_violation("order", [r], cell, text)
         for r, trip in self._withdrawn.items():
             if self._stands_beneath(r, trip):
-                text = f"stands under the pod of trip {trip}, which is kept for it no longer"
+                text = f"is under the pod of trip {trip}, but the trip is no longer reserved for it"
                 self.report_violation("order", [r], self.motion.cell[r], text)
         self._withdrawn.clear()
         carried = [self.pod_of[trip] for trip in load if trip != NIL]
@@ -403,12 +412,13 @@ class ReplayedTrips:
         return self.standing.get(self.motion.cell[r], NIL) == self.pod_of[trip]
 
     def _stations(self) -> list[int]:
-        """Of each stop of all trips, as many as they may have; lists have stops of their own."""
+        """A list with an entry for each possible stop of all trips; listed orders have their own
+        stops."""
         stations = [(stops + [NIL] * self._most_stops)[: self._most_stops] for stops in self.stops]
         return [station for stops in stations for station in stops]
 
     def state(self) -> dict[str, dict[str, list[int]]]:
-        """What a recorded state must have, by array."""
+        """The values required in a recorded state, by array."""
         lines = {"served_at": self.served_at, "trip": self.in_trip, "done": self.done}
         stations = {"station": self._stations()} if self.of_lines else {}
         return {
@@ -451,27 +461,29 @@ def _breaks(header: dict[str, Any], cells: list[int]) -> list[tuple[int, int, in
     return breaks
 
 
-# Where the pod of a robot goes that is towed.
+# Destinations of the pods of towed robots.
 
 
-FAR = 1 << 60  # ticks to a cell to which no way leads
+FAR = 1 << 60  # ticks to an unreachable cell
 
 
 class LoadedWays:
-    """Ways of robots on a floor: through storage none leads but at its ends."""
+    """Paths of robots on a floor; no path crosses storage cells, except at its ends."""
 
     def __init__(self, motion: ReplayedMotion, stations: Sequence[int]) -> None:
         self.motion = motion
         self._stations = stations
         self._homes = list(motion.home)
-        self._ends: dict[int, set[int]] = {}  # by robot: storage from which it gets everywhere
-        # The same for loads alone, by headings and by the cells that are closed.
+        # By robot: storage cells from which it reaches everything.
+        self._ends: dict[int, set[int]] = {}
+        # The same for loads only, by headings and by closed cells.
         self._ends_of_loads: dict[tuple[int, frozenset[int]], set[int]] = {}
 
     def ticks(
         self, r: int, start: int, headings: Iterable[int], loaded: bool = True
     ) -> dict[int, int]:
-        """Least ticks from a cell to all others that robot r reaches; `headings`: it begins in one."""
+        """Least ticks from a cell to all cells that robot r can reach; `headings`: possible first
+        headings."""
         motion = self.motion
         apart = motion.headings[r]
         move, turn = (motion.types.ticks[r][name][loaded] for name in ("move", "turn"))
@@ -506,7 +518,7 @@ class LoadedWays:
         return headings == 4 or (headings == 2 and CELL_KINDS[self.motion.kind[cell]].turns)
 
     def starts(self, r: int, target: int, loaded: bool = True) -> set[int]:
-        """The cells from which robot r gets to one, if it may begin in any heading."""
+        """The cells from which robot r can reach a cell, starting in any heading."""
         motion = self.motion
         apart, kind = motion.headings[r], motion.kind
         closed = motion.types.closed[r][loaded]
@@ -529,9 +541,9 @@ class LoadedWays:
         return {cell for cell, _ in poses}
 
     def useful(self, r: int) -> set[int]:
-        """The storage cells to which robot r gets with a load from every station, and back.
+        """The storage cells that robot r with a load can reach from every station, and back.
 
-        And without one from where it begins, and back, if areas are closed to robots without a load.
+        If areas are closed to robots without a load, also without a load from its start, and back.
         """
         if r not in self._ends:
             ends = self._stored_by(r)
@@ -543,7 +555,7 @@ class LoadedWays:
         return self._ends[r]
 
     def _stored_by(self, r: int) -> set[int]:
-        """Where robots that drive as robot r does put their loads, whatever their homes are."""
+        """Where robots that drive like robot r can put their loads, regardless of their homes."""
         way = self.motion.headings[r], frozenset(self.motion.types.closed[r][True])
         if way not in self._ends_of_loads:
             ends = {cell for cell, kind in enumerate(self.motion.kind) if kind == STORAGE}
@@ -554,7 +566,7 @@ class LoadedWays:
         return self._ends_of_loads[way]
 
     def nearest(self, r: int, free: dict[int, int]) -> int:
-        """The free slot that robot r gets to soonest, ties the lowest; NIL: none. `free`: by cell."""
+        """The free slot that robot r reaches first, ties: lowest; NIL: none. `free`: by cell."""
         ticks = self.ticks(r, self.motion.cell[r], (self.motion.heading[r],))
         useful = self.useful(r)
         ranks = [(ticks.get(cell, FAR), slot) for cell, slot in free.items() if cell in useful]

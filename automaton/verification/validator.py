@@ -1,7 +1,7 @@
-"""The independent validator: replays a recording by the rules and says which are broken, and where.
+"""The independent validator: replays a recording by the rules and reports violations.
 
-It reads the header and the committed actions and changes only, keeps its own positions, and shares
-no code with the kernels; the recorded states serve as a check of its own replay.
+It reads only the header, committed actions and changes, tracks its own positions, and shares no
+code with the kernels; recorded states are checked against its replay.
 """
 
 from __future__ import annotations
@@ -46,40 +46,40 @@ from automaton.verification.motion_rules import (
 from automaton.verification.move_time_rules import NIL, CoarseTicks, in_fine_ticks
 
 RULE_TEXTS: Final = {
-    "busy": "a robot begins something only when its last operation is over",
+    "busy": "a robot begins an operation only when its last one is over",
     "exits": "moves go to a neighbour through an exit of the cell",
     "heading": "moves go along the robot's axis or heading",
     "turn": "robots turn where their kinematics allow it",
     "capacity": "a cell holds no more robots than its capacity; long moves hold both cells, under "
     "convoy only the one ahead",
     "swap": "two robots do not swap over an edge where robots cannot pass",
-    "following": "without following, a cell is entered only if it had room when the tick began",
-    "bay": "a parking bay holds one robot, which enters and leaves at its own home cell, where "
-    "no robot is, without following",
-    "load": "an order is in exactly one place; loads are handled beside their slot",
+    "following": "with following `none`, a cell is entered only if it had room when the tick began",
+    "bay": "a parking bay holds one robot, which enters and leaves it through its own home "
+    "cell, when that is empty, and without following",
+    "load": "an order is in exactly one place; loads are handled next to their slot",
     "order": "an order is reserved by one robot at a time",
-    "slot": "a shelf is reserved by one robot at a time, while empty",
-    "move time": "a move takes its duration times the robots in its slow zone, and what chance "
-    "adds; under convoy at least what the robot ahead still takes",
-    "area": "robots keep out of the areas that are closed to their type",
-    "payload": "robots carry no order that is heavier than their type may carry",
-    "arrival": "loads are handled on arrival only where that takes no time of its own",
-    "duration": "waits say how long they take",
-    "energy": "batteries pay for what begins; robots go down when their move is over and stand still "
-    "until they are towed",
-    "visit": "a robot does the next stop of its order when it stands there at the end of a tick, one "
-    "in a tick",
-    "due": "an order is due when its scenario says, from first to last",
+    "slot": "an empty shelf is reserved by one robot at a time",
+    "move time": "a move takes its duration times the robots in its slow zone, plus random "
+    "delays; under convoy at least the remaining ticks of the robot ahead",
+    "area": "robots stay out of areas closed to their type",
+    "payload": "robots carry no order heavier than the payload of their type",
+    "arrival": "loads are handled on arrival only if that takes 0 ticks",
+    "duration": "waits have recorded durations",
+    "energy": "operations use charge when they begin; robots go down when their move ends and "
+    "stand still until they are towed",
+    "visit": "a robot does the next stop of its order when it stands there at the end of a "
+    "tick; one stop per tick",
+    "due": "each order is due when its scenario says",
     "pod": "a pod is in one storage cell or on one robot; no robot with a load drives under one",
-    "line": "a line is done once, at its station, with its pod there",
-    "place": "no more robots go to a station than it has places",
-    "delay": "robots are delayed when and for as long as chance says, and then begin nothing; no "
-    "move ends before that of the robot ahead",
+    "line": "a line is done once, at its station, when its pod is there",
+    "place": "no more robots are bound for a station than it has places",
+    "delay": "delays begin and last as drawn; delayed robots begin no operation; no move ends "
+    "before that of the robot ahead",
     "closed": "no robot enters a closed cell",
     "door": "no robot drives through a door that is shut",
-    "block": "a block holds no more robots than it says, of one direction if it says so",
-    "lift": "a lift takes one robot, where its cabin is",
-    "record": "the recording agrees with itself",
+    "block": "a block holds at most its number of robots, of one direction if it is one-way",
+    "lift": "a lift takes one robot, at the mouth where its cabin is",
+    "record": "the recording is consistent with itself",
 }
 ACTS: Final = (  # by code of recorded action
     *("nothing", "move_east", "move_south", "move_west", "move_north", "turn_left", "turn_right"),
@@ -87,8 +87,8 @@ ACTS: Final = (  # by code of recorded action
     *("charge", "serve"),
 )
 STATUS_EXHAUSTED: Final = 2  # a recorded status
-STATUSES_GOING_DOWN: Final = (1, STATUS_EXHAUSTED)  # recorded statuses: it fails, or lacks energy
-STATUSES: Final = (0, 3, 4, 5, 6)  # that changes name
+STATUSES_GOING_DOWN: Final = (1, STATUS_EXHAUSTED)  # recorded statuses: failing, exhausted
+STATUSES: Final = (0, 3, 4, 5, 6)  # statuses that changes may name
 MAX_VIOLATIONS: Final = 100
 
 
@@ -98,7 +98,7 @@ class Violation(NamedTuple):
     tick: int
     rule: str  # a key of RULE_TEXTS
     robots: tuple[int, ...]  # identities
-    cell: tuple[int, int] | None  # (x, y) as a user counts
+    cell: tuple[int, int] | None  # (x, y) as shown to users
     text: str
 
     def __str__(self) -> str:
@@ -111,11 +111,11 @@ class Violation(NamedTuple):
 
 @dataclass
 class Report:
-    """What a validation found."""
+    """The result of a validation."""
 
-    ticks: int = 0  # replayed
-    counts: dict[str, int] = field(default_factory=dict)  # actions by name
-    violations: list[Violation] = field(default_factory=list)  # the first MAX_VIOLATIONS
+    ticks: int = 0  # replayed ticks
+    counts: dict[str, int] = field(default_factory=dict)  # number of actions by name
+    violations: list[Violation] = field(default_factory=list)  # the first MAX_VIOLATIONS violations
 
     @property
     def valid(self) -> bool:
@@ -124,11 +124,11 @@ class Report:
 
 
 class _TooManyViolationsError(Exception):
-    """So much is broken that going on tells nothing."""
+    """Too many violations to continue."""
 
 
 class Recorded(Protocol):
-    """A recording, wherever it comes from."""
+    """A recording of any origin."""
 
     @property
     def header(self) -> dict[str, Any]: ...
@@ -143,7 +143,7 @@ def validate_stored(recording: Recorded) -> Report:
 
 
 def validate_recording(header: dict[str, Any], frames: Iterable[DecodedFrame]) -> Report:
-    """Validate what follows from a header."""
+    """Validate the frames after a header."""
     validator = Validator(header)
     try:
         validator.begin()
@@ -162,18 +162,18 @@ def validate_recording(header: dict[str, Any], frames: Iterable[DecodedFrame]) -
 
 
 class Validator:
-    """One replay; `motion` and `loads` hold the state, this compares and reports."""
+    """One replay; `motion` and `loads` hold the state, this class compares and reports."""
 
     def __init__(self, header: dict[str, Any]) -> None:
         self.ticks_of = CoarseTicks(header["scenario"])
         self.header = {**header, "scenario": in_fine_ticks(header["scenario"])}
         self.report = Report()
-        self._now = 0  # the tick that is replayed
+        self._now = 0  # the current tick of the replay
         self._stride = header["floor"]["width"] + 2
         self._acts: Any = np.zeros(EXECUTED_VALUES, np.int64)  # by recorded value
 
     def begin(self) -> None:
-        """The state at tick 0, checked."""
+        """Check the state at tick 0."""
         self.motion = ReplayedMotion(self.header, self._report_violation)
         self.loads = Loads(self.header, self.motion, self._report_violation)
         self.energy = Energy(self.header, self.motion, self._report_violation)
@@ -202,7 +202,7 @@ class Validator:
             self._tick(tick, acted, rows)
         others = np.concatenate([changes[: ends[0], 0], changes[ends[-1] :, 0]])
         if len(others):
-            text = f"changes of tick {others[0]} stand among other ticks"
+            text = f"changes of tick {others[0]} are among other ticks"
             self._report_violation("record", [], NIL, text)
 
     def _tick(self, tick: int, acts: Acts, rows: list[list[int]]) -> None:
@@ -237,7 +237,7 @@ class Validator:
         self.report.ticks = tick
 
     def _change_status(self, tick: int, rows: list[list[int]]) -> None:
-        """Robots go down, with what follows for their loads and orders, or come back."""
+        """Robots go down, with the effects on their loads and orders, or return."""
         for row in rows:
             _, code, subject, value = row
             known = self.loads.exists(code, subject, value)
@@ -248,23 +248,23 @@ class Validator:
             elif code in (CHANGE_ORDER_RESERVED, CHANGE_SLOT_RESERVED) and value == NIL:
                 self.loads.apply(tick, [row], [])
             elif code == CHANGE_ORDER_RESERVED and self.loads.trips.offers.get(subject) == value:
-                self.loads.apply(tick, [row], [])  # it stands beneath a pod that was put there
+                self.loads.apply(tick, [row], [])  # it is beneath a pod that was put there
             else:
-                text = f"a change among faults: {code} {subject} {value}"
+                text = f"an invalid change among faults: {code} {subject} {value}"
                 self._report_violation("record", [], NIL, text)
 
     def keyframe(self, content: dict[str, Any]) -> None:
         """Compare a recorded state with the replayed one."""
         tick = self.report.ticks
         if content["tick"] != tick:
-            text = f"a state of tick {content['tick']} stands after tick {tick}"
+            text = f"a state of tick {content['tick']} follows tick {tick}"
             self._report_violation("record", [], NIL, text)
             return
         motion, loads = self.motion, self.loads
         motion.know(content["robots"]["parked"].tolist())
         claims = [motion.claim.get(r, (NIL, 0))[0] for r in range(len(motion.home))]
         lanes = motion.capacity
-        # The direction of travel means something only to a robot that holds a lane.
+        # The direction of travel matters only for a robot that holds a lane.
         seen = zip(motion.cell, motion.travel, content["robots"]["travel"].tolist(), strict=True)
         travel = [mine if c >= 0 and lanes[c] == 2 else theirs for c, mine, theirs in seen]
         expected: dict[str, dict[str, list[int]]] = {
@@ -298,7 +298,7 @@ class Validator:
                 self._compare(f"{part}.{name}", values, content[part][name])
 
     def _parked(self, content: dict[str, Any]) -> list[int]:
-        """Who is parked as replayed; actions do not tell of one that lacked energy as it set out."""
+        """Parked robots by the replay; actions do not show a robot that lacked charge to set out."""
         robots = content["robots"]
         told = zip(robots["parked"].tolist(), robots["status"].tolist(), strict=True)
         pairs = zip(self.motion.parked, told, strict=True)
@@ -307,7 +307,7 @@ class Validator:
         ]
 
     def _statuses(self, content: dict[str, Any]) -> list[int]:
-        """Statuses as replayed; who fails next is in order as far as actions tell."""
+        """Statuses by the replay; robots about to fail count as up, since actions do not show it."""
         recorded = content["robots"]["status"].tolist()
         pairs = zip(self.energy.status, recorded, strict=True)
         return [
@@ -331,9 +331,9 @@ class Validator:
         self._report_violation("record", robots, NIL, text)
 
     def rules(self, content: dict[str, Any]) -> None:
-        """Other durations or rules hold from here on."""
+        """New durations or rules apply from here on."""
         if content["tick"] != self.report.ticks:
-            text = f"rules of tick {content['tick']} stand after tick {self.report.ticks}"
+            text = f"rules of tick {content['tick']} follow tick {self.report.ticks}"
             self._report_violation("record", [], NIL, text)
         scenario = in_fine_ticks(content["scenario"])
         self.header = {**self.header, "scenario": scenario}
@@ -342,18 +342,18 @@ class Validator:
         check_due_times(self.header, scenario, self._report_violation)
 
     def end(self, content: dict[str, Any]) -> None:
-        """Compare how the run is said to have ended."""
+        """Compare the recorded end of the run."""
         stop = self.header["scenario"]["stop"]["when"]
         done = self.loads.undelivered == self.loads.work.undone == 0 and stop != "never"
         parked = {True} if stop == "delivered" else self.motion.all_parked()
         finished = {done and home for home in parked}
         for name, values in (("ticks", {self.report.ticks}), ("finished", finished)):
             if content[name] not in values:
-                text = f"the end says {name} = {content[name]}, its actions say {min(values)}"
+                text = f"the end has {name} = {content[name]}, its actions give {min(values)}"
                 self._report_violation("record", [], NIL, text)
 
     def summed_up(self) -> Report:
-        """The report, with actions counted."""
+        """The report, with numbers of actions."""
         counts: Counter[str] = Counter()
         for did in np.flatnonzero(self._acts).tolist():
             times = int(self._acts[did])
@@ -367,7 +367,7 @@ class Validator:
         return self.report
 
     def _report_violation(self, rule: str, robots: list[int], cell: int, text: str) -> None:
-        """Note what breaks a rule in the tick that is replayed."""
+        """Add a violation in the current tick."""
         place = None
         if cell >= 0:
             y, x = divmod(cell, self._stride)

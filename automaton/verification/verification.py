@@ -1,6 +1,6 @@
-"""Verification: a recording is checked by the rules, then run again and compared tick by tick.
+"""Verification: a recording is checked against the rules, then run again and compared tick by tick.
 
-All of it is made again and compared, except for NOT_COMPARED of the header.
+Everything is repeated and compared, except for NOT_COMPARED of the header.
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ from automaton.verification.validator import ACTS, Report, validate_stored
 from automaton.world.floor_parts import with_shared_chargers, with_speed_limits
 from automaton.world.resolve import Resolved, branched
 
-# What of a header nothing follows from: it is not checked.
+# Fields of a header that do not affect the run: not compared.
 NOT_COMPARED: Final = ("text", "overrides", "sources", "versions", "files", "digest_every")
 
-Show = Callable[[str, int], None]  # what is being done, and the tick up to which it is
+Show = Callable[[str, int], None]  # reports the current activity, and its last tick
 
-LONG_LIST: Final = 100  # values
+LONG_LIST: Final = 100  # most values in a text
 
 
 class Difference(NamedTuple):
-    """The first place where the run, made again, is not what was recorded."""
+    """The first difference between the repeated run and the recording."""
 
     tick: int
     array: str  # of the state, such as robots.cell; or "header", "actions", "changes", "end", ...
@@ -70,17 +70,17 @@ class Difference(NamedTuple):
 
 @dataclass(frozen=True)
 class Verification:
-    """What was found about a recording."""
+    """The result of a verification."""
 
     recording: Recording
     report: Report  # of the validator
-    difference: Difference | None  # None: what is there agrees
-    same_sources: bool  # recorded by the sources that are installed here
-    changed_files: tuple[str, ...]  # read by a strategy, and not as they were
+    difference: Difference | None  # None: the recording agrees
+    same_sources: bool  # recorded with the installed sources
+    changed_files: tuple[str, ...]  # read by a strategy, and changed since
 
     @property
     def passed(self) -> bool:
-        """Whether all that is there is keeps the rules and comes out equal again."""
+        """Whether the recording follows the rules and the repeated run is equal."""
         return self.report.valid and self.difference is None
 
 
@@ -90,7 +90,7 @@ def verify(path: str | Path) -> Verification:
 
 
 def verify_recording(recording: Recording, show: Show = lambda what, tick: None) -> Verification:
-    """Verify a recording that is open or in memory; `show` is called with how far that is."""
+    """Verify a recording that is open or in memory; `show` is called with the progress."""
     header = recording.header
     plugins = tuple(one["name"] for one in header["strategies"].values() if ":" in one["name"])
     files = changed_files(recording)
@@ -111,7 +111,7 @@ def verify_recording(recording: Recording, show: Show = lambda what, tick: None)
 
 
 def shown(recording: Recording, what: str, show: Show) -> Recording:
-    """A recording that shows up to which tick it has been gone through."""
+    """A recording that reports the progress of its iteration."""
 
     def frames() -> Iterator[DecodedFrame]:
         for frame in recording.frames:
@@ -123,7 +123,7 @@ def shown(recording: Recording, what: str, show: Show) -> Recording:
 
 
 def changed_files(recording: Recording) -> tuple[str, ...]:
-    """The files read by its strategies that are gone, or hold something else than then."""
+    """The files read by its strategies that are missing or have changed."""
     parts = [recording.header]
     parts += [frame.content for frame in recording.frames if frame.kind == FRAME_KIND_CONDITIONS]
     recorded = {file: found for part in parts for file, found in part.get("files", {}).items()}
@@ -131,7 +131,7 @@ def changed_files(recording: Recording) -> tuple[str, ...]:
 
 
 def first_difference(recording: Recording) -> Difference | None:
-    """Run the scenario again and compare each tick; the first that differs, or None."""
+    """Run the scenario again and compare each tick; returns the first difference, or None."""
     rerun = Rerun(recording.header)
     compare = {
         FRAME_KIND_TICKS: rerun.compare,
@@ -148,7 +148,7 @@ def first_difference(recording: Recording) -> Difference | None:
 
 
 class Rerun:
-    """The run made again, one frame of the recording at a time."""
+    """The repeated run, one frame of the recording at a time."""
 
     def __init__(self, header: Content) -> None:
         self.header = header
@@ -172,7 +172,7 @@ class Rerun:
         simulation.empty_record()
 
     def compare_header(self) -> Difference | None:
-        """Compare what follows from the scenario and the seed at tick 0."""
+        """Compare the state at tick 0, which follows from the scenario and the seed."""
         resolved, world = self.simulation.resolved, self.simulation.world
         now = header_of(resolved, self.simulation.seed, world, DIGEST_NAMES)
         found = _unequal(self.header, now, NOT_COMPARED)
@@ -180,17 +180,17 @@ class Rerun:
             found = "files"
         if found is None and drawn_otherwise(resolved):
             found = "floor"
-        text = f"{found} is not as scenario and seed say"
+        text = f"{found} does not follow from scenario and seed"
         return None if found is None else Difference(0, "header", text)
 
     def change(self, rules: Content) -> Difference | None:
-        """Branch off as the recorded run did."""
+        """Branch off like the recorded run."""
         tick = self.simulation.tick
         if tick or rules["settings"]:
             before = self.simulation.resolved
             resolved = resolved_of(changed(self.header, rules))
             if resolved.scenario != as_branched(before, resolved, tuple(rules["settings"])):
-                return Difference(tick, "conditions", "they are not what was set")
+                return Difference(tick, "conditions", "they do not match the settings")
             self.simulation = self.simulation.continue_with(resolved)
             self.simulation.world.clock.digest_every = self._due
         now = rules_of(self.simulation, rules["settings"])
@@ -213,9 +213,9 @@ class Rerun:
         did, decisions, changes, digests = (np.concatenate(part) for part in parts)
         self._parts.clear()
         if self.simulation.tick < first + ticks - 1:
-            return Difference(self.simulation.tick, "end", "made again, the run ends here")
+            return Difference(self.simulation.tick, "end", "the repeated run ends here")
         if did.shape != content["executed"].shape:
-            return Difference(first, "record", "ticks are missing or doubled")
+            return Difference(first, "record", "ticks are missing or repeated")
         found = (
             self._digests(first, content["digests"], digests),
             _actions(first, content["executed"], did),
@@ -237,7 +237,7 @@ class Rerun:
         return Difference(first + int(rows[0]), arrays[0], others)
 
     def compare_end(self, content: Content) -> Difference | None:
-        """Compare how the run ended."""
+        """Compare the end of the run."""
         simulation = self.simulation
         ended = {
             "ticks": simulation.tick,
@@ -246,13 +246,13 @@ class Rerun:
         }
         for name, value in ended.items():
             if content[name] != value:
-                text = f"{name} was {content[name]}, made again it is {value}"
+                text = f"{name} was {content[name]}, in the repeated run {value}"
                 return Difference(simulation.tick, "end", text)
         figures, again = content["metrics"], metrics_of(simulation)
         for name in dict.fromkeys((*again, *figures)):
             was, now = (_number(part.get(name)) for part in (figures, again))
             if repr(was) != repr(now):
-                text = f"{name} was {was}, made again it is {now}"
+                text = f"{name} was {was}, in the repeated run {now}"
                 return Difference(simulation.tick, "figures", text)
         return None
 
@@ -262,7 +262,7 @@ def _number(value: Any) -> Any:
 
 
 def as_branched(before: Resolved, resolved: Resolved, settings: tuple[str, ...]) -> Scenario:
-    """The scenario after settings were changed; files are named from another folder perhaps."""
+    """The scenario after a change of settings; file names may be relative to another folder."""
     scenario = branched(before, settings).scenario
     if any(files_of(choice.parameters) for _, choice in resolved.choices):
         named = resolved.scenario
@@ -271,7 +271,7 @@ def as_branched(before: Resolved, resolved: Resolved, settings: tuple[str, ...])
 
 
 def drawn_otherwise(resolved: Resolved) -> bool:
-    """Whether the layout gives another floor; files and generators of others may not be here."""
+    """Whether the layout gives another floor; its file or generator may be missing here."""
     layout = resolved.scenario.layout
     if "picture" not in layout and not is_shipped(layout):
         return False
@@ -281,12 +281,12 @@ def drawn_otherwise(resolved: Resolved) -> bool:
 
 
 def _has_files(recorded: Content, resolved: Resolved) -> bool:
-    """Whether the files of strategies are named, so that it is told when they changed."""
+    """Whether the files of strategies are recorded, so changes can be reported."""
     return set(file_hashes(resolved).get("files", {})) <= set(recorded.get("files", {}))
 
 
 def _unequal(recorded: Content, again: Content, labels: tuple[str, ...] = ()) -> str | None:
-    """The dotted name of the first part that is not equal, or None."""
+    """The dotted name of the first part that differs, or None."""
     for name in dict.fromkeys((*recorded, *again)):
         if name in labels:
             continue
@@ -314,10 +314,10 @@ def _equal(one: Any, other: Any) -> bool:
 
 
 def _are_stored_alike(one: Any, other: Any) -> bool:
-    """Whether data are stored as the same bytes: a million orders are compared so in a second."""
+    """Whether data are stored as the same bytes: this compares a million orders in a second."""
     try:
         return msgspec.msgpack.encode(one) == msgspec.msgpack.encode(other)
-    except (TypeError, OverflowError):  # arrays are in it
+    except (TypeError, OverflowError):  # it contains arrays
         return False
 
 
@@ -327,14 +327,14 @@ def _actions(first: int, recorded: Array, ours: Array) -> Difference | None:
         return None
     row, robot = int(rows[0]), int(robots[0])
     was, now = action_text(int(recorded[row, robot])), action_text(int(ours[row, robot]))
-    return Difference(first + row, "actions", f"robot {robot}: {was} recorded, {now} made again")
+    return Difference(first + row, "actions", f"robot {robot}: recorded {was}, repeated {now}")
 
 
 def _decisions(first: int, recorded: Array, ours: Array) -> Difference | None:
     if np.array_equal(recorded, ours):
         return None
     tick = max(first, first_other_tick(recorded, ours))
-    return Difference(tick, "decisions", "a strategy answered something else")
+    return Difference(tick, "decisions", "a strategy decided differently")
 
 
 def _changes(recorded: Array, ours: Array) -> Difference | None:
@@ -344,7 +344,7 @@ def _changes(recorded: Array, ours: Array) -> Difference | None:
     differ = (recorded[:both] != ours[:both]).any(axis=1)
     equal = int(differ.argmax()) if differ.any() else both
     tick = min(int(rows[equal, 0]) for rows in (recorded, ours) if equal < len(rows))
-    return Difference(tick, "changes", "of an order, a reservation or a duration")
+    return Difference(tick, "changes", "change of an order, a reservation or a duration")
 
 
 def action_text(did: int) -> str:

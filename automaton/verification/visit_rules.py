@@ -1,8 +1,9 @@
-"""The rules of stops: a robot does the next one of its order when a tick leaves it standing there.
+"""The rules of stops: a robot does the next stop of its order if it stands there at the end of a
+tick.
 
-Where a stop takes time, the robot does SERVE there for so long, and the stop is done in its last tick.
-One stop by a robot in a tick; of an order with a load, between pick and drop. What is recorded must be
-all of them, and no others. Positions are those of the validator's own replay.
+At a stop that takes time, the robot does SERVE for its duration, and the stop is done in the last
+tick of it. A robot does at most one stop per tick; with a load, between pick and drop. The
+recording must contain exactly these stops. Positions are those of the validator's own replay.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ ORDER_CARRIED: Final = 1
 ORDER_DELIVERED: Final = 2
 ORDER_UNRELEASED: Final = 3
 ORDER_STARTED: Final = 4
-STATUS_DEPLETED: Final = 3  # of a robot: down, as all above it
+STATUS_DEPLETED: Final = 3  # of a robot: this status and all higher ones mean that it is down
 
 
 class Holders(Protocol):
-    """Who has which order, which stops may end."""
+    """The orders of robots, whose stops may be done."""
 
     motion: ReplayedMotion
     report_violation: Complaint
@@ -41,7 +42,7 @@ class Holders(Protocol):
 
 
 class ReplayedVisits:
-    """The stops of all orders, and which of them are done."""
+    """The stops of all orders, and the completed ones."""
 
     def __init__(self, header: dict[str, Any], loads: Holders, trips: ReplayedTrips) -> None:
         self.loads, self.trips = loads, trips
@@ -50,20 +51,20 @@ class ReplayedVisits:
         stops = header.get("stops")
         self.cell: list[int] = [] if stops is None else stops["cell"].tolist()
         self.ticks: list[int] = [] if stops is None else stops["ticks"].tolist()
-        self._places = {*self.cell, *trips.cell}  # outside no stop is done
+        self._places = {*self.cell, *trips.cell}  # no stop is done outside these ticks
         source = header["orders"]["source"].tolist()
         self.has_load: list[bool] = [slot != NIL or trips.of_lines for slot in source]
         self.touring: set[int] = set()  # robots with an order that has stops
-        self.served: dict[int, int] = {}  # robots in SERVE: its last tick
+        self.served: dict[int, int] = {}  # robots in SERVE: the last tick
         orders = len(source)
         first = header["orders"].get("first_stop")
         self.first: list[int] = [0] * (orders + 1) if first is None else first.tolist()
-        self.next: list[int] = self.first[:-1]  # stop that each order needs next
-        self.done = [NIL] * len(self.cell)  # tick of each stop
+        self.next: list[int] = self.first[:-1]  # the next stop of each order
+        self.done = [NIL] * len(self.cell)  # duration of each stop in ticks
         scenario_orders = header["scenario"]["orders"]
         self.dealt_out: bool = scenario_orders.get("assign") == "round-robin"
         self.skips: bool = scenario_orders.get("skip_reached", False)
-        self.announced: list[int] = []  # orders that are known from the next tick on
+        self.announced: list[int] = []  # orders released in the next tick
         self.count = 0
 
     def belong_to(self, order: int) -> bool:
@@ -71,7 +72,7 @@ class ReplayedVisits:
         return self.first[order] < self.first[order + 1]
 
     def lasts(self, order: int) -> int:
-        """Ticks of the next stop of an order; NIL: none is left."""
+        """Ticks of the next stop of an order; NIL: no stop is left."""
         if self.trips.of_lines and not self.is_over(order):
             return self.trips.ticks(order, self.next[order] - self.first[order])
         return NIL if self.is_over(order) else self.ticks[self.next[order]]
@@ -83,7 +84,8 @@ class ReplayedVisits:
         return self.next[order] >= self.first[order + 1]
 
     def is_at_stop(self, r: int, order: int) -> bool:
-        """Whether a robot stands in the next stop of an order; one in a long move does not."""
+        """Whether a robot stands in the cell of the next stop of an order; a robot in a long move
+        does not."""
         if order == NIL or not self.belong_to(order) or self.is_over(order):
             return False
         cell = self.motion.cell[r]
@@ -93,9 +95,10 @@ class ReplayedVisits:
         return self.cell[self.next[order]] == cell == entering
 
     def is_done_by(self, tick: int, r: int, order: int, picks: bool) -> bool:
-        """Whether a tick leaves a robot at the next stop of an order for as long as that takes.
+        """Whether a robot, at the end of a tick, has been at the next stop of an order for its
+        duration.
 
-        `picks`: it picks its load up in this tick and the next ones.
+        `picks`: it picks up its load in this tick and the next ones.
         """
         if not self.is_at_stop(r, order):
             return False
@@ -106,11 +109,11 @@ class ReplayedVisits:
         return not picks
 
     def is_for(self, r: int, order: int) -> bool:
-        """Whether a robot may have an order; where orders are dealt out, each has its robot."""
+        """Whether a robot may have an order; orders assigned in advance belong to one robot."""
         return not self.dealt_out or order % len(self.motion.home) == r
 
     def announce_next(self, r: int, order: int) -> None:
-        """A robot has done its order; its next one is not one at whose first stop it stands."""
+        """A robot has done its order; orders at whose first stop it stands are skipped."""
         robots = len(self.motion.home)
         for following in range(order + robots, len(self.next), robots):
             first = self.cell[self.first[following]]
@@ -119,9 +122,9 @@ class ReplayedVisits:
                 return
 
     def _complete(self, tick: int, r: int, order: int, done: bool) -> None:
-        """A stop of an order is said to be done; `done`: whether it is."""
+        """A stop of an order is recorded as done; `done`: whether it is."""
         if not done:
-            text = f"does a stop of order {order} without standing there, or not for long enough"
+            text = f"does a stop of order {order} without having been there long enough"
             self.report_violation("visit", [r], self.motion.cell[r], text)
             if not self.belong_to(order) or self.is_over(order):
                 return
@@ -134,10 +137,10 @@ class ReplayedVisits:
             self.trips.over[order] += 1
 
     def serve(self, tick: int, r: int, ticks: int) -> None:
-        """A robot begins what it does at the next stop of its order."""
+        """A robot begins SERVE at the next stop of its order."""
         order = self.loads.order[r]
         if not self._is_at_stop(r) or ticks < 1 or ticks != self.lasts(order):
-            text = f"is said to be served for {ticks} ticks at a stop where it is not for so long"
+            text = f"is recorded as served for {ticks} ticks, which is not the duration of its stop"
             self.report_violation("visit", [r], self.motion.cell[r], text)
             return
         self.served[r] = tick + ticks - 1
@@ -155,12 +158,12 @@ class ReplayedVisits:
 
     def _has_done_stop(self, tick: int, r: int) -> bool:
         if self.loads.status[r] >= STATUS_DEPLETED:
-            return False  # one that is down does nothing
+            return False  # a robot that is down does nothing
         picks = self.loads.picking.get(r, NIL) > tick
         return self._is_at_stop(r) and self.is_done_by(tick, r, self.loads.order[r], picks)
 
     def visit(self, tick: int, rows: Rows) -> None:
-        """Carry out the stops that are done at the end of a tick; the recording has all of them."""
+        """Apply the stops done at the end of a tick; the recording must have all of them."""
         at = self.motion.cell
         standing = {
             r for r in self.touring if at[r] in self._places and self._has_done_stop(tick, r)
@@ -180,7 +183,7 @@ class ReplayedVisits:
             ):
                 self.loads.reserve_order(subject, value)
             else:
-                text = f"a change among stops: {code} {subject} {value}"
+                text = f"an invalid change among stops: {code} {subject} {value}"
                 self.report_violation("record", [], NIL, text)
         for r in sorted(standing - visiting):
             text = f"stands at a stop of order {self.loads.order[r]}, which is not recorded as done"
@@ -188,11 +191,11 @@ class ReplayedVisits:
 
     def _do_stop(self, tick: int, r: int, order: int) -> None:
         if self.loads.by[order] != r or self.loads.order[r] != order:
-            text = f"does a stop of order {order} that it has not"
+            text = f"does a stop of order {order}, which it does not have"
             self.report_violation("visit", [r], self.motion.cell[r], text)
         self._complete(tick, r, order, self._has_done_stop(tick, r))
         self.served.pop(r, None)
-        self.motion.parked[r] = False  # it may have stood there, and did nothing else
+        self.motion.parked[r] = False  # it may have stood there without doing anything else
         if self.has_load[order]:
             return
         self.loads.state[order] = ORDER_STARTED

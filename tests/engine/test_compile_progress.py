@@ -93,9 +93,9 @@ def test_on_a_terminal_one_line_is_overwritten_and_then_gone(
         assert shown.wait(20)
     said = capsys.readouterr().err.split(CLEAR_LINE)
     assert len(said) >= 3 and said[0] == said[-1] == ""
-    assert set(said[1:-1]) == {f"compiling, once: {'.' * 20} 0 %, 0 of 1 kernels, 0 s"}
+    assert set(said[1:-1]) == {f"compiling (once): {'.' * 20} 0 %, 0 of 1 kernels, 0 s"}
 
 
 def test_the_bar_is_as_long_as_the_share() -> None:
     words = CompileProgress(223, 418, 45.4).words
-    assert words == "compiling, once: ##########.......... 53 %, 223 of 418 kernels, 45 s"
+    assert words == "compiling (once): ##########.......... 53 %, 223 of 418 kernels, 45 s"

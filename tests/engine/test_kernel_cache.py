@@ -328,8 +328,8 @@ def test_where_the_cache_cannot_be_written_later_processes_find_another_folder(
     shared = temporary / f"automaton-kernels-{os.getuid()}"
     assert Path(folder).parent == shared and stat.S_IMODE(shared.stat().st_mode) == 0o700
     assert said == (
-        f"automaton: compiled code cannot be kept in {unwritable / 'kernels'} (Not a directory), so it "
-        f"goes to {shared}; AUTOMATON_CACHE_DIR names another folder\n"
+        f"automaton: compiled code cannot be kept in {unwritable / 'kernels'} (Not a directory); it "
+        f"is kept in {shared} instead. Set AUTOMATON_CACHE_DIR to choose a folder\n"
     )
     assert kept_in(unwritable, temporary) == (folder, ""), "it is said once"
 

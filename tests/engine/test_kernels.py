@@ -111,7 +111,7 @@ RUN = (
         ),
         (
             "import numba.core.event as part; del part.Listener.on_end; part.Listener.on_finish = 1",
-            "event.Listener hears other events",
+            "event.Listener has other events",
         ),
     ],
 )
@@ -126,7 +126,7 @@ def test_a_numba_without_the_private_parts_is_refused_in_a_sentence(
     )
     assert (done.returncode, done.stdout) == (2, "")
     assert told in done.stderr and done.stderr.count("\n") == 1
-    assert f"was tried with {TRIED[0]} to {TRIED[1]}: pip install" in done.stderr
+    assert f"tested with {TRIED[0]} to {TRIED[1]}: pip install" in done.stderr
 
 
 def test_what_is_compiled_for_long_is_said_once_and_is_no_time_of_a_run(
@@ -142,7 +142,7 @@ def test_what_is_compiled_for_long_is_said_once_and_is_no_time_of_a_run(
         listener._timer.join(10)
         listener.on_end(event)
         listener.on_end(event)
-    said = "automaton: first use on this machine: right of way is compiled, once ...\n"
+    said = "automaton: first use on this machine: compiling right of way, once ...\n"
     assert capsys.readouterr().err == said
     assert listener.seconds > 0
     assert jit.subject_of("automaton.engine.loop") == "the world"

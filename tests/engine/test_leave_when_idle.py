@@ -198,7 +198,7 @@ def test_the_validator_refuses_who_leaves_with_an_order(scenario):
     assert validate_stored(recording).valid
     fleet["when_idle"] = "park"
     texts = [violation.text for violation in validate_stored(recording).violations]
-    assert "parks although it does not stand at home" in texts
+    assert "parks although it is not at home" in texts
 
 
 def test_leaving_does_not_go_with_bays(tmp_path):

@@ -28,7 +28,9 @@ def test_a_chain_ends_with_the_robot_that_keeps_all() -> None:
     chain = explain(floor.snapshot(), floor.floor_plan, 0).chain
     assert [link.robot for link in chain] == [0, 1, 2]
     assert chain[0].cell == (1, 0) and chain[0].blocker == 1 and chain[0].cause == "queue"
-    assert "capacity" in chain[0].rule and chain[2].rule == "the allocation gave the robot no order"
+    assert (
+        "capacity" in chain[0].rule and chain[2].rule == "allocation assigned no order to the robot"
+    )
 
 
 def test_a_chain_ends_with_a_robot_at_work() -> None:

@@ -265,7 +265,7 @@ OLDER = preamble() + b"an older recording"
 def test_a_file_that_is_no_recording_is_never_replaced(tmp_path: Path) -> None:
     path = tmp_path / "floor.yaml"
     path.write_text("name: precious")
-    with pytest.raises(InputError, match="is not a recording and is not overwritten"):
+    with pytest.raises(InputError, match="exists and is not a recording; not overwritten"):
         Recorder(path, resolve("tabletop-mini", SETTINGS), 1)
     assert path.read_text() == "name: precious"
 
@@ -358,7 +358,7 @@ def first(parts: list[tuple[int, Any]], wanted: int) -> Any:
 @pytest.mark.parametrize(
     ("names", "told"),
     [
-        (2**31 - 1, "one of its arrays has no values but an extent of 2,147,483,647"),
+        (2**31 - 1, "one of its arrays is empty but has an extent of 2,147,483,647"),
         (2**16, "digests has 65,536 rows or columns, not "),
     ],
 )

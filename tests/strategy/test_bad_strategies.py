@@ -162,7 +162,9 @@ def test_a_kernel_that_writes_a_number_of_its_state_is_told_what_to_declare() ->
 def test_values_that_a_radius_would_hide_are_called_constant() -> None:
     run("OneForAll")
     limited = ["strategy.allocation=test_bad_strategies:OneForAll", "information={radius: 3}"]
-    with pytest.raises(InputError, match=r"weight has values, but no row .* with role=CONSTANT"):
+    with pytest.raises(
+        InputError, match=r"weight has values, but not one row .* with role=CONSTANT"
+    ):
         Simulation(resolve("tabletop-mini", limited))
 
 
@@ -170,16 +172,24 @@ def test_values_that_a_radius_would_hide_are_called_constant() -> None:
     ("name", "layer", "sentence"),
     [
         ("Silent", "allocation", r"Silent: it has no method decide \(did you mean 'decied'"),
-        ("Base", "allocation", r"reset\(\) must return a state, which is a Struct; found None"),
-        ("OneRow", "allocation", "times must have a row for each robot, found 1 rows for 3 robots"),
-        ("WorldAsState", "allocation", "a state of its own, found one of the world"),
+        (
+            "Base",
+            "allocation",
+            r"reset\(\) must return a state, which is a Struct; it returned None",
+        ),
+        ("OneRow", "allocation", "times must have one row per robot; it has 1 rows for 3 robots"),
+        ("WorldAsState", "allocation", "a state of its own; it returned one of the world"),
         ("NoWait", "right_of_way", "1 <= from <= to <= 10,000"),
         (
             "CountsNothing",
             "allocation",
             "counter 'asked' must name a field of Asked .*: these are times; ",
         ),
-        ("CountsMoves", "allocation", "counter 'moves': every run counts this itself; rename it"),
+        (
+            "CountsMoves",
+            "allocation",
+            "counter 'moves': a built-in metric has this name; rename it",
+        ),
         ("Often", "allocation", "period must be a number of ticks"),
     ],
 )

@@ -136,12 +136,15 @@ def out(*later: tuple[int, int, int, int]) -> list[tuple[int, int, int, int]]:
     [
         (out(), None),
         (out((7, CHANGE_STATUS, 0, STATUS_TOWED), (9, CHANGE_STATUS, 0, STATUS_UP)), None),
-        ([(2, CHANGE_STATUS, 0, STATUS_FAILED)], "breaks down although nothing says so"),
-        (out((4, CHANGE_STATUS, 0, STATUS_FAILED)), "goes down although it is already"),
-        (out((6, CHANGE_STATUS, 0, STATUS_TOWED)), "is towed at another time than it must be"),
-        (out((8, CHANGE_STATUS, 0, STATUS_TOWED)), "is towed at another time than it must be"),
-        ([(7, CHANGE_STATUS, 0, STATUS_TOWED)], "is towed at another time than it must be"),
-        (out((7, CHANGE_STATUS, 0, STATUS_REMOVED)), "is gone, or comes back, against the rules"),
+        ([(2, CHANGE_STATUS, 0, STATUS_FAILED)], "breaks down without a cause in the scenario"),
+        (out((4, CHANGE_STATUS, 0, STATUS_FAILED)), "goes down although it is already down"),
+        (out((6, CHANGE_STATUS, 0, STATUS_TOWED)), "is towed at the wrong time"),
+        (out((8, CHANGE_STATUS, 0, STATUS_TOWED)), "is towed at the wrong time"),
+        ([(7, CHANGE_STATUS, 0, STATUS_TOWED)], "is towed at the wrong time"),
+        (
+            out((7, CHANGE_STATUS, 0, STATUS_REMOVED)),
+            "is removed, or towed to return, against the rules",
+        ),
         (
             out((7, CHANGE_STATUS, 0, STATUS_TOWED), (8, CHANGE_STATUS, 0, STATUS_UP)),
             "comes back at another time",
@@ -196,7 +199,7 @@ def test_a_load_left_behind_is_picked_up_from_beside_it() -> None:
     way = [{1: E}, {1: EXECUTED_PICK}, {1: E}, {1: EXECUTED_DROP}]
     assert left_load(*way, changes=[*taken(5), *dropped]).valid
     too_far = left_load({1: EXECUTED_PICK}, changes=taken(4))
-    assert rules(too_far) == ["load"] and "handles a slot not beside it" in texts(too_far)
+    assert rules(too_far) == ["load"] and "handles a slot that is not adjacent" in texts(too_far)
 
 
 def test_a_load_lies_in_a_spare_slot_until_it_is_picked_up() -> None:

@@ -135,7 +135,7 @@ def test_a_changed_action_names_tick_and_robot(good: Recording) -> None:
     assert found.report.valid and not found.passed
     assert str(found.difference) == (
         f"tick {ticks[1].content['first'] + row}: actions differs: "
-        f"robot {robot}: illegal recorded, blocked made again"
+        f"robot {robot}: recorded illegal, repeated blocked"
     )
 
 
@@ -172,7 +172,7 @@ def test_a_run_that_ends_sooner_when_made_again(good: Recording) -> None:
         part["scenario"]["stop"]["max_duration"] = 700
     difference = verify_recording(recording).difference
     assert difference is not None
-    assert str(difference) == "tick 700: end differs: made again, the run ends here"
+    assert str(difference) == "tick 700: end differs: the repeated run ends here"
 
 
 def test_actions_in_words() -> None:

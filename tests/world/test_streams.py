@@ -112,7 +112,7 @@ def test_the_validator_knows_when_an_order_of_a_closed_loop_may_be_taken() -> No
     assert validate_stored(recording).valid
     recording.header["scenario"]["orders"]["arrivals"]["closed_loop"]["in_system"] = 1
     found = validate_stored(recording).violations
-    assert any("is given out although it is not free" in one.text for one in found)
+    assert any("is assigned although it is not free" in one.text for one in found)
 
 
 def test_shelves_are_not_emptied_one_row_after_the_other() -> None:

@@ -1,8 +1,8 @@
-"""How far the kernels are compiled that a run needs: counted, from what each of them calls.
+"""Compilation progress: counts the kernels that a run needs, from the calls of each kernel.
 
-At a first run 418 kernels are compiled, at an even pace: their share is that of the time. A kernel
-that is pasted into its callers (`inline`) is not compiled alone and does not count. Importing this
-imports no Numba, so that commands without a run begin at once.
+A first run compiles 418 kernels at an even pace, so the share of kernels is the share of time. A
+kernel pasted into its callers (`inline`) is not compiled separately and does not count. This module
+does not import Numba, so commands without a run start at once.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ CLEAR_LINE: Final = "\r\x1b[K"
 
 
 class CompileProgress(NamedTuple):
-    """Kernels that are compiled, of those that are needed, and seconds since compiling began."""
+    """Number of kernels compiled and needed, and seconds since compilation began."""
 
     done: int
     needed: int
@@ -29,23 +29,23 @@ class CompileProgress(NamedTuple):
 
     @property
     def words(self) -> str:
-        """A bar and numbers, in ASCII."""
+        """A progress bar and numbers, in ASCII."""
         full = BAR_COLUMNS * self.done // max(1, self.needed)
         bar = "#" * full + "." * (BAR_COLUMNS - full)
         share = 100 * self.done // max(1, self.needed)
         return (
-            f"compiling, once: {bar} {share} %, {self.done} of {self.needed} kernels, "
+            f"compiling (once): {bar} {share} %, {self.done} of {self.needed} kernels, "
             f"{self.seconds:.0f} s"
         )
 
 
 class Compiling:
-    """What is compiled now; read from any thread."""
+    """The compilation under way; can be read from any thread."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
-        self.on_terminal = False  # a line of stderr is overwritten; else sentences are printed
+        self.on_terminal = False  # True: overwrite one line of stderr; False: print sentences
         self._clock = clock
-        self._begun: float | None = None  # when the first kernel was, since `expected`
+        self._begun: float | None = None  # start of the first compilation since `expected`
         self._functions: list[Any] = []
         self._needed: dict[Any, tuple[Any, ...]] = {}  # kernels by the function that calls them
         self._finished: set[Any] = set()
@@ -53,7 +53,7 @@ class Compiling:
 
     @contextmanager
     def expected(self, functions: list[Any]) -> Iterator[None]:
-        """While inside, these functions are compiled, or loaded, with all that they call."""
+        """While inside, these functions and everything they call are compiled or loaded."""
         self._begun, self._functions, self._finished = None, functions, set()
         try:
             yield
@@ -64,19 +64,19 @@ class Compiling:
                 self._writer = None
 
     def begin(self) -> None:
-        """A kernel is compiled now."""
+        """A kernel is being compiled."""
         if self._begun is None and self._functions:
             self._needed = {plain(one): kernels_of(one) for one in self._functions}
             self._begun = self._clock()
 
     def finish(self, function: Any) -> None:
-        """One of the functions is there; if it was loaded, what it calls was not needed."""
+        """One of the functions is ready; if it was loaded, its callees were not needed."""
         if self._begun is None:
             self._functions = [one for one in self._functions if one is not function]
         self._finished.add(plain(function))
 
     def now(self) -> CompileProgress | None:
-        """How far it is; None while nothing is compiled that was expected."""
+        """The progress; None while no expected kernel is being compiled."""
         needed, begun = self._needed, self._begun
         if not needed or begun is None:
             return None
@@ -87,7 +87,7 @@ class Compiling:
         return CompileProgress(sum(done.values()), len(done), self._clock() - begun)
 
     def show_in_line(self) -> bool:
-        """Show it in a line of the terminal from here on; whether that can be done."""
+        """Show progress in one line of the terminal from now on; returns whether that is possible."""
         if not self.on_terminal or not self._functions:
             return False
         if self._writer is None:
@@ -112,7 +112,7 @@ COMPILING: Final = Compiling()
 
 
 def kernels_of(function: Any) -> tuple[Any, ...]:
-    """The kernels that a function is made of, itself included, as far as they are compiled alone."""
+    """The separately compiled kernels that a function consists of, including itself."""
     reached: dict[Any, Any] = {}
     todo = [function]
     while todo:
@@ -137,7 +137,7 @@ def _is_pasted(dispatcher: Any) -> bool:
 
 
 def _named_in(function: Any) -> list[Any]:
-    """What the global names and the variables around a function stand for."""
+    """The values of the global names and enclosing variables of a function."""
     if not hasattr(function, "__code__"):
         return []
     names = {name for code in _codes(function.__code__) for name in code.co_names}
@@ -155,4 +155,4 @@ def _codes(code: CodeType) -> Iterator[CodeType]:
 
 
 class UnfitNumbaError(ImportError):
-    """The installed Numba lacks parts that compiled code needs, or has other ones."""
+    """The installed Numba lacks parts that compiled code needs, or they differ."""

@@ -1,8 +1,8 @@
-"""Kernels that treat all fields of a struct alike, written out from their declarations.
+"""Kernels that process all fields of a struct, generated from the declarations.
 
-A loop over arrays of different types does not compile, so each field has its lines. The kernels have
-no cache of their own: they are compiled into the kernels that call them, whose cache is named by the
-sources that they import, the declarations among them.
+A loop over arrays of different types does not compile, so each field has its own lines. The kernels
+have no cache of their own: they are compiled into their callers, whose cache is named by all
+imported sources, including the declarations.
 """
 
 from __future__ import annotations
@@ -18,29 +18,30 @@ import numpy as np
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import CALL, DECISION, MEASURED, VISIBLE, Field, Struct
 
-# No negative index: for such, Numba looks at the length of each array (`bench`, limited view: + 25 %).
+# no negative index: for a signed index Numba reads the array's length (`bench`, limited view: + 25
+# %)
 UNSIGNED_INDEX: Final = "    u = np.uint64(i)"
-ELEMENTS: Final = {"n": "identity[i]"}  # what an element is called along an extent, if not i
+ELEMENTS: Final = {"n": "identity[i]"}  # the element number along an extent, if not i
 
 
 def hiding(struct: type[Struct], extent: str, measured: bool = True) -> Any:
-    """A kernel (s, i): what the arrays along an extent have of element i looks as if it were hidden.
+    """A kernel (s, i): hides element i in all arrays along an extent.
 
-    `measured`: whether it treats what is only measured, too.
+    `measured`: whether it also hides measured fields.
     """
     arrays = _sorted_out(hidden_fields(struct, extent), measured)
     lines = [UNSIGNED_INDEX]
     lines += [
         _for_each("s", name, one, f"s.{name}[@] = {one.hidden}", "u")
         for name, one in sorted(arrays.items(), key=lambda item: not item[1].used)
-    ]  # rows of different lengths first, as long as their lengths are known
+    ]  # rows of different lengths come first, while their lengths are known
     return kernel(written_out(f"hide_{struct.__name__}_{extent}", "s, i", lines), cached=False)
 
 
 def showing(struct: type[Struct], extent: str, measured: bool = True) -> Any:
-    """A kernel (a, b, i): what the arrays of b along an extent have of element i is copied to a.
+    """A kernel (a, b, i): copies element i from b to a, in all arrays along an extent.
 
-    `measured`: whether it copies what is only measured, too.
+    `measured`: whether it also copies measured fields.
     """
     lines = [UNSIGNED_INDEX]
     lines += [
@@ -64,7 +65,7 @@ def _sorted_out(arrays: Mapping[str, Field], measured: bool) -> dict[str, Field]
 
 
 def digested_fields(world: type[Struct]) -> dict[int, tuple[str, str, Field]]:
-    """What the digest covers, by number: the struct in the world, the field, its declaration."""
+    """The fields in the digest, by number: the struct in the world, the field, its declaration."""
     covered = [
         (one.digest, part, name, one)
         for part, struct in {"": world, **world.struct_classes()}.items()
@@ -80,7 +81,7 @@ def digested_fields(world: type[Struct]) -> dict[int, tuple[str, str, Field]]:
 
 
 def digest_names(world: type[Struct]) -> tuple[str, ...]:
-    """The names of what the digest covers, by number."""
+    """The names of the fields in the digest, by number."""
     covered = digested_fields(world).values()
     return tuple(f"{part}.{name}" if part else "tick" for part, name, _ in covered)
 
@@ -88,8 +89,8 @@ def digest_names(world: type[Struct]) -> tuple[str, ...]:
 def digesting(world: type[Struct], add_value: Any, values: Iterable[Any]) -> Any:
     """A kernel (world, out): writes the digests of all arrays of the state to out, (D,) uint64.
 
-    `add_value`: (out, number, element, value). `values`: the kernels that declarations name. Arrays by
-    robot go by identity, others by index.
+    `add_value`: (out, number, element, value). `values`: the kernels that declarations name. Arrays
+    of robots use identities, others indices.
     """
     names = {function.__name__: function for function in values} | {"add_value": add_value}
     body = ["    out[:] = np.uint64(0)", "    identity = world.robots.identity"]
@@ -115,7 +116,8 @@ def digesting(world: type[Struct], add_value: Any, values: Iterable[Any]) -> Any
 
 
 def clearing(struct: type[Struct]) -> Any:
-    """A kernel (s, count): the first `count` decisions, and what holds for a call, begin as declared."""
+    """A kernel (s, count): sets the first `count` decisions and the fields of a call to their
+    defaults."""
     for_call = [
         f"    s.{name} = {one.default}" if one.is_cell else f"    s.{name}[:] = {one.default}"
         for name, one in struct._declared.items()
@@ -131,13 +133,13 @@ def clearing(struct: type[Struct]) -> Any:
 
 
 def decision_values(struct: type[Struct]) -> tuple[str, ...]:
-    """The fields that say what is decided for one robot, in the order in which a stream has them."""
+    """The fields of the decision about one robot, in the order of the decision stream."""
     return tuple(name for name, one in struct._declared.items() if one.role == DECISION)
 
 
 def appending(struct: type[Struct]) -> Any:
-    """A kernel (s, k, words, at): writes decision k to words[at:]; returns how many words that took,
-    0 if it is what it began as."""
+    """A kernel (s, k, words, at): writes decision k to words[at:]; returns the number of words, 0
+    if it has its defaults."""
     values = decision_values(struct)
     unchanged = " and ".join(f"s.{name}[k] == {struct._declared[name].default}" for name in values)
     lines = [f"    if {unchanged}:", "        return 0"]
@@ -147,7 +149,7 @@ def appending(struct: type[Struct]) -> Any:
 
 
 def reading(struct: type[Struct]) -> Any:
-    """A kernel (s, k, words, at): decision k is what words[at:] say."""
+    """A kernel (s, k, words, at): reads decision k from words[at:]."""
     lines = [
         f"    s.{name}[k] = words[at + {word}]" for word, name in enumerate(decision_values(struct))
     ]
@@ -155,7 +157,7 @@ def reading(struct: type[Struct]) -> Any:
 
 
 def _for_each(owner: str, name: str, declared: Field, statement: str, element: str = "i") -> str:
-    """A statement about each value that an element has in an array; @ stands for its index."""
+    """A statement for each value of an element in an array; @ stands for its index."""
     lines, ndim = [], len(declared.extents)
     for axis in range(1, ndim):
         end = f"{declared.used}[{element}]" if declared.used else f"{name}.shape[{axis}]"
@@ -167,7 +169,7 @@ def _for_each(owner: str, name: str, declared: Field, statement: str, element: s
 def written_out(
     name: str, parameters: str, body: Iterable[str], names: Mapping[str, Any] | None = None
 ) -> Any:
-    """The function of these lines; a traceback shows them."""
+    """Make a function from these lines, which tracebacks show."""
     source = "\n".join([f"def {name}({parameters}):", *(body or ["    pass"]), ""])
     file = f"<{name}, written out from declarations>"
     linecache.cache[file] = (len(source), None, source.splitlines(keepends=True), file)

@@ -1,4 +1,4 @@
-"""Compilation: what every kernel is made with, and what is said while one is compiled.
+"""Compilation: the decorator of all kernels, and the messages during compilation.
 
 `kernel` is the one decorator; `U` is the type of an index, and `prefetch` a hint to the memory.
 """
@@ -26,30 +26,34 @@ from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel_cache import cache_folder, filled_folder, is_in_cache, with_cache
 from automaton.engine.jit.numba_parts import LINKS_OTHERWISE, BaseFunction, config, event
 
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
+U = np.uint64  # unsigned index: spares the test for negative values
 F = TypeVar("F", bound=Callable[..., Any])
 
-ENGINE = "automaton.engine"  # packages whose kernels are the world
-LOOP = "automaton.engine.loop"  # compiled in every first run, and last
+ENGINE = "automaton.engine"  # packages whose kernels make up the world
+LOOP = "automaton.engine.loop"  # compiled last in every first run
 COMPLETE = "complete"
-# A folder beside the kernels that Python calls, for those that kernels call.
+# Folder, inside the folder of kernels called from Python, for kernels called from kernels.
 CALLEES = "machine-code" if LINKS_OTHERWISE else "callees"
-# What Python and C call a kernel by, which takes a fifth of the time in which a kernel is compiled.
+# Wrappers for calls from Python and C take 20 % of a kernel's compile time.
 NO_WRAPPERS = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 ROOTS: dict[str, Any] = {}  # options of kernels that Python calls
-OF_KERNELS: dict[str, Any] = NO_WRAPPERS  # and of those that only kernels call
+OF_KERNELS: dict[str, Any] = NO_WRAPPERS  # and of kernels that only kernels call
 if not LINKS_OTHERWISE:
     from automaton.engine.jit.callees import CalleeCompiler, RootCompiler
 
     ROOTS = {"pipeline_class": RootCompiler}
     OF_KERNELS = NO_WRAPPERS | {"pipeline_class": CalleeCompiler}
 WORLD = "the world"
-FIRST_RUN_NOTICE = "first run of this version on this machine (half a minute): the world"
-FIRST_USE_NOTICE = "first use on this machine: "
-# Compiling makes millions of objects that live as long as it takes: the garbage collector, called after
-# each 700, would take a tenth of the time.
-GARBAGE_THRESHOLD = (50_000, 50, 1000)  # objects and collections after which it is called
-COMPILE_NOTICE_DELAY_S = 1.0  # before it is said that something is being compiled
+FIRST_RUN_NOTICE = "first run of this version on this machine (half a minute): compiling the world"
+FIRST_USE_NOTICE = "first use on this machine: compiling "
+# Compilation makes millions of objects that live until it ends: garbage collection after every 700
+# objects would take 10 % of the time.
+GARBAGE_THRESHOLD = (
+    50_000,
+    50,
+    1000,
+)  # numbers of objects and collections that trigger a collection
+COMPILE_NOTICE_DELAY_S = 1.0  # delay of the notice about a compilation
 
 
 def jit_is_on() -> bool:
@@ -63,7 +67,7 @@ def kernel(
     """Compile `function` (nogil, cached across processes).
 
     With `signature` it is compiled at import for exactly these types; `inline` asks Numba to paste
-    it into its callers; without `cached` it lies in the caches of its callers only.
+    it into its callers; without `cached` only the caches of its callers contain it.
     """
     if function is None:
         return lambda f: kernel(f, signature=signature, inline=inline, cached=cached)
@@ -77,19 +81,19 @@ def kernel(
     folder = cache_folder(function.__module__, function.__code__.co_filename)
     if signature is not None:
         dispatcher = with_cache(function, options | ROOTS, folder)
-        dispatcher.compile(signature)  # for long; meanwhile others ask how far it is
+        dispatcher.compile(signature)  # takes long; other threads ask for the progress meanwhile
         dispatcher.disable_compile()
         return dispatcher
     return Kernel(function, options, folder)
 
 
 class Kernel:
-    """A function that is compiled when it is first called, by Python or by a kernel that is compiled.
+    """A function that is compiled at its first call from Python, or with the first kernel that
+    calls it.
 
-    Its dispatcher is made at that moment: one takes half a millisecond, and a run that finds everything
-    in the cache calls ten kernels of 480. Python and kernels have one each, with caches of their own:
-    what only kernels call has nothing by which Python could call it. `folder`: the caches, named when
-    the sources are imported.
+    Its dispatcher is made only then: this takes 0.5 ms, and a run from a full cache calls 10 of 480
+    kernels. Python and kernels use separate dispatchers and caches: a kernel that only kernels call
+    has no wrapper for Python. `folder`: the caches, named when the sources are imported.
     """
 
     def __init__(self, function: Any, options: dict[str, Any], folder: Path | None) -> None:
@@ -102,7 +106,7 @@ class Kernel:
 
     @property
     def dispatcher(self) -> Any:
-        """What Python calls, and the loop as a first-class function."""
+        """The dispatcher for calls from Python, and by the loop as a first-class function."""
         if self._for_python is None:
             with _MAKING_DISPATCHER:
                 if self._for_python is None:
@@ -111,7 +115,7 @@ class Kernel:
 
     @property
     def callee(self) -> Any:
-        """What kernels call."""
+        """The dispatcher for calls from kernels."""
         if self._for_kernels is None:
             with _MAKING_DISPATCHER:
                 if self._for_kernels is None:
@@ -127,7 +131,7 @@ class Kernel:
 
     @property
     def is_compiled(self) -> bool:
-        """Whether this process has compiled it, or this or another one has for kernels."""
+        """Whether this process has compiled it, or any process has compiled it for kernels."""
         if any(one and one.overloads for one in (self._for_python, self._for_kernels)):
             return True
         return is_in_cache(self.callee)
@@ -146,9 +150,10 @@ class Kernel:
 
 
 def first_class(function: Any, signature: Any) -> Any:
-    """What is passed to compiled code that calls a kernel by this one signature; compiled, or loaded.
+    """The function to pass to compiled code that calls a kernel by this signature; compiled or
+    loaded.
 
-    Numba looks a signature up twice whenever a function is passed; here that is done once.
+    Numba looks a signature up twice whenever a function is passed; here this happens once.
     """
     dispatcher = getattr(function, "dispatcher", function)
     result = dispatcher.get_compile_result(signature)
@@ -156,14 +161,14 @@ def first_class(function: Any, signature: Any) -> Any:
     return dispatcher
 
 
-_MAKING_DISPATCHER = threading.RLock()  # the dispatcher of a kernel is made once
+_MAKING_DISPATCHER = threading.RLock()  # makes the dispatcher of a kernel only once
 
 
 def _with_one_signature(dispatcher: Any) -> Any:
-    """Have compiled callers pass every integer as int64 (uint64 stays), never as a constant.
+    """Make compiled callers pass every integer as int64 (uint64 stays), never as a constant.
 
-    Numba would compile a kernel again for each width and each literal (187 compilations for 129
-    kernels): 23 s of CPU at the first start instead of 19.
+    Otherwise Numba compiles a kernel for each width and literal (187 compilations for 129 kernels):
+    23 s of CPU at the first start instead of 19 s.
     """
     resolve = dispatcher.get_call_template
 
@@ -181,8 +186,8 @@ def _widened(kind: Any) -> Any:
     return kind
 
 
-# A hint to the memory that an element will be needed soon; it changes no result. A million robots on 16
-# million cells are 2 times faster with it (`automaton bench --only step`).
+# A hint to load an element into the cache; it does not change results. It makes 1 million robots on
+# 16 million cells 2 times faster (`automaton bench --only step`).
 FOR_WRITING = 1
 KEEP_CLOSE = 3  # of 0..3
 DATA = 1
@@ -209,8 +214,8 @@ def _ignored(array: Any, index: Any) -> None:
 prefetch = _prefetch if jit_is_on() else _ignored
 
 
-# For each `a + b` in each kernel Numba would infer the type once more: it tries dozens of templates,
-# which look at all options of the compiler each time, a fifth of a first run.
+# Without this, Numba infers the type of each `a + b` anew: it tries dozens of templates, each of
+# which checks all compiler options. This takes 20 % of a first run.
 REMEMBERED_OPERATORS = frozenset(getattr(operator, name) for name in operator.__all__) - {
     operator.contains
 }
@@ -218,7 +223,7 @@ REMEMBERED_OPERANDS = types.Number, types.Boolean, types.Array, types.BaseTuple
 
 
 def remember_types_of_operators() -> None:
-    """Have the type of each operator with such operands inferred once: no option changes it."""
+    """Infer the type of each operator once per types of operands: compiler options do not change it."""
     infer = BaseFunction.get_call_type
 
     def get_call_type(self: Any, context: Any, args: Any, kws: Any) -> Any:
@@ -237,18 +242,19 @@ def remember_types_of_operators() -> None:
 remember_types_of_operators()
 
 
-# What is said while kernels are compiled.
+# Messages during compilation.
 
 
 class _Compilations(event.Listener):  # type: ignore[misc]
-    """Notes how long this process compiles, and says on stderr what, unless it is done at once.
+    """Measures the compile time of this process, and says on stderr what takes longer than a
+    moment.
 
-    Numba lets one thread compile at a time, and tells only of what is not in the cache.
+    Numba compiles in one thread at a time, and reports only kernels that are not in the cache.
     """
 
     def __init__(self) -> None:
         self.seconds = 0.0
-        self.announced = False  # somebody has said why it takes long
+        self.announced = False  # the reason for the delay has been printed
         self._depth = 0
         self._begun = 0.0
         self._collected = gc.get_threshold()
@@ -258,7 +264,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
     def on_start(self, event: Any) -> None:
         self._depth += 1
         if self._depth > 1:
-            return  # a kernel that another one calls
+            return  # a callee of the kernel under way
         self._begun = time.perf_counter()
         self._collected = gc.get_threshold()
         gc.set_threshold(*map(max, self._collected, GARBAGE_THRESHOLD))
@@ -277,7 +283,7 @@ class _Compilations(event.Listener):  # type: ignore[misc]
             self.seconds += time.perf_counter() - self._begun
 
     def announce(self, subject: str) -> None:
-        """Announce that something is compiled, once in a process."""
+        """Say that something is being compiled, once per process."""
         if COMPILING.show_in_line():
             return
         if subject not in self._told:
@@ -285,11 +291,11 @@ class _Compilations(event.Listener):  # type: ignore[misc]
             part = "another part of the world" if subject == WORLD else subject
             is_first = subject == WORLD and not world_marker().exists()
             text = FIRST_RUN_NOTICE if is_first else FIRST_USE_NOTICE + part
-            print(f"automaton: {text} is compiled, once ...", file=sys.stderr, flush=True)
+            print(f"automaton: {text}, once ...", file=sys.stderr, flush=True)
 
 
 def subject_of(module: str) -> str:
-    """What a kernel is about: the folder of ours that it lies in, or a plug-in's module."""
+    """The subject of a kernel: its folder in this project, or the module of a plug-in."""
     first, _, rest = module.partition(".")
     if module.startswith(ENGINE):
         return WORLD
@@ -299,7 +305,7 @@ def subject_of(module: str) -> str:
 
 
 def world_marker() -> Path:
-    """A file that is there when the world has been compiled in this version."""
+    """A file that exists once this version of the world has been compiled."""
     folder = cache_folder(LOOP, str(Path(__file__).parent.parent / "loop.py"))
     filled = filled_folder(folder)
     return (filled if filled and (filled / COMPLETE).exists() else folder) / COMPLETE
@@ -310,13 +316,13 @@ event.register("numba:compile", COMPILATIONS)
 
 
 def seconds_compiled() -> float:
-    """Seconds that this process has spent on compiling: no time of a run."""
+    """Seconds that this process has spent compiling; excluded from run times."""
     return COMPILATIONS.seconds
 
 
 @contextmanager
 def first_compilation_announced() -> Iterator[None]:
-    """Say on stderr why the first run of all waits while the world is compiled in here."""
+    """While inside, say on stderr that the first run waits for the world to be compiled."""
     if not jit_is_on() or world_marker().exists():
         yield
         return
@@ -328,5 +334,5 @@ def first_compilation_announced() -> Iterator[None]:
         yield
     finally:
         COMPILATIONS.announced = before
-    with suppress(OSError):  # nothing can be kept
+    with suppress(OSError):  # the folder may be read-only
         world_marker().touch()

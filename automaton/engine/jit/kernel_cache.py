@@ -1,11 +1,11 @@
-"""The cache of compiled kernels, which notices an edit in any file.
+"""The cache of compiled kernels, which detects edits in any source file.
 
-Numba looks only at a kernel's own file when it decides whether a cached kernel is fresh; a changed
-callee in another file goes unnoticed. So each module has a cache folder of its own, named by a hash of
-the sources that it is made of: an edit in a strategy compiles that strategy, and nothing else.
+Numba checks only a kernel's own file to decide whether a cached kernel is fresh; it misses a
+changed callee in another file. So each module has its own cache folder, named by a hash of all its
+sources: an edit in a strategy recompiles only that strategy.
 
-A cache that cannot be written, such as that of an image, is read: what it lacks is kept in a temporary
-folder, or compiled by each process where there is no such folder either.
+A read-only cache, such as that of a container image, is read; missing kernels go to a temporary
+folder or, without one, each process compiles them.
 """
 
 from __future__ import annotations
@@ -35,28 +35,28 @@ from numba import njit
 from automaton.engine.jit.numba_parts import CacheLocator, FunctionCache, config
 
 CACHES_KEPT = 4
-UNUSED_S = 7 * 86_400.0  # after which kernels in the temporary folder are removed
-LOCK_FILE = "lock"  # a file in the folder of a module, held by who saves
+UNUSED_S = 7 * 86_400.0  # age at which kernels in the temporary folder are removed
+LOCK_FILE = "lock"  # lock file in the folder of a module, held while saving
 
 
 class CachePlaces(NamedTuple):
-    """Where compiled kernels are written, and where they are read besides."""
+    """Where compiled kernels are written, and where else they are read."""
 
     root: Path
-    is_writable: bool  # False: nothing can be written anywhere, and `root` is `filled`
+    is_writable: bool  # False: no folder is writable, and `root` is `filled`
     filled: Path | None  # a cache that this process cannot write to
 
 
 @cache
 def cache_places() -> CachePlaces:
-    """Return the folders of compiled kernels, which hold a folder for each module.
+    """Return the folders of compiled kernels, with a subfolder for each module.
 
-    Where nothing can be written, they live in a temporary folder, which later processes of the same
-    user find again; that is said when it is made, unless there is something to read.
+    If they cannot be written, a temporary folder is used, which later processes of the same user
+    find again. A message says so when it is made, unless there is a cache to read.
     """
     home = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     root = Path(os.environ.get("AUTOMATON_CACHE_DIR") or Path(home) / "automaton") / "kernels"
-    with suppress(OSError):  # there is no temporary folder
+    with suppress(OSError):  # there may be no temporary folder
         _remove_unused(_shared_root())
     try:
         _check_writable(root)
@@ -72,8 +72,8 @@ def cache_places() -> CachePlaces:
         return CachePlaces(root, False, root)
     if is_new and filled is None:
         print(
-            f"automaton: compiled code cannot be kept in {root} ({reason}), so it goes to "
-            f"{instead}; AUTOMATON_CACHE_DIR names another folder",
+            f"automaton: compiled code cannot be kept in {root} ({reason}); it is kept in "
+            f"{instead} instead. Set AUTOMATON_CACHE_DIR to choose a folder",
             file=sys.stderr,
             flush=True,
         )
@@ -81,26 +81,26 @@ def cache_places() -> CachePlaces:
 
 
 def _check_writable(root: Path) -> None:
-    """Raises OSError if no kernels can be kept there."""
+    """Raises OSError if the folder is not writable."""
     root.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryFile(dir=root):
         pass
 
 
 def cache_root() -> Path:
-    """Return where compiled kernels are written, in a folder for each module."""
+    """Return the folder for compiled kernels, with a subfolder for each module."""
     return cache_places().root
 
 
 @cache
 def cache_folder(module: str, file: str) -> Path:
-    """Where the kernels of a module in `file` live; made if needed, older generations removed."""
+    """The cache folder of a module in `file`; made if needed, removing older generations."""
     versions = f"{numba.__version__} {sys.version_info[:2]}"
     digest = hashlib.sha256(f"{versions} {sources_digest(module, file)}".encode()).hexdigest()[:12]
     folder = cache_root() / f"{module}-{digest}"
     if folder.is_dir():
         with suppress(OSError):
-            os.utime(folder)  # it is in use
+            os.utime(folder)  # mark it as in use
         return folder
     if not cache_places().is_writable:
         return folder
@@ -112,7 +112,7 @@ def cache_folder(module: str, file: str) -> Path:
 
 
 def filled_folder(folder: Path) -> Path | None:
-    """Return what stands for a folder of the cache in the one that is only read, if there is one."""
+    """Return the counterpart of a cache folder in the read-only cache, if any."""
     places = cache_places()
     if places.filled is None:
         return None
@@ -132,9 +132,9 @@ def _shared_root() -> Path:
 
 
 def _temporary_root() -> Path:
-    """A folder of this user's alone: compiled code is loaded from it.
+    """A folder owned by this user only, since compiled code is loaded from it.
 
-    Where another user holds its name, it is one that ends with this process.
+    If another user owns that name, use a folder that is removed with this process.
     """
     root = _shared_root()
     with suppress(FileExistsError):
@@ -147,7 +147,7 @@ def _temporary_root() -> Path:
 
 
 def _is_mine(root: Path) -> bool:
-    """Whether it is a folder that this user owns and no other user can write to."""
+    """Whether this user owns the folder and no other user can write to it."""
     try:
         status = root.lstat()
     except FileNotFoundError:
@@ -157,20 +157,20 @@ def _is_mine(root: Path) -> bool:
 
 
 def _remove_unused(root: Path) -> None:
-    """Remove the generations in the temporary folder that no process used for days."""
+    """Remove generations in the temporary folder that no process has used for days."""
     if not _is_mine(root):
         return
     with suppress(OSError):
         for folder in root.iterdir():
             if folder.stat().st_mtime < time.time() - UNUSED_S:
                 shutil.rmtree(folder, ignore_errors=True)
-        root.rmdir()  # unless something is left
+        root.rmdir()  # fails if files are left
 
 
 def with_cache(function: Any, options: dict[str, Any], folder: Path) -> Any:
     """Return Numba's dispatcher of a function, which reads and writes compiled code in a folder.
 
-    Kernels of a cache that can only be read come first: no process can have changed them.
+    A read-only cache comes first: no process can have changed it.
     """
     filled = filled_folder(folder)
     kind = getattr(options.get("pipeline_class"), "cache_class", FunctionCache)
@@ -188,18 +188,18 @@ def with_cache(function: Any, options: dict[str, Any], folder: Path) -> Any:
 
 
 def is_in_cache(dispatcher: Any) -> bool:
-    """Return whether a process has compiled the function for some arguments and kept that."""
+    """Return whether a compiled version of the function is in the cache, for any arguments."""
     caches = (dispatcher._cache, getattr(dispatcher._cache, "reader", None))
     files = (getattr(one, "_cache_file", None) for one in caches)
     return any(file is not None and os.path.exists(file._index_path) for file in files)
 
 
-_MAKING = threading.RLock()  # the folder of caches is one for all threads
+_MAKING = threading.RLock()  # Numba has one global cache folder for all threads
 
 
 @contextmanager
 def _caching_in(folder: Path) -> Iterator[None]:
-    """While inside, Numba makes caches in a folder; kernels of other packages keep their own."""
+    """While inside, Numba makes its caches in this folder; other packages keep their folders."""
     with _MAKING:
         before = config.CACHE_DIR
         config.CACHE_DIR = str(folder)
@@ -210,12 +210,12 @@ def _caching_in(folder: Path) -> Iterator[None]:
 
 
 def _reader(kind: Any, function: Any, folder: Path) -> Any:
-    """Return a cache of a kind in a folder that cannot be written: it loads, and saves nothing."""
+    """Return a cache in a read-only folder: it loads and does not save."""
     with _caching_in(folder):
         check = CacheLocator.ensure_cache_path
         CacheLocator.ensure_cache_path = lambda self: (
             None
-        )  # Numba takes no folder that it cannot write
+        )  # Numba rejects folders that it cannot write
         try:
             reader = kind(function)
         finally:
@@ -233,7 +233,7 @@ def _reader(kind: Any, function: Any, folder: Path) -> Any:
 
 
 def _read_first(reader: Any, writer: Any) -> None:
-    """Have a cache load what it can from another one."""
+    """Make a cache look into another one first when it loads."""
     load = writer.load_overload
 
     def load_overload(signature: Any, context: Any) -> Any:
@@ -245,15 +245,15 @@ def _read_first(reader: Any, writer: Any) -> None:
 
 
 def _saved_alone(dispatcher: Any) -> Any:
-    """Let one process at a time enter what it compiled into the cache: Numba would read the index, and
-    replace it without what others have entered meanwhile."""
+    """Let only one process at a time save to the cache: Numba reads the index and replaces it,
+    which would lose entries of other processes."""
     save = dispatcher._cache.save_overload
 
     def save_overload(signature: Any, compiled: Any) -> None:
         folder = Path(dispatcher._cache.cache_path)
-        folder.mkdir(parents=True, exist_ok=True)  # it may be among the removed generations
+        folder.mkdir(parents=True, exist_ok=True)  # it may have been removed as an old generation
         with (folder / LOCK_FILE).open("ab") as lock:
-            with suppress(OSError):  # some network folders have no locks
+            with suppress(OSError):  # some network folders do not support locks
                 flock(lock, LOCK_EX)
             save(signature, compiled)
 
@@ -261,12 +261,12 @@ def _saved_alone(dispatcher: Any) -> Any:
     return dispatcher
 
 
-# The source files that a module is made of: its own, and those of the modules that it imports.
+# The source files of a module: its own, and those of the modules that it imports.
 #
-# Only imports that run with the module count, as they are written: not those inside functions, nor
-# under `if TYPE_CHECKING`. They are found by a regular expression, in 10 ms for a run's modules,
-# since parsing takes 180 ms; a test compares the two. Nothing is imported to find out. The standard
-# library is left out, and so are installed packages that have nothing to do with this one.
+# Only imports that run with the module count, not those inside functions or under `if
+# TYPE_CHECKING`. A regular expression finds them without importing anything: 10 ms for the modules
+# of a run, while parsing takes 180 ms; a test compares the two. The standard library and installed
+# packages unrelated to this one are left out.
 
 
 _IMPORT: Final = re.compile(
@@ -288,7 +288,7 @@ PUBLIC_API: Final = "automaton.strategy.api"  # what a strategy may call
 
 @cache
 def sources_digest(module: str, file: str) -> str:
-    """12 hex digits that change with any source line of a module in `file` and of what it imports."""
+    """12 hex digits that change with any source line of a module in `file` or of its imports."""
     digest = hashlib.sha256()
     for path in sorted(sources(module, Path(file))):
         digest.update(path.as_posix().encode() + b"\0" + _digest_of(path))
@@ -303,7 +303,8 @@ def _digest_of(path: Path) -> bytes:
 def sources(module: str, file: Path) -> set[Path]:
     """The files of a module and, transitively, of the modules that it imports.
 
-    A module without a file, such as a cell of a notebook, may call whatever strategies may.
+    A module without a file, such as a cell of a notebook, may call anything that strategies may
+    call.
     """
     sources: set[Path] = set()
     pending = [(module, file)]
@@ -321,7 +322,7 @@ def sources(module: str, file: Path) -> set[Path]:
 
 @cache
 def _imports(module: str, file: Path, home: str) -> list[tuple[str, Path]]:
-    """The modules that a module imports: those of ours, of the package `home`, and beside them."""
+    """The relevant imports of a module: from this project, the package `home`, and their neighbours."""
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     known = []
     for name in _imported_names(_read(file), package):
@@ -332,7 +333,7 @@ def _imports(module: str, file: Path, home: str) -> list[tuple[str, Path]]:
 
 
 def _imported_names(source: str, package: str) -> Iterator[str]:
-    """What the import statements of a source may name: each module, and each name in it."""
+    """All names that may be modules in the import statements of a source."""
     for statement in _IMPORT.finditer(source):
         if statement["indent"] and _runs_later(source, statement.start(), len(statement["indent"])):
             continue
@@ -348,11 +349,11 @@ def _imported_names(source: str, package: str) -> Iterator[str]:
 
 
 def _runs_later(source: str, place: int, indent: int) -> bool:
-    """Whether a statement lies in a function, or where only type checkers look."""
+    """Whether a statement is inside a function or under `if TYPE_CHECKING`."""
     for line in reversed(source[:place].splitlines()):
         text = line.lstrip()
         depth = len(line) - len(text)
-        if text and depth < indent and text[0] not in ")]}":  # the end of a head of several lines
+        if text and depth < indent and text[0] not in ")]}":  # not the end of a long head
             if _LATER.match(text):
                 return True
             indent = depth
@@ -372,7 +373,7 @@ def _absolute(name: str, package: str) -> str:
 
 @cache
 def _file_of(module: str) -> Path | None:
-    """The source file of a module; None for what has none here, and for names that are no modules."""
+    """The source file of a module; None if it has none, or the name is not a module."""
     top, *parts = module.split(".")
     for folder in _folders(top) if parts else ():
         place = folder.joinpath(*parts)

@@ -1,4 +1,4 @@
-"""Numbers that kernels write, each under a name: an array whose entries are attributes.
+"""Named numbers that kernels write: an array whose entries are attributes.
 
     class Clock(NamedNumbers):
         tick: int = number("ticks executed")
@@ -8,9 +8,9 @@
 
     world.clock.tick += 1    in Python and in kernels
 
-In Python it is an array of int64, so that it is copied, compared and viewed as other arrays are.
-Compiled code gets its address alone: `clock.tick` is the same load and store as an entry of an array
-that is indexed with a constant, and compiles in 30 % less time (measured with Numba 0.68).
+In Python it is an array of int64, so it is copied, compared and viewed like other arrays. Compiled
+code gets only its address: `clock.tick` is the same load and store as an array entry with a
+constant index, and compiles in 30 % less time (measured with Numba 0.68).
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def number(meaning: str) -> Any:
 class NamedNumbers(np.ndarray[Any, np.dtype[np.int64]]):
     """Base of all arrays whose entries have names; the entries come in the order of the names."""
 
-    __numba_array_subtype_dispatch__ = True  # has Numba ask `typeof_impl` what it is
+    __numba_array_subtype_dispatch__ = True  # makes Numba ask `typeof_impl` for the type
     meanings: ClassVar[dict[str, str]] = {}  # by name
 
     def __init_subclass__(cls) -> None:
@@ -48,12 +48,12 @@ class NamedNumbers(np.ndarray[Any, np.dtype[np.int64]]):
 
     @classmethod
     def zeros(cls) -> Any:
-        """One in which all numbers are 0."""
+        """A new instance in which all numbers are 0."""
         return np.zeros(len(cls.meanings), NUMBER_DTYPE).view(cls)
 
     @property
     def _address(self) -> int:
-        """What compiled code gets."""
+        """The address, which compiled code gets."""
         return addressof(c_char.from_buffer(self))  # type: ignore[arg-type]
 
 

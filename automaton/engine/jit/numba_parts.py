@@ -1,6 +1,6 @@
-"""The parts of Numba that are not public, and on which compiled code leans: checked at import.
+"""The private parts of Numba on which compiled code depends: checked at import.
 
-A Numba without them would fail somewhere in the middle of a compilation, or compile something else.
+Without them Numba would fail in the middle of a compilation, or compile something else.
 `pyproject.toml` allows the versions with which the tests have passed.
 """
 
@@ -22,10 +22,10 @@ NO_BLAS_YET = ModuleType(BLAS)
 
 
 def unfit(what: str) -> UnfitNumbaError:
-    """The error that names the versions with which compiled code here works."""
+    """The error, which names the tested versions."""
     first, last = TRIED
     return UnfitNumbaError(
-        f"compiled code here does not work with Numba {numba.__version__} ({what}); it was tried with "
+        f"automaton does not work with Numba {numba.__version__} ({what}); tested with "
         f"{first} to {last}: pip install 'numba=={last}.*'"
     )
 
@@ -40,8 +40,8 @@ try:
     from numba.core.typing.templates import AttributeTemplate, infer_getattr
     from numba.np.arrayobj import populate_array
 
-    # Numba looks whether SciPy has a BLAS by importing it: 0.2 s of each run, where SciPy is installed.
-    # A kernel that multiplies matrices has it imported when it is compiled.
+    # Numba imports SciPy to look for its BLAS: 0.2 s in each run if SciPy is installed. Kernels
+    # that multiply matrices import it when they are compiled.
     sys.modules.setdefault(BLAS, NO_BLAS_YET)
     import numba.np.arraymath
 
@@ -64,7 +64,7 @@ __all__ = [
 
 
 def changed() -> Iterator[str]:
-    """The parts that are there, and not what compiled code takes them for."""
+    """The parts that exist but differ from what compiled code expects."""
     if not {"data", "shape", "strides", "itemsize", "meminfo"} <= parameters(populate_array):
         yield "populate_array takes other arguments"
     if parameters(BaseFunction.get_call_type) != {"self", "context", "args", "kws"}:
@@ -78,11 +78,11 @@ def changed() -> Iterator[str]:
     if not hasattr(config, "CACHE_DIR"):
         yield "config.CACHE_DIR is gone"
     if not {"save_overload", "load_overload", "cache_path"} <= set(dir(FunctionCache)):
-        yield "FunctionCache saves otherwise"
+        yield "FunctionCache saves differently"
     if not hasattr(CacheLocator, "ensure_cache_path"):
         yield "_CacheLocator.ensure_cache_path is gone"
     if not {"on_start", "on_end"} <= set(dir(event.Listener)):
-        yield "event.Listener hears other events"
+        yield "event.Listener has other events"
 
 
 def parameters(function: Any) -> set[str]:
@@ -90,8 +90,8 @@ def parameters(function: Any) -> set[str]:
 
 
 def links_otherwise() -> str:
-    """Return which part of Numba is not as `callees` takes it, "" if none: without it each kernel gets
-    machine code of its own, and a first run takes a quarter longer."""
+    """Return the part of Numba that differs from what `callees` expects, "" if none. If one
+    differs, each kernel gets its own machine code, and a first run takes longer."""
     try:
         from numba.core.caching import CompileResultCacheImpl
         from numba.core.codegen import JITCodeLibrary
@@ -108,7 +108,7 @@ def links_otherwise() -> str:
     if parameters(Compiler.compile_extra) != {"self", "func"}:
         return "Compiler.compile_extra takes other arguments"
     if not {"reduce", "rebuild"} <= set(dir(CompileResultCacheImpl)):
-        return "CompileResultCacheImpl keeps results otherwise"
+        return "CompileResultCacheImpl stores results differently"
     return (
         "" if parameters(compile_result) and parameters(lookup_environment) else "other functions"
     )

@@ -48,7 +48,7 @@ class StructType(types.Type):
 
 
 class NumbersType(types.Type):
-    """The Numba type of numbers with names: its class, their names, and whether kernels may write."""
+    """The Numba type of numbers with names: the class, the names, and whether kernels may write."""
 
     def __init__(self, cls: type[NamedNumbers], writable: bool) -> None:
         self.entries = tuple(cls.meanings)
@@ -58,7 +58,7 @@ class NumbersType(types.Type):
 
 
 class CellType(types.Type):
-    """What a struct has for a number that kernels write: its type, and whether they may."""
+    """The type of a number in a struct that kernels may write, and whether they may here."""
 
     def __init__(self, number: types.Type, writable: bool) -> None:
         self.number = number
@@ -80,12 +80,12 @@ def _typeof_numbers(value: NamedNumbers, context: Any) -> types.Type:
 
 @typeof_impl.register(Struct)
 def _typeof_struct(value: Struct, context: Any) -> types.Type:
-    """Its type follows from its declared fields, and from the types of the structs in it."""
+    """The Numba type that follows from the declared fields and the nested structs."""
     cls, writable = type(value), value._writable
     if "_type" in value.__dict__:
         return value.__dict__["_type"]
     inner = [_typeof_struct(getattr(value, name), context) for name in cls._structs]
-    key = (writable, *map(id, inner)) if inner else writable  # types are slow to hash, and stay
+    key = (writable, *map(id, inner)) if inner else writable  # types are slow to hash
     if key not in cls._types:
         cls._types[key] = _struct_type(cls, writable, iter(inner))
     if inner:
@@ -114,7 +114,7 @@ def _struct_type(cls: type[Struct], writable: bool, inner: Iterator[types.Type])
 
 @cache
 def declared_type(cls: type[Struct], writable: bool = True) -> StructType:
-    """The type of the instances of a class that are writable, or not, with all structs in them."""
+    """The type of writable or read-only instances of a class, including all nested structs."""
     classes = cls.struct_classes()
     inner = [declared_type(classes[name], writable) for name in cls._structs]
     return _struct_type(cls, writable, iter(inner))
@@ -123,7 +123,7 @@ def declared_type(cls: type[Struct], writable: bool = True) -> StructType:
 class StructClassType(types.Dummy):
     """The Numba type of a struct class, for `State.of` in kernels.
 
-    Numba takes types of one name for one type, and a notebook may define a class again with other fields.
+    Numba identifies types by name, and a notebook may redefine a class with other fields.
     """
 
     def __init__(self, cls: type[Struct]) -> None:
@@ -138,7 +138,7 @@ def _typeof_struct_class(cls: type[Struct], context: Any) -> types.Type:
 
 @cache
 def _of(cls: type[Struct]) -> Any:
-    """What `cls.of` is in compiled code: the address that a memory has, as a struct."""
+    """`cls.of` in compiled code: the address in a memory, as a struct."""
     result = declared_type(cls)
 
     @intrinsic
@@ -190,7 +190,7 @@ class _StructAttributes(AttributeTemplate):
 
 
 def _load_word(builder: Any, kind: StructType, address: Any, attribute: str, column: int) -> Any:
-    """A word of a field's row; the table never changes, so LLVM may read it once for a whole loop."""
+    """A word in the row of a field; the table is constant, so LLVM may read it once per loop."""
     table = builder.inttoptr(address, WORD.as_pointer())
     row = kind.row(attribute)
     place = builder.gep(table, [ir.Constant(WORD, row * WORDS_PER_ROW + column)], inbounds=True)
@@ -200,7 +200,7 @@ def _load_word(builder: Any, kind: StructType, address: Any, attribute: str, col
 
 
 def _cell_of(context: Any, builder: Any, kind: StructType, address: Any, attribute: str) -> Any:
-    """Where a number is that kernels write."""
+    """The address of a number that kernels write."""
     number = dict(kind.fields)[attribute].number
     data = _load_word(builder, kind, address, attribute, 0)
     return builder.inttoptr(data, context.get_data_type(number).as_pointer())
@@ -249,8 +249,8 @@ def _store_attribute(
     field, struct = dict(kind.fields)[attribute], kind.name.rpartition("_")[0]
     if not isinstance(field, CellType):
         raise NumbaTypeError(
-            f"{struct}.{attribute} can only be read in kernels; what a kernel writes is an array, or a "
-            'number that is declared as "() int64"'
+            f"{struct}.{attribute} can only be read in kernels; kernels write to arrays, or to a "
+            'number declared as "() int64"'
         )
     if not field.writable:
         raise NumbaTypeError(f"{struct}.{attribute} is read-only here")
@@ -286,7 +286,7 @@ def _store_number(
     builder.store(arguments[1], _place_of_number(builder, kind, arguments[0], attribute))
 
 
-# Bytes at bare addresses: what has no type where it is copied.
+# Bytes at raw addresses, for data whose type is unknown where it is copied.
 
 
 def copy_bytes(to, source, count):

@@ -3,30 +3,30 @@
     cell: Array = field("(n,) int32", "where it stands; NIL: off the floor", hidden=NIL, digest=0)
     width: int = field("int64", "cells in a row, border included")
 
-A field is an array (of 1 to 3 dimensions, C-contiguous), a number of 64 bits that stays as it is, a
-number that kernels write, "() int64", several such numbers in one array (named_numbers), or, by
-annotation alone, another struct. The kind of an array is its shape and dtype. An extent is a number, or
-a name that stands for the same number wherever a struct uses it; "4n" and "n + 1" follow from n, any
-other text is a name as it stands. Arrays are checked against their declarations when a struct is made.
+A field is an array (of 1 to 3 dimensions, C-contiguous), a constant number of 64 bits, a number
+that kernels write ("() int64"), several such numbers in one array (named_numbers), or another
+struct (by annotation alone). The kind of an array is its shape and dtype. An extent is a number, or
+a name for the same number throughout a struct; "4n" and "n + 1" are derived from n, any other text
+is a name. Arrays are checked against their declarations when a struct is made.
 
-default    its value where none is given (`Struct.sized`)
-role       what it is to a run (below); what has a number in the digest is state
-hidden     its value where a strategy may not see it, the default unless said; VISIBLE: never hidden
-digest     the number of the array in the digest: given by hand, never reused (`by` names a kernel
+default    its value if none is given (`Struct.sized`)
+role       its role in a run (below); fields with a digest number are state
+hidden     its value if a strategy may not see it, by default the default; VISIBLE: never hidden
+digest     the number of the array in the digest: assigned by hand, never reused (`by` names a kernel
            (struct, i) that gives the value instead)
-used       the field that says how much of each row is in use
-recorded   False: left out of the keyframes of a recording, which hold the other arrays of the state
-header     True: the header of a recording has it
+used       the field with the used length of each row
+recorded   False: left out of the keyframes of a recording, which hold all other state
+header     True: included in the header of a recording
 
-In Python, and with the JIT off, a struct is a plain object with these attributes. Compiled code gets the
-address of a table with one row per field, and reads a field from there when it is used:
+In Python, and with the JIT off, a struct is a plain object with these attributes. Compiled code
+gets the address of a table with one row per field, from which it reads fields when used:
 
     array:    data pointer, shape (3)        number: value        struct: its table
     numbers that kernels write: data pointer
 
-A NamedTuple of arrays would be passed by value, seven words for each array, at every call: the same
-kernels then compiled in 122 s instead of 34 s (measured with Numba 0.68). Arrays of constants and of
-read-only structs are read-only in compiled code, too: kernels that write to these do not compile.
+A NamedTuple of arrays is passed by value at every call, seven words per array: the same kernels
+then compiled in 122 s instead of 34 s (measured with Numba 0.68). Constant arrays and arrays of
+read-only structs are also read-only in compiled code: kernels that write to them do not compile.
 """
 
 from __future__ import annotations
@@ -52,18 +52,18 @@ Array = NDArray[Any]
 NIL: Final = -1  # none
 VISIBLE: Final = None
 
-# Roles. Arguments, outputs and scratch of kernels have none.
-STATE: Final = "state"  # what a tick goes on from: in the digest
-DERIVED: Final = "derived"  # follows from the state, and is kept with it
-MEASURED: Final = "measured"  # for metrics and viewers; decides nothing
-STATIC: Final = "static"  # stays as it was built
-CONSTANT: Final = "constant"  # the same, and read-only in kernels
-SCRATCH: Final = "scratch"  # decides nothing in another tick
-STOP: Final = "stop"  # of its run: not 0 once that is given up (Struct.stopped_by)
-BY_ENTRY: Final = "by entry"  # some of its entries are state
-DECISION: Final = "decision"  # begins as its default for each robot that is asked
-CALL: Final = "call"  # begins as its default in each call of a layer
-CARRIED: Final = (STATE, DERIVED, MEASURED)  # to a branch, and in keyframes in memory
+# Roles. Arguments, outputs and scratch of kernels have no role.
+STATE: Final = "state"  # the next tick depends on it: in the digest
+DERIVED: Final = "derived"  # follows from the state, and is stored with it
+MEASURED: Final = "measured"  # for metrics and viewers; no influence on the run
+STATIC: Final = "static"  # never changes after it is built
+CONSTANT: Final = "constant"  # as STATIC, and read-only in kernels
+SCRATCH: Final = "scratch"  # no influence on later ticks
+STOP: Final = "stop"  # not 0 once the run is aborted (Struct.stopped_by)
+BY_ENTRY: Final = "by entry"  # some entries are state
+DECISION: Final = "decision"  # reset to its default for each robot that is asked
+CALL: Final = "call"  # reset to its default in each call of a layer
+CARRIED: Final = (STATE, DERIVED, MEASURED)  # copied to branches and to keyframes in memory
 
 _EXTENT: Final = re.compile(r"(\d*)([A-Za-z]\w*)(?: \+ (\d+))?")
 _UNSAID: Final = object()
@@ -79,7 +79,7 @@ def _parsed(kind: str) -> tuple[tuple[str, ...], Any]:
 
 @cache
 def _rule(extent: str) -> tuple[int, str, int] | None:
-    """Factor, name and summand of an extent that follows from another one."""
+    """Factor, name and summand of an extent derived from another one."""
     match = _EXTENT.fullmatch(extent)
     if match is None or match[2] == extent:
         return None
@@ -87,7 +87,7 @@ def _rule(extent: str) -> tuple[int, str, int] | None:
 
 
 class Field:
-    """A declared field; a struct in a struct has no kind."""
+    """A declared field; nested structs have no kind."""
 
     def __init__(
         self,
@@ -119,7 +119,7 @@ class Field:
 
     @property
     def hidden(self) -> Any:
-        """What strategies see of it where they may not see it, or VISIBLE."""
+        """The value that strategies see if the field is hidden, or VISIBLE."""
         if self._hidden is not _UNSAID:
             return self._hidden
         return VISIBLE if self.role in (STATIC, CONSTANT) else self.default
@@ -131,19 +131,19 @@ class Field:
 
     @property
     def is_kept(self) -> bool:
-        """Whether a strategy that declares it goes on from it."""
+        """Whether a strategy that declares it remembers it between calls."""
         return self.role in ("", STATE)
 
     @property
     def in_keyframe(self) -> bool:
-        """Whether the keyframes of a recording have it."""
+        """Whether it is in the keyframes of a recording."""
         is_row_of_its_own = self.is_array and not self.used
         return (
             self._recorded and self.role == STATE and self.digest is not None and is_row_of_its_own
         )
 
     def is_scratch(self, in_scratch: bool) -> bool:
-        """Whether it is scratch, in a struct that is: what does not change is not, even there."""
+        """Whether it is scratch, or in a scratch struct and not constant or derived."""
         return self.role == SCRATCH or (in_scratch and self.role not in (CONSTANT, STATIC, DERIVED))
 
     def word(self, number: Any) -> int:
@@ -152,13 +152,13 @@ class Field:
         return int(np.float64(number).view(np.uint64)) if is_float else int(number) % 2**64
 
     def named(self, array: Any) -> Any:
-        """The same memory; where its entries have names, by these."""
+        """The same memory, as named numbers if its entries have names."""
         return array if self.numbers is None else array.view(self.numbers)
 
     def value(self, shape: tuple[int, ...]) -> Any:
         """The default: a number, or a new array of this shape."""
         if not self.default:
-            # Pages of zeros that are not used cost nothing.
+            # Unused pages of zeros cost nothing.
             return np.zeros(shape, self.dtype) if self.is_array else 0
         if not self.is_array:
             return self.default
@@ -168,18 +168,18 @@ class Field:
 
 
 def field(kind: str | type[NamedNumbers], meaning: str = "", **options: Any) -> Any:
-    """Declare a field of a struct: an array, "(n, 4) int32", a number, "int64" or "float64", a number
-    that kernels write, "() int64", or several of these, by their class."""
+    """Declare a field of a struct: an array, "(n, 4) int32"; a number, "int64" or "float64"; a
+    number that kernels write, "() int64"; or several of these, by their class."""
     return Field(kind, meaning, **options)
 
 
 def nested(digest: int | None = None, by: str = "") -> Any:
-    """Declare a struct in a struct; one without options needs no more than its annotation."""
+    """Declare a nested struct with options; without options its annotation is enough."""
     return Field("", digest=digest, by=by)
 
 
 class Sizes:
-    """The extents that the fields of a struct have, by the texts of their declarations."""
+    """The extents of the fields of a struct, by the texts of their declarations."""
 
     def __init__(self, fields: Iterable[Field]) -> None:
         extents = {extent for one in fields for extent in one.extents}
@@ -188,7 +188,7 @@ class Sizes:
         self._derived = {extent: rule for extent, rule in rules.items() if rule is not None}
 
     def complete(self, sizes: Mapping[str, int]) -> dict[str, int]:
-        """These sizes, and those that follow from them."""
+        """These sizes and all derived sizes."""
         known = {**sizes, **self.fixed}
         for extent, (factor, name, more) in self._derived.items():
             if name in known:
@@ -196,7 +196,7 @@ class Sizes:
         return known
 
     def contradiction(self, sizes: Mapping[str, int]) -> str:
-        """Say which size does not follow from another as declared, or nothing."""
+        """Describe a size that contradicts its declaration, or return ""."""
         for extent, (factor, name, more) in self._derived.items():
             wanted = factor * sizes.get(name, 0) + more
             if name in sizes and sizes[extent] != wanted:
@@ -204,22 +204,21 @@ class Sizes:
         return ""
 
 
-# The memory of a new struct: one block for all arrays that it is made with, and its table. A small block
-# is a copy of one in which all arrays have their defaults.
-WORDS_PER_ROW: Final = 4  # of a row of the table
+# The memory of a new struct: one block for all its new arrays, and its table. A small block is a
+# copy of a block in which all arrays have their defaults.
+WORDS_PER_ROW: Final = 4  # words per row of the table
 NO_SHAPE: Final = (0, 0, 0)
 EMPTY_ARRAY_ADDRESS: Final = 64  # the address of an empty array
 CACHE_LINE: Final = 64  # bytes; arrays begin at multiples of it
 MAX_TEMPLATE_BYTES: Final = (
     1 << 16
-)  # bytes that are copied in less time than arrays in them are filled
+)  # bytes; up to this size copying is faster than filling the arrays
 
 
 class BlockLayout:
-    """Where the arrays lie that a struct `owner` is made with, for these sizes.
+    """The layout of the new arrays of a struct `owner`, for these sizes.
 
-    `values`: the fields that are not made, but come with a value. Raises TypeError for sizes that are
-    missing or contradict each other.
+    `values`: the fields given with a value. Raises TypeError for missing or contradictory sizes.
     """
 
     def __init__(
@@ -270,11 +269,11 @@ class BlockLayout:
         self._size += -(-bytes_needed // CACHE_LINE) * CACHE_LINE
 
     def block(self) -> Any:
-        """Memory for the arrays, which have their defaults there."""
+        """Memory for the arrays, filled with their defaults."""
         return self._made() if self._template is None else self._template.copy()
 
     def _made(self) -> Any:
-        # Pages of zeros that are not used cost nothing.
+        # Unused pages of zeros cost nothing.
         block = np.zeros(max(1, self._size), np.uint8)
         for name, default in self._filled:
             shape, dtype, offset = self.places[name]
@@ -282,30 +281,30 @@ class BlockLayout:
         return block
 
 
-# The state of a strategy is a struct of its own. The loop, which is compiled once for all strategies,
-# passes its address alone; `State.of(memory)` is the struct at that address, typed.
+# The state of a strategy is a struct of its own type. The loop, compiled once for all strategies,
+# passes only its address; `State.of(memory)` is the typed struct at that address.
 #
-# Strategies in Python get their structs as views: other objects over the same memory, whose arrays
-# can be neither resized nor opened for writing, since the arrays that own the memory cannot be
-# reached from there. Only somebody who writes to bare addresses (ctypes) can still do harm.
+# Strategies in Python get structs as views: other objects over the same memory. Their arrays cannot
+# be resized or made writable, since the arrays that own the memory are out of reach. Only writes to
+# raw addresses (ctypes) can still do harm.
 
 
 NO_SIZES: Final[Mapping[str, int]] = {}
-LAYOUTS_KEPT: Final = 64  # of a class
+LAYOUTS_KEPT: Final = 64  # members of a class
 
 
 class _Window:
-    """What an array over another one's memory has for a base: it gives nothing away."""
+    """The base of an array over the memory of another one: it does not expose that array."""
 
     __slots__ = ("__array_interface__", "__weakref__")
     __array_interface__: dict[str, Any]
 
 
-_OWNERS: WeakKeyDictionary[_Window, Any] = WeakKeyDictionary()  # kept as long as their windows
+_OWNERS: WeakKeyDictionary[_Window, Any] = WeakKeyDictionary()  # keeps owners alive
 
 
 def window(array: Any, writable: bool) -> Any:
-    """The same memory as an array that cannot be resized, nor opened for writing if it is not."""
+    """The same memory as an array that cannot be resized, or made writable if it is not."""
     base = _Window()
     interface = array.__array_interface__
     base.__array_interface__ = interface | {"data": (interface["data"][0], not writable)}
@@ -314,11 +313,11 @@ def window(array: Any, writable: bool) -> Any:
 
 
 class StructClass(type):
-    """The class of struct classes, by which compiled code knows them."""
+    """The metaclass of structs, by which compiled code recognizes them."""
 
 
 class Struct(metaclass=StructClass):
-    """Base of all structs; made with keyword arguments, one for each annotated field."""
+    """Base of all structs; made with one keyword argument for each annotated field."""
 
     _table: Any
     _address: int  # of the table
@@ -326,19 +325,19 @@ class Struct(metaclass=StructClass):
     _fields: ClassVar[tuple[str, ...]] = ()
     _declared: ClassVar[dict[str, Field]] = {}
     _sizes: ClassVar[Sizes]
-    _structs: ClassVar[tuple[str, ...]]  # the fields that are structs
+    _structs: ClassVar[tuple[str, ...]]  # names of the nested structs
     _types: ClassVar[dict[Any, Any]]  # the Numba types of its instances
-    _layouts: ClassVar[dict[Any, BlockLayout]]  # by what is given, and sizes
+    _layouts: ClassVar[dict[Any, BlockLayout]]  # layouts by given fields and sizes
 
     def __init_subclass__(cls, role: str = "") -> None:
-        """`role`: of the fields that have none of their own."""
+        """`role`: default role of the fields."""
         own = {name: vars(cls).get(name) or nested() for name in cls.__annotations__}
         for name, declared in own.items():
             declared.role = declared.role or role
             if declared.is_cell:
                 setattr(cls, name, _cell(name))
             elif name in vars(cls):
-                delattr(cls, name)  # instances have the values
+                delattr(cls, name)  # instances hold the values
         cls._declared = cls._declared | own
         cls._fields = tuple(cls._declared)
         cls._sizes = Sizes(cls._declared.values())
@@ -356,7 +355,7 @@ class Struct(metaclass=StructClass):
         self._enter(np.array(rows or [(0, *NO_SHAPE)], np.uint64), values)
 
     def _rows(self, values: dict[str, Any], sizes: dict[str, int]) -> list[tuple[int, ...]]:
-        """The rows of the table for these values; enters their extents. Raises TypeError."""
+        """The rows of the table for these values; adds their extents to `sizes`. Raises TypeError."""
         shapes: dict[tuple[str, ...], tuple[int, ...]] = {}
         rows: list[tuple[int, ...]] = []
         for name, value in values.items():
@@ -375,7 +374,7 @@ class Struct(metaclass=StructClass):
         return rows
 
     def _enter(self, table: Any, values: dict[str, Any]) -> None:
-        """`table`: of its own, with a row for each field; `values`: of all that is not made later."""
+        """`table`: its own, with one row per field; `values`: of all fields not made later."""
         address = addressof(c_char.from_buffer(table))
         self.__dict__.update(values, _table=table, _address=address, _writable=True)
 
@@ -387,7 +386,8 @@ class Struct(metaclass=StructClass):
         sizes: dict[str, int],
         shapes: dict[tuple[str, ...], tuple[int, ...]],
     ) -> int:
-        """The address of an array that is as declared; enters its extents and its shape.
+        """Check an array against its declaration; returns its address, and adds its extents and
+        shape.
 
         Raises TypeError.
         """
@@ -414,7 +414,7 @@ class Struct(metaclass=StructClass):
         return address
 
     def _number(self, name: str, declared: Field, value: Any) -> int | float:
-        """A number as kernels see it. Raises TypeError for a fraction that is declared as a whole one."""
+        """A number as kernels see it. Raises TypeError for a fraction where an integer is declared."""
         try:
             return float(value) if declared.dtype == np.float64 else index(value)
         except TypeError:
@@ -432,7 +432,7 @@ class Struct(metaclass=StructClass):
         self.array(name)[()] = value
 
     def array(self, name: str) -> Any:
-        """The array of a field; of a number that kernels write, one without dimensions."""
+        """The array of a field; for a number that kernels write, an array without dimensions."""
         if not self._declared[name].is_cell:
             return getattr(self, name)
         array = self.__dict__.get(name)
@@ -440,10 +440,10 @@ class Struct(metaclass=StructClass):
 
     @classmethod
     def sized(cls, sizes: Mapping[str, int] = NO_SIZES, **values: Any) -> Self:
-        """One with these values, and the defaults of all other fields.
+        """A new struct with these values, and defaults for all other fields.
 
-        `sizes`: the extents that do not follow from the arrays among the values. Arrays may be given
-        as lists of numbers.
+        `sizes`: extents that the given arrays do not determine. Arrays may be given as lists of
+        numbers.
         """
         known = dict(sizes)
         for name in values.keys() - set(cls._fields):
@@ -473,7 +473,7 @@ class Struct(metaclass=StructClass):
 
     @classmethod
     def struct_classes(cls) -> dict[str, type[Struct]]:
-        """The classes of the structs in it."""
+        """The classes of the nested structs."""
         names = {}
         for base in reversed(cls.__mro__[:-1]):
             known = vars(sys.modules[base.__module__])
@@ -485,7 +485,7 @@ class Struct(metaclass=StructClass):
 
     @classmethod
     def fields_where(cls, is_meant: Callable[[Field], bool]) -> tuple[str, ...]:
-        """The names of the fields with declarations such as these."""
+        """The names of the fields with matching declarations."""
         return tuple(name for name, declared in cls._declared.items() if is_meant(declared))
 
     def replaced(self, **values: Any) -> Self:
@@ -493,7 +493,7 @@ class Struct(metaclass=StructClass):
         return type(self)(**{name: values.get(name, self.array(name)) for name in self._fields})
 
     def copied(self) -> Self:
-        """The same struct over copies of its arrays, and of those of the structs in it.
+        """The same struct over copies of its arrays, including those of nested structs.
 
         Scratch is not copied: the copy has its own.
         """
@@ -502,7 +502,7 @@ class Struct(metaclass=StructClass):
         )
 
     def cleared(self) -> Self:
-        """The same struct with a state of its own, which is zero; it shares constants and scratch."""
+        """The same struct with its own state, set to zero; it shares constants and scratch."""
         return self._over(
             lambda kind, is_scratch, array: (
                 np.zeros(array.shape, kind.dtype) if kind.is_kept and not is_scratch else array
@@ -510,19 +510,20 @@ class Struct(metaclass=StructClass):
         )
 
     def stopped_by(self, stop: Any) -> Self:
-        """The same struct, whose arrays of role STOP are this one, (1,) int64."""
+        """The same struct with `stop`, (1,) int64, for all arrays of role STOP."""
         if not self._has(STOP):
             return self
         return self._over(lambda kind, is_scratch, array: stop if kind.role == STOP else array)
 
     def _has(self, role: str) -> bool:
-        """Whether it has a field of this role, in whatever struct in it."""
+        """Whether it or a nested struct has a field of this role."""
         return any(one.role == role for one in self._declared.values()) or any(
             getattr(self, name)._has(role) for name in self._structs
         )
 
     def _over(self, other: Callable[[Field, bool, Any], Any], in_scratch: bool = False) -> Self:
-        """The same struct over other arrays, and those in it, by (declaration, is it scratch, array)."""
+        """The same struct over other arrays, from `other`(declaration, is scratch, array), also
+        nested."""
         values = {name: self.array(name) for name in self._fields}
         for name, value in values.items():
             declared = self._declared[name]
@@ -533,9 +534,9 @@ class Struct(metaclass=StructClass):
         return type(self)(**values)
 
     def arrays(self, in_scratch: bool = False) -> Iterator[tuple[str, Field, Any]]:
-        """Name, declaration and value of each array, and of those of the structs in it.
+        """Name, declaration and value of each array, including those of nested structs.
 
-        What is scratch only because the struct that it is in is scratch is left out.
+        Arrays that are scratch only because their struct is scratch are left out.
         """
         for name, declared in self._declared.items():
             value = self.array(name)
@@ -547,28 +548,28 @@ class Struct(metaclass=StructClass):
 
     @property
     def is_open(self) -> bool:
-        """Whether kernels may write to it, and to the structs in it."""
+        """Whether kernels may write to it and to its nested structs."""
         parts = (getattr(self, name) for name in self._structs)
         return self._writable and all(part.is_open for part in parts)
 
     @classmethod
     def of(cls, memory: Any) -> Self:
-        """The state of a strategy, from the memory that it gets; in a kernel, too (struct_types)."""
+        """The state of a strategy in a memory; kernels can call this too (struct_types)."""
         state = _STATES_BY_ADDRESS.get(memory.address)
         if not isinstance(state, cls):
             raise TypeError(f"the state is {type(state).__name__}, not {cls.__name__}")
         return state
 
     def read_only(self) -> Self:
-        """The same memory, closed to writing: what strategies see."""
+        """The same memory, read-only: the view of strategies."""
         return self._view(python=False, kernels=False)
 
     def for_kernels_only(self) -> Self:
-        """The same memory, closed to writing by Python but not by kernels."""
+        """The same memory, read-only for Python but not for kernels."""
         return self._view(python=False, kernels=True)
 
     def writable_view(self) -> Self:
-        """The same memory, open to writing as it was; its arrays cannot be resized."""
+        """The same memory, as writable as before; its arrays cannot be resized."""
         return self._view(python=True, kernels=True)
 
     def _view(self, python: bool, kernels: bool) -> Self:
@@ -596,8 +597,8 @@ class Struct(metaclass=StructClass):
             return self._make_array(name)
 
     def _make_array(self, name: str) -> Any:
-        """An array, made when it is asked for, since most runs ask for few: one of its own, or, of a
-        view, a window."""
+        """Make an array at its first use, since most runs use few: its own array or, for a view, a
+        window."""
         places = self.__dict__.get("_places")
         if places is not None and name in places:
             shape, dtype, offset = places[name]
@@ -614,7 +615,7 @@ class Struct(metaclass=StructClass):
 
 
 def _cell(name: str) -> property:
-    """The attribute by which Python reads a number that kernels write."""
+    """The Python attribute for a number that kernels write."""
     return property(lambda struct: struct.array(name)[()])
 
 
@@ -623,7 +624,7 @@ _STATES_BY_ADDRESS: WeakValueDictionary[int, Struct] = WeakValueDictionary()
 
 
 def registered_address(struct: Struct) -> int:
-    """The address of a struct, by which `of` finds it as long as the struct exists."""
+    """The address of a struct, by which `of` finds it while the struct exists."""
     address = struct._address
     _STATES_BY_ADDRESS[address] = struct
     return address

@@ -84,7 +84,7 @@ def test_a_robot_in_its_bay_is_told_who_holds_its_home(tmp_path: Path) -> None:
         f"robot {1 - robot} holds (1, 1), so robot {robot} cannot leave its parking bay"
         in said_then
     )
-    assert "rule: a robot leaves its parking bay when its home cell was empty" in said_then
+    assert "rule: a robot may leave its parking bay only if its home cell was empty" in said_then
 
 
 def test_lost_time_is_split_by_cause_the_greatest_first() -> None:

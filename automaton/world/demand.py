@@ -209,7 +209,7 @@ def part_ticks(orders: OrdersGiven, seed: int) -> list[int]:
 
 
 def work_ticks(orders: OrdersGiven, station: Array, part: Array, place: Array, seed: int) -> Array:
-    """(j,) int64: processing ticks of jobs, by station from 0; draws by part and position in its route."""
+    """(j,) int64: processing ticks of jobs, by station from 0; draws by part and index in the route."""
     ticks = np.zeros(len(station), np.int64)
     times = (
         orders.processing_time

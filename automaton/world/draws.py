@@ -233,7 +233,7 @@ def uniform_draws(seed: int, address: Address) -> Floats:
 
 
 def integers(count: int, below: int, seed: int, stream: int, what: int = 0) -> Whole:
-    """(count,) whole numbers from 0 below a limit, addressed by (stream, what, 0), (stream, what, 1), ..."""
+    """(count,) whole numbers from 0, below a limit; addresses (stream, what, 0), (stream, what, 1) ..."""
     numbers = np.zeros(count, np.int64)
     with np.errstate(over="ignore"):
         random_numbers.random_integers(numbers, below, np.uint64(seed), stream, what)

@@ -332,7 +332,8 @@ def last_comes(kind: Parts) -> int:
 
 
 # Upper bounds on the visits of robots and of stations with pods.
-# A trip of one visit consists of the pick, the shortest drive with the pod to the station and back to #
+#
+# A trip of one visit consists of the pick, the shortest drive with the pod to the station and back to
 # the same cell, the handling and the drop. If robots enter and leave a station over different cells, a
 # # full queue passes it at intervals of handling + turns in its cell + 2 d - 1 ticks, with moves of d.
 

@@ -413,8 +413,9 @@ def service_zones_of(
 
 
 # A world in finer ticks, from the one in the ticks of its scenario.
+#
 # Demand, handling times and closings are drawn in coarse ticks and multiplied, so that all refinements
-# # have the same day. Random events in the run (automaton.engine.random_numbers) keep their #
+# have the same day. Random events in the run (automaton.engine.random_numbers) keep their
 # probabilities, and their tables of ticks are multiplied here.
 
 

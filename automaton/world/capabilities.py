@@ -295,10 +295,11 @@ class Way(NamedTuple):
 
 
 # Cells that robots with a load reach on their way from sources to targets, over cells open to them.
+#
 # Areas may be closed to robots with a load, or without one. Then a slot is served only from cells that
-# # a robot may enter with a load and reaches without one from its start, and returns from. Each such
-# cell # beside the source of an order must have a way to each such cell beside its target. On a floor
-# with # storage: a way to all stations, and back.
+# a robot may enter with a load and reaches without one from its start, and returns from. Each such
+# cell beside the source of an order must have a way to each such cell beside its target. On a floor
+# with storage: a way to all stations, and back.
 
 
 class LoadEnds(NamedTuple):

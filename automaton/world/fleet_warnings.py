@@ -148,8 +148,9 @@ def has_no_ring(resolved: Resolved) -> str:
 
 
 # Fleets that can never move, because a rule of the world refuses the first move.
-# Robots that fill cells from which all ways lead into each other's cells form rings and files without #
-# a gap. A full ring rotates under `convoy`, and under `handover` if its moves take one tick. Under #
+#
+# Robots that fill cells from which all ways lead into each other's cells form rings and files without
+# a gap. A full ring rotates under `convoy`, and under `handover` if its moves take one tick. Under
 # `none`, and under `handover` with longer moves, one robot would have to move first, and none can.
 
 

@@ -25,7 +25,8 @@ MAX_SPEEDS: Final = 14  # of speed limits: distance tables have a queue for each
 
 
 # Chargers: their capacity is the number of robots that charge at once.
-# Elsewhere two robots share a cell only in opposite directions; at a charger of capacity 2 they stand #
+#
+# Elsewhere two robots share a cell only in opposite directions; at a charger of capacity 2 they stand
 # side by side, from any direction. So its cell has no limit of its own, but is a block for two robots.
 
 

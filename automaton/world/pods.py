@@ -262,7 +262,8 @@ def trip_orders(count: int, stops: int) -> Orders:
 
 
 # The lines of a scenario as columns: listed, or drawn.
-# Draws depend only on the seed and the number of the line or of the order, so all fleets and #
+#
+# Draws depend only on the seed and the number of the line or of the order, so all fleets and
 # strategies face the same demand.
 
 

@@ -335,7 +335,7 @@ def last_comes(kind: Parts) -> int:
 #
 # A trip of one visit consists of the pick, the shortest drive with the pod to the station and back to
 # the same cell, the handling and the drop. If robots enter and leave a station over different cells, a
-# # full queue passes it at intervals of handling + turns in its cell + 2 d - 1 ticks, with moves of d.
+# full queue passes it at intervals of handling + turns in its cell + 2 d - 1 ticks, with moves of d.
 
 
 class VisitBounds(NamedTuple):

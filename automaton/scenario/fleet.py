@@ -199,7 +199,7 @@ class FleetType(ConfigSection, frozen=True, kw_only=True):
     ]
     robots: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
-        Meta(description="Number of robots; one type may leave it out and has the rest."),
+        Meta(description="Number of robots; one type may leave it out and gets the rest."),
     ] = None
     move_time_factor: Annotated[
         int, Meta(ge=1, le=1000, description="Factor on durations.move for this type.")

@@ -70,7 +70,7 @@ class Dimension(Enum):
     CELL_SPEED = "a speed in cells"
     ANGLE_SPEED = "a speed of turning"
     RATE = "a rate"
-    PERCENT_RATE = "percent in a time"
+    PERCENT_RATE = "percent per time"
     ANGLE = "an angle"
     PERCENT = "percent"
     NUMBER = "a number without a unit"

@@ -276,8 +276,7 @@ def check_wanted(
             yield Finding((*keys, "sku"), f"'{line.sku}' is not a SKU of a pod{like}")
     elif str(line.pod) not in numbers:
         like = nearest(str(line.pod), numbers) if isinstance(line.pod, str) else ""
-        there = f"there are {count(pods, 'pod')}, numbered from 1 in the reading order of the "
-        "picture"
+        there = f"there are {count(pods, 'pod')}, numbered from 1 in reading order of the picture"
         yield Finding((*keys, "pod"), f"'{line.pod}' is not a pod{like or f': {there}'}")
 
 

@@ -158,8 +158,8 @@ def make_workspace(floor: PreparedFloor, table_bytes: int) -> Workspace:
         tables = build_tables(grid, costs, table_bytes, stop)
     except MemoryError:
         raise InputError(
-            f"world.distance_tables is {memory(table_bytes)}, more memory than this machine has "
-            "free; set it lower"
+            f"world.distance_tables is {memory(table_bytes)}, more than this machine can give; "
+            "set it lower"
         ) from None
     sizes = {"P": poses, "C": cells, "H": 6 * poses + 16, "R": floor.longest_route}
     return Workspace.sized(sizes, stop=stop, tables=tables)

@@ -101,7 +101,7 @@ def kind_of(path: Path) -> str:
 
 
 def read_bytes(path: Path, most: int = MAX_FLOOR_FILE_BYTES, cut: bool = False) -> bytes:
-    """Read a file of at most so many bytes; `cut`: only its beginning. Raises InputError."""
+    """Read a file of at most `most` bytes; `cut`: only its beginning. Raises InputError."""
     try:
         with path.open("rb") as file:
             data = file.read(most + (not cut))

@@ -162,7 +162,7 @@ def _unparsable(error: yaml.MarkedYAMLError, file: str | None) -> InputError:
     line = mark.line + 1 if mark is not None else None
     begun: Any = error.context_mark
     if begun is not None and line is not None and begun.line + 1 < line:
-        problem += f" (in what begins in line {begun.line + 1})"
+        problem += f" (in the value that begins in line {begun.line + 1})"
     return InputError(f"not valid YAML: {problem}", file, line)
 
 
@@ -257,7 +257,7 @@ def _unsupported(node: yaml.Node, file: str | None) -> InputError:
 
 
 def override(document: Document, settings: Iterable[str | Override]) -> Document:
-    """The document with each KEY=VALUE applied in turn; VALUE is YAML. Raises InputError."""
+    """The document with each KEY=VALUE applied in order; VALUE is YAML. Raises InputError."""
     overrides = tuple(
         parse_setting(setting) if isinstance(setting, str) else setting for setting in settings
     )

@@ -209,7 +209,7 @@ def rounded_ticks(
 
 
 def start_of_clock(clock: ClockTime) -> Start:
-    """Return what units.clock says."""
+    """Return the time of units.clock."""
     since_midnight = int(clock.seconds * MICRO)
     of_form = {BARE: since_midnight}
     if clock.day is not None:
@@ -246,7 +246,7 @@ class ReadingCounts:
     rows: int = 0  # rows with a value
     left_out: dict[str, int] = field(default_factory=dict)  # by "STATUS CANCELLED"
     ignored: tuple[str, ...] = ()  # columns
-    tick_zero: str = ""  # the earliest release, where units.clock does not say what tick 0 is
+    tick_zero: str = ""  # the earliest release, if units.clock is not set
     before_start: int = 0  # rows released before tick 0
     late_at_once: int = 0  # rows due before their release
     first_late_line: int = 0  # of the file, from 1

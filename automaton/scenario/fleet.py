@@ -237,8 +237,8 @@ class StartFile(ConfigSection, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText,
         Meta(
-            description="A CSV file with the columns x, y and, where robots face different ways, "
-            "heading (east, south, west, north); path relative to the scenario."
+            description="A CSV file with the columns x, y and, if headings differ, heading (east, "
+            "south, west, north); path relative to the scenario."
         ),
     ]
 

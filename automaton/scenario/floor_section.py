@@ -1,4 +1,4 @@
-"""The floor of a scenario: generated, drawn in it or in a file of its own; and the JSON Schema."""
+"""The floor of a scenario (generated, drawn in it, or in a separate file), and the JSON Schema."""
 
 from __future__ import annotations
 
@@ -225,7 +225,7 @@ def json_schema() -> Schema:
         (Scenario,), ref_template=SCHEMA_REFERENCE
     )
     definitions["Scenario"]["properties"]["layout"] = {
-        "description": "The floor: generated, drawn here, or in a file of its own.",
+        "description": "The floor: generated, drawn here, or in a separate file.",
         "oneOf": _layouts(definitions),
     }
     layers = definitions["Strategies"]["properties"]

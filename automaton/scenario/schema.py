@@ -388,7 +388,7 @@ class MatrixLayout(ConfigSection, frozen=True, kw_only=True):
 
 
 class FileLayout(ConfigSection, frozen=True, kw_only=True):
-    """A floor drawn in a file of its own."""
+    """A floor drawn in a separate file."""
 
     file: Annotated[NonEmptyText, Meta(description="Path, relative to the scenario.")]
     legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = msgspec.field(

@@ -1,14 +1,13 @@
 """Bounds on the performance of a fleet under any strategies, computed without a run.
 
-work       each order is taken, carried over the cheapest way with the turns that it needs, and set
-           down: N robots need work / N ticks. A load may be dropped on the way and taken up from
-           another side (a bucket brigade): that is a way through a slot, at the cost of handling it
-stations   a station holds one robot: picks and drops at stations, shared evenly among them
-parts      a station works on one part at a time: all its works, but for those that end a route,
-           since a run may end when the last load is delivered; and one part goes through its whole
-           route: its works but the last, and the ways between
-chargers   energy that orders take beyond what batteries hold at the start comes from chargers, or
-           from repairs
+work       each order needs a pick, the cheapest drive with its turns, and a drop: N robots need
+           work / N ticks. A load may be dropped on the way and picked up from another side (a bucket
+           brigade): that is a way through a slot, at the cost of handling
+stations   a station holds one robot: picks and drops at stations are shared evenly among them
+parts      a station works on one part at a time: all its jobs count, except those at the end of a
+           route, since a run may end with the last delivery. One part goes through its whole route:
+           its jobs except the last, and the drives between them
+chargers   chargers or repairs supply the energy that orders need beyond the charge at the start
 
 The bounds hold for every seed: random orders count as the cheapest possible ones, random processing
 times as one tick, and parts with random arrivals as if all came with the first. Every robot does each

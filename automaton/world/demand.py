@@ -347,7 +347,7 @@ def drawn_sequence(count: int, seed: int) -> Array:
 def build_stops(
     resolved: Resolved, service: Service, orders: int, seed: int
 ) -> tuple[Array, Stops]:
-    """(orders + 1,) int32 where the stops of each order begin among all, and all stops."""
+    """(orders + 1,) int32 the index of the first stop of each order, and all stops."""
     demand = resolved.scenario.orders
     count = np.zeros(orders, np.int64)
     cells = np.zeros(0, np.int64)

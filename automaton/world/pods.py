@@ -272,7 +272,7 @@ class LineArrays(NamedTuple):
 
     order: Column
     pod: Column  # NIL: any with the SKU
-    sku: Column  # NIL: none, or a pod is wanted
+    sku: Column  # NIL: none, or a pod is requested
     station: Column  # NIL: any
     release: Column
     due: Column  # NEVER: none
@@ -383,7 +383,7 @@ def _orders_of_lines(lines: LineDemand, seed: int) -> Column:
 def _pods_of_lines(
     lines: LineDemand, scenario: Scenario, pods: int, seed: int
 ) -> tuple[Column, Column]:
-    """The pod of each line, and the class of each pod where lines are drawn by class."""
+    """The pod of each line, and the class of each pod if lines are drawn by class."""
     if lines.classes is None or scenario.pods.classes is None:
         pod_class = np.array(classes_given(scenario), np.int64)
         return _integers(lines.drawn, pods, seed, DRAW_POD), pod_class

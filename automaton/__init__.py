@@ -1,6 +1,6 @@
 """Fleets of mobile robots in warehouses and factories, simulated as a compiled cellular automaton.
 
-What this package offers is imported when it is first used: see docs/reference/python.md.
+The contents of this package are imported at first use: see docs/reference/python.md.
 """
 
 from importlib import import_module

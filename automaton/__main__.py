@@ -1,7 +1,7 @@
 """The command line as a program: `automaton`, and `python -m automaton`.
 
-Ctrl-C while the command line is imported, a fifth of a second, ends the process in a sentence, as it does
-later: this module imports nothing else before it has seen to that.
+Importing the command line takes 0.2 s. Ctrl-C in that time must end the process with one sentence, as
+later, so this module handles it before any other import.
 """
 
 import gc
@@ -11,7 +11,7 @@ import sys
 BAD_INPUT, INTERRUPTED = 2, 130
 REPLACED = (
     "another distribution, probably 'automaton' of PyPI, has replaced a file of fleet-automaton; "
-    "remove it, and install fleet-automaton again, in an environment of its own"
+    "remove it, and install fleet-automaton again in a separate environment"
 )
 
 
@@ -21,7 +21,7 @@ def main() -> int:
         import signal
 
         usual = signal.getsignal(signal.SIGINT)
-        if usual is signal.default_int_handler:  # not where Ctrl-C is ignored
+        if usual is signal.default_int_handler:  # unless Ctrl-C is ignored
             signal.signal(signal.SIGINT, _end_at_once)
 
         if not hasattr(sys.modules["automaton"], "OFFERED"):
@@ -34,22 +34,23 @@ def main() -> int:
 
         signal.signal(signal.SIGINT, usual)
         code = run_command_line()
-        gc.freeze()  # what is left ends with the process: it is not searched for garbage
+        gc.freeze()  # the process ends: no search for garbage
         return code
     except KeyboardInterrupt:
         return _end_at_once()
 
 
 def _end_at_once(*_: object) -> int:
-    """End the process: raised within an import, an exception may be lost, or printed as a traceback."""
+    """End the process at once: an exception within an import may be lost, or printed as a traceback."""
     try:
         os.write(2, b"automaton: interrupted\n")
     finally:
-        os._exit(INTERRUPTED)  # whatever became of the sentence
+        os._exit(INTERRUPTED)  # also if the sentence cannot be printed
 
 
 if __name__ == "__main__":
     if sys.path[0] in ("", os.getcwd()):
-        # Last, as for the console script: a folder `strategies` or `tui` there must not hide ours.
+        # The current folder comes last, as for the console script: a folder `strategies` or `tui` in it
+        # must not hide ours.
         sys.path.append(sys.path.pop(0))
     sys.exit(main())

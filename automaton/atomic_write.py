@@ -1,4 +1,4 @@
-"""Write files atomically: a file gets its name when it is complete."""
+"""Write files atomically: a file gets its final name when it is complete."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from automaton.errors import InputError
 
 @contextmanager
 def atomic_writer(path: Path) -> Iterator[BinaryIO]:
-    """Open a file that replaces `path` at the end, unless something goes wrong. Raises InputError."""
+    """Open a file that replaces `path` at the end, unless an exception is raised. Raises InputError."""
     try:
         with replacing(path, path.with_name(f".{path.name}.{os.getpid()}.part")) as file:
             yield file
@@ -23,12 +23,13 @@ def atomic_writer(path: Path) -> Iterator[BinaryIO]:
 
 @contextmanager
 def replacing(path: Path, part: Path, durable: bool = False) -> Iterator[BinaryIO]:
-    """Open the file `part`, which gets the name `path` at the end, unless something goes wrong.
+    """Open the file `part`, which gets the name `path` at the end, unless an exception is raised.
 
-    durable: it is on the disk before it gets its name, and so is the name. Raises OSError.
+    durable: the data is on the disk before the file gets its name, and then the name, too. Raises
+    OSError.
     """
     try:
-        part.unlink(missing_ok=True)  # of a process that was killed
+        part.unlink(missing_ok=True)  # left by a killed process
         with part.open("xb") as file:
             yield file
             if durable:
@@ -36,12 +37,12 @@ def replacing(path: Path, part: Path, durable: bool = False) -> Iterator[BinaryI
                 os.fsync(file.fileno())
         put_in_place(part, path, durable)
     finally:
-        with suppress(OSError):  # of a file system that is read-only
+        with suppress(OSError):  # of a read-only file system
             part.unlink(missing_ok=True)
 
 
 def put_in_place(part: Path, path: Path, durable: bool = False) -> None:
-    """Give a complete file its name. Raises OSError."""
+    """Give a complete file its final name. Raises OSError."""
     os.replace(part, path)
     if durable:
         handle = os.open(path.parent, os.O_RDONLY)

@@ -1,7 +1,7 @@
-"""Errors that are one sentence: bad input with its file and line, and workers that die.
+"""Errors as one sentence: invalid input with file and line, and workers that die.
 
-Checks know values, not files. They yield what they find wrong, each a `Finding`; functions that cannot go
-on raise `InvalidValueError`. Whoever has read the file gives the error its line.
+Checks know values, not files. They yield a `Finding` for each error; functions that cannot continue
+raise `InvalidValueError`. The code that has read the file adds the line to the error.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from typing import Final, NamedTuple
 
 from automaton.printable import one_line
 
-Keys = tuple[str | int, ...]  # the way to a value of a document: ("fleet", "start", 0)
-WHOLE_LIST: Final = -1  # in the place of an index: the list as such, and what it lacks
+Keys = tuple[str | int, ...]  # keys of a value in a document: ("fleet", "start", 0)
+WHOLE_LIST: Final = -1  # instead of an index: the list itself, for missing entries
 
 
 class InputError(Exception):
-    """Something that a user wrote is wrong; `str` gives "FILE:LINE: sentence"."""
+    """An error in the user's input; `str` gives "FILE:LINE: sentence"."""
 
     def __init__(self, message: str, file: str | None = None, line: int | None = None) -> None:
         super().__init__(message)
@@ -31,14 +31,14 @@ class InputError(Exception):
         return one_line(f"{place}: {self.message}")
 
     def at(self, file: str | None, line: int | None = None) -> InputError:
-        """The same error with its place, unless it already has one."""
+        """The same error with file and line, unless it already has them."""
         if self.file is not None:
             return self
         return InputError(self.message, file, line)
 
 
 class InputErrors(InputError):
-    """Several things that are wrong; `str` gives a line for each."""
+    """Several errors; `str` gives a line for each."""
 
     def __init__(self, errors: Sequence[InputError]) -> None:
         first = errors[0]
@@ -51,14 +51,14 @@ class InputErrors(InputError):
 
 
 class Finding(NamedTuple):
-    """What a check has to say against a value."""
+    """The objection of a check to a value."""
 
-    keys: Keys  # the way to the value
+    keys: Keys  # keys of the value
     sentence: str
 
 
 class InvalidValueError(InputError):
-    """A value is wrong, and its keys are known; whoever has read the file knows its line."""
+    """An invalid value at known keys; the code that has read the file knows the line."""
 
     def __init__(self, keys: Keys, message: str) -> None:
         super().__init__(message)
@@ -69,24 +69,24 @@ class InvalidValueError(InputError):
 
 
 def refuse(findings: Iterable[Finding]) -> None:
-    """Raise InvalidValueError for the first of the findings, if there are any.
+    """Raise InvalidValueError for the first finding, if there is one.
 
-    So a check may rely on what the checks before it look at.
+    So a check may rely on the checks before it.
     """
     for keys, sentence in findings:
         raise InvalidValueError(keys, sentence)
 
 
 class WorkerDiedError(Exception):
-    """A worker process ended by itself, or somebody ended it."""
+    """A worker process died or was killed."""
 
     def __init__(self) -> None:
         super().__init__("a worker process died, or was killed; fewer --workers take less memory")
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str:
-    """A closing phrase that names the candidate most like `name`: " (did you mean 'x'?)" or ""."""
-    import difflib  # only needed on the way to an error
+    """A phrase with the candidate most similar to `name`: " (did you mean 'x'?)" or ""."""
+    import difflib  # only needed for an error
 
     known = list(candidates)
     lowered = {candidate.lower(): candidate for candidate in known}

@@ -1,7 +1,7 @@
-"""Text of others - names, keys, cells, messages of plug-ins - as it may be shown.
+"""Make foreign text (names, keys, cells, messages of plug-ins) safe to print.
 
-A terminal obeys control characters: they could clear the screen, or write what nobody has said. They
-are shown as `\\u001b`, which is right in JSON, too. Names are cut, and a sentence stays one line.
+A terminal obeys control characters: they could clear the screen, or fake output. They are escaped as
+`\\u001b`, which is valid in JSON, too. Names are shortened, and a sentence stays on one line.
 """
 
 from __future__ import annotations
@@ -14,32 +14,32 @@ from typing import Any, Final, NoReturn, TextIO
 
 LONGEST_NAME: Final = 100  # characters
 LONGEST_SENTENCE: Final = 2000
-FORMULA_SIGNS: Final = ("=", "+", "-", "@", "\t", "\r")  # what begins so, spreadsheets compute
+FORMULA_SIGNS: Final = ("=", "+", "-", "@", "\t", "\r")  # spreadsheets compute texts that begin so
 
-# C0, DEL and C1, what else ends a line, and what turns the direction of writing.
+# C0, DEL and C1, other line ends, and characters that change the direction of writing.
 _OBEYED: Final = "\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069"
 _CONTROLS: Final = re.compile(f"[{_OBEYED}]")
 _ALL_CONTROLS: Final = re.compile(f"[\t\n{_OBEYED}]")
-# What this program and its libraries write to terminals: colours, and parts of lines again.
+# Sequences that this program and its libraries write to terminals: colours, erased parts of lines.
 _OURS: Final = re.compile(
     f"(\x1b\\[(?:[0-9;]*m|[0-2]?K|[0-9]*A|\\?25[lh])|\r(?=\x1b\\[(?:[0-2]?K|[0-9]*A)))|[{_OBEYED}]"
 )
 
 
 def escaped(text: str) -> str:
-    """Text of any number of lines without other control characters."""
+    """Text of any number of lines, other control characters escaped."""
     return text.translate(_SHOWN) if _CONTROLS.search(text) else text
 
 
 def one_line(text: str, most: int = LONGEST_SENTENCE) -> str:
-    """Text as one line of at most so many characters; too long a one loses its middle."""
+    """Text as one line of at most `most` characters; a longer one loses its middle."""
     if len(text) > most:
         text = f"{text[: most * 2 // 3]} ... {text[len(text) - most // 3 :]}"
     return _ALL_CONTROLS.sub(_shown, text)
 
 
 def cleaned(data: Any) -> Any:
-    """Data of any depth in which all text is escaped."""
+    """Data of any depth with all text escaped."""
     if isinstance(data, str):
         return escaped(data)
     if isinstance(data, dict):
@@ -50,7 +50,7 @@ def cleaned(data: Any) -> Any:
 
 
 def cleaned_document(data: Any) -> Any:
-    """Data of a file in which all text is escaped; a key is one line, and so is a `name`."""
+    """Data of a file with all text escaped; keys and each `name` become one line."""
     if isinstance(data, list):
         return [cleaned_document(value) for value in data]
     if not isinstance(data, dict):
@@ -64,7 +64,7 @@ def cleaned_document(data: Any) -> Any:
 
 
 def for_terminal(text: str) -> str:
-    """Output as a terminal may get it: of control sequences only those that this program uses."""
+    """Output for a terminal, with only the control sequences that this program uses."""
     return _OURS.sub(lambda found: found[1] or _shown(found), text)
 
 
@@ -72,18 +72,18 @@ def _shown(found: re.Match[str]) -> str:
     return {"\n": "\\n", "\t": "\\t", "\r": "\\r"}.get(found[0], f"\\u{ord(found[0]):04x}")
 
 
-# A match of its own for each of millions of characters would take a hundred bytes each.
+# Separate matches for millions of characters would take 100 bytes each.
 _SHOWN: Final = {
     code: _shown(found) for code in range(0x2070) if (found := _CONTROLS.match(chr(code)))
 }
 
 
 class OutputError(Exception):
-    """Standard output cannot be written: a disk is full."""
+    """Standard output cannot be written: a disk is full, for example."""
 
 
 class PrintedText:
-    """A standard stream to which whatever is printed goes through here; None: it goes nowhere."""
+    """A standard stream with all output made safe; None: output is discarded."""
 
     def __init__(self, stream: Any, is_output: bool = True) -> None:
         self.stream = _nowhere() if stream is None else stream
@@ -98,11 +98,11 @@ class PrintedText:
 
     @property
     def buffer(self) -> _PrintedBytes:
-        """The stream as one of bytes, which are written as they are."""
+        """The stream for bytes, which are written unchanged."""
         return _PrintedBytes(self)
 
     def flush(self) -> None:
-        """Write what is held back. Raises OutputError."""
+        """Flush the stream. Raises OutputError."""
         with self._writable():
             self.stream.flush()
 
@@ -119,19 +119,19 @@ class PrintedText:
                 raise OutputError(f"standard output cannot be written: {reason}") from None
 
     def give_up(self) -> None:
-        """What Python still holds back goes nowhere."""
+        """Discard the output that Python has buffered."""
         os.dup2(os.open(os.devnull, os.O_WRONLY), self.stream.fileno())
 
     def close(self) -> NoReturn:
-        """Refused: a plug-in that closes it takes it away from everybody."""
-        raise PermissionError("it has closed a standard stream")
+        """Refused: a plug-in must not close a stream that others use."""
+        raise PermissionError("it tried to close a standard stream")
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.stream, name)
 
 
 class _PrintedBytes:
-    """What writes bytes to a standard stream as `PrintedText` writes text."""
+    """Writes bytes to a standard stream as `PrintedText` writes text."""
 
     def __init__(self, printed: PrintedText) -> None:
         self.printed = printed

@@ -1,15 +1,15 @@
 """The pytest fixture `grid_snapshot`: compare pictures of the grid with golden files.
 
-    pytest_plugins = ["automaton.pytest_plugin"]  # in conftest.py: who does not ask does not have it
+    pytest_plugins = ["automaton.pytest_plugin"]  # in conftest.py: loaded only on request
 
     def test_my_floor(grid_snapshot):
         simulation = Simulation(resolve("my-floor.yaml"))
         simulation.run(until=40)
         grid_snapshot(simulation)
 
-Goldens lie beside the test, in snapshots/<test module>/<test>[-name].txt, and are written by
-`pytest --update-grids`, which also removes those that a passing test no longer compares. NumPy and
-Numba are imported only when a world has to be drawn.
+Golden files lie beside the test, in snapshots/<test module>/<test>[-name].txt. `pytest --update-grids`
+writes them, and removes those that a passing test no longer compares. NumPy and Numba are imported only
+to draw a world.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ import pytest
 from automaton.atomic_write import replacing
 
 OPTION = "--update-grids"
-LONGEST_NAME = 120  # characters of a golden's name that are kept
-ALLOWED = re.compile(r"[^\w\[\].,+= -]")  # what a file name may not hold everywhere
+LONGEST_NAME = 120  # characters of the name of a golden file
+ALLOWED = re.compile(r"[^\w\[\].,+= -]")  # not allowed in file names on some systems
 WRITTEN = pytest.StashKey[list[str]]()
 COMPARED_GOLDENS = pytest.StashKey[set[Path]]()
 GridSnapshot = Callable[..., None]
@@ -41,7 +41,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="store_true",
         default=False,
         dest="update_grids",
-        help="write the golden pictures of grid_snapshot again, remove stale ones",
+        help="rewrite the golden pictures of grid_snapshot, remove stale ones",
     )
 
 
@@ -49,8 +49,8 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def grid_snapshot(request: pytest.FixtureRequest) -> GridSnapshot:
     """Compare a picture with its golden file: `grid_snapshot(simulation_or_text, name=None)`.
 
-    Takes a text, or a Simulation, a World with its plan, or a FloorPlan, which are drawn first. A
-    test that compares more than one picture names them.
+    Takes a text, or draws a Simulation, a World with its plan, or a FloorPlan. A test with more than one
+    picture must name them.
     """
     item: pytest.Item = request.node
     compared = item.stash.setdefault(COMPARED_GOLDENS, set())
@@ -73,16 +73,16 @@ def grid_snapshot(request: pytest.FixtureRequest) -> GridSnapshot:
 
 
 def text_of(subject: Any) -> str:
-    """The picture of a subject, as a golden holds it: no blanks at line ends, one newline last."""
+    """The picture of a subject, as in a golden file: no trailing blanks, one newline at the end."""
     if not isinstance(subject, str):
-        from automaton.runs import pictures  # only now: other people's sessions need not pay for it
+        from automaton.runs import pictures  # imported late: other sessions do not need it
 
         subject = pictures.drawn(subject)
     return "\n".join(line.rstrip() for line in subject.splitlines()).strip("\n") + "\n"
 
 
 def golden_path(item: pytest.Item, name: str | None = None) -> Path:
-    """Where the golden of a test lies; tests of a class are named Class.test."""
+    """The path of the golden file of a test; tests of a class are named Class.test."""
     base = file_name(".".join(item.nodeid.split("::")[1:]))
     part = "" if name is None else f"-{file_name(name)}"
     return folder_of(item) / f"{base}{part}.txt"
@@ -93,7 +93,7 @@ def folder_of(item: pytest.Item) -> Path:
 
 
 def file_name(text: str) -> str:
-    """A name for every file system; where something had to go, a hash keeps it unique."""
+    """A name for every file system; a changed name gets a hash to stay unique."""
     name = ALLOWED.sub("_", text)[:LONGEST_NAME]
     if name == text:
         return name
@@ -101,12 +101,12 @@ def file_name(text: str) -> str:
 
 
 def shown(golden: Path, item: pytest.Item) -> str:
-    """A golden's path as a person in the root folder would type it."""
+    """The path of a golden file, relative to the root folder."""
     return Path(os.path.relpath(golden, item.config.rootpath)).as_posix()
 
 
 def rewrite(golden: Path, text: str) -> bool:
-    """Write a golden if it differs; whole or not at all. Returns whether it was written."""
+    """Write a golden file atomically if it differs. Returns whether it was written."""
     if golden.is_file() and golden.read_text(encoding="utf-8") == text:
         return False
     golden.parent.mkdir(parents=True, exist_ok=True)
@@ -116,7 +116,7 @@ def rewrite(golden: Path, text: str) -> bool:
 
 
 def check(golden: Path, text: str, path: str) -> None:
-    """Fail the test unless the golden is there and equal."""
+    """Fail the test unless the golden file exists and is equal."""
     __tracebackhide__ = True
     if not golden.is_file():
         pytest.fail(
@@ -135,7 +135,7 @@ def check(golden: Path, text: str, path: str) -> None:
 
 
 def difference(wanted: str, text: str) -> str:
-    """The rows that differ, - golden, + now, with carets below the characters that changed."""
+    """The rows that differ (- golden, + now), with carets below changed characters."""
     rows = list(
         difflib.unified_diff(wanted.splitlines(), text.splitlines(), "golden", "now", lineterm="")
     )
@@ -171,7 +171,7 @@ def _carets(old: str, new: str) -> list[str]:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Tell the session, through the report (pytest-xdist carries it), what became of goldens."""
+    """Report the state of golden files in the test report, which pytest-xdist transfers."""
     report = yield
     if report.when == "call":
         stale = list(_stale(item)) if report.passed else []
@@ -180,7 +180,7 @@ def pytest_runtest_makereport(
 
 
 def _stale(item: pytest.Item) -> Iterator[str]:
-    """Goldens of a test that passed without comparing them; removed under the option."""
+    """Golden files that a passed test did not compare; removed under the option."""
     compared = item.stash.get(COMPARED_GOLDENS, set())
     base = golden_path(item).stem
     for golden in _goldens(folder_of(item)):
@@ -198,7 +198,7 @@ def _goldens(folder: Path) -> list[Path]:
 def pytest_terminal_summary(
     terminalreporter: pytest.TerminalReporter, config: pytest.Config
 ) -> None:
-    """Name the goldens that were written, removed, or are stale."""
+    """List the golden files that were written, removed, or are stale."""
     reports = [r for group in terminalreporter.stats.values() for r in group]
     written = sorted({path for r in reports for path in getattr(r, "grids_written", ())})
     stale = sorted({path for r in reports for path in getattr(r, "grids_stale", ())})

@@ -1,4 +1,4 @@
-"""What `import automaton` offers: runs, studies and recordings from Python.
+"""The Python API of `import automaton`: runs, studies and recordings.
 
     import automaton
 
@@ -39,16 +39,16 @@ if TYPE_CHECKING:
     from automaton.tables.table_run import TableRun
     from automaton.world.resolved import Resolved
 
-# A path, the name of a shipped scenario, what a scenario file says as a dict, or a Scenario.
+# A path, the name of a shipped scenario, the content of a scenario file as a dict, or a Scenario.
 ScenarioLike: TypeAlias = "str | Path | Mapping[str, Any] | Scenario"
-# Of each layer that is named: a name, {name: NAME, PARAMETER: VALUE}, or a class.
+# By layer: a name, {name: NAME, PARAMETER: VALUE}, or a class.
 Strategies = Mapping[str, Any]
 
 
 def settings_of(overrides: dict[str, Any], strategies: Strategies | None = None) -> list[Override]:
     """Keyword arguments as settings of a scenario: `fleet__robots` is fleet.robots.
 
-    A class of a strategy is known by its name for the rest of this process. Raises InputError.
+    The class of a strategy is registered by name for the rest of this process. Raises InputError.
     """
     from automaton.scenario.document import Override, keys_of
     from automaton.strategy.lookup import name_of_class
@@ -66,7 +66,7 @@ def load(scenario: ScenarioLike, seed: int | None = None, **overrides: Any) -> S
     """Read a scenario and check it completely, without compiling anything.
 
     `scenario`: a path, the name of a shipped one, the content of a scenario file as a dict, or a
-    Scenario; `seed` and `overrides` replace what it says, as in `simulate`. Returns the Scenario, with
+    Scenario; `seed` and `overrides` replace its values, as in `simulate`. Returns the Scenario, with
     times in ticks and lengths in cells. Raises InputError, whose text is one sentence.
 
         scenario = automaton.load("tabletop-1", fleet__robots=3)
@@ -76,7 +76,7 @@ def load(scenario: ScenarioLike, seed: int | None = None, **overrides: Any) -> S
 
 
 def check(scenario: ScenarioLike, seed: int | None = None, **overrides: Any) -> tuple[str, ...]:
-    """Check a scenario as `automaton check` does, and return its warnings, a sentence each.
+    """Check a scenario like `automaton check`, and return the warnings, one sentence each.
 
     Arguments as for `load`. Raises InputError for a scenario that cannot run.
 
@@ -107,14 +107,14 @@ def simulate(
     """Run a scenario once, in this process, to its end.
 
     `scenario`, `seed`: as for `load`. `strategies`: by layer a name, a dict of a name and parameters, or
-    a class, such as a function decorated with `per_robot`. `overrides` are keys of the scenario:
+    a class, such as a function decorated with `per_robot`. `overrides`: keys of the scenario,
     `fleet__robots=3` or `**{"fleet.robots": 3}`. With `tables` the outcome has `tables.orders`, `lines`,
     `trips`, `robots` and `stations`, each a pyarrow Table; `states`, a period such as "10 s" or a number
-    of ticks, adds the table `states`, `events=True` the table `events`, either one also `cells`.
-    `folder`: a new folder in which they are written as
-    Parquet while the run goes on, instead of being kept in memory. `record`: a file for the recording.
-    Returns an Outcome: `metrics` by name, `robots`, `digest`, `ticks`, and `picture`, which a notebook
-    shows. Raises InputError for bad input and for a strategy that raises.
+    of ticks, adds the table `states`, `events=True` the table `events`; either one also adds `cells`.
+    `folder`: a new folder; tables are written to it as Parquet during the run, and not held in memory.
+    `record`: a file for the recording. Returns an Outcome: `metrics` by name, `robots`, `digest`,
+    `ticks`, and `picture`, which a notebook shows. Raises InputError for bad input and for a strategy
+    that raises.
 
         outcome = automaton.simulate("tabletop-mini", seed=7)
         outcome.finished, outcome.metrics["makespan"]
@@ -122,7 +122,7 @@ def simulate(
     resolved = _resolved(scenario, seed, strategies, overrides)
     if not tables:
         if states is not None or events or folder is not None:
-            raise InputError("states, events and folder are of tables; set tables=True")
+            raise InputError("states, events and folder need tables=True")
         return _run_shown(resolved, record)
     from automaton.tables.table_run import WantedTables, table_run
 
@@ -146,7 +146,7 @@ def _resolved(
 def _run_shown(
     resolved: Resolved, record: str | Path | None, tables: TableRun | None = None
 ) -> Outcome:
-    """Run it once, with the picture of its end and, if it is asked for, its recording."""
+    """Run a scenario once, with the picture of its end and, if requested, its recording."""
     from automaton.recording.recorder import Recorder
     from automaton.runs.headless import run_once
 
@@ -179,13 +179,13 @@ def sweep(
     recompute: bool = False,
     retry_failed: bool = False,
 ) -> pa.Table:
-    """Do the runs of a study that the folder `out` lacks, and return all rows as an Arrow table.
+    """Do the missing runs of a study in the folder `out`, and return all rows as an Arrow table.
 
-    `study`: a path, the name of a shipped one, or a Study. Without `out` nothing is kept. `executor`: any
-    of concurrent.futures, which is left open; `scheduler`: a Dask cluster, by its address or the file
-    that its scheduler wrote; default are `workers` spawned processes, one for each core (a script needs
-    the usual `if __name__ == "__main__":`). `recompute`, `retry_failed`: as of `automaton sweep`. Raises
-    InputError as that command does; what is done when something is raised is kept in `out`.
+    `study`: a path, the name of a shipped one, or a Study. Without `out` no files remain. `executor`: an
+    executor of concurrent.futures, which is left open; `scheduler`: a Dask cluster, by its address or
+    the file that its scheduler wrote; by default `workers` spawned processes, one per core (a script
+    needs the usual `if __name__ == "__main__":`). `recompute`, `retry_failed`: as in `automaton sweep`.
+    Raises InputError like that command; finished runs remain in `out`.
 
         with open("fleets.yaml", "w") as file:
             file.write(
@@ -246,12 +246,12 @@ def size(
     workers: int | None = None,
     **overrides: Any,
 ) -> SizingResult:
-    """Find the smallest fleet that meets a target such as "makespan<=2400", as `automaton size` does.
+    """Find the smallest fleet that meets a target such as "makespan<=2400", like `automaton size`.
 
-    `robots`: the smallest and the largest fleet that may be an answer, as (1, 6) or "1..6", or one
-    alone; `strategies`: allocations to compare, as "a,b" or ["a", "b"]; the others are the options of
-    the command. `workers`: spawned processes, default one for each core; 1: none. `overrides`: as in
-    `simulate`. Raises InputError, and WorkerDied where a process dies.
+    `robots`: the range of fleet sizes to test, as (1, 6) or "1..6", or a single size; `strategies`:
+    allocations to compare, as "a,b" or ["a", "b"]; the other arguments are the options of the command.
+    `workers`: spawned processes, by default one per core; 1: none. `overrides`: as in `simulate`. Raises
+    InputError, and WorkerDied if a process dies.
 
         automaton.size("tabletop-1", "makespan<=2400", robots=(1, 6), workers=1).robots
     """
@@ -291,7 +291,7 @@ def size(
 
 
 class Simulation:
-    """A run that you carry on tick by tick, look into, branch off, save and pickle.
+    """A run that you continue tick by tick, inspect, branch, save and pickle.
 
     `scenario`, `seed`, `strategies` and `overrides`: as for `simulate`. Raises InputError.
 
@@ -327,12 +327,12 @@ class Simulation:
 
     @property
     def seed(self) -> int:
-        """What all random numbers of the run follow from."""
+        """The seed of all random numbers of the run."""
         return self._seed
 
     @property
     def tick(self) -> int:
-        """How many ticks have been executed."""
+        """The number of executed ticks."""
         return self._run.tick
 
     @property
@@ -342,7 +342,7 @@ class Simulation:
 
     @property
     def digest(self) -> str:
-        """The digest of the whole state, 16 hex digits: equal digests, equal states."""
+        """The digest of the whole state, 16 hex digits: equal digests mean equal states."""
         return self._run.digest
 
     @property
@@ -354,14 +354,14 @@ class Simulation:
 
     @property
     def world(self) -> World:
-        """The state as structs of NumPy arrays, which refuse writes: `world.robots.cell`, (n,) int32.
+        """The state as structs of read-only NumPy arrays: `world.robots.cell`, (n,) int32.
 
         The arrays change with each step; copy what you want to keep.
         """
         return self._run.world.read_only()
 
     def step(self, ticks: int = 1) -> Simulation:
-        """Execute so many ticks, fewer if the run ends before; returns the simulation.
+        """Execute a number of ticks, fewer if the run ends before; returns the simulation.
 
         Raises InputError for a number below 0 and for a strategy that raises.
         """
@@ -381,11 +381,11 @@ class Simulation:
         return self
 
     def branch(self, *, strategies: Strategies | None = None, **overrides: Any) -> Simulation:
-        """Return another simulation that goes on from this state, and leave this one as it is.
+        """Return another simulation that continues from this state, and leave this one unchanged.
 
-        `overrides` and `strategies` hold from the next tick: keys of strategy, durations, information,
-        world and stop. Strategies that stay remember the past; new ones begin with what they see.
-        Raises InputError.
+        `overrides` and `strategies` take effect in the next tick: keys of strategy, durations,
+        information, world and stop. Unchanged strategies keep their memory; new ones begin with the
+        current state. Raises InputError.
         """
         from automaton.runs.headless import PastRules, attribute_strategy_errors
         from automaton.world.resolve import branched
@@ -403,10 +403,11 @@ class Simulation:
         return other
 
     def save(self, path: str | Path) -> RecordedRun:
-        """Write the run so far as a recording and return it; `read(path).simulation()` continues it.
+        """Write the run so far as a recording and return the recording; `read(path).simulation()`
+        continues it.
 
-        To record it, the run is computed again from its start. Raises InputError if the file cannot be
-        written or a strategy then decides differently.
+        The run is computed again from its start to record it. Raises InputError if the file cannot be
+        written, or if a strategy decides differently this time.
         """
         from automaton.recording.recorder import Recorder
         from automaton.runs.headless import computed
@@ -416,8 +417,8 @@ class Simulation:
                 run = computed(self._past, self._seed, self.tick, recorder)
                 if run.digest != self.digest:
                     raise InputError(
-                        f"computed again, the run is another one at tick {self.tick:,}: a strategy "
-                        "decides otherwise than before"
+                        f"computed again, the run differs at tick {self.tick:,}: a strategy decides "
+                        "differently this time"
                     )
                 if run.finished or self.tick >= self.scenario.stop.max_duration:
                     recorder.end()
@@ -429,7 +430,7 @@ class Simulation:
         return read(path)
 
     def picture(self, theme: Theme = "light", follow: int = NIL) -> FloorPicture:
-        """The floor and its robots now, as a drawing that a notebook shows; `follow`: a robot to mark.
+        """The current floor and robots, as a drawing that a notebook shows; `follow`: a robot to mark.
 
         Raises InputError.
         """
@@ -447,7 +448,7 @@ class Simulation:
 
     @classmethod
     def _from(cls, past: list[PastRules], seed: int, state: RunState) -> Simulation:
-        """A simulation that goes on from a state."""
+        """A simulation that continues from a state."""
         from automaton.runs.headless import made
         from automaton.runs.state_copy import restore
 
@@ -456,18 +457,18 @@ class Simulation:
         return cls._of(past, seed, run)
 
     def __reduce__(self) -> Any:
-        """A pickle is the state and the rules that it came by."""
+        """A pickle holds the state and the scenario."""
         return Simulation._from, (self._past, self._seed, self._state())
 
 
 class RecordedRun:
-    """A recording, complete or cut short, that `read` opens: tables, pictures and films come of it.
+    """A complete or truncated recording, opened by `read`: the source of tables, pictures and films.
 
         automaton.simulate("tabletop-mini", record="run.rec")
         run = automaton.read("run.rec")
         run.ticks, run.simulation(at=50).digest
 
-    A notebook shows it as its last tick.
+    A notebook shows its last tick.
     """
 
     def __init__(self, path: str | Path) -> None:
@@ -477,19 +478,20 @@ class RecordedRun:
 
     @property
     def ticks(self) -> int:
-        """How many ticks are recorded."""
+        """The number of recorded ticks."""
         return self._recording.ticks
 
     @property
     def is_complete(self) -> bool:
-        """Whether the recording has its end."""
+        """Whether the recording is complete."""
         return self._recording.complete
 
     def simulation(self, at: int | None = None) -> Simulation:
-        """A simulation that goes on from a tick of the run, the last one unless said.
+        """A simulation that continues from a tick of the run, by default the last one.
 
-        The past is computed again by its strategies, so that they remember it, and compared with what
-        was recorded. Raises InputError if there is no such tick, or this version computes another past.
+        The strategies compute the past again, so that they have their memory, and it is compared with
+        the recording. Raises InputError if there is no such tick, or this version computes a different
+        past.
         """
         from automaton.history.playback import Playback
         from automaton.recording.header import changed, resolved_of
@@ -511,7 +513,7 @@ class RecordedRun:
             simulation = Simulation._of(past, header["seed"], computed(past, header["seed"], tick))
             if simulation.digest != playback.simulation.digest:
                 raise InputError(
-                    f"computed again with its strategies, the run is another one at tick {tick:,}: "
+                    f"computed again with its strategies, the run differs at tick {tick:,}: "
                     "it was recorded by another version"
                 )
         except InputError as error:
@@ -525,10 +527,10 @@ class RecordedRun:
         robots: Sequence[int] | None = None,
         folder: str | Path | None = None,
     ) -> Tables:
-        """The tables of the run, as `simulate(tables=True)` has them.
+        """The tables of the run, as in `simulate(tables=True)`.
 
-        `states`: a period such as "1 s", or ticks; `robots`: events and states of these alone;
-        `folder`: a new folder to which they are written as Parquet. Raises InputError.
+        `states`: a period such as "1 s", or ticks; `robots`: limits events and states to these robots;
+        `folder`: a new folder to which the tables are written as Parquet. Raises InputError.
         """
         from automaton.history.playback import Playback
         from automaton.recording.header import resolved_of
@@ -552,7 +554,7 @@ class RecordedRun:
     def picture(
         self, at: int | None = None, theme: Theme = "light", follow: int = NIL
     ) -> FloorPicture:
-        """The floor and its robots after a tick, the last one unless said; `follow`: a robot to mark.
+        """The floor and its robots after a tick, by default the last one; `follow`: a robot to mark.
 
         Raises InputError.
         """
@@ -576,7 +578,8 @@ class RecordedRun:
         theme: Theme = "light",
         height: int = 600,
     ) -> NotebookFilm:
-        """The ticks from `first` (0) to `last` (the last one) as a film that plays in a notebook.
+        """The ticks from `first` (default 0) to `last` (default: the last tick) as a film for a
+        notebook.
 
         `speed`: 1 is ten ticks a second; `follow`: a robot; `height`: pixels. Raises InputError.
         """
@@ -620,6 +623,6 @@ def read(path: str | Path) -> RecordedRun:
         automaton.simulate("tabletop-mini", record="run.rec")
         automaton.read("run.rec").picture(at=50)
 
-    Returns a RecordedRun. Raises InputError for a file that is not a recording, or is damaged.
+    Returns a RecordedRun. Raises InputError for a file that is damaged or not a recording.
     """
     return RecordedRun(path)

@@ -1,6 +1,6 @@
-"""The one table of units, and numbers in the reader's units: a scenario says what a tick stands for.
+"""The table of units, and numbers in the reader's units: a scenario defines the unit of a tick.
 
-TIME_UNITS, LENGTH_UNITS and BYTES_PER_UNIT are all the units there are; the former two are exact.
+TIME_UNITS, LENGTH_UNITS and BYTES_PER_UNIT are all units; the first two are exact.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ LENGTH_UNITS: Final = {  # metres in a unit of length
     "ft": Fraction(3048, 10_000),
     "in": Fraction(254, 10_000),
 }
-SPELLED: Final = {  # other names of the same
+SPELLED: Final = {  # other names of these units
     "ms": ("millisecond", "milliseconds"),
     "s": ("sec", "second", "seconds"),
     "min": ("minute", "minutes"),
@@ -40,7 +40,7 @@ NUMBER_AND_NAME = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(\S.*)")
 
 
 class Unit(NamedTuple):
-    """What one tick stands for: `size` times `name`."""
+    """The unit of a tick: `size` times `name`."""
 
     size: float
     name: str
@@ -51,13 +51,13 @@ class Unit(NamedTuple):
 
     @property
     def seconds(self) -> float | None:
-        """How many it is in seconds; None: it is not an unit of time."""
+        """The unit in seconds; None: not a unit of time."""
         symbol = symbol_of(self.name)
         return None if symbol is None else self.size * SECONDS_PER_UNIT[symbol]
 
     @property
     def plural(self) -> str:
-        """The name for several: words get an s, symbols such as "min" stay."""
+        """The plural of the name: words get an s, symbols such as "min" do not."""
         return self.name if len(self.name) < 4 or self.name.endswith("s") else f"{self.name}s"
 
 
@@ -70,13 +70,13 @@ def unit(text: str) -> Unit:
 
 
 def shown_unit(text: str) -> str:
-    """A unit as it is written, but with six digits where it is a part of another one."""
+    """A unit as it is written, with six digits for a fraction of another unit."""
     size, name = unit(text)
     return text if len(text) <= 12 else f"{size:.6g} {name}"
 
 
 def symbol_of(name: str) -> str | None:
-    """The symbol of a unit of time, in whichever way it is written; None: it is none."""
+    """The symbol of a unit of time from any of its names; None: unknown."""
     return _symbol(name, TIME_UNITS)
 
 
@@ -91,7 +91,7 @@ def exact_length(text: str) -> Fraction | None:
 
 
 def length_unit(text: str) -> Fraction | None:
-    """Metres of the unit in which a length such as "2.5 ft" is given; None: it is not one."""
+    """Metres per unit of a length such as "2.5 ft"; None: its name is not a unit of length."""
     symbol = _symbol(unit(text).name, LENGTH_UNITS)
     return None if symbol is None else LENGTH_UNITS[symbol]
 
@@ -107,23 +107,23 @@ def _symbol(name: str, table: dict[str, Fraction]) -> str | None:
 
 
 def bytes_of(text: str) -> int:
-    """Bytes that a scenario writes as "512 MiB"."""
+    """Bytes of a text such as "512 MiB"."""
     number, name = text.split()
     return int(float(number) * BYTES_PER_UNIT[name])
 
 
 def memory(size: int) -> str:
-    """Bytes as a scenario writes them, rounded up to a tenth: "1.5 MiB"."""
+    """Bytes as text, rounded up to a tenth: "1.5 MiB"."""
     name = next((name for name, unit in reversed(BYTES_PER_UNIT.items()) if size >= unit), "KiB")
     return f"{-(-10 * size // BYTES_PER_UNIT[name]) / 10:g} {name}"
 
 
-LONG_MINUTES = 2 * SECONDS_PER_UNIT["min"]  # seconds from which a duration is told in minutes
+LONG_MINUTES = 2 * SECONDS_PER_UNIT["min"]  # seconds from which a duration is given in minutes
 LONG_HOURS = 2 * SECONDS_PER_UNIT["h"]  # and in hours
 
 
 def duration(ticks: float, tick: Unit) -> tuple[float, str]:
-    """Ticks in the unit in which they are told: long ones in minutes or hours, if in seconds."""
+    """Ticks in the unit of reports: long times in minutes or hours if the unit is a unit of time."""
     value = tick.of(ticks)
     if symbol_of(tick.name) != "s" or value < LONG_MINUTES:
         return value, tick.plural
@@ -132,7 +132,7 @@ def duration(ticks: float, tick: Unit) -> tuple[float, str]:
 
 
 def ticks_and_time(ticks: float, tick: Unit) -> str:
-    """Ticks as text and, where a tick is a time, beside them what they are: "28,800 ticks (8 h)"."""
+    """Ticks as text, with the time if a tick is a time: "28,800 ticks (8 h)"."""
     text = count(int(ticks), "tick") if float(ticks).is_integer() else f"{number(ticks)} ticks"
     if tick.seconds is None:
         return text
@@ -141,7 +141,7 @@ def ticks_and_time(ticks: float, tick: Unit) -> str:
 
 
 def number(value: float) -> str:
-    """A number for a table: whole ones with thousands separators, others to four digits."""
+    """A number for a table: whole numbers with thousands separators, others with four digits."""
     if abs(value) >= 1000 or float(value).is_integer():
         return f"{value:,.0f}"
     return f"{value:.4g}"
@@ -158,7 +158,7 @@ def count(many: int, one: str, several: str | None = None) -> str:
 
 
 def listed(items: list[int], most: int = 6) -> str:
-    """Numbers as text: "1, 2 and 5"; beyond `most` only the first ones."""
+    """Numbers as text: "1, 2 and 5"; only the first ones if there are more than `most`."""
     texts = [str(item) for item in items[:most]]
     if len(items) > most:
         return f"{', '.join(texts)} ... ({len(items):,} in all)"

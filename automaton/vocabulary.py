@@ -1,9 +1,9 @@
-"""What a robot, an order or a trip is doing: a word for each state, and a phrase if that is too short.
+"""States of robots, orders and trips: a word for each, and a phrase if the word is too short.
 
-Text pictures, explanations, tables, films and the viewer take their words from here, so that one
-thing has one name. The states are those of docs/explanation/robot-states.md. Words and phrases follow
-"the robot is": "picking", "picking up load 7". Why a robot waits is named by the causes of
-`automaton.engine.observation`. Importing this needs neither Numba nor Textual.
+Text pictures, explanations, tables, films and the viewer take their words from here, so that each state
+has one name. The states are those of docs/explanation/robot-states.md. Words and phrases follow "the
+robot is": "picking", "picking up load 7". The causes of `automaton.engine.observation` name the reasons
+for which robots wait. Importing this needs neither Numba nor Textual.
 """
 
 from __future__ import annotations
@@ -22,10 +22,10 @@ from automaton.floor.cells import DIRECTIONS
 
 
 class RobotState(IntEnum):
-    """What a robot is doing, in the order in which a table of robots is sorted by it.
+    """The state of a robot, in the sort order of a table of robots.
 
-    Which task it drives for is its task; whether one that waits is stuck, halted or held back is its
-    motion, and its cause says more.
+    Its task says what a robot drives for. Its motion says whether a waiting robot is stuck, halted or
+    held back, and its cause says why.
     """
 
     IDLE = 0
@@ -45,7 +45,7 @@ class RobotState(IntEnum):
 
 
 STATE_WORDS: Final = tuple(state.name.lower().replace("_", " ") for state in RobotState)
-ROBOT_PHRASES: Final = {  # where the word is too short for a sentence
+ROBOT_PHRASES: Final = {  # phrases for words that are too short in a sentence
     RobotState.PICKING: "picking up",
     RobotState.TRYING: "trying to drop",
     RobotState.AT_STOP: "at its stop",
@@ -72,20 +72,20 @@ COLOUR_WORDS: Final = {
 
 
 def phrase_of(state: RobotState) -> str:
-    """Return the phrase of a state of a robot: its word, if that is long enough."""
+    """Return the phrase of a state of a robot, or its word if it has none."""
     return ROBOT_PHRASES.get(state, STATE_WORDS[state])
 
 
 class ActionPhrases(NamedTuple):
-    """What is said of an action; the state of a robot whose action it is, if nothing else decides."""
+    """The words for an action, and the state of a robot with it if no other condition holds."""
 
     state: RobotState
     past: str  # when it is over
-    longer: str = ""  # while it lasts, where the phrase of the state says less
+    longer: str = ""  # while it lasts, if more exact than the phrase of the state
 
     @property
     def present(self) -> str:
-        """While it lasts."""
+        """The phrase while the action lasts."""
         return self.longer or phrase_of(self.state)
 
 
@@ -154,18 +154,18 @@ def robot_state(robots: Any, robot: int) -> RobotState:
 
 
 def robot_word(robots: Any, robot: int) -> str:
-    """Return the word for what a robot does."""
+    """Return the word for the action of a robot."""
     return STATE_WORDS[robot_state(robots, robot)]
 
 
 def cause_name(robots: Any, robot: int) -> str:
-    """Return the name of what keeps a robot from getting on; "" if nothing does."""
+    """Return the name of the cause for which a robot waits, or ""."""
     cause = int(robots.cause[robot])
     return "" if cause == observation.CAUSE_NOT_WAITING else observation.CAUSES[cause].name
 
 
 def with_cause(words: str, robots: Any, robot: int) -> str:
-    """Add to words about a robot why it does not get on."""
+    """Add the cause for which a robot waits to words about it."""
     cause = cause_name(robots, robot)
     circle = ", in a wait cycle" if robots.wait_cycle_ticks[robot] else ""
     return f"{words}: {cause}{circle}" if cause else words
@@ -177,17 +177,17 @@ def with_cause(words: str, robots: Any, robot: int) -> str:
 ORDER_WORDS: Final = {
     codes.ORDER_WAITING: "waiting",
     codes.ORDER_CARRIED: "carried",
-    codes.ORDER_STARTED: "under way",  # it has no load to be carried
+    codes.ORDER_STARTED: "under way",  # no load to be carried
     codes.ORDER_DELIVERED: "delivered",
     codes.ORDER_UNRELEASED: "not released",
 }
-DONE_WORD: Final = "done"  # of an order without a load, and of a trip: its pod is stored again
+DONE_WORD: Final = "done"  # for an order without a load, and for a trip: its pod is stored again
 
 
 def order_word(state: int, delivers: bool = True) -> str:
-    """Return the word for the state of an order; `delivers`: it brings a load somewhere, not a trip."""
+    """Return the word for the state of an order; `delivers`: it delivers a load and is not a trip."""
     return DONE_WORD if state == codes.ORDER_DELIVERED and not delivers else ORDER_WORDS[state]
 
 
-# Headings, by how many a type of robots distinguishes.
+# Headings, by the number that a type of robots distinguishes.
 HEADING_WORDS: Final = {1: ("",), 2: ("east-west", "north-south"), 4: DIRECTIONS}

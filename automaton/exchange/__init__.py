@@ -1,1 +1,1 @@
-"""Files of other programs: problems that become scenarios, and outputs that are checked."""
+"""Files of other programs: import of problems and floors, checks of outputs, export of layouts."""

@@ -1,4 +1,4 @@
-"""Find the reader of a layout by what its file is, and refuse options that it does not have."""
+"""Find the reader for a kind of layout file, and refuse options that it does not use."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from automaton.exchange.imported_floor import (
 
 
 class FloorReader(NamedTuple):
-    """How a kind of layout is read, and which options of ImportOptions count for it."""
+    """The reader of a kind of layout, and the options of ImportOptions that it uses."""
 
     read: Callable[[Path, ImportOptions], ImportedFloor]
     options: frozenset[str]
@@ -43,7 +43,7 @@ def read_floor(path: Path, kind: str, options: ImportOptions) -> ImportedFloor:
 
 
 def check_options(kind: str, options: ImportOptions, path: Path) -> None:
-    """Raises InputError for an option that is given and does nothing for this kind of file."""
+    """Raises InputError for a given option that has no effect for this kind of file."""
     known = OF_ALL | (FLOOR_READERS[kind].options if kind in FLOOR_READERS else frozenset())
     plain = ImportOptions()
     for option in (field.name for field in fields(options)):

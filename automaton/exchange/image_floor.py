@@ -1,12 +1,12 @@
-"""The floor of a map of ROS: pixels become cells, and cells become a scenario.
+"""Import a map of ROS: pixels become cells, and cells become a scenario.
 
     pixels  #######      cells, two pixels each way      A robot's centre keeps half its width away
             #.....#      . .                             from what is occupied. A cell is free where
             #.#####      |                               such a pixel is left in it; an exit leads
             #.#          .                               where such pixels touch across the border.
 
-Pixels and cells hang together with their four neighbours. (h, w) are rows and columns of pixels,
-(H, W) of cells, k pixels each way.
+Pixels and cells are connected with their four neighbours. (h, w) are rows and columns of pixels, (H, W)
+of cells; a cell has k x k pixels.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ def _exits(cells: PixelCells) -> npt.NDArray[np.uint8]:
 def _drawn(
     free: npt.NDArray[np.bool_], exits: npt.NDArray[np.uint8]
 ) -> tuple[str, dict[str, dict[str, Any]]]:
-    """The picture and its legend: cells from which no exit leads to some free neighbour open sides."""
+    """The picture and its legend: cells without exits to all free neighbours have open sides."""
     beside = np.zeros(free.shape, np.uint8)
     beside[:, :-1] |= EXIT_EAST * free[:, 1:].astype(np.uint8)
     beside[:-1] |= EXIT_SOUTH * free[1:].astype(np.uint8)
@@ -155,7 +155,7 @@ def _drawn(
 
 
 def _starts(cells: PixelCells, robots: int, file: str) -> list[list[int]]:
-    """[x, y] of each robot: all over the largest piece, of equal ones the first."""
+    """[x, y] of each robot, spread over the largest piece; of equal pieces the first."""
     pieces = pieces_of(cells.free, cells.east, cells.south)
     places = np.argwhere(pieces == 1 + np.bincount(pieces.reshape(-1))[1:].argmax())
     if robots > len(places):
@@ -166,7 +166,7 @@ def _starts(cells: PixelCells, robots: int, file: str) -> list[list[int]]:
 
 
 def _times(cell: Fraction, options: ImportOptions, file: str) -> dict[str, dict[str, Any]]:
-    """Units and durations: without --tick a robot takes one for a cell."""
+    """Units and durations: without --tick, a tick is the time of a move."""
     speed = options.speed or USUAL_SPEED
     tick = options.tick or cell / speed
     move = floor(cell / speed / tick + Fraction(1, 2))
@@ -209,7 +209,7 @@ def _lost(ros_map: RosMap) -> dict[str, int]:
     unknown = int(np.count_nonzero(ros_map.unknown))
     lost = {"pixels of unknown area": unknown} if unknown else {}
     if any(ros_map.origin):
-        lost["origin, but for a comment"] = 1
+        lost["origin (kept only in a comment)"] = 1
     return lost | {f"key {key}": 1 for key in ros_map.unread}
 
 
@@ -240,18 +240,18 @@ class PixelCells(NamedTuple):
     """The cells of an image, cropped to those that are free."""
 
     free: Mask  # (H, W)
-    east: Mask  # (H, W) whether an exit leads to the cell beside it
-    south: Mask  # (H, W) likewise below it
-    offset: tuple[int, int]  # pixels to the right of and below which the grid of cells begins
+    east: Mask  # (H, W) whether an exit leads to the cell to the east
+    south: Mask  # (H, W) likewise to the south
+    offset: tuple[int, int]  # x, y of the first grid line, in pixels
     first: tuple[int, int]  # column and row of the image, in pixels, where the first cell begins
     reached: int  # pixels that a robot's centre reaches
-    pixels_kept: int  # of those, pixels that cells keep
-    pieces: tuple[int, int]  # of these pixels, and of the cells
-    passages_lost: int  # borders between two free cells that pixels cross, and no kept ones
+    pixels_kept: int  # number of those pixels that the cells keep
+    pieces: tuple[int, int]  # number of connected pieces of these pixels, and of the cells
+    passages_lost: int  # borders between cells that reached pixels cross, but no kept pixels
 
 
 def centres(open_: Mask, reach: int) -> Mask:
-    """(h, w) pixels within whose Chebyshev distance `reach` all are open; outside none is."""
+    """(h, w) pixels with only open pixels within Chebyshev distance `reach`; outside, none is open."""
     if 2 * reach + 1 > min(open_.shape):
         return np.zeros_like(open_)
     window = 2 * reach + 1
@@ -262,15 +262,15 @@ def centres(open_: Mask, reach: int) -> Mask:
 
 
 def reach_of(width: Fraction, pixel: Fraction) -> int:
-    """Pixels that the centre of a robot of this width keeps away from what is occupied."""
+    """The least distance, in pixels, of the centre of a robot of this width from occupied pixels."""
     return max(0, ceil(width / (2 * pixel) - Fraction(1, 2)))
 
 
 def any_within(mask: Mask, window: int, axis: int) -> Mask:
-    """Whether any of `window` pixels along an axis is set, for each place where all of them exist."""
+    """Whether any of `window` pixels along an axis is set, for each window inside the image."""
     rows = mask if axis == 0 else mask.T
     length = 1
-    while 2 * length <= window:  # doubled, so that a wide window costs no more than its logarithm
+    while 2 * length <= window:  # doubling: the cost grows with the logarithm of the window
         rows = rows[:-length] | rows[length:]
         length *= 2
     if length < window:
@@ -280,7 +280,7 @@ def any_within(mask: Mask, window: int, axis: int) -> Mask:
 
 
 def cells_of(centre: Mask, k: int) -> PixelCells | None:
-    """The cells of k x k pixels; None where a robot's centre can be nowhere."""
+    """The cells of k x k pixels; None if no pixel is open for the centre of a robot."""
     if not centre.any():
         return None
     dx, dy = best_offset(centre, k)
@@ -303,9 +303,9 @@ def cells_of(centre: Mask, k: int) -> PixelCells | None:
 
 
 def best_offset(centre: Mask, k: int) -> tuple[int, int]:
-    """The offset with most free cells: x, y in pixels; ties the upper, then the left one."""
+    """The offset with the most free cells: x, y in pixels; ties: uppermost, then leftmost."""
     padded = np.pad(centre, k - 1)
-    # [i, j]: it begins at i - k + 1, j - k + 1.
+    # [i, j]: the window that begins at i - k + 1, j - k + 1.
     windows = any_within(any_within(padded, k, 0), k, 1)
     height, width = (-(-size // k) * k for size in windows.shape)
     rounded_up = np.zeros((height, width), bool)
@@ -316,7 +316,7 @@ def best_offset(centre: Mask, k: int) -> tuple[int, int]:
 
 
 def _on_grid(centre: Mask, k: int, dx: int, dy: int) -> tuple[Mask, tuple[int, int]]:
-    """The pixels of the cells around those that are set, and where the first cell begins."""
+    """The pixels of the cells around the set pixels, and the begin of the first cell."""
     top, bottom = _span(np.flatnonzero(centre.any(axis=1)), k, dy)
     left, right = _span(np.flatnonzero(centre.any(axis=0)), k, dx)
     pixels = np.zeros((bottom - top, right - left), bool)
@@ -327,7 +327,7 @@ def _on_grid(centre: Mask, k: int, dx: int, dy: int) -> tuple[Mask, tuple[int, i
 
 
 def _span(places: npt.NDArray[np.intp], k: int, offset: int) -> tuple[int, int]:
-    """Where the first cell begins and the last one ends."""
+    """The begin of the first cell and the end of the last one."""
     begin = (int(places[0]) - offset) // k * k + offset
     return begin, begin + ((int(places[-1]) - begin) // k + 1) * k
 
@@ -339,16 +339,16 @@ def _by_cell(pixels: Mask, k: int) -> Mask:
 
 
 def _largest_pieces(pixels: Mask, k: int) -> Mask:
-    """The largest piece in each cell, of equal ones the first as one reads."""
+    """The largest piece in each cell; of equal ones the first in reading order."""
     parts = connected_parts(pixels, k)
     size = np.bincount(parts.reshape(-1))
     begins = parts != 0
     begins[:, 1:] &= parts[:, 1:] != parts[:, :-1]
-    at = np.flatnonzero(begins)  # a pixel of each part is enough
+    at = np.flatnonzero(begins)  # one pixel of each part is enough
     rows, columns = np.divmod(at, parts.shape[1])
     cell = np.zeros(len(size), np.int64)
     cell[parts.reshape(-1)[at]] = rows // k * (parts.shape[1] // k) + columns // k
-    by_size = 1 + np.lexsort((-size[1:], cell[1:]))  # stable: the first as one reads comes first
+    by_size = 1 + np.lexsort((-size[1:], cell[1:]))  # stable: reading order
     _, best = np.unique(cell[by_size], return_index=True)
     is_kept = np.zeros(len(size), bool)
     is_kept[by_size[best]] = True
@@ -366,13 +366,13 @@ def _crossings(pixels: Mask, k: int) -> tuple[Mask, Mask]:
 
 
 def piece_sizes(free: Mask, east: Mask, south: Mask) -> npt.NDArray[np.int64]:
-    """How many cells each piece has, by the number that `pieces_of` gives it, from 1."""
+    """The number of cells of each piece, by its number from `pieces_of`, from 1."""
     sizes: npt.NDArray[np.int64] = np.bincount(pieces_of(free, east, south).reshape(-1))[1:]
     return sizes
 
 
 def pieces_of(free: Mask, east: Mask, south: Mask) -> npt.NDArray[np.int32]:
-    """(H, W) the piece of each cell that exits connect, from 1 as one reads; 0: it is not free."""
+    """(H, W) the connected piece of each cell, from 1 in reading order; 0: not free."""
     height, width = free.shape
     ways = np.zeros((2 * height - 1, 2 * width - 1), bool)  # cells, and the ways between them
     ways[::2, ::2] = free

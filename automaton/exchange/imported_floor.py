@@ -1,8 +1,8 @@
-"""Files of other programs: what kind they are, what an import reports, and the files that it writes.
+"""Files of other programs: recognize their kind, report on an import, and write its files.
 
-A file is recognized by what it holds, not by its name: its first bytes, of JSON the keys at the top. It
-is read whole only by its own reader, which gets the path and the options of the command, and returns an
-ImportedFloor, or a Problem with its tasks.
+A file is recognized by its content, not by its name: its first bytes, or the top-level keys of JSON. Its
+reader gets the path and the options of the command, and returns an ImportedFloor, or a Problem with
+tasks.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ LIF: Final = "lif"
 OPENTCS: Final = "opentcs"
 ROS: Final = "ros"
 
-FILE_KINDS: Final = {  # kind: what it is called
+FILE_KINDS: Final = {  # kind: its name
     LIF: "VDMA LIF",
     OPENTCS: "openTCS plant model",
     ROS: "map of ROS",
@@ -48,7 +48,7 @@ FILE_KINDS: Final = {  # kind: what it is called
     SCEN: "MovingAI scenario",
     LEAGUE: "problem of the League of Robot Runners",
 }
-BEGINNINGS: Final = (  # kind, and what its first lines are like
+BEGINNINGS: Final = (  # kind, and a pattern of its first lines
     (MAP, re.compile(rb"\s*type\s+\w+\s")),
     (SCEN, re.compile(rb"\s*version\s+\d")),
     (OPENTCS, re.compile(rb"\s*<")),
@@ -65,17 +65,17 @@ KIND_OF_SUFFIX: Final = {
 LIF_KEYS: Final = frozenset(("layouts", "origins", "metaInformation"))
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 
-MAX_PICTURE: Final = (200, 120)  # columns and rows of a floor that a terminal still shows
+MAX_PICTURE: Final = (200, 120)  # largest floor that a terminal shows, in columns and rows
 RED: Final = "bold red"
 ROUTING: Final = "shortest"
 FREE, WALL = ".", "#"
-MAX_WRITTEN_CELLS: Final = 2_000_000  # of a floor that is written: a scenario has 8 MB at most
-MAX_WRITTEN_VALUES: Final = MAX_NODES - 10_000  # of sections; the rest is for names and the legend
-MAX_INLINE: Final = 50  # names of cells; more are written to a file of their own
+MAX_WRITTEN_CELLS: Final = 2_000_000  # of a written floor: a scenario has at most 8 MB
+MAX_WRITTEN_VALUES: Final = MAX_NODES - 10_000  # of sections; the rest: names, legend
+MAX_INLINE: Final = 50  # names of cells; more are written to a separate file
 
 
 def kind_of(path: Path) -> str:
-    """Return one of the kinds above. Raises InputError for what is not a file, or none of them."""
+    """Return one of the kinds above. Raises InputError for anything else."""
     file = str(path)
     if os.path.isdir(path):
         return FOLDER
@@ -101,7 +101,7 @@ def kind_of(path: Path) -> str:
 
 
 def read_bytes(path: Path, most: int = MAX_FLOOR_FILE_BYTES, cut: bool = False) -> bytes:
-    """Read a file of at most so many bytes; `cut`: only its beginning. Raises InputError."""
+    """Read a file of at most `most` bytes; `cut`: only its beginning. Raises InputError."""
     try:
         with path.open("rb") as file:
             data = file.read(most + (not cut))
@@ -113,7 +113,7 @@ def read_bytes(path: Path, most: int = MAX_FLOOR_FILE_BYTES, cut: bool = False) 
 
 
 def _top_keys(path: Path, head: bytes) -> set[str]:
-    """Return the keys of a JSON object; those of LIF that its beginning has where it is broken."""
+    """Return the keys of a JSON object; if it is broken, the keys of LIF at its beginning."""
     content = head if len(head) < HEAD_BYTES else read_bytes(path)
     try:
         data: dict[str, Any] = msgspec.json.decode(content, type=dict[str, msgspec.Raw])
@@ -126,7 +126,7 @@ def _top_keys(path: Path, head: bytes) -> set[str]:
 
 
 class EdgeRow(NamedTuple):
-    """One edge of a graph, and how it is drawn."""
+    """An edge of a graph and its drawing."""
 
     name: str
     metres: float
@@ -137,7 +137,7 @@ class EdgeRow(NamedTuple):
 
     @property
     def error(self) -> float:
-        """How much too long it is drawn, as a share of its length."""
+        """The error of the drawn length, as a share of the length."""
         return self.drawn / self.metres - 1
 
     def json(self) -> dict[str, Any]:
@@ -155,16 +155,16 @@ class EdgeRow(NamedTuple):
 
 @dataclass(frozen=True)
 class ImportReport:
-    """What an import reports, in the words of the file that was read."""
+    """The report on an import, in the terms of the imported file."""
 
     format: str  # "VDMA LIF 1.0.0"
-    facts: Mapping[str, str | int | float]  # what it has become, by name
-    edges: tuple[EdgeRow, ...] = ()  # the worst first
-    lost: Mapping[str, int] = field(default_factory=dict)  # what was read and not used: how often
+    facts: Mapping[str, str | int | float]  # results by name
+    edges: tuple[EdgeRow, ...] = ()  # worst first
+    lost: Mapping[str, int] = field(default_factory=dict)  # unused parts, with counts
     notes: tuple[str, ...] = ()  # sentences
     picture: str = ""
     marks: Mapping[tuple[int, int], str] = field(default_factory=dict)  # (x, y): digit of an edge
-    refusal: str = ""  # why nothing is written
+    refusal: str = ""  # reason why nothing is written
 
     def json(self) -> dict[str, Any]:
         """The report as `--json` prints it."""
@@ -201,12 +201,12 @@ class ImportReport:
 
 
 def fact_table(facts: Mapping[str, str | int | float]) -> Table:
-    """Names and what they are."""
+    """A table of names and values."""
     return Table(("", ""), [(key, str(value)) for key, value in facts.items()], left=2)
 
 
 def edge_table(edges: tuple[EdgeRow, ...], marks: Mapping[tuple[int, int], str]) -> Table:
-    """The table of edges; the first ones with the digits that stand for them in the picture."""
+    """The table of edges; the first ones with their digits in the picture."""
     marked = set(marks.values())
     head = ("", "edge", "metres", "cells", "cm", "%", "ticks wanted", "drawn")
     rows = [
@@ -226,21 +226,21 @@ def edge_table(edges: tuple[EdgeRow, ...], marks: Mapping[tuple[int, int], str])
 
 
 def _signless(value: float, digits: int) -> str:
-    """A number with its sign; 0 has none."""
+    """A number with its sign; 0 without one."""
     text = f"{value:+.{digits}f}"
     return text[1:] if not text.strip("+-0.") else text
 
 
 # A problem as a scenario, its starts and its tasks.
 #
-# Robots are differential, begin facing east, and take a tick for a move and for a turn; one robot
-# fits in a cell. The strategies are named, so that `--set strategy.right_of_way=...` compares others.
+# Robots are differential, begin facing east, and take a tick for a move and for a turn; one robot fits
+# in a cell. The strategies are named, so that `--set strategy.right_of_way=...` compares others.
 
 
 def imported_files(problem: Problem, stem: str, ticks: int) -> dict[str, str]:
     """Return the texts of the files STEM.yaml, STEM-starts.csv and STEM.tasks, by name.
 
-    `ticks`: after which a run ends.
+    `ticks`: length of a run.
     """
     starts, tasks = f"{stem}-starts.csv", f"{stem}.tasks"
     return {
@@ -297,10 +297,10 @@ def tasks_text(problem: Problem) -> str:
 
 
 class _PlainDumper(yaml.SafeDumper):
-    """A dumper that writes what appears twice twice, without an alias."""
+    """A dumper that repeats data instead of writing aliases."""
 
     def ignore_aliases(self, data: object) -> bool:
-        """Whether data has no alias."""
+        """Never write aliases."""
         return True
 
 
@@ -322,7 +322,7 @@ def flow(value: object) -> str:
 
 @dataclass(frozen=True)
 class ImportOptions:
-    """What the options of `automaton import` say; None: left out. Lengths in m, times in s."""
+    """The options of `automaton import`; None: left out. Lengths in m, times in s."""
 
     cell: Fraction | None = None
     tick: Fraction | None = None
@@ -331,21 +331,21 @@ class ImportOptions:
     type: str | None = None
     accept: float = 0.05  # the largest error of an edge, as a share
     robots: int | None = None
-    ticks: int | None = None  # after which a run ends
+    ticks: int | None = None  # length of a run
     robot: Fraction | None = None  # width in m, for images
-    unknown: str = "wall"  # what area is of which an image says nothing: wall or free
+    unknown: str = "wall"  # meaning of unknown area: wall or free
 
 
 @dataclass(frozen=True)
 class ImportedFloor:
-    """A floor that was read; `sections` of the scenario hold everything but the layout."""
+    """A floor that was read; `sections`: the scenario without the layout."""
 
-    picture: str  # rows, each with its end of line
+    picture: str  # rows with line ends
     legend: Mapping[str, Mapping[str, Any]]
     sections: Mapping[str, Any]
     report: ImportReport
     locations: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # name: (x, y)
-    comments: tuple[str, ...] = field(default=())  # at the top of the scenario
+    comments: tuple[str, ...] = field(default=())  # comments at the top of the scenario
 
     def files(self, stem: str, floor: str | None = None) -> dict[str, str]:
         """Return the texts of the files, STEM.yaml last; `floor`: the file for the picture."""
@@ -380,7 +380,7 @@ def locations_text(locations: Mapping[str, list[int]]) -> str:
 
 
 def section_lines(key: str, value: Any) -> list[str]:
-    """Return a section of a scenario; lists and mappings of mappings get a line for each entry."""
+    """Return a section of a scenario; lists and mappings of mappings have a line for each entry."""
     if not isinstance(value, Mapping) or not any(map(_is_long, value.values())):
         return [f"{key}: {flow(value)}"]
     lines = [f"{key}:"]
@@ -400,7 +400,7 @@ def _is_long(value: Any) -> bool:
 
 
 def check_size(width: int, height: int, file: str, advice: str) -> None:
-    """Raises InputError for a floor with too many cells; `advice`: what helps."""
+    """Raises InputError for a floor with too many cells; `advice`: a remedy."""
     if max(width, height) > MAX_FLOOR_SIDE or width * height > MAX_WRITTEN_CELLS:
         raise InputError(
             f"the floor would have {width:,} x {height:,} cells; a side has at most {MAX_FLOOR_SIDE:,}, "
@@ -423,7 +423,7 @@ def check_values(sections: Mapping[str, Any], file: str) -> None:
 
 
 def _values(value: Any) -> int:
-    """Count a value and those in it, keys included."""
+    """Count a value and its parts, keys included."""
     if isinstance(value, Mapping):
         return 1 + sum(1 + _values(inner) for inner in value.values())
     return 1 + sum(map(_values, value)) if isinstance(value, list) else 1

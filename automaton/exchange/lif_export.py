@@ -1,12 +1,12 @@
 """The floor of a scenario as a file of VDMA LIF, versions 1.0.0 and 2.0.0.
 
-    v#######^###      A cell with one way in and one way out that run straight on is not a node, unless
+    v#######^###      A cell with a single way in and a single way straight out is not a node, unless
     >>>>>>>>└──t      it is a station or a charger, or moves take longer on one side of it. An edge
                       leads over such cells to the next node, in one direction.
 
 Nodes are called x_y, as in a trace of VDA 5050, and lie in the middle of their cells: x and y are metres
-to the right of and above the lower left corner of the floor. All robots are of one type. LIF knows ways,
-stations and chargers: what else is on a floor is counted as lost.
+to the right of and above the lower left corner of the floor. All robots are of one type. LIF has ways,
+stations and chargers; other parts of a floor are counted as lost.
 
 Source: VDMA, Layout Interchange Format.
 """
@@ -40,12 +40,12 @@ FLOOR_PARTS: Final = ("closed", "doors", "blocks", "lifts")
 
 
 class FloorEdge(NamedTuple):
-    """A way between two nodes, in this direction alone."""
+    """A way between two nodes in one direction."""
 
     start: int  # flat cells
     end: int
     cells: int  # moves
-    min_ticks: int  # that each of its moves takes at least
+    min_ticks: int  # least ticks of each of its moves
 
 
 class FloorGraph(NamedTuple):
@@ -53,11 +53,11 @@ class FloorGraph(NamedTuple):
 
     nodes: list[int]  # flat cells
     edges: list[FloorEdge]
-    alone: list[int]  # drivable cells that no way leads to or from: no nodes
+    alone: list[int]  # isolated drivable cells, without nodes
 
 
 def floor_graph(floor_plan: FloorPlan) -> FloorGraph:
-    """Return the graph of a floor. Raises InputError where a cell holds more than one robot."""
+    """Return the graph of a floor. Raises InputError if a cell holds more than one robot."""
     crowded = np.flatnonzero(floor_plan.drivable & (floor_plan.capacity != 1))
     if len(crowded):
         places = ", ".join(
@@ -84,7 +84,7 @@ def floor_graph(floor_plan: FloorPlan) -> FloorGraph:
 
 
 def _ticks(floor_plan: FloorPlan) -> npt.NDArray[np.uint16]:
-    """(cells, 4) ticks that a move out of a cell takes at least, by direction."""
+    """(cells, 4) least ticks of a move out of a cell, by direction."""
     if len(floor_plan.min_move_ticks):
         return floor_plan.min_move_ticks
     return np.zeros((floor_plan.kind.size, len(DIRECTIONS)), np.uint16)
@@ -95,7 +95,7 @@ def _incoming(floor_plan: FloorPlan) -> npt.NDArray[np.uint8]:
     exits = floor_plan.exits.reshape(-1)
     incoming = np.zeros_like(exits)
     for direction, offset in enumerate(floor_plan.offsets):
-        # np.roll wraps round, but only through the border, which has no exits.
+        # np.roll wraps around only through the border, which has no exits.
         incoming |= np.roll(exits & np.uint8(1 << direction), offset)
     return incoming
 
@@ -106,7 +106,7 @@ def _straight_on(
     incoming: npt.NDArray[np.uint8],
     ticks: npt.NDArray[np.uint16],
 ) -> npt.NDArray[np.bool_]:
-    """(cells,) whether one way leads in and one out, straight on, at one speed."""
+    """(cells,) whether exactly one way leads in and straight out, at one speed."""
     kind = floor_plan.kind.reshape(-1)
     straight = np.zeros(kind.size, np.bool_)
     for direction, offset in enumerate(floor_plan.offsets):
@@ -142,7 +142,7 @@ class LifFile(NamedTuple):
     data: dict[str, Any]
     nodes: int
     edges: int
-    lost: dict[str, int]  # what LIF has no place for: how often
+    lost: dict[str, int]  # parts that LIF cannot hold, with their counts
 
 
 def lif_file(
@@ -154,8 +154,8 @@ def lif_file(
 ) -> LifFile:
     """Return the layout of a scenario's floor.
 
-    `station_names`: of stations 1, 2, ...; where that is a number, the cell's name among the locations.
-    Raises InputError where a cell has no size or holds more than one robot.
+    `station_names`: of stations 1, 2, ...; a number is replaced by the cell's name in locations, if any.
+    Raises InputError if a cell has no size or holds more than one robot.
     """
     cell = scenario.units.scale.cell_metres
     graph = floor_graph(floor_plan)
@@ -175,7 +175,7 @@ def lif_file(
 
 
 class _Writer:
-    """Nodes and edges as both versions have them."""
+    """Nodes and edges, common to both versions."""
 
     node_properties: str
     edge_properties: str
@@ -208,7 +208,7 @@ class _Writer:
         }
 
     def edge(self, edge: FloorEdge) -> dict[str, Any]:
-        """An edge; where a tick is a time, with its speed."""
+        """An edge, with its speed if a tick is a time."""
         start, end = self.id_of(edge.start), self.id_of(edge.end)
         speed = {}
         if self.tick is not None:
@@ -222,7 +222,7 @@ class _Writer:
         }
 
     def of_type(self) -> dict[str, Any]:
-        """For which robots properties hold."""
+        """The robots for which properties hold."""
         raise NotImplementedError
 
     def charging(self) -> dict[str, Any]:
@@ -282,14 +282,14 @@ class _Lif2(_Writer):
 
 
 def decimal(value: Fraction) -> float:
-    """A number as it is written: 1.2 and not 1.2000000000000002."""
+    """A number in short decimal form: 1.2 and not 1.2000000000000002."""
     return float(round(value, LIF_DECIMALS))
 
 
 def _stations(
     writer: _Writer, graph: FloorGraph, names: Sequence[str]
 ) -> list[dict[str, str | list[str]]]:
-    """The stations that ways lead to."""
+    """The stations that are connected."""
     nodes = set(graph.nodes)
     return [
         {"stationId": name, "interactionNodeIds": [writer.id_of(cell)]}
@@ -312,7 +312,7 @@ def _named(scenario: Scenario, floor_plan: FloorPlan, names: Sequence[str]) -> l
 
 
 def _lost(scenario: Scenario, floor_plan: FloorPlan, graph: FloorGraph) -> dict[str, int]:
-    """What is on a floor, or said of it, and not in the file."""
+    """The parts of a floor and its scenario that are not in the file."""
     lost: dict[str, int] = {}
     for code, number in zip(*np.unique(floor_plan.kind, return_counts=True), strict=True):
         kind = CELL_KINDS[code]

@@ -10,11 +10,11 @@
 
 A robot turns by 90 degrees, goes one cell ahead or waits. It stays on free cells, no two robots are in
 one cell, and no two exchange their cells. A visit is done when the robot is on the cell at the end of a
-tick, at most one in a tick; the visits of a task are done in turn, by one robot, which does no other task
-in between. This module shares no code with the engine.
+tick, at most one per tick. One robot does the visits of a task in sequence, and no other task in
+between. This module shares no code with the engine.
 
-In 2023 tasks had one cell each and were dealt out in turn. `tasks` is [task, row, column], numbered as
-they were given to robots; `events` has for each robot [task, tick, "assigned" or "finished"]. There is
+In 2023 tasks had one cell each and were assigned round-robin. `tasks` is [task, row, column], numbered
+in the order of assignment; `events` has for each robot [task, tick, "assigned" or "finished"]. There is
 neither `version` nor `actualSchedule`.
 
 Source: the competition's start kit, Input_Output_Format.md (2023 and 2024).
@@ -46,14 +46,14 @@ ACTION_LETTERS: Final = "FRCW"  # forward, right, left, wait
 FORWARD, RIGHT, LEFT, WAIT = range(4)
 HEADING_LETTERS: Final = "ESWN"  # clockwise, as directions are numbered
 MAX_PLANVIZ_BYTES: Final = 2_000_000_000
-NO_TASK: Final = -1  # in a schedule: none
+NO_TASK: Final = -1  # no task, in a schedule
 Actions = npt.NDArray[np.uint8]  # (ticks, robots) index of ACTION_LETTERS
 STEP_OF_HEADING: Final = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns)
 VACANT: Final = -1
 
 
 class PlanvizFile(msgspec.Struct, rename="camel"):
-    """The keys of an output; others are passed over."""
+    """The keys of an output; other keys are ignored."""
 
     action_model: str
     version: str
@@ -72,12 +72,12 @@ class PlanvizFile(msgspec.Struct, rename="camel"):
 
 @dataclass(frozen=True, eq=False)
 class PlanvizOutput:
-    """An output whose parts fit each other; whether it keeps the rules is another question."""
+    """An output whose parts are consistent; the rules are checked separately."""
 
     file: str
     start: list[tuple[int, int, str]]
     actions: Actions
-    # For each robot (tick, task) in the order of ticks; None where outputs have none, in 2023.
+    # For each robot (tick, task) in the order of ticks; None in 2023.
     schedule: list[list[tuple[int, int]]] | None
     events: list[tuple[int, int, int, int]]  # in the order of ticks
     tasks: dict[
@@ -89,12 +89,12 @@ class PlanvizOutput:
 
     @property
     def ticks(self) -> int:
-        """How many ticks there are."""
+        """The number of ticks."""
         return int(self.actions.shape[0])
 
     @property
     def robots(self) -> int:
-        """How many robots there are."""
+        """The number of robots."""
         return int(self.actions.shape[1])
 
 
@@ -106,7 +106,7 @@ def _validated(data: Any, wanted: type[T], file: str) -> T:
 
 
 def read_output(path: Path) -> PlanvizOutput:
-    """Read an output. Raises InputError where a key is missing or parts do not fit each other."""
+    """Read an output. Raises InputError if a key is missing or parts are inconsistent."""
     file = str(path)
     data = _parsed(path)
     dealt_out = is_of_2023(data)
@@ -211,7 +211,7 @@ def _check_event(
     tasks: dict[int, Any],
     file: str,
 ) -> None:
-    """Raises InputError for an event of a tick, a robot or a task that there is not."""
+    """Raises InputError for an event with an unknown tick, robot or task."""
     tick, robot, task, _ = event
     ticks, robots = shape
     wrong = ""
@@ -239,7 +239,7 @@ def _schedule(text: str, robot: int, file: str) -> list[tuple[int, int]]:
 
 
 class Parts2023(msgspec.Struct, rename="camel"):
-    """The keys that mean something else than in 2024."""
+    """The keys with another meaning than in 2024."""
 
     team_size: int
     events: list[list[tuple[int, int, str]]]
@@ -247,7 +247,7 @@ class Parts2023(msgspec.Struct, rename="camel"):
 
 
 def is_of_2023(data: dict[str, Any]) -> bool:
-    """Whether an output is of 2023: events come robot by robot."""
+    """Whether an output is of 2023: its events are listed by robot."""
     events = data.get("events")
     if data.keys() & {"version", "actualSchedule"} or not isinstance(events, list):
         return False
@@ -255,7 +255,7 @@ def is_of_2023(data: dict[str, Any]) -> bool:
 
 
 def as_of_2024(data: dict[str, Any], file: str) -> dict[str, Any]:
-    """Return the output with the keys of 2024; the j-th task of robot r of n becomes task j n + r.
+    """Return the output with the keys of 2024; the j-th task of robot r out of n becomes task j n + r.
 
     Raises InputError.
     """
@@ -288,7 +288,7 @@ def as_of_2024(data: dict[str, Any], file: str) -> dict[str, Any]:
 
 
 class PlanViolation(NamedTuple):
-    """The first place where an output breaks a rule."""
+    """The first violation of a rule in an output."""
 
     tick: int
     robots: tuple[int, ...]
@@ -306,12 +306,12 @@ class PlanViolation(NamedTuple):
 
 @dataclass
 class TaskProgress:
-    """How far tasks and robots are, from event to event."""
+    """The progress of tasks and robots, from event to event."""
 
     where: list[int]  # (robots,) the cell of a robot's last visit, or its start
-    last_tick: list[int]  # (robots,) of a robot's last visit
-    last_task: list[int]  # (robots,) that a robot finished, with round-robin; NO_TASK: none yet
-    begun: dict[int, int] = field(default_factory=dict)  # robot: the task that it has to go on with
+    last_tick: list[int]  # (robots,) tick of a robot's last visit
+    last_task: list[int]  # (robots,) last finished task, with round-robin; NO_TASK: none yet
+    begun: dict[int, int] = field(default_factory=dict)  # robot: its begun task
     robot_of: dict[int, int] = field(default_factory=dict)  # task: the robot of its first visit
     visits: dict[int, int] = field(default_factory=dict)  # task: visits done
     finished_at: list[int] = field(default_factory=list)  # tick of each finished task
@@ -322,7 +322,7 @@ def check_tasks(
 ) -> PlanViolation | None:
     """Return the first violation of a rule about tasks, or None.
 
-    `visited`: the cell of the robot of each event; negative from where motion breaks a rule.
+    `visited`: the cell of the robot of each event; negative after motion breaks a rule.
     """
     wrong = min(_wrong_tasks(output, problem), key=lambda one: one.tick, default=None)
     n = problem.robots
@@ -341,7 +341,7 @@ def check_tasks(
 
 
 def _wrong_tasks(output: PlanvizOutput, problem: Problem) -> Iterator[PlanViolation]:
-    """Tasks are those of the lines of the problem, repeated."""
+    """The tasks must be the lines of the problem, repeated."""
     width, lines = problem.grid.width, problem.tasks
     for task, (released, places) in output.tasks.items():
         expected = [divmod(cell, width) for cell in lines[task % len(lines)]]
@@ -361,7 +361,7 @@ def _broken_by(
     event: tuple[int, int, int, int],
     cell: int,
 ) -> PlanViolation | None:
-    """Return what is wrong with an event; enter it if nothing is."""
+    """Return the error of an event; record the event if it has none."""
     tick, robot, task, visit = event
     released, places = output.tasks[task]
     done = progress.visits.get(task, 0)
@@ -411,7 +411,7 @@ def _enter(
 
 
 def _is_scheduled(output: PlanvizOutput, robot: int, tick: int, task: int) -> bool:
-    """Whether a task is a robot's at the end of a tick; start kits count from this tick or the next."""
+    """Whether a robot has a task at the end of a tick; start kits count from this tick or the next."""
     if output.schedule is None:
         return True
     schedule = output.schedule[robot]
@@ -421,7 +421,7 @@ def _is_scheduled(output: PlanvizOutput, robot: int, tick: int, task: int) -> bo
 
 
 def _is_next(problem: Problem, progress: TaskProgress, robot: int, task: int) -> bool:
-    """Whether a robot may begin a task: with round-robin, tasks are dealt out in turn."""
+    """Whether a robot may begin a task: with round-robin, only its next one."""
     if problem.assignment == "pool":
         return True
     n, lines = problem.robots, problem.tasks
@@ -429,7 +429,7 @@ def _is_next(problem: Problem, progress: TaskProgress, robot: int, task: int) ->
     expected = robot if last == NO_TASK else last + n
     if task % n != robot or task < expected:
         return False
-    passed = range(expected, task, n)[: len(lines)]  # then the lines are the same again
+    passed = range(expected, task, n)[: len(lines)]  # then the lines repeat
     here = progress.where[robot]
     return all(problem.skip_reached and lines[one % len(lines)][0] == here for one in passed)
 
@@ -437,7 +437,7 @@ def _is_next(problem: Problem, progress: TaskProgress, robot: int, task: int) ->
 def _wrong_counts(
     output: PlanvizOutput, problem: Problem, progress: TaskProgress
 ) -> Iterator[PlanViolation]:
-    """The pool is refilled as tasks are finished; these, ticks and what they cost are counted."""
+    """The pool is refilled as tasks are finished; the counts of tasks, ticks and costs are right."""
     if problem.assignment == "pool" and problem.repeat:
         ends = [0] * problem.open_tasks + progress.finished_at
         for task, end in enumerate(ends):
@@ -468,14 +468,14 @@ def _wrong_counts(
 
 
 class PlannedMotion(NamedTuple):
-    """Where an output leads its robots, up to the first violation of a rule of motion."""
+    """The cells of the robots of an output, up to the first violation of a rule of motion."""
 
     violation: PlanViolation | None
     visited: npt.NDArray[np.int64]  # (events,) cell of the robot of each event; VACANT after it
 
 
 def verify_output(output: PlanvizOutput, problem: Problem) -> PlanViolation | None:
-    """Return the first violation, or None. Raises InputError if they do not fit each other."""
+    """Return the first violation, or None. Raises InputError unless output and problem fit."""
     if output.robots != problem.robots:
         text = f"teamSize is {output.robots:,}, the problem has {count(problem.robots, 'robot')}"
         raise InputError(text, output.file)
@@ -486,7 +486,7 @@ def verify_output(output: PlanvizOutput, problem: Problem) -> PlanViolation | No
 
 
 def _wrong_start(output: PlanvizOutput, problem: Problem) -> PlanViolation | None:
-    """Robots start where the problem says, and face east."""
+    """Robots must start in the cells of the problem, and face east."""
     width = problem.grid.width
     for robot, ((row, column, heading), cell) in enumerate(
         zip(output.start, problem.starts.tolist(), strict=True)
@@ -538,7 +538,7 @@ def _broken(
     holder: npt.NDArray[np.int64],
     stride: int,
 ) -> PlanViolation | None:
-    """Return the violation of a tick, that of the first robot; `holder`: (cells,) all VACANT, scratch."""
+    """Return the violation of a tick by the first robot; `holder`: scratch, (cells,) all VACANT."""
     robots = np.arange(len(after))
 
     def place(cell: int) -> str:
@@ -556,7 +556,7 @@ def _broken(
         robot = int(wrong[0])
         pair = tuple(np.flatnonzero(after == after[robot])[:2].tolist())
         return PlanViolation(tick, pair, "collision", f"are both in {place(int(after[robot]))}")
-    met = holder[before]  # which robot is now where each one was
+    met = holder[before]  # the robot that is now in each one's former cell
     holder[after] = VACANT
     swapped = (met != VACANT) & (met != robots)
     swapped &= after == before[np.where(swapped, met, 0)]

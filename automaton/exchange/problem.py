@@ -1,8 +1,8 @@
-"""A problem for a fleet as others publish it: a map, starts, tasks, and how tasks find robots.
+"""A published problem for a fleet: a map, starts, tasks, and the assignment of tasks.
 
 Maps and scenarios are those of the MovingAI benchmarks, `.map` and `.scen`:
 
-    type octile        A map: four lines of head, then one character for each cell. A robot may
+    type octile        A map: four header lines, then one character for each cell. A robot may
     height 2           stand on `.` `G` `S` `E`, and not on `@` `O` `T` `W`.
     width 3
     map                A scenario: `version 1`, then a line for each start and goal:
@@ -10,7 +10,7 @@ Maps and scenarios are those of the MovingAI benchmarks, `.map` and `.scen`:
                        with tabs between them.
     .T.
 
-Cells are counted row * width + column from 0, whatever the files count.
+Cells are row * width + column, from 0, regardless of the files.
 
 Source: N. Sturtevant, Benchmarks for Grid-Based Pathfinding, 2012; movingai.com/benchmarks.
 """
@@ -47,24 +47,24 @@ Assignment = Literal["pool", "round-robin"]
 
 @dataclass(frozen=True)
 class ListedLines:
-    """Where the entries of a list stand: in which file, and in which of its lines."""
+    """The file and the lines of the entries of a list."""
 
     file: str
     lines: tuple[int, ...] = ()
 
     def error(self, entry: int, message: str) -> InputError:
-        """An error about an entry, with its line where that is known."""
+        """An error about an entry, with its line if it is known."""
         line = self.lines[entry] if entry < len(self.lines) else None
         return InputError(message, self.file, line)
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Robots on a map, all facing east, and tasks: cells that one robot has to visit in turn.
+    """Robots on a map, all facing east, and tasks: cells that one robot must visit in sequence.
 
-    pool: `revealed` times the robots are open at once, refilled in the order of the file, and any
-    robot may do them. round-robin: task j of robot r is line j * robots + r. `repeat`: after the last
-    line of tasks comes the first.
+    pool: `revealed` tasks per robot are open at once, refilled in the order of the file, and any robot
+    may do them. round-robin: task j of robot r is line j * robots + r. `repeat`: the first line of tasks
+    follows the last one.
     """
 
     name: str
@@ -74,25 +74,25 @@ class Problem:
     assignment: Assignment
     revealed: float = 1.0
     repeat: bool = True
-    skip_reached: bool = False  # a robot passes over a task on whose first cell it is already
+    skip_reached: bool = False  # a robot skips a task on whose first cell it is already
     starts_from: ListedLines = field(default_factory=lambda: ListedLines(""))
     tasks_from: ListedLines = field(default_factory=lambda: ListedLines(""))
 
     @property
     def robots(self) -> int:
-        """How many robots there are."""
+        """The number of robots."""
         return len(self.starts)
 
     @property
     def open_tasks(self) -> int:
-        """How many tasks are open at once, with a pool."""
+        """The number of tasks that are open at once, with a pool."""
         return max(1, int(self.revealed * self.robots + 1e-9))
 
 
 def checked(problem: Problem) -> Problem:
-    """Return a problem that can be done. Raises InputError with file and line.
+    """Return a feasible problem. Raises InputError with file and line.
 
-    Robots start on different free cells; the cells of a task are free, and one robot can reach all.
+    Robots start on different free cells. The cells of a task are free, and one robot can reach them all.
     """
     _check_starts(problem)
     _check_tasks(problem)
@@ -146,7 +146,7 @@ def _check_tasks(problem: Problem) -> None:
 def _check_cells(
     problem: Problem, cells: Cells, entry: Cells, places: ListedLines, what: str
 ) -> None:
-    """Refuse the first cell that is outside the map or blocked; `entry`: of the list, for each cell."""
+    """Refuse the first cell that is outside the map or blocked; `entry`: list index of each cell."""
     grid = problem.grid
     size = grid.free.size
     outside = (cells < 0) | (cells >= size)
@@ -164,12 +164,12 @@ def _check_cells(
 
 
 def connected_parts(free: npt.NDArray[np.bool_], block: int = 0) -> npt.NDArray[np.int32]:
-    """Number the parts of a map that hang together: (height, width), 0 where it is blocked.
+    """Number the connected parts of a map: (height, width), 0 in blocked cells.
 
-    Parts are numbered in the sequence in which one reads their first cells. `block`: nothing hangs
-    together over the borders of blocks of so many rows and columns; 0: without blocks.
+    Parts are numbered in reading order of their first cells. `block`: the borders of blocks of this
+    number of rows and columns separate parts; 0: no blocks.
 
-    Each run of free cells in a row begins as a part of its own; runs that touch are joined.
+    Each run of free cells in a row begins as a separate part; runs that touch are joined.
     """
     begins = free.copy()
     begins[:, 1:] &= ~free[:, :-1]
@@ -179,7 +179,7 @@ def connected_parts(free: npt.NDArray[np.bool_], block: int = 0) -> npt.NDArray[
         touches[block - 1 :: block] = False
     run = np.cumsum(begins.reshape(-1), dtype=np.int32).reshape(free.shape)
     run[~free] = 0
-    touches[:, 1:] &= ~touches[:, :-1] | begins[1:, 1:]  # one pair of runs, one touch
+    touches[:, 1:] &= ~touches[:, :-1] | begins[1:, 1:]  # one touch for each pair of runs
     upper, lower = run[:-1][touches], run[1:][touches]
     root = np.arange(int(run.max(initial=0)) + 1, dtype=np.int32)
     while len(upper):
@@ -204,20 +204,20 @@ class GridMap:
 
     file: str
     free: npt.NDArray[np.bool_]  # (height, width)
-    water: int = 0  # of the blocked cells, those drawn as water, where only some robots could drive
+    water: int = 0  # blocked cells that are drawn as water, where some robots could drive
 
     @property
     def height(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
         return int(self.free.shape[0])
 
     @property
     def width(self) -> int:
-        """How many cells a row has."""
+        """The number of cells in a row."""
         return int(self.free.shape[1])
 
     def place(self, cell: int) -> str:
-        """A cell as an error names it."""
+        """A cell in the words of an error."""
         return f"row {cell // self.width}, column {cell % self.width}"
 
 
@@ -261,7 +261,7 @@ def read_map(path: Path) -> GridMap:
 
 
 def _size(lines: list[str], file: str) -> tuple[int, int]:
-    """Return height and width, as the head of a map gives them. Raises InputError."""
+    """Return the height and the width in the header of a map. Raises InputError."""
     sizes = []
     for number, (form, pattern) in enumerate(MAP_HEAD, 1):
         text = lines[number - 1].strip() if number <= len(lines) else ""
@@ -303,12 +303,12 @@ def read_trips(path: Path) -> tuple[GridMap, list[Trip]]:
 
 
 def _columns(text: str) -> list[str]:
-    """The columns of a line, by tabs if it has any: names of maps may have blanks."""
+    """The columns of a line, split at tabs if it has any: names of maps may have blanks."""
     return [part.strip() for part in text.split("\t")] if "\t" in text else text.split()
 
 
 def _map_beside(path: Path, name: str, line: int) -> Path:
-    """Return the map of a scenario: where its lines say, or of that name in the same folder."""
+    """Return the map of a scenario: the path in its lines, or that name in the same folder."""
     places = [path.parent / name, path.parent / Path(name.replace("\\", "/")).name]
     for place in places:
         if os.path.isfile(place):

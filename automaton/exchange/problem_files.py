@@ -2,19 +2,19 @@
 
 MovingAI: the trips of a `.scen`, or random tasks on a `.map`.
 
-A folder: map.txt is a MovingAI map. agents_K.csv, for fleets of several sizes, has the columns
-`agent id,row,col`; tasks_one.csv the column `targets`, one cell for each task, row * width + column
-counted from 0; from 1 where only so all of them are free. Task j of robot r is line j * robots + r, and a
-robot passes over a task on whose cell it is already.
+A folder: map.txt is a MovingAI map. agents_K.csv, one file per size of a fleet, has the columns `agent
+id,row,col`. tasks_one.csv has the column `targets`, one cell for each task: row * width + column, from
+0, or from 1 if only then all cells are free. Task j of robot r is line j * robots + r, and a robot skips
+a task if it is already on its cell.
 
-The league: a JSON file that names the other ones, relative to it:
+The league: a JSON file that names the other files, relative to itself:
 
     {"mapFile": "maps/a.map", "agentFile": "agents/a.agents", "taskFile": "tasks/a.tasks",
      "teamSize": 2, "numTasksReveal": 1.5, "version": "2024 LoRR"}
 
-Agents and tasks: lines that begin with # are left out, a count comes first, then a line for each, cells
-as row * width + column; tasks of 2024 are 1 to 5 cells with commas, in a pool. Those of 2023 are single
-cells, dealt out in turn (`taskAssignmentStrategy`).
+Agents and tasks: lines that begin with # are skipped; a count comes first, then a line for each entry,
+with cells as row * width + column. Tasks of 2024 are 1 to 5 cells with commas, in a pool. Tasks of 2023
+are single cells, assigned round-robin (`taskAssignmentStrategy`).
 
 Sources: the experiments of A. Yukhnevich and A. Andreychuk, Enhancing PIBT via Multi-Action Operations,
 AAAI-26. The competition's start kit, Input_Output_Format.md; leagueofrobotrunners.org.
@@ -57,7 +57,7 @@ from automaton.scenario.text_files import (
 from automaton.scenario.validation import shown
 from automaton.units import count
 
-CELLS_PER_ROBOT: Final = 10  # of the largest part of a map, where the number of robots is left out
+CELLS_PER_ROBOT: Final = 10  # share of the largest part of a map, by default
 TASKS_PER_ROBOT: Final = 20
 MAX_TASKS: Final = 100_000
 SCENARIO_SEED: Final = 1
@@ -76,7 +76,7 @@ FILES: Final = {"mapFile": "a map", "agentFile": "the starts", "taskFile": "the 
 def read_trips_problem(path: Path, robots: int | None = None) -> Problem:
     """Read a `.scen`: each robot drives from its start to its goal. Raises InputError.
 
-    `robots`: those of the first lines alone, as its authors make fleets of several sizes.
+    `robots`: only the first lines, as the authors define fleets of several sizes.
     """
     grid, trips = read_trips(path)
     if robots is not None and robots > len(trips):
@@ -105,7 +105,7 @@ def read_map_problem(path: Path, robots: int | None = None) -> Problem:
 def random_problem(name: str, grid: GridMap, robots: int | None = None) -> Problem:
     """Return a problem with random starts and tasks of one cell in the largest part of a map.
 
-    The draws depend on the map and the number of robots alone. Raises InputError.
+    The draws depend only on the map and the number of robots. Raises InputError.
     """
     cells = np.flatnonzero(largest_part(grid.free).reshape(-1)).tolist()
     n = max(1, len(cells) // CELLS_PER_ROBOT) if robots is None else robots
@@ -130,7 +130,7 @@ def random_problem(name: str, grid: GridMap, robots: int | None = None) -> Probl
 
 
 def largest_part(free: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
-    """Return the cells of the largest part of a map that hangs together: (height, width)."""
+    """Return the cells of the largest connected part of a map: (height, width)."""
     parts = connected_parts(free)
     sizes = np.bincount(parts.reshape(-1))
     sizes[0] = 0  # blocked
@@ -164,12 +164,12 @@ def read_problem_folder(path: Path, robots: int | None = None) -> Problem:
 
 
 def fleets_of(path: Path) -> list[int]:
-    """Return for how many robots the folder has starts. Raises InputError."""
+    """Return the fleet sizes for which the folder has starts. Raises InputError."""
     return sorted(len(_table(file, AGENT_COLUMNS)) for file in path.glob(AGENTS))
 
 
 def _starts(path: Path, robots: int | None, grid: GridMap) -> tuple[Cells, ListedLines]:
-    """Read the starts of the file that has so many. Raises InputError."""
+    """Read the starts of the file for this number of robots. Raises InputError."""
     tables = {file: _table(file, AGENT_COLUMNS) for file in sorted(path.glob(AGENTS))}
     fleets = {len(rows): file for file, rows in tables.items()}
     if not fleets:
@@ -206,7 +206,7 @@ def _tasks(path: Path, grid: GridMap) -> tuple[tuple[tuple[int, ...], ...], List
 
 
 def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
-    """Return the rows below the head of a CSV file, with their lines. Raises InputError."""
+    """Return the rows below the header of a CSV file, with their lines. Raises InputError."""
     file, lines = str(path), content_lines(path)
     head = ",".join(columns)
     first = lines[0] if lines else ContentLine(1, "")
@@ -228,7 +228,7 @@ def _table(path: Path, columns: tuple[str, ...]) -> list[tuple[int, list[str]]]:
 
 
 def read_league_problem(path: Path, robots: int | None = None) -> Problem:
-    """Read a problem of the league; `robots`: the first of its robots alone. Raises InputError."""
+    """Read a problem of the league; `robots`: only its first robots. Raises InputError."""
     file, data = str(path), _mapping(path)
     folder = path.parent
     for key, meaning in FILES.items():
@@ -260,7 +260,7 @@ def read_league_problem(path: Path, robots: int | None = None) -> Problem:
 
 
 def read_agents(path: Path) -> tuple[Cells, ListedLines]:
-    """Read the starts of a file of agents, and where each stands. Raises InputError."""
+    """Read the starts of a file of agents, with their lines. Raises InputError."""
     file = str(path)
     below = counted_lines(content_lines(path), "agent", file)
     cells = [whole_number(line.text, "a start", file, line.number) for line in below]
@@ -280,7 +280,7 @@ def _mapping(path: Path) -> dict[str, Any]:
 
 
 def _rules(data: dict[str, Any], file: str) -> tuple[Assignment, float, bool]:
-    """Return how tasks find robots, how many are open for each robot, and whether they repeat."""
+    """Return the assignment of tasks, the open tasks per robot, and whether tasks repeat."""
     version = str(data.get("version") or "")
     if "2024" in version:
         return "pool", _number(data, "numTasksReveal", file), True

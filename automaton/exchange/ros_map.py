@@ -8,8 +8,8 @@
     free_thresh: 0.196        free below that one, and else unknown
     mode: trinary             left out: trinary; scale is read as trinary; raw: greys are percent
 
-Images are PGM (P5 and P2, any maxval), and PNG with the extra `plots`. Nothing is read before the file is
-known to be as large as its head says.
+Images are PGM (P5 and P2, any maxval), and PNG with the extra `plots`. The size of a file is compared
+with its header before pixels are read.
 
     P5               P2: values as text, P5: as bytes, two of them above a maxval of 255.
     # a comment
@@ -61,9 +61,9 @@ KEYS: Final = (
 OPTIONAL_KEYS: Final = ("origin", "mode")
 YAML_NUMBER: Final = re.compile(r"[-+]?([0-9]+\.?[0-9]*|\.[0-9]+)([eE][-+]?[0-9]{1,3})?")
 RESOLUTIONS: Final = (1e-4, 1e3)  # metres of a pixel
-FARTHEST_ORIGIN: Final = 1e9  # of an origin
-WHITE_GREY: Final = 255  # what greys are scaled to
-MOST_PERCENT: Final = 100  # greys of raw above this are unknown
+FARTHEST_ORIGIN: Final = 1e9  # farthest origin, in metres
+WHITE_GREY: Final = 255  # greys are scaled to this range
+MOST_PERCENT: Final = 100  # larger greys are unknown in mode raw
 IMAGE_BEGINNINGS: Final = ("P2", "P5", "\ufffdPNG")
 
 
@@ -76,7 +76,7 @@ class RosMap:
     free: Mask  # (h, w)
     unknown: Mask  # (h, w); the rest is occupied
     mode: str
-    unread: tuple[str, ...]  # keys that mean nothing to map_server
+    unread: tuple[str, ...]  # keys that map_server does not use
 
 
 def read_ros_map(path: Path) -> RosMap:
@@ -106,7 +106,7 @@ def read_ros_map(path: Path) -> RosMap:
 def classes(
     image: ImageValues, mode: str, negate: bool, occupied: float, free: float
 ) -> tuple[Mask, Mask]:
-    """(h, w) each: the pixels that are free, and those of which nothing is known."""
+    """(h, w) each: the free pixels, and the unknown ones."""
     grey = WHITE_GREY * np.arange(image.white + 1) / image.white  # of each value
     share = (
         grey / MOST_PERCENT
@@ -124,7 +124,7 @@ def classes(
 
 
 def _text(path: Path) -> str:
-    """The text of the YAML file. Raises InputError, also for the image itself."""
+    """The text of the YAML file. Raises InputError, also for an image in its place."""
     with path.open("rb") as stream:
         if stream.read(4).decode("utf-8", "replace").startswith(IMAGE_BEGINNINGS):
             text = "is the image of a map; give the YAML file that names it"
@@ -133,7 +133,7 @@ def _text(path: Path) -> str:
 
 
 class _Fields:
-    """The values of the YAML file, checked one by one; errors have the line of the key."""
+    """The values of the YAML file, each checked; errors have the line of the key."""
 
     def __init__(self, document: Document) -> None:
         self.document = document
@@ -182,7 +182,7 @@ class _Fields:
         name = self.data["image"]
         if not isinstance(name, str) or not name:
             raise self.error("image", f"image must be the name of a file, found {_shown(name)}")
-        path = folder / name  # os.path takes a name that no file can have for one that there is not
+        path = folder / name  # for os.path, an impossible name does not exist
         if not os.path.isfile(path):
             why = "is not a regular file" if os.path.exists(path) else "is not there"
             raise self.error("image", f"the image {quoted(name)} {why}")
@@ -190,7 +190,7 @@ class _Fields:
 
 
 def _number(value: Any) -> float:
-    """A number, also as YAML 1.1 takes for text (5e-2); NaN for anything else."""
+    """A number, also in a form that YAML 1.1 reads as text (5e-2); NaN for anything else."""
     if isinstance(value, str) and YAML_NUMBER.fullmatch(value) and len(value) < 40:
         return float(value)
     if isinstance(value, bool) or not isinstance(value, int | float):
@@ -252,7 +252,7 @@ def _pgm(head: bytes, stream: BinaryIO, size: int) -> ImageValues:
         if not re.fullmatch(rb"[0-9]{1,10}", word):
             text = quoted(word.decode("latin-1"))
             raise InputError(
-                f"the {name} in the head of a PGM must be a whole number, found {text}"
+                f"the {name} in the header of a PGM must be a whole number, found {text}"
             )
     width, height, white = (int(word) for word, _ in numbers)
     _check_size(width, height)
@@ -274,7 +274,7 @@ def _pgm(head: bytes, stream: BinaryIO, size: int) -> ImageValues:
 
 
 def _words(head: bytes) -> Iterator[tuple[bytes, int]]:
-    """Yield each word of a head, and where it ends."""
+    """Yield each word of a header, and its end."""
     at = 0
     while match := HEADER_WORD.match(head, at):
         at = match.end()
@@ -309,7 +309,7 @@ def _png(head: bytes, stream: BinaryIO) -> ImageValues:
     stream.seek(0)
     try:
         shares = imread(stream, format="png")  # (h, w) or (h, w, 3 or 4) float32 from 0 to 1
-    except Exception as error:  # whatever its reader raises for a broken file
+    except Exception as error:  # a broken file may raise anything
         raise InputError(f"cannot be read as PNG: {error}") from None
     clear = shares[:, :, 3] == 0 if shares.ndim == 3 and shares.shape[2] == 4 else None
     grey = shares[:, :, :3].mean(axis=2) if shares.ndim == 3 else shares

@@ -1,1 +1,1 @@
-"""Recordings as files of other programs."""
+"""Export recordings as files of other programs."""

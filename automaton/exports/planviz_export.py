@@ -1,8 +1,8 @@
 """A recorded run as an output of the League of Robot Runners, as PlanViz shows it.
 
-The robots turn by 90 degrees or drive one cell in a tick, and their orders are visits without loads;
+Robots must turn by 90 degrees or drive one cell per tick, and their orders must be visits without loads;
 other runs are refused. Task k is order k. A task is released at the end of the tick in which another
-one is finished, and is in a robot's schedule from the tick in which it is given to it.
+task is finished, and is in a robot's schedule from the tick of its assignment.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ Rows = list[tuple[int, int]]
 
 
 def planviz_output(recording: Recording) -> dict[str, Any]:
-    """Return a recorded run as the keys of an output. Raises InputError if it cannot be one."""
+    """Return a recorded run as the keys of an output. Raises InputError if PlanViz cannot show it."""
     header = recording.header
     executed, changes = _ticks_of(recording)
     ticks, robots = executed.shape
@@ -72,9 +72,9 @@ def planviz_output(recording: Recording) -> dict[str, Any]:
 
 
 def _ticks_of(recording: Recording) -> tuple[npt.NDArray[np.uint16], npt.NDArray[np.int64]]:
-    """Return (T, n) what robots did, and rows (tick, code, subject, value) of changes.
+    """Return (T, n) actions of robots, and rows (tick, code, subject, value) of changes.
 
-    Raises InputError for a run that PlanViz does not show.
+    Raises InputError for a run that PlanViz cannot show.
     """
     executed = [np.zeros((0, len(recording.header["robots"]["cell"])), np.uint16)]
     changes = [np.zeros((0, 4), np.int64)]
@@ -93,7 +93,7 @@ def _ticks_of(recording: Recording) -> tuple[npt.NDArray[np.uint16], npt.NDArray
 
 
 def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
-    """Yield what of a run has no place in an output."""
+    """Yield the properties of a run that PlanViz cannot show."""
     scenario = refined_data(data)
     fleet, durations, world = scenario.fleet, scenario.durations, scenario.world
     for kinematics in fleet.all_kinematics:
@@ -105,7 +105,7 @@ def _unfit(header: Content, data: dict[str, Any]) -> Iterator[str]:
     if any(max(kind.moves) > 1 or max(kind.turns) > 1 for kind in types_of(scenario)):
         yield "fleet.types has robots whose moves or turns take longer"
     if world.slowdown != "none" or world.extra_tick_probability or scenario.floor.speed_limits:
-        yield "slow zones, speed limits or chance make moves longer"
+        yield "slow zones, speed limits or random delays lengthen moves"
     if fleet.when_idle != "park" or (header["robots"]["cell"] == NIL).any():
         yield "robots leave the floor"
     faults = scenario.faults
@@ -130,7 +130,7 @@ def _place(header: Content, cell: int) -> tuple[int, int]:
 
 
 class TaskHistory:
-    """What becomes of the tasks of a run, read off its changes."""
+    """The history of the tasks of a run, from its changes."""
 
     def __init__(self, header: Content) -> None:
         self.header = header
@@ -151,7 +151,7 @@ class TaskHistory:
         self._first = first.tolist() if first is not None else []
 
     def apply(self, changes: npt.NDArray[np.int64]) -> None:
-        """Carry out the changes of a run, in their sequence."""
+        """Apply the changes of a run in their order."""
         codes = (CHANGE_ORDER_RESERVED, CHANGE_VISITED)
         for tick, code, subject, value in changes[np.isin(changes[:, 1], codes)].tolist():
             if code == CHANGE_VISITED:
@@ -174,7 +174,7 @@ class TaskHistory:
         if robot is None:
             return
         done = self._visits.get(task, 0) == self._first[task + 1] - self._first[task]
-        # A task that is finished at the end of a tick is the robot's until then.
+        # A task that is finished at the end of a tick belongs to the robot until then.
         self.schedule[robot][tick + done] = NO_TASK
 
     def listed(self) -> list[list[Any]]:

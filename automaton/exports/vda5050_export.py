@@ -1,11 +1,11 @@
-"""A recorded run as a trace of VDA 5050: a `state` message a line for each robot and period.
+"""A recorded run as a trace of VDA 5050: a line with a `state` message for each robot and period.
 
     {"headerId":0,"timestamp":"2026-03-02T06:00:00.000Z","version":"3.0.0", ...}
 
 Nodes are cells, x_y as a user counts them; an edge leads from one to the next. x and y are metres
-to the right of and above the lower left corner of the floor, theta is counter-clockwise. A robot's
-order is a number of `orders`, or of trips. Numbers of a sequence count 2 for each move of an order:
-nodes have even ones, edges odd ones.
+to the right of and above the lower left corner of the floor, theta is counter-clockwise. A robot's order
+is a number of `orders`, or of trips. Sequence numbers grow by 2 with each move of an order: nodes have
+even numbers, edges odd ones.
 
 Source: VDA 5050, versions 2.1.0 and 3.0.0, topic `state`.
 """
@@ -65,15 +65,15 @@ EPOCH: Final = datetime.datetime(1970, 1, 1)
 
 
 class Version(NamedTuple):
-    """What a version of the standard calls the same things."""
+    """The names that a version of the standard uses."""
 
     name: str
     position: str
-    localized: str  # of the position
+    localized: str  # key of the position
     power: str
-    charge: str  # of the power
+    charge: str  # key of the power supply
     emergency_stop: str
-    always: dict[str, Any]  # keys that it wants besides
+    always: dict[str, Any]  # further required keys
 
 
 VERSIONS: Final = {
@@ -98,7 +98,7 @@ LATEST: Final = "3.0.0"
 
 
 class TraceSize(NamedTuple):
-    """What a trace holds."""
+    """The contents of a trace."""
 
     robots: int
     messages: int
@@ -107,10 +107,9 @@ class TraceSize(NamedTuple):
 def write_trace(
     recording: Recording, file: BinaryIO, every: Fraction | None = None, version: str = LATEST
 ) -> TraceSize:
-    """Write a trace, `every` so many seconds; None: the least whole number of ticks from 1 s on.
+    """Write a trace with a period of `every` seconds; None: at least 1 s in whole ticks.
 
-    Raises InputError where a tick is not a time or a cell has no size, and for a recording that was
-    altered.
+    Raises InputError if a tick is not a time, a cell has no size, or the recording was altered.
     """
     scenario = refined_data(recording.header["scenario"])
     scale = scenario.units.scale
@@ -126,7 +125,7 @@ def write_trace(
 
 
 def _period(every: Fraction | None, tick: Fraction) -> int:
-    """Ticks between two messages of a robot. Raises InputError for a time that is not whole ticks."""
+    """Ticks between two messages of a robot. Raises InputError if they are not a whole number."""
     if every is None:
         return max(1, math.ceil(1 / tick))
     if every % tick:
@@ -140,7 +139,7 @@ def _period(every: Fraction | None, tick: Fraction) -> int:
 
 
 class Messages:
-    """The messages of a recording's robots, sample after sample."""
+    """The messages of the robots of a recording, sample by sample."""
 
     def __init__(self, recording: Recording, scenario: Scenario, version: Version) -> None:
         self.version = version
@@ -155,7 +154,7 @@ class Messages:
         self.routes = [RouteAhead(self.names, self.floor_plan.offsets) for _ in range(robots)]
 
     def of(self, number: int, sample: Sample) -> Iterator[dict[str, Any]]:
-        """Yield the message of each robot, by identity; `number`: samples before this one."""
+        """Yield the message of each robot, by identity; `number`: number of earlier samples."""
         world: Any = sample.world
         robots, index = world.robots, sample.stored
         version, timestamp = self.version, self.time.text(sample.tick)
@@ -236,7 +235,7 @@ def _errors(status: int) -> list[dict[str, str]]:
 
 
 class TickTimes:
-    """When ticks end, in UTC if the clock has an offset."""
+    """The ends of ticks, in UTC if the clock has an offset."""
 
     def __init__(self, scale: Scale) -> None:
         clock = scale.clock
@@ -259,21 +258,21 @@ class TickTimes:
 
 
 class Positions:
-    """Where robots are, in metres."""
+    """The positions of robots, in metres."""
 
     def __init__(self, floor_plan: FloorPlan, cell: Fraction) -> None:
         self._floor_plan = floor_plan
         self._cell = float(cell)
 
     def cells(self, world: World, index: Any) -> Any:
-        """(n,) the cell of each robot, or its parking bay's; NIL: it was towed."""
+        """(n,) the cell of each robot or of its parking bay; NIL: towed."""
         robots: Any = world.robots
         cell, bay = robots.cell[index], robots.bay[index]
         parked = (cell == NIL) & (robots.status[index] < STATUS_DEPLETED) & (bay != NIL)
         return np.where(parked, bay, cell)
 
     def of(self, world: Any, sample: Sample) -> list[tuple[float, float, float] | None]:
-        """x, y, theta of each robot; None: it is nowhere on the floor."""
+        """x, y, theta of each robot; None: not on the floor."""
         robots, index = world.robots, sample.stored
         cell, claim = self.cells(world, index), robots.claim[index]
         x, y = self._centres(cell)
@@ -295,9 +294,9 @@ class Positions:
         return column - 0.5, self._floor_plan.height - row + 0.5
 
 
-# What robots report of themselves, as the run is played again. Each sample has the state after a tick,
-# by identity, and what a state alone does not hold: the moves that a robot has begun for its order, and
-# the ticks in which its move and its operation began.
+# The reports of robots while the run is replayed. Each sample has the state after a tick, by identity,
+# and values that a state does not hold: the moves that a robot has begun for its order, and the ticks
+# in which its move and its operation began.
 
 
 EXECUTED_OPERATIONS: Final = (EXECUTED_PICK, EXECUTED_DROP, EXECUTED_SERVE)
@@ -308,25 +307,25 @@ class Sample(NamedTuple):
 
     tick: int
     world: World
-    stored: Array  # (n,) where each robot is stored
-    moves: Array  # (n,) moves begun for the order at hand, that under way included
-    moved: Array  # (n,) share of the move under way that is driven; 0 without one
+    stored: Array  # (n,) index of each robot
+    moves: Array  # (n,) moves begun for the current order, current move included
+    moved: Array  # (n,) completed share of the current move; 0 without one
     driving: Array  # (n,) bool: in a move, or at its end in this tick
     begun: Array  # (n,) tick in which the last pick, drop or stop began
 
 
 class StateTrace:
-    """A recording played again, in samples of which each is `period` ticks after the one before it."""
+    """A recording that is replayed, with a sample every `period` ticks."""
 
     def __init__(self, recording: Recording, period: int) -> None:
         self.recording = recording
         self.period = period
         robots = len(recording.header["robots"]["cell"])
-        self._frame = 0  # first tick of the one whose ticks are counted
-        # Begun up to each of its ticks, and before it.
+        self._frame = 0  # first tick of the counted frame
+        # Moves begun up to each tick of the frame, and before it.
         self._moves = np.zeros((1, robots), np.int64)
-        self._begun = np.zeros((1, robots), np.int64)  # likewise the last tick of an operation
-        self._set_out = np.zeros((1, robots), np.int64)  # and of a move
+        self._begun = np.zeros((1, robots), np.int64)  # likewise the last begin of an operation
+        self._set_out = np.zeros((1, robots), np.int64)  # likewise the last begin of a move
         self._before_order = np.zeros(robots, np.int64)  # moves begun when the order was taken
         self._playback = Playback(recording.header, recording.stored(), on_observe=self._observe)
 
@@ -339,7 +338,7 @@ class StateTrace:
             yield self._sample(tick, before)
 
     def _observe(self, simulation: Simulation) -> None:
-        """Note which orders were taken; what is played at a time lies within one frame."""
+        """Note the orders that were taken; each call is within one frame."""
         content = self._playback.frames.ticks_with(simulation.tick)
         if content is not None and content["first"] != self._frame:
             self._count(content)
@@ -350,7 +349,7 @@ class StateTrace:
         simulation.empty_observation()
 
     def _count(self, content: Content) -> None:
-        """Count moves and note beginnings in the ticks of a frame; row 0 is the tick before it."""
+        """Count moves and note their begins in the ticks of a frame; row 0 is the tick before it."""
         executed = content["executed"] & ACTION_MASK
         ticks = content["first"] + np.arange(len(executed))[:, None]
         is_move = (executed >= MOVE_EAST) & (executed <= MOVE_NORTH)
@@ -360,13 +359,13 @@ class StateTrace:
         self._begun = _latest(self._begun, np.isin(executed, EXECUTED_OPERATIONS), ticks)
 
     def _in_move(self) -> Array:
-        """(n,) bool: which robots are in a move after the tick that is shown."""
+        """(n,) bool: whether robots are in a move after the current tick."""
         robots = self._playback.simulation.world.robots
         in_move: Array = robots.claim[robots.at_index] != NIL
         return in_move
 
     def _sample(self, tick: int, before: Array) -> Sample:
-        """`before`: (n,) which robots were in a move a tick ago."""
+        """The sample of a tick; `before`: (n,) whether robots were in a move a tick earlier."""
         world: Any = self._playback.simulation.world
         index = world.robots.at_index
         row = tick - self._frame + 1 if tick else 0
@@ -386,29 +385,29 @@ class StateTrace:
 
 
 def _latest(before: Array, happens: Array, ticks: Array) -> Array:
-    """(T + 1, n) the last tick in which something happened; row 0 is that of `before`'s last row."""
+    """(T + 1, n) the last tick of an event up to each tick; row 0 is the last row of `before`."""
     rows = np.concatenate((before[-1:], np.where(happens, ticks, 0)))
     latest: Array = np.maximum.accumulate(rows, axis=0)
     return latest
 
 
 # The nodes and edges ahead of a robot, as JSON. Most of a route is the same from message to message: a
-# node keeps its number as the robot comes nearer, so the text of a route is made once, and messages
-# take what is left of it.
+# node keeps its number as the robot approaches. So the text of a route is made once, and messages take
+# its rest.
 
 
 EMPTY: Final = msgspec.Raw(b"[]")
 
 
 class RouteState(NamedTuple):
-    """What a robot's route ahead follows from."""
+    """The state that determines a robot's route ahead."""
 
-    i: int  # where the robot is stored
-    cell: int  # where it is, or the cell that it leaves
-    moves: int | None  # those begun for its order; None without one
+    i: int  # index of the robot
+    cell: int  # its cell, or the cell that it leaves
+    moves: int | None  # moves begun for its order; None without one
     claim: int  # the cell that it enters, or NIL
-    driven: int  # steps of the route
-    length: int  # steps that it has
+    driven: int  # driven steps of the route
+    length: int  # steps of the route
     route_hash: int
 
 
@@ -419,7 +418,7 @@ def route_columns(robots: Any, index: Any) -> Iterator[tuple[int, ...]]:
 
 
 class NodeNames(dict[int, str]):
-    """The node of each cell, x_y; made when it is asked for."""
+    """The node of each cell, x_y; created on access."""
 
     def __init__(self, floor_plan: FloorPlan) -> None:
         self._floor_plan = floor_plan
@@ -438,13 +437,13 @@ class RouteAhead:
         self._offsets = offsets  # from a cell to its neighbours
         self._key: tuple[int, ...] = ()
         self._cells: list[int] = []  # before each step of the route
-        self._nodes: list[bytes] = []  # behind it
+        self._nodes: list[bytes] = []  # behind each step
         self._edges: list[bytes] = []
-        self._shown: RouteState | None = None  # for which the last two texts were made,
+        self._shown: RouteState | None = None  # state of the last two texts,
         self._texts = EMPTY, EMPTY  # nodes and edges
 
     def ahead(self, robots: Any, state: RouteState) -> tuple[int, msgspec.Raw, msgspec.Raw]:
-        """The number of the last node, and the nodes and edges ahead; `robots` has the routes."""
+        """The number of the last node, and the nodes and edges ahead; `robots`: holds the routes."""
         is_between = state.claim != NIL
         begun = int(is_between) if state.moves is None else state.moves
         last = 2 * (begun - is_between)
@@ -462,7 +461,7 @@ class RouteAhead:
         return last, *self._texts
 
     def _renew(self, robots: Any, state: RouteState, offset: int) -> None:
-        """Make the texts of a route again if it is another one; `offset`: moves before its first step."""
+        """Make the texts of a route again if it changed; `offset`: moves before its first step."""
         i, index, length = state.i, state.driven, state.length
         key = (state.route_hash, length, offset)
         start = int(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])
@@ -471,7 +470,7 @@ class RouteAhead:
             return
         self._key = key
         self._cells = [NIL] * index + [start]
-        self._nodes, self._edges = [b""] * index, [b""] * index  # those that it has left behind
+        self._nodes, self._edges = [b""] * index, [b""] * index  # those behind the robot
         for step, direction in enumerate(robots.route[i, index:length].tolist(), index + 1):
             to = start + self._offsets[direction]
             self._cells.append(to)

@@ -1,1 +1,1 @@
-"""The floor as plain data: cells, plan, drawings, matrices, what can be reached. No Numba."""
+"""The floor as plain data: cells, plan, drawings, matrices, reachability. No Numba."""

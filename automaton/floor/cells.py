@@ -1,4 +1,4 @@
-"""What a cell of the floor can be: one table of kinds, one of the symbols that draw them.
+"""Kinds of cells, and the symbols that draw them.
 
 >.......    Directions count clockwise as seen on the screen (y grows downwards):
 |###$s#d    EAST 0, SOUTH 1, WEST 2, NORTH 3.  d & 1 is the axis, d ^ 2 the opposite.
@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-NIL: Final = -1  # no cell, slot, zone or order; the state has the same
+NIL: Final = -1  # no cell, slot, zone or order; equals NIL of the state
 
 EAST: Final = 0
 SOUTH: Final = 1
@@ -45,11 +45,11 @@ STATION: Final = 10
 STORAGE: Final = 11
 
 
-BESIDE: Final = "beside"  # where a robot stands that picks a load up or sets it down: next to it,
+BESIDE: Final = "beside"  # where a robot stands to pick or drop a load: next to the slot,
 ABOVE_OR_BELOW: Final = "above or below"
 ON_IT: Final = "on it"
 
-ONE_LOAD: Final = "one"  # how many loads lie there
+ONE_LOAD: Final = "one"  # number of loads in a slot
 ANY_LOADS: Final = "any"
 
 
@@ -57,20 +57,20 @@ class Kind(NamedTuple):
     """One kind of cell."""
 
     code: int  # value in the array of kinds
-    name: str  # as a legend names it
+    name: str  # name in a legend
     meaning: str
-    drivable: bool = False  # robots stand on it and drive over it
+    drivable: bool = False  # robots stand on the cell and drive over it
     turns: bool = False  # rail robots may turn here
     stand: str = ""  # of a slot, which holds loads: BESIDE, ABOVE_OR_BELOW or ON_IT
     holds: str = ""  # of a slot: ONE load or ANY number
     gives: bool = False  # orders may begin here
     takes: bool = False  # orders may end here
-    remote: bool = False  # it may be out of reach: then it gets no order
-    opens: bool = False  # it is left and entered over its open sides, whatever arrows are beside it
+    remote: bool = False  # may be out of reach: then it gets no order
+    opens: bool = False  # left and entered only over its open sides, regardless of arrows beside it
 
     @property
     def is_slot(self) -> bool:
-        """Whether loads are handled here."""
+        """Whether the kind is a slot, where loads are handled."""
         return self.stand != ""
 
 
@@ -135,13 +135,13 @@ KIND_BY_NAME: Final = {kind.name: kind for kind in CELL_KINDS}
 
 
 class Symbol(NamedTuple):
-    """What one character of a picture means."""
+    """The meaning of one character of a picture."""
 
     kind: int
     exits: int = NO_EXITS  # directions in which the cell may be left, before its neighbours matter
     capacity: int = 1  # robots at a time: 1, 2 (one for each direction of travel) or UNLIMITED
     loaded: bool = False  # a shelf that holds a load, or storage with a pod
-    opens: int = NO_EXITS  # sides over which alone it is left and entered, whatever arrows say
+    opens: int = NO_EXITS  # the only sides over which it is left and entered; arrows do not count
 
 
 SYMBOLS: Final[dict[str, Symbol]] = {
@@ -171,7 +171,7 @@ SYMBOLS: Final[dict[str, Symbol]] = {
 
 
 def opposite_exits(exits: int) -> int:
-    """The same set of exits, each turned around."""
+    """The opposite directions of a set of exits."""
     return ((exits << 2) | (exits >> 2)) & ALL_EXITS
 
 

@@ -4,9 +4,9 @@
     b>>>.d     the second character of a row is x = 0. Other rows are counted from their first
     #....#     character. Short rows are filled with wall; A to Z are robots on free floor.
 
-A FloorPlan keeps the exits that hold between cells, not the symbols it was drawn with. Drawn back, each
-cell gets the plainest symbol such that all symbols together give exactly the plan's exits again; a cell
-that no symbol fits gets one of its own, explained by a legend. Walls are '#'.
+A FloorPlan stores the exits between cells, not the symbols of the picture. To draw a plan, each cell
+gets the plainest symbol such that all symbols together give exactly the plan's exits; a cell that no
+symbol fits gets a new symbol, explained by a legend. Walls are '#'.
 
 A matrix is a CSV file, one line per row (Bhattathiri, Li & Kuhl, Figure 2):
 
@@ -14,9 +14,9 @@ A matrix is a CSV file, one line per row (Bhattathiri, Li & Kuhl, Figure 2):
     -1, 0,200, 0     An intersection is a free cell: which ones they are follows from the floor, so
     -1,50,  0,50     0 and 50 mean the same when a matrix is read.
 
-Spreadsheets write numbers as 100.0 and, where the comma is the decimal sign, 100,0 between semicolons;
-both are read, as are columns between tabs. What a matrix does not say is how many robots a free cell
-holds: that is one number for all.
+Spreadsheets write numbers as 100.0, or as 100,0 between semicolons if the comma is the decimal sign;
+both are read, as are columns between tabs. A matrix does not give capacities: one number holds for all
+free cells.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ Legend = tuple[tuple[str, Symbol], ...]  # symbols beyond the built-in ones; has
 
 ROBOT_LETTERS = frozenset("ABCDEFGHIJKLMNOPQRSTUVWXYZ")
 MAX_FLOOR_SIDE = 4096
-LOOK_ALIKES = {  # what is written for a symbol by other programs
+LOOK_ALIKES = {  # characters that other programs write for a symbol
     **dict(zip("→←↑↓", "><^v", strict=True)),
     **dict.fromkeys("█■▓X", "#"),
     **dict.fromkeys("·•,", "."),
@@ -72,7 +72,7 @@ LOOK_ALIKES = {  # what is written for a symbol by other programs
 
 AROUND = ((0, 1), (1, 0), (0, -1), (-1, 0))  # (rows, columns) to the neighbour E, S, W, N
 BITS_SET = np.array([bin(bits).count("1") for bits in range(ALL_EXITS + 1)])
-NEW_SYMBOLS = "".join(  # those that a legend may add
+NEW_SYMBOLS = "".join(  # symbols that a legend may add
     symbol for symbol in "oxykzabcdefghijlmnpqrstuvw0123456789" if symbol not in SYMBOLS
 )
 CONFLICT = 100  # cost of an exit that should not hold; more than any preference
@@ -82,7 +82,7 @@ IMPOSSIBLE = 100_000  # cost of a symbol that closes an exit of the plan
 SWEEPS = 40
 SHAKES = 200
 INTERSECTION: Final = 50
-# The first that occurs; a comma beside others is a decimal one.
+# The first separator that occurs; a comma beside others is a decimal comma.
 SEPARATORS: Final = (";", "\t", ",")
 CAPACITY_NUMBER: Final = re.compile(r"[-+]?[0-9]{1,9}(\.[0-9]{0,9})?")
 KIND_OF: Final = {-1: WALL, 0: FLOOR, INTERSECTION: FLOOR, 100: RACK, 200: DOCK}
@@ -190,7 +190,7 @@ def _symbols_of(codes: npt.NDArray[np.uint32], symbols: dict[str, Symbol]) -> di
 
 
 def _alike(character: str, symbols: dict[str, Symbol]) -> str:
-    """The symbol that was probably meant, where it is easily mistaken."""
+    """A hint with the symbol that was probably meant."""
     meant = LOOK_ALIKES.get(character, character.lower())
     return f"; did you mean {meant!r}?" if meant != character and meant in symbols else ""
 
@@ -241,7 +241,7 @@ def check_new_symbol(character: str) -> None:
         raise InputError(f"'{character}' already stands for {name}; use another such as {free}")
 
 
-# Drawn back.
+# From plans to pictures.
 
 
 class Drawing(NamedTuple):
@@ -252,7 +252,7 @@ class Drawing(NamedTuple):
 
 
 def floor_picture(floor_plan: FloorPlan) -> str:
-    """The floor, one character per cell, parking bays at x = -1 in a column of their own.
+    """The floor, one character per cell, with parking bays at x = -1 in a separate column.
 
     Raises InputError for a floor that no picture can express.
     """
@@ -260,12 +260,12 @@ def floor_picture(floor_plan: FloorPlan) -> str:
 
 
 def floor_legend(floor_plan: FloorPlan) -> dict[str, dict[str, object]]:
-    """What `floor_picture` uses beyond the built-in symbols, as a scenario's legend says it."""
+    """The symbols of `floor_picture` that are not built in, as a legend of a scenario."""
     return {mark: legend_entry(symbol) for mark, symbol in floor_drawing(floor_plan).legend}
 
 
 def legend_entry(symbol: Symbol) -> dict[str, object]:
-    """A symbol in the words of a scenario's legend."""
+    """A symbol as an entry of a scenario's legend."""
     entry: dict[str, object] = {"kind": CELL_KINDS[symbol.kind].name}
     if CELL_KINDS[symbol.kind].drivable:
         if symbol.capacity != 1:
@@ -279,7 +279,7 @@ def legend_entry(symbol: Symbol) -> dict[str, object]:
 
 
 def floor_drawing(floor_plan: FloorPlan) -> Drawing:
-    """The floor as text and the legend of its further symbols. Raises InputError."""
+    """The floor as text, with the legend of its further symbols. Raises InputError."""
     marks = {symbol: mark for mark, symbol in reversed(SYMBOLS.items())}
     symbols, chosen = _symbols(floor_plan)
     first = 0 if (floor_plan.kind[:, 0] == BAY).any() else 1
@@ -311,7 +311,7 @@ def floor_drawing(floor_plan: FloorPlan) -> Drawing:
 
 def _new_mark(legend: list[tuple[str, Symbol]]) -> str:
     if len(legend) == len(NEW_SYMBOLS):
-        raise InputError("the floor needs more symbols of its own than there are characters")
+        raise InputError("the floor needs more further symbols than there are characters")
     return NEW_SYMBOLS[len(legend)]
 
 
@@ -341,7 +341,7 @@ def _all_exits(mask: npt.NDArray[np.bool_]) -> CellBytes:
 
 
 def _arrows(floor_plan: FloorPlan) -> tuple[list[Symbol], npt.NDArray[np.intp]]:
-    """The same for a floor without open sides; symbols in the order of preference."""
+    """The same for a floor without open sides; symbols in order of preference."""
     symbols = _built_in()
     chosen = _fit(floor_plan, symbols, np.zeros(floor_plan.kind.shape, np.intp))
     if not _conflicts(floor_plan, symbols, chosen).any():
@@ -354,7 +354,7 @@ def _arrows(floor_plan: FloorPlan) -> tuple[list[Symbol], npt.NDArray[np.intp]]:
         wrong = _conflicts(floor_plan, symbols, chosen)
         if not wrong.any():
             return symbols, chosen
-        # Stuck where two neighbours would have to change at once: shake the cells around.
+        # Stuck: two neighbours would have to change at once. So randomize the cells around them.
         near = np.logical_or.reduce([np.roll(wrong, shift, (0, 1)) for shift in (*AROUND, (0, 0))])
         shaken = np.argmax(np.where(fits, generator.random(fits.shape), -1), axis=0)
         chosen = np.where(near, shaken, chosen)
@@ -385,7 +385,7 @@ def _further(floor_plan: FloorPlan, known: list[Symbol]) -> list[Symbol]:
 def _fit(
     floor_plan: FloorPlan, symbols: list[Symbol], chosen: npt.NDArray[np.intp]
 ) -> npt.NDArray[np.intp]:
-    """Improve the choice cell by cell, black and white ones of a chessboard in turn."""
+    """Improve the choice for all cells of one colour of a chessboard, then for the other colour."""
     leaves = np.array([symbol.exits for symbol in symbols], np.uint8)
     enters = np.array([ENTRIES[symbol.kind, symbol.exits] for symbol in symbols], np.uint8)
     rows, columns = np.indices(floor_plan.kind.shape)
@@ -412,7 +412,7 @@ def _fit(
 def _fixed_costs(
     floor_plan: FloorPlan, incoming: CellBytes, symbols: list[Symbol]
 ) -> list[npt.NDArray[np.int64]]:
-    """What each symbol costs in every cell, whatever its neighbours turn out to be."""
+    """The cost of each symbol in every cell, independent of its neighbours."""
     to = _ahead(_all_exits(floor_plan.drivable))
     built_in = set(SYMBOLS.values())
     costs = []
@@ -434,7 +434,7 @@ def _fixed_costs(
 def _conflicts(
     floor_plan: FloorPlan, symbols: list[Symbol], chosen: npt.NDArray[np.intp]
 ) -> npt.NDArray[np.bool_]:
-    """The cells that the chosen symbols would make different from the plan's."""
+    """The cells that the chosen symbols would draw differently from the plan."""
     field = np.array([tuple(map(int, symbol[:4])) for symbol in symbols], np.uint8)
     kind, leave, capacity, loaded = (field[chosen, k] for k in range(4))
     drivable = DRIVABLE[kind]
@@ -445,12 +445,12 @@ def _conflicts(
 
 
 def _ahead(values: CellBytes) -> CellBytes:
-    """Bit d of the cell that lies ahead in direction d, for every cell and direction."""
+    """For every cell and direction d: bit d of the next cell in direction d."""
     return _shifted(values, -1)
 
 
 def _behind(values: CellBytes) -> CellBytes:
-    """Bit d of the cell from which one comes when travelling in direction d."""
+    """For every cell and direction d: bit d of the cell before it in direction d."""
     return _shifted(values, 1)
 
 
@@ -523,7 +523,7 @@ def _kinds(row: list[str], y: int) -> list[int]:
         if code not in KIND_OF:
             allowed = alternatives(map(str, KIND_OF))
             found = row[x].strip()[:20] or "nothing"
-            # By size, not by letters: 99 is next to 100.
+            # By value, not by letters: 99 is near 100.
             near = min(KIND_OF, key=lambda known: abs(known - code)) if math.isfinite(code) else ""
             hint = f"; did you mean {near}?" if near != "" else ""
             raise MatrixError(
@@ -533,12 +533,12 @@ def _kinds(row: list[str], y: int) -> list[int]:
 
 
 def _number(text: str) -> float:
-    """The number that a text writes; NaN for anything else."""
+    """The number of a text; NaN if it is none."""
     plain = text.strip().replace(",", ".")
     return float(plain) if CAPACITY_NUMBER.fullmatch(plain) else math.nan
 
 
 def _plan(kind: npt.NDArray[np.uint8], capacity: int) -> FloorPlan:
-    """A floor on which every free cell may be left in all directions."""
+    """A floor on which robots may leave every free cell in all directions."""
     leave = np.where(kind == FLOOR, ALL_EXITS, 0).astype(np.uint8)
     return make_floor_plan(kind, leave, np.where(kind == FLOOR, capacity, 1).astype(np.uint8))

@@ -1,8 +1,8 @@
 """The floor of a scenario as plain, immutable data: kinds of cells, exits, capacities, parking
 bays.
 
-Users count cells from (0, 0) at the upper left; the arrays have one border cell all round, so that
-no neighbour is ever outside: flat index c = (y + 1) * (width + 2) + (x + 1).
+Users count cells from (0, 0) at the upper left; the arrays have a border of one cell, so that no
+neighbour is outside: flat index c = (y + 1) * (width + 2) + (x + 1).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ ENTRIES = np.array(  # (kinds, 16) uint8: directions of travel that enter a cell
 
 
 def may_turn(kinds: CellBytes, rail: bool) -> npt.NDArray[np.bool_]:
-    """Where robots turn, on rails or not, by the kinds of cells."""
+    """Whether robots may turn in a cell, by its kind, on rails or not."""
     turns: npt.NDArray[np.bool_] = (MAY_TURN_ON if rail else DRIVABLE)[kinds]
     return turns
 
@@ -73,7 +73,7 @@ class FloorPlan:
 
     @cached_property
     def offsets(self) -> tuple[int, int, int, int]:
-        """What leads to the flat neighbours, in the order of directions."""
+        """The offsets to the flat neighbours, in the order of directions."""
         return 1, self.stride, -1, -self.stride
 
     def cell(self, x: int, y: int) -> int:
@@ -81,7 +81,7 @@ class FloorPlan:
         return (y + 1) * self.stride + x + 1
 
     def xy(self, cell: int) -> tuple[int, int]:
-        """Coordinates of a flat index, as a user writes them."""
+        """The coordinates of a flat index, as users count them."""
         row, column = divmod(int(cell), self.stride)
         return column - 1, row - 1
 
@@ -91,11 +91,11 @@ class FloorPlan:
 
     @property
     def extent(self) -> str:
-        """The coordinates that there are: "(x 0..29, y 0..19)"."""
+        """The range of coordinates: "(x 0..29, y 0..19)"."""
         return f"(x 0..{self.width - 1}, y 0..{self.height - 1})"
 
     def kind_of(self, cell: int) -> Kind:
-        """Return what a flat cell is."""
+        """The kind of a flat cell."""
         return CELL_KINDS[self.kind.flat[cell]]
 
     def neighbours(self, cell: int) -> tuple[int, int, int, int]:
@@ -157,13 +157,12 @@ def make_floor_plan(
     numbered: Iterable[int] = (),
     opens: CellBytes | None = None,
 ) -> FloorPlan:
-    """Derive a floor from what each cell is by itself.
+    """Derive a floor from the properties of each cell.
 
-    `kind`, `leave`, `capacity`, `loads`, `opens`: (height + 2, width + 2), border included; `leave` has
-    the directions in which a cell lets robots out, whatever lies there; `opens` the sides over which
-    alone a cell is left and entered. `starts`: flat cells; `numbered`: those of all stations, in the
-    sequence of their numbers.
-    Raises InputError for a parking bay that opens on no drivable cell.
+    `kind`, `leave`, `capacity`, `loads`, `opens`: (height + 2, width + 2), border included; `leave`: the
+    directions in which a cell lets robots out, regardless of the neighbours; `opens`: the only sides
+    over which a cell is left and entered. `starts`: flat cells; `numbered`: flat cells of all stations,
+    in the order of their numbers. Raises InputError for a parking bay that opens on no drivable cell.
     """
     height, width = kind.shape[0] - 2, kind.shape[1] - 2
     if opens is None:
@@ -184,9 +183,9 @@ def make_floor_plan(
 
 
 def derive_exits(kind: CellBytes, leave: CellBytes, opens: CellBytes) -> CellBytes:
-    """Exits that hold: the cell lets out, the neighbour is drivable and lets in.
+    """The exits of a floor: the cell lets robots out, the neighbour is drivable and lets them in.
 
-    Beside a cell with open sides neither arrow counts: both let each other in if such sides meet.
+    Beside a cell with open sides arrows do not count: such sides connect both cells.
     """
     entry = ENTRIES[kind, leave]  # 0 where not drivable
     drivable = DRIVABLE[kind]
@@ -194,7 +193,7 @@ def derive_exits(kind: CellBytes, leave: CellBytes, opens: CellBytes) -> CellByt
     exits = np.zeros_like(leave)
     for direction, (rows, columns) in enumerate(((0, 1), (1, 0), (0, -1), (-1, 0))):
         bit, facing = np.uint8(1 << direction), np.uint8(1 << (direction ^ 2))
-        # np.roll wraps round, but only through the border, which is never drivable.
+        # np.roll wraps around only through the border, which is not drivable.
         enters = np.roll(entry, (-rows, -columns), (0, 1)) & bit
         meets = np.roll(sides, (-rows, -columns), (0, 1)) & facing != 0
         is_open = (opens != 0) | (np.roll(opens, (-rows, -columns), (0, 1)) != 0)

@@ -1,12 +1,12 @@
-"""Which cells robots reach on an empty floor, how soon, and where two of them cannot pass each other.
+"""Reachability on an empty floor: cells, ticks, and dead ends, where two robots cannot pass each other.
 
-Slots that are reached from the same cells are one station. With a load robots get into storage and out of
-it, never through. A pose is a cell with a heading: pose = cell * headings + heading.
+Robots with a load drive into storage and out of it, but not through it. A pose is a cell with a heading:
+pose = cell * headings + heading.
 
-A dead end is a part of the floor with one way out in which two robots cannot pass each other: cells with
-at most one neighbour are peeled off until none is left, and what was peeled off and hangs together is
-one. A floor that peels away whole (a tree of tracks) has none: no rule about them would let robots
-through. Nothing here is compiled.
+A dead end is a part of the floor with one way out in which two robots cannot pass each other. To find
+dead ends, cells with one neighbour are peeled off until none is left; each connected part of peeled
+cells is a dead end. A floor that peels away completely (a tree of tracks) has none: no rule about dead
+ends would let robots through. Nothing here is compiled.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ NO_WAY_OUT: Final = 4
 
 @lru_cache(maxsize=64)
 def backward_exits(floor_plan: FloorPlan) -> npt.NDArray[np.uint8]:
-    """(cells,) flat: bit d is set where a robot may come from the neighbour in direction d."""
+    """(cells,) flat: bit d is set if a robot may come from the neighbour in direction d."""
     exits = floor_plan.exits.reshape(-1)
     back = np.zeros_like(exits)
     for direction, offset in enumerate(floor_plan.offsets):
@@ -71,7 +71,7 @@ def reached_along(
     rail: bool,
     backwards: bool = False,
 ) -> npt.NDArray[np.bool_]:
-    """(2, cells) as `reached`, by the axis of travel; `starts`: where robots begin along each axis."""
+    """(2, cells) as `reached`, by axis of travel; `starts`: start cells along each axis."""
     exits = backward_exits(floor_plan) if backwards else floor_plan.exits.reshape(-1)
     turns = may_turn(floor_plan.kind.reshape(-1), rail)
     offsets = floor_plan.offsets
@@ -96,9 +96,9 @@ def reached_along(
 def closed_step(
     floor_plan: FloorPlan, starts: Iterable[int], goals: Iterable[int]
 ) -> tuple[int, int, int] | None:
-    """The first step that is closed on a way with as few of them as there can be: from, to, direction.
+    """The first closed step on a way with the fewest closed steps: from, to, direction.
 
-    The way leads over cells that robots drive on; None if there is none, or nothing is closed on it.
+    The way leads over drivable cells; None without a way, or if nothing is closed on it.
     """
     exits, drivable = (
         floor_plan.exits.reshape(-1).tolist(),
@@ -127,9 +127,9 @@ def closed_step(
 def steps_from(
     floor_plan: FloorPlan, starts: Iterable[int], backwards: bool = False
 ) -> npt.NDArray[np.int32]:
-    """(cells,) moves from the nearest start to each cell, or from there to it; NIL: no way.
+    """(cells,) moves from the nearest start to each cell, or backwards; NIL: no way.
 
-    Turns are free here, so no robot needs fewer moves.
+    Turns are free here, so this is a lower bound on moves.
     """
     exits = backward_exits(floor_plan) if backwards else floor_plan.exits.reshape(-1)
     front = np.array(sorted(set(starts)), np.int64)
@@ -149,7 +149,7 @@ def steps_from(
 def slot_access(floor_plan: FloorPlan) -> npt.NDArray[np.int32]:
     """(s, 4) the cells east, south, west and north from which each slot is served, or NIL.
 
-    A slot that robots drive onto has itself as its only cell.
+    For a slot that robots drive onto, its own cell is the only one.
     """
     cells, drivable = floor_plan.slots.astype(np.int64), floor_plan.drivable.reshape(-1)
     around = cells[:, None] + np.array(floor_plan.offsets)
@@ -166,7 +166,7 @@ def slot_access(floor_plan: FloorPlan) -> npt.NDArray[np.int32]:
 
 
 def rack_stands(floor_plan: FloorPlan) -> Cells:
-    """A cell in front of each rack that has one, above it if there is one, in table order."""
+    """A drivable cell in front of each rack that has one, preferably above it, in table order."""
     racks = slot_access(floor_plan)[floor_plan.kind.reshape(-1)[floor_plan.slots] == RACK]
     stands = np.where(racks[:, NORTH] != NIL, racks[:, NORTH], racks[:, SOUTH])
     found: Cells = stands[stands != NIL]
@@ -174,7 +174,7 @@ def rack_stands(floor_plan: FloorPlan) -> Cells:
 
 
 def slots_beside(floor_plan: FloorPlan, mask: Mask) -> Cells:
-    """Flat cells of the slots that are served from cells of the mask alone, in table order."""
+    """Flat cells of the slots that are served only from cells of the mask, in table order."""
     slots = floor_plan.slots
     around = [mask[slots + offset] for offset in floor_plan.offsets]
     entered = STANDS[floor_plan.kind.reshape(-1)[slots]] == ON_IT
@@ -186,8 +186,8 @@ def slots_beside(floor_plan: FloorPlan, mask: Mask) -> Cells:
 def grouped(floor_plan: FloorPlan, most: int) -> tuple[Cells, Cells]:
     """Slots grouped as stations: cells of the stations, and the station of each slot or NIL.
 
-    The stations stand where slots are served from, far from each other: the first slot's cell, then
-    again and again the cell that is farthest from all so far. A slot counts to the nearest station.
+    Stations are cells that serve slots, far from each other: the first slot's cell, then repeatedly the
+    cell farthest from all previous ones. A slot belongs to the nearest station.
     """
     access = slot_access(floor_plan)
     stand = access.max(axis=1)
@@ -216,9 +216,10 @@ def has_storage(floor_plan: FloorPlan) -> bool:
 
 @lru_cache(maxsize=64)
 def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
-    """(cells,) those from which a robot gets to a cell, through no storage, and to which it comes back.
+    """(cells,) the cells from which a robot reaches a cell, not through storage, and to which it
+    returns.
 
-    One that begins in storage leaves it first.
+    A robot that begins in storage leaves it first.
     """
     storage = floor_plan.kind == STORAGE
     if not storage.any():
@@ -245,8 +246,8 @@ def to_and_from(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
 def _in_both_directions(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
     """As `to_and_from`, on a floor without storage.
 
-    Off rails this is the same from each cell within it. So each part of a floor is searched once,
-    wherever the robots of a run begin.
+    Off rails the result is the same for each of its cells. So each part of a floor is searched once for
+    all runs.
     """
     part_of = np.full(floor_plan.kind.size, NIL) if rail else _part_of(floor_plan)
     if part_of[cell] == NIL:
@@ -258,14 +259,14 @@ def _in_both_directions(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
 
 @lru_cache(maxsize=64)
 def _part_of(floor_plan: FloorPlan) -> npt.NDArray[np.int64]:
-    """(cells,) from which cell the part of each was searched; NIL: not yet, which is noted here."""
+    """(cells,) the cell from which the part of each was searched; NIL: not yet. Callers update it."""
     return np.full(floor_plan.kind.size, NIL)
 
 
 def _aisles_beside(
     floor_plan: FloorPlan, cell: int, sides: npt.NDArray[np.uint8]
 ) -> tuple[list[int], list[int]]:
-    """By axis: a cell outside storage itself; of one in storage those beside it, over these sides."""
+    """By axis: the cell itself outside storage; in storage, its neighbours over these sides."""
     storage = floor_plan.kind.reshape(-1) == STORAGE
     if not storage[cell]:
         return [cell], [cell]
@@ -280,13 +281,13 @@ def _aisles_beside(
 
 
 class Driving(NamedTuple):
-    """How robots drive."""
+    """The driving of robots."""
 
     headings: int  # distinguished: 1 omni, 2 rail, 4 differential
     move: int  # ticks
     turn: int
-    rail: bool = False  # they turn on turntables alone
-    loaded: bool = False  # they pass through no storage
+    rail: bool = False  # they turn only on turntables
+    loaded: bool = False  # they do not pass through storage
 
 
 def ticks_between(
@@ -296,9 +297,9 @@ def ticks_between(
     backwards: bool,
     heading_there: int | None = None,
 ) -> Ticks:
-    """(cells, headings) ticks to a cell, or, not `backwards`, from there; or NO_WAY.
+    """(cells, headings) ticks to a cell if `backwards`, else from it; or NO_WAY.
 
-    With this heading there, or in any.
+    With this heading in the cell, or with any.
     """
     headings, cells = driving.headings, floor_plan.kind.size
     kind = floor_plan.kind.reshape(-1)
@@ -320,10 +321,10 @@ def ticks_between(
         at, heading = poses // headings, poses % headings
         on = through[at]
         for direction, offset in enumerate(floor_plan.offsets):
-            # Backwards the bit names the side from which one comes, against the heading.
+            # Backwards, the bit names the side from which the robot comes, opposite to the heading.
             travels = (direction ^ 2 if backwards else direction) % headings
             goes = on & (exits[at] >> np.uint8(direction) & 1 != 0) & (heading == travels)
-            # Backwards the move begins in the cell to which the search goes on.
+            # Backwards, the move begins in the next cell of the search.
             before, way = (at + offset, direction ^ 2) if backwards else (at, direction)
             ticks = move_ticks(floor_plan, driving, before, way)
             for each in np.unique(ticks[goes]).tolist():
@@ -373,8 +374,8 @@ def dead_ends_of(floor_plan: FloorPlan) -> DeadEnds:
 def dead_ends(exits: Numbers, single: Numbers, offsets: Any) -> DeadEnds:
     """Find dead ends; `exits`: (C,) uint8, bits by direction; `single`: (C,) bool, cells for one robot.
 
-    `offsets`: (4,) from a cell to its neighbours. Cells for several robots are in none: robots pass
-    each other there.
+    `offsets`: (4,) from a cell to its neighbours. Cells for several robots belong to no dead end: robots
+    pass each other there.
     """
     steps = [int(offset) for offset in offsets]
     neighbours = _neighbours(exits, steps)
@@ -398,7 +399,7 @@ def dead_ends(exits: Numbers, single: Numbers, offsets: Any) -> DeadEnds:
     for mouth in np.flatnonzero(peeled).tolist():
         beyond = mouth + steps[way_out[mouth]]
         if peeled[beyond]:
-            continue  # the way out leads on through the dead end
+            continue  # the way out continues in the dead end
         if degree[beyond] == 0 and single[beyond]:
             ringless[beyond] = True
             continue
@@ -424,10 +425,10 @@ def _depths(number: Numbers, way_out: Numbers, steps: list[int]) -> Numbers:
 
 
 def dead_ends_of_types(exits: Numbers, single: Numbers, offsets: Any) -> DeadEnds:
-    """The dead ends of all types of robots; `exits`: (k, C) uint8, by type, less closed areas.
+    """The dead ends of all types of robots; `exits`: (k, C) uint8, by type, without closed areas.
 
-    A cell that is in a dead end for one type counts as in one for all. Of two that overlap the one
-    that holds the other remains, or the one of the earlier type.
+    A dead end for one type counts for all types. If two overlap, the one that contains the other
+    remains, else the one of the earlier type.
     """
     union, *others = (dead_ends(of_type, single, offsets) for of_type in exits)
     number, way_out = union.number, union.way_out
@@ -457,7 +458,7 @@ def _neighbours(exits: Numbers, steps: list[int]) -> Numbers:
 
 
 def _enter(number: Numbers, first: int, value: int, peeled: Numbers, neighbours: Numbers) -> None:
-    """Enter a number in all peeled cells that hang together with a cell."""
+    """Enter a number in all peeled cells that are connected with a cell."""
     reached, waiting = {first}, [first]
     while waiting:
         cell = waiting.pop()

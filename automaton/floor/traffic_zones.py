@@ -1,4 +1,4 @@
-"""Zones of a floor, and its roads: the straight stretches between crossings.
+"""Traffic zones of a floor, and its roads: the straight stretches between crossings.
 
     #######    Two cells are neighbours when a robot may drive from one to the other. A cell with
     #a+bbb#    a horizontal and a vertical neighbour is an intersection (+). A segment is a longest
@@ -44,7 +44,7 @@ NO_ROAD: Final = 1 << 29
 
 @dataclass(frozen=True, eq=False)
 class TrafficZones:
-    """The zones of a floor; arrays are read-only, C counts the border too."""
+    """The zones of a floor; arrays are read-only, C includes the border."""
 
     mode: str  # of ZONE_MODES
     of: Numbers  # (C, 2) zone of a robot in a flat cell that travels in direction d: of[c, d >> 1]
@@ -54,14 +54,14 @@ class TrafficZones:
 
 @lru_cache(maxsize=16)
 def traffic_zones_of(floor_plan: FloorPlan, mode: str = "undirected") -> TrafficZones:
-    """The zones of a floor, NIL in cells that are part of none.
+    """The zones of a floor, NIL in cells without a zone.
 
-    undirected: one zone for each segment, intersections are none. directed: two for each segment,
-    east and south first. with-intersections: each intersection is a zone of its own, after the
-    segments. Raises ValueError for another mode.
+    undirected: one zone for each segment, none for intersections. directed: two for each segment, east
+    and south first. with-intersections: each intersection is a zone of its own, after the segments.
+    Raises ValueError for another mode.
     """
     if mode not in ZONE_MODES:
-        raise ValueError(f"no mode of zones is called {mode!r}; there are {', '.join(ZONE_MODES)}")
+        raise ValueError(f"unknown mode of zones {mode!r}; there are {', '.join(ZONE_MODES)}")
     beside, below = links(floor_plan)
     horizontal = beside | np.roll(beside, 1, 1)
     vertical = below | np.roll(below, 1, 0)
@@ -88,14 +88,14 @@ def links(floor_plan: FloorPlan) -> tuple[Mask, Mask]:
         mask: Mask = floor_plan.exits >> np.uint8(direction) & np.uint8(1) != 0
         return mask
 
-    # np.roll wraps round, but only through the border, which has no exits.
+    # np.roll wraps around only through the border, which has no exits.
     beside = leads(EAST) | np.roll(leads(WEST), -1, 1)
     below = leads(SOUTH) | np.roll(leads(NORTH), -1, 0)
     return beside, below
 
 
 def segments(drivable: Mask, beside: Mask, below: Mask, intersection: Mask) -> tuple[Numbers, int]:
-    """The segment of each cell or NIL, shaped like the masks, and how many there are."""
+    """The segment of each cell or NIL, shaped like the masks, and the number of segments."""
     part = drivable & ~intersection
     follows_left = part & np.roll(beside & ~intersection, 1, 1)
     follows_above = part & np.roll(below & ~intersection, 1, 0)
@@ -108,16 +108,16 @@ def segments(drivable: Mask, beside: Mask, below: Mask, intersection: Mask) -> t
 
 
 def _carried(number: Numbers, part: Mask, follows: Mask) -> Numbers:
-    """Each number carried along its row over the cells that follow on it."""
+    """Each number copied along its row to the cells that follow."""
     follow = follows[part]
-    # What a cell of a segment follows comes right before it, so that the list falls into runs.
+    # Each cell follows its predecessor in the list, so the list consists of runs.
     begin = np.maximum.accumulate(np.where(follow, 0, np.arange(len(follow))))
     carried = np.full(number.shape, NIL, np.int32)
     carried[part] = number[part][begin]
     return carried
 
 
-# Roads: critical points, the straight ways between them, and how far stations are.
+# Roads: critical points, the straight ways between them, and distances of stations.
 
 
 class RoadNetwork(NamedTuple):
@@ -193,7 +193,7 @@ def _junctions(floor_plan: FloorPlan) -> NDArray[np.int64]:
 
 
 def _ways(floor_plan: FloorPlan, cells: Numbers) -> tuple[Numbers, Numbers]:
-    """(P, 4) each: the point that a direction leads to, and how many cells away it is."""
+    """(P, 4) each: the point in a direction, and its distance in cells."""
     exits = floor_plan.exits.reshape(-1).tolist()
     number = {int(cell): index for index, cell in enumerate(cells)}
     ahead, step = np.full((len(cells), 4), NIL, np.int32), np.zeros((len(cells), 4), np.int32)
@@ -210,7 +210,7 @@ def _ways(floor_plan: FloorPlan, cells: Numbers) -> tuple[Numbers, Numbers]:
 
 
 def _distances(ahead: Numbers, step: Numbers) -> Numbers:
-    """(P, P) cells of shortest ways, NO_ROAD between two that no way joins."""
+    """(P, P) cells of shortest ways, NO_ROAD between points without a way."""
     count = len(ahead)
     distance = np.full((count, count), NO_ROAD, np.int32)
     np.fill_diagonal(distance, 0)
@@ -226,7 +226,7 @@ def _distances(ahead: Numbers, step: Numbers) -> Numbers:
 
 
 def _hops(ahead: Numbers, step: Numbers, distance: Numbers) -> Numbers:
-    """(P, P) the next point on a shortest way; of several the lowest."""
+    """(P, P) the next point on a shortest way; the lowest number if there are several."""
     count = len(ahead)
     hop = np.full((count, count), count, np.int32)
     for direction in range(4):

@@ -1,6 +1,6 @@
-"""The pods that robots carry: where they stand, what they are called, and which orders carry them.
+"""The pods that robots carry: their cells, their names, and the orders that carry them.
 
-Lines carry pods, and so do the orders of a list that begin in storage.
+Lines carry pods. So do listed orders that begin in storage.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from automaton.scenario.schema import Scenario
 
 
 def is_of_pod(order: OrderLine, floor_plan: FloorPlan) -> bool:
-    """Whether an order of a list begins in storage, and so carries the pod that stands there."""
+    """Whether a listed order begins in storage, and so carries the pod that stands there."""
     if order.source is None or not floor_plan.holds(*order.source):
         return False
     return bool(floor_plan.kind.flat[floor_plan.cell(*order.source)] == STORAGE)
 
 
 def lists_pods(scenario: Scenario, floor_plan: FloorPlan) -> bool:
-    """Whether an order of a list carries a pod."""
+    """Whether a listed order carries a pod."""
     if scenario.orders.listed is None or not has_storage(floor_plan):
         return False
     return any(is_of_pod(order, floor_plan) for order in scenario.orders.listed)
@@ -37,14 +37,14 @@ def carries_pods(scenario: Scenario, floor_plan: FloorPlan) -> bool:
 
 
 def transports_of(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[tuple[int, OrderLine]]:
-    """The orders of a list that bring a load from one slot to another, with their places in it."""
+    """The listed orders that bring a load from one slot to another, with their indices."""
     for index, order in enumerate(scenario.orders.listed or ()):
         if order.has_load and not is_of_pod(order, floor_plan):
             yield index, order
 
 
 def pod_cells(scenario: Scenario, floor_plan: FloorPlan) -> NDArray[np.intp]:
-    """Flat cells of pods 0, 1, ... at the start: as listed, or as one reads the picture."""
+    """Flat cells of pods 0, 1, ... at the start: as listed, or in reading order of the picture."""
     listed = scenario.pods.listed
     if listed is not None:
         return np.array([floor_plan.cell(*pod.at) for pod in listed], np.intp)
@@ -53,7 +53,7 @@ def pod_cells(scenario: Scenario, floor_plan: FloorPlan) -> NDArray[np.intp]:
 
 
 def pod_names(scenario: Scenario, count: int) -> list[str]:
-    """The name of each of so many pods, its number from 1 where it has none."""
+    """The name of each pod, or its number from 1 if it has no name."""
     names = [str(k + 1) for k in range(count)]
     for k, pod in enumerate(scenario.pods.listed or ()):
         names[k] = names[k] if pod.name is None else pod.name
@@ -61,13 +61,13 @@ def pod_names(scenario: Scenario, count: int) -> list[str]:
 
 
 def pod_numbers(scenario: Scenario, count: int) -> dict[str, int]:
-    """The number of each of so many pods, from 0, by its name and by its number from 1 as text."""
+    """The number of each pod, from 0, by its name and by its number from 1 as text."""
     numbers = {str(k + 1): k for k in range(count)}
     return numbers | {name: k for k, name in enumerate(pod_names(scenario, count))}
 
 
 def skus_of(scenario: Scenario) -> dict[str, int]:
-    """The number of each SKU that a pod holds, in the sequence of the pods."""
+    """The number of each SKU that a pod holds, in the order of the pods."""
     listed = scenario.pods.listed or ()
     return {
         sku: k for k, sku in enumerate(dict.fromkeys(sku for pod in listed for sku in pod.skus))

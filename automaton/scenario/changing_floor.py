@@ -1,10 +1,10 @@
-"""What a scenario says of its floor: speed limits, closed cells, doors, blocks, lifts, names of cells.
+"""The floor section of a scenario: speed limits, closed cells, doors, blocks, lifts, names of cells.
 
     locations: {packing: [4, 2], rack-7: [1, 0]}      beside      locations: locations.csv
 
-A name may be written instead of [x, y], as in `at: packing`. A field of a struct that is such a cell says
-so by `place()` among its annotations, as the type `NamedCell` does; `with_numbers` puts the cells there
-before the structs are made, so that nothing else knows of names.
+A name may be written instead of [x, y], as in `at: packing`. The field of a struct allows names by
+`place()` among its annotations, as the type `NamedCell` does. `with_numbers` replaces names by cells
+before the structs are made, so no other code handles names.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ Corners = Annotated[tuple[NamedCell, ...], Meta(min_length=1, max_length=10_000)
 
 
 def cell_named(name: str, names: Mapping[str, Cell]) -> Cell:
-    """The cell of a name. Raises InputError without a place."""
+    """The cell of a name. Raises InputError without file and line."""
     cell = names.get(name.strip())
     if cell is not None:
         return cell
@@ -75,7 +75,7 @@ CellSet = Annotated[
 
 
 def cells_of_set(name: str, cells: CellSet, floor_plan: FloorPlan) -> list[int]:
-    """The flat cells of a path or a rectangle, each once. Raises InputError, without its place."""
+    """The flat cells of a path or a rectangle, each once. Raises InputError without file and line."""
     corners = (cells.first, cells.last) if isinstance(cells, Rectangle) else cells
     for x, y in corners:
         if not floor_plan.holds(x, y):
@@ -187,7 +187,8 @@ class Door(ConfigSection, frozen=True, kw_only=True):
             TIME,
             ge=0,
             le=LAST_TICK,
-            description="Ticks without a robot in the door or a request, after which the door shuts.",
+            description="The door shuts after this number of ticks without a robot in it and "
+            "without a request.",
         ),
     ]
 
@@ -270,5 +271,5 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
 
     @property
     def has_gates(self) -> bool:
-        """Whether it has cells that robots may not always enter."""
+        """Whether it has cells that are sometimes closed to robots."""
         return bool(self.closed or self.doors or self.blocks or self.lifts)

@@ -1,12 +1,12 @@
 """Read a CSV file, or a sheet of a workbook (.xlsx), as columns in which equal texts are stored once.
 
 Spreadsheets and warehouse systems write `;`, tabs or `,`, quotes around values, line ends within quotes
-and a byte order mark. A file of a million rows has few different texts in most of its columns: a column
-is the list of these texts and, for each row, which of them stands there.
+and a byte order mark. Most columns of a file of a million rows hold few different texts. So a column is
+stored as the list of these texts and, for each row, an index into it.
 
-Of a sheet, cells of type date become texts of ISO 8601, numbers and times of the day texts as they would
-be typed. Values of formulas are those that the program that wrote the file has left in it; openpyxl
-(extra `excel`) computes none.
+In a sheet, dates become ISO 8601 texts; numbers and times of day become texts as a user would type them.
+Formulas have the values that the writing program stored in the file; openpyxl (extra `excel`) computes
+none.
 """
 
 from __future__ import annotations
@@ -33,29 +33,29 @@ from numpy.typing import NDArray
 from automaton.errors import InputError, InputErrors, nearest
 from automaton.units import count
 
-MAX_KINDS: Final = 5  # of mistakes that are shown
-MAX_NAMED_LINES: Final = 10  # that are named, of more rows with a mistake
+MAX_KINDS: Final = 5  # of mistakes in an error message
+MAX_NAMED_LINES: Final = 10  # of further rows with the same mistake
 
 Array = NDArray[np.int32]
 Choice = Callable[[Sequence[str], int], Mapping[str, str]]
-SEPARATORS: Final = (";", "\t", ",")  # the first that occurs in the head
+SEPARATORS: Final = (";", "\t", ",")  # the first of these in the header wins
 MAX_FILE_BYTES: Final = 512_000_000
 MAX_TABLE_ROWS: Final = 1_000_000
-ROWS_AT_A_TIME: Final = 10_000  # as texts of their own
+ROWS_AT_A_TIME: Final = 10_000  # rows held as separate texts
 ENCODINGS: Final = {"utf-8": "utf-8-sig", "cp1252": "cp1252"}
 UTF8_MARK: Final = b"\xef\xbb\xbf"
 _QUOTED: Final = re.compile(r'"[^"]*"')
 _SEPARATOR_LINE: Final = re.compile(r"sep=(.)\r?\n?")
 WORKBOOK_SUFFIXES: Final = (".xlsx", ".xlsm")
-MAX_UNPACKED_BYTES: Final = 4_000_000_000  # read piece by piece, but for
-MAX_TEXT_BYTES: Final = 256_000_000  # the different texts of all cells, which stay in memory
+MAX_UNPACKED_BYTES: Final = 4_000_000_000  # read in pieces, except
+MAX_TEXT_BYTES: Final = 256_000_000  # the texts of all cells, which stay in memory
 SHARED_TEXTS: Final = "xl/sharedStrings.xml"
 SHEETS: Final = "xl/worksheets/"  # the folder of sheets in a workbook
-FORMULA: Final = b"<f"  # what each formula in a sheet begins with
+FORMULA: Final = b"<f"  # begins each formula in a sheet
 READ_BYTES: Final = 1 << 20
 Row = Sequence[Any]
 Pair = tuple[Row, Row]  # values, and formulas or values
-DAMAGE: Final = (  # what the parts of an archive raise
+DAMAGE: Final = (  # raised by damaged archives
     *(zipfile.BadZipFile, zlib.error, lzma.LZMAError),
     *(EOFError, NotImplementedError, RuntimeError),
 )
@@ -64,26 +64,26 @@ DAMAGE: Final = (  # what the parts of an archive raise
 class TextColumn(NamedTuple):
     """A column of texts."""
 
-    texts: list[str]  # the different ones, without blanks at their ends
-    codes: Array  # (n,) which of them stands in each row
+    texts: list[str]  # each different text once, stripped
+    codes: Array  # (n,) index of the text of each row
 
 
 class CsvColumns(NamedTuple):
-    """The columns of a file that were asked for."""
+    """The requested columns of a file."""
 
     head: tuple[str, ...]  # the names of all columns
     lines: Array  # (n,) where each row begins, from 1
     columns: dict[str, TextColumn]  # by the names that were chosen
-    # Its numbers may have them, as values stand between semicolons.
+    # Numbers may have decimal commas: semicolons separate the values.
     has_decimal_commas: bool = False
 
 
 def read_csv_columns(path: Path, encoding: str, choose: Choice, errors: RowErrors) -> CsvColumns:
-    """Read some columns of a CSV file; rows without a value are left out.
+    """Read some columns of a CSV file; rows without any value are skipped.
 
-    `choose`: from the names in the head and its line, the column of each name that the caller wants;
-    it raises InputError. Rows with too many or too few values are added to `errors`. Raises InputError
-    for a file that is not CSV text in this encoding.
+    `choose(header, line)` returns the column of each field that the caller needs; it may raise
+    InputError. Rows with too many or too few values are added to `errors`. Raises InputError for a file
+    that is not CSV text in this encoding.
     """
     _check_file(path, encoding)
     try:
@@ -132,7 +132,7 @@ def _decoding_error(path: Path, encoding: str) -> InputError:
 
 
 class TextCodes(dict[str, int]):
-    """Texts with their numbers, in order of their first occurrence."""
+    """Numbers texts in order of their first occurrence."""
 
     def __missing__(self, text: str) -> int:
         code = self[text] = len(self)
@@ -162,7 +162,7 @@ def _read_csv(stream: Iterator[str], file: str, choose: Choice, errors: RowError
 
 
 def _begin(stream: Iterator[str], file: str) -> tuple[int, str, str]:
-    """How many lines come before the head, the separator, and the first line of the head."""
+    """The number of lines before the header, the separator, and the first line of the header."""
     separator = ""
     for skipped, line in enumerate(stream):
         if match := _SEPARATOR_LINE.fullmatch(line):  # as Excel reads and writes it
@@ -175,7 +175,7 @@ def _begin(stream: Iterator[str], file: str) -> tuple[int, str, str]:
 
 
 def _rows(reader: Any, skipped: int, file: str) -> Iterator[tuple[int, list[str]]]:
-    """Each row that holds a value, with the line of the file at which it begins."""
+    """Each row that holds a value, with its first line in the file."""
     line = skipped + 1
     try:
         for row in reader:
@@ -197,7 +197,7 @@ def _what_is_wrong(error: str) -> str:
 def _chunks(
     rows: Iterator[tuple[int, list[str]]], width: int, lines: array[int], errors: RowErrors
 ) -> Iterator[list[list[str]]]:
-    """Rows as long as the head, many at a time; the line of each is added to `lines`."""
+    """Rows with as many values as the header, in batches; the line of each is added to `lines`."""
     chunk: list[list[str]] = []
     for line, row in rows:
         if len(row) != width:
@@ -223,7 +223,7 @@ def _as_array(numbers: array[int]) -> Array:
 
 
 def stripped(texts: list[str], codes: Array) -> TextColumn:
-    """A column without blanks at the ends of its texts, of which some may be the same then."""
+    """A column of stripped texts, of which some may become equal."""
     again = TextCodes()
     renumbered = np.array([again[text.strip()] for text in texts], np.int32)
     return TextColumn(list(again), codes if len(again) == len(texts) else renumbered[codes])
@@ -233,18 +233,18 @@ def stripped(texts: list[str], codes: Array) -> TextColumn:
 
 
 def is_workbook(path: Path) -> bool:
-    """Whether the name of a file says that it is a workbook."""
+    """Whether the name of a file has the suffix of a workbook."""
     return path.suffix.lower() in WORKBOOK_SUFFIXES
 
 
 def read_sheet_columns(
     path: Path, sheet: str | None, time: str | None, choose: Choice, errors: RowErrors
 ) -> CsvColumns:
-    """Read some columns of a sheet; rows without a value are left out.
+    """Read some columns of a sheet; rows without any value are skipped.
 
-    `sheet`: its name, None for the only one; `time`: the format of times, which dates get, too.
-    `choose`: as of `read_csv_columns`. Later errors of rows name the sheet. Raises InputError for a file
-    that is not a workbook, and for a formula in these columns whose value is not there.
+    `sheet`: its name, None for the only one; `time`: the format of times, also used for dates. `choose`:
+    as in `read_csv_columns`. Errors in rows name the sheet. Raises InputError for a file that is not a
+    workbook, and for a formula in these columns without a stored value.
     """
     has_formulas = _has_formulas(path)
     with closing(_Book(path, sheet, is_computed=True)) as book:
@@ -258,7 +258,7 @@ def read_sheet_columns(
 
 
 def _has_formulas(path: Path) -> bool:
-    """Whether a workbook has formulas. Raises InputError for what is not a workbook, or too large."""
+    """Whether a workbook has formulas. Raises InputError if it is not a workbook, or too large."""
     file = str(path)
     try:
         size = path.stat().st_size
@@ -282,7 +282,7 @@ def _has_formulas(path: Path) -> bool:
 
 
 def _has_formula(archive: zipfile.ZipFile, sheet: zipfile.ZipInfo) -> bool:
-    """Whether there is one in a sheet; `<f` also begins the names of rarer things."""
+    """Whether a sheet has a formula; `<f` also begins the names of rarer elements."""
     last = b""
     with archive.open(sheet) as stream:
         while block := stream.read(READ_BYTES):
@@ -293,7 +293,7 @@ def _has_formula(archive: zipfile.ZipFile, sheet: zipfile.ZipInfo) -> bool:
 
 
 class _Book:
-    """A workbook that is read row by row, and the sheet of it that is wanted."""
+    """A workbook that is read row by row, and the requested sheet of it."""
 
     def __init__(self, path: Path, sheet: str | None, is_computed: bool) -> None:
         try:
@@ -306,7 +306,7 @@ class _Book:
             ) from None
         try:
             self._book = openpyxl.load_workbook(path, read_only=True, data_only=is_computed)
-        except Exception as error:  # openpyxl raises whatever the parts of a broken file lead to
+        except Exception as error:  # openpyxl raises any exception for a broken file
             raise _broken(str(path), error) from None
         names = [one.title for one in self._book.worksheets]
         try:
@@ -318,8 +318,8 @@ class _Book:
         self._sheet = self._book[name]
 
     def rows(self) -> Iterator[Row]:
-        """The values of each row, the first one first, up to its last cell."""
-        self._sheet.reset_dimensions()  # what a file says of them may be wrong
+        """The values of each row, up to its last cell."""
+        self._sheet.reset_dimensions()  # the dimensions in the file may be wrong
         try:
             yield from self._sheet.iter_rows(values_only=True)
         except InputError:
@@ -358,7 +358,7 @@ def _letters(column: int) -> str:
 
 
 def _read_sheet(pairs: Iterator[Pair], place: str, time: str | None, choose: Choice) -> CsvColumns:
-    """Read rows of values, each beside its formulas, if there are any in the file."""
+    """Read rows of values, each with its formulas if the file has any."""
     numbered = (
         (number, row, formulas)
         for number, (row, formulas) in enumerate(pairs, 1)
@@ -399,7 +399,7 @@ def _no_value(cell: str) -> InputError:
 
 
 def _text(value: Any, time: str | None) -> str:
-    """The value of a cell as the text that would stand in a CSV file."""
+    """The value of a cell as the text of a CSV file."""
     if value is None:
         return ""
     if isinstance(value, str):
@@ -414,7 +414,7 @@ def _text(value: Any, time: str | None) -> str:
 
 
 def _date_text(moment: datetime.datetime, time: str | None) -> str:
-    """A date by a format, if it loses nothing by that; else of ISO 8601."""
+    """A date in a format if that loses nothing, else in ISO 8601."""
     if time is not None:
         text = moment.strftime(time)
         if datetime.datetime.strptime(text, time) == moment:
@@ -441,9 +441,9 @@ class RowErrors:
     _kinds: dict[Hashable, _Kind] = field(default_factory=dict)
 
     def add(self, kind: Hashable, lines: Sequence[int], sentence: Callable[[], str]) -> None:
-        """Add mistakes of a kind, in the sequence of their lines.
+        """Add mistakes of a kind, in the order of their lines.
 
-        `sentence` describes the first; of each kind only the one that comes first in the file is asked.
+        `sentence` describes the first mistake of the kind in the file, and is called for no other.
         """
         known = self._kinds.get(kind)
         if known is None:
@@ -454,7 +454,7 @@ class RowErrors:
         known.lines = sorted([*known.lines, *lines])
 
     def raise_any(self) -> None:
-        """Raise InputErrors if there is a mistake."""
+        """Raise InputErrors if any mistake was added."""
         if not self._kinds:
             return
         kinds = sorted(self._kinds.values(), key=lambda kind: kind.lines[0])
@@ -469,7 +469,7 @@ class RowErrors:
 
 
 def _more(lines: Sequence[int]) -> str:
-    """The rows that have a mistake, too: "; 3 more such rows, in lines 7, 9 and 12"."""
+    """The other rows with the mistake: "; 3 more such rows, in lines 7, 9 and 12"."""
     if not lines:
         return ""
     if len(lines) == 1:

@@ -1,7 +1,7 @@
-"""A YAML text as data that remembers its lines, and that refuses what YAML 1.1 would guess.
+"""A YAML text as data with line numbers, in which the guesses of YAML 1.1 are errors.
 
 PyYAML's own constructor reads `no` as false, `1:30` as 90 and `010` as 8, and lets a key appear
-twice. Here each of these is an error with its line, so that nothing in a scenario is a surprise.
+twice. Here each of these is an error with its line.
 Single values are replaced from the command line: `--set fleet.robots=5`.
 """
 
@@ -21,7 +21,7 @@ from automaton.errors import WHOLE_LIST, InputError, Keys
 from automaton.printable import cleaned_document
 from automaton.scenario.text_files import ListFile
 
-MAX_NODES: Final = 100_000  # values after aliases are expanded: a bomb of aliases is refused unread
+MAX_NODES: Final = 100_000  # values after aliases are expanded: an alias bomb is refused unread
 MAX_NESTING: Final = 40
 DEEP: Final = f"nested more than {MAX_NESTING} levels deep"
 LOADER: Final = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
@@ -35,7 +35,7 @@ CONTROL: Final = Reader.NON_PRINTABLE
 
 @dataclass(frozen=True)
 class Override:
-    """One value given on the command line, by `--set KEY=VALUE` or an option of its own."""
+    """One value from the command line, by `--set KEY=VALUE` or a dedicated option."""
 
     argument: str  # as typed: "--set fleet.robots=5"
     keys: Keys
@@ -44,18 +44,18 @@ class Override:
 
 @dataclass(frozen=True)
 class Document:
-    """The data of a scenario with the text that it comes from."""
+    """The data of a scenario and its source text."""
 
     data: dict[str, Any]
     file: str | None = None  # as errors name it
-    folder: Path = field(default_factory=Path)  # what relative paths in it refer to
+    folder: Path = field(default_factory=Path)  # base of its relative paths
     text: str = ""
     root: yaml.Node | None = None
     overrides: tuple[Override, ...] = ()
-    listed: tuple[ListFile, ...] = ()  # files that lists of it come from
+    listed: tuple[ListFile, ...] = ()  # files from which its lists were read
 
     def error(self, keys: Keys, message: str) -> InputError:
-        """An error about the value at `keys`: placed at its line, or at the --set that gave it."""
+        """An error about the value at `keys`, with its line or the --set that gave it."""
         for listed in self.listed:
             if keys[: len(listed.keys)] == listed.keys < keys:
                 entry = keys[len(listed.keys)]
@@ -69,7 +69,7 @@ class Document:
         return InputError(message, self.file, self.line(keys))
 
     def line(self, keys: Keys) -> int | None:
-        """Line of the deepest part of the way to `keys` that the text holds; None without text."""
+        """Line of the deepest part of `keys` that the text holds; None without text."""
         return find_node(self.root, keys)[1] if self.root is not None else None
 
     def node(self, keys: Keys) -> yaml.Node | None:
@@ -81,7 +81,7 @@ class Document:
 
 
 def find_node(root: yaml.Node, keys: Keys) -> tuple[yaml.Node, int, int]:
-    """The deepest part of the way to `keys` that the text holds: node, line, how many of the keys."""
+    """The deepest part of `keys` that the text holds: node, line, number of keys."""
     node, line = root, root.start_mark.line + 1
     for depth, key in enumerate(keys):
         if isinstance(node, yaml.MappingNode):
@@ -96,7 +96,7 @@ def find_node(root: yaml.Node, keys: Keys) -> tuple[yaml.Node, int, int]:
             if isinstance(node, yaml.ScalarNode) and node.style == "|" and isinstance(key, int):
                 line = (
                     node.start_mark.line + 2 + key
-                )  # of a block, whose rows have lines of their own
+                )  # of a block, each of whose rows has its own line
             return node, line, depth
     return node, line, len(keys)
 
@@ -131,7 +131,7 @@ def _refuse_unreadable(text: str, file: str | None) -> None:
 
 
 def _refuse_unbounded(text: str, file: str | None) -> None:
-    # Reading events one by one stays linear and shallow, whatever the text holds.
+    # Reading single events takes linear time and constant depth for any text.
     depth = 0
     for number, event in enumerate(yaml.parse(text, Loader=LOADER)):
         depth += isinstance(event, yaml.CollectionStartEvent)
@@ -147,12 +147,12 @@ def _refuse_unbounded(text: str, file: str | None) -> None:
 def _unparsable(error: yaml.MarkedYAMLError, file: str | None) -> InputError:
     mark: Any = error.problem_mark or error.context_mark
     problem = str(error.problem)
-    if "nesting depth" in problem:  # libyaml counts too, as PyYAML 6.0.4 brings it
+    if "nesting depth" in problem:  # the libyaml of PyYAML 6.0.4 counts, too
         return InputError(DEEP, file, mark.line + 1)
     if "cannot start any token" in problem:
         problem = "a character that cannot begin a value; put the value in quotes"
     elif "mapping values are not allowed" in problem:
-        problem = "a ':' or an indentation that does not fit here"
+        problem = "this ':' or this indentation is not allowed here"
     elif "another document" in problem:
         problem = "a second document begins here; a scenario is a single one"
     elif "expected key" in problem:
@@ -162,14 +162,14 @@ def _unparsable(error: yaml.MarkedYAMLError, file: str | None) -> InputError:
     line = mark.line + 1 if mark is not None else None
     begun: Any = error.context_mark
     if begun is not None and line is not None and begun.line + 1 < line:
-        problem += f" (in what begins in line {begun.line + 1})"
+        problem += f" (in the value that begins in line {begun.line + 1})"
     return InputError(f"not valid YAML: {problem}", file, line)
 
 
 def _measure(
     node: yaml.Node, file: str | None, sizes: dict[int, tuple[int, int]]
 ) -> tuple[int, int]:
-    """(values, depth) of a node with its aliases expanded, each node being visited once."""
+    """(values, depth) of a node with its aliases expanded; each node is visited once."""
     line = node.start_mark.line + 1
     if id(node) in sizes:
         size, depth = sizes[id(node)]
@@ -253,11 +253,11 @@ def _unsupported(node: yaml.Node, file: str | None) -> InputError:
     return InputError(f"the tag {tag} has no meaning here", file, node.start_mark.line + 1)
 
 
-# Values from the command line in the place of those of the text.
+# Values from the command line replace those of the text.
 
 
 def override(document: Document, settings: Iterable[str | Override]) -> Document:
-    """The document with each KEY=VALUE applied in turn; VALUE is YAML. Raises InputError."""
+    """The document with each KEY=VALUE applied in order; VALUE is YAML. Raises InputError."""
     overrides = tuple(
         parse_setting(setting) if isinstance(setting, str) else setting for setting in settings
     )
@@ -282,12 +282,12 @@ def parse_setting(text: str) -> Override:
 
 
 def keys_of(name: str) -> Keys:
-    """The way to a value: "fleet.start.0" -> ("fleet", "start", 0)."""
+    """The keys of a value: "fleet.start.0" -> ("fleet", "start", 0)."""
     return tuple(int(key) if key.isdecimal() else key for key in name.strip().split("."))
 
 
 def _put(data: dict[str, Any], setting: Override) -> None:
-    """Set a value; what lies on the way to it becomes a copy."""
+    """Set a value; its parents are copied."""
     inner: Any = data
     for depth, key in enumerate(setting.keys):
         last = depth == len(setting.keys) - 1
@@ -309,7 +309,7 @@ def _put(data: dict[str, Any], setting: Override) -> None:
 
 
 def _opened(value: Any, keys: Keys) -> Any:
-    """What a further key is looked up in: a missing part is begun, a strategy's name unfolded."""
+    """The parent of a further key: a missing part is created, a strategy's name becomes {name: NAME}."""
     if value is None:
         return {}
     if isinstance(value, str) and len(keys) > 1 and keys[-2] == "strategy":

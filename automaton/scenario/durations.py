@@ -1,7 +1,7 @@
-"""How long things take, in a scenario file: operations of robots, and visits at stations.
+"""Durations in a scenario file: operations of robots, and visits at stations.
 
-Operations are those of the whole fleet, or of one type of robots. A visit takes something for itself,
-for each line, and for each unit.
+Durations of operations hold for the whole fleet or for one type of robots. A visit takes a time per
+visit, per line and per unit.
 """
 
 from __future__ import annotations
@@ -126,7 +126,7 @@ class ByLoad(NamedTuple):
 
     @property
     def differ(self) -> bool:
-        """Whether a load makes a difference."""
+        """Whether a load changes the duration."""
         return self.empty != self.loaded
 
 
@@ -188,7 +188,7 @@ class Durations(ConfigSection, frozen=True, kw_only=True):
 
 
 class TypeDurations(ConfigSection, frozen=True, kw_only=True):
-    """Durations of one type of robots; keys that are left out are as in `durations`."""
+    """Durations of one type of robots; missing keys are as in `durations`."""
 
     move: Annotated[Move | None, Meta(description="Ticks of a move: see durations.")] = None
     turn: Annotated[Turn | None, Meta(description="Ticks of a turn: see durations.")] = None
@@ -199,7 +199,7 @@ class TypeDurations(ConfigSection, frozen=True, kw_only=True):
     )
 
     def within(self, usual: Durations) -> Durations:
-        """These durations, and the usual ones for what is left out. Raises ValueError."""
+        """These durations, completed by those of the fleet. Raises ValueError."""
         own = {name: getattr(self, name) for name in self.__struct_fields__}
         stated = {name: value for name, value in own.items() if value is not None}
         return Durations(**(msgspec.structs.asdict(usual) | stated))

@@ -1,4 +1,4 @@
-"""Times as files of other systems write them, and the ticks that they are.
+"""Times in files of other systems, and their ticks.
 
     2026-03-02 06:00:05     ISO 8601, with an offset such as +01:00 in all times or in none
     06:00 or 06:00:05       on the day of units.clock
@@ -6,9 +6,9 @@
     02.03.2026 06:00        by a format such as "%d.%m.%Y %H:%M"
     46083.25                with "serial": days, as spreadsheets store dates; below 1 a time of the day
 
-Without units.clock the earliest of the times is tick 0. Times without an offset are counted as if
-every day had 24 hours. What is released before tick 0 is known from the start, and what is due before
-its release is late from the start: files of running warehouses have both, so they are counted.
+Without units.clock the earliest time is tick 0. For times without an offset every day has 24 hours. Rows
+released before tick 0 are known from the start; rows due before their release are late from the start.
+Files of running warehouses have both, so both are counted.
 """
 
 from __future__ import annotations
@@ -64,7 +64,7 @@ OFFERED: Final = 2
 
 
 class Time(NamedTuple):
-    """What a text says."""
+    """The time that a text says."""
 
     form: int
     value: int  # ticks; microseconds since the year 1 (of UTC where it has an offset), or midnight
@@ -104,7 +104,7 @@ def _iso(text: str) -> Time:
     try:
         moment = datetime.datetime.fromisoformat(text)
     except ValueError:
-        try:  # as spreadsheets write it: 2026-3-2 6:30
+        try:  # spreadsheets write 2026-3-2 6:30
             padded = _SHORT_DATE.sub(r"-0\1", _SHORT_HOUR.sub(r"\g<1>0\2", text))
             moment = datetime.datetime.fromisoformat(padded)
         except ValueError:
@@ -123,7 +123,7 @@ def _by_format(text: str, of_format: str) -> Time:
 
 
 def _of_days(days: int, fraction: str) -> Time:
-    """Days and a decimal fraction of one, to the next second: files seldom have more than six digits."""
+    """Days with a decimal fraction, rounded to the second: files seldom have more than six digits."""
     seconds = rounded(Fraction(int(fraction) * SECONDS_OF_DAY, 10 ** len(fraction)))
     if not days:
         return Time(BARE, seconds * MICRO)
@@ -152,9 +152,9 @@ def _of_day(hours: str, minutes: str, seconds: str | None, fraction: str | None)
 def unreadable(
     text: str, of_format: str | None, others: Sequence[str], good: str | None = None
 ) -> str:
-    """Describe a text that is not a time, and a format for it.
+    """Describe a text that is not a time, and suggest a format.
 
-    `others`: of the same column that are not, either; `good`: one that is a time.
+    `others`: further texts of the column that are no times; `good`: a text that is a time.
     """
     if _SERIAL.fullmatch(text):
         days = f"{text!r} is a number of days, as spreadsheets store dates"
@@ -178,7 +178,7 @@ def _example(of_format: str) -> str:
 
 
 def fitting_formats(texts: Sequence[str]) -> list[str]:
-    """Return the well-known formats that all texts have, the likeliest first; a few at most."""
+    """Return the well-known formats that all texts match, the likeliest first; a few at most."""
     formats = [date + time for date in DATE_FORMATS for time in TIME_FORMATS]
     for text in texts[:TEXTS_TRIED]:
         formats = [one for one in formats if _has_format(text, one)]
@@ -194,7 +194,7 @@ def _has_format(text: str, of_format: str) -> bool:
 
 
 class Start(NamedTuple):
-    """The time of tick 0, in microseconds as times count them, in the forms in which it is known."""
+    """The time of tick 0 in microseconds, in each form in which it is known."""
 
     of_form: dict[int, int]
 
@@ -202,14 +202,14 @@ class Start(NamedTuple):
 def rounded_ticks(
     microseconds: Sequence[int], tick_seconds: Fraction
 ) -> tuple[list[int], list[bool]]:
-    """Return times after tick 0 in ticks, halves up, and of each whether it falls between two ticks."""
+    """Return times after tick 0 in ticks, halves up, and whether each falls between two ticks."""
     tick, unit = tick_seconds.numerator * MICRO, tick_seconds.denominator
     ticks = [(2 * time * unit + tick) // (2 * tick) for time in microseconds]
     return ticks, [time * unit % tick != 0 for time in microseconds]
 
 
 def start_of_clock(clock: ClockTime) -> Start:
-    """Return what units.clock says."""
+    """Return the time of units.clock."""
     since_midnight = int(clock.seconds * MICRO)
     of_form = {BARE: since_midnight}
     if clock.day is not None:
@@ -241,14 +241,14 @@ def misplaced(text: str, form: int, start: Start, has_clock: bool) -> str:
 
 @dataclass
 class ReadingCounts:
-    """What `check` says of a file that was read as a table."""
+    """The note of `check` on a file that was read as a table."""
 
-    rows: int = 0  # all that hold a value
+    rows: int = 0  # rows with a value
     left_out: dict[str, int] = field(default_factory=dict)  # by "STATUS CANCELLED"
     ignored: tuple[str, ...] = ()  # columns
-    tick_zero: str = ""  # the earliest release, where units.clock does not say what tick 0 is
-    before_start: int = 0  # rows that are released before tick 0
-    late_at_once: int = 0  # and that are due before their release
+    tick_zero: str = ""  # the earliest release, if units.clock is not set
+    before_start: int = 0  # rows released before tick 0
+    late_at_once: int = 0  # rows due before their release
     first_late_line: int = 0  # of the file, from 1
     rounded: int = 0  # times between two ticks
 
@@ -259,15 +259,15 @@ Refuse = Callable[[str, str, Mask, Callable[[str], str]], None]  # field, kind, 
 
 @dataclass
 class TimeColumn:
-    """A column of which each different text is read as a time."""
+    """A column whose different texts are read as times."""
 
     name: str  # of the field
     column: TextColumn
-    forms: NDArray[np.uint8]  # of each text; EMPTY where no row has it, or it cannot be read
-    values: list[int]  # as of Time
+    forms: NDArray[np.uint8]  # of each text; EMPTY if no row has it, or if it cannot be read
+    values: list[int]  # as in Time
 
     def uses(self, form: int) -> Mask:
-        """Which texts are times of a form."""
+        """The texts that are times of a form."""
         uses: Mask = self.forms == form
         return uses
 
@@ -282,7 +282,7 @@ class TimeReader:
     refuse: Refuse
 
     def read(self, name: str, column: TextColumn) -> TimeColumn:
-        """The times of a column in the texts that rows have."""
+        """The times of a column, from the texts in its rows."""
         count = len(column.texts)
         times, bad, message = [NO_TIME] * count, np.zeros(count, np.bool_), ""
         try:
@@ -294,7 +294,7 @@ class TimeReader:
             forms = np.array([time.form for time in times], np.uint8)
             code = int(np.argmax(forms > TICKS))
             if forms[code] > TICKS:
-                self.scale.tick_seconds  # noqa: B018 - asks whether a tick is a time
+                self.scale.tick_seconds  # noqa: B018 - raises unless a tick is a time
         except InputError as error:
             message = error.message
             is_it = np.arange(count) == code
@@ -321,7 +321,7 @@ class TimeReader:
         return Start({form: released.values[earliest]})
 
     def release_ticks(self, released: TimeColumn, start: Start) -> NDArray[np.int64]:
-        """(n,) ticks of release, below 0 before tick 0, which is counted."""
+        """(n,) ticks of release; those below 0 are counted."""
         is_empty = np.array([not text for text in released.column.texts])
         self.refuse(released.name, "empty", is_empty, lambda text: "is empty")
         ticks: NDArray[np.int64] = self._ticks_of(released, start)[released.column.codes]
@@ -331,7 +331,7 @@ class TimeReader:
     def due_ticks(
         self, due: TimeColumn, start: Start, release: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """(n,) ticks until which rows are due, NO_DUE for none; those before release are counted."""
+        """(n,) due ticks of rows, or NO_DUE; those before release are counted."""
         codes = due.column.codes
         ticks = self._ticks_of(due, start)[codes]
         ticks += np.where(due.uses(TICKS)[codes], release, 0)
@@ -341,7 +341,7 @@ class TimeReader:
         return ticks
 
     def _ticks_of(self, times: TimeColumn, start: Start) -> NDArray[np.int64]:
-        """The ticks of each different text: after tick 0, or as they are given.
+        """The ticks of each different text: counted from tick 0, or as given.
 
         Counts the rows whose time falls between two ticks.
         """

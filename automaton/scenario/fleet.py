@@ -1,6 +1,6 @@
-"""What a scenario says of its robots: how many, of which types, their batteries, and which break down.
+"""The robots of a scenario: number, types, batteries and breakdowns.
 
-Areas of the floor may be closed to some of them.
+Also the areas that are closed to some robots.
 """
 
 from __future__ import annotations
@@ -34,15 +34,15 @@ ONE_CELL: Final = dict.fromkeys(
 )
 Kinematics = Literal["rail", "differential", "omni"]
 HEADING_COUNTS: Final[dict[Kinematics, int]] = {"omni": 1, "rail": 2, "differential": 4}
-ALL, EMPTY, LOADED = GROUPS = ("all", "empty", "loaded")  # of robots, to which areas may be closed
+ALL, EMPTY, LOADED = GROUPS = ("all", "empty", "loaded")  # to which areas may be closed
 Percent = Annotated[float, Meta(ge=0, le=100)]
 Rate = Annotated[
-    float, quantity(CHARGE_RATE, ge=0, le=100, description="Percent of a full battery in a tick.")
+    float, quantity(CHARGE_RATE, ge=0, le=100, description="Percent of a full battery per tick.")
 ]
 GivingRate = Annotated[
     float,
     quantity(
-        CHARGE_RATE, ge=0.0001, le=100, description="Percent of a full battery in a tick, above 0."
+        CHARGE_RATE, ge=0.0001, le=100, description="Percent of a full battery per tick, above 0."
     ),
 ]
 
@@ -58,7 +58,7 @@ class Drain(ConfigSection, frozen=True, kw_only=True):
     wait: Annotated[
         Rate,
         Meta(
-            description="Percent of a full battery in a tick of standing on the floor, whatever the "
+            description="Percent of a full battery per tick of standing on the floor, for any "
             "reason."
         ),
     ] = 0.0
@@ -139,7 +139,7 @@ class TypeDrain(ConfigSection, frozen=True, kw_only=True):
 
 
 class TypeBattery(ConfigSection, frozen=True, kw_only=True):
-    """Batteries of one type of robots; keys that are left out are as in `battery`."""
+    """Batteries of one type of robots; missing keys are as in `battery`."""
 
     drain: Annotated[TypeDrain, Meta(description="Energy use of this type: see battery.drain.")] = (
         TypeDrain()
@@ -160,13 +160,13 @@ class TypeBattery(ConfigSection, frozen=True, kw_only=True):
     ] = None
 
     def within(self, usual: Battery) -> Battery:
-        """This battery, and the usual one for what is left out. Raises ValueError."""
+        """This battery, completed by that of the fleet. Raises ValueError."""
         drain = msgspec.structs.replace(usual.drain, **_stated(self.drain))
         return Battery(**(msgspec.structs.asdict(usual) | _stated(self) | {"drain": drain}))
 
 
 def _stated(section: msgspec.Struct) -> dict[str, Any]:
-    """What a section says."""
+    """The keys of a section that are set."""
     return {
         name: value for name, value in msgspec.structs.asdict(section).items() if value is not None
     }
@@ -190,7 +190,7 @@ class TypeStrategy(ConfigSection, frozen=True, kw_only=True):
 
 
 class FleetType(ConfigSection, frozen=True, kw_only=True):
-    """One type of robots; types are given to robots in the sequence of their numbers."""
+    """One type of robots; types are assigned to robots in the order of robot numbers."""
 
     refused: ClassVar[dict[str, str]] = ONE_CELL
 
@@ -226,19 +226,19 @@ class FleetType(ConfigSection, frozen=True, kw_only=True):
 
     @property
     def own_allocation(self) -> str:
-        """The name of its own allocation strategy, "" where it has none."""
+        """The name of the type's own allocation strategy, or ""."""
         spec = self.strategy.allocation
         return str(spec.get("name")) if isinstance(spec, dict) else spec or ""
 
 
 class StartFile(ConfigSection, frozen=True, kw_only=True):
-    """The cells where robots begin, as a file."""
+    """A file of start cells."""
 
     file: Annotated[
         NonEmptyText,
         Meta(
-            description="A CSV file with the columns x, y and, where robots face different ways, "
-            "heading (east, south, west, north); path relative to the scenario."
+            description="A CSV file with the columns x, y and, if headings differ, heading (east, "
+            "south, west, north); path relative to the scenario."
         ),
     ]
 
@@ -312,24 +312,24 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
         given = sum(kind.robots or 0 for kind in self.types)
         if rest and given >= self.robots:
             raise ValueError(
-                f"types list {given} robots of fleet.robots {self.robots}: none is left "
-                f"for {rest[0]}"
+                f"types list {given} robots and fleet.robots is {self.robots}: none is left for "
+                f"{rest[0]}"
             )
         if self.types and not rest and given != self.robots:
             raise ValueError(f"types list {given} robots, but fleet.robots is {self.robots}")
 
     def kinematics_of(self, kind: FleetType) -> Kinematics:
-        """How the robots of a type drive."""
+        """The kinematics of a type."""
         return kind.kinematics or self.kinematics
 
     @property
     def all_kinematics(self) -> tuple[Kinematics, ...]:
-        """How its robots drive, each way once, in the order of the types."""
+        """The kinematics of the robots, each once, in the order of the types."""
         return tuple(dict.fromkeys(map(self.kinematics_of, self.types))) or (self.kinematics,)
 
     @property
     def counts(self) -> list[int]:
-        """How many robots there are of each type."""
+        """The number of robots of each type."""
         given = sum(kind.robots or 0 for kind in self.types)
         return [kind.robots or self.robots - given for kind in self.types]
 
@@ -352,7 +352,7 @@ class Area(ConfigSection, frozen=True, kw_only=True):
     ]
 
     def holds(self, x: int, y: int) -> bool:
-        """Whether a cell belongs to it."""
+        """Whether a cell belongs to the area."""
         (x0, y0), (x1, y1) = self.first, self.last
         return min(x0, x1) <= x <= max(x0, x1) and min(y0, y1) <= y <= max(y0, y1)
 
@@ -417,7 +417,7 @@ class Delays(ConfigSection, frozen=True, kw_only=True):
     events: Annotated[
         Literal["bernoulli", "poisson"],
         Meta(
-            description="bernoulli: each robot is drawn by itself; poisson: the number of newly "
+            description="bernoulli: one draw per robot; poisson: the number of newly "
             "delayed robots is Poisson distributed, with mean probability times the number of robots "
             "that may be delayed."
         ),
@@ -432,8 +432,8 @@ class Delays(ConfigSection, frozen=True, kw_only=True):
     of: Annotated[
         tuple[Literal["move", "turn"], ...],
         Meta(
-            description="Operations that a delay lengthens; other operations continue, and the robot "
-            "stands for the rest of the delay after them."
+            description="Operations that a delay lengthens; other operations continue, and the "
+            "robot stands for the rest of the delay after them."
         ),
     ] = ("move", "turn")
 
@@ -499,5 +499,5 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
 
     @property
     def probability(self) -> float:
-        """With which a robot on the floor fails in a tick."""
+        """The probability that a robot on the floor fails in a tick."""
         return self.failure_probability if self.mtbf is None else 1 / self.mtbf

@@ -1,4 +1,4 @@
-"""The floor of a scenario: generated, drawn in it or in a file of its own; and the JSON Schema."""
+"""The floor of a scenario (generated, drawn in it, or in a separate file), and the JSON Schema."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from automaton.scenario.validation import shown, validated
 
 LAYOUT: Keys = ("layout",)
 
-RowError = Callable[[str, int], InputError]  # from a message and the row y that it is about
+RowError = Callable[[str, int], InputError]  # from a message and its row y
 Schema = dict[str, Any]
 SCHEMA_REFERENCE = "#/$defs/{name}"
 PLUG_IN = {"type": "string", "pattern": "^[^:]+:[^:]+$", "description": "module:Class"}
@@ -53,11 +53,11 @@ class Floor(NamedTuple):
     """A floor, and where its rows stand."""
 
     floor_plan: FloorPlan
-    rows: Keys = ()  # the way to the rows of its picture; (): it was generated
-    file: str = ""  # that they are read from
+    rows: Keys = ()  # keys of the rows of its picture; (): it was generated
+    file: str = ""  # source of the rows
 
     def row_keys(self, y: int) -> Keys:
-        """The way to the row y of the picture, or to the layout that has none."""
+        """The keys of the row y of the picture, or of a layout without a picture."""
         return (*self.rows, y) if self.rows else LAYOUT
 
 
@@ -103,7 +103,7 @@ def generator_type(name: Any) -> type[msgspec.Struct]:
         )
     try:
         found = getattr(importlib.import_module(module), attribute)
-    except Exception as error:  # whatever a user's module does wrong while it is imported
+    except Exception as error:  # a user's module may raise anything on import
         raise InputError(f"generator '{name}' cannot be loaded: {error}") from error
     struct = isinstance(found, type) and issubclass(found, msgspec.Struct)
     if not struct or not hasattr(found, "build"):
@@ -112,9 +112,9 @@ def generator_type(name: Any) -> type[msgspec.Struct]:
 
 
 def point_names(layout: dict[str, Any]) -> dict[str, tuple[int, int]]:
-    """The names that a generator gives to cells of its floor, for zone designs; mostly none.
+    """The names of cells that a generator defines for zone designs; mostly none.
 
-    Raises InputError for other parameters than it takes.
+    Raises InputError for parameters that the generator does not take.
     """
     if "generator" not in layout:
         return {}
@@ -225,7 +225,7 @@ def json_schema() -> Schema:
         (Scenario,), ref_template=SCHEMA_REFERENCE
     )
     definitions["Scenario"]["properties"]["layout"] = {
-        "description": "The floor: generated, drawn here, or in a file of its own.",
+        "description": "The floor: generated, drawn here, or in a separate file.",
         "oneOf": _layouts(definitions),
     }
     layers = definitions["Strategies"]["properties"]
@@ -287,7 +287,7 @@ def _named(
     definitions: dict[str, Any],
     prefix: str = "layout",
 ) -> Schema:
-    """A mapping that holds `key: name` and the parameters, kept under a definition of its own."""
+    """A mapping of `key: name` and the parameters, as a separate definition."""
     (reference,), parts = msgspec.json.schema_components(
         (parameters,), ref_template=SCHEMA_REFERENCE
     )
@@ -307,7 +307,7 @@ def _named(
 
 
 def _component(struct: type[msgspec.Struct], definitions: dict[str, Any]) -> Schema:
-    """A reference to a struct, which is added to the definitions with what it is made of."""
+    """A reference to a struct; it and its parts are added to the definitions."""
     (reference,), parts = msgspec.json.schema_components((struct,), ref_template=SCHEMA_REFERENCE)
     for name, part in parts.items():
         definitions.setdefault(name, part)

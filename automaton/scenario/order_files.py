@@ -1,15 +1,15 @@
-"""Orders in files of their own: transports and lines as tables, tasks as text.
+"""Orders in files: transports and lines as tables, tasks as text.
 
     released,from,to            released;pod;sku;station;units            # tasks of two cells
     0,rack-7,packing            07:31;12;;P1;2                            2
     06:30,rack-9,packing        07:31;;4711;;1                            34,101
                                                                           7,640
 
-Transports go from cell to cell, by name or as from_x, from_y, to_x, to_y. A line wants a pod, or any
-pod with a SKU; its station may be empty. `released` is a tick, a time such as 20 s, or a clock time.
-The cells of a task are row * width + column, from 0 at the upper left, as in the League of Robot Runners.
+Transports go from cell to cell, by name or as from_x, from_y, to_x, to_y. A line requests a pod, or any
+pod with a SKU; its station may be empty. `released` is a tick, a time such as 20 s, or a clock time. The
+cells of a task are row * width + column, from 0 at the upper left, as in the League of Robot Runners.
 
-What is read becomes the scenario's own list, so that recordings stand alone.
+The rows become a list in the scenario, so recordings need no further files.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def _read_file(path: Path, table: TableColumns, scale: Scale) -> ReadFile:
 
 
 def _transports(table: TableColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
-    """The orders of a table: some 140 bytes each, as equal cells and numbers are one object."""
+    """The orders of a table: about 140 bytes each, as equal cells and numbers are one object."""
     values = table.values
     rows = zip(
         _ends(table, "from", cells),
@@ -129,7 +129,7 @@ def _transports(table: TableColumns, cells: list[Cell]) -> tuple[OrderLine, ...]
 
 
 def _due(released: list[int], due: list[int]) -> Iterator[int | DueAt | None]:
-    """Ticks after its release until which each order is to be done; before it: the tick itself."""
+    """Due time of each order in ticks after its release; before its release: the tick itself."""
     known: dict[int, int] = {}
     for release, tick in zip(released, due, strict=True):
         if tick == NO_DUE:
@@ -141,13 +141,13 @@ def _due(released: list[int], due: list[int]) -> Iterator[int | DueAt | None]:
 
 
 def _shared(numbers: list[int]) -> Iterator[int]:
-    """The same numbers, of which equal ones are one object: 32 bytes less for each."""
+    """The same numbers, equal ones as one object: saves 32 bytes each."""
     known: dict[int, int] = {}
     return (known.setdefault(number, number) for number in numbers)
 
 
 def _ends(table: TableColumns, end: str, cells: list[Cell]) -> list[Cell]:
-    """The cell of each row where its order begins or ends; equal ones are one object."""
+    """The cell in each row where its order begins or ends; equal cells are one object."""
     if end in table.column_of:
         return list(map(cells.__getitem__, table.values[end].tolist()))
     pairs = np.stack([table.values[f"{end}_x"], table.values[f"{end}_y"]], axis=1)
@@ -187,9 +187,9 @@ def with_lines_of_file(
 
 
 def _pods_of_rows(table: TableColumns, numbers: dict[str, int], skus: Collection[str]) -> Array:
-    """(n,) the pod that each row names, NOTHING where it has a SKU alone.
+    """(n,) the pod that each row names, NOTHING if it has only a SKU.
 
-    Rows with neither, or with one that is not known, go to the errors of the table.
+    Rows with neither, or with an unknown one, are added to the errors of the table.
     """
     values, names = table.values, table.names
     pod, sku = values["pod"], values["sku"]
@@ -215,17 +215,17 @@ def _pods_of_rows(table: TableColumns, numbers: dict[str, int], skus: Collection
     wanted = [table.column_of[name] for name in ("pod", "sku") if name in table.column_of]
     says = " and ".join(wanted) + (" are empty" if len(wanted) > 1 else " is empty")
     if "sku" not in table.column_of:
-        says += "; a line without a pod needs a SKU, in a column of its own"
+        says += "; a line without a pod needs a SKU in a separate column"
     table.refuse("empty", "pod", empty, lambda row: says)
     return numbered
 
 
 class TaskFile(NamedTuple):
-    """The tasks of a file; whether there are such cells is known to who has the floor."""
+    """The tasks of a file; their cells are not yet checked against the floor."""
 
     path: str
     tasks: tuple[tuple[int, ...], ...]  # the cells of each
-    lines: tuple[int, ...]  # where each task stands, from 1
+    lines: tuple[int, ...]  # line of each task, from 1
 
 
 def with_tasks_of_file(
@@ -244,7 +244,7 @@ def with_tasks_of_file(
 
 
 def read_tasks(path: Path, most: int = MAX_STOPS) -> TaskFile:
-    """The tasks of a file, of at most so many cells each. Raises InputError with the line."""
+    """The tasks of a file, of at most `most` cells each. Raises InputError with the line."""
     file = str(path)
     below = counted_lines(content_lines(path), "task", file)
     tasks = []

@@ -1,7 +1,7 @@
-"""The lines of a file as a table, and what is asked of all orders of a scenario.
+"""The lines of a file as a table, and queries about all orders of a scenario.
 
-A tuple of a million lines would take 400 MB: they are kept as columns, and made when they are asked for.
-What goes through all of them takes a column of `line_column`.
+A tuple of a million lines would take 400 MB. So lines are stored as columns, and created on access. Code
+that goes through all lines uses `line_column`.
 """
 
 from __future__ import annotations
@@ -31,8 +31,8 @@ LINE_FIELDS: Final = {
 class LineTable(Sequence[Line]):
     """The lines of a file: 32 bytes each, and the texts of their orders.
 
-    `values`: (n,) by field, as automaton.scenario.order_files reads it: places among `orders`, `pods`,
-    `skus` and `stations`, or NOTHING, and the tick in which a line is due, or NO_DUE.
+    `values`: (n,) by field, as automaton.scenario.order_files reads it: indices into `orders`, `pods`,
+    `skus` and `stations`, or NOTHING, and the due tick of a line, or NO_DUE.
     """
 
     def __init__(
@@ -95,7 +95,7 @@ def line_column(lines: Sequence[Line], name: str) -> LineColumn:
 
 
 def line_texts(lines: Sequence[Line], name: str) -> tuple[LineColumn, Sequence[str]]:
-    """What lines call their orders or SKUs: (n,) int32 places among the texts, or NOTHING; the texts."""
+    """The orders or SKUs of lines: (n,) int32 indices into texts, or NOTHING; the texts."""
     if isinstance(lines, LineTable):
         return lines.values[name], lines.orders if name == "order" else lines.skus
     known: dict[str, int] = {}
@@ -129,7 +129,7 @@ def priorities_of(orders: Orders) -> list[int]:
 
 
 def has_tours(orders: Orders) -> bool:
-    """Return whether any of the orders is one without a load."""
+    """Return whether any of the orders has no load."""
     listed = orders.listed or ()
     if orders.generator == "tours" or orders.tasks is not None:
         return True
@@ -149,7 +149,7 @@ def kinds_of_sources(orders: Orders, floor_plan: FloorPlan) -> set[int]:
 
 
 def plain_data(value: Any) -> Any:
-    """What a scenario, or a part of it, holds, as msgspec.to_builtins gives it; tables as lists."""
+    """A scenario or a part of it as msgspec.to_builtins returns it; tables become lists."""
     return msgspec.to_builtins(value, enc_hook=_listed)
 
 

@@ -1,4 +1,4 @@
-"""What is to be carried in a scenario, and when it is released: orders, lines, parts and tasks."""
+"""The demand of a scenario and its release times: orders, lines, parts and tasks."""
 
 from __future__ import annotations
 
@@ -44,18 +44,18 @@ DRAWN_GENERATORS: Final = (
     "stations",
     "visits",
     "tours",
-)  # they draw so many orders
+)  # generators that draw `count` orders
 MAX_DRAWN_LINES: Final = 1_000_000
 MAX_STOPS: Final = 64  # of an order
 MAX_STOP_TICKS: Final = 65_535
-ENDS: Final = {  # generator: kinds of slots where its orders begin and end
+ENDS: Final = {  # generator: kinds of slots of its sources and targets
     "full-shelves": (SHELF, DESTINATION),
     "picture-loads": (SHELF, DESTINATION),
     "dock-to-rack": (DOCK, RACK),
     "stations": (STATION, STATION),
     "visits": (STATION, STATION),
 }
-DRAWN_ALONE: Final[dict[str, Any]] = {  # keys of lines that are drawn, as they are when left out
+DRAWN_ALONE: Final[dict[str, Any]] = {  # keys of random lines with their defaults
     "mean_interarrival_time": 0.0,
     "per_order": 1,
     "classes": None,
@@ -125,7 +125,7 @@ class Transports(TableOptions, frozen=True, kw_only=True):
     ] = None
 
 
-# gc=False: 16 bytes less for each of a million, and no cycle of references leads through them.
+# gc=False: saves 16 bytes each, for up to a million; no reference cycle passes through them.
 class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
     """An order line: units from one pod, or from any pod with a SKU, at a station."""
 
@@ -167,7 +167,7 @@ class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
 
     @property
     def due_tick(self) -> int | None:
-        """The tick until which it is to be done; None: it has no due time."""
+        """The due tick; None: no due time."""
         return due_tick(self.due, self.release)
 
 
@@ -242,8 +242,8 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
     classes: Annotated[
         Shares | None,
         Meta(
-            description="Share of lines for the pods of each class; left out: demand is uniform over "
-            "all pods."
+            description="Share of lines for the pods of each class; left out: uniform over all "
+            "pods."
         ),
     ] = None
     stations: Annotated[
@@ -352,7 +352,7 @@ class StopRange(ConfigSection, frozen=True, kw_only=True):
 
 
 class OrderStop(ConfigSection, frozen=True, kw_only=True):
-    """A stop of an order, with the time that the robot stands there."""
+    """A stop of an order, with the time for which the robot stands there."""
 
     at: Annotated[NamedCell, Meta(description="The cell in which the robot stands.")]
     ticks: Annotated[
@@ -361,9 +361,9 @@ class OrderStop(ConfigSection, frozen=True, kw_only=True):
     ] = field(name="for", default=0)
 
 
-# gc=False: 16 bytes less for each of a million, and no cycle of references leads through them.
+# gc=False: saves 16 bytes each, for up to a million; no reference cycle passes through them.
 class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
-    """One order: carry a load from one slot to another, visit cells in turn, or both."""
+    """One order: carry a load from one slot to another, visit cells in sequence, or both."""
 
     source: Annotated[NamedCell | None, Meta(description="The slot with the load.")] = field(
         name="from", default=None
@@ -407,12 +407,12 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
 
     @property
     def due_tick(self) -> int | None:
-        """The tick until which it is to be done; None: it has no due time."""
+        """The due tick; None: no due time."""
         return due_tick(self.due, self.release)
 
     @property
     def has_load(self) -> bool:
-        """Whether a load is to be brought somewhere."""
+        """Whether the order brings a load somewhere."""
         return self.source is not None
 
     @property
@@ -422,14 +422,14 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
 
     @property
     def stop_ticks(self) -> tuple[int, ...]:
-        """For how long a robot stands at each stop."""
+        """The ticks for which a robot stands at each stop."""
         return tuple(stop.ticks if isinstance(stop, OrderStop) else 0 for stop in self.stops or ())
 
     @property
     def ends(self) -> tuple[tuple[int, int], tuple[int, int]]:
-        """Where an order with a load begins and ends; that of a pod may have no end."""
+        """Source and target of an order with a load. Raises ValueError if one is missing."""
         if self.source is None or self.target is None:
-            raise ValueError("an order without a load, or a target, has no ends")
+            raise ValueError("an order without a load or without a target")
         return self.source, self.target
 
 
@@ -491,8 +491,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             "start, for a random destination; picture-loads: only the shelves drawn as $ do. "
             "dock-to-rack: `count` loads wait at random docks, each for a random rack. stations: each "
             "load goes from one random station to another. visits: a robot must visit a random station. "
-            "tours: a robot must visit `stops` random cells in turn, out of all cells that it can "
-            "reach, never the same cell twice in succession."
+            "tours: a robot must visit `stops` random cells in sequence, out of all cells that it "
+            "can reach, never the same cell twice in succession."
         ),
     ] = None
     stops: Annotated[
@@ -550,7 +550,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         NonEmptyText | tuple[Cells, ...] | None,
         Meta(
             description="Tasks without a load: each is a list of cells that a robot must visit in "
-            "turn. Either a file, relative to the scenario, or the lists themselves. In the file, lines "
+            "sequence. Either a file, relative to the scenario, or the lists themselves. In the "
+            "file, lines "
             "with # are skipped, the first line is the number of tasks, and each further line has cells "
             "(row * width + column), separated by commas."
         ),
@@ -617,7 +618,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             raise ValueError("tasks must hold at least one task")
         if self.assign == "round-robin" and self.revealed is not None:
             raise ValueError(
-                "revealed belongs to assign: pool; round-robin shows each robot one task"
+                "revealed belongs to assign: pool; round-robin reveals one task per robot"
             )
         if self.repeat and self.assign == "pool" and self.revealed is None:
             raise ValueError("repeat needs revealed, the number of open tasks per robot")
@@ -637,7 +638,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             )
 
     def in_system(self, robots: int) -> int:
-        """Return how many orders a closed loop of so many robots keeps open; 0: it is none."""
+        """Return the number of open orders of a closed loop with this number of robots, else 0."""
         if self.revealed is not None:
             return max(1, int(self.revealed * robots + 1e-9))
         loop = None if self.arrivals is None else self.arrivals.closed_loop

@@ -149,7 +149,7 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
 
     @property
     def options(self) -> TableOptions:
-        """How the file is read. Raises ValueError for options that do not go together."""
+        """How the file is read. Raises ValueError for options that exclude each other."""
         return TableOptions(file=self.file or "", sheet=self.sheet, encoding=self.encoding)
 
 

@@ -1,11 +1,11 @@
-"""What numbers of a scenario count, and the texts that may be written instead of them.
+"""The quantities of a scenario: what its numbers count, and the texts that may replace them.
 
     durations: {move: 1.5 m/s, pick: 20 s}      beside      durations: {move: 2, pick: 40}
 
 A text is a number with a unit ("20 s", "1.5 m/s", "120/h", "9 %/h", "0:10:00") or a clock time
-("2026-03-02 06:30", or "06:30" on the day of units.clock). A field of a struct says what it counts by
-`quantity(TIME, ...)` among its annotations, in a plug-in as well. Texts are read as exact fractions;
-automaton.scenario.validation rounds them where a whole number is wanted.
+("2026-03-02 06:30", or "06:30" on the day of units.clock). A field of a struct declares what it counts
+by `quantity(TIME, ...)` among its annotations, also in plug-ins. Texts are read as exact fractions;
+automaton.scenario.validation rounds them where a field needs a whole number.
 """
 
 from __future__ import annotations
@@ -51,17 +51,17 @@ _ZONE: Final = re.compile(r"(Z|[-+][0-9]{1,2}(:?[0-9]{2})?)\s*$")
 _OFFSET: Final = re.compile(r"\s*(Z|([-+])([0-9]{2}):([0-5][0-9]))\s*$")
 SECONDS_OF_DAY: Final = 86_400
 NO_DATE: Final = 0  # days since 0001-01-01 begin with 1
-QUANTITY_KEY: Final = "quantity"  # of what fields say beside their types
-SCHEMA_KEY: Final = "x-quantity"  # the same in a JSON Schema
-PLACE_KEY: Final = "place"  # of cells that may be written by their names
+QUANTITY_KEY: Final = "quantity"  # key in Meta.extra for the quantity of a field
+SCHEMA_KEY: Final = "x-quantity"  # likewise in a JSON Schema
+PLACE_KEY: Final = "place"  # key for cells that may be written by name
 PLACE_SCHEMA_KEY: Final = "x-place"
 QUARTER_TURN: Final = 90  # degrees
 LAST_TICK: Final = 2_000_000_000
-SHARE_ERROR: Final = 0.001  # by which shares may miss 1
+SHARE_ERROR: Final = 0.001  # tolerance of the sum of shares
 
 
 class Dimension(Enum):
-    """What kinds of amounts there are, as errors call them."""
+    """The kinds of amounts, as errors name them."""
 
     TIME = "a time"
     LENGTH = "a length"
@@ -70,7 +70,7 @@ class Dimension(Enum):
     CELL_SPEED = "a speed in cells"
     ANGLE_SPEED = "a speed of turning"
     RATE = "a rate"
-    PERCENT_RATE = "percent in a time"
+    PERCENT_RATE = "percent per time"
     ANGLE = "an angle"
     PERCENT = "percent"
     NUMBER = "a number without a unit"
@@ -91,7 +91,7 @@ _COUNTS: Final = {
 
 
 class Amount(NamedTuple):
-    """A number with its unit; seconds, metres, cells, degrees and percent are the units of `value`."""
+    """A number with its unit; `value` is in seconds, metres, cells, degrees or percent."""
 
     text: str
     value: Fraction
@@ -99,7 +99,7 @@ class Amount(NamedTuple):
 
 
 def read_amount(text: str, wanted: Iterable[Dimension]) -> Amount:
-    """An amount of any dimension; errors name the units of those that are wanted. Raises InputError."""
+    """An amount of any dimension; errors name the units of the expected ones. Raises InputError."""
     if len(text) > MAX_CHARACTERS:
         raise InputError(f"has {len(text):,} characters; expected a number with a unit")
     if match := _PARTS.fullmatch(text):
@@ -147,7 +147,7 @@ def _not_a_number(text: str) -> str:
 
 
 def _unit(name: str) -> tuple[Fraction, Dimension] | None:
-    """What one of a unit is, and of which dimension; None: there is no such unit."""
+    """The value and the dimension of a unit; None: unknown unit."""
     above, slash, below = (part.strip() for part in name.partition("/"))
     if not slash:
         return _simple_unit(above)
@@ -180,7 +180,7 @@ def _unknown_unit(text: str, name: str, wanted: Iterable[Dimension]) -> str:
 
 
 def unit_names(dimensions: Iterable[Dimension]) -> Iterator[str]:
-    """The units of some dimensions, in short: "ms", ..., "m/s", "km/h"."""
+    """The symbols of the units of some dimensions: "ms", ..., "m/s", "km/h"."""
     for dimension in dimensions:
         if dimension == Dimension.TIME:
             yield from TIME_UNITS
@@ -208,13 +208,13 @@ def rounded(exact: Fraction) -> int:
 class ClockTime(NamedTuple):
     """A clock time."""
 
-    day: int | None  # days since 0001-01-01; None: of a time without a date
+    day: int | None  # days since 0001-01-01; None: no date
     seconds: Fraction  # since midnight
-    offset: int | None = None  # seconds that it is ahead of UTC, where the clock says so
+    offset: int | None = None  # seconds ahead of UTC, if the clock has an offset
 
 
 def is_clock_time(text: str) -> bool:
-    """Whether a text is a clock time, or looks like one, rather than a duration of three parts."""
+    """Whether a text is or looks like a clock time, and not a duration of three parts."""
     match = _MOMENT.fullmatch(text)
     return has_date(text) or (match is not None and match[6] is None)
 
@@ -245,12 +245,12 @@ def read_moment(text: str) -> ClockTime:
     try:
         date = datetime.date(int(year), int(month), int(day))
     except ValueError:
-        raise InputError(f"'{text}': there is no such day") from None
+        raise InputError(f"'{text}' is not a day of the calendar") from None
     return ClockTime(date.toordinal(), since_midnight)
 
 
 def read_clock(text: str) -> ClockTime:
-    """The time of tick 0: as other moments and, after a date, with an offset. Raises InputError."""
+    """The time of tick 0: like other clock times, but a date may have an offset. Raises InputError."""
     match = _OFFSET.search(text)
     if match is None or not has_date(text):
         return read_moment(text)
@@ -268,9 +268,9 @@ def _why_not(text: str) -> str:
 
 
 def clock_text(clock: ClockTime, seconds: Fraction) -> str:
-    """The clock time so many seconds after tick 0, whole ones: "06:30"; on another day with its date.
+    """The clock time a whole number of seconds after tick 0: "06:30"; on another day with its date.
 
-    Where the clock has no date, its day is day 1.
+    Without a date, the day of the clock is day 1.
     """
     days, rest = divmod(math.floor(clock.seconds + seconds), SECONDS_OF_DAY)
     time = f"{rest // 3600:02}:{rest // 60 % 60:02}"
@@ -284,7 +284,7 @@ def clock_text(clock: ClockTime, seconds: Fraction) -> str:
 
 
 def seconds_after(clock: ClockTime | None, text: str, may_precede: bool = False) -> Fraction:
-    """Seconds from tick 0 to a clock time; `may_precede`: it may be earlier. Raises InputError."""
+    """Seconds from tick 0 to a clock time; `may_precede`: it may be before tick 0. Raises InputError."""
     moment = read_moment(text)
     if clock is None:
         raise InputError(
@@ -310,7 +310,7 @@ def seconds_after(clock: ClockTime | None, text: str, may_precede: bool = False)
 
 @dataclass(frozen=True)
 class Scale:
-    """What a tick and a cell are, as exactly as the scenario says it."""
+    """The exact size of a tick and of a cell."""
 
     tick: str  # as written
     cell: str | None = None
@@ -318,12 +318,12 @@ class Scale:
 
     @property
     def unit(self) -> Unit:
-        """What a tick stands for in reports."""
+        """The unit of a tick in reports."""
         return unit(self.tick)
 
     @property
     def tick_seconds(self) -> Fraction:
-        """Seconds of a tick. Raises InputError where a tick is not a time."""
+        """Seconds per tick. Raises InputError if a tick is not a time."""
         seconds = exact_time(self.tick)
         if seconds is None:
             raise InputError(
@@ -338,7 +338,7 @@ class Scale:
 
     @property
     def cell_metres(self) -> Fraction:
-        """Metres along the side of a cell. Raises InputError where the scenario does not say so."""
+        """Metres along the side of a cell. Raises InputError if the scenario does not define it."""
         if self.cell is None:
             raise InputError(
                 "the size of a cell is unknown; set units.cell, such as units: {cell: 0.8 m}"
@@ -351,27 +351,27 @@ class Scale:
 
     @property
     def cell_unit_metres(self) -> Fraction:
-        """Metres of the unit in which the side of a cell is given. Raises InputError."""
+        """Metres per unit of the side of a cell. Raises InputError."""
         metres = length_unit(self.cell or "")
-        return self.cell_metres if metres is None else metres  # the former says what is wrong
+        return self.cell_metres if metres is None else metres  # cell_metres raises the error
 
 
-Rule = Callable[[Fraction, Scale], Fraction]  # an amount as the number that a field counts
+Rule = Callable[[Fraction, Scale], Fraction]  # from an amount to the number of a field
 
 
 @dataclass(frozen=True, eq=False)
 class Quantity:
-    """What a number counts, and which texts say the same."""
+    """What a number counts, and the texts that may replace it."""
 
     described: str  # in errors and documents: "a time such as 20 s"
     rules: Mapping[Dimension, Rule]
-    counted: str = "tick"  # what a plain number counts, for one
-    by_clock: bool = False  # a clock time says it, too; and it may fall on tick 0
-    # Else than a clock time, which is {at: tick} and may be before tick 0.
+    counted: str = "tick"  # unit of a plain number, singular
+    by_clock: bool = False  # clock times are allowed, also that of tick 0
+    # A clock time becomes {at: tick} instead and may be before tick 0.
     after_release: bool = False
 
     def number(self, amount: Amount, scale: Scale) -> Fraction:
-        """The exact number that a text stands for. Raises InputError."""
+        """The exact number of a text. Raises InputError."""
         rule = self.rules.get(amount.dimension)
         if rule is None:
             minutes = amount.dimension == Dimension.LENGTH and Dimension.TIME in self.rules
@@ -386,7 +386,7 @@ def _ticks(seconds: Fraction, scale: Scale) -> Fraction:
 
 
 def _seconds(seconds: Fraction, scale: Scale) -> Fraction:
-    # A time means nothing in a run whose ticks are not times.
+    # A time needs a tick that is a time.
     return _ticks(seconds, scale) * scale.tick_seconds
 
 
@@ -444,7 +444,7 @@ GAP: Final = Quantity(
 )
 PROBABILITY: Final = Quantity("a rate such as 0.1/h", {Dimension.RATE: _in_a_tick}, "")
 CHARGE_RATE: Final = Quantity(
-    "percent in a time, such as 9 %/h", {Dimension.PERCENT_RATE: _in_a_tick}, "percent in a tick"
+    "percent per time, such as 9 %/h", {Dimension.PERCENT_RATE: _in_a_tick}, "percent per tick"
 )
 CELLS: Final = Quantity(
     "a length such as 5 m",
@@ -468,12 +468,12 @@ MINUTES: Final = Quantity(
 
 
 def quantity(of: Quantity, **said: Any) -> Meta:
-    """The annotation of a field that holds a quantity; `said` are further arguments of Meta."""
+    """The annotation of a field that holds a quantity; `said`: further arguments of Meta."""
     return Meta(extra={QUANTITY_KEY: of}, extra_json_schema={SCHEMA_KEY: of.described}, **said)
 
 
 def place() -> Meta:
-    """The annotation of a field that holds a cell [x, y], which may be written by its name."""
+    """The annotation of a field that holds a cell [x, y] or the name of one."""
     return Meta(extra={PLACE_KEY: True}, extra_json_schema={PLACE_SCHEMA_KEY: True})
 
 
@@ -506,7 +506,7 @@ def _text_schema(described: str) -> dict[str, Any]:
     }
 
 
-# Types of fields that the structs of scenarios share.
+# Shared types of fields.
 
 Direction = Literal["east", "south", "west", "north"]
 Weight = Annotated[
@@ -528,7 +528,7 @@ NamedCell = Annotated[Pair, place()]  # written as [x, y] or by its name
 
 
 class ConfigSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):
-    """A section of a scenario: immutable; unknown keys are refused."""
+    """A section of a scenario: immutable; unknown keys are errors."""
 
 
 class DueAt(ConfigSection, frozen=True, kw_only=True):
@@ -556,5 +556,5 @@ def check_shares(name: str, shares: Mapping[str, float]) -> None:
 
 
 def due_tick(due: Due | None, release: int) -> int | None:
-    """The tick until which something is to be done that is released at one; None: it has no due time."""
+    """The due tick of something with a release tick; None: no due time."""
     return due.at if isinstance(due, DueAt) else None if due is None else release + due

@@ -1,4 +1,4 @@
-"""A scenario and the files that it names, read step by step; where errors get their file and line."""
+"""Read a scenario and the files that it names step by step; errors get their file and line here."""
 
 from __future__ import annotations
 
@@ -34,13 +34,14 @@ from automaton.scenario.validation import Conversion, validated, with_numbers
 STUDY_KEYS: Final = frozenset(
     ("scenario", "factors", "points", "replications", "analysis", "common_random_numbers")
 )
-LONGEST_FILE_NAME: Final = 255  # characters of a file's name; pictures of floors are texts, too
+LONGEST_FILE_NAME: Final = 255  # characters; longer texts are pictures of floors
 
 
 class Reading:
-    """A scenario while it is read. Methods raise InputError or, without its place, InvalidValueError.
+    """A scenario while it is read.
 
-    What is read of files becomes a part of the document, which knows the line of each value.
+    The contents of files become parts of the document, which has the line of each value. Methods raise
+    InputError, or InvalidValueError without file and line.
     """
 
     def __init__(self, document: Document) -> None:
@@ -55,14 +56,14 @@ class Reading:
 
     @contextmanager
     def placing_errors(self) -> Iterator[None]:
-        """Give what is wrong with a value inside its file and line. Raises InputError."""
+        """Raise InputError with file and line for an invalid value inside."""
         try:
             yield
         except InvalidValueError as error:
             raise self.document.error(error.keys, error.message) from None
 
     def scenario(self) -> Scenario:
-        """What the document says, with numbers and cells for its texts."""
+        """The data of the document, with numbers and cells instead of texts."""
         data = self.document.data
         units = validated(data.get("units", {}), Units, ("units",))
         names = names_of_cells(self.document)
@@ -71,7 +72,7 @@ class Reading:
         return validated(data, Scenario)
 
     def scenario_with_files(self) -> Scenario:
-        """The scenario with what its files say; without those of tasks and lines."""
+        """The scenario with the contents of its files, except tasks and lines."""
         self.document, self.location_file = with_locations_of_file(self.document)
         self.document, self.pod_file = with_pods_of_file(self.document)
         scenario = self.scenario()
@@ -89,7 +90,7 @@ class Reading:
         return floor
 
     def with_files_on_floor(self, scenario: Scenario, floor: Floor) -> Scenario:
-        """The scenario with its files of tasks and lines, whose cells and pods are on a floor."""
+        """The scenario with its files of tasks and lines, read for a floor."""
         plan = floor.floor_plan
         self.document, scenario, self.task_file = with_tasks_of_file(self.document, scenario, plan)
         self.document, scenario, lines = with_lines_of_file(self.document, scenario, plan)
@@ -98,7 +99,7 @@ class Reading:
 
     @property
     def folder(self) -> Path:
-        """From where strategies name files: the folder of the scenario, unless it is a shipped one."""
+        """The base of file names of strategies: the scenario's folder, except for shipped scenarios."""
         folder = self.document.folder
         return Path() if folder.resolve() == SHIPPED_FOLDER else folder
 
@@ -113,7 +114,7 @@ class Reading:
 def document_of(
     scenario: str | Path | Mapping[str, Any] | Scenario, settings: Iterable[str | Override] = ()
 ) -> Document:
-    """What a scenario says, unchecked, with KEY=VALUE texts over it. Raises InputError."""
+    """The unchecked data of a scenario with KEY=VALUE settings applied. Raises InputError."""
     if isinstance(scenario, Scenario | Mapping):
         data = plain_data(scenario) if isinstance(scenario, Scenario) else dict(scenario)
         document = Document(copy.deepcopy(data))
@@ -123,7 +124,7 @@ def document_of(
 
 
 def read(name: str | Path) -> Document:
-    """Read a scenario by path or by shipped name, without checking what it says."""
+    """Read a scenario by path or by shipped name, without checking its values."""
     path = find(name)
     text = read_text(path)
     file = str(path)
@@ -136,14 +137,14 @@ def read(name: str | Path) -> Document:
 
 
 def is_study(data: dict[str, Any]) -> bool:
-    """Whether what a file says means to be a study and not a scenario."""
+    """Whether data looks like a study and not like a scenario."""
     return "layout" not in data and not STUDY_KEYS.isdisjoint(data)
 
 
 def named_files(scenario: str | Path) -> tuple[Path, ...]:
-    """The file of a scenario, and the files beside it that it names; its own first.
+    """The file of a scenario, then the files that it names.
 
-    A scenario that cannot be read names no others. Raises InputError if there is no such scenario.
+    A scenario that cannot be read names none. Raises InputError if there is no such scenario.
     """
     own = find(scenario)
     try:
@@ -155,7 +156,7 @@ def named_files(scenario: str | Path) -> tuple[Path, ...]:
 
 
 def _texts(value: Any) -> Iterator[str]:
-    """The texts of a document that may be names of files."""
+    """The texts of a document that may be file names."""
     if isinstance(value, dict):
         for inner in value.values():
             yield from _texts(inner)

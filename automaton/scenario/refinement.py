@@ -1,7 +1,7 @@
 """A scenario in ticks that are K times finer: every number of ticks times K, every rate divided by K.
 
-A scenario is read and rounded in its own ticks, the coarse ones, and then refined. Fine tick K t is the
-end of coarse tick t, and K (t - 1) + 1 its begin: there is what is to happen in tick t.
+A scenario is read and rounded in its own ticks, the coarse ones, and then refined. Coarse tick t begins
+with fine tick K (t - 1) + 1 and ends with fine tick K t. Events of tick t happen in its first fine tick.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ from automaton.scenario.table_fields import NO_DUE
 from automaton.scenario.validation import Plan, plan_of
 from automaton.units import NUMBER_AND_NAME
 
-CHARGE_UNITS: Final = 10_000_000  # in a percent, as the world counts
-COARSE: Final = "coarse-ticks"  # what ticks count where the scenario does not say what they are
+CHARGE_UNITS: Final = 10_000_000  # units of charge in a percent
+COARSE: Final = "coarse-ticks"  # name of a tick without a unit
 
 
 def refined(scenario: Scenario) -> Scenario:
@@ -51,17 +51,17 @@ def refined(scenario: Scenario) -> Scenario:
 
 
 def refined_data(data: dict[str, Any]) -> Scenario:
-    """The same of a scenario as a recording has it."""
+    """The same for a scenario as plain data, as in a recording."""
     return refined(msgspec.convert(data, Scenario))
 
 
 def begin_of(tick: Any, factor: int) -> Any:
-    """The fine tick in which something is that was to be in a coarse one, or in several; 0 stays 0."""
+    """The fine tick in which a coarse tick begins, of one or of several; 0 stays 0."""
     return np.where(np.asarray(tick) > 0, factor * (tick - 1) + 1, factor * tick)
 
 
 def refined_tick(units: Units, factor: int) -> str:
-    """What a fine tick is, such as "0.25 s" for half a tick of 0.5 s."""
+    """The size of a fine tick, such as "0.25 s" for half a tick of 0.5 s."""
     match = NUMBER_AND_NAME.fullmatch(units.tick)
     assert match is not None, "checked: a number and a name"
     size = np.format_float_positional(float(Fraction(match[1]) / factor), trim="-")
@@ -69,7 +69,7 @@ def refined_tick(units: Units, factor: int) -> str:
 
 
 def refined_value(value: Any, factor: int) -> Any:
-    """A struct with all numbers of ticks, and all rates, in ticks that are so many times finer."""
+    """A struct with all numbers of ticks and all rates in ticks that are `factor` times finer."""
     kind: Any = type(value)
     return _refined(value, plan_of(kind), factor)
 
@@ -101,7 +101,7 @@ def _refined(value: Any, plan: Plan, factor: int) -> Any:
 
 
 def _with(struct: Any, changes: dict[str, Any]) -> Any:
-    """A copy with other values. What has been checked in coarse ticks is not checked again."""
+    """A copy with other values, unchecked: the coarse values were checked."""
     result = copy.copy(struct)
     for name, value in changes.items():
         msgspec.structs.force_setattr(result, name, value)
@@ -133,7 +133,7 @@ def _refined_table(table: LineTable, factor: int) -> LineTable:
 
 
 def too_long(scenario: Scenario) -> str:
-    """What does not fit into a run that is refined so far, and how far it may be; "" if all does."""
+    """An error about a refinement that is too fine, with the finest that is possible; "" if it fits."""
     factor, worst = scenario.refine, [(LAST_TICK, scenario.stop.max_duration, "stop.max_duration")]
     worst += [(MAX_MOVE_TICKS, ticks, what) for ticks, what in _durations(scenario)]
     limit, ticks, what = min(worst, key=lambda row: row[0] // max(row[1], 1))
@@ -148,7 +148,7 @@ def too_long(scenario: Scenario) -> str:
 
 
 def _durations(scenario: Scenario) -> Iterator[tuple[int, str]]:
-    """The ticks of what robots do at a time, and what it is."""
+    """The ticks of operations of robots, and their descriptions."""
     of_fleet = ("durations", 1, scenario.durations)
     of_types = (
         (

@@ -1,7 +1,7 @@
-"""Types of robots: how fast they are, what they carry, and which areas of the floor are closed to them.
+"""Types of robots: their speed, their payload, and the areas of the floor that are closed to them.
 
-Robots have their types by identity, in the order in which the scenario lists them. A scenario that
-lists none has one type, to which nothing is closed.
+Types are assigned by robot identity, in the order in which the scenario lists them. A scenario without
+types has one type, to which no area is closed.
 """
 
 from __future__ import annotations
@@ -24,38 +24,38 @@ from automaton.scenario.fleet import (
 )
 from automaton.scenario.schema import Battery, Fleet, Scenario
 
-ANY_WEIGHT = 2**31 - 1  # payload of a robot that carries everything
+ANY_WEIGHT = 2**31 - 1  # payload of a robot without a limit
 
 Rectangle = tuple[int, int, int, int]  # x and y of two opposite corners, both inside
 Mask = npt.NDArray[np.bool_]
 
 
 class RobotType(NamedTuple):
-    """What the robots of a type have in common."""
+    """The common properties of the robots of a type."""
 
     name: str = ""
-    move_time_factor: int = 1  # a move takes so many times its duration
-    payload: int = ANY_WEIGHT  # the heaviest order it carries
+    move_time_factor: int = 1  # factor on the duration of a move
+    payload: int = ANY_WEIGHT  # heaviest order that it carries
     closed: tuple[Rectangle, ...] = ()  # areas that it must not enter
-    durations: Durations = Durations()  # its own where it has some; a move without the factor
-    closed_empty: tuple[Rectangle, ...] = ()  # further areas, without a load
-    closed_loaded: tuple[Rectangle, ...] = ()  # further areas, with a load
+    durations: Durations = Durations()  # of the type or of the fleet; moves without the factor
+    closed_empty: tuple[Rectangle, ...] = ()  # further areas closed without a load
+    closed_loaded: tuple[Rectangle, ...] = ()  # further areas closed with a load
     battery: Battery | None = None
     kinematics: Kinematics = "differential"
 
     @property
     def headings(self) -> int:
-        """How many headings these robots distinguish."""
+        """The number of headings that these robots distinguish."""
         return HEADING_COUNTS[self.kinematics]
 
     @property
     def rail(self) -> bool:
-        """Whether these robots turn on turntables alone."""
+        """Whether these robots turn only on turntables."""
         return self.kinematics == "rail"
 
     @property
     def turns(self) -> ByLoad:
-        """Ticks of a turn by 90 degrees; an omni robot turns in none."""
+        """Ticks of a turn by 90 degrees; 0 for omni robots."""
         return ByLoad(0, 0) if self.kinematics == "omni" else self.durations.turns
 
     @property
@@ -66,7 +66,7 @@ class RobotType(NamedTuple):
 
     @property
     def loads_differ(self) -> bool:
-        """Whether robots of this type drive otherwise with a load than without one."""
+        """Whether robots of this type drive differently with a load."""
         return (
             self.durations.moves.differ
             or self.turns.differ
@@ -75,12 +75,12 @@ class RobotType(NamedTuple):
 
     @property
     def driving(self) -> RobotType:
-        """The type with what decides on how its robots drive, and nothing else."""
+        """The type reduced to the properties that determine how its robots drive."""
         durations = Durations(move=self.durations.move, turn=self.durations.turn)
         return self._replace(name="", payload=ANY_WEIGHT, durations=durations, battery=None)
 
     def carrying(self, loaded: bool) -> RobotType:
-        """The type while its robots carry a load, or none: then alone these areas are closed."""
+        """The type with the areas that are closed with a load, or without one."""
         own = self.closed_loaded if loaded else self.closed_empty
         return self._replace(closed=(*self.closed, *own), closed_empty=(), closed_loaded=())
 
@@ -105,7 +105,7 @@ def types_of(scenario: Scenario) -> tuple[RobotType, ...]:
 
 
 def _closed_to(scenario: Scenario, *names: str) -> tuple[Rectangle, ...]:
-    """The areas that are closed to one of some names."""
+    """The areas that are closed to any of some names."""
     return tuple(
         (*area.first, *area.last)
         for area in scenario.areas.values()
@@ -114,7 +114,7 @@ def _closed_to(scenario: Scenario, *names: str) -> tuple[Rectangle, ...]:
 
 
 def rows_of(types: tuple[RobotType, ...], loads_differ: bool) -> tuple[RobotType, ...]:
-    """The types without a load; where loads make a difference, then those with one."""
+    """The types without a load; if a load changes how they drive, then the types with one."""
     rows = tuple(one.carrying(False) for one in types)
     return rows + tuple(one.carrying(True) for one in types) if loads_differ else rows
 
@@ -127,10 +127,10 @@ def type_of_each(fleet: Fleet) -> npt.NDArray[np.uint8]:
 
 
 class FloorByType(NamedTuple):
-    """A floor as robots of each type may drive on it."""
+    """A floor with the cells and exits that are open to each type."""
 
-    closed: Mask  # (K, C) the cells that are closed to type k
-    floor_plans: tuple[FloorPlan, ...]  # (K,) with the exits that robots of type k may take
+    closed: Mask  # (K, C) cells closed to type k
+    floor_plans: tuple[FloorPlan, ...]  # (K,) the floor with the exits open to type k
 
 
 @lru_cache(maxsize=64)
@@ -151,10 +151,10 @@ def floor_by_type(floor_plan: FloorPlan, types: tuple[RobotType, ...]) -> FloorB
 
 
 def _open_exits(floor_plan: FloorPlan, closed: Mask) -> npt.NDArray[np.uint8]:
-    """(height + 2, width + 2) the exits that lead neither into nor out of a closed cell."""
+    """(height + 2, width + 2) the exits that do not lead into or out of a closed cell."""
     exits = np.where(closed, 0, floor_plan.exits.reshape(-1)).astype(np.uint8)
     for direction, offset in enumerate(floor_plan.offsets):
-        # np.roll wraps round, but only through the border, which has no exits.
+        # np.roll wraps around only through the border, which has no exits.
         exits[np.roll(closed, -offset)] &= np.uint8(15 ^ (1 << direction))
     return exits.reshape(floor_plan.exits.shape)
 
@@ -162,7 +162,7 @@ def _open_exits(floor_plan: FloorPlan, closed: Mask) -> npt.NDArray[np.uint8]:
 def follows_in_convoy(scenario: Scenario) -> bool:
     """Whether robots follow each other in moves of several ticks.
 
-    Where all moves take one tick, a convoy is the same as handing cells over.
+    If all moves take one tick, convoy equals handover.
     """
     floor, rules = scenario.floor, scenario.world
     is_quick = all(ticks == 1 for one in types_of(scenario) for ticks in one.moves)

@@ -1,7 +1,7 @@
-"""Define the schema of a scenario file: one struct for each of its sections.
+"""The schema of a scenario file: one struct for each section.
 
-The structs are the schema: `automaton schema` derives the JSON Schema from them, the reader its
-messages. What depends on the floor or on the chosen strategies is checked in `resolve`.
+`automaton schema` derives the JSON Schema from the structs, and the reader its messages. `resolve`
+checks what depends on the floor or on the chosen strategies.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? [KMGT]iB$"
 MAX_MOVE_TICKS = 65_535  # ticks
 MAX_REFINEMENT = 1000  # fine ticks in a tick
 
-INSTEAD = "instead"  # in Meta.extra: what is now written for a value that was allowed before
+INSTEAD = "instead"  # in Meta.extra: new names of renamed values
 
 LAYER_NAMES = ("zoning", "charging", "allocation", "routing", "right_of_way")
 
@@ -103,7 +103,7 @@ class Units(ConfigSection, frozen=True, kw_only=True):
 
     @property
     def scale(self) -> Scale:
-        """What texts with units are measured by."""
+        """The scale for texts with units."""
         return Scale(self.tick, self.cell, read_clock(self.clock) if self.clock else None)
 
 
@@ -375,7 +375,8 @@ class LegendEntry(ConfigSection, frozen=True, kw_only=True):
     opens: Annotated[
         tuple[Direction, ...] | None,
         Meta(
-            description="Sides over which alone a robot enters and leaves, whatever arrows say there."
+            description="A robot enters and leaves over these sides alone; arrows do not count "
+            "there."
         ),
     ] = None
     loaded: Annotated[
@@ -409,7 +410,7 @@ class MatrixLayout(ConfigSection, frozen=True, kw_only=True):
 
 
 class FileLayout(ConfigSection, frozen=True, kw_only=True):
-    """A floor drawn in a file of its own."""
+    """A floor drawn in a separate file."""
 
     file: Annotated[NonEmptyText, Meta(description="Path, relative to the scenario.")]
     legend: Annotated[dict[str, Any], Meta(description="Further symbols.")] = msgspec.field(

@@ -1,13 +1,13 @@
-"""How a kind of table is declared: its columns, the fields that they become, and how its file is read.
+"""Declare a kind of table: its columns, their fields, and how its file is read.
 
     class ShelfColumns(ColumnNames, frozen=True, kw_only=True):
-        \"\"\"What the columns of a file of shelves are called; others are not read.\"\"\"
+        \"\"\"Names of the columns of a file of shelves; other columns are ignored.\"\"\"
 
         rows, needed = "shelves", ((("x",),),)
         x: Annotated[Column, column("The column of the shelf.", NumberField, least=0, most=99)] = None
 
-A field is what a scenario knows of a row; it stands in a column of the file. `fields_of` makes the
-fields of such a declaration, and automaton.scenario.table_reader reads them.
+A field is a value of each row; a column of the file holds it. `fields_of` makes the fields of a
+declaration, and automaton.scenario.table_reader reads them.
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ from automaton.scenario.columns import is_workbook
 from automaton.scenario.quantities import ConfigSection, NonEmptyText, SingleLine
 
 NOTHING: Final = -1  # the code of a text field without a text
-NO_DUE: Final = 2**31 - 1  # no tick is later
+NO_DUE: Final = 2**31 - 1  # the latest tick
 FARTHEST: Final = 1_000_000  # row or column of a cell
-SERIAL: Final = "serial"  # instead of a format of times
+SERIAL: Final = "serial"  # as the format of times: days with a fraction
 DATE_CODES: Final = re.compile(r"%[dmyYjbBcGuVxUW]")
 YEAR_CODES: Final = re.compile(r"%[yYcGx]")
-FILE_OPTIONS: Final[dict[str, Any]] = {  # beside the file itself, as they are when left out
+FILE_OPTIONS: Final[dict[str, Any]] = {  # keys beside `file`, with their defaults
     "columns": None,
     "where": {},
     "time": None,
     "encoding": "utf-8",
     "sheet": None,
 }
-FIELD_KEY: Final = "field"  # in Meta.extra of a column: makes its field, from its name
+FIELD_KEY: Final = "field"  # in Meta.extra of a column: makes a field from its name
 
 Column = SingleLine | None
 Values = str | int | tuple[str | int, ...]
-ColumnGroups = Sequence[Sequence[str]]  # groups of fields, one of which must have columns
+ColumnGroups = Sequence[Sequence[str]]  # groups of fields; one group must have columns
 
 
 @dataclass(frozen=True)
 class TextField:
-    """Texts, as codes into the list of the different ones; -1 for nothing."""
+    """Texts, as indices into the list of different texts; -1 for nothing."""
 
     name: str
     is_required: bool = False  # in every row
@@ -56,11 +56,11 @@ class TextField:
 
 @dataclass(frozen=True)
 class NameField:
-    """Names that are known, each with its number; -1 for nothing."""
+    """Known names, as their numbers; -1 for nothing."""
 
     name: str
     known: Mapping[str, int]
-    what: str  # a name is: "location"
+    what: str  # kind of thing that is named: "location"
     is_required: bool = False
 
 
@@ -71,19 +71,19 @@ class NumberField:
     name: str
     least: int
     most: int
-    default: int | None = None  # where nothing stands; None: there must be a number
+    default: int | None = None  # for an empty value; None: a number is required
 
 
 @dataclass(frozen=True)
 class ReleaseField:
-    """The tick in which a row is released; 0 for what comes before it."""
+    """The tick in which a row is released; 0 if it is released before."""
 
     name: str = "released"
 
 
 @dataclass(frozen=True)
 class DueField:
-    """The tick until which a row is to be done; NO_DUE for none. Ticks and times count from release."""
+    """The due tick of a row, or NO_DUE. Ticks and times count from the release."""
 
     name: str = "due"
 
@@ -95,11 +95,11 @@ Field = TextField | NameField | NumberField | ReleaseField | DueField
 
 
 class ColumnNames(ConfigSection, frozen=True, kw_only=True):
-    """What the columns of a file are called: a key for each field; other columns are not read."""
+    """Names of the columns of a file: a key for each field; other columns are ignored."""
 
-    rows: ClassVar[str]  # what errors call them: "orders"
-    needed: ClassVar[Sequence[ColumnGroups]] = ()  # beside the columns that are required
-    may_rename: ClassVar[bool] = True  # whether a scenario can say what the columns are called
+    rows: ClassVar[str]  # name of the rows in errors: "orders"
+    needed: ClassVar[Sequence[ColumnGroups]] = ()  # in addition to required columns
+    may_rename: ClassVar[bool] = True  # whether a scenario can name the columns
 
     @property
     def of_fields(self) -> dict[str, str]:
@@ -108,12 +108,12 @@ class ColumnNames(ConfigSection, frozen=True, kw_only=True):
 
 
 def column(meaning: str, kind: Callable[..., Field] = TextField, **said: Any) -> Meta:
-    """The annotation of a column: what stands there, and its field; `said`: arguments of `kind`."""
+    """The annotation of a column: its description and its field; `said`: arguments of `kind`."""
     return Meta(description=meaning, extra={FIELD_KEY: partial(kind, **said)})
 
 
 def fields_of(kind: type[ColumnNames], known: Mapping[str, Mapping[str, int]]) -> list[Field]:
-    """The fields of a kind of table; `known`: the names of each NameField that the scenario decides."""
+    """The fields of a kind of table; `known`: the names for each NameField that the scenario defines."""
     hints = get_type_hints(kind, include_extras=True)
     fields = []
     for attribute, name in zip(kind.__struct_fields__, kind.__struct_encode_fields__, strict=True):
@@ -123,7 +123,7 @@ def fields_of(kind: type[ColumnNames], known: Mapping[str, Mapping[str, int]]) -
 
 
 class TableOptions(ConfigSection, frozen=True, kw_only=True):
-    """A CSV file, or a workbook, that another system has written."""
+    """A CSV file or a workbook written by another system."""
 
     file: Annotated[
         NonEmptyText,
@@ -166,7 +166,7 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
 
 
 def _check_format(of_format: str) -> None:
-    """Raise ValueError with a sentence for a format that cannot be one of times."""
+    """Raise ValueError for a format that is not a format of times."""
     if of_format == SERIAL:
         return
     sample = datetime.datetime(2026, 3, 2, 6, 30, tzinfo=datetime.UTC)

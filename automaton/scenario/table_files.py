@@ -1,15 +1,15 @@
-"""Tables of the floor and the fleet: names of cells, pods, where robots begin, measured durations.
+"""Tables of the floor and the fleet: names of cells, pods, starts of robots, measured durations.
 
     name,x,y            pod;x;y;name;class;weight;skus          x,y,heading         seconds;picker
     packing,4,2         1;2;1;A-17-3;A;380;4711 4712            0,0,east            12;A
                                                                 4,0,north           14.5;B
 
-x, y: a cell, counted from 0 at the upper left. Pods: numbered as the rows come without a column `pod`;
-skus between blanks; only x and y are needed. Starts: in the order of the robots' numbers; without a
-heading, as fleet.heading says. Durations: a column of ticks or times such as 20 s, as in
-`{empirical: times.csv, column: seconds}`, for handling, repairs in place and closings by chance.
+x, y: a cell, counted from 0 at the upper left. Pods: without a column `pod` they are numbered by row;
+blanks separate skus; only x and y are required. Starts: in the order of robot numbers; without a column
+`heading`, fleet.heading applies. Durations: a column of ticks or times such as 20 s, as in `{empirical:
+times.csv, column: seconds}`, for handling, repairs in place and random closings.
 
-What is read becomes the scenario's own list, so that recordings stand alone.
+The rows become a list in the scenario, so recordings need no further files.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ class LocationColumns(ColumnNames, frozen=True, kw_only=True):
 
 
 def with_locations_of_file(document: Document) -> tuple[Document, ReadFile | None]:
-    """The document with the names of its file as a mapping, if it names one. Raises InputError."""
+    """The document with the names of its file, if any, as a mapping. Raises InputError."""
     named = _locations(document)
     if not isinstance(named, str):
         return document, None
@@ -87,7 +87,7 @@ def with_locations_of_file(document: Document) -> tuple[Document, ReadFile | Non
 
 
 def read_locations(path: Path) -> tuple[dict[str, list[int]], dict[str, int], str]:
-    """Read the cell and the line of each name in a file, and its hash. Raises InputError."""
+    """Read the cell and the line of each name in a file, and the hash of the file. Raises InputError."""
     options = TableOptions(file=path.name, encoding=_encoding_of(path))
     table = read_table(path, LocationColumns, options)
     names = [table.names["name"][code] for code in table.values["name"].tolist()]
@@ -103,23 +103,23 @@ def read_locations(path: Path) -> tuple[dict[str, list[int]], dict[str, int], st
 
 
 def _encoding_of(path: Path) -> Literal["utf-8", "cp1252"]:
-    """UTF-8, or cp1252 where that cannot be: a scenario has no place to say it for these files."""
+    """UTF-8, else cp1252: a scenario cannot state the encoding of these files."""
     try:
         with path.open(encoding="utf-8-sig") as stream:
             for _ in stream:
                 pass
     except UnicodeDecodeError:
         return "cp1252"
-    except OSError:  # its reader says why
+    except OSError:  # the reader raises the error
         pass
     return "utf-8"
 
 
 def names_of_cells(document: Document) -> dict[str, Cell]:
-    """The cell of each name: of the locations, the stations, and the pods where these stand first.
+    """The cell of each name: of locations, stations, and pods at their start cells.
 
-    The files of a document have been read. Raises InputError where two things at different cells have
-    one name.
+    Requires that the files of the document have been read. Raises InputError if two things at different
+    cells have the same name.
     """
     named = _locations(document)
     assert not isinstance(named, str), "its file has been read"
@@ -128,7 +128,7 @@ def names_of_cells(document: Document) -> dict[str, Cell]:
     for kind, keys, name, at in _named_things(document):
         cell = named.get(at) if isinstance(at, str) else _cell(at)
         if cell is None:
-            continue  # it is checked with the section where it stands
+            continue  # checked with its section
         if names.setdefault(name, cell) != cell:
             if kind == what[name]:
                 raise InvalidValueError(keys, f"two {kind}s are called {name}")
@@ -139,7 +139,7 @@ def names_of_cells(document: Document) -> dict[str, Cell]:
 
 
 def _named_things(document: Document) -> Iterator[tuple[str, Keys, str, Any]]:
-    """What it is, where it stands in the document, its name and its cell: of stations and pods."""
+    """The kind, the keys, the name and the cell of each station and pod."""
     stations, pods = document.data.get("stations"), document.data.get("pods")
     for name, station in (stations if isinstance(stations, dict) else {}).items():
         if isinstance(station, dict):
@@ -151,7 +151,7 @@ def _named_things(document: Document) -> Iterator[tuple[str, Keys, str, Any]]:
 
 
 def _cell(at: Any) -> Cell | None:
-    """A cell as a document has it, or None."""
+    """A cell as the document gives it, or None."""
     if isinstance(at, list | tuple) and len(at) == 2 and all(type(one) is int for one in at):
         return at[0], at[1]
     return None
@@ -164,7 +164,7 @@ def _locations(document: Document) -> dict[str, Cell] | str:
 
 
 def with_pods_of_file(document: Document) -> tuple[Document, ReadFile | None]:
-    """The document with the pods of its file as a list, if it names one. Raises InputError."""
+    """The document with the pods of its file, if any, as a list. Raises InputError."""
     section = document.data.get("pods")
     if not isinstance(section, dict) or section.get("file") is None:
         return document, None
@@ -174,7 +174,7 @@ def with_pods_of_file(document: Document) -> tuple[Document, ReadFile | None]:
     rows = _sequence(table)
     _check_rows(table, list(pods.classes or ()))
     table.errors.raise_any()
-    of_file = ("file", "columns", "sheet", "encoding")  # keys that the list does without
+    of_file = ("file", "columns", "sheet", "encoding")  # keys that a list does not have
     rest = {key: value for key, value in section.items() if key not in of_file}
     listed = {**rest, "list": _pods(table, rows)}
     keys = (*PODS_KEY, "list")
@@ -184,7 +184,7 @@ def with_pods_of_file(document: Document) -> tuple[Document, ReadFile | None]:
 
 
 def _sequence(table: TableColumns) -> Array:
-    """The row of each pod, by number; mistakes go to the errors of the table."""
+    """The row of each pod, by number; mistakes are added to the errors of the table."""
     if "pod" not in table.column_of:
         return np.arange(len(table), dtype=np.int32)
     numbers, count = table.values["pod"], len(table)
@@ -208,7 +208,7 @@ def _sequence(table: TableColumns) -> Array:
 
 
 def _check_rows(table: TableColumns, classes: list[str]) -> None:
-    """No two pods have a name or a cell, and classes are those of the scenario."""
+    """Names and cells of pods are unique, and their classes are in pods.classes."""
     values, names, texts = table.values, table.names["name"], table.names["class"]
     x, y, codes, called = values["x"], values["y"], values["class"], table.column_of
 
@@ -252,10 +252,10 @@ def _pods(table: TableColumns, rows: Array) -> list[dict[str, Any]]:
 
 
 class StartColumns(ColumnNames, frozen=True, kw_only=True):
-    """The columns of a file of starts."""
+    """The columns of a file of start cells."""
 
     rows, may_rename = "starts", False
-    needed = ((("x",),), (("y",),), (("heading",), ()))  # of headings none, or one in all rows
+    needed = ((("x",),), (("y",),), (("heading",), ()))  # either no headings, or one in each row
 
     x: Annotated[Column, column("The column where the robot begins.", COORDINATE)] = None
     y: Annotated[Column, column("The row where the robot begins.", COORDINATE)] = None
@@ -272,18 +272,18 @@ class StartColumns(ColumnNames, frozen=True, kw_only=True):
 
 
 class ReadStarts(NamedTuple):
-    """The starts of a file."""
+    """The start cells of a file."""
 
     content_hash: str  # 16 hex digits
     cells: tuple[Cell, ...]
     headings: tuple[Direction, ...] | None
-    lines: tuple[int, ...]  # where each of them stands, from 1
+    lines: tuple[int, ...]  # line of each, from 1
 
 
 def with_starts_of_file(
     document: Document, scenario: Scenario
 ) -> tuple[Document, Scenario, ReadFile | None]:
-    """The scenario with the starts of its file as a list, if it names one. Raises InputError."""
+    """The scenario with the starts of its file, if any, as a list. Raises InputError."""
     start = scenario.fleet.start
     if not isinstance(start, StartFile):
         return document, scenario, None
@@ -309,7 +309,7 @@ def with_starts_of_file(
 
 
 def read_starts(path: Path) -> ReadStarts:
-    """The starts of a CSV file. Raises InputError with the line."""
+    """The start cells of a CSV file. Raises InputError with the line."""
     table = read_table(path, StartColumns, TableOptions(file=path.name))
     if table.counts.ignored:
         name, known = table.counts.ignored[0], StartColumns.__struct_fields__
@@ -359,20 +359,20 @@ def with_durations_of_files(
 
 
 class _Filler:
-    """Puts durations of files into distributions, and notes the files."""
+    """Replaces file names in distributions by the durations of the files, and records the files."""
 
     def __init__(self, document: Document, scale: Scale) -> None:
         self.document, self.scale = document, scale
         self.files: list[ReadFile] = []
 
     def of_handling(self, keys: Keys, handling: Handling) -> Handling:
-        """What a visit takes, its lines by what stands in their file."""
+        """The handling times of a visit, with the durations of their files."""
         return structs.replace(
             handling, line=self.filled((*keys, "handling", "line"), handling.line)
         )
 
     def filled(self, keys: Keys, drawn: Any) -> Any:
-        """A distribution with the values of its file, if it names one; anything else as it is."""
+        """A distribution with the values of its file; unchanged without a file."""
         if not isinstance(drawn, Distribution) or not isinstance(drawn.empirical, str):
             return drawn
         path = named_file(self.document, (*keys, "empirical"), "durations", drawn.empirical)

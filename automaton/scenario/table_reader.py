@@ -1,4 +1,4 @@
-"""Read the tables that a scenario names, as warehouse systems write them: columns of numbers.
+"""Read the tables of warehouse systems that a scenario names, as columns of numbers.
 
     table = read_table(path, PodColumns, pods.options, pods.columns)
     table.refuse("unknown", "class", ~is_known, lambda row: f"... is not a class of pods")
@@ -6,8 +6,8 @@
     table.values["weight"]                              # (n,) int32
     table.names["class"][table.values["class"][0]]      # the class of the first row
 
-What is wrong in the rows is gathered, so that who reads a kind of table may add what it finds before
-it raises. A row costs four bytes for each field, and the texts that no other row has.
+Errors in the rows are collected, so that the caller can add its own before raising. A row takes four
+bytes per field, plus the texts that no other row has.
 """
 
 from __future__ import annotations
@@ -52,28 +52,28 @@ from automaton.scenario.table_fields import (
 from automaton.scenario.text_files import ListFile, content_hash, quoted
 from automaton.units import count
 
-SELECTING: Final = "where "  # before the names of columns that only select rows
+SELECTING: Final = "where "  # prefix for the names of columns that only select rows
 PLAIN_WHOLE: Final = re.compile(r"[-+]?[0-9]{1,10}")
 ZERO_FRACTION: Final = re.compile(r"(?<=[0-9])\.0+$")
-THOUSANDS: Final = re.compile(r"[-+]?[0-9]{1,3}(\.[0-9]{3})+")  # or decimals: who knows
+THOUSANDS: Final = re.compile(r"[-+]?[0-9]{1,3}(\.[0-9]{3})+")  # thousands or decimals: ambiguous
 DECIMAL_COMMA: Final = re.compile(r"([-+]?[0-9]+),([0-9]+)(?=[^0-9,.:]*$)")
-MAX_SHOWN_VALUES: Final = 5  # of a column in an error, and of `where` in a note
-MAX_SHOWN_NAMES: Final = 8  # that are known
-NO_TIMES: Final = Scale("1 tick")  # of tables without times
+MAX_SHOWN_VALUES: Final = 5  # of a column, in an error or a note
+MAX_SHOWN_NAMES: Final = 8  # of known names, in an error
+NO_TIMES: Final = Scale("1 tick")  # for tables without times
 
 Array = NDArray[np.int32]
 
 
 @dataclass
 class TableColumns:
-    """The rows of a file that count."""
+    """The selected rows of a file."""
 
     path: str
     content_hash: str  # 16 hex digits
-    lines: Array  # (n,) where each of them begins in the file, from 1
+    lines: Array  # (n,) first line of each row in the file, from 1
     values: dict[str, Array]  # (n,) of each field
     names: dict[str, list[str]]  # of each TextField
-    column_of: dict[str, str]  # field: the column where it stands
+    column_of: dict[str, str]  # field: its column
     errors: RowErrors
     counts: ReadingCounts
 
@@ -83,7 +83,7 @@ class TableColumns:
     def refuse(
         self, kind: str, field_name: str, rows: NDArray[np.bool_], sentence: Callable[[int], str]
     ) -> None:
-        """Add a mistake of rows to `errors`; `sentence`: of a row by its index."""
+        """Add a mistake to `errors` for some rows; `sentence(index)` describes a row."""
         first = int(np.argmax(rows))
         if rows[first]:
             self.errors.add((kind, field_name), self.lines[rows].tolist(), lambda: sentence(first))
@@ -91,9 +91,9 @@ class TableColumns:
     def refuse_again(
         self, field_name: str, codes: NDArray[Any], sentence: Callable[[int, int], str]
     ) -> None:
-        """Refuse rows with a code that a row before them has; NOTHING may be there again.
+        """Refuse rows with the code of an earlier row; NOTHING may repeat.
 
-        `sentence`: of a row by its index, and of the line of the first such row.
+        `sentence(index, line)` describes a row; `line`: of the first row with the code.
         """
         _, first, which = np.unique(codes, return_index=True, return_inverse=True)
         again = codes != NOTHING
@@ -104,7 +104,7 @@ class TableColumns:
 
 
 class ReadFile(NamedTuple):
-    """A file that was read for a scenario, and what `check` says of it."""
+    """A file that was read for a scenario, with its notes for `check`."""
 
     path: str  # from the root
     content_hash: str  # 16 hex digits
@@ -113,7 +113,7 @@ class ReadFile(NamedTuple):
 
 
 def named_file(document: Document, keys: Keys, rows: str, name: str) -> Path:
-    """The file that a scenario names at `keys`; `rows`: what it holds. Raises InputError."""
+    """The file that a scenario names at `keys`; `rows`: the name of its rows. Raises InputError."""
     path = document.folder / name
     if not os.path.isfile(path):
         raise InvalidValueError(keys, f"there is no file of {rows} '{name}'")
@@ -121,9 +121,9 @@ def named_file(document: Document, keys: Keys, rows: str, name: str) -> Path:
 
 
 def with_rows(document: Document, keys: Keys, file: str, lines: Any, **sections: Any) -> Document:
-    """The document, whose errors in the list or mapping at `keys` name lines of a file.
+    """The document with a file for the list or mapping at `keys`; errors there name lines of the file.
 
-    `sections`: that become others.
+    `sections`: replacements.
     """
     listed = (*document.listed, ListFile(keys, file, lines))
     return replace(document, data={**document.data, **sections}, listed=listed)
@@ -139,8 +139,8 @@ def read_table(
 ) -> TableColumns:
     """Read a file that holds a kind of table.
 
-    `named`: what its columns are called; None: as the fields are. `known`: the names of each NameField
-    that the scenario decides. Raises InputError for a file that cannot be read as a table.
+    `named`: the names of its columns; None: the names of the fields. `known`: the names for each
+    NameField that the scenario defines. Raises InputError for a file that cannot be read as a table.
     """
     called = None if named is None else named.of_fields
     fields = fields_of(kind, known)
@@ -156,13 +156,12 @@ def read_columns(
     needed: Sequence[ColumnGroups] = (),
     may_rename: bool = True,
 ) -> TableColumns:
-    """Read the fields of a file; those without a column have their defaults in all rows.
+    """Read the fields of a file; fields without a column have their defaults in all rows.
 
-    `columns`: field -> column, or None where columns are called as fields are. `needed`: of each entry
-    the fields of one group, which may be empty, must have columns, beside those that are required.
-    `may_rename`: whether the scenario has a key that says what columns are called.
-    Raises InputError for a file that cannot be read as a table; mistakes in its rows are in `errors` of
-    the answer.
+    `columns`: field -> column, or None if columns have the names of fields. `needed`: for each entry,
+    all fields of one of its groups must have columns, in addition to required fields; a group may be
+    empty. `may_rename`: whether the scenario has a key that names the columns. Raises InputError for a
+    file that cannot be read as a table; mistakes in its rows are in `errors` of the result.
     """
     errors = RowErrors(str(path))
     chooser = _Chooser(fields, columns, options.where, needed, str(path), may_rename)
@@ -187,7 +186,7 @@ def read_columns(
 
 
 class _Chooser:
-    """Finds the columns of fields in the head of a file."""
+    """Finds the columns of fields in the header of a file."""
 
     def __init__(
         self,
@@ -204,12 +203,12 @@ class _Chooser:
             field.name for field in fields if _needs_column(field) and field.name not in of_groups
         ]
         self.columns, self.where, self.needed, self.file = columns, where, needed, file
-        self.may_rename = may_rename  # whether the scenario can say what columns are called
+        self.may_rename = may_rename  # whether the scenario can name the columns
         self.column_of: dict[str, str] = {}
         self.ignored: tuple[str, ...] = ()
 
     def __call__(self, head: Sequence[str], line: int) -> dict[str, str]:
-        """Return the column of each field that has one, and those that select rows."""
+        """Return the column of each field that has one, and the columns that select rows."""
         if self.columns is None:
             self.column_of = {name: name for name in self.names if name in head}
         else:
@@ -246,12 +245,12 @@ class _Chooser:
 
 
 def with_decimal_point(text: str) -> str:
-    """A number, or an amount such as "1,5 min", with a point for its decimal comma; else the text."""
+    """The text with a point instead of the decimal comma of a number or an amount ("1,5 min")."""
     return DECIMAL_COMMA.sub(r"\1.\2", text, count=1) if DECIMAL_COMMA.match(text) else text
 
 
 def _instead(text: str, known: Collection[str]) -> str:
-    """The name that is meant, or, where none is near, all that there are if they are few."""
+    """A hint: the most similar name or, if none is similar, all names if they are few."""
     like = nearest(text, known)
     return (
         like if like or not 0 < len(known) <= MAX_SHOWN_NAMES else f"; there are {', '.join(known)}"
@@ -265,7 +264,7 @@ def _needs_column(field: Field) -> bool:
 def _selected(
     table: CsvColumns, where: Mapping[str, object], counts: ReadingCounts, file: str
 ) -> CsvColumns:
-    """The rows that have one of the values in each column of `where`. Raises InputError."""
+    """The rows with one of the given values in each column of `where`. Raises InputError."""
     if not len(table.lines):
         raise InputError("has no rows below its header", file)
     chosen = np.ones(len(table.lines), np.bool_)
@@ -324,7 +323,7 @@ class _Reader:
         return self.table.columns.get(name)
 
     def _amounts(self, name: str) -> TextColumn | None:
-        """A column of numbers and times, in which a decimal comma has become a point."""
+        """A column of numbers and times, with decimal commas replaced by points."""
         column = self._column(name)
         if column is None or not self.table.has_decimal_commas:
             return column
@@ -333,7 +332,7 @@ class _Reader:
     def _refuse(
         self, name: str, kind: str, is_bad: NDArray[np.bool_], sentence: Callable[[str], str]
     ) -> None:
-        """Add a mistake of those rows whose texts are bad; `is_bad`: of each different text."""
+        """Add a mistake for the rows with bad texts; `is_bad`: by different text."""
         if not is_bad.any():
             return
         texts, codes = self.table.columns[name]
@@ -406,11 +405,11 @@ class _Reader:
         return values
 
     def _is_ambiguous(self, text: str) -> bool:
-        """Whether its point may stand behind thousands, as in 1.000 where decimals have commas."""
+        """Whether a point may separate thousands, as in 1.000 beside decimal commas."""
         return self.table.has_decimal_commas and THOUSANDS.fullmatch(text) is not None
 
     def _times(self, release: ReleaseField, due: DueField | None) -> None:
-        """Read when rows are released, and until when they are due."""
+        """Read the release and due ticks of rows."""
         texts = self._amounts(release.name)
         assert texts is not None, "a release is required"
         counts = self.result.counts
@@ -431,7 +430,7 @@ class _Reader:
 
 
 def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
-    """What `check` says of a file: the rows that count, columns that are not read, tick 0."""
+    """The note of `check` on a file: selected rows, ignored columns, tick 0."""
     counts, name = columns.counts, os.path.basename(columns.path)
     rows = count(counts.rows, "row")
     if counts.left_out:
@@ -450,7 +449,7 @@ def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
 
 
 def file_warnings(columns: TableColumns) -> list[str]:
-    """Warn of rows that come before tick 0, or are due before they come, as real files have them."""
+    """Warn about rows released before tick 0 or due before their release; both occur in real files."""
     counts, name = columns.counts, os.path.basename(columns.path)
     warnings = []
     if counts.before_start:

@@ -13,12 +13,12 @@ from automaton.errors import InputError, Keys, nearest
 from automaton.units import count
 
 MAX_TEXT_BYTES: Final = 8_000_000
-MAX_QUOTED: Final = 30  # characters of what is wrong
+MAX_QUOTED: Final = 30  # characters of the error
 WHOLE_NUMBER: Final = re.compile(r"[+-]?[0-9]{1,10}")
 SHIPPED_FOLDER: Final = Path(__file__).resolve().parent.parent.parent / "layouts"
-# What recordings begin with (automaton.recording.frames): scenarios know none.
+# First bytes of recordings (automaton.recording.frames), which this package does not import.
 RECORDING_START: Final = b"\x93AUTOMATON\r\n"
-STUDIES_ARE_SWEPT: Final = "`automaton sweep STUDY --out FOLDER` does its runs"
+STUDIES_ARE_SWEPT: Final = "run it with `automaton sweep STUDY --out FOLDER`"
 
 
 def shipped() -> dict[str, Path]:
@@ -31,7 +31,7 @@ def shipped() -> dict[str, Path]:
 
 def find(name: str | Path) -> Path:
     """The file of a scenario: a path, or the name of a shipped one. Raises InputError."""
-    path = Path(name)  # os.path takes a name that is too long for one that there is not
+    path = Path(name)  # for os.path, a name that is too long does not exist
     if os.path.isfile(path):
         return path
     known = shipped()
@@ -50,7 +50,7 @@ def find(name: str | Path) -> Path:
 
 
 def is_recording(path: Path) -> bool:
-    """Whether a file begins as recordings do. Raises OSError."""
+    """Whether a file begins like a recording. Raises OSError."""
     if not os.path.isfile(path):
         return False
     with path.open("rb") as stream:
@@ -98,25 +98,25 @@ def content_hash(file: Path) -> str:
         return ""
 
 
-# Lines of a text file, with the place of whatever is wrong in them.
+# Lines of a text file; errors have line and column.
 
 
 class ContentLine(NamedTuple):
     """A line with content."""
 
-    number: int  # in its file, from 1
-    text: str  # without blanks at its end
+    number: int  # in the file, from 1
+    text: str  # without trailing blanks
 
 
 def lines_of(path: Path) -> list[str]:
-    """Return the lines of a text file, blanks at their ends included. Raises InputError."""
+    """Return the lines of a text file with their trailing blanks. Raises InputError."""
     if not os.path.exists(path):
         raise InputError("no such file", str(path))
     return read_text(path).replace("\r", "\n").split("\n")
 
 
 def content_lines(path: Path) -> list[ContentLine]:
-    """Return the lines of a file that are neither empty nor comments. Raises InputError."""
+    """Return the lines of a file without empty lines and comments. Raises InputError."""
     lines = (ContentLine(number, text.rstrip()) for number, text in enumerate(lines_of(path), 1))
     return [line for line in lines if line.text and not line.text.lstrip().startswith("#")]
 
@@ -128,7 +128,7 @@ def quoted(text: str) -> str:
 
 
 def whole_number(text: str, what: str, file: str, line: int, column: int = 0) -> int:
-    """Return a text as a whole number. `column`: of its file, from 1; 0: not said.
+    """Return a text as a whole number. `column`: in its file, from 1; 0: unknown.
 
     Raises InputError.
     """
@@ -140,7 +140,7 @@ def whole_number(text: str, what: str, file: str, line: int, column: int = 0) ->
 
 
 def split_columns(text: str, separator: str) -> Iterator[tuple[int, str]]:
-    """Yield (column from 1, text) of what lies between separators, blanks included."""
+    """Yield (column from 1, text) of the parts between separators, blanks included."""
     column = 1
     for part in text.split(separator):
         yield column, part
@@ -148,9 +148,9 @@ def split_columns(text: str, separator: str) -> Iterator[tuple[int, str]]:
 
 
 def counted_lines(lines: Sequence[ContentLine], what: str, file: str) -> Sequence[ContentLine]:
-    """Return the lines below the count that comes first; `what`: "agent", "task".
+    """Return the lines below the count in the first line; `what`: "agent", "task".
 
-    Raises InputError where there are more or fewer lines than the count says.
+    Raises InputError if the number of lines differs from the count.
     """
     if not lines:
         raise InputError(f"is empty; its first line must be the number of {what}s", file)
@@ -169,6 +169,6 @@ def counted_lines(lines: Sequence[ContentLine], what: str, file: str) -> Sequenc
 class ListFile(NamedTuple):
     """A file whose lines became the entries of a list or a mapping of a scenario."""
 
-    keys: Keys  # the way to that list
+    keys: Keys  # keys of that list
     file: str  # as errors name it
-    lines: Any  # where each entry stands, from 1: of a list by its index, of a mapping by its key
+    lines: Any  # line of each entry, from 1, by index in a list or key in a mapping

@@ -1,6 +1,6 @@
-"""Which metrics no run of a scenario has, known before any is made.
+"""The metrics that no run of a scenario can have, known before any run.
 
-Metrics that strategies count themselves are not told of here. Importing this needs no Numba.
+Metrics that strategies define are not covered. Importing this needs no Numba.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ OF_STATIONS: Final = (
 
 
 def name_of(choice: Any) -> str:
-    """The name of a strategy as a scenario gives it, alone or with parameters."""
+    """The name of a strategy in a scenario, with or without parameters."""
     return str(choice if isinstance(choice, str) else choice.get("name"))
 
 
 def not_measured(scenario: Scenario) -> dict[str, str]:
-    """The metrics that no run of a scenario has, each with what it takes to have it."""
+    """The metrics that no run of a scenario can have, each with its requirement."""
     orders, world, faults = scenario.orders, scenario.world, scenario.faults
     powered = scenario.battery is not None
-    later = any(order.release > 0 for order in orders.listed or ())  # also those of a file
+    later = any(order.release > 0 for order in orders.listed or ())  # lines of a file included
     later = later or bool((line_column(listed_lines(orders), "release") > 0).any())
     come_in = (
         later
@@ -105,9 +105,9 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
 
 
 def warm_up_of(scenario: Scenario) -> int:
-    """Ticks at the beginning of a run that metrics of many runs leave out.
+    """The warm-up ticks that metrics of many runs exclude.
 
-    A run that ends with its orders has no steady state: it counts as a whole.
+    A run that ends with its orders has no steady state, so all of it counts.
     """
     if scenario.stop.when != "never" or scenario.measure is None:
         return 0

@@ -1,7 +1,7 @@
-"""Data as the structs of the schema, with sentences that say what was expected and found.
+"""Convert data to the structs of the schema; errors say what was expected and found.
 
 Texts with units become numbers, and names of cells become cells: "20 s" is 40 ticks, and `packing` is
-[4, 2]. Each conversion is kept with what was wanted exactly, so that `check` can say what it costs.
+[4, 2]. Each conversion is recorded with its exact value, so `check` can report the rounding error.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from automaton.units import Unit, number, ticks_and_time
 
 T = TypeVar("T")
 
-TIME_PATTERN: Final = r"^\s*[-+]?[0-9.]"  # what is read as a quantity later, when the tick is known
+TIME_PATTERN: Final = r"^\s*[-+]?[0-9.]"  # read as a quantity later, when the tick is known
 MSER_OR_TIME: Final = rf"^mser-5$|{TIME_PATTERN}"
 
 AT: Final = re.compile(r"^(?P<what>.*?)(?: - at `\$(?P<path>[^`]*)`)?$", re.DOTALL)
@@ -65,7 +65,7 @@ def validated(value: Any, wanted: type[T], at: Keys = ()) -> T:
 
 
 def _keys(value: Any, wanted: Any, path: str) -> Keys:
-    """The keys of a path of msgspec, which writes [...] for whatever key of a mapping."""
+    """The keys of a path of msgspec, which writes [...] for any key of a mapping."""
     keys: Keys = ()
     for name, index in PART.findall(path):
         if name or index:
@@ -77,7 +77,7 @@ def _keys(value: Any, wanted: Any, path: str) -> Keys:
 
 
 def _with_one(value: Any, keys: Keys, key: str) -> Any:
-    """The value with one entry alone in the mapping at some keys."""
+    """The value with a single entry in the mapping at some keys."""
     if not keys:
         return {key: value[key]}
     if isinstance(value, dict):
@@ -94,7 +94,7 @@ def _fits(value: Any, wanted: Any) -> bool:
 
 
 def _explained(value: Any, wanted: Any, at: Keys, inner: Keys, what: str) -> InvalidValueError:
-    import msgspec.inspect  # only needed on the way to an error
+    import msgspec.inspect  # only needed for an error
 
     keys = at + inner
     expected = _type_at(msgspec.inspect.type_info(wanted), inner)
@@ -119,7 +119,7 @@ def _explained(value: Any, wanted: Any, at: Keys, inner: Keys, what: str) -> Inv
             hint = _now_written(expected, found)
         sentence = f"{dotted(keys) or 'it'} must be {described(expected)}, found {shown(found)}"
         return InvalidValueError(keys, sentence + hint)
-    # A struct's own check; it begins with the key that is wrong, if it is one key.
+    # An error of a struct begins with the wrong key, if it is one key.
     first = what.split(" ", 1)[0]
     if isinstance(found, dict) and first in found:
         return InvalidValueError((*keys, first), f"{dotted((*keys, first))}{what[len(first) :]}")
@@ -128,13 +128,13 @@ def _explained(value: Any, wanted: Any, at: Keys, inner: Keys, what: str) -> Inv
 
 
 def _now_written(expected: Any, value: bool) -> str:
-    """What to write for a value that the field took before, or ""."""
+    """The new name of a renamed value, or ""."""
     word = (getattr(expected, "extra", None) or {}).get(INSTEAD, {}).get(value)
     return f"; {shown(value)} is now {word}" if word else ""
 
 
 def described(expected: Any) -> str:
-    """What a type of `msgspec.inspect` accepts, in words."""
+    """The values that a type of `msgspec.inspect` accepts, in words."""
     from msgspec import inspect
 
     if isinstance(expected, inspect.Metadata):
@@ -165,7 +165,7 @@ def described(expected: Any) -> str:
 
 
 def shown(value: Any) -> str:
-    """A value as an error shows it: short."""
+    """A value in the short form of errors."""
     if value is None:
         return "nothing"
     if isinstance(value, bool):
@@ -193,7 +193,7 @@ def _range(expected: Any) -> str:
 
 
 def _options(expected: Any) -> list[Any]:
-    """The alternatives of a type, annotations and unions opened."""
+    """The alternatives of a type, with annotations and unions expanded."""
     from msgspec import inspect
 
     if isinstance(expected, inspect.Metadata):
@@ -254,7 +254,7 @@ def _inside(keys: Keys) -> str:
 
 
 def _text(pattern: str | None) -> str:
-    """What text may look like."""
+    """The form of a text."""
     if pattern == TICK_PATTERN:
         return 'a number above 0 and a name, such as "0.5 s"'
     if pattern == MEMORY_PATTERN:
@@ -266,12 +266,12 @@ def _text(pattern: str | None) -> str:
     return "text in one line" if pattern else "text"
 
 
-# Texts as numbers, names as cells.
+# Texts become numbers, names become cells.
 
 
 @dataclass(frozen=True)
 class NumberRange:
-    """Which numbers a field allows."""
+    """The numbers that a field allows."""
 
     is_whole: bool
     ge: float | None = None
@@ -279,7 +279,7 @@ class NumberRange:
     le: float | None = None
 
     def hold(self, value: float) -> bool:
-        """Whether a number lies within them."""
+        """Whether a number is allowed."""
         return (
             (self.ge is None or value >= self.ge)
             and (self.gt is None or value > self.gt)
@@ -289,7 +289,7 @@ class NumberRange:
 
 @dataclass(frozen=True)
 class Place:
-    """A quantity that a struct holds somewhere."""
+    """A quantity in a struct."""
 
     quantity: Quantity
     bounds: NumberRange
@@ -300,43 +300,43 @@ class Conversion(NamedTuple):
 
     key: str  # "durations.move"
     text: str  # as written
-    dimension: Dimension | None  # of the text; None: a clock time
+    dimension: Dimension | None  # unit of the text; None: a clock time
     exact: Fraction
-    value: float  # what the field holds: whole where it must be
-    counted: str  # what the value counts, for one: "tick"
+    value: float  # value of the field, rounded if it must be whole
+    counted: str  # unit of the value, singular: "tick"
     bounds: NumberRange
-    is_moment: bool  # a point in time, which is early or late, and neither long nor short
-    after_release: bool = False  # unless it is a clock time
+    is_moment: bool  # a point in time: early or late, not long or short
+    after_release: bool = False  # unless a clock time
 
     @property
     def is_over_time(self) -> bool:
-        """Whether the text says how much in a time: more ticks are slower."""
+        """Whether the text is a rate or a speed, for which more ticks are slower."""
         return self.dimension in _OVER_TIME
 
     @property
     def held(self) -> float | dict[str, float]:
-        """What stands for the text in the document; clock times differ from times after release."""
+        """The value that replaces the text; a clock time differs from a time after release."""
         return {"at": self.value} if self.after_release and self.is_moment else self.value
 
 
 @dataclass
 class Plan:
-    """Where values of a type hold quantities, and cells that have names."""
+    """Where values of a type hold quantities and named cells."""
 
     place: Place | None = None
-    is_cell: bool = False  # a cell that may be written by its name
-    literals: set[str] = field(default_factory=set)  # texts that stand for themselves
+    is_cell: bool = False  # a cell that may be written by name
+    literals: set[str] = field(default_factory=set)  # plain texts
     fields: dict[str, Plan] = field(default_factory=dict)
-    items: tuple[Plan, ...] = ()  # of a list; the last one of all further ones
+    items: tuple[Plan, ...] = ()  # of a list; the last one for all further entries
     values: Plan | None = None  # of a mapping with any keys
 
     @property
     def is_empty(self) -> bool:
-        """Whether they hold neither a quantity nor a cell."""
+        """Whether the values hold neither quantities nor cells."""
         return not (self.place or self.is_cell or self.fields or self.items or self.values)
 
     def takes(self, text: str) -> bool:
-        """Whether a text is read as a quantity here; the schema refuses what is not a number."""
+        """Whether a text is read as a quantity here."""
         if self.place is None or text in self.literals:
             return False
         return _MAY_BE_A_NUMBER.match(text) is not None
@@ -344,7 +344,7 @@ class Plan:
 
 @lru_cache(maxsize=256)
 def plan_of(wanted: Any) -> Plan:
-    """Where a struct holds quantities, and cells that have names."""
+    """Where a struct holds quantities and named cells."""
     from msgspec.inspect import type_info
 
     plan = Plan()
@@ -404,16 +404,16 @@ def with_numbers(
     at: Keys = (),
     names: Mapping[str, Cell] = MappingProxyType({}),
 ) -> tuple[Any, tuple[Conversion, ...]]:
-    """A value, found at the keys `at`, with numbers and cells for its texts.
+    """A value, found at the keys `at`, with numbers and cells instead of its texts.
 
-    `names`: of cells. Raises InvalidValueError.
+    `names`: cells by name. Raises InvalidValueError.
     """
     try:
         msgspec.convert(value, wanted)
     except msgspec.ValidationError:
         reader = _Reader(scale, names, [])
         return reader.read(value, plan_of(wanted), at), tuple(reader.conversions)
-    # Without texts nothing is inspected: `automaton check tabletop-1` takes 30 ms less.
+    # Without texts nothing is inspected, which saves `automaton check tabletop-1` 30 ms.
     return value, ()
 
 
@@ -424,7 +424,7 @@ class _Reader:
     conversions: list[Conversion]
 
     def read(self, value: Any, plan: Plan, keys: Keys) -> Any:
-        """The value with numbers and cells for the texts that stand where quantities and cells may."""
+        """The value with numbers and cells instead of texts, where a plan allows them."""
         if isinstance(value, str) and plan.is_cell:
             return self.cell(value, keys)
         if isinstance(value, str):

@@ -1,20 +1,19 @@
-"""What a fleet cannot do better, whatever its strategies: bounds that need no run.
+"""Bounds on the performance of a fleet under any strategies, computed without a run.
 
-work       each order is taken, carried over the cheapest way with the turns that it needs, and set
-           down: N robots need work / N ticks. A load may be dropped on the way and taken up from
-           another side (a bucket brigade): that is a way through a slot, at the cost of handling it
-stations   a station holds one robot: picks and drops at stations, shared evenly among them
-parts      a station works on one part at a time: all its works, but for those that end a route,
-           since a run may end when the last load is delivered; and one part goes through its whole
-           route: its works but the last, and the ways between
-chargers   energy that orders take beyond what batteries hold at the start comes from chargers, or
-           from repairs
+work       each order needs a pick, the cheapest drive with its turns, and a drop: N robots need
+           work / N ticks. A load may be dropped on the way and picked up from another side (a bucket
+           brigade): that is a way through a slot, at the cost of handling
+stations   a station holds one robot: picks and drops at stations are shared evenly among them
+parts      a station works on one part at a time: all its jobs count, except those at the end of a
+           route, since a run may end with the last delivery. One part goes through its whole route:
+           its jobs except the last, and the drives between them
+chargers   chargers or repairs supply the energy that orders need beyond the charge at the start
 
-Orders that are drawn count as the cheapest that could be drawn, work that is drawn as one tick, and
-parts that come at drawn ticks as if they all came with the first, so the bounds hold for every seed.
-Every robot counts as one that is as fast in each of its operations as the fastest type in that, and
-goes everywhere; with its loads it drives as robots with a load do. Loads are assumed to be moved by
-robots alone: not by one that goes down and leaves its load to the other side.
+The bounds hold for every seed: random orders count as the cheapest possible ones, random processing
+times as one tick, and parts with random arrivals as if all came with the first. Every robot does each
+operation as fast as the fastest type and reaches every cell; with a load it drives as robots with a load
+do. Loads are assumed to move only with robots: no load passes from one side to the other when its robot
+breaks down.
 """
 
 from __future__ import annotations
@@ -42,31 +41,31 @@ from automaton.world.capabilities import loaded_driving
 from automaton.world.floor_parts import places_of_chargers
 from automaton.world.resolved import Resolved
 
-MOST_TARGETS: Final = 200  # of a list, each with a search of its own; beyond: the nearest of all
+MOST_TARGETS: Final = 200  # listed targets with separate searches; beyond: the nearest of all
 LEAST_DRAWN: Final = 1  # ticks of work
-LOADLESS: Final = ("visits", "tours")  # generators of orders that drive no load
+LOADLESS: Final = ("visits", "tours")  # generators of orders without a load
 
 Ticks = npt.NDArray[np.int64]
 
 
 class Bounds(NamedTuple):
-    """What all orders of a scenario take at least."""
+    """Lower bounds on the effort of all orders of a scenario."""
 
     orders: int
     work: float  # robot ticks of all orders
     least_order: float  # robot ticks of the shortest
     longest_order: float  # robot ticks of the longest
     station_ticks: float  # of each station with picks and drops, if they share them evenly
-    busiest: float  # ticks of work on parts of the station that has most
-    longest_part: float  # ticks of the part that takes longest
+    busiest: float  # ticks of work on parts at the station with the most work
+    longest_part: float  # ticks of the part with the longest time
     energy: float  # percent of a battery, all orders
-    held: float  # the same, in each battery at the start
-    given: float  # the same, by all chargers in a tick
-    mended: float  # the same, by each robot and tick, if it is towed and comes back full
+    held: float  # percent in each battery at the start
+    given: float  # percent per tick from all chargers
+    mended: float  # percent per robot and tick, if it is towed and comes back full
 
 
 class Price(NamedTuple):
-    """What operations with a load cost, in ticks or in energy."""
+    """The cost of operations with a load, in ticks or in energy."""
 
     move: float
     turn: float
@@ -82,7 +81,7 @@ def bounds(resolved: Resolved) -> Bounds:
     drives, picks, drops = min_drive_cost(resolved, Price(fleet.least_loaded_move, turn, handling))
     ticks = handling + drives
     if scenario.orders.generator in LOADLESS or _visits(resolved):
-        ticks = np.zeros(len(drives))  # a visit may take no operation at all
+        ticks = np.zeros(len(drives))  # a visit may need no operation
     stations = int(np.count_nonzero(resolved.floor_plan.kind == STATION))
     busy = picks * fleet.least_pick + drops * fleet.least_drop
     parts = part_bounds(scenario.orders, ticks)
@@ -107,7 +106,7 @@ def bounds(resolved: Resolved) -> Bounds:
 
 
 def least_ticks(found: Bounds, robots: int) -> tuple[float, str]:
-    """Ticks in which so many robots cannot do all orders faster, and why."""
+    """A lower bound on the ticks in which this number of robots does all orders, and the reason."""
     lacking = found.energy - robots * found.held
     income = found.given + robots * found.mended
     charging = (lacking / income if income else math.inf) if lacking > 0 else 0.0
@@ -122,9 +121,10 @@ def least_ticks(found: Bounds, robots: int) -> tuple[float, str]:
 
 
 def most_throughput(found: Bounds, robots: int, ticks: float = math.inf) -> tuple[float, str]:
-    """Orders by 1000 ticks that so many robots cannot exceed, and why.
+    """An upper bound on the throughput of robots, in orders per 1000 ticks, and the reason.
 
-    `ticks`: of a stretch of a run; the first order that a robot delivers there may have begun before.
+    `ticks`: length of an interval of a run; the first order that a robot delivers in it may have begun
+    before.
     """
     if not 0 < found.least_order < math.inf:
         return math.inf, ""
@@ -135,7 +135,7 @@ def most_throughput(found: Bounds, robots: int, ticks: float = math.inf) -> tupl
 
 
 def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
-    """(m,) what each order costs to drive with its load; picks at stations, and drops there."""
+    """(m,) the cost of driving each order with its load; picks at stations, and drops there."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     orders, kinds = scenario.orders, floor_plan.kind.reshape(-1)
     if orders.listed is not None:
@@ -143,7 +143,7 @@ def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
             (floor_plan.cell(*line.ends[0]), floor_plan.cell(*line.ends[1]))
             for _, line in transports_of(scenario, floor_plan)
         ]
-        if len(pairs) < len(orders.listed):  # what is between stops counts as nothing
+        if len(pairs) < len(orders.listed):  # legs between stops count as 0
             return np.zeros(len(orders.listed)), 0, 0
         picks, drops = (sum(kinds[pair[end]] == STATION for pair in pairs) for end in (0, 1))
         return _listed_drives(resolved, pairs, price), int(picks), int(drops)
@@ -181,7 +181,7 @@ def _listed_drives(resolved: Resolved, pairs: list[tuple[int, int]], price: Pric
 
 
 def cheapest(resolved: Resolved, source: Array, target: Array, price: Price) -> Array:
-    """(m,) what the drive from each slot to the cheapest of the targets costs; 0 without a way."""
+    """(m,) the cost of the drive from each slot to the cheapest of the targets; 0 without a way."""
     floor_plan = resolved.floor_plan
     index = {cell: row for row, cell in enumerate(floor_plan.slots.tolist())}
     access = slot_access(floor_plan).tolist()
@@ -197,7 +197,7 @@ def cheapest(resolved: Resolved, source: Array, target: Array, price: Price) -> 
 def _costs(
     resolved: Resolved, goals: set[int], access: list[list[int]], price: Price
 ) -> list[list[float]]:
-    """By axis of travel and flat cell: what the way to the cheapest goal costs (Dijkstra)."""
+    """By axis of travel and flat cell: the cost of the way to the cheapest goal (Dijkstra)."""
     floor_plan = resolved.floor_plan
     back, offsets = backward_exits(floor_plan).tolist(), floor_plan.offsets
     kind = floor_plan.kind.reshape(-1)
@@ -224,7 +224,7 @@ def _costs(
         if turns[cell]:
             heapq.heappush(front, (so_far + price.turn, cell, 1 - axis))
         for slot in beside.get(cell, ()):
-            if slot not in through:  # drop there, taken up from any side
+            if slot not in through:  # a drop there, then a pick from any side
                 through.add(slot)
                 for other in access[slot]:
                     if other != NIL:
@@ -235,7 +235,7 @@ def _costs(
 
 
 def slowness(limit: int, ticks: int) -> float:
-    """By how many times more than these ticks a move takes under a limit."""
+    """The relative delay of a move of these ticks under a speed limit."""
     return max(limit / ticks - 1, 0.0)
 
 
@@ -245,7 +245,7 @@ def _visits(resolved: Resolved) -> bool:
 
 
 def drained(robot_type: RobotType, operation: Literal["move", "turn"]) -> float:
-    """Percent of its battery that a move or a turn with a load takes a robot of a type."""
+    """Percent of the battery that a move or a turn with a load takes from a robot of a type."""
     assert robot_type.battery is not None
     drain = robot_type.battery.drain
     if operation == "move":
@@ -281,14 +281,14 @@ def _mended(resolved: Resolved) -> float:
 
 
 class PartBounds(NamedTuple):
-    """Ticks in which the parts of a scenario cannot be done faster."""
+    """Lower bounds, in ticks, on the time for all parts of a scenario."""
 
-    busiest: float  # the work of the station that has most
-    longest: float  # the route that takes longest, when its last part has come
+    busiest: float  # work of the station with the most work
+    longest: float  # longest route, begun when its last part arrives
 
 
 def ways(orders: Orders) -> list[tuple[int, int]]:
-    """The stations, from 1, between which each order of the parts leads; order by order."""
+    """The two stations, from 1, of each order of the parts, in the sequence of the orders."""
     return [
         way
         for kind in orders.parts or ()
@@ -297,7 +297,7 @@ def ways(orders: Orders) -> list[tuple[int, int]]:
 
 
 def part_bounds(orders: Orders, ticks: Array) -> PartBounds:
-    """The bounds of parts, of which each order takes a robot at least so many ticks."""
+    """The bounds of parts; `ticks`: least ticks of a robot for each order."""
     busiest: dict[int, float] = {}
     longest, first = 0.0, 0
     for kind in orders.parts or ():
@@ -312,7 +312,7 @@ def part_bounds(orders: Orders, ticks: Array) -> PartBounds:
 
 
 def least_work(orders: Orders, number: int) -> int:
-    """Ticks that a station, by number from 1, needs at least for a part."""
+    """Least ticks that a station, by number from 1, needs for a part."""
     time = (
         orders.processing_time[number - 1]
         if isinstance(orders.processing_time, tuple)
@@ -322,7 +322,7 @@ def least_work(orders: Orders, number: int) -> int:
 
 
 def last_comes(kind: Parts) -> int:
-    """The earliest tick in which the last part of a type can come."""
+    """The earliest tick in which the last part of a type can arrive."""
     return (
         kind.first_release + (kind.count - 1) * kind.interarrival_time
         if isinstance(kind.interarrival_time, int)
@@ -330,12 +330,11 @@ def last_comes(kind: Parts) -> int:
     )
 
 
-# How many visits robots and stations can make at most, where pods are carried to stations.
+# Upper bounds on the visits of robots and of stations with pods.
 #
-# A trip of one visit takes a robot its pick, the least drive with the pod to the station and back to
-# the same cell, the handling and the drop. A station whose robots leave it over another cell than
-# they came over is passed by a full queue every handling + turns in its cell + 2 d - 1 ticks, with
-# moves of d.
+# A trip of one visit consists of the pick, the shortest drive with the pod to the station and back to
+# the same cell, the handling and the drop. If robots enter and leave a station over different cells, a
+# full queue passes it at intervals of handling + turns in its cell + 2 d - 1 ticks, with moves of d.
 
 
 class VisitBounds(NamedTuple):
@@ -347,7 +346,7 @@ class VisitBounds(NamedTuple):
     visit: float  # of a station
 
     def visits(self, ticks: float) -> tuple[float, float]:
-        """How many visits all robots and all stations can make in some time."""
+        """The most visits of all robots and of all stations in some ticks."""
         return self.robots * ticks / self.trip, self.stations * ticks / self.visit
 
 
@@ -359,7 +358,7 @@ def round_trips(resolved: Resolved) -> Ticks:
 
 
 def round_trips_of(resolved: Resolved, driving: Driving) -> Ticks:
-    """The same of robots that drive so."""
+    """(pods, stations) the same ticks for one kind of driving."""
     floor_plan = resolved.floor_plan
     pods = pod_cells(resolved.scenario, floor_plan)
     result = np.zeros((len(pods), len(floor_plan.stations)), np.int64)
@@ -374,7 +373,7 @@ def round_trips_of(resolved: Resolved, driving: Driving) -> Ticks:
 
 
 def visit_bounds(resolved: Resolved) -> VisitBounds | None:
-    """The bounds of a scenario; None where no pods are carried."""
+    """The bounds of a scenario; None without pods."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     if scenario.orders.lines is None:
         return None
@@ -391,14 +390,14 @@ def visit_bounds(resolved: Resolved) -> VisitBounds | None:
 
 
 def least_turns(resolved: Resolved) -> int:
-    """Quarter turns that a robot makes at least in the cell of a station, on its way through."""
+    """The fewest quarter turns that a robot makes in the cell of a station on its way through."""
     floor_plan = resolved.floor_plan
     least = 2
     for cell in floor_plan.stations.tolist():
         exits = int(floor_plan.exits.flat[cell])
         for way, offset in enumerate(floor_plan.offsets):
             if not int(floor_plan.exits.flat[cell - offset]) >> way & 1:
-                continue  # no robot comes in this direction
+                continue  # no robot arrives in this direction
             for out in range(4):
                 if exits >> out & 1:
                     turns = (out - way) % 4
@@ -430,7 +429,7 @@ def mean_of(distribution: Distribution) -> float:
 
 
 def bounds_in_words(resolved: Resolved) -> list[str]:
-    """What `check` says of them."""
+    """The sentence of `check` about the bounds."""
     bounds = visit_bounds(resolved)
     if bounds is None:
         return []

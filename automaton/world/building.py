@@ -1,4 +1,4 @@
-"""From a resolved scenario to the arrays of a world at tick 0, in its own ticks or in finer ones."""
+"""Build the arrays of a world at tick 0 from a resolved scenario, in its own ticks or in finer ones."""
 
 from __future__ import annotations
 
@@ -65,16 +65,16 @@ from automaton.world.resolved import Resolved
 from automaton.world.rules import rules_for
 from automaton.world.starts import first_charges, homes, occupy_starts, start_headings
 
-MAX_QUEUE_LENGTH = 64  # orders of a robot
-MAX_QUEUED_ORDERS = 4_000_000  # of all robots: bounds the memory of large fleets
-VALUES_DIGESTED = 7_000  # in a tick, on average: some 2 ns each
+MAX_QUEUE_LENGTH = 64  # orders in the queue of a robot
+MAX_QUEUED_ORDERS = 4_000_000  # orders in all queues: bounds the memory of large fleets
+VALUES_DIGESTED = 7_000  # per tick, on average: about 2 ns each
 LONGEST_DIGEST_INTERVAL = 64  # ticks
 DIGESTED_ARRAYS = [
     (part, name, declared)
     for part, name, declared in digested_fields(World).values()
     if part and declared.is_array
 ]
-CROWDED = 12  # cells per robot below which each cell has its entry in the contest
+CROWDED = 12  # cells per robot; below, each cell has its own entry in the contest
 
 
 def build_world(
@@ -86,12 +86,12 @@ def build_world(
 ) -> tuple[World, PreparedFloor]:
     """The world at tick 0.
 
-    `storage`: (n,) the identity stored at each index; default 0..n-1. `longest_route`: steps that a
-    route may have; default what the floor may ask for. `in_convoy`: robots may follow each other in moves
-    of several ticks as the run begins, since it branches off from one where they do.
+    `storage`: (n,) the identity stored at each index; default 0..n-1. `longest_route`: most steps of a
+    route; default: the longest on this floor. `in_convoy`: at tick 0 of a branch, robots may already
+    follow each other in moves of several ticks.
     """
     is_refined = resolved.coarse is not None
-    in_convoy = in_convoy or is_refined  # moves of one tick take several then
+    in_convoy = in_convoy or is_refined  # moves of one tick then take several
     world, floor = _build_coarse(resolved.unrefined, seed, storage, longest_route, in_convoy)
     return refined_world(world, resolved) if is_refined else (world, floor)
 
@@ -120,10 +120,10 @@ def _build_coarse(
     n = scenario.fleet.robots
     clock = Clock.zeros()
     stations = build_stations(resolved, floor.grid.slot, len(slots.cell), len(orders.state), seed)
-    clock.undelivered = len(orders.state)  # of lines: until a trip is known, the lines
+    clock.undelivered = len(orders.state)  # for lines: the number of lines until a trip is known
     clock.open_jobs = len(stations.completion_tick)
     service_zones = build_service_zones(resolved, floor, slots, stations, len(orders.state))
-    # Zoning is asked in the first tick.
+    # Zoning is called in the first tick.
     clock.unqueued_orders = int(len(service_zones.wake) > 0)
     clock.next_wakeup = NIL
     clock.halted_until = NIL
@@ -222,15 +222,15 @@ def build_robots(
 
 
 def max_queue_length(robots: int, orders: int) -> int:
-    """How many orders a robot may have ahead of it."""
+    """The most orders in the queue of a robot."""
     return max(1, min(orders, MAX_QUEUE_LENGTH, MAX_QUEUED_ORDERS // robots))
 
 
 class Buffers(NamedTuple):
-    """What the loop passes to strategies besides the view."""
+    """What the loop passes to strategies in addition to the view."""
 
     full_batch: Batch  # the robots concerned
-    batch: Batch  # those that one call of decide is about
+    batch: Batch  # the robots of one call of decide
     decisions: Decisions
 
 
@@ -250,13 +250,13 @@ def build_buffers(world: World) -> Buffers:
 
 
 def build_zoning_decisions(service_zones: ServiceZones, robots: int) -> ZoningDecisions:
-    """Room for what zoning decides, sized for a partition; tiny without one."""
+    """Buffers for the decisions of zoning, sized for a partition; tiny without one."""
     sizes = {"n": robots, "m": len(service_zones.queue), "Z": len(service_zones.server)}
     return ZoningDecisions.sized(sizes, design=service_zones.design.copied())
 
 
 def build_sight(world: World, floor: PreparedFloor) -> World:
-    """What strategies see: the world itself, or, with limited sight, masked copies."""
+    """The world that strategies see: the world itself or, with limited sight, masked copies."""
     if world.rules.radius == NIL:
         return world
     service_zones = world.service_zones
@@ -271,7 +271,7 @@ def build_sight(world: World, floor: PreparedFloor) -> World:
         tally=world.tally.copied(),
         time_use=TimeUse.sized({"n": len(world.robots.cell)}),
         deadlocks=Deadlocks.sized({"n": len(world.robots.cell)}),
-        delays=world.delays.copied(),  # without who is delayed
+        delays=world.delays.copied(),  # without the delayed robots
         chargers=world.chargers.copied(),
         service_zones=service_zones.replaced(
             halt=service_zones.halt.copy(),
@@ -290,7 +290,7 @@ def build_sight(world: World, floor: PreparedFloor) -> World:
 
 
 def build_record(world: World, ticks: int, arrays: int) -> Record:
-    """Buffers of a recording for so many ticks; tiny when nothing is recorded."""
+    """Buffers to record this number of ticks; tiny when nothing is recorded."""
     n, steps = world.robots.route.shape
     orders = world.robots.order_queue.shape[1]
     words = 3 * n * max_words(steps, orders) + 3 * int(max_zoning_words(world))
@@ -301,7 +301,7 @@ def build_record(world: World, ticks: int, arrays: int) -> Record:
 
 
 def digest_interval(world: World) -> int:
-    """Ticks from one digest of a recording to the next, by how many values one is made of."""
+    """Ticks from one digest of a recording to the next, from the number of digested values."""
     values = 0
     for part, name, declared in DIGESTED_ARRAYS:
         array = getattr(getattr(world, part), name)
@@ -310,7 +310,7 @@ def digest_interval(world: World) -> int:
 
 
 def build_observation(world: World, ticks: int) -> Observation:
-    """Room to observe so many ticks at a time; tiny when nothing is observed."""
+    """Buffers to observe this number of ticks at a time; tiny when nothing is observed."""
     n, cells = (len(world.robots.cell), len(world.grid.kind)) if ticks else (1, 1)
     events = max(16 * ticks, 3 * max_events(world)) if ticks else 1
     sizes = {"n": n, "C": cells, "E": events, "T": max(ticks, 1), "k": len(world.stations.slot)}
@@ -328,7 +328,7 @@ def build_watch(world: World) -> Observation:
 
 
 def build_scratch(n: int, cells: int) -> ObservationScratch:
-    """What observing n robots on so many cells takes between two phases of a tick."""
+    """Scratch for observing n robots on this number of cells between two phases of a tick."""
     words = np.zeros(-(-n // 8), np.uint64)
     sizes = {"n": n, "C": cells, "power of two": 1 << (4 * n).bit_length()}
     return ObservationScratch.sized(sizes, marks=words.view(np.uint8), words=words)
@@ -344,7 +344,7 @@ class ZoneDesignError(InputError):
 def build_service_zones(
     resolved: Resolved, floor: PreparedFloor, slots: Slots, stations: Stations, orders: int
 ) -> ServiceZones:
-    """Stations and roads where the scenario has a zoning strategy, one zone for each robot."""
+    """Stations and roads if the scenario has a zoning strategy, with one zone for each robot."""
     choice = resolved.strategies.get("zoning")  # a story has no strategies
     robots = resolved.scenario.fleet.robots
     if choice is None or choice.name == "none":
@@ -361,7 +361,7 @@ def build_service_zones(
         station_of[: slots.first_spare] = groups
     roads = roads_of(resolved.floor_plan, cells)
     serves = served_stations(resolved, slots, station_of, len(cells))
-    # Room for one order at least: without any, there are zones all the same.
+    # Room for at least one order: zones exist without orders, too.
     service_zones = service_zones_of(roads, robots, station_of, max(orders, 1), robots).replaced(
         accessible=serves, has_priority=priorities(resolved, parameters.priority, len(cells))
     )
@@ -378,8 +378,8 @@ def build_service_zones(
         if not serves[zone, station]:
             name = resolved.fleet.types[resolved.fleet.type_of[zone]].name
             raise ZoneDesignError(
-                f"station {station + 1} is in zone {zone + 1} of the zone design, "
-                f"but robot {zone} ({name}) does not get there"
+                f"station {station + 1} is in zone {zone + 1} of the zone design, but robot "
+                f"{zone} ({name}) cannot reach it"
             )
     return service_zones.replaced(design=design)
 
@@ -390,7 +390,7 @@ def roads_of(floor_plan: FloorPlan, station_cells: Sequence[int] | Array) -> Roa
 
 
 def served_stations(resolved: Resolved, slots: Slots, station_of: Array, count: int) -> Array:
-    """(n, S) uint8: 1 = a robot gets to all slots of a station, of those to which any robot gets."""
+    """(n, S) uint8: 1 = a robot reaches all slots of a station that any robot reaches."""
     by_type = np.ones((len(slots.accessible), count), np.uint8)
     anybody = np.logical_or.reduce(slots.accessible)
     for kind, serves in enumerate(slots.accessible):
@@ -413,7 +413,7 @@ def priorities(resolved: Resolved, priority: dict[str, tuple[int, ...]], count: 
 def service_zones_of(
     roads: Roads, zones: int, station_of: Array, orders: int, robots: int
 ) -> ServiceZones:
-    """A partition over some roads in which no station has a zone."""
+    """A partition over some roads in which no station is in a zone."""
     return ServiceZones.sized(
         {"Z": zones, "S": len(roads.point), "m": orders, "n": robots},
         roads=roads,
@@ -425,14 +425,13 @@ def service_zones_of(
 
 # A world in finer ticks, from the one in the ticks of its scenario.
 #
-# What is drawn for a run is drawn in coarse ticks and multiplied, so that all refinements have the
-# same day: demand, handling times, closings. What the engine draws meanwhile
-# (automaton.engine.random_numbers) keeps its chances, and the tables that it draws from are
-# multiplied here.
+# Demand, handling times and closings are drawn in coarse ticks and multiplied, so that all refinements
+# have the same day. Random events in the run (automaton.engine.random_numbers) keep their
+# probabilities, and their tables of ticks are multiplied here.
 
 
 def refined_world(coarse: World, resolved: Resolved) -> tuple[World, PreparedFloor]:
-    """The world at tick 0 of a refined scenario; `coarse`: that of its scenario as it was read."""
+    """The world at tick 0 of a refined scenario; `coarse`: the world of the scenario as it was read."""
     scenario, factor = resolved.scenario, resolved.scenario.refine
     floor = floor_for(resolved.floor_plan, scenario.world.traffic_zones, resolved.fleet.types)
     orders, lines, stations = coarse.orders, coarse.lines, coarse.stations
@@ -469,7 +468,7 @@ def refined_world(coarse: World, resolved: Resolved) -> tuple[World, PreparedFlo
 
 
 def _rules(coarse: Rules, resolved: Resolved) -> Rules:
-    """The constants of the scenario; chances stay those of a coarse tick, in which they are drawn."""
+    """The constants of the scenario; probabilities remain per coarse tick, in which they are drawn."""
     factor = resolved.scenario.refine
     fine = rules_for(resolved.scenario, int(coarse.seed), coarse.loaded_types > 0)
     return fine.replaced(
@@ -481,12 +480,12 @@ def _rules(coarse: Rules, resolved: Resolved) -> Rules:
 
 
 def _times(ticks: Array, factor: int) -> Array:
-    """Ticks in fine ones; NEVER and NIL stay, and nothing is as late as NEVER."""
+    """Ticks as fine ticks; NEVER and NIL stay, and no other tick reaches NEVER."""
     return _kept(ticks, factor * ticks.astype(np.int64))
 
 
 def _begins(ticks: Array, factor: int) -> Array:
-    """The same of ticks in which something is to happen."""
+    """The first fine ticks of coarse ticks; otherwise as `_times`."""
     return _kept(ticks, begin_of(ticks.astype(np.int64), factor))
 
 

@@ -1,8 +1,7 @@
-"""What the robots of a scenario can do on its floor: where they begin, what they reach and serve.
+"""What the robots of a scenario can do on its floor: start cells, reachable cells and served slots.
 
-Each fact is found once for each type of robots. Of each order it is known where it begins and ends and
-how heavy it is; a type does it if it carries the weight and gets to both ends, and back. Orders that are
-drawn count as all that could be drawn.
+Each fact is found once per type of robots. A type can do an order if it carries the weight and reaches
+both ends, and comes back. For random orders, all that could be drawn count.
 """
 
 from __future__ import annotations
@@ -45,18 +44,18 @@ from automaton.strategy.lookup import (
 )
 from automaton.world.gate_cells import cells_to_start
 
-TWO_WAY_SHARE: Final = 0.5  # of pairs of cells; in one-way aisles neither planner is always ahead
+TWO_WAY_SHARE: Final = 0.5  # of pairs of cells; in one-way aisles neither planner is always better
 NO_ZONING: Final = "none"
 # Flat cells of robots 0, 1, ...
 Start = Literal["parking-bays", "random", "racks"] | tuple[int, ...]
 
 
 class Service(NamedTuple):
-    """From where slots are served, and by whom; shared by all runs with the same starts."""
+    """The cells and types that serve slots; shared by all runs with the same starts."""
 
-    reachable: npt.NDArray[np.uint8]  # (K, C) 1 = type k gets there from where it begins, and back
-    access: npt.NDArray[np.int32]  # (s, 4) the neighbours of a slot that any type gets to, or NIL
-    accessible: npt.NDArray[np.uint8]  # (K, s) 1 = robots of type k get to one of them
+    reachable: npt.NDArray[np.uint8]  # (K, C) 1 = reached by type k from its start, and back
+    access: npt.NDArray[np.int32]  # (s, 4) the neighbours of a slot that any type reaches, or NIL
+    accessible: npt.NDArray[np.uint8]  # (K, s) 1 = robots of type k reach one of them
 
 
 @lru_cache(maxsize=64)
@@ -65,7 +64,7 @@ def service_for(
     types: tuple[RobotType, ...],
     homes: tuple[int, ...],
 ) -> Service:
-    """Who serves what; `homes`: (K,) where a robot of each type begins."""
+    """The service of a fleet; `homes`: (K,) the start cell of a robot of each type."""
     plans = floor_by_type(floor_plan, rows_of(types, False)).floor_plans
     each = zip(plans, homes, types, strict=True)
     within = np.stack([to_and_from(floor, home, one.rail) for floor, home, one in each])
@@ -88,14 +87,14 @@ class FleetOnFloor:
         self.types = types_of(scenario)
         self.type_of = type_of_each(scenario.fleet)  # (n,) by identity
         self.counts = np.bincount(self.type_of, minlength=len(self.types)).tolist()
-        self.rail = all(one.rail for one in self.types)  # all turn on turntables alone
-        self.drives_under = scenario.pods.under == "empty"  # pods that others are to lift
-        # (K, C) where robots of a type may not begin: nor in storage, where they would bar a pod.
+        self.rail = all(one.rail for one in self.types)  # all turn only on turntables
+        self.drives_under = scenario.pods.under == "empty"  # pods that other robots will lift
+        # (K, C) cells where robots of a type must not begin; in storage they would block a pod.
         self.closed = floor_by_type(floor_plan, rows_of(self.types, False)).closed
         if not self.drives_under:
             self.closed = self.closed | (floor_plan.kind.reshape(-1) == STORAGE)
         self.payload = max(robot_type.payload for robot_type in self.types)
-        # Ticks that they take the fastest robots, without a load or with one.
+        # Ticks of the fastest robots, without a load or with one.
         self.least_move = min(move for one in self.types for move in one.moves)
         self.least_loaded_move = min(one.moves.loaded for one in self.types)
         self.least_loaded_turn = min(one.turns.loaded for one in self.types)
@@ -104,7 +103,7 @@ class FleetOnFloor:
 
     @cached_property
     def starts(self) -> list[npt.NDArray[np.int64]]:
-        """For each type the cells where its robots may begin."""
+        """The cells where robots of each type may begin."""
         if isinstance(self.start, tuple):
             cells = np.array(self.start, np.int64)
             return [cells[self.type_of == number] for number in range(len(self.types))]
@@ -119,9 +118,9 @@ class FleetOnFloor:
         return [cells[~closed[cells]] for closed in self.closed]
 
     def first_open(self, cells: npt.NDArray[Any]) -> list[npt.NDArray[np.intp]]:
-        """For each type the numbers of the first cells that are open to it, one for each of its robots.
+        """For each type the indices of the first cells open to it, one for each of its robots.
 
-        One type after another takes its cells; fewer where they do not suffice.
+        Types choose one after another; the last ones may get too few cells.
         """
         free = np.ones(len(cells), np.bool_)
         chosen = []
@@ -132,30 +131,30 @@ class FleetOnFloor:
 
     @cached_property
     def service(self) -> Service:
-        """Who serves what, from the first cells where robots may begin."""
+        """The service of the fleet from the first cells where robots may begin."""
         homes = tuple(int(cells[0]) for cells in self.starts)
         return service_for(self.floor_plan, self.types, homes)
 
     @cached_property
     def within(self) -> Mask:
-        """(K, C) the cells that robots of each type get to from where they begin, and back."""
+        """(K, C) the cells that robots of each type reach from their starts, and return from."""
         return self.service.reachable.astype(np.bool_)
 
     @cached_property
     def served(self) -> Mask:
-        """(K, s) the slots that robots of each type get to from where they begin, and back.
+        """(K, s) the slots that robots of each type reach from their starts, and return from.
 
-        If need be also with their loads: from where loads lie to where they go.
+        Where areas or storage matter, also with their loads, from sources to targets.
         """
         return served_with_load(self.service.access, self.loaded)
 
     @cached_property
     def loaded(self) -> Mask:
-        """(K, C) the cells that robots of each type get to with a load, and on from there."""
+        """(K, C) the cells that robots of each type reach with a load and can leave to a target."""
         return self.with_load(self.service)
 
     def with_load(self, service: Service) -> Mask:
-        """The same for robots that begin in other places."""
+        """(K, C) the same cells for robots with other starts."""
         within = service.reachable.astype(np.bool_)
         if not has_closed_ways(self.floor_plan, self.types):
             return within
@@ -163,7 +162,7 @@ class FleetOnFloor:
 
     @cached_property
     def load_ends(self) -> LoadEnds:
-        """Between which cells loads are carried; where robots hand them over, between all slots."""
+        """The ends between which loads are carried; all slots if robots may hand loads over."""
         slots, listed = self.floor_plan.slots.astype(np.int64), self.scenario.orders.listed or ()
         stops = [
             self.floor_plan.cell(*xy) for line in listed if line.has_load for xy in line.stop_cells
@@ -177,12 +176,12 @@ class FleetOnFloor:
 
     @property
     def hands_over(self) -> bool:
-        """Whether robots may pass loads on."""
+        """Whether robots may hand loads over."""
         zoning = self.scenario.strategy.zoning
         return (zoning if isinstance(zoning, str) else zoning.get("name")) != NO_ZONING
 
     def parted(self) -> tuple[str, int, int] | None:
-        """A type with a load and two cells: where it picks one up, and where it does not get with it."""
+        """A type and two cells: it picks up a load in one and cannot carry it to the other."""
         if all(one.closed_empty == one.closed_loaded for one in self.types):
             return None
         plans = floor_by_type(self.floor_plan, rows_of(self.types, True)).floor_plans
@@ -210,9 +209,9 @@ class FleetOnFloor:
         return {cell: slot for slot, cell in enumerate(self.floor_plan.slots.tolist())}
 
     def orders(self, by_ends: bool = False) -> Iterator[Way]:
-        """All orders of the scenario that have a load; of listed ones that are alike, the first.
+        """All orders of the scenario with a load; of equal listed ones, the first.
 
-        `by_ends`: those of which each end is as in some order before them are left out, too.
+        `by_ends`: also without orders whose two ends both occur in earlier orders.
         """
         orders, floor_plan = self.scenario.orders, self.floor_plan
         known: set[tuple[Any, ...]] = set()
@@ -229,7 +228,7 @@ class FleetOnFloor:
         for row, parts in enumerate(orders.parts or ()):
             name = parts.name or f"parts {row + 1}"
             for here, then in itertools.pairwise(parts.route):
-                what = f"the way of {name} from station {here} to {then}"
+                what = f"the leg of {name} from station {here} to {then}"
                 source, target = stations[[here - 1]], stations[[then - 1]]
                 yield Way(("orders", "parts", row), what, source, target, parts.weight)
         if orders.generator in ENDS:
@@ -244,7 +243,7 @@ class FleetOnFloor:
             yield Way(keys, "an order", begin, end, weight, orders.generator == "visits")
 
     def abilities(self, way: Way) -> list[Mask]:
-        """(2, K, most ends) whether a type can begin an order at each source, and end it."""
+        """(2, K, most ends) whether a type can begin at each source, and end at each target."""
         carries = np.array([robot_type.payload >= way.weight for robot_type in self.types])
         return [
             self.served[:, [self.slot_of[cell] for cell in cells.tolist()]] & carries[:, None]
@@ -266,7 +265,7 @@ class FleetOnFloor:
         return None
 
     def handed_over(self) -> str:
-        """A sentence on the first order that no type carries all the way; "" if there is none."""
+        """A sentence about the first order that no single type can carry; "" if there is none."""
         if len(self.types) == 1:
             return ""
         for way in self.orders():
@@ -277,33 +276,34 @@ class FleetOnFloor:
                 source, target = way.source[lost[0][0]], way.target[lost[0][1]]
                 (x, y), (u, v) = self.floor_plan.xy(source), self.floor_plan.xy(target)
                 return (
-                    f"{way.what} from [{x}, {y}] to [{u}, {v}] is carried all the way by no type of "
-                    "robot; only zoning hands orders over from one type to another"
+                    f"{way.what} from [{x}, {y}] to [{u}, {v}] cannot be carried all the way by "
+                    "any single type of robot; only zoning hands orders over from one type to "
+                    "another"
                 )
         return ""
 
 
 class Way(NamedTuple):
-    """Orders that lead from some slots to some slots."""
+    """Orders from some slots to some slots."""
 
     keys: Keys
-    what: str  # as errors call them
+    what: str  # name in errors
     source: npt.NDArray[np.int64]  # flat cells
     target: npt.NDArray[np.int64]
-    weight: int  # of the heaviest
+    weight: int  # of the heaviest order
     stays: bool = False  # each ends where it begins: a visit
 
 
-# Where robots with a load get to: from where loads lie to where they go, over what is open to them.
+# Cells that robots with a load reach on their way from sources to targets, over cells open to them.
 #
-# Areas may be closed to robots with a load, or to those without one. Then a slot is served only from
-# cells that a robot reaches without a load, from where it begins and back, and in which it may be with
-# one; and from any such cell beside its slot an order has a way to any one beside its target.
-# On a floor with storage that is: to all stations, and back.
+# Areas may be closed to robots with a load, or without one. Then a slot is served only from cells that
+# a robot may enter with a load and reaches without one from its start, and returns from. Each such
+# cell beside the source of an order must have a way to each such cell beside its target. On a floor
+# with storage: a way to all stations, and back.
 
 
 class LoadEnds(NamedTuple):
-    """Between which cells loads are carried."""
+    """The cells between which loads are carried."""
 
     sources: Array  # flat cells of slots
     targets: Array
@@ -322,16 +322,16 @@ def loaded_driving(robot_type: RobotType) -> Driving:
 
 
 def has_closed_ways(floor_plan: FloorPlan, types: tuple[RobotType, ...]) -> bool:
-    """Whether robots with a load get to other cells than those without one."""
+    """Whether robots with a load and without one can reach different cells."""
     return has_storage(floor_plan) or any(one.closed_empty != one.closed_loaded for one in types)
 
 
 def reached_with_load(
     floor_plan: FloorPlan, types: tuple[RobotType, ...], within: Mask, ends: LoadEnds
 ) -> Mask:
-    """(K, C) the cells that robots of each type get to with a load, and on from there.
+    """(K, C) the cells that robots of each type reach with a load and can leave to a target.
 
-    `within`: (K, C) those that they get to without one, from where they begin and back.
+    `within`: (K, C) the cells that they reach without a load from their starts, and return from.
     """
     by_row = floor_by_type(floor_plan, rows_of(types, True))
     result = within.copy()
@@ -348,7 +348,7 @@ def reached_with_load(
 
 
 def stands(floor_plan: FloorPlan, slots: Array, stops: Array, usable: Mask) -> list[int]:
-    """The usable cells from which slots, by flat cell, are served, and the stops."""
+    """The usable cells among the cells that serve slots (flat) and the stops."""
     number = np.full(floor_plan.kind.size, NIL, np.int64)
     number[floor_plan.slots] = np.arange(len(floor_plan.slots))
     access = slot_access(floor_plan)[number[slots]].reshape(-1)
@@ -358,7 +358,7 @@ def stands(floor_plan: FloorPlan, slots: Array, stops: Array, usable: Mask) -> l
 
 
 def served_with_load(access: Array, loaded: Mask) -> Mask:
-    """(K, s) whether robots of each type serve a slot from a cell that they get to with a load too.
+    """(K, s) whether robots of each type serve a slot from a cell that they also reach with a load.
 
     `access`: (s, 4) cells beside slots, or NIL.
     """
@@ -369,10 +369,10 @@ def served_with_load(access: Array, loaded: Mask) -> Mask:
 def parted_ends(
     plan: FloorPlan, begin: list[int], end: list[int], rail: bool, known: dict[int, Mask]
 ) -> tuple[int, int]:
-    """A cell where loads are picked up and one where they are dropped, without a way; else (NIL, NIL).
+    """A pick cell and a drop cell without a way between them; else (NIL, NIL).
 
-    `plan`: with the exits that are open to robots with a load. `known`: what is reached from cells, on
-    this plan; what is found is added.
+    `plan`: with the exits open to robots with a load. `known`: cells reached from a cell on this plan;
+    new results are added.
     """
     left, ends = set(begin), np.array(end, np.int64)
     while left and len(ends):
@@ -385,24 +385,24 @@ def parted_ends(
         left.remove(first)
         if not left:
             break
-        # Whoever gets to that cell gets wherever one gets from there.
+        # A robot that reaches this cell reaches all cells that are reachable from it.
         before = reached(plan, [first], rail, backwards=True)
         left = {cell for cell in left if not before[cell]}
     return NIL, NIL
 
 
-# The right of way of a scenario that names none: what serves its robots best, as strategies declare.
+# The default right of way: the best one for the scenario by the declarations of the strategies.
 
 
 class Default(NamedTuple):
-    """A right of way that was not named, and why it is not the usual one; "" where it is."""
+    """A default right of way, with the reason if it is not the usual one, else ""."""
 
     name: str
     why: str
 
 
 def with_right_of_way(scenario: Scenario, fleet: FleetOnFloor) -> Scenario:
-    """The scenario with its right of way named."""
+    """The scenario with its right of way filled in."""
     if scenario.strategy.right_of_way is not None:
         return scenario
     name = default_right_of_way(scenario, fleet).name
@@ -411,7 +411,7 @@ def with_right_of_way(scenario: Scenario, fleet: FleetOnFloor) -> Scenario:
 
 
 def default_right_of_way(scenario: Scenario, fleet: FleetOnFloor) -> Default:
-    """The right of way of this scenario unless it is named."""
+    """The default right of way of this scenario."""
     why_not = why_not_steered(scenario, fleet)
     if why_not:
         return Default(default_for("right_of_way", ROUTED), why_not)
@@ -419,7 +419,7 @@ def default_right_of_way(scenario: Scenario, fleet: FleetOnFloor) -> Default:
     parameters: Any = parameters_type("right_of_way", planner)()
     if (
         has_slow_actions(scenario, fleet.floor_plan)
-        and not scenario.floor.has_gates  # before which plans of several ticks may jam: bad-day
+        and not scenario.floor.has_gates  # plans of several ticks may jam there: bad-day
         and two_way_share(fleet.floor_plan) >= TWO_WAY_SHARE
         and parameters.check_scenario(scenario, fleet.floor_plan) is None
     ):
@@ -429,7 +429,7 @@ def default_right_of_way(scenario: Scenario, fleet: FleetOnFloor) -> Default:
 
 
 def why_not_steered(scenario: Scenario, fleet: FleetOnFloor) -> str:
-    """Why robots follow routes unless right of way is named; "" where they are steered."""
+    """Why the default right of way follows routes; "" if it steers robots."""
     routing: Any = scenario.strategy.routing
     name = str(routing["name"] if isinstance(routing, dict) else routing)
     if not declares("routing", name, TAKES_SHORTEST_ROUTES):
@@ -449,7 +449,7 @@ def has_slow_actions(scenario: Scenario, floor_plan: FloorPlan) -> bool:
 
 
 def two_way_share(floor_plan: FloorPlan) -> float:
-    """The share of pairs of neighbouring cells with a way between them that have one both ways."""
+    """The share of connections between neighbouring cells that are open in both directions."""
     exits = floor_plan.exits.reshape(-1)
     one_way = both_ways = 0
     for direction, offset in enumerate(floor_plan.offsets[:2]):
@@ -461,5 +461,5 @@ def two_way_share(floor_plan: FloorPlan) -> float:
 
 
 def has_ringless_part(fleet: FleetOnFloor) -> bool:
-    """Whether robots drive in a part of the floor without a ring of cells."""
+    """Whether some robots drive in a part of the floor without a ring of cells."""
     return bool((dead_ends_of(fleet.floor_plan).ringless & fleet.within.any(axis=0)).any())

@@ -1,9 +1,9 @@
-"""What is lost where times, speeds and rates become whole numbers, and which tick would lose less.
+"""Rounding errors of times, speeds and rates that become whole numbers, and the tick that reduces them.
 
     durations.move 1.5 m/s: 1.6 ticks -> 2, 25 % slower
 
 Times and lengths become whole ticks and cells, rates of batteries whole units of charge. Numbers without
-a unit are ticks, also where a tick is not a second: `check` says how they were read.
+a unit are ticks, even if a tick is not a second: `check` says how they were read.
 
     read in ticks of 0.5 s: durations.pick 30 (15 s), orders.mean_interarrival_time 60 (30 s)
 """
@@ -40,17 +40,17 @@ class Rounding(NamedTuple):
 
     @property
     def error(self) -> Fraction:
-        """How much too large the value is, as a share of what is wanted."""
+        """By how much the value is too large, as a share of the exact value."""
         return self.value / self.exact - 1 if self.exact else Fraction(0)
 
     def line(self, tick: Unit) -> str:
-        """What was written, what it is exactly and in the world, and by how much that differs."""
+        """The text, its exact value, its value in the world, and their difference."""
         written = f"{self.conversion.key} {self.conversion.text}"
         counted = f"{shown(self.exact)} {self.counted}{'' if self.exact == 1 else 's'}"
         return f"{written}: {counted} -> {self.value:,}, {self.difference(tick)}"
 
     def difference(self, tick: Unit) -> str:
-        """How far it is off: "25 % slower"; of points in time: "0.2 s later"."""
+        """The error as text: "25 % slower"; for points in time: "0.2 s later"."""
         off = self.value - self.exact
         if self.conversion.is_moment:
             value, name = duration(abs(float(off)), tick)
@@ -63,7 +63,7 @@ class Rounding(NamedTuple):
         return f"{in_percent(abs(self.error))} {more if off > 0 else less}"
 
     def error_with(self, tick: Fraction, former: Fraction) -> Fraction:
-        """The share that it would be off, were a tick so many seconds and not as many as it is."""
+        """The error, as a share, if a tick had this number of seconds instead of `former`."""
         per_tick = self.conversion.dimension == Dimension.PERCENT_RATE
         exact = self.exact * (tick / former if per_tick else former / tick)
         if not exact:
@@ -76,7 +76,7 @@ class Rounding(NamedTuple):
 
 
 def roundings(resolved: Resolved) -> list[Rounding]:
-    """All texts of a scenario that became whole numbers of its world."""
+    """All texts of a scenario that were rounded for its world."""
     conversions = list(resolved.conversions)
     for _, choice in resolved.choices:
         conversions += choice.conversions
@@ -95,7 +95,7 @@ def _rounding(conversion: Conversion) -> Rounding | None:
 
 
 def conversion_lines(resolved: Resolved) -> list[str]:
-    """A line for each conversion that is not exact, in the sequence of the keys; of many, the worst."""
+    """A line for each inexact conversion, in the order of the keys; only the worst if there are many."""
     tick = resolved.scenario.units.scale.unit
     inexact = [one for one in roundings(resolved) if one.exact != one.value]
     inexact_lines = [one.line(tick) for one in inexact[:MOST_CONVERSIONS]]
@@ -109,7 +109,7 @@ def conversion_lines(resolved: Resolved) -> list[str]:
 
 
 def coarse_conversions(resolved: Resolved) -> list[str]:
-    """Warn about conversions that are far off, and name the largest tick with which none is."""
+    """Warn about large conversion errors, and name the largest tick without any."""
     durations = [one for one in roundings(resolved) if not one.conversion.is_moment]
     groups = (
         [one for one in durations if one.counted != "cell"],
@@ -136,7 +136,7 @@ def _fitting_tick(group: list[Rounding], former: Fraction) -> str:
 
 
 def plain_number_line(data: dict[str, Any], scale: Scale) -> str:
-    """The keys whose numbers are ticks other than seconds, each with its first; or ""."""
+    """The keys whose plain numbers are ticks that are not seconds, each with its first number; or ""."""
     try:
         if scale.tick_seconds == 1:
             return ""
@@ -156,7 +156,7 @@ def plain_number_line(data: dict[str, Any], scale: Scale) -> str:
 
 
 def _ticks_in(value: Any, plan: Plan, keys: Keys) -> Iterator[tuple[Keys, float]]:
-    """The plain numbers above 1 that count ticks, with their keys."""
+    """The plain numbers of ticks above 1, with their keys."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         if plan.place is not None and plan.place.quantity.counted == "tick" and value > 1:
             yield keys, value

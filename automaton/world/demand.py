@@ -1,9 +1,9 @@
 """The orders of a run at tick 0, the slots between which they are carried, and their stops.
 
-They are released at once, one by one, in bursts, in a closed loop, or as listed; those of parts when the
-job before them is done. Draws are addressed by the seed and the number of an order or a burst alone, so
-that all fleets and strategies face the same demand; of a closed loop only the sequence is drawn, and its
-ticks follow from the deliveries.
+Orders are released at once, one by one, in bursts, in a closed loop, or as listed; orders of parts when
+the previous job is done. Draws depend only on the seed and the number of the order or burst, so all
+fleets and strategies face the same demand. For a closed loop only the sequence is drawn: deliveries
+determine its release ticks.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ from automaton.world.resolved import Resolved
 from automaton.world.rules import may_fail
 from automaton.world.task_lists import assign_in_turn, cells_of_tasks, order_count
 
-DRAW_RELEASE_SEQUENCE, DRAW_WEIGHT = 2, 3  # what is drawn of an order, beside its two ends
-SIZES, GAPS, PARTS = 1, 2, 3  # what is drawn of a burst; PARTS + k: gaps between parts of type k
+DRAW_RELEASE_SEQUENCE, DRAW_WEIGHT = 2, 3  # draws of an order besides its two ends
+SIZES, GAPS, PARTS = 1, 2, 3  # draws of a burst; PARTS + k: gaps between parts of type k
 DRAW_STOP_COUNT: Final = 4
-DRAW_STOP: Final = 16  # and above: the first stop, the second one, ...
+DRAW_STOP: Final = 16  # and above: first stop, second stop, ...
 
 
 def build_orders(
     resolved: Resolved, floor: PreparedFloor, seed: int, homes: Array
 ) -> tuple[Orders, Slots, Stops]:
-    """Orders by slot (table order), as listed, or as drawn, the slots, and the stops of orders.
+    """Orders (by slot in table order, as listed, or as drawn), the slots, and the stops of orders.
 
-    Slots are served from the cells that robots can reach, and come back from. `homes`: (n,) where
-    each robot begins, by identity.
+    Slots are served from the cells that robots can reach and return from. `homes`: (n,) start cells of
+    robots by identity.
     """
     fleet = resolved.fleet
     first = np.cumsum([0, *fleet.counts[:-1]])  # robots of each type begin in one part of the floor
@@ -65,7 +65,7 @@ def build_orders(
 
 
 def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
-    """(count,) int32: how heavy each order is."""
+    """(count,) int32: the weight of each order."""
     if orders.listed is not None:
         return np.array([line.weight for line in orders.listed], np.int32)
     if orders.parts is not None:
@@ -79,7 +79,7 @@ def weights(orders: OrdersGiven, count: int, seed: int) -> Array:
 
 
 def due_ticks(listed: Iterable[OrderLine]) -> list[int]:
-    """Until when each order is to be done: as far off as an array holds, NEVER if it has no due time."""
+    """The due tick of each order, at most what the array can hold; NEVER without a due time."""
     ticks = (line.due_tick for line in listed)
     return [NEVER if tick is None else min(tick, NEVER - 1) for tick in ticks]
 
@@ -92,9 +92,9 @@ def orders_of(
     weight: Array,
     first_stop: Array,
 ) -> Orders:
-    """Orders of which nothing is done yet; from, to, known from, in which sequence, how heavy.
+    """New orders: source, target, release, sequence and weight.
 
-    All of them are (m,), and (m + 1,) where their stops begin.
+    All arrays are (m,), except (m + 1,) for the first stop of each order.
     """
     return Orders.sized(
         state=np.where(released > 0, ORDER_UNRELEASED, ORDER_WAITING).astype(np.uint8),
@@ -109,7 +109,7 @@ def orders_of(
 
 
 def slots_of(resolved: Resolved, floor: PreparedFloor, service: Service, source: Array) -> Slots:
-    """The slots of the floor with the loads of orders that begin at `source`, and spare ones."""
+    """The slots of the floor with the loads of orders that begin at `source`, plus spare slots."""
     spare = len(floor.slot_cell)
     more = resolved.scenario.fleet.robots if may_fail(resolved.scenario) else 0
     content = np.full(spare + more, NIL, np.int32)
@@ -133,7 +133,7 @@ def slots_of(resolved: Resolved, floor: PreparedFloor, service: Service, source:
 
 
 def with_loaded_types(fleet: FleetOnFloor, service: Service) -> tuple[Array, Array]:
-    """(2 K, C) and (2 K, s): what is reachable and accessible to each type, and to it with a load."""
+    """(2 K, C) and (2 K, s): cells and slots within reach of each type, without and with a load."""
     loaded = fleet.with_load(service)
     serves = served_with_load(service.access, loaded)
     return (
@@ -156,7 +156,7 @@ def sources_and_targets(
         ]
         source, target = np.array(ends, np.int32).T
         return source, target
-    if orders.lines is not None:  # trips are known in the run
+    if orders.lines is not None:  # trips are created during the run
         return np.zeros(0, np.int32), np.zeros(0, np.int32)
     if orders.generator == "tours" or orders.tasks is not None:
         count = order_count(resolved.scenario, resolved.floor_plan)
@@ -187,7 +187,7 @@ def among_stations(stations: Array, orders: Any, seed: int) -> tuple[Array, Arra
 
 
 def drawn(slots: Array, count: int, seed: int, what: int) -> Array:
-    """(count,) int32: slots drawn uniformly, with replacement; `what` tells the draws apart."""
+    """(count,) int32: slots drawn uniformly, with replacement; `what` addresses the draws."""
     choice = integers(count, len(slots), seed, random_numbers.STREAM_ORDERS, what)
     chosen: Array = slots[choice].astype(np.int32)
     return chosen
@@ -199,7 +199,7 @@ def routes(orders: OrdersGiven) -> list[tuple[int, ...]]:
 
 
 def part_ticks(orders: OrdersGiven, seed: int) -> list[int]:
-    """The tick in which each part comes."""
+    """The tick in which each part arrives."""
     ticks: list[int] = []
     for row, kind in enumerate(orders.parts or ()):
         between = gaps(kind.interarrival_time, kind.count, seed, PARTS + row)
@@ -209,7 +209,7 @@ def part_ticks(orders: OrdersGiven, seed: int) -> list[int]:
 
 
 def work_ticks(orders: OrdersGiven, station: Array, part: Array, place: Array, seed: int) -> Array:
-    """(j,) int64: ticks of works, by station from 0; what is drawn, by part and place in its route."""
+    """(j,) int64: processing ticks of jobs, by station from 0; draws by part and index in the route."""
     ticks = np.zeros(len(station), np.int64)
     times = (
         orders.processing_time
@@ -228,7 +228,7 @@ def work_ticks(orders: OrdersGiven, station: Array, part: Array, place: Array, s
 
 
 def part_orders(resolved: Resolved, slot_of: Array) -> tuple[Array, Array, Array]:
-    """(m,) each: slots where the orders of all parts begin and end, and when they are released."""
+    """(m,) each: source slots, target slots and release ticks of the orders of all parts."""
     slots = slot_of[resolved.floor_plan.stations]
     ways = [
         (slots[here - 1], slots[then - 1])
@@ -242,7 +242,7 @@ def part_orders(resolved: Resolved, slot_of: Array) -> tuple[Array, Array, Array
 def build_stations(
     resolved: Resolved, slot_of: Array, slots: int, orders: int, seed: int
 ) -> Stations:
-    """The stations of the floor, by number, and the works of all parts; `slots` counts spare ones."""
+    """The stations of the floor, by number, and the jobs of all parts; `slots`: spare ones included."""
     scenario = resolved.scenario.orders
     cells = resolved.floor_plan.stations
     at = np.full(slots, NIL, np.int32)
@@ -287,7 +287,7 @@ def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
     sequence = np.arange(count)
     if (
         orders.generator not in (*DRAWN_GENERATORS, None) and ticks.any()
-    ):  # not one row of shelves after the other
+    ):  # not row by row of shelves
         sequence = drawn_sequence(count, seed)
     released = np.zeros(count, np.int64)
     released[sequence] = ticks
@@ -297,9 +297,9 @@ def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
 def ticks_by_rank(
     orders: OrdersGiven, count: int, seed: int, last: int, in_system: int = 0
 ) -> Array:
-    """(count,) int64: the tick of the first order, of the second, ...; those after `last` at it.
+    """(count,) int64: the release ticks of the first order, the second, ..., at most `last`.
 
-    With a mean_interarrival_time, the first at once and then one in each tick with probability
+    With a mean_interarrival_time, the first order comes at once, then one in each tick with probability
     1/mean_interarrival_time.
     """
     ticks = np.zeros(count, np.int64)
@@ -324,7 +324,7 @@ def burst_ticks(bursts: Bursts, count: int, seed: int) -> Array:
 
 
 def gaps(value: int | Mean | MeanTime, count: int, seed: int, what: int) -> Array:
-    """(count,) int64: a number given, or drawn for each."""
+    """(count,) int64: a given number, or a random number for each."""
     if isinstance(value, int):
         return np.full(count, value, np.int64)
     return geometric(value.mean, seed, random_numbers.STREAM_RELEASES, np.arange(count), what)
@@ -347,7 +347,7 @@ def drawn_sequence(count: int, seed: int) -> Array:
 def build_stops(
     resolved: Resolved, service: Service, orders: int, seed: int
 ) -> tuple[Array, Stops]:
-    """(orders + 1,) int32 where the stops of each order begin among all, and all stops."""
+    """(orders + 1,) int32 the index of the first stop of each order, and all stops."""
     demand = resolved.scenario.orders
     count = np.zeros(orders, np.int64)
     cells = np.zeros(0, np.int64)
@@ -370,7 +370,7 @@ def build_stops(
 
 
 def stops_of_tasks(resolved: Resolved, orders: int) -> tuple[Array, Array]:
-    """How many stops each order has, and the cells of them all: task k is line k modulo the lines."""
+    """The number of stops of each order, and all their cells: task k is line k modulo the line count."""
     count, cells = cells_of_tasks(resolved.scenario.orders, resolved.floor_plan)
     first = np.concatenate([[0], np.cumsum(count)])
     line = np.arange(orders) % len(count)
@@ -380,13 +380,13 @@ def stops_of_tasks(resolved: Resolved, orders: int) -> tuple[Array, Array]:
 
 
 def cells_of_all(service: Service) -> Array:
-    """The cells that robots of every type reach, and come back from."""
+    """The cells that robots of every type reach and return from."""
     cells: Array = np.flatnonzero(service.reachable.all(axis=0))
     return cells
 
 
 def stop_counts(orders: OrdersGiven, count: int, seed: int) -> Array:
-    """(count,) int64: how many stops each order has."""
+    """(count,) int64: the number of stops of each order."""
     if not isinstance(orders.stops, StopRange):
         return np.full(count, orders.stops, np.int64)
     least, most = orders.stops.least, orders.stops.most
@@ -399,7 +399,7 @@ def stop_counts(orders: OrdersGiven, count: int, seed: int) -> Array:
 def drawn_stops(cells: Array, count: Array, seed: int) -> Array:
     """The stops of orders, one order after another: `count` of each, drawn from cells.
 
-    The first one is any of the cells, each further one any but the one before it.
+    The first stop is any of the cells; each further stop is any cell except the previous one.
     """
     most = int(count.max(initial=0))
     places = np.zeros((len(count), most), np.int64)  # among `cells`

@@ -1,8 +1,8 @@
-"""Durations that are drawn: of handling, of delays, of repairs, and the gaps between random events.
+"""Random durations: handling, delays, repairs, and the gaps between random events.
 
-Draws are addressed by the seed and a number, so that all fleets and strategies face the same work. They
-are quantiles of numbers between 0 and 1. All arithmetic rounds alike on every machine: no function of a
-library of mathematics is used but the four operations and the square root.
+Draws depend only on the seed and a number, so all fleets and strategies face the same work. They are
+quantiles of numbers between 0 and 1. All arithmetic rounds alike on every machine: it uses the four
+operations and the square root, and no function of a mathematics library.
 """
 
 from __future__ import annotations
@@ -23,13 +23,13 @@ from automaton.scenario.fleet import Faults
 Floats = npt.NDArray[np.float64]
 Whole = npt.NDArray[np.int64]
 
-Address = tuple[int, Whole, Whole]  # of draws: a stream, (count,) ticks and (count,) robots
+Address = tuple[int, Whole, Whole]  # address of draws: a stream, (count,) ticks and (count,) robots
 
-PLACES: Final = 65_536  # of quantiles in a table: a probability is right to 0.00002
-DRAWS: Final = 2**32  # of which a probability is a share
+PLACES: Final = 65_536  # quantiles in a table: probabilities are accurate to 0.00002
+DRAWS: Final = 2**32  # unit of probabilities
 EXPONENTIAL_DIGITS: Final = 40  # so that it rounds alike on every machine
 LEAST_POWER: Final = 2.0**-60  # no u is below 2^-54
-LN2_HIGH: Final = 6.93147180369123816490e-01  # its sum with the next one is log 2
+LN2_HIGH: Final = 6.93147180369123816490e-01  # the sum of both is log 2
 LN2_LOW: Final = 1.90821492927058770002e-10
 
 # Wichura, Algorithm AS 241 (1988), routine PPND16: numerators and denominators, lowest power first.
@@ -71,18 +71,18 @@ FAR_TAIL: Final = (
 )
 
 
-# What lines take at stations, drawn by their numbers.
+# The handling times of lines at stations, drawn by line number.
 
 
 def handling_of_lines(handling: Handling, units: Whole, seed: int) -> Whole:
-    """(lines,) millionths of a tick that each line takes, by its number and its units."""
+    """(lines,) handling time of each line in millionths of a tick, from its number and its units."""
     line = np.zeros(len(units))
     if isinstance(handling.line, Distribution):
         line = drawn_durations(handling.line, len(units), seed)
     else:
         line += handling.line
     result: Whole = whole_micro(line) + units * whole_micro(np.array([handling.unit]))
-    return np.minimum(result, MAX_BUSY * MICRO)  # so that sums of them do not overflow
+    return np.minimum(result, MAX_BUSY * MICRO)  # so that sums do not overflow
 
 
 def whole_micro(ticks: Floats) -> Whole:
@@ -94,7 +94,7 @@ def whole_micro(ticks: Floats) -> Whole:
 def drawn_durations(
     distribution: Distribution, count: int, seed: int, address: Address | None = None
 ) -> Floats:
-    """(count,) ticks, drawn by line unless there is an address."""
+    """(count,) ticks, addressed by line unless an address is given."""
     if address is None:
         address = random_numbers.STREAM_LINES, np.arange(count), np.zeros(count, np.int64)
     if distribution.exponential is not None:
@@ -102,7 +102,7 @@ def drawn_durations(
     return duration_quantile(distribution, uniform_draws(seed, address))
 
 
-# Delays and repairs, as tables to draw from: all entries of a table of ticks are alike probable.
+# Delays and repairs, as tables to draw from: all entries of a table are equally likely.
 
 
 def build_delays(rules: DelayRules | None, robots: int) -> Delays:
@@ -123,7 +123,7 @@ def build_delays(rules: DelayRules | None, robots: int) -> Delays:
 
 
 def delay_ticks(rules: DelayRules) -> Array:
-    """(t,) int32: how long delays last."""
+    """(t,) int32: ticks of delays."""
     least, most = rules.ticks.least, rules.ticks.most
     if isinstance(rules.distribution, str):
         return np.arange(least, most + 1, dtype=np.int32)
@@ -133,7 +133,7 @@ def delay_ticks(rules: DelayRules) -> Array:
 
 
 def repair_ticks(faults: Faults) -> Array:
-    """(r,) int32: how long repairs in place take; (0,): robots are towed."""
+    """(r,) int32: ticks of repairs in place; (0,): robots are towed."""
     duration = faults.repair_in_place
     if duration is None:
         return np.zeros(0, np.int32)
@@ -154,13 +154,13 @@ def quantiles() -> Floats:
 
 
 def whole_ticks(ticks: Floats) -> Array:
-    """Whole ticks, half up, 1 at least."""
+    """Whole ticks, half up, at least 1."""
     rounded: Array = np.maximum(np.floor(ticks + 0.5), 1).astype(np.int32)
     return rounded
 
 
 def poisson_counts(mean: float) -> Array:
-    """(c,) int64: of 2**32 draws of a Poisson number, how many are at most 0, 1, ..."""
+    """(c,) int64: cumulative Poisson distribution for 0, 1, ..., in units of 2**-32."""
     with decimal.localcontext(decimal.Context(prec=EXPONENTIAL_DIGITS)):
         wanted = decimal.Decimal(mean)
         term = total = (-wanted).exp()
@@ -172,7 +172,7 @@ def poisson_counts(mean: float) -> Array:
     return np.array(counts[:-1], np.int64)
 
 
-# Distributions by their quantiles, the functions in these, and the draws.
+# Distributions by quantiles, the functions that they need, and the draws.
 
 
 def duration_quantile(distribution: Distribution, u: Floats) -> Floats:
@@ -207,8 +207,8 @@ def geometric(
 def geometric_quantile(mean: float, u: Floats) -> Whole:
     """(k,) int64: for u between 0 and 1, 1 plus the greatest k with q^k > u, where q = 1 - 1/mean.
 
-    It is found bit by bit from q, q^2, q^4, ... by multiplications alone, which round alike everywhere,
-    as logarithms do not.
+    k is found bit by bit from q, q^2, q^4, ... by multiplications, which round alike everywhere;
+    logarithms do not.
     """
     powers = [1.0 - 1.0 / mean]  # q^(2^i)
     while powers[-1] > LEAST_POWER:
@@ -224,7 +224,7 @@ def geometric_quantile(mean: float, u: Floats) -> Whole:
 
 
 def uniform_draws(seed: int, address: Address) -> Floats:
-    """(count,) numbers between 0 and 1, both left out."""
+    """(count,) numbers between 0 and 1, both excluded."""
     bits = np.zeros(len(address[1]), np.uint64)
     with np.errstate(over="ignore"):
         random_numbers.random_bits_of_each(bits, np.uint64(seed), *address)
@@ -233,7 +233,7 @@ def uniform_draws(seed: int, address: Address) -> Floats:
 
 
 def integers(count: int, below: int, seed: int, stream: int, what: int = 0) -> Whole:
-    """(count,) from 0 on, below a number, addressed by (stream, what, 0), (stream, what, 1), ..."""
+    """(count,) whole numbers from 0, below a limit; addresses (stream, what, 0), (stream, what, 1) ..."""
     numbers = np.zeros(count, np.int64)
     with np.errstate(over="ignore"):
         random_numbers.random_integers(numbers, below, np.uint64(seed), stream, what)

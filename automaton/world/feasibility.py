@@ -1,4 +1,4 @@
-"""Whether a scenario fits its floor: areas, starts and batteries; orders and pods have own pages."""
+"""Whether a scenario fits its floor: areas, starts and batteries; other modules check orders and pods."""
 
 from __future__ import annotations
 
@@ -43,13 +43,13 @@ START_DESCRIPTIONS = {
     "parking-bays": "parking bays",
     "racks": "cells in front of racks",
     "random": "cells",
-}  # by start
+}  # by fleet.start
 
 
 def feasible_fleet(
     scenario: Scenario, floor: Floor, pods_are_of_file: bool = False
 ) -> FleetOnFloor:
-    """The fleet on its floor. Raises InvalidValueError where the scenario does not fit it."""
+    """The fleet on its floor. Raises InvalidValueError if the scenario does not fit the floor."""
     floor_plan = floor.floor_plan
     refuse(
         itertools.chain(
@@ -79,7 +79,7 @@ def feasible_fleet(
 
 
 def check_areas(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """Areas lie on the floor, and are closed to types that there are."""
+    """Areas lie on the floor and are closed to existing types."""
     names = [kind.name for kind in scenario.fleet.types]
     for area_name, area in scenario.areas.items():
         for key, (x, y) in (("from", area.first), ("to", area.last)):
@@ -98,7 +98,7 @@ def check_areas(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
 
 
 def check_locations(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """Named cells lie on the floor."""
+    """Named cells must lie on the floor."""
     assert not isinstance(scenario.locations, str), "its file has been read"
     for name, (x, y) in scenario.locations.items():
         if not floor_plan.holds(x, y):
@@ -107,7 +107,7 @@ def check_locations(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Findi
 
 
 def check_rails(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """Rail robots beside others have both tracks and turntables."""
+    """If only some types drive on rails, the floor needs tracks and turntables."""
     fleet = scenario.fleet
     ways = [fleet.kinematics_of(kind) for kind in fleet.types]
     if "rail" not in ways or len(set(ways)) == 1:
@@ -128,7 +128,7 @@ def check_rails(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
 
 
 def check_start(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """There is room for all robots where they are to begin."""
+    """There are enough start cells for all robots."""
     fleet = scenario.fleet
     robots, start = fleet.robots, start_of(scenario, floor_plan)
     if isinstance(fleet.start, tuple):
@@ -156,7 +156,7 @@ def check_start(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
 
 
 def start_of(scenario: Scenario, floor_plan: FloorPlan) -> Start:
-    """Where robots begin, defaults filled in."""
+    """The start of the robots, with defaults filled in."""
     start = scenario.fleet.start
     assert not isinstance(start, StartFile), "its file has been read"
     if isinstance(start, tuple):
@@ -169,7 +169,7 @@ def start_of(scenario: Scenario, floor_plan: FloorPlan) -> Start:
 def check_listed_starts(
     cells: tuple[tuple[int, int], ...], robots: int, floor_plan: FloorPlan
 ) -> Iterator[Finding]:
-    """The cells that are listed are as many as robots, which stand there one each."""
+    """Listed start cells are different drivable cells, one for each robot."""
     if len(cells) != robots:
         text = f"{_robots(robots)} but fleet.start lists {_count(len(cells), 'cell')}"
         yield Finding(START_KEY, text)
@@ -190,10 +190,10 @@ def check_listed_starts(
 
 
 def check_stands(robots: int, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """There are cells in front of racks for all robots."""
+    """There are enough cells in front of racks for all robots."""
     stands = np.unique(rack_stands(floor_plan))
     if not len(stands):
-        text = "fleet.start is racks, but there is no rack that robots can stand in front of"
+        text = "fleet.start is racks, but robots cannot stand in front of any rack"
         yield Finding(START_KEY, text)
     limited = (floor_plan.capacity.flat[stands] != UNLIMITED).any()
     if limited and robots > len(stands):
@@ -202,12 +202,12 @@ def check_stands(robots: int, floor_plan: FloorPlan) -> Iterator[Finding]:
 
 
 def check_starts(fleet: FleetOnFloor) -> Iterator[Finding]:
-    """No robot begins where its type may not go."""
+    """No robot begins in an area that is closed to its type."""
     floor_plan, start, robots = fleet.floor_plan, fleet.start, len(fleet.type_of)
     try:
         if isinstance(start, tuple):
             check_starts_at_gates(fleet.scenario, floor_plan, list(start))
-        if start == "racks":  # in front of one, there may be any number of robots
+        if start == "racks":  # any number of robots may stand in front of a rack
             stands = rack_stands(floor_plan).tolist()
             check_homes(fleet.scenario, floor_plan, stands, GATE_LIFT, GATE_BLOCK)
         elif start != "random":
@@ -218,7 +218,7 @@ def check_starts(fleet: FleetOnFloor) -> Iterator[Finding]:
     if not isinstance(start, tuple):
         for robot_type, count, cells in zip(fleet.types, fleet.counts, fleet.starts, strict=True):
             many = start == "racks" and (floor_plan.capacity.flat[cells] == UNLIMITED).all()
-            # Of random cells, others may have taken as many as there are others.
+            # Each other robot may have taken one of the random cells.
             needed = count if start == "parking-bays" else 1 if many else robots
             if len(cells) < needed:
                 text = f"{_robots(robots)}, but too few {START_DESCRIPTIONS[start]} are open to"
@@ -242,7 +242,7 @@ def check_starts(fleet: FleetOnFloor) -> Iterator[Finding]:
 
 
 def area_at(scenario: Scenario, robot_type: RobotType, x: int, y: int) -> str:
-    """The area that keeps a type out of a cell."""
+    """The area that closes a cell to a type."""
     for name, area in scenario.areas.items():
         if area.holds(x, y) and {robot_type.name, ALL, EMPTY} & set(area.closed_to):
             return name
@@ -250,7 +250,7 @@ def area_at(scenario: Scenario, robot_type: RobotType, x: int, y: int) -> str:
 
 
 def check_energy(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """Batteries fit the fleet, and there is a charger if something charges."""
+    """Batteries fit the fleet, and a charging strategy has a charger."""
     battery, robots = scenario.battery, scenario.fleet.robots
     charging = scenario.strategy.charging
     named = charging if isinstance(charging, str) else charging.get("name")
@@ -274,7 +274,7 @@ def check_energy(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]
 
 
 def check_sight(scenario: Scenario) -> Iterator[Finding]:
-    """Robots that know the orders of zones alone have zones."""
+    """Robots that know only the orders of their zones need zones."""
     zoning = scenario.strategy.zoning
     named = zoning if isinstance(zoning, str) else zoning.get("name")
     if getattr(scenario.information, "orders", "all") == "zones" and named == NO_STRATEGY:

@@ -1,4 +1,5 @@
-"""What lets robots wait, jam or run empty: dead ends, crowds, a rule, gates, stations and pods.
+"""Warnings about robots that wait, jam or run out of charge: dead ends, crowds, rules, gates, stations,
+pods.
 
 Each warning is a sentence; `scenario_warnings` lists them all.
 """
@@ -24,14 +25,15 @@ from automaton.world.floor_parts import queue_path
 from automaton.world.gate_cells import Gate, cells_of, gates_of, mouths_of, moves_between, shares
 from automaton.world.resolved import Resolved
 
-# Both by `automaton sweep crowds`, shares of the cells for one robot each.
-JAM_SHARE: Final = 0.06  # half of 12 %, where retreat does 23 to 36 % of pibt's orders
-# By `automaton sweep goods-fleet`: of the cells outside storage, 3 % under retreat, 4 % under wait.
+# Both from `automaton sweep crowds`, as shares of the cells for one robot each.
+JAM_SHARE: Final = 0.06  # half of 12 %, at which retreat delivers 23 to 36 % of the orders of pibt
+# From `automaton sweep goods-fleet`: shares of the cells outside storage, 3 % with retreat, 4 % with
+# wait.
 POD_JAM_SHARE: Final = 0.03
-CROWD_SHARE: Final = 0.9  # at 98 % pibt and epibt do fewer orders than at 50 %, on all floors
+CROWD_SHARE: Final = 0.9  # at 98 % pibt and epibt deliver fewer orders than at 50 %, on all floors
 FEW_ROBOTS: Final = 10
 MOST_NAMED: Final = 3
-MOST_GATES: Final = 100  # of which each one is looked at alone
+MOST_GATES: Final = 100  # each examined separately
 FULL_BATTERY: Final = 100 + 1e-9  # percent
 
 
@@ -51,7 +53,7 @@ def fleet_warnings(resolved: Resolved) -> list[str]:
 
 
 def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:
-    """Warn about stations and chargers out of which a robot comes as it went in."""
+    """Warn about stations and chargers in dead ends."""
     kinds = resolved.floor_plan.kind.reshape(-1)
     inside = np.flatnonzero((ends.number >= 0) & ((kinds == STATION) | (kinds == CHARGER)))
     if not len(inside) or resolved.scenario.fleet.robots <= FEW_ROBOTS:
@@ -59,15 +61,15 @@ def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:
     named = ", ".join(str(list(resolved.floor_plan.xy(int(c)))) for c in inside[:MOST_NAMED])
     more = f" and {len(inside) - MOST_NAMED} more" if len(inside) > MOST_NAMED else ""
     return (
-        f"stations or chargers in dead ends ({named}{more}): one robot at a time goes in, and comes out "
-        "again before the next; a second way out lets robots pass through"
+        f"stations or chargers in dead ends ({named}{more}): they serve one robot at a time, "
+        "which must come out before the next goes in; a second way out lets robots pass through"
     )
 
 
 def has_homes_behind_others(resolved: Resolved, ends: DeadEnds) -> str:
-    """Warn about homes in dead ends on the way to which another robot is to park.
+    """Warn about homes in dead ends that another robot's home blocks.
 
-    Homes that are drawn differ from seed to seed, and parking bays are off the floor.
+    Random homes differ from seed to seed, and parking bays are off the floor.
     """
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     if not ends.total or scenario.stop.when != "parked" or scenario.fleet.when_idle == "leave":
@@ -95,7 +97,7 @@ def has_homes_behind_others(resolved: Resolved, ends: DeadEnds) -> str:
 
 
 def is_crowded(resolved: Resolved, ends: DeadEnds) -> str:
-    """Warn about more robots than have room to move."""
+    """Warn about more robots than the floor has room for."""
     floor_plan, robots = resolved.floor_plan, resolved.scenario.fleet.robots
     drivable = floor_plan.drivable.reshape(-1)
     if (floor_plan.capacity.reshape(-1)[drivable] != 1).any():
@@ -110,10 +112,10 @@ def is_crowded(resolved: Resolved, ends: DeadEnds) -> str:
 
 
 def jams_under_retreat(resolved: Resolved) -> str:
-    """Warn about a right of way that follows routes where many robots share cells for one."""
+    """Warn about a right of way that follows routes if many robots share cells for one robot."""
     floor_plan, robots = resolved.floor_plan, resolved.scenario.fleet.robots
     name = resolved.strategies["right_of_way"].name
-    drivable = floor_plan.drivable & (floor_plan.kind != STORAGE)  # no way leads through that
+    drivable = floor_plan.drivable & (floor_plan.kind != STORAGE)  # no way leads through storage
     share = POD_JAM_SHARE if carries_pods(resolved.scenario, resolved.floor_plan) else JAM_SHARE
     cells = int(drivable.sum())
     single = int((floor_plan.capacity[drivable] == 1).sum())
@@ -123,7 +125,7 @@ def jams_under_retreat(resolved: Resolved) -> str:
         or robots <= max(FEW_ROBOTS, share * cells)
     ):
         return ""
-    way_out = ""  # where robots cannot be steered
+    way_out = ""  # robots cannot be steered there
     if not why_not_steered(resolved.scenario, resolved.fleet):
         better = default_right_of_way(resolved.scenario, resolved.fleet).name
         way_out = f"; right_of_way {better} handles such fleets"
@@ -134,7 +136,7 @@ def jams_under_retreat(resolved: Resolved) -> str:
 
 
 def has_no_ring(resolved: Resolved) -> str:
-    """Warn about a right of way that holds robots back where robots cannot pass each other."""
+    """Warn about a right of way that deadlocks where robots cannot pass each other."""
     name = resolved.strategies["right_of_way"].name
     if not declares("right_of_way", name, STEERS) or not has_ringless_part(resolved.fleet):
         return ""
@@ -147,23 +149,22 @@ def has_no_ring(resolved: Resolved) -> str:
 
 # Fleets that can never move, because a rule of the world refuses the first move.
 #
-# Robots that fill cells out of which no way leads but into each other's cells form rings and files
-# without a gap. A full ring rotates under `convoy`, and under `handover` if its moves take one tick.
-# Under `none`, and under `handover` with longer moves, a first robot would have to begin, and none
-# may.
+# Robots that fill cells from which all ways lead into each other's cells form rings and files without
+# a gap. A full ring rotates under `convoy`, and under `handover` if its moves take one tick. Under
+# `none`, and under `handover` with longer moves, one robot would have to move first, and none can.
 
 
 def standstill_warnings(resolved: Resolved) -> list[str]:
-    """Return a sentence if robots stand still for ever where they begin."""
+    """Return a sentence if robots can never leave their start cells."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     rule, least = scenario.world.following, resolved.fleet.least_move
     refuses = rule == "none" or (rule == "handover" and least >= 2)
     if not refuses or scenario.fleet.when_idle == "leave":
-        return []  # robots that leave the floor make a gap
-    from automaton.world.rules import may_fail  # needs Numba, as most checks do not
+        return []  # robots that leave the floor leave a gap
+    from automaton.world.rules import may_fail  # needs Numba, unlike most checks
 
     if may_fail(scenario):
-        return []  # so do those that are towed
+        return []  # so do towed robots
     held = full_cells(floor_plan, filled_at_the_start(resolved))
     cells = int(held.sum())
     if cells < 2:
@@ -179,7 +180,7 @@ def standstill_warnings(resolved: Resolved) -> list[str]:
 
 
 def filled_at_the_start(resolved: Resolved) -> Mask:
-    """(C,) bool: cells for one robot that are held at the start, whatever the seed."""
+    """(C,) bool: cells for one robot that are held at the start with every seed."""
     floor_plan, start = resolved.floor_plan, resolved.start
     drivable = floor_plan.drivable.reshape(-1)
     filled = np.zeros(drivable.size, np.bool_)
@@ -192,7 +193,7 @@ def filled_at_the_start(resolved: Resolved) -> Mask:
 
 
 def full_cells(floor_plan: FloorPlan, filled: Mask) -> Mask:
-    """(C,) bool: the most filled cells whose exits, one at least, all lead into such cells."""
+    """(C,) bool: the largest set of filled cells whose exits, at least one each, lead into the set."""
     exits = floor_plan.exits.reshape(-1)
     full: Mask = filled & (exits != 0)
     while True:
@@ -204,16 +205,16 @@ def full_cells(floor_plan: FloorPlan, filled: Mask) -> Mask:
         full = full & ~leads_out
 
 
-# Gates that keep robots from what they need.
+# Gates between robots and what they need.
 
 
 def gate_warnings(resolved: Resolved) -> list[str]:
-    """Return sentences about the first lift that empties batteries, and the only way to chargers."""
+    """Return sentences about a lift that empties batteries, and gates on the only way to chargers."""
     return [*dear_rides(resolved), *gated_chargers(resolved)]
 
 
 def dear_rides(resolved: Resolved) -> list[str]:
-    """Return a sentence for the first lift that takes more from a battery than it holds."""
+    """Return a sentence for the first lift that takes more charge than a battery holds."""
     for gate in gates_of(resolved.scenario.floor):
         if not isinstance(gate.section, Lift):
             continue
@@ -235,7 +236,7 @@ def dear_rides(resolved: Resolved) -> list[str]:
 
 
 def longest_ride(lift: Lift, shaft: list[int], floor_plan: FloorPlan) -> tuple[int, str]:
-    """The most ticks of moves in a lift without a charger on the way, and from where to where."""
+    """The most ticks of moves in a lift without a charger on the way, and a description of the way."""
     mouths = mouths_of(shaft, floor_plan)
     if any(floor_plan.kind.flat[cell] == CHARGER for cell in set(shaft) - set(mouths)):
         moves = moves_between(shaft, mouths)
@@ -252,7 +253,7 @@ def gated_chargers(resolved: Resolved) -> list[str]:
     everywhere = reach_chargers(resolved, ())
     chargers = set(np.flatnonzero(floor_plan.kind == CHARGER).tolist())
     gated = [cells_of(gate, floor_plan) for gate in gates]
-    gated = [[] if set(cells) <= chargers else cells for cells in gated]  # it is the charger's line
+    gated = [[] if set(cells) <= chargers else cells for cells in gated]  # a block at a charger
     inside = sorted({cell for cells in gated for cell in cells})
     if not is_cut_off(everywhere, reach_chargers(resolved, inside), inside):
         return []
@@ -274,7 +275,7 @@ def sentence_about(gate: Gate) -> str:
 
 
 def reach_chargers(resolved: Resolved, closed: Iterable[int]) -> Mask:
-    """(k, C) bool: cells from which robots get to a charger without these cells, on rails or not."""
+    """(k, C) bool: cells from which robots reach a charger without these cells, on rails or not."""
     floor_plan, cells = resolved.floor_plan, np.array(list(closed), np.int64)
     exits = floor_plan.exits.copy()
     exits.reshape(-1)[cells] = 0
@@ -286,7 +287,7 @@ def reach_chargers(resolved: Resolved, closed: Iterable[int]) -> Mask:
 
 
 def is_cut_off(before: Mask, after: Mask, inside: Iterable[int]) -> bool:
-    """Whether a cell outside of these is cut off from all chargers."""
+    """Whether a cell outside `inside` lost all ways to chargers."""
     lost = before & ~after
     lost[:, np.array(list(inside), np.int64)] = False
     return bool(lost.any())
@@ -296,33 +297,33 @@ def is_cut_off(before: Mask, after: Mask, inside: Iterable[int]) -> bool:
 
 
 def pod_warnings(resolved: Resolved) -> list[str]:
-    """Return a sentence for each warning; none where orders are not lines."""
+    """Return a sentence for each warning; none if orders are not lines."""
     if resolved.scenario.orders.lines is None:
         return []
     return [*too_many_trips(resolved), *crossed_queues(resolved), *robots_that_wait(resolved)]
 
 
 def places_of(floor_plan: FloorPlan, station: PodStation) -> int | None:
-    """How many trips a station lets come; None: any number."""
+    """The trip limit of a station; None: no limit."""
     if station.max_trips == "queue":
         return len(queue_path(floor_plan, station.at, station.queue)) + 1
     return station.max_trips
 
 
 def too_many_trips(resolved: Resolved) -> Iterator[str]:
-    """Warn about stations that let more trips come than their queues have room for."""
+    """Warn about stations with a trip limit above the room in their queues."""
     for name, station in resolved.scenario.stations.items():
         room = len(queue_path(resolved.floor_plan, station.at, station.queue)) + 1
         most = places_of(resolved.floor_plan, station)
         if most is not None and most > room:
             yield (
-                f"station {name} lets {most:,} trips come (max_trips) but has room for "
+                f"station {name} admits {most:,} trips (max_trips) but has room for "
                 f"{count(room, 'robot')}, in its queue and itself: the others wait in the aisles"
             )
 
 
 def crossed_queues(resolved: Resolved) -> Iterator[str]:
-    """Warn about queues through which robots with pods must drive that go to another station."""
+    """Warn about queues that robots with pods must cross on the way to another station."""
     floor_plan, fleet = resolved.floor_plan, resolved.fleet
     kinds = floor_plan.kind.reshape(-1)
     used: Mask = (kinds == STORAGE) & (floor_plan.loads.reshape(-1) != 0) | (kinds == CHARGER)
@@ -360,14 +361,14 @@ def without(floor_plan: FloorPlan, cells: list[int]) -> FloorPlan:
 
 
 def robots_that_wait(resolved: Resolved) -> Iterator[str]:
-    """Warn about robots that have nothing to do, or stand where no other robot may be."""
+    """Warn about robots without work, or under pods that other robots cannot lift."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     named = [places_of(floor_plan, station) for station in scenario.stations.values()]
     places = [1] * (len(floor_plan.stations) - len(named)) + [one or 0 for one in named]
     robots = scenario.fleet.robots
     if None not in named and robots > sum(places):
         yield (
-            f"{count(robots, 'robot')}, but stations let {count(sum(places), 'trip')} come at a "
+            f"{count(robots, 'robot')}, but stations admit {count(sum(places), 'trip')} at a "
             "time: the other robots stay idle"
         )
     stays = resolved.may_stay

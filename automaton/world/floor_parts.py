@@ -21,17 +21,17 @@ from automaton.scenario.changing_floor import (
 )
 from automaton.scenario.schema import Scenario
 
-MAX_SPEEDS: Final = 14  # of limits: distance tables have a queue for each, and for two more
+MAX_SPEEDS: Final = 14  # of speed limits: distance tables have a queue for each, plus two
 
 
-# Chargers, at which as many robots charge at once as their capacity says.
+# Chargers: their capacity is the number of robots that charge at once.
 #
 # Elsewhere two robots share a cell only in opposite directions; at a charger of capacity 2 they stand
-# side by side, whichever way they came. So its cell is one without a limit, and a block of two.
+# side by side, from any direction. So its cell has no limit of its own, but is a block for two robots.
 
 
 def with_shared_chargers(floor_plan: FloorPlan) -> FloorPlan:
-    """The floor whose chargers for two robots have no limit of their own; the same if it has none."""
+    """The floor without capacity limits at chargers for two robots; unchanged if it has none."""
     shared = shared_chargers(floor_plan)
     if not len(shared):
         return floor_plan
@@ -47,7 +47,7 @@ def shared_chargers(floor_plan: FloorPlan) -> npt.NDArray[np.int64]:
 
 
 def with_charger_blocks(scenario: Scenario, floor_plan: FloorPlan) -> Scenario:
-    """The scenario with a block of two for each charger for two robots, which limits it."""
+    """The scenario with a block that limits each charger for two robots."""
     blocks = list(scenario.floor.blocks)
     for cell in shared_chargers(floor_plan).tolist():
         block = msgspec.convert({"cells": [floor_plan.xy(cell)], "max_robots": 2}, Block)
@@ -58,7 +58,7 @@ def with_charger_blocks(scenario: Scenario, floor_plan: FloorPlan) -> Scenario:
 
 
 def places_of_chargers(scenario: Scenario, floor_plan: FloorPlan) -> dict[int, int]:
-    """How many robots charge at once, by the flat cell of each charger; all, where there is no limit."""
+    """The number of robots that charge at once, by flat cell of the charger; all, without a limit."""
     places = {
         cell: 1 if floor_plan.capacity.flat[cell] != UNLIMITED else scenario.fleet.robots
         for cell in np.flatnonzero(floor_plan.kind == CHARGER).tolist()
@@ -70,11 +70,11 @@ def places_of_chargers(scenario: Scenario, floor_plan: FloorPlan) -> dict[int, i
     return places
 
 
-# Speed limits: moves between some cells of the floor take at least so many ticks.
+# Speed limits: the least ticks of moves between some cells of the floor.
 
 
 def check_speed_limits(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """Limits are of cells that robots drive on."""
+    """Speed limits must be on cells that robots drive on."""
     for number, limit in enumerate(scenario.floor.speed_limits):
         name = f"speed limit {number + 1}"
         try:
@@ -90,7 +90,7 @@ def check_speed_limits(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Fi
 
 
 def with_speed_limits(floor_plan: FloorPlan, limits: tuple[SpeedLimit, ...]) -> FloorPlan:
-    """The floor with the ticks that moves take at least; the same without limits."""
+    """The floor with the least ticks of moves; unchanged without limits."""
     if not limits:
         return floor_plan
     ticks = np.zeros((floor_plan.kind.size, 4), np.uint16)
@@ -98,14 +98,14 @@ def with_speed_limits(floor_plan: FloorPlan, limits: tuple[SpeedLimit, ...]) -> 
         inside = np.zeros(floor_plan.kind.size, np.bool_)
         inside[cells_of_set("", limit.cells, floor_plan)] = True
         for direction, offset in enumerate(floor_plan.offsets):
-            # np.roll wraps round, but only through the border, where no robot drives.
+            # np.roll wraps around only through the border, where no robot drives.
             both = inside & np.roll(inside, -offset)
             ticks[both, direction] = np.maximum(ticks[both, direction], limit.max_speed)
     ticks.setflags(write=False)
     return replace(floor_plan, min_move_ticks=ticks)
 
 
-# Stations: their names, their queues, and all cells that serve robots.
+# Stations: names, queues, and all cells that serve robots.
 
 
 def station_numbers(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, int]:
@@ -120,7 +120,7 @@ def station_numbers(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, int]
 
 
 def all_station_names(scenario: Scenario, floor_plan: FloorPlan) -> tuple[str, ...]:
-    """The name of each station, with pods or without; its number from 1 where it has none."""
+    """The name of each station, or its number from 1 if it has no name; also without pods."""
     names = [str(k + 1) for k in range(len(floor_plan.stations))]
     for name, number in station_numbers(scenario, floor_plan).items():
         if name in scenario.stations:

@@ -25,7 +25,7 @@ from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario
 from automaton.units import ticks_and_time, unit
 
 CELL_KEYS: Final = {GATE_CLOSING: "cells", GATE_DOOR: "at", GATE_BLOCK: "cells", GATE_LIFT: "shaft"}
-MAX_CLOSINGS: Final = 4_000_000  # of a run
+MAX_CLOSINGS: Final = 4_000_000  # per run
 
 Array = npt.NDArray[Any]
 
@@ -35,12 +35,12 @@ class Gate(NamedTuple):
 
     kind: int  # GATE_*
     section: Closing | Door | Block | Lift
-    keys: Keys  # where the scenario says so
-    name: str  # in sentences about it
+    keys: Keys  # keys of its section
+    name: str  # in messages
 
 
 def gates_of(floor: ChangingFloor) -> Iterator[Gate]:
-    """All gates in the sequence of their numbers."""
+    """All gates in the order of their numbers."""
     for number, closing in enumerate(floor.closed):
         yield Gate(GATE_CLOSING, closing, ("floor", "closed", number), f"closing {number + 1}")
     for number, door in enumerate(floor.doors):
@@ -52,9 +52,9 @@ def gates_of(floor: ChangingFloor) -> Iterator[Gate]:
 
 
 def cells_of(gate: Gate, floor_plan: FloorPlan) -> list[int]:
-    """The cells of a gate that robots may stand in, flat; of a path in its sequence.
+    """The flat cells of a gate in which robots may stand; those of a path in its order.
 
-    Raises InputError, without its place, for what no floor has.
+    Raises InputError without file and line for cells that do not fit the floor.
     """
     section = gate.section
     if isinstance(section, Door):
@@ -75,7 +75,7 @@ def cells_of(gate: Gate, floor_plan: FloorPlan) -> list[int]:
 
 
 def check_path(name: str, cells: list[int], floor_plan: FloorPlan) -> None:
-    """Robots drive from each cell of a path to the next one, or back. Raises InputError."""
+    """Check that robots drive from each cell of a path to the next, or back. Raises InputError."""
     for index, cell in enumerate(cells):
         x, y = floor_plan.xy(cell)
         if not floor_plan.drivable.flat[cell]:
@@ -89,7 +89,7 @@ def check_path(name: str, cells: list[int], floor_plan: FloorPlan) -> None:
 
 
 def are_joined(floor_plan: FloorPlan, cell: int, other: int) -> bool:
-    """Whether robots drive from one cell to another beside it, or back."""
+    """Whether robots drive from one cell to a neighbour, or back."""
     if other - cell not in floor_plan.offsets:
         return False
     way = floor_plan.offsets.index(other - cell)
@@ -101,7 +101,7 @@ def are_joined(floor_plan: FloorPlan, cell: int, other: int) -> bool:
 
 
 def mouths_of(shaft: list[int], floor_plan: FloorPlan) -> list[int]:
-    """The cells of a shaft over which robots come in or go out, in its sequence."""
+    """The cells of a shaft over which robots enter or leave, in its order."""
     inside = set(shaft)
     return [
         cell
@@ -116,22 +116,22 @@ def mouths_of(shaft: list[int], floor_plan: FloorPlan) -> list[int]:
 
 
 def moves_between(shaft: list[int], mouths: list[int]) -> list[int]:
-    """How many moves it takes from each mouth to the next one."""
+    """The number of moves from each mouth to the next."""
     places = [shaft.index(mouth) for mouth in mouths]
     return np.diff(places).tolist()
 
 
 def shares(travel_ticks: int, moves: int) -> tuple[int, int]:
-    """The ticks of a move from one mouth to the next, and of the last one, which takes the rest too."""
+    """The ticks of a move from one mouth to the next, and of the last move, which also takes the rest."""
     share = travel_ticks // moves
     return share, travel_ticks - share * (moves - 1)
 
 
-# The closings of cells: all of a run are known before it begins, those by chance by its seed.
+# The closings of cells: all are computed before the run; random ones depend on its seed.
 
 
 def closings_of(gate: Gate, number: int, scenario: Scenario, seed: int) -> Array:
-    """(k, 2) int64: first tick and tick after the last of the closings of a gate until the run ends."""
+    """(k, 2) int64: first tick and end (exclusive) of the closings of a gate until the run ends."""
     closing, end = gate.section, scenario.stop.max_duration
     if not isinstance(closing, Closing):
         return np.zeros((0, 2), np.int64)
@@ -144,8 +144,8 @@ def closings_of(gate: Gate, number: int, scenario: Scenario, seed: int) -> Array
 
 
 def random_closings(closing: Closing, mean: float, number: int, seed: int, end: int) -> Array:
-    """Closings by chance: address (CLOSINGS, row, 2 k) the gap before closing k, 2 k + 1 its length."""
-    # These need Numba, as the checks of most scenarios do not.
+    """Random closings: address (CLOSINGS, row, 2 k) is the gap before closing k, 2 k + 1 its length."""
+    # These need Numba, unlike the checks of most scenarios.
     from automaton.engine.random_numbers import STREAM_CLOSINGS
     from automaton.world.draws import drawn_durations, geometric
 
@@ -169,14 +169,14 @@ def random_closings(closing: Closing, mean: float, number: int, seed: int, end: 
 
 
 def scheduled_closings(closing: Closing, end: int) -> range:
-    """The first ticks of the closings by schedule of a run that ends by some tick."""
+    """The first ticks of the scheduled closings until the last tick of a run."""
     assert closing.begin is not None, "checked: by schedule"
     assert not isinstance(closing.every, MeanGap), "checked: by schedule"
     return range(closing.begin, max(end, closing.begin) + 1, closing.every or end + 1)
 
 
 def find_too_many_closings(scenario: Scenario) -> tuple[Gate, str] | None:
-    """The first gate with which cells close too often, with the scenario's seed, and the sentence."""
+    """The first gate that closes too often with the scenario's seed, and the sentence."""
     count = 0
     for number, gate in enumerate(gates_of(scenario.floor)):
         if isinstance(gate.section, Closing):
@@ -192,13 +192,12 @@ def find_too_many_closings(scenario: Scenario) -> tuple[Gate, str] | None:
 def too_many_closings(count: int) -> str:
     """The sentence about cells that close more often than a run can hold."""
     return (
-        f"cells close {count:,} times until stop.max_duration, at most {MAX_CLOSINGS:,} are "
-        "allowed; "
-        "reduce stop.max_duration or increase every"
+        f"cells close {count:,} times before stop.max_duration, at most {MAX_CLOSINGS:,} are "
+        "allowed; reduce stop.max_duration or increase every"
     )
 
 
-# Whether gates fit the floor: where their cells are, and how many robots begin in them.
+# Whether gates fit the floor: their cells, and the number of robots that begin in them.
 
 
 def check_gates(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
@@ -230,9 +229,9 @@ def check_lift(
     owner: dict[int, Gate],
     scenario: Scenario,
 ) -> Iterator[Finding]:
-    """A lift has mouths at both ends, its cells for itself, and moves between its mouths in its time.
+    """A lift has mouths at both ends, shares no cells, and has time for the moves between its mouths.
 
-    `owner`: the lift of each cell; its own are added.
+    `owner`: the lift of each cell; the cells of this lift are added.
     """
     keys = (*gate.keys, CELL_KEYS[gate.kind])
     for cell in shaft:
@@ -261,9 +260,9 @@ def check_lift(
 
 
 def cells_to_start(scenario: Scenario, floor_plan: FloorPlan, cells: Array) -> Array:
-    """Those of a list of flat cells, in its order, in which robots may begin, one in each.
+    """The flat cells of a list in which robots may begin, one in each, in the order of the list.
 
-    No cell of a lift's shaft, and of a block no more than it holds.
+    No cell in a shaft, and in a block no more cells than it holds robots.
     """
     is_open = np.ones(len(cells), np.bool_)
     for gate in gates_of(scenario.floor):
@@ -277,7 +276,7 @@ def cells_to_start(scenario: Scenario, floor_plan: FloorPlan, cells: Array) -> A
 def check_homes(
     scenario: Scenario, floor_plan: FloorPlan, homes: Iterable[int], *barred: int
 ) -> None:
-    """No robot begins or parks in a gate of a kind that is barred. Raises InputError."""
+    """No robot begins or parks in a gate of the kinds `barred`. Raises InputError."""
     for gate in gates_of(scenario.floor):
         if gate.kind in barred:
             for cell in sorted({*homes} & {*cells_of(gate, floor_plan)}):

@@ -1,4 +1,4 @@
-"""The gates of a floor at tick 0, and all of their closings, which are drawn before the run."""
+"""The gates of a floor at tick 0, and all their closings, which are drawn before the run."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from automaton.world.gate_cells import (
 )
 from automaton.world.resolved import Resolved
 
-REPLAN_AFTER_S = 30  # where the scenario does not say
+REPLAN_AFTER_S = 30  # unless the scenario says
 
 NO_GATES = dict.fromkeys("gcexarny", 0)
 
@@ -39,7 +39,7 @@ def build_gates(resolved: Resolved, starts: Array, seed: int, tick_us: int) -> G
         return Gates.sized(NO_GATES)
     check_starts_at_gates(scenario, floor_plan, starts.tolist())
     cells = [cells_of(gate, floor_plan) for gate in gates]
-    mouths = [  # of lifts; of other gates none
+    mouths = [  # of lifts; empty for other gates
         mouths_of(inside, floor_plan) if gate.kind == GATE_LIFT else []
         for gate, inside in zip(gates, cells, strict=True)
     ]
@@ -69,7 +69,7 @@ def build_gates(resolved: Resolved, starts: Array, seed: int, tick_us: int) -> G
 
 
 def columns_of(gates: list[Gate]) -> dict[str, Array]:
-    """What gates are like, by the fields of Gates."""
+    """The properties of gates, by the fields of Gates."""
     sections: list[Any] = [gate.section for gate in gates]
 
     def column(dtype: Any, *names: str) -> Array:
@@ -94,10 +94,10 @@ def columns_of(gates: list[Gate]) -> dict[str, Array]:
 def gates_by_cell(
     cells: list[list[int]], mouths: list[list[int]], floor_plan: FloorPlan
 ) -> tuple[Array, Array, Array]:
-    """The gates of each cell, one cell after another, and the last mouth of a lift up to it.
+    """The gates of each cell, cell by cell, and in a lift the index of the last mouth up to the cell.
 
-    A cell between two mouths counts as the first of them on the path of the shaft: a robot that was towed
-    there comes back there where robots leave the floor (fleet.when_idle), and calls the cabin to it.
+    A cell between two mouths counts as the first of them on the path of the shaft. With fleet.when_idle:
+    leave, a towed robot may come back there, and calls the cabin to that mouth.
     """
     pairs = sorted((cell, number) for number, inside in enumerate(cells) for cell in inside)
     count = np.bincount([cell for cell, _ in pairs], minlength=floor_plan.kind.size)
@@ -116,8 +116,10 @@ def gates_by_cell(
 def cabin_ticks(
     gates: list[Gate], cells: list[list[int]], mouths: list[list[int]], floor_plan: FloorPlan
 ) -> Array:
-    """(C, 4) int32: ticks of the moves in shafts. From one mouth to the next they take its ticks
-    together in equal shares, the last one the rest."""
+    """(C, 4) int32: ticks of the moves in shafts.
+
+    The moves from one mouth to the next share the travel time equally; the last one also takes the rest.
+    """
     ticks = np.zeros((floor_plan.kind.size, 4), np.int32)
     for gate, shaft, ways_in in zip(gates, cells, mouths, strict=True):
         if not isinstance(gate.section, Lift):
@@ -135,7 +137,7 @@ def cabin_ticks(
 
 
 def replan_after(scenario: Scenario, tick_us: int) -> Array:
-    """The ticks after which robots are planned around closings, or none."""
+    """The ticks after which robots are rerouted around closings; empty if never."""
     after = scenario.floor.replan_after
     if after is None:
         return np.zeros(0, np.int64)

@@ -1,4 +1,4 @@
-"""Whether orders fit a floor: loads lie and go where robots get to, with them and back."""
+"""Whether orders fit a floor: robots can reach sources and targets, carry the loads, and return."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ from automaton.units import ticks_and_time, unit
 from automaton.world.capabilities import FleetOnFloor
 from automaton.world.task_lists import MAX_TASK_ORDERS, order_count
 
-REQUIRED_KINDS = {  # kinds of cells without which a generator has nothing to draw
+REQUIRED_KINDS = {  # kinds of cells that a generator needs
     "dock-to-rack": (DOCK, RACK),
     "stations": (STATION,),
     "visits": (STATION,),
@@ -45,7 +45,7 @@ REMOTE = np.array([kind.remote for kind in CELL_KINDS])  # (kinds,) bool
 
 
 def check_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """Orders lead from slots that supply loads to slots that take them."""
+    """Orders lead from slots that give loads to slots that take them."""
     generator = scenario.orders.generator
     if scenario.orders.parts is not None:
         yield from check_parts(scenario, floor_plan)
@@ -66,7 +66,7 @@ def check_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]
             yield Finding(("layout",), text)
         return
     taken: dict[tuple[int, int], int] = {}
-    begins: dict[tuple[int, int], bool] = {}  # by cell, whether several orders may begin there
+    begins: dict[tuple[int, int], bool] = {}  # by kind, whether several orders may begin in a cell
     ends: set[tuple[int, int]] = set()
     for index, order in enumerate(scenario.orders.listed):
         if order.stops is not None:
@@ -105,7 +105,7 @@ def check_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]
 
 
 def check_parts(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """Parts go through stations that there are, and work is done there."""
+    """Parts go through existing stations, and each has a processing time."""
     count = len(floor_plan.stations)
     if not count:
         yield Finding(("layout",), "parts need stations, but the floor has none")
@@ -123,7 +123,7 @@ def check_parts(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
 
 
 def check_tasks(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """The cells of tasks are drivable, and the list does not become too long."""
+    """The cells of tasks are drivable, and the list is not too long."""
     keys: Keys = ("orders", "tasks")
     tasks = scenario.orders.tasks or ()
     for number, task in enumerate(tasks):
@@ -139,7 +139,7 @@ def check_tasks(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
 
 
 def check_stops(stops: Iterable[Any], keys: Keys, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """The stops of an order are cells that robots drive on."""
+    """The stops of an order are drivable cells."""
     for number, (x, y) in enumerate(stops):
         stop = f"{dotted((*keys, number))}: the stop [{x}, {y}]"
         if not floor_plan.holds(x, y):
@@ -172,9 +172,9 @@ def _check_order(order: OrderLine, keys: Keys, floor_plan: FloorPlan) -> Iterato
 
 
 def check_floor(floor: Floor, fleet: FleetOnFloor) -> Iterator[Finding]:
-    """Every robot can serve every shelf and destination and come home again.
+    """Every robot can serve every shelf and destination and return home.
 
-    Slots of remote kinds may be out of reach: orders are given to the others alone.
+    Slots of remote kinds may be out of reach: they get no orders.
     """
     floor_plan, kind = floor.floor_plan, floor.floor_plan.kind.reshape(-1)
     for slots, why in (
@@ -204,7 +204,7 @@ def check_floor(floor: Floor, fleet: FleetOnFloor) -> Iterator[Finding]:
 
 
 def closed_way(fleet: FleetOnFloor, cell: int) -> str:
-    """Which direction is closed on the way to a slot or back, and what would open it; "" if none is."""
+    """The closed direction on the way to a slot or back, and how to open it; "" if none is closed."""
     floor_plan, rail = fleet.floor_plan, fleet.types[0].rail
     homes = fleet.starts[0][:1].tolist()
     access = slot_access(floor_plan)[fleet.slot_of[cell]]
@@ -216,7 +216,7 @@ def closed_way(fleet: FleetOnFloor, cell: int) -> str:
     if found is None:
         return ""
     a, b, direction = found
-    against = floor_plan.exits.flat[b] == 1 << (direction ^ 2)  # its one way leads out towards a
+    against = floor_plan.exits.flat[b] == 1 << (direction ^ 2)  # its one-way exit leads to a
     (x, y), (x1, y1), (x2, y2) = (
         floor_plan.xy(a),
         floor_plan.xy(b),
@@ -230,7 +230,7 @@ def closed_way(fleet: FleetOnFloor, cell: int) -> str:
 
 
 def check_service(fleet: FleetOnFloor) -> Iterator[Finding]:
-    """Robots reach the docks and racks that orders name, and some of each."""
+    """Robots reach the docks and racks that orders name, and some of each required kind."""
     orders, floor_plan = fleet.scenario.orders, fleet.floor_plan
     served = np.logical_or.reduce(fleet.served)
     why = "a robot must be able to drive from its start to its front, and back"
@@ -260,7 +260,7 @@ def check_service(fleet: FleetOnFloor) -> Iterator[Finding]:
         if all(fleet.within[:, floor_plan.cell(x, y)].all() for x, y in task):
             continue
         yield from check_reached(fleet, task, 1, ("orders", "tasks", number))
-    is_served: set[tuple[int, int]] = set()  # cells that have been looked at
+    is_served: set[tuple[int, int]] = set()  # checked cells
     for index, order in enumerate(orders.listed or ()):
         if order.stops is not None:
             keys: Keys = ("orders", "list", index)
@@ -285,7 +285,7 @@ def check_reached(
     keys: Keys,
     has_load: bool = False,
 ) -> Iterator[Finding]:
-    """Some type of robots gets to all stops of an order, and carries its weight."""
+    """Some type of robots reaches all stops of an order and carries its weight."""
     floor_plan = fleet.floor_plan
     carries = np.array([robot_type.payload >= weight for robot_type in fleet.types])
     if not carries.any():
@@ -306,7 +306,7 @@ def check_reached(
 
 
 def check_abilities(fleet: FleetOnFloor) -> Iterator[Finding]:
-    """Every order can be picked up by some robot, and delivered by some."""
+    """Some robot can pick up each order, and some robot can deliver it."""
     impossible = fleet.impossible()
     if impossible is None:
         return
@@ -323,7 +323,7 @@ def check_abilities(fleet: FleetOnFloor) -> Iterator[Finding]:
 
 
 def check_loaded_ways(fleet: FleetOnFloor) -> Iterator[Finding]:
-    """No area cuts robots off from where they are to bring their loads."""
+    """Areas do not cut robots off from the targets of their loads."""
     parted = fleet.parted()
     if parted is None:
         return

@@ -1,4 +1,4 @@
-"""Whether pods, their stations with queues, and what orders want of them fit the floor."""
+"""Whether pods, their stations with queues, and their orders fit the floor."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ NO_ORDER: Final = -1
 def check_pods(
     scenario: Scenario, floor_plan: FloorPlan, are_of_file: bool = False
 ) -> Iterator[Finding]:
-    """Stations are stations, queues paths, and orders want pods that there are.
+    """Named stations are stations, queues are paths, and orders need existing pods.
 
     `are_of_file`: pods.list comes from a file.
     """
@@ -69,7 +69,7 @@ def check_pods(
 def check_listed_pods(
     scenario: Scenario, floor_plan: FloorPlan, are_of_file: bool
 ) -> Iterator[Finding]:
-    """Pods that are listed stand in storage, one in each cell, and all that are drawn are listed."""
+    """Listed pods stand in storage, one in each cell, and all drawn pods are listed."""
     listed, classes = scenario.pods.listed, list(scenario.pods.classes or ())
     if listed is None:
         return
@@ -103,12 +103,12 @@ def check_listed_pods(
         text = f"has no pod at [{x}, {y}], where the layout has one: add a row, or draw it as q"
         yield Finding(("pods", "list", WHOLE_LIST), text)
     else:
-        text = f"the layout has a pod at [{x}, {y}], and pods.list has none there: draw it as q"
+        text = f"the layout has a pod at [{x}, {y}], but pods.list has none there: draw it as q"
         yield Finding(("layout",), text)
 
 
 def _other_than(kind: int, at: Cell, floor_plan: FloorPlan) -> str:
-    """What is at a cell that should be of a kind; "" if it is."""
+    """What is at a cell that should be of a given kind; "" if it is of that kind."""
     if not floor_plan.holds(*at):
         return f"it lies outside the floor {floor_plan.extent}"
     cell = floor_plan.cell(*at)
@@ -118,7 +118,7 @@ def _other_than(kind: int, at: Cell, floor_plan: FloorPlan) -> str:
 
 
 def check_stations(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """Names stand for stations, each for its own, and queues share no cells."""
+    """Names refer to different stations, and queues share no cells."""
     owner: dict[int, str] = {int(cell): "" for cell in floor_plan.stations}
     named: dict[int, str] = {}
     for name, station in scenario.stations.items():
@@ -137,9 +137,9 @@ def check_stations(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Findin
 def check_queue(
     name: str, station: PodStation, floor_plan: FloorPlan, owner: dict[int, str]
 ) -> Iterator[Finding]:
-    """The queue of a station is a path along which robots drive to it.
+    """The queue of a station is a path on which robots drive to it.
 
-    Modifies `owner`: by cell the name of the station that has it, "" where a station itself is.
+    Modifies `owner`: by cell the name of the station that the queue belongs to, "" for a station.
     """
     keys: Keys = ("stations", name, "queue")
     before, hint = station.at, outwards(station)
@@ -174,7 +174,7 @@ def check_queue(
 
 
 def outwards(station: PodStation) -> str:
-    """The rule that a queue breaks whose last cell is nearer to the station than its first; or ""."""
+    """A hint for a queue that is listed in reverse: its last cell is nearer to the station; else ""."""
     if len(station.queue) < 2:
         return ""
     x, y = station.at
@@ -188,7 +188,7 @@ def outwards(station: PodStation) -> str:
 
 
 def check_pod_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """Orders of a list carry pods that there are, into storage, and no other loads."""
+    """Listed orders carry existing pods, into storage, and no other loads."""
     standing = set(pod_cells(scenario, floor_plan).tolist())
     for index, order in enumerate(scenario.orders.listed or ()):
         if order.source is None:
@@ -219,16 +219,17 @@ def check_pod_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Find
 
 
 def check_destinations(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """No two pods come to stay in one cell: the robot with the second one would wait before it for ever.
+    """No two pods stay in the same cell: the robot with the second pod would wait for ever.
 
-    Orders begin in cells in which pods stand. Where a pod goes whose last order has no `to` is not known.
+    Requires that orders begin in cells with pods. The last cell of a pod is unknown if its last order
+    has no `to`.
     """
     cells = pod_cells(scenario, floor_plan).tolist()
     names = pod_names(scenario, len(cells))
     pod_at = {floor_plan.xy(cell): f"pod {name}" for cell, name in zip(cells, names, strict=True)}
     orders = scenario.orders.listed or ()
     last = last_orders(orders)
-    # By cell the pod that stays there, and the order that brings it.
+    # By cell: the pod that stays there, and the order that brings it.
     stays = {at: (name, NO_ORDER) for at, name in pod_at.items() if at not in last}
     for index, order in enumerate(orders):
         at, target = order.source, order.target
@@ -249,7 +250,7 @@ def check_destinations(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Fi
 
 
 def last_orders(orders: Sequence[OrderLine]) -> dict[Cell, int]:
-    """By the cell in which a pod stands at first, the place of its last order in the list."""
+    """The index of the last order of each pod, by its start cell."""
     last: dict[Cell, int] = {}
     for index, order in enumerate(orders):
         if order.source is None:
@@ -260,13 +261,13 @@ def last_orders(orders: Sequence[OrderLine]) -> dict[Cell, int]:
     return last
 
 
-# Lines, which want pods at stations.
+# Lines, which request pods at stations.
 
 
 def check_wanted(
     line: Line, keys: Keys, pods: int, numbers: dict[str, int], skus: dict[str, int]
 ) -> Iterator[Finding]:
-    """A line wants a pod, or a SKU, that there is."""
+    """A line requests an existing pod or SKU."""
     if line.pod is None:
         if str(line.sku) not in skus:
             like = (
@@ -275,12 +276,12 @@ def check_wanted(
             yield Finding((*keys, "sku"), f"'{line.sku}' is not a SKU of a pod{like}")
     elif str(line.pod) not in numbers:
         like = nearest(str(line.pod), numbers) if isinstance(line.pod, str) else ""
-        there = f"there are {count(pods, 'pod')}, numbered from 1 as one reads the picture"
+        there = f"there are {count(pods, 'pod')}, numbered from 1 in reading order of the picture"
         yield Finding((*keys, "pod"), f"'{line.pod}' is not a pod{like or f': {there}'}")
 
 
 def check_station(line: Line, keys: Keys, names: list[str], stations: int) -> Iterator[Finding]:
-    """A line wants its pod at a station that there is."""
+    """A line names an existing station."""
     if line.station is None or line.station in names:
         return
     if not isinstance(line.station, int) or not 1 <= line.station <= stations:
@@ -290,23 +291,23 @@ def check_station(line: Line, keys: Keys, names: list[str], stations: int) -> It
 
 
 def check_classes(orders: Orders, known: list[str]) -> Iterator[Finding]:
-    """The classes by which lines are drawn are those of the pods."""
+    """The classes of random lines are classes of pods."""
     for name in getattr(orders.lines, "classes", None) or ():
         if name not in known:
             yield Finding(("orders", "lines", "classes", name), no_class(name, known))
 
 
 def no_class(name: str, classes: list[str]) -> str:
-    """Say that there is no such class of pods."""
+    """A finding about an unknown class of pods."""
     there = f"pods.classes has {', '.join(classes)}" if classes else "pods have no classes"
     return f"'{name}' is not a class of pods{nearest(name, classes)}: {there}"
 
 
-# The ways of pods, over other storage not at all, and the robots that carry them.
+# The ways of pods, which avoid other storage, and the robots that carry them.
 
 
 def check_pod_ways(fleet: FleetOnFloor) -> Iterator[Finding]:
-    """Some robot carries each pod, and gets with it to every station and back."""
+    """Some robot carries each pod, and reaches every station with it, and returns."""
     scenario, floor_plan = fleet.scenario, fleet.floor_plan
     if not carries_pods(scenario, floor_plan):
         return
@@ -314,7 +315,7 @@ def check_pod_ways(fleet: FleetOnFloor) -> Iterator[Finding]:
     names = pod_names(scenario, len(cells))
     weights = pod_weights(scenario, len(cells))
     if (weights > fleet.payload).any():
-        # Of the least weight that is too much, the first pod.
+        # The lightest pod that is too heavy; of several, the first.
         pod = int(np.argmax(weights == weights[weights > fleet.payload].min()))
         text = f"pod {names[pod]} weighs {weights[pod]:,}, but no robot carries more than"
         yield Finding((*pod_place(scenario, pod), "weight"), f"{text} {fleet.payload:,}")
@@ -341,20 +342,20 @@ def check_pod_ways(fleet: FleetOnFloor) -> Iterator[Finding]:
 
 
 def pod_weights(scenario: Scenario, pods: int) -> npt.NDArray[np.int64]:
-    """(p,) how heavy each pod is."""
+    """(p,) the weight of each pod."""
     listed = scenario.pods.listed
     return np.array([1] * pods if listed is None else [pod.weight for pod in listed], np.int64)
 
 
 def pod_place(scenario: Scenario, pod: int) -> Keys:
-    """Where a scenario says of a pod where it stands."""
+    """The keys of the start cell of a pod."""
     return ("layout",) if scenario.pods.listed is None else ("pods", "list", pod)
 
 
 def check_ways_of_orders(fleet: FleetOnFloor, carried: dict[int, Mask]) -> Iterator[Finding]:
-    """The pods of listed orders get to all stops and to where they go.
+    """The pods of listed orders can reach all stops and their targets.
 
-    `carried`: (K,) by cell of a pod, the types that carry it. One type does all of an order.
+    `carried`: (K,) by cell of a pod, the types that carry it. One type must do the whole order.
     """
     floor_plan = fleet.floor_plan
     for index, order in enumerate(fleet.scenario.orders.listed or ()):
@@ -376,7 +377,7 @@ def check_ways_of_orders(fleet: FleetOnFloor, carried: dict[int, Mask]) -> Itera
 
 
 def joined(floor_plan: FloorPlan, cell: int, rail: bool) -> Mask:
-    """(C,) the cells from which a load gets to a cell, and to which it comes back."""
+    """(C,) the cells from which a load can reach a cell, and return."""
     kind = floor_plan.kind.reshape(-1)
     if kind[cell] != STORAGE:
         return to_and_from(floor_plan, cell, rail)

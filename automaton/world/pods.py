@@ -1,4 +1,4 @@
-"""The pods of a floor at tick 0, the stations to which they are carried, and the lines to be done."""
+"""The pods of a floor at tick 0, their stations and their lines."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ NO_PODS = dict.fromkeys((*"plqhswrkcbd", "skus", "held", "listed"), 0)
 
 
 class PodWorld(NamedTuple):
-    """What a world has of pods; without lines all of it is empty, and other orders rule."""
+    """The pods of a world; without lines all arrays are empty, and other orders rule."""
 
     pods: Pods
     lines: Lines
@@ -47,8 +47,8 @@ def build_pods(
 ) -> PodWorld:
     """Pods where they are listed or drawn, the stations, and lines with room for their trips.
 
-    Enters the pods into `slots.content`; `listed`: the orders of a list, none of which is known yet
-    where some carry pods.
+    Enters the pods into `slots.content`; `listed`: the listed orders, all unknown at first if some carry
+    pods.
     """
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     if not carries_pods(scenario, floor_plan):
@@ -82,7 +82,7 @@ def build_pods(
 
 
 def of_listed_orders(resolved: Resolved, home: Array, slot_of: Array, listed: Orders) -> PodWorld:
-    """The pods that orders of a list carry; which of them each order is about."""
+    """The pods that listed orders carry, and the pod of each order."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
     pod_in = np.full(len(floor_plan.slots) + 1, NIL, np.int32)  # the last one: no slot
     pod_in[home] = np.arange(len(home), dtype=np.int32)
@@ -107,7 +107,7 @@ def of_listed_orders(resolved: Resolved, home: Array, slot_of: Array, listed: Or
 
 
 def handling_rules(scenario: Scenario, floor_plan: FloorPlan) -> list[Handling]:
-    """How long a visit takes, by station."""
+    """The handling times of a visit, by station."""
     usual = scenario.durations.handling
     rules = [usual] * len(floor_plan.stations)
     numbers = station_numbers(scenario, floor_plan)
@@ -121,7 +121,8 @@ def pods_of(
 ) -> Pods:
     """The pods in their slots, and the classes of pods and of storage cells.
 
-    `demand`: (p,) how often each is wanted; `as_listed`: (p,) its class, or nothing: by demand.
+    `demand`: (p,) number of requests for each pod; `as_listed`: (p,) its class; empty: classes by
+    demand.
     """
     floor_plan, classes = resolved.floor_plan, resolved.scenario.pods.classes
     slots = len(floor_plan.slots)
@@ -148,7 +149,7 @@ def pods_of(
 
 
 def pods_by_sku(scenario: Scenario) -> tuple[Array, Array]:
-    """(skus + 1,) and (held,) int32: where the pods of each SKU begin among the pods by SKU."""
+    """(skus + 1,) and (held,) int32: the first index of each SKU in the pods by SKU, and these pods."""
     numbers = skus_of(scenario)
     listed = scenario.pods.listed or ()
     pairs = {(numbers[sku], pod) for pod, one in enumerate(listed) for sku in one.skus}
@@ -158,7 +159,7 @@ def pods_by_sku(scenario: Scenario) -> tuple[Array, Array]:
 
 
 def ranked(values: Array, shares: list[float]) -> Array:
-    """(n,) int16: the class of each by its rank, the least value first, ties the lower number."""
+    """(n,) int16: the class of each value by rank, the least value first, ties by index."""
     result = np.zeros(len(values), np.int16)
     ranks = np.arange(len(values))
     result[np.argsort(values, kind="stable")] = np.searchsorted(
@@ -174,7 +175,7 @@ def ticks_to_stations(resolved: Resolved) -> Array:
 
 
 def ticks_to_each_station(resolved: Resolved) -> list[Array]:
-    """Of each station the least ticks with a load from each cell, in its best heading: (cells,)."""
+    """For each station (cells,): the least ticks with a load from each cell, in its best heading."""
     floor_plan, driving = resolved.floor_plan, loaded_driving(resolved.fleet.types[0])
     return [
         ticks_between(floor_plan, driving, int(cell), backwards=True).min(axis=1)
@@ -183,7 +184,7 @@ def ticks_to_each_station(resolved: Resolved) -> list[Array]:
 
 
 def ticks_from_slots(resolved: Resolved, slot_of: Array) -> Array:
-    """(stations, slots) int32: the same from each slot."""
+    """(stations, slots) int32: the least ticks with a load from each slot."""
     cells = np.flatnonzero(slot_of != NIL)
     away = np.zeros((len(resolved.floor_plan.stations), len(cells)), np.int32)
     for row, ticks in zip(away, ticks_to_each_station(resolved), strict=True):
@@ -246,7 +247,7 @@ def stations_of(
 
 
 def trip_orders(count: int, stops: int) -> Orders:
-    """Room for so many trips, none of which is known yet."""
+    """Room for this number of trips, all unknown at first."""
     nowhere, never = np.full(count, NIL, np.int32), np.full(count, NEVER, np.int32)
     return Orders.sized(
         state=np.full(count, ORDER_UNRELEASED, np.uint8),
@@ -262,7 +263,7 @@ def trip_orders(count: int, stops: int) -> Orders:
 
 # The lines of a scenario as columns: listed, or drawn.
 #
-# Draws are addressed by the seed and the number of the line or of the order, so that all fleets and
+# Draws depend only on the seed and the number of the line or of the order, so all fleets and
 # strategies face the same demand.
 
 
@@ -271,17 +272,17 @@ class LineArrays(NamedTuple):
 
     order: Column
     pod: Column  # NIL: any with the SKU
-    sku: Column  # NIL: none, or a pod is wanted
+    sku: Column  # NIL: none, or a pod is requested
     station: Column  # NIL: any
     release: Column
     due: Column  # NEVER: none
     priority: Column
     units: Column
-    pod_class: Column  # (p,) of each pod, as lines were drawn by it; empty: they were not
+    pod_class: Column  # (p,) class of each pod if lines are drawn by class; else empty
 
 
 def line_columns(scenario: Scenario, pods: int, stations: dict[str, int], seed: int) -> LineArrays:
-    """The lines of a scenario with so many pods; `stations`: numbers from 0 by name."""
+    """The lines of a scenario with this number of pods; `stations`: numbers from 0 by name."""
     lines = scenario.orders.lines
     assert lines is not None, "the scenario has lines"
     if isinstance(lines, LineDemand):
@@ -299,10 +300,10 @@ def _of_table(lines: LineTable, scenario: Scenario, stations: dict[str, int]) ->
     _, first, which = np.unique(alike, return_index=True, return_inverse=True)
     numbers = np.array([stations[str(name)] for name in lines.stations], np.int64)
     at = np.where(values["station"] == NOTHING, NIL, numbers[values["station"]])
-    known = skus_of(scenario)  # a row that names its pod may have any SKU beside it
+    known = skus_of(scenario)  # in a row with a pod, the SKU is ignored
     skus = np.array([*(known.get(sku, NIL) for sku in lines.skus), NIL], np.int64)
     has_pod = values["pod"] != NOTHING
-    order = np.argsort(np.argsort(first))[which]  # in the sequence of their first lines
+    order = np.argsort(np.argsort(first))[which]  # in the order of their first lines
     return LineArrays(
         order=order,
         pod=np.where(has_pod, values["pod"], NIL).astype(np.int64),
@@ -361,7 +362,7 @@ def _drawn(
 
 
 def classes_given(scenario: Scenario) -> list[int]:
-    """The class of each pod from 0, if they are listed with their classes; else nothing."""
+    """The class of each pod, from 0, if they are listed with classes; else empty."""
     numbers = {name: number for number, name in enumerate(scenario.pods.classes or ())}
     listed = scenario.pods.listed or ()
     return [numbers[pod.pod_class] for pod in listed if pod.pod_class is not None]
@@ -382,7 +383,7 @@ def _orders_of_lines(lines: LineDemand, seed: int) -> Column:
 def _pods_of_lines(
     lines: LineDemand, scenario: Scenario, pods: int, seed: int
 ) -> tuple[Column, Column]:
-    """The pod of each line, and the class of each pod where lines are drawn by class."""
+    """The pod of each line, and the class of each pod if lines are drawn by class."""
     if lines.classes is None or scenario.pods.classes is None:
         pod_class = np.array(classes_given(scenario), np.int64)
         return _integers(lines.drawn, pods, seed, DRAW_POD), pod_class
@@ -406,7 +407,7 @@ def _pods_of_lines(
 
 
 def class_ends(shares: list[float], count: int) -> Column:
-    """(classes,) how many of `count` belong to each class or one before it; halves go to the earlier."""
+    """(classes,) cumulative numbers of the classes out of `count`; halves go to the earlier class."""
     ends = np.floor(np.cumsum(shares) / sum(shares) * count + 0.5)
     ends[-1] = count
     return ends.astype(np.int64)

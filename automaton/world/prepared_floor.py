@@ -1,4 +1,4 @@
-"""A floor plan made ready for kernels, with its distance tables; shared by all its runs."""
+"""A floor plan prepared for kernels, with its distance tables; shared by all its runs."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of
 from automaton.units import memory
 
-KEPT_BYTES = 64 * 1024 * 1024  # of distance tables that stay for the next run
+KEPT_BYTES = 64 * 1024 * 1024  # of distance tables that are kept for the next run
 
 
 class PreparedFloor(NamedTuple):
-    """What runs on the same floor with robots that drive alike share."""
+    """The shared data of runs on the same floor with robots that drive alike."""
 
     grid: Grid
     slot_cell: Array  # (s,) int32
@@ -32,11 +32,12 @@ class PreparedFloor(NamedTuple):
     occupancy: Array  # (C,) uint16: the empty floor
     move: Array  # (K,) ticks of a move, by type of robot; with a load: rules.loaded_types more
     turn: Array  # (K,) ticks of a turn
-    spaces: dict[int, list[Workspace]]  # those that no simulation uses now, by table_bytes
+    spaces: dict[int, list[Workspace]]  # unused workspaces, by table_bytes
     longest_route: int
 
     def borrow_space(self, user: object, table_bytes: int) -> Workspace:
-        """A workspace of its own until `user` is gone; distance tables stay for the next one.
+        """An exclusive workspace until `user` is deleted; its distance tables are kept for the next
+        user.
 
         `table_bytes`: memory for them. Simulations may run in threads side by side, so no two share one.
         """
@@ -113,20 +114,20 @@ def _floor_for(
 
 
 def loads_differ(floor_plan: FloorPlan, types: Iterable[RobotType]) -> bool:
-    """Whether robots with a load drive otherwise than without one: not through storage, say."""
+    """Whether robots drive differently with a load: not through storage, for example."""
     return has_storage(floor_plan) or any(one.loads_differ for one in types)
 
 
 def are_on_rails(types: Iterable[RobotType]) -> bool:
-    """Whether robots of all types turn on turntables alone."""
+    """Whether robots of all types turn only on turntables."""
     return all(one.rail for one in types)
 
 
 def flags_by_type(floor_plans: Sequence[FloorPlan], rows: Sequence[RobotType]) -> Array:
-    """(K, C) uint8: the flags of cells for robots of each type, then for those of each with a load.
+    """(K, C) uint8: the flags of cells for robots of each type, then for each type with a load.
 
-    No way leads through storage: with a load robots cannot pass under pods,
-    and without one they would meet others that come out with theirs.
+    No way leads through storage: robots with a load cannot pass under pods, and robots without one would
+    meet others that come out with pods.
     """
     pairs = zip(floor_plans, rows, strict=True)
     by_type: Array = np.stack([cell_flags_of(plan, row.rail) for plan, row in pairs])
@@ -136,7 +137,7 @@ def flags_by_type(floor_plans: Sequence[FloorPlan], rows: Sequence[RobotType]) -
 
 
 def cell_flags_of(floor_plan: FloorPlan, rail: bool) -> Array:
-    """(C,) uint8: exits, where robots may turn, on rails or not, and the class of capacity."""
+    """(C,) uint8: exits, whether robots may turn (on rails or not), and the class of capacity."""
     kind = floor_plan.kind.reshape(-1)
     turning = np.where(may_turn(kind, rail), MAY_TURN, 0).astype(np.uint8)
     capacity = np.where(DRIVABLE[kind], floor_plan.capacity.reshape(-1), 1).astype(np.uint8)

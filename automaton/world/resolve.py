@@ -32,7 +32,7 @@ from automaton.world.floor_parts import (
 from automaton.world.resolved import Resolved as Resolved
 from automaton.world.resolved import StrategyChoice, in_fine_ticks, objection_to
 
-MAX_ALLOCATIONS = 4  # strategies that a run asks for allocations
+MAX_ALLOCATIONS = 4  # allocation strategies of a run
 CHANGEABLE = ("strategy", "durations", "information", "world", "stop")  # while a run goes on
 
 
@@ -41,10 +41,10 @@ def resolve(
     overrides: Iterable[str | Override] = (),
     seed: int | None = None,
 ) -> Resolved:
-    """Check a scenario completely: a path, the name of a shipped one, a file's content, or a Scenario.
+    """Check a scenario completely: a path, a shipped name, a file's content, or a Scenario.
 
-    `overrides` are KEY=VALUE texts, or values with their places; `seed` replaces the scenario's
-    own. Raises InputError.
+    `overrides`: KEY=VALUE texts, or values with their keys; `seed` replaces the scenario's seed. Raises
+    InputError.
     """
     settings = tuple(overrides)
     seeded = () if seed is None else (Override(f"--seed {seed}", ("seed",), seed),)
@@ -54,7 +54,7 @@ def resolve(
 
 
 def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolved:
-    """Read, check, build. Raises InvalidValueError for what is wrong with a value."""
+    """Read, check and build. Raises InvalidValueError for invalid values."""
     scenario = reading.scenario_with_files()
     floor = reading.floor(scenario.layout)
     scenario = with_charger_blocks(scenario, floor.floor_plan)
@@ -92,13 +92,13 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
         own_allocations=own_allocations,
         file_warnings=() if order_file is None else order_file.warnings,
     )
-    vars(resolved)["fleet"] = fleet  # with the facts that the checks have found
+    vars(resolved)["fleet"] = fleet  # with the results of the checks
     refuse(check_allocations(resolved))
     return in_fine_ticks(resolved)
 
 
 def check_table_memory(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """A table of this floor fits world.distance_tables."""
+    """One distance table of this floor fits into world.distance_tables."""
     text = scenario.world.distance_tables
     cells = int(np.count_nonzero(floor_plan.drivable))
     types = types_of(scenario)
@@ -116,7 +116,7 @@ def check_table_memory(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Fi
         )
 
 
-# The strategies of the layers, and those of types of robots.
+# The strategies of the layers and of types of robots.
 
 
 def choose_strategies(
@@ -127,8 +127,8 @@ def choose_strategies(
 ) -> dict[str, StrategyChoice]:
     """The strategies that a scenario names, by layer. Raises InvalidValueError.
 
-    Parameters may have a method `check_scenario(scenario, floor_plan)`: one sentence on what they
-    do not go with, or None. `folder`: from which they name files.
+    Parameters may have a method `check_scenario(scenario, floor_plan)` that returns None or a sentence
+    about a conflict. `folder`: base of their file names.
     """
     specs = {layer: getattr(scenario.strategy, layer) for layer in layers}
     strategies = {
@@ -148,7 +148,7 @@ def choose_strategies(
 def choose_own_allocations(
     scenario: Scenario, floor_plan: FloorPlan, folder: Path
 ) -> tuple[StrategyChoice | None, ...]:
-    """Of each type of robots the allocation that it has to itself; () if none has.
+    """The allocation of each type of robots that has its own, else None; () if no type has one.
 
     Raises InvalidValueError.
     """
@@ -169,7 +169,7 @@ def choose_own_allocations(
 def choose_strategy(
     scenario: Scenario, layer: str, choice: Any, at: Keys, folder: Path = Path()
 ) -> StrategyChoice:
-    """The strategy that stands at a place of a scenario: its name, or {name: NAME, ...parameters}.
+    """The strategy at some keys of a scenario: its name, or {name: NAME, ...parameters}.
 
     Raises InvalidValueError.
     """
@@ -198,13 +198,13 @@ def choose_strategy(
 def check_choice(
     scenario: Scenario, floor_plan: FloorPlan, keys: Keys, choice: StrategyChoice
 ) -> Iterator[Finding]:
-    """A strategy goes with its scenario, as its parameters see it."""
+    """A strategy fits its scenario, by the check of its parameters."""
     if sentence := objection_to(choice, scenario, floor_plan):
         yield Finding(keys, f"{dotted(keys)} is {choice.name}: {sentence}")
 
 
 def check_allocations(resolved: Resolved) -> Iterator[Finding]:
-    """There are no more strategies of allocation than a run asks."""
+    """The number of allocation strategies is within the limit of a run."""
     number = len(resolved.allocations)
     if number > MAX_ALLOCATIONS:
         text = (
@@ -219,7 +219,7 @@ def naming_files(
     strategies: dict[str, StrategyChoice],
     own_allocations: tuple[StrategyChoice | None, ...],
 ) -> Scenario:
-    """The scenario with the files of its strategies named as they are found from anywhere."""
+    """The scenario with absolute paths of the files of its strategies."""
     change = msgspec.structs.replace
     specs = {
         layer: _naming_files(getattr(scenario.strategy, layer), choice)
@@ -239,7 +239,7 @@ def naming_files(
 
 
 def _naming_files(spec: Any, choice: StrategyChoice) -> Any:
-    """What a scenario says of a strategy, with the files as they are found from anywhere."""
+    """The data of a strategy with absolute paths of its files."""
     if not files_of(choice.parameters) or not isinstance(spec, dict):
         return spec
     resolved_parameters = msgspec.to_builtins(choice.parameters)
@@ -252,7 +252,7 @@ def _naming_files(spec: Any, choice: StrategyChoice) -> Any:
 def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
     """The scenario with KEY=VALUE settings changed in the middle of a run.
 
-    Floor, fleet, orders and seed are what the run began with. Raises InputError.
+    Floor, fleet, orders and seed cannot change. Raises InputError.
     """
     resolved = resolved.unrefined
     floor_plan = resolved.floor_plan

@@ -1,6 +1,6 @@
-"""Everything that a run follows from, as `resolve` has made it: scenario, floor, strategies, starts.
+"""The complete input of a run, made by `resolve`: scenario, floor, strategies, starts.
 
-With `refine` it is in finer ticks, and keeps itself as it was read.
+With `refine` it is in finer ticks, and has the version in coarse ticks as `coarse`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class StrategyChoice(NamedTuple):
 
 @dataclass(frozen=True)
 class Resolved:
-    """Everything that a run follows from."""
+    """The complete input of a run."""
 
     scenario: Scenario
     floor_plan: FloorPlan
@@ -41,41 +41,41 @@ class Resolved:
     source: str  # text of the scenario file; "" for a Scenario built in Python
     overrides: tuple[str, ...] = ()  # the --set arguments as typed
     files: tuple[tuple[str, str], ...] = ()  # read for the scenario: path, 16 hex digits of content
-    conversions: tuple[Conversion, ...] = ()  # of texts with units, but for those of strategies
-    file_notes: tuple[str, ...] = ()  # what was read of a file of orders, for `check`
-    file_warnings: tuple[str, ...] = ()  # and what is odd in it
-    coarse: Resolved | None = None  # as it was read, where this is in finer ticks
-    # Of each type of robots the allocation that it has to itself; None: that of `strategies`.
+    conversions: tuple[Conversion, ...] = ()  # of texts with units, except those of strategies
+    file_notes: tuple[str, ...] = ()  # about the file of orders, for `check`
+    file_warnings: tuple[str, ...] = ()  # about oddities in that file
+    coarse: Resolved | None = None  # in coarse ticks, if this is in finer ones
+    # The allocation of each type of robots that has its own; None: that of `strategies`.
     own_allocations: tuple[StrategyChoice | None, ...] = ()
-    orders_of_file: bool = False  # whether its orders, or their lines, come from a file
+    orders_of_file: bool = False  # whether its orders or lines come from a file
 
     @cached_property
     def fleet(self) -> FleetOnFloor:
-        """The robots on the floor: types, starts, what they reach."""
+        """The robots on the floor: types, starts, reachable cells."""
         return FleetOnFloor(self.scenario, self.floor_plan, self.start)
 
     @cached_property
     def pod_names(self) -> tuple[str, ...]:
-        """The name of each pod, its number from 1 where it has none; () where none is carried."""
+        """The name of each pod, or its number from 1 if it has no name; () if no pods are carried."""
         if not carries_pods(self.scenario, self.floor_plan):
             return ()
         return tuple(pod_names(self.scenario, len(pod_cells(self.scenario, self.floor_plan))))
 
     @cached_property
     def station_names(self) -> tuple[str, ...]:
-        """The name of each station, its number from 1 where it has none; () where no pod is carried."""
+        """The name of each station, or its number from 1 if it has no name; () if no pods are carried."""
         if not carries_pods(self.scenario, self.floor_plan):
             return ()
         return all_station_names(self.scenario, self.floor_plan)
 
     def __reduce__(self) -> Any:
-        """A refined scenario is refined again: made from its parts, it would be checked as read."""
+        """Unpickling refines the coarse scenario again: fine values would not pass the checks."""
         if self.coarse is None:
             return object.__new__, (Resolved,), self.__getstate__()
         return in_fine_ticks, (replace(self.coarse, overrides=self.overrides),)
 
     def __getstate__(self) -> dict[str, Any]:
-        """All but the fleet, which follows from the rest and may be larger than all of it."""
+        """All fields except the fleet, which is derived and may be larger than the rest."""
         return {name: value for name, value in vars(self).items() if name != "fleet"}
 
     @property
@@ -85,8 +85,9 @@ class Resolved:
 
     @property
     def allocations(self) -> tuple[StrategyChoice, ...]:
-        """The strategies that allocate orders, each once: that of `strategies`, unless all types have
-        their own, then these."""
+        """The strategies that allocate orders, each once: those of types, and that of `strategies` unless
+        all types have their own.
+        """
         is_used = self.strategies and (None in self.own_allocations or not self.own_allocations)
         choices = [self.strategies["allocation"]] if is_used else []
         for own in self.own_allocations:
@@ -96,20 +97,20 @@ class Resolved:
 
     @property
     def allocation_of_types(self) -> list[int]:
-        """Of each type of robots, which of `allocations` is its own; empty where no type has one."""
+        """The index in `allocations` for each type of robots; empty if no type has its own allocation."""
         known = [choice[:2] for choice in self.allocations]
         return [0 if own is None else known.index(own[:2]) for own in self.own_allocations]
 
     @property
     def may_stay(self) -> bool:
-        """Whether robots without an order stay where they are."""
+        """Whether robots without an order stay in their cells."""
         return any(
             getattr(choice.parameters, "idle", "park") == "stay" for choice in self.allocations
         )
 
     @property
     def choices(self) -> tuple[tuple[str, StrategyChoice], ...]:
-        """The layer and the choice of all strategies, by number: those of layers, then of types."""
+        """The layer and the choice of all strategies, by number: layers, then types."""
         first, *further = self.allocations or (None,)
         strategies = self.strategies | ({"allocation": first} if first else {})
         of_layers = ((name, strategies[name]) for name in LAYER_NAMES if strategies)
@@ -117,20 +118,20 @@ class Resolved:
 
     @property
     def zoning(self) -> ZoningParameters:
-        """What the zoning strategy says of the zones at the start. Raises InputError."""
+        """The zones of the zoning strategy at the start. Raises InputError."""
         choice = self.strategies.get("zoning")  # a story has no strategies
         return zoning_parameters_of(choice.parameters if choice else NoParameters())
 
 
 def objection_to(choice: StrategyChoice, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-    """What the parameters of a strategy have to say against a scenario, if they look at it."""
+    """The objection of the parameters of a strategy to a scenario, or None."""
     check = getattr(choice.parameters, "check_scenario", None)
     sentence: str | None = check(scenario, floor_plan) if check else None
     return sentence
 
 
 def in_fine_ticks(resolved: Resolved) -> Resolved:
-    """A scenario as `refine` says, in finer ticks; itself if that is 1. Raises InvalidValueError."""
+    """A scenario in finer ticks by its `refine`; itself if that is 1. Raises InvalidValueError."""
     scenario = resolved.scenario
     if scenario.refine == 1:
         return resolved

@@ -1,4 +1,4 @@
-"""The constants of a world, from its scenario; batteries and faults in the units of the world."""
+"""The constants of a world from its scenario, with batteries and faults in the units of the world."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ def rules_for(
     in_convoy: bool = False,
     allocations: Sequence[int] = (),
 ) -> Rules:
-    """The scenario's constants; what strategies ask for is entered when they are admitted.
+    """The scenario's constants; those that strategies set are entered when they are admitted.
 
-    `loaded_differ`: robots with a load drive otherwise than without, as types of their own; `in_convoy`:
-    some may be in moves of several ticks; `allocations`: of each type, which of several strategies
-    allocates orders to its robots, 0 that of all others.
+    `loaded_differ`: robots with a load drive differently, as separate types; `in_convoy`: some may be in
+    moves of several ticks; `allocations`: for each type, the number of the strategy that allocates
+    orders to its robots, 0 for the common one.
     """
     rules, types = scenario.world, types_of(scenario)
     numbers = [LAYER_RIGHT_OF_WAY + k if k else LAYER_ALLOCATION for k in allocations]
@@ -103,7 +103,7 @@ def rules_for(
 
 
 def following_of(scenario: Scenario, in_convoy: bool) -> int:
-    """The rule of following; handing cells over costs less where a convoy comes to the same."""
+    """The rule of following; handover replaces convoy where both are equal, because it is faster."""
     following = scenario.world.following
     if following == "convoy" and not (in_convoy or follows_in_convoy(scenario)):
         return FOLLOWING_HANDOVER
@@ -117,13 +117,13 @@ def radius_of(information: Any) -> int:
 
 
 def tick_length(text: str) -> int:
-    """A tick in millionths of a second, 0 if its name is not an unit of time."""
+    """A tick in millionths of a second, 0 if its name is not a unit of time."""
     seconds = unit(text).seconds
     return 0 if seconds is None else max(1, round(1_000_000 * seconds))
 
 
 def duration_table(robot_type: RobotType, loaded: bool = False) -> Array:
-    """(A,) int32: ticks of each action of a robot; those without a duration of their own take 1."""
+    """(A,) int32: ticks of each action of a robot; actions without a duration take 1."""
     durations, table = robot_type.durations, np.ones(ACTION_COUNT, np.int32)
     table[ACTION_MOVE] = robot_type.moves[loaded]
     table[ACTION_TURN] = durations.turns[loaded]
@@ -133,12 +133,12 @@ def duration_table(robot_type: RobotType, loaded: bool = False) -> Array:
 
 
 def charge_units(percent: float) -> int:
-    """Units of charge in so many percent of a battery."""
+    """Units of charge in some percent of a battery."""
     return round(percent * BATTERY_PERCENT)
 
 
 def drain_table(battery: Battery | None) -> Array:
-    """(A, 2) int64: units that a tick of each action takes, without load and with one."""
+    """(A, 2) int64: units of charge that a tick of each action takes, without a load and with one."""
     table = np.zeros((ACTION_COUNT, 2), np.int64)
     if battery is None:
         return table
@@ -152,7 +152,7 @@ def drain_table(battery: Battery | None) -> Array:
 
 
 def charging_curve(battery: Battery | None) -> Array:
-    """(pieces, 2) int32: from this charge on, units that a tick at a charger gives."""
+    """(pieces, 2) int32: a charge, and the units that a tick at a charger gives from it on."""
     if battery is None:
         return np.zeros((1, 2), np.int32)
     steps = (
@@ -164,7 +164,7 @@ def charging_curve(battery: Battery | None) -> Array:
 
 
 def charging_curves(batteries: list[Battery | None]) -> Array:
-    """(K, pieces, 2) int32: the curves of all; shorter ones go on as they are above a full battery."""
+    """(K, pieces, 2) int32: the curves of all types; shorter ones are padded above a full battery."""
     curves = [charging_curve(battery) for battery in batteries]
     most = max(len(curve) for curve in curves)
     beyond = [np.array([[BATTERY_FULL + 1, curve[-1, 1]]], np.int32) for curve in curves]
@@ -191,6 +191,6 @@ def ticks_or_never(ticks: int | None) -> int:
 
 
 def may_fail(scenario: Scenario) -> bool:
-    """Whether robots of this scenario may go down."""
+    """Whether robots of this scenario can break down or run out of charge."""
     faults = scenario.faults
     return scenario.battery is not None or bool(faults.listed) or faults.probability > 0

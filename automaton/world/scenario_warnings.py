@@ -1,4 +1,4 @@
-"""What `check` says beyond what `resolve` refuses: misfits, and what is probably a mistake."""
+"""The warnings of `check` about scenarios that `resolve` accepts: misfits and probable mistakes."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ if TYPE_CHECKING:
     from automaton.engine.state import Array, Grid
 
 NO_STRATEGY: Final = "none"
-MOST_STATIONS: Final = 100  # between which all ways are measured
+MOST_STATIONS: Final = 100  # stations between which all ways are measured
 
 
 def misfits(resolved: Resolved) -> Iterator[Finding]:
-    """Files of strategies that are missing or unfit, and a zone design that the fleet cannot serve."""
+    """Missing or unusable files of strategies, and a zone design that the fleet cannot serve."""
     for layer, choice in resolved.choices:
         keys: Keys = ("strategy", layer)
         for file in files_of(choice.parameters):
@@ -48,7 +48,7 @@ def misfits(resolved: Resolved) -> Iterator[Finding]:
         except InputError as error:
             yield Finding(keys, f"strategy.{layer}: {error}")
     if resolved.zoning.design is not None:
-        # Needs Numba, as most checks do not.
+        # Needs Numba, unlike most checks.
         from automaton.world.building import ZoneDesignError, build_world
 
         try:
@@ -58,8 +58,8 @@ def misfits(resolved: Resolved) -> Iterator[Finding]:
 
 
 def grid_and_durations(resolved: Resolved) -> tuple[Grid, Array]:
-    """Return the grid that the robots drive on, and the (A,) ticks of each action of the first type."""
-    from automaton.world.prepared_floor import floor_for  # needs Numba, as most checks do not
+    """Return the grid, and the (A,) ticks of each action of the first type."""
+    from automaton.world.prepared_floor import floor_for  # needs Numba, unlike most checks
     from automaton.world.rules import rules_for
 
     scenario, types = resolved.scenario, resolved.fleet.types
@@ -95,7 +95,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
 
 
 def nothing_to_avoid(resolved: Resolved) -> str:
-    """Warn about avoiding traffic where no robot slows another."""
+    """Warn about traffic avoidance if no robot slows another."""
     world, routing = resolved.scenario.world, resolved.strategies["routing"].name
     floor_plan = resolved.floor_plan
     crowds = bool((floor_plan.capacity[floor_plan.drivable] == UNLIMITED).all())
@@ -128,7 +128,7 @@ def parks_on_charger(resolved: Resolved) -> str:
 def out_of_range(resolved: Resolved) -> str:
     """Warn about an order that needs more than a full battery, from a charger and back to one.
 
-    Counted above the reserve and by the moves alone: with turns and handling it takes more.
+    Counts the charge above the reserve, and moves only: turns and handling need more.
     """
     scenario, floor_plan, choice = (
         resolved.scenario,
@@ -166,7 +166,7 @@ def out_of_range(resolved: Resolved) -> str:
 
 
 def station_pairs(resolved: Resolved) -> list[tuple[int, int]]:
-    """Flat cells of stations between which orders may lead."""
+    """Flat cells of stations that orders may connect."""
     orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
     stations = np.flatnonzero(floor_plan.kind == STATION).tolist()
     if orders.listed is not None:
@@ -198,7 +198,7 @@ def never_charges(resolved: Resolved) -> str:
 
 
 def stays_on_station(resolved: Resolved) -> str:
-    """Warn about idle robots that stand for ever on a station that other robots must reach."""
+    """Warn about idle robots that block a station for ever."""
     scenario, floor_plan, start = resolved.scenario, resolved.floor_plan, resolved.start
     right_of_way = resolved.strategies["right_of_way"]
     gives_way = declares("right_of_way", right_of_way.name, STEERS)
@@ -246,7 +246,7 @@ def served_stations(resolved: Resolved) -> set[int]:
 
 
 def counts_as_seconds(resolved: Resolved) -> str:
-    """Warn about zoning, whose parameters are times, where units.tick is not a time."""
+    """Warn about zoning, whose parameters are times, if units.tick is not a time."""
     text = resolved.scenario.units.tick
     tick = unit(text)
     if resolved.strategies["zoning"].name == NO_STRATEGY or tick.seconds is not None:
@@ -254,14 +254,13 @@ def counts_as_seconds(resolved: Resolved) -> str:
     if tick.name in ("tick", "ticks"):
         return ""
     return (
-        f"units.tick is {text!r}, which is not a time: for the seconds and minutes of zoning a "
-        "tick counts "
-        f"as a second; use {alternatives(SECONDS_PER_UNIT)}"
+        f"units.tick is {text!r}, which is not a time, so zoning counts a tick as a second; use "
+        f"{alternatives(SECONDS_PER_UNIT)}"
     )
 
 
 def short_rows(resolved: Resolved) -> str:
-    """Warn about rows of a picture that end on a cell that robots drive on, before others do."""
+    """Warn about rows of a picture that are shorter than others and end on a drivable cell."""
     rows = str(resolved.scenario.layout.get("picture", "")).rstrip().split("\n")
     width = max(map(len, rows))
     for number, row in enumerate(rows, 1):
@@ -275,7 +274,7 @@ def short_rows(resolved: Resolved) -> str:
 
 
 def nothing_to_carry(resolved: Resolved) -> str:
-    """Warn about a picture that holds no loads where its loads are the orders."""
+    """Warn about a picture without loads if its loads are the orders."""
     orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
     if orders.generator == "picture-loads" and not (floor_plan.loads == 1).any():
         return "there are no orders: orders are the loads drawn in the picture, and it has none"
@@ -291,9 +290,9 @@ def due_warnings(resolved: Resolved) -> list[str]:
 
 
 def due_too_early(resolved: Resolved) -> str:
-    """Warn about orders that are due before they are released, which real files have."""
+    """Warn about orders that are due before they are released, as in some real files."""
     if resolved.orders_of_file:
-        return ""  # its rows are warned of by their lines
+        return ""  # the reader warns about its rows
     orders = resolved.scenario.orders
     lines = listed_lines(orders)
     key, what = ("orders.lines", "line") if lines else ("orders.list", "order")
@@ -313,7 +312,7 @@ def due_too_early(resolved: Resolved) -> str:
 
 
 def nothing_due(resolved: Resolved) -> str:
-    """Warn about an allocation that goes by due times where no order has one."""
+    """Warn about an allocation by due times if no order has one."""
     ways = {getattr(choice.parameters, "by", None) for choice in resolved.allocations}
     if "due" not in ways or has_due_times(resolved.scenario.orders):
         return ""
@@ -323,21 +322,21 @@ def nothing_due(resolved: Resolved) -> str:
     )
 
 
-# Orders and parts that are released when the run is over.
+# Orders and parts that are released after the end of the run.
 
 
 class Stream(NamedTuple):
-    """Orders or parts that come one after another."""
+    """A stream of orders or parts."""
 
     what: str  # "200 orders"
     first: int  # tick
-    last: float  # tick; of random ones, by the mean
+    last: float  # tick; for random ones, the mean
 
 
 def late_releases(resolved: Resolved) -> list[str]:
-    """Return a sentence for each list or stream that goes on when the run is over.
+    """Return a sentence for each list or stream that continues after the end of the run.
 
-    A stream may go on where a run does not end with its orders.
+    A stream may continue if the run does not end with its orders.
     """
     stop, tick = resolved.scenario.stop, unit(resolved.scenario.units.tick)
     end, ends_with_orders = stop.max_duration, stop.when != "never"
@@ -364,7 +363,7 @@ def late_releases(resolved: Resolved) -> list[str]:
 
 
 def streams(resolved: Resolved) -> Iterator[Stream]:
-    """What comes with time, and not from a list or in a closed loop."""
+    """The streams over time, without lists and closed loops."""
     orders = resolved.scenario.orders
     for kind in orders.parts or ():
         after = (kind.count - 1) * mean_of(kind.interarrival_time)
@@ -381,7 +380,7 @@ def streams(resolved: Resolved) -> Iterator[Stream]:
 
 
 def generated_orders(resolved: Resolved) -> int:
-    """How many orders a generator makes."""
+    """The number of orders of a generator."""
     orders, floor_plan = resolved.scenario.orders, resolved.floor_plan
     if orders.generator == "picture-loads":
         return int(floor_plan.loads.sum())
@@ -391,5 +390,5 @@ def generated_orders(resolved: Resolved) -> int:
 
 
 def mean_of(number: int | Mean | MeanTime) -> float:
-    """A number given, or the mean of those drawn."""
+    """A given number, or the mean of a random one."""
     return number if isinstance(number, int) else number.mean

@@ -1,4 +1,4 @@
-"""Where robots begin, how they stand there, what of the floor they hold, and their charges."""
+"""The start cells of robots, their headings, the cells that they occupy, and their charges."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from automaton.world.rules import charge_units
 
 
 def homes(resolved: Resolved, seed: int) -> tuple[Array, Array]:
-    """(n,) home cells and (n,) parking bays by identity; NIL where a robot parks on the floor itself."""
+    """(n,) home cells and (n,) parking bays by identity; NIL for robots that park on the floor."""
     fleet, floor_plan = resolved.fleet, resolved.floor_plan
     none = np.full(len(fleet.type_of), NIL, np.int32)
     if resolved.start == "parking-bays":
@@ -37,7 +37,7 @@ def homes(resolved: Resolved, seed: int) -> tuple[Array, Array]:
 
 
 def random_cells(floor_plan: FloorPlan, seed: int, last: Array | None = None) -> Array:
-    """The drivable cells in the order of their draws, the least first; `last`: (C,) bool, at the end."""
+    """The drivable cells in random order (least draw first); `last`: (C,) bool, cells put at the end."""
     cells = np.flatnonzero(floor_plan.drivable)
     keys = integers(len(cells), 2**31, seed, STREAM_STARTS)
     drawn: Array = cells[np.argsort(keys, kind="stable")].astype(np.int32)
@@ -62,10 +62,9 @@ def has_room_for_all(floor_plan: FloorPlan) -> bool:
 
 
 def random_stands(floor_plan: FloorPlan, n: int, seed: int, closed: Array | None = None) -> Array:
-    """n cells in front of racks: of a rack drawn for each robot, where cells hold any number.
+    """n cells in front of racks: if cells hold any number of robots, each robot draws a rack.
 
-    Else different ones, those of the least draws, in the order of their draws. `closed`: (C,) bool,
-    cells that do not count.
+    Otherwise different cells in random order. `closed`: (C,) bool, excluded cells.
     """
     stands = rack_stands(floor_plan)
     if closed is not None:
@@ -79,7 +78,7 @@ def random_stands(floor_plan: FloorPlan, n: int, seed: int, closed: Array | None
 
 
 def start_headings(fleet: FleetOnFloor, grid: Grid, cells: Array) -> Array:
-    """(n,) uint8 by identity: as the scenario says, or along a way out of the start cell."""
+    """(n,) uint8 headings by identity: from the scenario, or towards an exit of the start cell."""
     default, stated = first_headings(grid, cells, fleet.type_of), fleet.scenario.fleet.heading
     if stated is None:
         return default
@@ -90,7 +89,7 @@ def start_headings(fleet: FleetOnFloor, grid: Grid, cells: Array) -> Array:
 
 
 def first_headings(grid: Grid, cells: Array, types: Array | int = 0) -> Array:
-    """(n,) uint8: vertical where the cell leads south or north, else horizontal; `types`: (n,)."""
+    """(n,) uint8: vertical if the cell leads south or north, else horizontal; `types`: (n,)."""
     cell_flags = grid.cell_flags[cells]
     choices = [(cell_flags >> np.uint8(d)) & 1 == 1 for d in (1, 3, 0, 2)]
     direction = np.select(choices, [1, 3, 0, 2], 0)
@@ -106,7 +105,7 @@ def occupy_starts(grid: Grid, occupancy: Array, cells: Array, headings: Array) -
 
 
 def first_charges(scenario: Scenario, seed: int) -> Array:
-    """(n,) int32 by identity: what is in the batteries at the start."""
+    """(n,) int32 by identity: the charge of batteries at the start."""
     n = scenario.fleet.robots
     if scenario.battery is None:
         return np.full(n, BATTERY_FULL, np.int32)
@@ -116,7 +115,7 @@ def first_charges(scenario: Scenario, seed: int) -> Array:
 
 
 def _charges(battery: Battery, n: int, seed: int) -> Array:
-    """(n,) int32 by identity: what robots with these batteries have at the start."""
+    """(n,) int32 by identity: the charge at the start for these batteries."""
     start = battery.initial_charge
     if isinstance(start, tuple):
         return np.array([charge_units(percent) for percent in start], np.int32)

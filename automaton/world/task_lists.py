@@ -1,8 +1,8 @@
-"""Lists of tasks: how many orders they become, and which robot does them where they are dealt out.
+"""Lists of tasks: the number of orders that they become, and round-robin assignment to robots.
 
-A list that repeats has no end, and a world has as many orders as its arrays: so many as the robots
-could at most do until the run ends. A robot does one stop in a tick at most, and between two cells it
-makes a move for each row and column at least.
+A repeated list has no end, but the arrays of a world need a number of orders: an upper bound on the
+tasks that the robots can do until the run ends. A robot does at most one stop per tick, and between two
+cells it makes at least one move for each row and column.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from automaton.scenario.orders import Orders
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 
-MAX_TASK_ORDERS: Final = 10_000_000  # of a list that repeats: half a gigabyte
+MAX_TASK_ORDERS: Final = 10_000_000  # of a repeated list: half a gigabyte
 
 
 def cells_of_tasks(orders: Orders, floor_plan: FloorPlan) -> tuple[Array, Array]:
-    """How many cells each task has, and the flat cells of them all, one task after another."""
+    """The number of cells of each task, and the flat cells of all tasks, one after another."""
     tasks = orders.tasks
     if tasks is None or isinstance(tasks, str):
         raise ValueError("the file of tasks has not been read")
@@ -35,7 +35,7 @@ def cells_of_tasks(orders: Orders, floor_plan: FloorPlan) -> tuple[Array, Array]
 
 
 def order_count(scenario: Scenario, floor_plan: FloorPlan) -> int:
-    """Return how many orders the tours or tasks of a scenario are."""
+    """Return the number of orders of the tours or tasks of a scenario."""
     orders = scenario.orders
     if orders.tasks is None:
         return orders.count or 0
@@ -47,10 +47,10 @@ def order_count(scenario: Scenario, floor_plan: FloorPlan) -> int:
 
 
 def _from_a_pool(scenario: Scenario, floor_plan: FloorPlan) -> int:
-    """Open tasks, and those before them that all robots together could have done.
+    """The number of open tasks, plus the tasks before them that all robots together could have done.
 
-    What is done lies among the first of the list but for as many as are open: their work, at least,
-    must fit into the ticks of all robots.
+    Done tasks are the first of the list, except as many as are open: their least work must fit into the
+    ticks of all robots.
     """
     robots, ticks = scenario.fleet.robots, scenario.stop.max_duration
     in_system = scenario.orders.in_system(robots)
@@ -62,11 +62,11 @@ def _from_a_pool(scenario: Scenario, floor_plan: FloorPlan) -> int:
 
 
 def _dealt_out(scenario: Scenario, floor_plan: FloorPlan) -> int:
-    """As many tasks for each robot as the fastest of them could do, and one more.
+    """For each robot the number of tasks that the fastest robot could do, plus one.
 
-    After so many rounds as there are tasks, at most, each robot is dealt the same ones again. Where it
-    is then depends on its last task alone: soon it is where it was one or two such periods before, and
-    what they took is added at once.
+    After at most as many rounds as there are tasks, each robot gets the same tasks again. Its cell then
+    depends only on its last task: soon it is where it was one or two such periods before, and the ticks
+    of all further periods are added at once.
     """
     robots, ticks = scenario.fleet.robots, scenario.stop.max_duration
     count, cells = cells_of_tasks(scenario.orders, floor_plan)
@@ -75,9 +75,9 @@ def _dealt_out(scenario: Scenario, floor_plan: FloorPlan) -> int:
     begin, end = cells[first[:-1]], cells[first[1:] - 1]
     spent = np.zeros(robots, np.int64)
     here = np.full(robots, NIL)
-    idle = np.zeros(robots, np.int64)  # rounds in which a robot passed over its tasks
+    idle = np.zeros(robots, np.int64)  # rounds in which a robot skipped its tasks
     rounds, period = 0, len(count) // gcd(len(count), robots)
-    before: list[tuple[Array, Array]] = []  # here and spent, one and two periods ago
+    before: list[tuple[Array, Array]] = []  # `here` and `spent` one and two periods ago
     while (spent <= ticks).any() and rounds * robots <= MAX_TASK_ORDERS:
         if rounds % period == 0:
             for periods, (place, sum_then) in enumerate(before, 1):
@@ -95,22 +95,22 @@ def _dealt_out(scenario: Scenario, floor_plan: FloorPlan) -> int:
         spent += np.where(passed, 0, took)
         here = np.where(passed & (here != NIL), here, end[task])
         idle = np.where(passed, idle + 1, 0)
-        spent[idle > len(count)] = ticks + 1  # it will pass over all of them
+        spent[idle > len(count)] = ticks + 1  # it skips all of them
         rounds += 1
     return (rounds + 1) * robots
 
 
 def _repetitions(left: Array, took: Array) -> int:
-    """How often ticks can be spent until the last robot has hardly any left; both (robots,)."""
+    """The number of times that `took` fits into `left` for the last robot; both (robots,)."""
     open_ = left >= 0
     if (took[open_] <= 0).any():
-        return 0  # it passes over all of its tasks
+        return 0  # a robot skips all of its tasks
     times: int = (left[open_] // took[open_]).max()
     return times
 
 
 def _ticks_within(scenario: Scenario, floor_plan: FloorPlan) -> Array:
-    """(tasks,) int64: ticks from the one in which the first stop is done to the last one's, at least."""
+    """(tasks,) int64: least ticks from that of the first stop to that of the last stop, both included."""
     count, cells = cells_of_tasks(scenario.orders, floor_plan)
     moves = _moves(cells[:-1], cells[1:], floor_plan) * _move_ticks(scenario)
     legs = np.concatenate([[1], np.maximum(moves, 1)])
@@ -131,9 +131,9 @@ def _move_ticks(scenario: Scenario) -> int:
 
 
 def assign_in_turn(orders: OrderArrays, stops: Stops, homes: Array, skip_reached: bool) -> None:
-    """Show each robot its first task; the others are known when the one before them is done.
+    """Reveal the first task of each robot; each further task is known when the previous one is done.
 
-    `homes`: (n,) where each robot begins. Modifies the state, the releases and their sequence.
+    `homes`: (n,) start cells. Modifies the state, the releases and their sequence.
     """
     robots = len(homes)
     orders.state[:] = ORDER_UNRELEASED

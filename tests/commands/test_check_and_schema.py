@@ -202,7 +202,7 @@ def test_a_zone_design_that_robots_of_a_type_cannot_serve_is_refused(
     setting = "strategy.zoning={name: genetic, design: factory-ddz, generations: 2}"
     for command in ("check", "run"):
         assert main([command, "factory-types", "--set", setting]) == 2
-        assert "but robot 0 (tug) does not get there" in capsys.readouterr().err
+        assert "but robot 0 (tug) cannot reach it" in capsys.readouterr().err
 
 
 def test_check_goes_on_after_a_bad_file(capsys: pytest.CaptureFixture[str]) -> None:

@@ -54,10 +54,10 @@ def test_a_pgm_gives_its_greys_and_its_white(
         (b"P5\n2 2\n255\nabc", "is truncated: its header declares 4 pixels, it holds 3"),
         (b"P5\n2 2\n256\nabcdef", "is truncated: its header declares 4 pixels, it holds 3"),
         (b"P2\n2 2\n255\n1 2 3", "is truncated: its header declares 4 pixels, it holds 3"),
-        (b"P5\n2 2\n", "the maxval in the head of a PGM must be a whole number, found nothing"),
+        (b"P5\n2 2\n", "the maxval in the header of a PGM must be a whole number, found nothing"),
         (
             b"P5\n2 -2\n255\nabcd",
-            "the height in the head of a PGM must be a whole number, found '-2'",
+            "the height in the header of a PGM must be a whole number, found '-2'",
         ),
         (b"P5\n2 2\n0\nabcd", "the maxval of a PGM must be 1 to 65,535, found 0"),
         (b"P5\n2 2\n65536\nabcd", "the maxval of a PGM must be 1 to 65,535, found 65,536"),

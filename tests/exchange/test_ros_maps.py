@@ -72,7 +72,7 @@ def test_the_figures_of_the_hall(tmp_path: Path, capsys: pytest.CaptureFixture[s
         "pieces_after": 1,
         "passages_lost": 0,
         "edges": [],
-        "lost": {"pixels of unknown area": 12, "origin, but for a comment": 1},
+        "lost": {"pixels of unknown area": 12, "origin (kept only in a comment)": 1},
         "notes": ["unknown area counts as wall"],
         "refused": None,
     }

@@ -95,7 +95,7 @@ def test_a_task_is_in_the_schedule_until_the_tick_in_which_it_is_finished(tmp_pa
         (("fleet.kinematics=omni", "fleet.heading=null"), "fleet.kinematics is omni"),
         (
             ("world.extra_tick_probability=0.1",),
-            "slow zones, speed limits or chance make moves longer",
+            "slow zones, speed limits or random delays lengthen moves",
         ),
         (("faults.failure_probability=0.001",), "robots may break down and be towed"),
         (("fleet.when_idle=leave",), "robots leave the floor"),

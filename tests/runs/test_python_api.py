@@ -214,7 +214,7 @@ def test_a_strategy_that_decides_otherwise_cannot_be_saved(tmp_path: Path) -> No
     run = automaton.Simulation("tabletop-1", strategies={"allocation": fickle})
     run.step(300)
     asked[0] = 3
-    with pytest.raises(InputError, match="decides otherwise than before"):
+    with pytest.raises(InputError, match="decides differently this time"):
         run.save(tmp_path / "run.rec")
     assert not os.listdir(tmp_path)
 

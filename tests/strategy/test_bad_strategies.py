@@ -527,7 +527,7 @@ def test_outside_the_main_thread_it_is_bounded_where_it_computes() -> None:
 @pytest.mark.parametrize(
     ("stream", "says"),
     [
-        ("stdout", "Does' raised PermissionError: it has closed a standard stream"),
+        ("stdout", "Does' raised PermissionError: it tried to close a standard stream"),
         ("__stdout__", "automaton: a strategy or plug-in has closed standard output"),
     ],
 )

@@ -37,7 +37,7 @@ def test_a_station_lets_more_come_than_its_queue_holds() -> None:
     assert warned(stations={"P1": {**queue, "max_trips": 4}}) == []
     assert warned(stations={"P1": {**queue, "max_trips": None}}) == []
     assert warned(stations={"P1": {**queue, "max_trips": 5}}) == [
-        "station P1 lets 5 trips come (max_trips) but has room for 4 robots, in its queue and "
+        "station P1 admits 5 trips (max_trips) but has room for 4 robots, in its queue and "
         "itself: the others wait in the aisles"
     ]
 
@@ -53,11 +53,11 @@ def test_a_queue_on_the_way_to_another_station() -> None:
 def test_more_robots_than_places() -> None:
     station = {"P1": {"at": [5, 3], "max_trips": 2}}
     assert warned(stations=station, fleet=robots(2)) == [
-        "station P1 lets 2 trips come (max_trips) but has room for 1 robot, in its queue and "
+        "station P1 admits 2 trips (max_trips) but has room for 1 robot, in its queue and "
         "itself: the others wait in the aisles"
     ]
     assert warned(stations={"P1": {"at": [5, 3]}}, fleet=robots(3)) == [
-        "3 robots, but stations let 1 trip come at a time: the other robots stay idle"
+        "3 robots, but stations admit 1 trip at a time: the other robots stay idle"
     ]
 
 

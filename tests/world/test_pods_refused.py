@@ -117,7 +117,7 @@ def test_pods_with_the_same_name_or_without_their_classes() -> None:
 
 def test_a_pod_that_is_drawn_and_not_listed() -> None:
     says = refused(pods={"list": [{"at": [2, 1]}]})
-    assert says == "the layout has a pod at [3, 1], and pods.list has none there: draw it as q"
+    assert says == "the layout has a pod at [3, 1], but pods.list has none there: draw it as q"
 
 
 def test_a_line_by_sku_that_no_pod_holds() -> None:

@@ -326,7 +326,8 @@ def test_an_order_that_needs_both_types_is_doubted() -> None:
         MIDDLE, [(1, 0), (3, 4)], types=({"name": "tug", "robots": 1}, SHUTTLE), areas=areas
     )
     assert any(
-        "carried all the way by no type" in sentence for sentence in scenario_warnings(resolved)
+        "carried all the way by any single type" in sentence
+        for sentence in scenario_warnings(resolved)
     )
     assert not scenario_warnings(two())
 

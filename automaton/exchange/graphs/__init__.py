@@ -1,1 +1,1 @@
-"""Layouts that are graphs of nodes and edges (VDMA LIF, openTCS), and how they become floors."""
+"""Import of layouts that are graphs of nodes and edges (VDMA LIF, openTCS)."""

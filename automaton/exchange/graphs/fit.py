@@ -1,12 +1,12 @@
-"""Fit a graph to cells: their size, the picture that has exactly the exits wanted, ticks of the edges.
+"""Fit a graph to cells: their size, a picture with exactly the exits of the graph, ticks of the edges.
 
-The size is the largest with which every edge is drawn about as long as it is:
+The cell size is the largest one for which the errors of all edges are accepted:
 
     error of an edge = cells x cell / length - 1
 
-A picture closes exits that lead into walls, against arrows, and past the open sides of pockets. A
-cell with one way in and out opens that side alone. A cell with one exit that is entered against it
-from there, and from elsewhere, too, would be one-way: it gets a second exit that leads nowhere.
+A picture closes exits that lead into walls, against arrows, and past the open sides of pockets. A cell
+with a single way in and out opens only that side. A cell with one exit that robots enter over this exit
+and from other sides, too, would be drawn one-way: it gets a second exit that leads nowhere.
 """
 
 from __future__ import annotations
@@ -54,16 +54,16 @@ BOXES: Final = {
 ARROWS: Final = {1: ">", 2: "v", 4: "<", 8: "^"}
 FREE_SYMBOLS: Final = {STATION: "t", CHARGER: "c"}
 POCKETS: Final = {1: "╶", 2: "╷", 4: "╴", 8: "╵"}  # of plain floor
-FURTHER: Final = {  # of a legend, the first ones first; those of SYMBOLS are skipped
+FURTHER: Final = {  # characters of a legend, in this order, except those of SYMBOLS
     CHARGER: "zywu987654βδεζηθκλμξ",
     STATION: "onmlkjhgfea0123πτφχψω",
-    FLOOR: "x*:",  # with no way out
+    FLOOR: "x*:",  # without a way out
 }
 
 CANDIDATES: Final = tuple(Fraction(k, 20) for k in range(40, 1, -1))  # 2.00, 1.95, ... 0.10 m
-ROUNDING_ERROR: Final = 1e-9  # an error that rounding alone makes
+ROUNDING_ERROR: Final = 1e-9  # error of rounding
 MAX_MOVE: Final = 10_000  # ticks
-MAX_LIMITS: Final = 14  # different speed limits that a floor may have
+MAX_LIMITS: Final = 14  # most different speed limits of a floor
 COMPARED_DECIMALS: Final = 12
 
 
@@ -71,7 +71,7 @@ class GraphCells(NamedTuple):
     """The cells of a graph."""
 
     roads: GraphRoads
-    kinds: dict[Cell, int]  # of the cells that are not plain floor
+    kinds: dict[Cell, int]  # only cells that are not plain floor
     drawing: FittedDrawing
 
 
@@ -82,9 +82,9 @@ class Fit(NamedTuple):
     placement: Placement
     width: int
     height: int
-    cells: Integers  # (edges,) how many moves each edge is
-    error: Floats  # (edges,) as a share
-    layout: GraphCells | None = None  # None: an error is above the limit
+    cells: Integers  # (edges,) moves of each edge
+    error: Floats  # (edges,) error as a share
+    layout: GraphCells | None = None  # None if an error is above the limit
     refusal: str = ""
 
     @property
@@ -94,10 +94,10 @@ class Fit(NamedTuple):
 
 
 def fit_graph(graph: Graph, cell: Fraction | None, accept: float) -> Fit:
-    """Return a graph on cells of a size, by default the largest that is not refused.
+    """Return a graph on cells of a given size, by default of the largest accepted size.
 
-    `accept`: the largest error. A fit with a refusal has an edge whose error is larger. Raises
-    InputError where nodes or edges get in each other's way, or the floor becomes too large.
+    `accept`: the largest error. A fit with a refusal has an edge with a larger error. Raises InputError
+    if nodes or edges conflict, or the floor becomes too large.
     """
     placement = turned(graph)
     if cell is not None:
@@ -111,7 +111,7 @@ def fit_graph(graph: Graph, cell: Fraction | None, accept: float) -> Fit:
 
 
 def _largest(graph: Graph, placement: Placement, accept: float) -> Fit:
-    """Return the fit of the largest cells, or the refused one that comes nearest."""
+    """Return the accepted fit with the largest cells, or the refused fit with the smallest error."""
     nearest: Fit | None = None
     conflict: tuple[Fraction, ConflictError] | None = None
     check_size(*_size(placement, CANDIDATES[0]), graph.file, "set a larger --cell")
@@ -153,7 +153,7 @@ def _size(placement: Placement, cell: Fraction) -> tuple[int, int]:
 
 
 def _fitted(graph: Graph, placement: Placement, cell: Fraction, accept: float) -> Fit:
-    """Return the fit of one size of cells. Raises ConflictError."""
+    """Return the fit for one cell size. Raises ConflictError."""
     places = on_grid(placement, float(cell))
     ends = np.array([(edge.start, edge.end) for edge in graph.edges]).T
     metres = np.array([edge.metres for edge in graph.edges])
@@ -193,7 +193,7 @@ class FittedDrawing:
 
     @property
     def picture(self) -> str:
-        """The rows, each with its end of line."""
+        """The rows with line ends."""
         return "".join(f"{row}\n" for row in self.rows)
 
     @property
@@ -203,7 +203,7 @@ class FittedDrawing:
 
 
 def draw(exits: dict[Cell, int], kinds: dict[Cell, int], width: int, height: int) -> FittedDrawing:
-    """Draw cells with their exits; `kinds`: of those that are not floor. Raises ConflictError."""
+    """Draw cells with their exits; `kinds`: of cells that are not floor. Raises ConflictError."""
     out, cells = FittedDrawing(), _Cells(exits, kinds)
     rows = [[WALL_MARK] * width for _ in range(height)]
     for x, y in exits:
@@ -220,7 +220,7 @@ class _Cells:
         self.exits, self.kinds = exits, kinds
 
     def kind(self, cell: Cell) -> int:
-        """What a cell is."""
+        """The kind of a cell."""
         return self.kinds.get(cell, FLOOR)
 
     def entries(self, cell: Cell) -> int:
@@ -236,13 +236,13 @@ class _Cells:
         return self.exits[cell] in SINGLE_EXITS and self.entries(cell) == self.exits[cell]
 
     def is_arrow(self, cell: Cell) -> bool:
-        """Whether a cell of plain floor is one-way as it is drawn."""
+        """Whether a cell of plain floor would be drawn one-way."""
         exits = self.exits[cell]
         is_single = exits in SINGLE_EXITS and self.kind(cell) == FLOOR
         return is_single and not exits & self.entries(cell)
 
     def walls(self, cell: Cell) -> int:
-        """The sides where there is nothing."""
+        """The sides without a neighbour."""
         beside = ((cell[0] + dx, cell[1] + dy) for dx, dy in DIRECTION_VECTORS)
         return sum((there not in self.exits) << d for d, there in enumerate(beside))
 
@@ -279,7 +279,7 @@ class _Cells:
 
 
 def _mark(out: FittedDrawing, symbol: Symbol, kind: int) -> str:
-    """Return the character of a symbol, and put it into the legend if it needs an entry."""
+    """Return the character of a symbol, and add a legend entry if it needs one."""
     if kind != FLOOR and symbol == SYMBOLS[FREE_SYMBOLS[kind]]:
         return FREE_SYMBOLS[kind]
     if kind != FLOOR or symbol.exits == NO_EXITS:
@@ -306,7 +306,7 @@ def _check(out: FittedDrawing, exits: dict[Cell, int]) -> None:
             raise ConflictError(f"the exits of the cell {[x, y]} could not be drawn")
 
 
-# Ticks of the edges: how long a move is on each, and which have a speed limit.
+# Ticks of the edges: ticks per move, and speed limits.
 
 
 class Speeds(NamedTuple):
@@ -315,19 +315,19 @@ class Speeds(NamedTuple):
     cell: Fraction  # metres
     tick: Fraction  # seconds
     fastest: Fraction
-    of_edge: tuple[Fraction, ...]  # (edges,) at most the fastest
+    of_edge: tuple[Fraction, ...]  # (edges,) at most `fastest`
 
     def ticks(self, speed: Fraction) -> int:
         """Ticks of a move at a speed, rounded."""
         return int(self.cell / (speed * self.tick) + Fraction(1, 2))
 
     def wanted(self, graph: Graph, edge: int) -> float:
-        """Ticks that an edge takes as it is in the file."""
+        """Exact ticks of an edge in the file."""
         return float(graph.edges[edge].metres / (float(self.of_edge[edge]) * float(self.tick)))
 
 
 def speeds_of(graph: Graph, cell: Fraction, options: ImportOptions) -> Speeds:
-    """Return the speeds on a graph. Raises InputError without a speed, or a tick that suits."""
+    """Return the speeds on a graph. Raises InputError without a speed or a suitable tick."""
     known = [edge.speed for edge in graph.edges if edge.speed]
     robots = [robot.speed for robot in graph.vehicles if robot.speed]
     default = options.speed
@@ -347,7 +347,7 @@ def speeds_of(graph: Graph, cell: Fraction, options: ImportOptions) -> Speeds:
 
 
 def _check_ticks(graph: Graph, speeds: Speeds) -> None:
-    """Raises InputError where a move would take no tick, or too many."""
+    """Raises InputError if a move would take less than half a tick, or too many ticks."""
     if not speeds.tick or speeds.ticks(speeds.fastest) < 1:
         text = f"a move at {text_of(speeds.fastest)} m/s would be less than half a tick of "
         raise InputError(f"{text}{float(speeds.tick):g} s: set a smaller --tick", graph.file)
@@ -361,10 +361,10 @@ def _check_ticks(graph: Graph, speeds: Speeds) -> None:
 
 
 def limits_of(roads: list[Road], speeds: Speeds) -> tuple[list[Fraction], int]:
-    """Return the speed on each road, and how many different limits were put together.
+    """Return the speed on each road, and the number of limits before merging (0: none merged).
 
-    On a road it is that of its slowest edge. Of more than MAX_LIMITS different limits, neighbours
-    become one, the lower of them.
+    The speed of a road is that of its slowest edge. Beyond MAX_LIMITS different limits, adjacent ones
+    are merged into the lower one.
     """
     of_road = [min(speeds.of_edge[edge] for edge in road.edges) for road in roads]
     slow = sorted({speed for speed in of_road if speed < speeds.fastest})
@@ -378,12 +378,12 @@ def limits_of(roads: list[Road], speeds: Speeds) -> tuple[list[Fraction], int]:
 
 
 def exact(value: float) -> Fraction:
-    """Return a number as it is written, not as it is stored: 0.1 is a tenth."""
+    """Return a number exactly as it is written: 0.1 is a tenth."""
     return rounded(Fraction(repr(value)))
 
 
 def rounded(value: Fraction) -> Fraction:
-    """Return a number with no more decimals than a scenario may have."""
+    """Return a number rounded to the decimals of a scenario."""
     return Fraction(round(value * 10**COMPARED_DECIMALS), 10**COMPARED_DECIMALS)
 
 

@@ -1,14 +1,14 @@
-"""A layout as a graph of nodes and edges, and its place on a grid of cells.
+"""A layout as a graph of nodes and edges, and its placement on a grid of cells.
 
-    angle   of all angles mod 90 degrees, in steps of 0.1, the one that most edge length has
+    angle   the angle mod 90 degrees, in steps of 0.1, with the most edge length
     snap    coordinates of an axis that differ by at most a quarter of a cell become their mean
     column  floor((x - least x) / cell + 1/2); rows likewise, from above
 
 All edges between the same two nodes are one road. It runs along its axis, or as a staircase:
 
-    A─┐            A robot on it does as many moves as there are rows and columns between its nodes,
-      └─┐          whichever way the staircase goes. Where two roads are in each other's way, the
-        └─B        layout cannot be drawn with cells of this size.
+    A─┐            A robot on it makes one move for each row and column between its nodes, for any
+      └─┐          shape of the staircase. If two roads get in each other's way, the layout cannot
+        └─B        be drawn with cells of this size.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ LONGEST_NODE_NAME: Final = 100
 
 STEPS_PER_DEGREE: Final = 10  # in a degree
 SNAP: Final = 0.25  # of a cell
-CLOSE: Final = 1e-9  # of a cell: what rounding of the coordinates may make
+CLOSE: Final = 1e-9  # of a cell: rounding error of coordinates
 Floats = npt.NDArray[np.float64]
 Integers = npt.NDArray[np.int64]
 Cell = tuple[int, int]  # (x, y)
@@ -49,7 +49,7 @@ class Node(NamedTuple):
 
 
 class Edge(NamedTuple):
-    """A way from one node to another, in this direction alone."""
+    """A way from one node to another, in one direction."""
 
     name: str
     start: int  # nodes, by index
@@ -72,7 +72,7 @@ class NodeBlock(NamedTuple):
     name: str
     nodes: tuple[int, ...]
     edges: tuple[int, ...]
-    same_direction: bool  # any number that drive the same way; else one robot
+    same_direction: bool  # any number of robots in the same direction; else one robot
 
 
 class Vehicle(NamedTuple):
@@ -84,7 +84,7 @@ class Vehicle(NamedTuple):
 
 @dataclass
 class Graph:
-    """What was read of a file. Edges lead between different nodes, names are single lines."""
+    """The graph of a file. Edges lead between different nodes, names are single lines."""
 
     file: str
     format: str
@@ -93,10 +93,10 @@ class Graph:
     edges: list[Edge] = field(default_factory=list)
     stations: list[GraphStation] = field(default_factory=list)
     chargers: set[int] = field(default_factory=set)  # nodes
-    parking: list[int] = field(default_factory=list)  # nodes where robots begin first
+    parking: list[int] = field(default_factory=list)  # nodes where robots preferably begin
     blocks: list[NodeBlock] = field(default_factory=list)
     vehicles: list[Vehicle] = field(default_factory=list)
-    type: str = ""  # of the robots, where all are of one
+    type: str = ""  # of the robots, if all have the same
     lost: Counter[str] = field(default_factory=Counter)
     notes: list[str] = field(default_factory=list)
 
@@ -107,14 +107,14 @@ class Graph:
 
 
 def single_line(name: str) -> str:
-    """Return a name as scenarios and reports may have it: one line, not empty, not too long."""
+    """Return a name for scenarios and reports: one line, not empty, not too long."""
     return (
         one_line(" ".join(name.split()), LONGEST_NODE_NAME)[:LONGEST_NODE_NAME].strip() or "unnamed"
     )
 
 
 def distinct(names: Iterable[str]) -> list[str]:
-    """Return the names as single lines; where several have become alike, with a number each."""
+    """Return the names as single lines; equal names get a number each."""
     out: list[str] = []
     used: set[str] = set()
     for name in map(single_line, names):
@@ -127,9 +127,9 @@ def distinct(names: Iterable[str]) -> list[str]:
 
 
 def checked_graph(graph: Graph) -> Graph:
-    """Return a graph whose nodes all have edges; others are counted as lost. Raises InputError.
+    """Return a graph whose nodes all have edges; other nodes are counted as lost. Raises InputError.
 
-    Refused are graphs without edges, and those in which two nodes lie in the same place.
+    Graphs without edges, and graphs with two nodes in the same place, are refused.
     """
     if not graph.edges:
         raise InputError("has no drivable edge", graph.file)
@@ -154,7 +154,7 @@ def checked_graph(graph: Graph) -> Graph:
 
 
 def _drop_nodes(graph: Graph, used: set[int]) -> None:
-    """Leave only some nodes, and what lies at them."""
+    """Leave only some nodes, with their edges and stations."""
     number = {node: place for place, node in enumerate(sorted(used))}
     graph.nodes = [graph.nodes[node] for node in number]
     graph.edges = [
@@ -183,7 +183,7 @@ class Placement(NamedTuple):
 
     x: Floats  # (nodes,)
     y: Floats
-    degrees: float  # by which the layout was turned clockwise
+    degrees: float  # clockwise turn of the layout
 
 
 class GridPlaces(NamedTuple):
@@ -196,7 +196,7 @@ class GridPlaces(NamedTuple):
 
 
 def turned(graph: Graph) -> Placement:
-    """Return the nodes turned by the angle that most edge length has."""
+    """Return the nodes turned by the angle with the most edge length."""
     x, y = np.array([(node.x, node.y) for node in graph.nodes]).T
     ends = np.array([(edge.start, edge.end) for edge in graph.edges])
     dx, dy = (c[ends[:, 1]] - c[ends[:, 0]] for c in (x, y))
@@ -212,7 +212,7 @@ def turned(graph: Graph) -> Placement:
 
 
 def on_grid(placement: Placement, cell: float) -> GridPlaces:
-    """Return the cell of each node; numbers that are too large for a floor are cut."""
+    """Return the cell of each node; numbers too large for a floor are clipped."""
     column, up = (_indices(_snapped(c, cell), cell) for c in (placement.x, placement.y))
     return GridPlaces(column, up.max() - up, int(column.max()) + 1, int(up.max()) + 1)
 
@@ -224,12 +224,12 @@ def _indices(coordinates: Floats, cell: float) -> Integers:
 
 
 def _snapped(coordinates: Floats, cell: float) -> Floats:
-    """Return coordinates in which those that are close together are one, their mean."""
+    """Return coordinates in which close ones are replaced by their mean."""
     order = np.argsort(coordinates, kind="stable")
     ordered = coordinates[order]
     near = SNAP * cell * (1 + CLOSE)
     group, first = np.zeros(len(ordered), np.int64), 0
-    starts = np.flatnonzero(np.diff(ordered, prepend=-np.inf) > 0)  # different values alone
+    starts = np.flatnonzero(np.diff(ordered, prepend=-np.inf) > 0)  # different values only
     number = -1
     for place in starts.tolist():
         if number < 0 or ordered[place] - ordered[first] > near:
@@ -256,12 +256,12 @@ class Road(NamedTuple):
 
     @property
     def between(self) -> tuple[Cell, ...]:
-        """The cells that are not its nodes'."""
+        """The cells without those of its nodes."""
         return self.cells[1:-1]
 
 
 class ConflictError(Exception):
-    """Two things that would share a cell without meeting there; `str` names them."""
+    """Two parts that would share a cell without meeting there; `str` names them."""
 
 
 @dataclass
@@ -292,9 +292,9 @@ def lay_roads(graph: Graph, placement: Placement, places: GridPlaces) -> GraphRo
 
 
 def staircase(start: Cell, end: Cell) -> list[Cell]:
-    """Return the cells from one to another, each a neighbour of the one before.
+    """Return the cells from one to another, each a neighbour of the previous one.
 
-    They are those through which the straight line between the middles of both goes.
+    The straight line between the centres of both goes through these cells.
     """
     (x, y), (u, v) = start, end
     across, down = abs(u - x), abs(v - y)
@@ -320,7 +320,7 @@ def _check_nodes(graph: Graph, cells: list[Cell]) -> None:
 
 
 def _crossings(graph: Graph, placement: Placement, roads: GraphRoads) -> list[Cell]:
-    """Return the cells where roads cross; raise ConflictError where they otherwise share one."""
+    """Return the cells where roads cross; raise ConflictError if roads share a cell otherwise."""
     node_of = {cell: node for node, cell in enumerate(roads.node_cells)}
     taken: dict[Cell, int] = {}
     out: dict[Cell, None] = {}
@@ -343,20 +343,20 @@ def _crossings(graph: Graph, placement: Placement, roads: GraphRoads) -> list[Ce
 
 
 def _cross(placement: Placement, road: Road, other: Road) -> bool:
-    """Whether the straight lines of two roads cross, each between the ends of the other."""
+    """Whether the straight lines of two roads cross between their ends."""
     ends = (road.start, road.end, other.start, other.end)
     a, b, c, d = ((float(placement.x[node]), float(placement.y[node])) for node in ends)
     return _side(a, b, c) * _side(a, b, d) < 0 and _side(c, d, a) * _side(c, d, b) < 0
 
 
 def _side(a: tuple[float, float], b: tuple[float, float], p: tuple[float, float]) -> int:
-    """On which side of the line from a to b a point lies: 1, -1, or 0 on it."""
+    """The side of the line from a to b on which a point lies: 1, -1, or 0 on the line."""
     area = (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
     return (area > 0) - (area < 0)
 
 
 def _exits(graph: Graph, roads: GraphRoads) -> dict[Cell, int]:
-    """Return the exits of all cells: those of the edges that lead through them, and no others."""
+    """Return the exits of all cells: exactly those of the edges through them."""
     exits: dict[Cell, int] = defaultdict(int)
     for road in roads.roads:
         forwards = {graph.edges[edge].start == road.start for edge in road.edges}

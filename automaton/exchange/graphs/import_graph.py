@@ -1,6 +1,6 @@
 """Import a layout that is a graph: fit it to cells, draw it, and report on every edge.
 
-Robots come back from the largest part of the floor with ways to and fro; the rest is left out.
+Robots use the largest part of the floor from which they can return; the rest is left out.
 """
 
 from __future__ import annotations
@@ -36,18 +36,18 @@ from automaton.floor.cells import DIRECTION_VECTORS, STATION
 from automaton.strategy.lookup import IMPORTED, default_for
 from automaton.units import count
 
-LEAST_ORDERS: Final = 20  # of a scenario, at least
+LEAST_ORDERS: Final = 20  # shortest run of a scenario
 ORDERS_PER_ROBOT: Final = 5
 MAX_IMPORTED_ORDERS: Final = 2000
 AT_STATION: Final = 10  # seconds that a robot stands at a station
 MAX_STOP: Final = 10_000  # ticks
 RUN_HOURS: Final = 1
 MAX_TICKS: Final = 2_000_000_000
-MAX_CORNERS: Final = 1000  # of a path of cells
-GROUPS: Final = ("all", "empty", "loaded")  # names that types of robots must not have
+MAX_CORNERS: Final = 1000  # corners of a path of cells
+GROUPS: Final = ("all", "empty", "loaded")  # forbidden names of types of robots
 MAX_MARKS: Final = 9  # edges that are marked in the picture, by a digit each
 MAX_NOTED_CELLS: Final = 10  # cells in a note
-UNMARKED_ERROR: Final = 0.001  # an error up to this is not marked
+UNMARKED_ERROR: Final = 0.001  # errors up to this are not marked
 
 
 def import_lif(path: Path, options: ImportOptions) -> ImportedFloor:
@@ -61,7 +61,7 @@ def import_opentcs(path: Path, options: ImportOptions) -> ImportedFloor:
 
 
 def import_graph(graph: Graph, options: ImportOptions) -> ImportedFloor:
-    """Return a graph as a floor; with a refusal in its report, it has none. Raises InputError."""
+    """Return a graph as a floor; without a floor if its report has a refusal. Raises InputError."""
     fit = fit_graph(graph, options.cell, options.accept)
     speeds = speeds_of(graph, fit.cell, options)
     if fit.layout is None:
@@ -95,7 +95,7 @@ def import_graph(graph: Graph, options: ImportOptions) -> ImportedFloor:
 
 
 def facts_of(graph: Graph, fit: Fit, speeds: Speeds) -> dict[str, str | int | float]:
-    """Return what a graph has become."""
+    """Return the results of an import."""
     return {
         "cell_m": float(fit.cell),
         "tick_s": float(speeds.tick),
@@ -108,7 +108,7 @@ def facts_of(graph: Graph, fit: Fit, speeds: Speeds) -> dict[str, str | int | fl
 
 
 def speeds_of_edges(roads: GraphRoads, of_road: list[Fraction]) -> tuple[Fraction, ...]:
-    """Return the speed at which each edge is driven on the floor, from that of each road."""
+    """Return the speed of each edge on the floor, from the speed of each road."""
     pairs = zip(roads.roads, of_road, strict=True)
     of_edge = {edge: speed for road, speed in pairs for edge in road.edges}
     return tuple(of_edge[edge] for edge in range(len(of_edge)))
@@ -135,7 +135,7 @@ def edge_rows(
 
 
 def marks_of(graph: Graph, roads: GraphRoads, rows: tuple[EdgeRow, ...]) -> dict[Cell, str]:
-    """Return digits for the worst edges, in the middle of each: their lines in the report."""
+    """Return digits for the worst edges, at the middle of each: their lines in the report."""
     middle = {
         graph.edges[road.edges[0]].name: road.between[len(road.between) // 2]
         for road in roads.roads
@@ -149,7 +149,7 @@ def marks_of(graph: Graph, roads: GraphRoads, rows: tuple[EdgeRow, ...]) -> dict
 
 
 def crossing_notes(roads: GraphRoads) -> list[str]:
-    """Return a sentence where roads cross without a node."""
+    """Return a sentence about roads that cross without a node."""
     if not roads.crossings:
         return []
     cells = roads.crossings
@@ -159,14 +159,14 @@ def crossing_notes(roads: GraphRoads) -> list[str]:
     return [f"edges cross without a node in {where}: robots may turn there ({shown}{more})"]
 
 
-# The sections of the scenario, but for its floor.
+# The sections of the scenario, except its floor.
 
 
 class Places(NamedTuple):
-    """Which cells have names."""
+    """The names of cells."""
 
     stations: dict[str, Cell]  # chargers left out
-    locations: dict[str, Cell]  # all names, those of stations first
+    locations: dict[str, Cell]  # all names, stations first
 
 
 class GraphScenario:
@@ -191,7 +191,7 @@ class GraphScenario:
             graph.lost["speed of the faster direction of an edge"] += differ
         self.areas = self._areas()
         self.part = self._part()
-        self.in_blocks: list[tuple[set[Cell], int]] = []  # cells, and the robots that may be there
+        self.in_blocks: list[tuple[set[Cell], int]] = []  # cells, and the robots that they may hold
         self.blocks = self._blocks()
 
     def sections(self) -> dict[str, Any]:
@@ -216,7 +216,7 @@ class GraphScenario:
         return {key: value for key, value in sections.items() if value != {}}
 
     def _places(self) -> Places:
-        """Name the cells: stations, then nodes; a node with a station's name gets another."""
+        """Name the cells: stations, then nodes; a node with a station's name gets another name."""
         graph, cells = self.graph, self.roads.node_cells
         out = Places({}, {})
         spots = [
@@ -236,7 +236,7 @@ class GraphScenario:
         return out
 
     def _areas(self) -> dict[str, Any]:
-        """Return the cells that are closed to robots with or without a load, as rectangles."""
+        """Return the cells that are closed to robots with a load, or without one, as rectangles."""
         out: dict[str, Any] = {}
         for road in self.roads.roads:
             groups = {self.graph.edges[edge].closed_to for edge in road.edges}
@@ -255,7 +255,7 @@ class GraphScenario:
         return out
 
     def _part(self) -> set[Cell]:
-        """Return the cells from which empty robots come back. Raises InputError."""
+        """Return the cells from which empty robots can return. Raises InputError."""
         closed = {
             cell
             for road in self.roads.roads
@@ -274,7 +274,7 @@ class GraphScenario:
         return part
 
     def _robots(self) -> int:
-        """Return how many robots there are. Raises InputError where they do not fit."""
+        """Return the number of robots. Raises InputError if they do not fit."""
         robots = self.options.robots or len(self.graph.vehicles) or 1
         if robots > len(self.part):
             text = (
@@ -284,7 +284,7 @@ class GraphScenario:
         return robots
 
     def _fleet(self, robots: int) -> dict[str, Any]:
-        """Return the robots, in types by speed, and where they begin: first where they park."""
+        """Return the robots, in types by speed, and their start cells: parking places first."""
         graph, cells = self.graph, self.roads.node_cells
         nodes = [*graph.parking, *(n for n in range(len(cells)) if n not in set(graph.parking))]
         first = dict.fromkeys(cells[node] for node in nodes)
@@ -294,7 +294,7 @@ class GraphScenario:
         return {**fleet, "types": types} if types else fleet
 
     def _starts(self, cells: list[Cell], robots: int) -> list[list[int]]:
-        """Return the first cells from which robots come back, no more in a block than may be there."""
+        """Return the first cells from which robots can return, in a block no more than its limit."""
         begun = [0] * len(self.in_blocks)
         out: list[list[int]] = []
         for cell in cells:
@@ -312,7 +312,7 @@ class GraphScenario:
         return out
 
     def _types(self, robots: int) -> list[dict[str, Any]]:
-        """Return the types of robots: those of the same speed are one, called as the first."""
+        """Return the types of robots: one for each speed, named like its first robot."""
         graph = self.graph
         if not graph.vehicles:
             return [{"name": type_name(graph.type)}] if graph.type else []
@@ -338,7 +338,7 @@ class GraphScenario:
         ]
 
     def _speed_limits(self) -> list[dict[str, Any]]:
-        """Return the roads that are slower than the fastest robot, in pieces if they wind much."""
+        """Return the roads that are slower than the fastest robot; winding roads in pieces."""
         out = []
         for road, speed in zip(self.roads.roads, self.of_road, strict=True):
             if speed < self.speeds.fastest:
@@ -351,7 +351,7 @@ class GraphScenario:
         return out
 
     def _blocks(self) -> list[dict[str, Any]]:
-        """Return the blocks; those whose cells are not connected are counted as lost."""
+        """Return the blocks; blocks of unconnected cells are counted as lost."""
         road_of = {edge: road for road in self.roads.roads for edge in road.edges}
         out = []
         for block in self.graph.blocks:
@@ -373,7 +373,7 @@ class GraphScenario:
         return out
 
     def _ways(self, cells: set[Cell], roads: list[Road]) -> dict[Cell, set[Cell]]:
-        """Return of each cell of a block those beside it on the same road."""
+        """Return for each cell of a block its neighbours on the same road."""
         ways: dict[Cell, set[Cell]] = defaultdict(set, {cell: set() for cell in sorted(cells)})
         for road in roads:
             for one, other in zip(road.cells, road.cells[1:], strict=False):
@@ -383,7 +383,7 @@ class GraphScenario:
         return dict(ways)
 
     def _orders(self, robots: int) -> dict[str, Any]:
-        """Return tours over the stations from which robots come back, else over all cells."""
+        """Return tours over the stations from which robots can return, else over all cells."""
         names = [name for name, cell in self.places.stations.items() if cell in self.part]
         many = min(max(LEAST_ORDERS, ORDERS_PER_ROBOT * robots), MAX_IMPORTED_ORDERS)
         if len(names) < 2:
@@ -398,21 +398,21 @@ class GraphScenario:
         }
 
     def _duration(self) -> str | int:
-        """Return after how long a run ends."""
+        """Return the length of a run."""
         ticks = 3600 * RUN_HOURS / self.speeds.tick
         return self.options.ticks or (f"{RUN_HOURS} h" if 1 <= ticks < MAX_TICKS else 1000)
 
 
 def type_name(name: str) -> str:
-    """Return a name that a type of robots may have."""
+    """Return a valid name of a type of robots."""
     return f"{name} (type)" if name in GROUPS else name
 
 
-# Paths over cells, and the cells from which robots come back.
+# Paths over cells, and the cells from which robots can return.
 
 
 def corners(cells: Sequence[Cell]) -> list[list[int]]:
-    """Return where a path of neighbouring cells begins, turns and ends."""
+    """Return the ends and the corners of a path of neighbouring cells."""
     out = [cells[0]]
     for place in range(1, len(cells) - 1):
         (x, y), (u, v), (s, t) = cells[place - 1 : place + 2]
@@ -424,10 +424,10 @@ def corners(cells: Sequence[Cell]) -> list[list[int]]:
 
 
 def walk(ways: dict[Cell, set[Cell]]) -> list[Cell] | None:
-    """Return a path over all cells of a set, back over them where it must, or None.
+    """Return a path over all cells of a set, which may go back over cells, or None.
 
-    `ways`: of each cell those of the set beside it, to or from which robots drive. A set that is a
-    path without branches is walked from end to end.
+    `ways`: for each cell its neighbours in the set, to or from which robots drive. A path without
+    branches is walked from end to end.
     """
     ends = [cell for cell, beside in ways.items() if len(beside) < 2]
     first = ends[0] if ends else next(iter(ways))
@@ -449,7 +449,7 @@ def walk(ways: dict[Cell, set[Cell]]) -> list[Cell] | None:
 
 
 def largest_part(exits: dict[Cell, int]) -> set[Cell]:
-    """Return the largest set of cells that all reach each other; of equal ones the first.
+    """Return the largest set of cells that all reach each other; of equal sets the first.
 
     The algorithm is R. Tarjan's (Depth-first search and linear graph algorithms, 1972), without
     recursion.
@@ -489,7 +489,7 @@ def largest_part(exits: dict[Cell, int]) -> set[Cell]:
 
 
 def neighbours(exits: dict[Cell, int], cell: Cell) -> list[Cell]:
-    """Return the cells to which robots drive from a cell."""
+    """Return the neighbours to which robots drive from a cell."""
     ahead = [
         (cell[0] + dx, cell[1] + dy)
         for direction, (dx, dy) in enumerate(DIRECTION_VECTORS)
@@ -499,7 +499,7 @@ def neighbours(exits: dict[Cell, int], cell: Cell) -> list[Cell]:
 
 
 def _cut(stack: list[Cell], cell: Cell) -> list[Cell]:
-    """Take what lies on a stack from a cell on."""
+    """Pop a stack down to a cell."""
     part = [stack.pop()]
     while part[-1] != cell:
         part.append(stack.pop())

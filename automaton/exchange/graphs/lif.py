@@ -1,7 +1,7 @@
 """Read a layout of VDMA LIF, versions 1.0.0 and 2.0.0, for one type of robots.
 
-Version 2.0.0 has its layouts in `origins` and says `mobileRobot...` and `maximum...` where 1.0.0 says
-`vehicle...` and `max...`; both are fields of the same structs. Other keys are counted, not read.
+Version 2.0.0 has its layouts in `origins`, and names `mobileRobot...` and `maximum...` for `vehicle...`
+and `max...` of 1.0.0; both are fields of the same structs. Other keys are counted, not read.
 
 A trajectory is a NURBS, whose length is that of its edge:
 
@@ -41,7 +41,7 @@ from automaton.scenario.text_files import quoted
 
 MAX_DEGREE: Final = 20
 MAX_CONTROL_POINTS: Final = 200
-POINTS: Final = 64  # chords in which each span of the knots is measured
+POINTS: Final = 64  # chords for each span of knots
 
 Floats = npt.NDArray[np.float64]
 
@@ -81,7 +81,7 @@ FILE_KEYS: Final[dict[str, Any]] = {
     "layouts": None,
     "origins": dict.fromkeys(("originId", "layouts")),
 }
-MAX_OBJECTS: Final = 1_000_000  # of a file, lists included
+MAX_OBJECTS: Final = 1_000_000  # values in a file, lists included
 MAX_LIF_VALUES: Final = 10_000_000
 MAX_LISTED: Final = 8  # names in an error
 START_CHARGING: Final = "startCharging"
@@ -92,14 +92,14 @@ T = TypeVar("T")
 
 
 class LayoutChoice(NamedTuple):
-    """A layout of the file as it can be chosen."""
+    """A layout of the file with its names."""
 
     name: str
     data: dict[str, Any]
 
 
 def read_lif(path: Path, layout: str | None = None, robot_type: str | None = None) -> Graph:
-    """Read the layout and the type of that name; None: the only one. Raises InputError."""
+    """Read the layout and the type with these names; None: the only one. Raises InputError."""
     file = str(path)
     data = _decoded(path)
     version = _version(data, file)
@@ -120,7 +120,7 @@ def read_lif(path: Path, layout: str | None = None, robot_type: str | None = Non
 
 
 def count_unread(value: Any, known: dict[str, Any] | None, lost: Counter[str]) -> None:
-    """Count the keys of an object that are not read; `known`: those that are, and what they hold."""
+    """Count the unread keys of an object; `known`: the keys that are read, with their contents."""
     waiting = [(value, known)]
     while waiting:
         value, known = waiting.pop()
@@ -137,7 +137,7 @@ def count_unread(value: Any, known: dict[str, Any] | None, lost: Counter[str]) -
 
 
 def _decoded(path: Path) -> dict[str, Any]:
-    """Return a file as plain data, not too much of it. Raises InputError."""
+    """Return a file as plain data of limited size. Raises InputError."""
     file, content = str(path), read_bytes(path).removeprefix(BYTE_ORDER_MARK)
     if content.count(b"{") + content.count(b"[") > MAX_OBJECTS:
         raise InputError(f"has more than {MAX_OBJECTS:,} objects and lists, the limit", file)
@@ -173,7 +173,7 @@ def _version(data: dict[str, Any], file: str) -> str:
 
 
 def _layouts(data: dict[str, Any], file: str) -> Iterator[LayoutChoice]:
-    """Yield all layouts with the names that choose them; of several origins with theirs."""
+    """Yield all layouts with their names, which have the name of the origin if there are several."""
     origins = data.get("origins")
     several = isinstance(origins, list) and len(origins) > 1
     for number, origin in enumerate(_objects(data, "origins", file) if "origins" in data else []):
@@ -200,7 +200,7 @@ def _chosen_layout(choices: list[LayoutChoice], name: str | None, file: str) -> 
 
 
 def _chosen(names: list[str], name: str | None, what: str, file: str) -> int:
-    """Return the place of a name, or of the only one. Raises InputError that lists them."""
+    """Return the index of a name, or of the only one. Raises InputError with the list of names."""
     if name is None and len(names) == 1:
         return 0
     if name in names:
@@ -269,7 +269,7 @@ class _LayoutReader:
         return graph
 
     def node(self, node: LifNode) -> Node:
-        """Return a node. Raises InputError for a place that is too far away."""
+        """Return a node. Raises InputError if it is too far away."""
         x, y = node.node_position.x, node.node_position.y
         if not max(abs(x), abs(y)) <= FARTHEST_NODE:  # nan, too
             text = f"the node {single_line(node.node_id)} is at x {x:g}, y {y:g}; "
@@ -322,7 +322,7 @@ class _LayoutReader:
         return speed
 
     def metres(self, graph: Graph, curve: Trajectory | None, start: int, end: int) -> float:
-        """Return the length of an edge: of its curve if that is one, else straight."""
+        """Return the length of an edge: of its curve if it has a valid one, else straight."""
         if curve is None:
             return graph.straight(start, end)
         length = _curve_length(curve)
@@ -333,7 +333,7 @@ class _LayoutReader:
         return length
 
     def add_actions(self, graph: Graph, place: int, node: LifNode, kind: str) -> None:
-        """Make a charger of a node where robots charge; count what else they do."""
+        """Turn a node where robots charge into a charger; count other actions."""
         both = [*node.vehicle_type_node_properties, *node.mobile_robot_type_node_properties]
         for one in both:
             if kind not in _types_of(one):
@@ -347,7 +347,7 @@ class _LayoutReader:
 
 
 def _node_names(choice: LayoutChoice) -> Iterator[str]:
-    """Yield the ids of a layout's nodes, as far as it has some."""
+    """Yield the ids of the nodes of a layout."""
     nodes = choice.data.get("nodes")
     for node in nodes if isinstance(nodes, list) else ():
         if isinstance(node, dict) and isinstance(node.get("nodeId"), str):
@@ -355,7 +355,7 @@ def _node_names(choice: LayoutChoice) -> Iterator[str]:
 
 
 def _curve_length(curve: Trajectory) -> float | None:
-    """Return the length of a curve; None: it is not a NURBS, or has no length."""
+    """Return the length of a curve; None if it is not a NURBS, or has no length."""
     points = np.array([(p.x, p.y) for p in curve.control_points], float).reshape(-1, 2)
     weights = np.array([p.weight for p in curve.control_points], float)
     knots = np.array(curve.knot_vector, float)
@@ -368,7 +368,7 @@ def _curve_length(curve: Trajectory) -> float | None:
 
 
 def _types_of(properties: EdgeProperties | NodeProperties) -> list[str]:
-    """Return the types for which properties hold."""
+    """Return the types of robots for which properties hold."""
     first = properties.vehicle_type_id
     names = [] if first is None else [first]
     return names + [one.name for one in properties.mobile_robot_types]
@@ -401,18 +401,18 @@ class RobotSeries(LifPart, frozen=True):
 
     @property
     def name(self) -> str:
-        """As the type is called in version 1.0.0."""
+        """The name of the type in version 1.0.0."""
         return ".".join(part for part in (self.manufacturer, self.series_name) if part)
 
 
 class LifAction(LifPart, frozen=True):
-    """What robots can do at a node."""
+    """An action of robots at a node."""
 
     action_type: str
 
 
 class NodeProperties(LifPart, frozen=True):
-    """What a node is to one type, or to several."""
+    """The properties of a node for one or several types."""
 
     vehicle_type_id: str | None = None
     mobile_robot_types: list[RobotSeries] = []
@@ -453,7 +453,7 @@ class Trajectory(LifPart, frozen=True):
 
 
 class LoadRestriction(LifPart, frozen=True):
-    """Which robots may drive along an edge."""
+    """Whether robots may drive along an edge without and with a load."""
 
     unloaded: bool = True
     loaded: bool = True
@@ -463,7 +463,7 @@ CLOSED: Final = LoadRestriction(unloaded=False, loaded=False)
 
 
 class EdgeProperties(LifPart, frozen=True):
-    """How an edge is driven by one type, or by several; speeds in m/s."""
+    """The properties of an edge for one or several types; speeds in m/s."""
 
     vehicle_type_id: str | None = None
     mobile_robot_types: list[RobotSeries] = []
@@ -491,7 +491,7 @@ class LifStation(LifPart, frozen=True):
 
 
 class LifLayout(LifPart, frozen=True):
-    """A layout; the main parts are read one by one, so that errors can name them."""
+    """A layout; its main parts are read separately, so that errors can name them."""
 
     layout_id: str
     nodes: list[Any]
@@ -503,7 +503,7 @@ class LifLayout(LifPart, frozen=True):
 
 
 def is_nurbs(degree: int, knots: Floats, points: Floats, weights: Floats) -> bool:
-    """Whether knots (m,), points (n, 2) and weights (n,) make a curve of a degree: m = n + degree + 1."""
+    """Whether knots (m,), points (n, 2) and weights (n,) are a curve of a degree: m = n + degree + 1."""
     n = len(points)
     if not 1 <= degree <= MAX_DEGREE or not degree < n <= MAX_CONTROL_POINTS:
         return False
@@ -521,8 +521,8 @@ def is_nurbs(degree: int, knots: Floats, points: Floats, weights: Floats) -> boo
 def arc_length(degree: int, knots: Floats, points: Floats, weights: Floats) -> float:
     """Return the length of a NURBS, in the unit of its points, by chords with extrapolation.
 
-    The error of chords falls with the square of their number, so that of twice as many as of half
-    as many is a quarter: (4 L(2k) - L(k)) / 3 lacks it.
+    The error of chords falls with the square of their number, so twice the chords have a quarter of the
+    error: (4 L(2k) - L(k)) / 3 cancels it.
     """
     ends = np.unique(knots[degree : len(points) + 1])
     share = np.arange(2 * POINTS) / (2 * POINTS)

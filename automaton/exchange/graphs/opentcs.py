@@ -1,6 +1,6 @@
 """Read a plant model of openTCS, versions 6.0.0 and 7.0.0; its lengths are mm, its speeds mm/s.
 
-A DOCTYPE is refused before anything in it is expanded, so no entity of a file is ever read.
+A DOCTYPE is refused before anything in it is expanded, so no entity is read.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from automaton.exchange.imported_floor import read_bytes
 
 MAX_ELEMENTS: Final = 1_000_000
 MAX_XML_DEPTH: Final = 32
-CHUNK: Final = 2**20  # bytes that are parsed at a time
+CHUNK: Final = 2**20  # bytes parsed at a time
 
-# What is read: an element's attributes, and the elements within it.
+# Elements that are read: attributes and inner elements.
 LOCATION_LAYOUT: Final[dict[str, Any]] = {"": ("locationRepresentation",)}
 NAMED: Final[dict[str, Any]] = {"": ("name",)}
 MODEL: Final[dict[str, Any]] = {
@@ -83,12 +83,12 @@ class Element:
     parts: list[Element] = field(default_factory=list)
 
     def of(self, name: str) -> list[Element]:
-        """The elements within it that have a name."""
+        """The inner elements with a given name."""
         return [part for part in self.parts if part.name == name]
 
 
 def read_elements(path: Path, lost: Counter[str]) -> Element:
-    """Return the element `model` with what is read of it; count the rest. Raises InputError."""
+    """Return the element `model` with its known parts; count the rest. Raises InputError."""
     file, content = str(path), read_bytes(path)
     handlers = _Handlers(file, lost)
     parser = handlers.parser
@@ -101,12 +101,12 @@ def read_elements(path: Path, lost: Counter[str]) -> Element:
         raise InputError(f"is not XML: {text}", file, error.lineno) from None
     except (LookupError, ValueError) as error:
         raise InputError(f"is not XML: {error}", file) from None
-    assert handlers.root is not None  # there is no XML without an element
+    assert handlers.root is not None  # XML has at least one element
     return handlers.root
 
 
 class _Handlers:
-    """What the parser calls."""
+    """The callbacks of the parser."""
 
     def __init__(self, file: str, lost: Counter[str]) -> None:
         self.file, self.lost = file, lost
@@ -120,7 +120,7 @@ class _Handlers:
         self.parser.EndElementHandler = self.end
 
     def error(self, text: str) -> InputError:
-        """An error in the line where the parser is."""
+        """An error at the current line of the parser."""
         return InputError(text, self.file, self.parser.CurrentLineNumber)
 
     def doctype(self, *_: Any) -> None:
@@ -185,7 +185,7 @@ class _ModelReader:
         out.format = f"openTCS plant model {single_line(version)}"
         out.name = single_line(self.root.attributes.get("name") or path.stem)
         self.points: dict[str, int] = {}
-        self.paths: dict[str, tuple[int, ...]] = {}  # edges; (): it is locked
+        self.paths: dict[str, tuple[int, ...]] = {}  # edges of the path; (): locked
 
     def graph(self) -> Graph:
         """Return the model as a graph. Raises InputError."""
@@ -228,7 +228,7 @@ class _ModelReader:
         return value
 
     def speed(self, element: Element, key: str) -> float:
-        """Return a speed in m/s; 0: it is not driven so. Raises InputError."""
+        """Return a speed in m/s; 0: not driven in this direction. Raises InputError."""
         return max(0.0, self.number(element, key, MAX_SPEED))
 
     def is_locked(self, element: Element) -> bool:
@@ -246,14 +246,14 @@ class _ModelReader:
             self.out.parking.append(place)
 
     def point(self, name: str, element: Element, what: str) -> int:
-        """Return the node of a name. Raises InputError."""
+        """Return the node with a name. Raises InputError."""
         if name not in self.points:
             text = f"{what} names the point {single_line(name)}, which does not exist"
             raise self.error(text + nearest(name, self.points), element)
         return self.points[name]
 
     def add_path(self, path: Element) -> None:
-        """Add the edges of a path: forwards, and backwards if it is driven so, too."""
+        """Add the edges of a path: forwards, and backwards if it is also driven backwards."""
         name = single_line(self.text(path, "name"))
         if name in self.paths:
             raise self.error(f"the path {name} appears twice", path)
@@ -281,7 +281,7 @@ class _ModelReader:
             self.out.lost["paths without a speed"] += 1
 
     def add_location(self, location: Element) -> None:
-        """Make a station, or a charger, of a location and the points that it is linked to."""
+        """Make a station or a charger of a location and its linked points."""
         name, links = self.text(location, "name"), location.of("link")
         what = f"the location {single_line(name)}"
         nodes = [self.point(self.text(link, "point"), link, what) for link in links]
@@ -299,7 +299,7 @@ class _ModelReader:
             self.out.lost["operation of a location"] += len(offered)
 
     def operations(self, elements: list[Element]) -> set[str]:
-        """Return the names of operations, and what symbols say, of locations, links and types."""
+        """Return the operations and the symbols of a location, its links and its type."""
         parts = [part for element in elements for part in element.parts]
         names = {
             part.attributes.get("name", "") for part in parts if part.name == "allowedOperation"
@@ -308,7 +308,7 @@ class _ModelReader:
         return (names | {one for one in shown if one.startswith(RECHARGE)}) - {""}
 
     def add_block(self, block: Element) -> None:
-        """Add a block of points and paths; other members count as lost."""
+        """Add a block of points and paths; other members are counted as lost."""
         name, kind = single_line(self.text(block, "name")), block.attributes.get("type")
         if kind not in BLOCK_TYPES:
             allowed = " or ".join(BLOCK_TYPES)

@@ -28,9 +28,7 @@ if TYPE_CHECKING:
 
 
 MIN_TICKS_SHOWN: Final = 16  # minimum number of shown ticks
-MARGIN_SHARE: Final = (
-    8  # a part that the present leaves moves, with 1/8 of it behind the present
-)
+MARGIN_SHARE: Final = 8  # a part that the present leaves moves, with 1/8 of it behind the present
 
 DOT_LEVELS: Final = 4  # dots in a braille column
 LEFT_DOTS: Final = np.array([0, 0x40, 0x44, 0x46, 0x47])  # filled from the bottom

@@ -1,11 +1,11 @@
-"""Panels and layers of the map that installed packages register as entry points; ours are, too.
+"""Load the panels and map layers that installed packages register as entry points, ours included.
 
     [project.entry-points."automaton.layers"]
     dust = "my_package.dust:Dust"
 
-What cannot be loaded is left out, and one sentence says so. What another distribution brings is
-switched off when it raises while it is shown, or gives numbers of another shape. Names, actions and
-keys that are taken stay where they are; ours come first.
+An entry that fails to load is left out and reported in one sentence. A panel or layer of another
+distribution is switched off when it raises while shown or returns numbers of the wrong shape. Ours
+are registered first; whoever registers a name, action or key first keeps it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from typing import Any, Final, NamedTuple
 
 LAYER_GROUP: Final = "automaton.layers"
 PANEL_GROUP: Final = "automaton.panels"
-# By name, as entry points are: what they show asks this module for layers.
+# Named, not imported, like entry points: these modules import this one.
 LAYER_CLASS: Final = "tui.render.layer:Layer"
 LAYER_CHECKS: Final = "tui.render.layer:CHECKS"
 SWITCHED_OFF: Final = "tui.render.layer:SwitchedOff"
@@ -30,17 +30,17 @@ NO_LAYER_PLACE: Final = "tui.render.layer:NO_LAYER"
 PANEL_CLASS: Final = "tui.widgets.panel:Panel"
 OUR_DISTRIBUTION: Final = "fleet-automaton"  # the distribution of this module
 RESERVED: Final = ("layer_none", "layer_route")  # actions of the viewer itself
-WIDGET_ID: Final = re.compile(r"[a-zA-Z_-][a-zA-Z0-9_-]*")  # what Textual takes
+WIDGET_ID: Final = re.compile(r"[a-zA-Z_-][a-zA-Z0-9_-]*")  # widget ids that Textual accepts
 
 NO_CHECKS: Final[Mapping[str, Callable[..., None]]] = MappingProxyType({})
 
 
 class Registered(NamedTuple):
-    """What a group of entry points brings, in the order of the screen, and what it should have."""
+    """The entries of one group in screen order, and a sentence for each one that failed to load."""
 
     by_name: dict[str, Any]
     problems: tuple[str, ...]
-    own: frozenset[str]  # names of those that are ours
+    own: frozenset[str]  # names of our own entries
 
 
 @cache
@@ -56,7 +56,7 @@ def panels() -> Registered:
 
 
 def layer_named(name: str) -> Any:
-    """A layer, or the one that shows nothing."""
+    """The layer with this name, or the layer that shows nothing."""
     return (name and layers().by_name.get(name)) or load(NO_LAYER_PLACE)
 
 
@@ -64,7 +64,7 @@ _failures: Final[SimpleQueue[str]] = SimpleQueue()
 
 
 def failure() -> str:
-    """The next sentence about something that was switched off because it raised, or ""."""
+    """The next report of a panel or layer that was switched off because it raised, or ""."""
     try:
         return _failures.get_nowait()
     except Empty:
@@ -79,11 +79,11 @@ def guard(
     off: Callable[[str], None],
     checks: Mapping[str, Callable[..., None]] = NO_CHECKS,
 ) -> None:
-    """Replace the public methods that a thing inherits from `without`: they raise no errors.
+    """Wrap the public methods that `thing` inherits from `without`, so that they raise no errors.
 
-    With the first error the thing is switched off: `failure` returns the sentence, which `off` gets,
-    too, and from then on the methods do what those of `without` do. The check of a method gets the
-    thing, what the method returned, and its arguments; it raises an error for what is of no use.
+    The first error switches the thing off: `failure` returns the report, `off` receives it too, and
+    from then on the methods behave like those of `without`. The check of a method receives the
+    thing, the returned value and the arguments; it raises an error if the value is unusable.
     """
     failed: list[str] = []
 
@@ -99,7 +99,7 @@ def guard(
                 if check is not None:
                     check(thing, returned, *args)
                 return returned
-            except Exception as error:  # whatever a user's module does wrong
+            except Exception as error:  # a user's module may raise anything
                 failed.append(left_out(what, name, error))
                 _failures.put(failed[0])
                 off(failed[0])
@@ -112,13 +112,13 @@ def guard(
 
 
 def load(place: str) -> Any:
-    """What "module:name" stands for. Raises whatever its module does."""
+    """Import the object at "module:name". Raises whatever its module raises."""
     module, _, name = place.partition(":")
     return getattr(importlib.import_module(module), name)
 
 
 def left_out(what: str, name: str, error: Exception) -> str:
-    """The sentence about something that cannot be loaded."""
+    """The report of an entry that failed to load."""
     return f"{what} {name!r} is left out: {type(error).__name__}: {error}"
 
 
@@ -140,7 +140,7 @@ def _registered(group: str, what: str, kind: type[Any]) -> Registered:
                 without, off = load(SWITCHED_OFF), partial(setattr, loaded, "absent")
                 guard(loaded, what, point.name, without, off, load(LAYER_CHECKS))
             entries[point.name] = loaded
-        except Exception as error:  # whatever a user's module does wrong while it is imported
+        except Exception as error:  # an import may raise anything
             problems.append(left_out(what, point.name, error))
     in_order = sorted(entries.items(), key=lambda item: item[1].position)
     return Registered(dict(in_order), tuple(problems), own)
@@ -152,7 +152,7 @@ def _is_ours(distribution: Distribution | None) -> bool:
 
 
 def _loaded(point: EntryPoint, kind: type[Any]) -> Any:
-    """A layer or a panel with its name; the attributes that `kind` gives are of the same types."""
+    """A layer or panel under its name. Raises if an attribute differs in type from `kind`'s."""
     loaded = point.load()
     loaded = loaded() if isinstance(loaded, type) else copy(loaded)
     if not isinstance(loaded, kind):
@@ -172,7 +172,7 @@ def _loaded(point: EntryPoint, kind: type[Any]) -> Any:
 
 
 def _take_action(one: Any, is_layer: bool, ours: bool, others: dict[str, Any]) -> None:
-    """Give it its action in the table of bindings. Raises ValueError for one that is taken."""
+    """Set its action in the table of bindings. Raises ValueError if the action is taken."""
     turns = is_layer and bool(one.action)  # layers may share an action
     if is_layer:
         one.action = one.action or f"layer_{one.name}"

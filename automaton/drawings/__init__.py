@@ -1,1 +1,1 @@
-"""Floors with their robots as drawings: shapes and colours, without the characters of a terminal."""
+"""Drawings of floors and robots: shapes and colours, without terminal characters."""

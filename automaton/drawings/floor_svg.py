@@ -1,7 +1,7 @@
-"""A floor with its robots as SVG: one text that loads nothing, for a page, a slide or a notebook.
+"""A floor with its robots as a self-contained SVG, for a page, a slide or a notebook.
 
-A cell is 100 units wide, so that coordinates are whole numbers. Floors of many cells are a small
-picture of pixels, one for each cell, under robots that are drawn.
+A cell is 100 units wide, so that coordinates are whole numbers. A floor of many cells is a small
+bitmap with one pixel per cell, under drawn robots.
 """
 
 from __future__ import annotations
@@ -46,9 +46,9 @@ from automaton.drawings.shapes import (
 )
 from automaton.engine.state import NIL
 
-CELL_UNITS: Final = 100  # of a cell
-MAX_DRAWN_CELLS: Final = 10_000  # larger floors are pixels
-MAX_NUMBERED_DISCS: Final = 300  # more robots are discs without numbers
+CELL_UNITS: Final = 100
+MAX_DRAWN_CELLS: Final = 10_000  # larger floors are bitmaps
+MAX_NUMBERED_DISCS: Final = 300  # larger fleets are discs without numbers
 MAX_WIDTH: Final = 960  # pixels
 MAX_HEIGHT: Final = 640
 MAX_CELL_SIDE: Final = 40
@@ -58,7 +58,7 @@ FONT: Final = "system-ui, 'DejaVu Sans', sans-serif"
 def floor_svg(
     floor: DrawnFloor, moment: Moment, theme: Theme = "light", selected: int = NIL, title: str = ""
 ) -> str:
-    """The whole floor at a moment. `title` is read out by browsers, and not drawn."""
+    """The whole floor at a moment. `title` is for screen readers; it is not drawn."""
     left, top, right, bottom = floor.box
     columns, rows = max(right - left, 1), max(bottom - top, 1)
     scale = min(MAX_WIDTH / columns, MAX_HEIGHT / rows, MAX_CELL_SIDE)
@@ -75,7 +75,7 @@ def floor_svg(
 
 
 class _Sheet:
-    """Shapes of one layer, those of one colour and line together."""
+    """Shapes of one layer, grouped by colour and line."""
 
     def __init__(self, theme: Theme) -> None:
         self._theme = theme
@@ -83,7 +83,7 @@ class _Sheet:
         self._words: dict[str, list[str]] = {}
 
     def add(self, shapes: Iterable[Shape], x: float, y: float) -> None:
-        """Add shapes of the cell whose upper left corner is (x, y), in cells."""
+        """Add shapes of the cell with upper left corner (x, y), in cells."""
         for shape in shapes:
             if isinstance(shape, Label):
                 self._write(shape, x, y)
@@ -131,13 +131,13 @@ def _outline(shape: Box | Disc | Path, x: float, y: float) -> str:
 
 
 def _places(cells: NDArray[np.int32], stride: int) -> Iterator[tuple[int, int]]:
-    """The (x, y) of flat cells."""
+    """The (x, y) of flat cell indices."""
     for cell in cells.tolist():
         yield cell % stride - 1, cell // stride - 1
 
 
 def _cells(floor: DrawnFloor, moment: Moment, theme: Theme) -> str:
-    """Every cell with its mark; grounds of one colour are one stretch in each row."""
+    """Every cell with its mark; adjacent grounds of one colour in a row are merged."""
     left, top, right, bottom = floor.box
     looks = floor.looks[top + 1 : bottom + 1, left + 1 : right + 1]
     grounds, marks, loads = _Sheet(theme), _Sheet(theme), _Sheet(theme)
@@ -165,7 +165,7 @@ def _ground(look: int) -> str:
 
 
 def _pixels(floor: DrawnFloor, moment: Moment, theme: Theme) -> str:
-    """One pixel for each cell."""
+    """The floor as a bitmap with one pixel per cell."""
     left, top, right, bottom = floor.box
     numbers, colours = pixel_colours(floor, moment, theme)
     picture = png(
@@ -182,7 +182,7 @@ def _pixels(floor: DrawnFloor, moment: Moment, theme: Theme) -> str:
 def pixel_colours(
     floor: DrawnFloor, moment: Moment, theme: Theme
 ) -> tuple[NDArray[np.uint8], list[tuple[int, int, int]]]:
-    """(height + 2, width + 2) a colour for each cell with its load, and the list of the colours."""
+    """(height + 2, width + 2) the colour index of each cell with its load; the colours."""
     names = list(PALETTE)
     colours = [rgb(name, theme) for name in names]
     colours += [blended(name, "floor", 0.55, theme) for name in names]
@@ -191,7 +191,7 @@ def pixel_colours(
         shapes = cell_shapes(look)
         block = shapes[1] if len(shapes) > 1 else shapes[0]
         fades = isinstance(block, Box) and block.opacity < 1
-        bare = colour_of(look) in ("mark", "direction")  # small signs, which would fill the cell
+        bare = colour_of(look) in ("mark", "direction")  # small in their cells
         of_look[look] = names.index("floor" if bare else colour_of(look)) + fades * len(names)
     numbers = of_look[floor.looks]
     numbers.reshape(-1)[moment.full] = names.index("load")
@@ -200,7 +200,7 @@ def pixel_colours(
 
 
 def _robots(moment: Moment, theme: Theme, selected: int) -> str:
-    """Robots; their numbers and states while they are few."""
+    """Robots; small fleets with numbers and states."""
     on_floor = np.flatnonzero(~np.isnan(moment.x)).tolist()
     few = len(on_floor) <= MAX_NUMBERED_DISCS
     pieces = [] if few else [str(_discs(moment, theme, on_floor))]
@@ -218,7 +218,7 @@ def _robots(moment: Moment, theme: Theme, selected: int) -> str:
 
 
 class _Ordered(_Sheet):
-    """Shapes that lie over each other, one after another."""
+    """Overlapping shapes in order."""
 
     def __init__(self, theme: Theme) -> None:
         super().__init__(theme)
@@ -235,7 +235,7 @@ class _Ordered(_Sheet):
 
 
 def _discs(moment: Moment, theme: Theme, robots: list[int]) -> _Sheet:
-    """Bodies alone, and the loads on them."""
+    """Only bodies and their loads."""
     sheet = _Sheet(theme)
     for robot in robots:
         colour = STATE_COLOURS[moment.looks.state[robot]]
@@ -247,7 +247,7 @@ def _discs(moment: Moment, theme: Theme, robots: list[int]) -> _Sheet:
 
 
 def _wait(moment: Moment, theme: Theme, selected: int) -> str:
-    """A line from the robot that is chosen to the one that keeps it."""
+    """A line from the selected robot to its blocker."""
     if selected == NIL or not moment.cause[selected] or moment.blocker[selected] == NIL:
         return ""
     both = [selected, int(moment.blocker[selected])]
@@ -261,7 +261,7 @@ def _wait(moment: Moment, theme: Theme, selected: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class FloorPicture:
-    """A moment of a run; it is drawn when it is looked at. `caption` says which run and tick it is."""
+    """A moment of a run, drawn on demand. `caption` names the run and the tick."""
 
     floor: DrawnFloor
     moment: Moment
@@ -271,7 +271,7 @@ class FloorPicture:
 
     @cached_property
     def svg(self) -> str:
-        """The drawing as SVG, which loads nothing."""
+        """The drawing as a self-contained SVG."""
         return floor_svg(self.floor, self.moment, self.theme, self.selected, self.caption)
 
     def save(self, path: str | pathlib.Path) -> None:

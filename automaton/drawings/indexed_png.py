@@ -1,6 +1,6 @@
-"""The file format PNG, for pictures of few colours: one byte a pixel, and a table of the colours.
+"""PNG files for pictures of few colours: one byte per pixel, and a table of colours.
 
-PNG (third edition), W3C Recommendation 2025; with the chunks of animations.
+PNG (third edition), W3C Recommendation 2025, with the chunks for animations.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ Pixels = NDArray[np.uint8]  # (rows, columns) indices into the colours
 Colour = tuple[int, int, int]
 
 SIGNATURE: Final = b"\x89PNG\r\n\x1a\n"
-INDEXED: Final = 3  # the type of colour
+INDEXED: Final = 3  # colour type
 KEEP_FRAME: Final = 0  # a frame stays after its time
-OVER: Final = 1  # it is painted over those before it
+OVER: Final = 1  # blend over the previous frames
 
 
 class Patch(NamedTuple):
-    """What a frame changes, and how long it is shown."""
+    """The change of a frame, and its duration."""
 
     x: int
     y: int
@@ -39,9 +39,9 @@ def png(pixels: Pixels, colours: Sequence[Colour]) -> bytes:
 
 
 def animated_png(patches: Iterable[Patch], colours: Sequence[Colour]) -> bytes:
-    """A film that begins again at its end; the first patch is the whole picture.
+    """A looping animation; the first patch is the whole picture.
 
-    The colour 255 of a patch is clear; `colours` are fewer.
+    In patches, number 255 is transparent; there are at most 255 `colours`.
     """
     frames: list[bytes] = []
     number, size = 0, (0, 0)
@@ -73,13 +73,13 @@ def _table(colours: Sequence[Colour]) -> bytes:
 
 
 def _table_with_clear(colours: Sequence[Colour]) -> bytes:
-    """A table of 256 colours, of which the last one lets through what is below."""
+    """A table of 256 colours, the last one transparent."""
     filled = [*colours, *[(0, 0, 0)] * (256 - len(colours))]
     return _table(filled) + _chunk(b"tRNS", b"\xff" * 255 + b"\0")
 
 
 def _packed(pixels: Pixels) -> bytes:
-    unfiltered = np.zeros((pixels.shape[0], 1), np.uint8)  # the first byte of each row
+    unfiltered = np.zeros((pixels.shape[0], 1), np.uint8)  # filter type 0 of each row
     return zlib.compress(np.hstack((unfiltered, pixels)).tobytes(), 9)
 
 

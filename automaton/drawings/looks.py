@@ -1,8 +1,8 @@
-"""What cells and robots look like in a drawing: colours by their meaning, and looks as numbers.
+"""The looks of cells and robots in a drawing: colours by meaning, and looks as numbers.
 
-Colours of robots are those of Okabe and Ito, which colour-blind people distinguish; floor, walls and
-shelves are greys. Shape is always the second channel. The look of a cell is its kind, with a detail in
-the bits above; that of a robot is a state, which gives it its colour, a shape and its front.
+Robots have the colours of Okabe and Ito, which colour-blind people can distinguish; floor, walls and
+shelves are greys. Shape is always the second channel. The look of a cell is its kind, with a detail
+in the higher bits. The look of a robot is a state, which determines its colour, a shape and a front.
 """
 
 from __future__ import annotations
@@ -73,12 +73,12 @@ Looks = NDArray[np.uint8]
 DETAIL_SHIFT: Final = 4
 KIND_MASK: Final = (1 << DETAIL_SHIFT) - 1
 LOOK_COUNT: Final = 16 << DETAIL_SHIFT
-DETAIL_OUTSIDE: Final = 1  # detail of a wall that touches nothing but walls
-DETAIL_ONE_WAY: Final = 1  # to 4: details of floor; 1 + direction
+DETAIL_OUTSIDE: Final = 1  # detail of a wall with only walls around it
+DETAIL_ONE_WAY: Final = 1  # 1 to 4: details of floor, 1 + direction
 KIND_COLOURS: Final = {
     kind.code: {"floor": "mark", "storage": "mark"}.get(kind.name, kind.name) for kind in CELL_KINDS
 }
-# States of a robot, the worse the higher.
+# States of a robot, the worst last.
 DRAW_PARKED: Final = 0
 DRAW_CHARGING: Final = 1
 DRAW_EMPTY: Final = 2
@@ -93,11 +93,11 @@ STATE_COLOURS: Final = (
 SHAPE_HOLLOW: Final = 0
 SHAPE_FILLED: Final = 1  # with a load
 SHAPE_SQUARE: Final = 2  # parked
-SHAPE_PLUG: Final = 3  # charges
-SHAPE_VOID: Final = 4  # its battery is empty
+SHAPE_PLUG: Final = 3  # charging
+SHAPE_VOID: Final = 4  # empty battery
 SHAPE_CROSS: Final = 5  # broken
-SHAPE_THIN: Final = 6  # its battery is low
-SHAPE_BOXED: Final = 7  # its battery is low, with a load
+SHAPE_THIN: Final = 6  # low battery
+SHAPE_BOXED: Final = 7  # low battery, with a load
 WITH_LOAD: Final = (SHAPE_FILLED, SHAPE_BOXED)
 LOW_CHARGE: Final = 20 * BATTERY_PERCENT
 
@@ -109,14 +109,14 @@ def rgb(name: str, theme: Theme) -> tuple[int, int, int]:
 
 
 def blended(name: str, ground: str, share: float, theme: Theme) -> tuple[int, int, int]:
-    """A colour over another one, of which 1 - `share` shines through."""
+    """The blend of `share` of a colour over 1 - `share` of a ground."""
     over, under = rgb(name, theme), rgb(ground, theme)
     red, green, blue = (round(u + (o - u) * share) for o, u in zip(over, under, strict=True))
     return red, green, blue
 
 
 def css(colour: tuple[int, int, int]) -> str:
-    """A colour as a style sheet writes it."""
+    """A colour in CSS notation."""
     return "#{:02x}{:02x}{:02x}".format(*colour)
 
 
@@ -124,7 +124,7 @@ def css(colour: tuple[int, int, int]) -> str:
 
 
 def looks_of(floor_plan: FloorPlan) -> Looks:
-    """(height + 2, width + 2) kind and detail of each cell, border included; of rails their exits."""
+    """(height + 2, width + 2) kind and detail of each cell; the detail of rails is their exits."""
     kind, exits = floor_plan.kind, floor_plan.exits
     detail = np.zeros_like(kind)
     rails = (kind == TRACK) | (kind == TURNTABLE)
@@ -137,7 +137,7 @@ def looks_of(floor_plan: FloorPlan) -> Looks:
 
 
 def colour_of(look: int) -> str:
-    """The name of the colour in which a look is drawn."""
+    """The name of a look's colour."""
     kind, detail = look & KIND_MASK, look >> DETAIL_SHIFT
     if kind == WALL and detail == DETAIL_OUTSIDE:
         return "void"
@@ -145,9 +145,9 @@ def colour_of(look: int) -> str:
 
 
 def box_of(floor_plan: FloorPlan) -> tuple[int, int, int, int]:
-    """Left, top, right and bottom of the floor with its parking bays, which may lie in the border.
+    """Left, top, right and bottom of the floor with parking bays, which may be in the border.
 
-    Columns and rows as users count them; right and bottom are excluded.
+    Columns and rows are counted as users see them; right and bottom are excluded.
     """
     height, width = floor_plan.kind.shape
     rows, columns = np.nonzero(floor_plan.kind == BAY)
@@ -157,7 +157,7 @@ def box_of(floor_plan: FloorPlan) -> tuple[int, int, int, int]:
 
 
 def _exits_into(cells: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """The exits that lead into some cells: an aisle is one-way, though robots turn off into storage."""
+    """The exits into some cells. Exits into storage do not count: the aisle is still one-way."""
     sides = np.zeros(cells.shape, np.uint8)
     for direction, (dx, dy) in enumerate(DIRECTION_VECTORS):
         sides |= np.where(np.roll(cells, (-dy, -dx), (0, 1)), np.uint8(1 << direction), np.uint8(0))
@@ -165,7 +165,7 @@ def _exits_into(cells: NDArray[np.bool_]) -> NDArray[np.uint8]:
 
 
 def _one_way(exits: NDArray[np.uint8], direction: int) -> NDArray[np.bool_]:
-    """Cells with that exit alone, from which there is no way back: a dead end is not one-way."""
+    """Cells with only this exit and no way back through it, so that dead ends do not count."""
     bit = 1 << direction
     dx, dy = DIRECTION_VECTORS[direction]
     ahead = np.roll(exits, (-dy, -dx), (0, 1))
@@ -187,20 +187,20 @@ def _beside_something(kind: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 
 class RobotLooks(NamedTuple):
-    """All (n,) uint8."""
+    """The looks of robots, all (n,) uint8."""
 
     state: NDArray[np.uint8]
     shape: NDArray[np.uint8]
-    direction: NDArray[np.uint8]  # 0 to 3: the way it faces or drives
+    direction: NDArray[np.uint8]  # 0 to 3: facing or driving direction
 
 
 def robot_looks(
     robots: Any, headings: Sequence[int], battery: bool, may_be_down: bool
 ) -> RobotLooks:
-    """Read them off the fields of the robots, and `cause` and `wait_cycle_ticks` of the observation.
+    """The looks by the fields of robots and the observation's `cause` and `wait_cycle_ticks`.
 
-    `robots`: an object with these arrays, (n,) each; `headings`: that robots of each type distinguish;
-    `battery`: robots run on batteries; `may_be_down`: they may stand on the floor for good.
+    `robots`: an object with these (n,) arrays; `headings`: number of headings by type; `battery`:
+    robots run on batteries; `may_be_down`: they may break down on the floor.
     """
     loaded, parked = robots.load != NIL, robots.parked != 0
     state = np.where(loaded, np.uint8(DRAW_LOADED), np.uint8(DRAW_EMPTY))
@@ -218,22 +218,22 @@ def robot_looks(
     if battery or may_be_down:
         for code, sign in ((STATUS_DEPLETED, SHAPE_VOID), (STATUS_FAILED, SHAPE_CROSS)):
             state[robots.status == code], shape[robots.status == code] = DRAW_FAULT, sign
-        towed = robots.status >= STATUS_TOWED  # it shows in a parking bay alone
+        towed = robots.status >= STATUS_TOWED  # visible only in a parking bay
         state[towed], shape[towed] = DRAW_PARKED, SHAPE_CROSS
     return RobotLooks(state, shape, directions(robots, headings))
 
 
 def cell_of(robots: Any) -> NDArray[np.int32]:
-    """(n,) the cell in which each robot is drawn, that of its parking bay if it is there; or NIL."""
+    """(n,) the cell in which each robot is drawn, maybe its parking bay; or NIL."""
     return np.asarray(np.where(robots.cell == NIL, robots.bay, robots.cell), np.int32)
 
 
 def directions(robots: Any, headings: Sequence[int]) -> NDArray[np.uint8]:
-    """(n,) 0 to 3: the way each robot faces or, if its heading does not say, drives.
+    """(n,) 0 to 3: the direction in which each robot faces or, without a heading, drives.
 
-    `headings`: that robots of each type distinguish.
+    `headings`: number of headings by type.
     """
-    own = np.array(headings)[robots.type % len(headings)]  # types with a load come behind
-    # On rails: the way it came, or its new axis once it has turned. An omni robot: the way it came.
+    own = np.array(headings)[robots.type % len(headings)]  # types with a load follow
+    # Omni robots: the last driving direction. On rails: the same, or the new axis after a turn.
     came = (own == 1) | ((own == 2) & (robots.travel & 1 == robots.heading))
     return np.asarray(np.where(came, robots.travel & 3, robots.heading & 3), np.uint8)

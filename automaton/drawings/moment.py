@@ -1,4 +1,4 @@
-"""One moment of a run as drawings need it: places, looks and loads, read off the state."""
+"""One moment of a run for drawings: places, looks and loads, from the state."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ FROM_ROBOTS: Final = (
     *("cell", "claim", "bay", "load", "parked", "heading", "travel", "status"),
     *("charge", "goal_type", "goal_cell", "action", "type", "ticket"),
 )
-# And what they are of a run that is not observed.
+# With the values for runs without observation.
 FROM_OBSERVATION: Final = {
     "cause": 0,
     "blocker": NIL,
@@ -34,10 +34,10 @@ FROM_OBSERVATION: Final = {
 
 @dataclass(frozen=True, eq=False)
 class DrawnFloor:
-    """What does not change during a run."""
+    """The constants of a run."""
 
     floor_plan: FloorPlan
-    headings: tuple[int, ...]  # that robots distinguish, by type: 1, 2 (axes) or 4
+    headings: tuple[int, ...]  # number of headings by type: 1, 2 (axes) or 4
     battery: bool  # robots run on batteries
     may_be_down: bool  # robots may break down
 
@@ -48,12 +48,12 @@ class DrawnFloor:
 
     @cached_property
     def box(self) -> tuple[int, int, int, int]:
-        """Left, top, right and bottom of what is drawn, see box_of."""
+        """Left, top, right and bottom of the drawing, see box_of."""
         return box_of(self.floor_plan)
 
     @cached_property
     def bounded(self) -> NDArray[np.bool_]:
-        """(C,) cells whose loads are drawn: elsewhere any number may lie, or none."""
+        """(C,) cells whose loads are drawn; others hold any number of loads, or none."""
         bounded: NDArray[np.bool_] = ~UNBOUNDED[self.floor_plan.kind.reshape(-1)]
         return bounded
 
@@ -68,25 +68,25 @@ def drawn_floor(resolved: Resolved) -> DrawnFloor:
 
 @dataclass(frozen=True, eq=False)
 class Moment:
-    """The state after a tick, or between two; robots by identity."""
+    """The state after a tick or between two ticks, by robot identity."""
 
     tick: int
-    x: NDArray[np.float64]  # (n,) cells from the left edge, of the robot's own left edge; NaN: off
+    x: NDArray[np.float64]  # (n,) left edge of the robot, in cells from the left; NaN: off
     y: NDArray[np.float64]
     looks: RobotLooks
     doing: NDArray[np.int32]  # (n,) a RobotState
-    cause: NDArray[np.int32]  # (n,) CAUSE_*; 0: it does not wait, or the run is not observed
-    blocker: NDArray[np.int32]  # (n,) the robot that keeps it, or NIL
+    cause: NDArray[np.int32]  # (n,) CAUSE_*; 0: not waiting, or no observation
+    blocker: NDArray[np.int32]  # (n,) the blocking robot, or NIL
     full: Cells  # (k,) cells with a load or a pod
-    shut: Cells  # (k,) cells that are closed now, and of doors that are shut
+    shut: Cells  # (k,) closed cells, and cells of shut doors
 
     def word_of(self, robot: int) -> str:
-        """What a robot is doing."""
+        """A robot's activity in words."""
         return STATE_WORDS[int(self.doing[robot])]
 
 
 def fleet_of(world: Any, observation: Any) -> Any:
-    """Copies by identity of what is drawn of the robots, one (n,) array for each name, and `doing`."""
+    """Copies of the drawn fields of robots, (n,) arrays by identity, and `doing`."""
     by_identity = world.robots.at_index
     fields = {name: getattr(world.robots, name)[by_identity] for name in FROM_ROBOTS}
     for name, unknown in FROM_OBSERVATION.items():
@@ -99,12 +99,12 @@ def fleet_of(world: Any, observation: Any) -> Any:
 
 
 def looks_of_fleet(fleet: Any, floor: DrawnFloor) -> RobotLooks:
-    """What the robots of fleet_of look like."""
+    """The looks of the robots of `fleet_of`."""
     return robot_looks(fleet, floor.headings, floor.battery, floor.may_be_down)
 
 
 def moment_of(floor: DrawnFloor, world: Any, observation: Any) -> Moment:
-    """A moment of a run. A robot within a move of several ticks is drawn between its two cells."""
+    """A moment of a run. A robot in a move of several ticks is drawn between its two cells."""
     fleet = fleet_of(world, observation)
     cell = cell_of(fleet)
     ahead = np.where((fleet.claim == NIL) | (cell == NIL), cell, fleet.claim)
@@ -125,7 +125,7 @@ def moment_of(floor: DrawnFloor, world: Any, observation: Any) -> Moment:
 
 
 def full_cells(world: Any, floor: DrawnFloor) -> Cells:
-    """(k,) cells in which a load lies or a pod stands: of slots for one load, and left on the floor."""
+    """(k,) cells with a load or pod: slots for one load, and loads left on the floor."""
     slots = world.slots
     cells = slots.cell[(slots.content != NIL) & (slots.cell != NIL)]
     full: Cells = np.unique(cells[floor.bounded[cells]]).astype(np.int32)
@@ -133,7 +133,7 @@ def full_cells(world: Any, floor: DrawnFloor) -> Cells:
 
 
 def shut_cells(world: Any) -> Cells:
-    """(k,) cells that no robot may enter now: closed for some time, or of a door that is shut."""
+    """(k,) cells that no robot may enter now: closed cells, and cells of shut doors."""
     gates, tick = world.gates, int(world.clock.tick)
     if not len(gates.kind):
         return np.zeros(0, np.int32)

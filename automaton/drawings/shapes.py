@@ -1,6 +1,6 @@
-"""Cells and robots as a few shapes, which a drawing and a picture of pixels both paint.
+"""Cells and robots as a few shapes, for SVG drawings and pixel images.
 
-Lengths are cells; (0, 0) is the upper left corner of the cell, in which a robot fills 0 to 1.
+Lengths are in cells; (0, 0) is the upper left corner of a cell, and (1, 1) its lower right corner.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ Point = tuple[float, float]
 
 
 class Box(NamedTuple):
-    """A rectangle, filled or, with a width of its line, hollow."""
+    """A rectangle, filled or, with a line width, hollow."""
 
     x: float
     y: float
     width: float
     height: float
-    colour: str  # a name of the palette
+    colour: str  # a name in PALETTE
     line: float = 0
     opacity: float = 1  # over the floor
 
 
 class Disc(NamedTuple):
-    """A circle, filled or, with a width of its line, hollow."""
+    """A circle, filled or, with a line width, hollow."""
 
     x: float
     y: float
@@ -65,7 +65,7 @@ class Path(NamedTuple):
 
 
 class Label(NamedTuple):
-    """A word around a point."""
+    """A word centred on a point."""
 
     x: float
     y: float
@@ -89,7 +89,7 @@ CELL_LETTERS: Final = {
 
 @cache
 def cell_shapes(look: int) -> tuple[Shape, ...]:
-    """What is painted on a cell of the floor; the floor is under it, or the void beyond a wall."""
+    """The shapes of a cell, painted over the floor or over the void."""
     kind, detail, colour = look & KIND_MASK, look >> DETAIL_SHIFT, colour_of(look)
     if kind == WALL:
         return (Box(0, 0, 1, 1, colour),)
@@ -131,7 +131,7 @@ def robot_shapes(state: int, shape: int, direction: int, name: str = "") -> tupl
     else:
         body = [Disc(0.5, 0.5, r, colour), Disc(0.5, 0.5, r, "floor", 0.05)]
     if state in (DRAW_WAITING, DRAW_FAULT) and shape != SHAPE_CROSS:
-        body.append(Disc(0.5, 0.5, r - 0.06, "floor", 0.04))  # a second ring: not the colour alone
+        body.append(Disc(0.5, 0.5, r - 0.06, "floor", 0.04))  # visible without colours
     if shape == SHAPE_CROSS:
         return *body, *_cross(0.2)
     if shape not in (SHAPE_SQUARE, SHAPE_PLUG):
@@ -148,7 +148,7 @@ def robot_shapes(state: int, shape: int, direction: int, name: str = "") -> tupl
 
 
 def selection_shapes() -> tuple[Shape, ...]:
-    """Around the robot that is chosen."""
+    """The ring around the selected robot."""
     return (Disc(0.5, 0.5, 0.58, "selected", 0.08),)
 
 

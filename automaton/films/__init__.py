@@ -1,1 +1,1 @@
-"""Films of recordings for readers without a terminal: a page for a browser, GIF, PNG and MP4."""
+"""Films of recordings without a terminal: an HTML page, GIF, PNG and MP4."""

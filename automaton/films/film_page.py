@@ -1,6 +1,4 @@
-"""A film as one HTML file: its columns, the floor and its words, and the player; and the same in a
-notebook.
-"""
+"""A film as one HTML file (data and player), and the same film in a notebook."""
 
 from __future__ import annotations
 
@@ -57,7 +55,7 @@ def make_page(
     follow: int,
     theme: Theme,
 ) -> str:
-    """Write the page of a recording; how large it is. Raises InputError."""
+    """Write the page of a recording; returns its size in words. Raises InputError."""
     path = checked(out)
     run = read_recording(recording)
     stretch = play_stretch(run, first, last, follow)
@@ -70,7 +68,7 @@ def make_page(
 def film_page(
     stretch: RecordedStretch, *, speed: float = 1, follow: int = NIL, theme: Theme = "dark"
 ) -> str:
-    """The page of some ticks. `speed`: 1 is ten ticks a second; `follow`: a robot, or NIL."""
+    """The page of a stretch. `speed`: 1 is ten ticks per second; `follow`: a robot, or NIL."""
     film = _words(stretch) | {
         "title": stretch.title,
         "speed": speed,
@@ -82,7 +80,7 @@ def film_page(
 
 
 def _words(stretch: RecordedStretch) -> dict[str, Any]:
-    """What the page knows besides its columns."""
+    """The page's data other than its columns."""
     floor, unit = stretch.floor, stretch.unit
     used = [int(look) for look in np.unique(floor.looks)]
     return {
@@ -109,7 +107,7 @@ def _words(stretch: RecordedStretch) -> dict[str, Any]:
 
 
 def _colours(looks: list[int], theme: Theme) -> dict[str, Any]:
-    """The colours of one theme, as a style sheet writes them."""
+    """The colours of one theme in CSS notation."""
     return {
         "looks": {str(look): css(rgb(colour_of(look), theme)) for look in looks},
         "states": [css(rgb(name, theme)) for name in STATE_COLOURS],
@@ -118,7 +116,7 @@ def _colours(looks: list[int], theme: Theme) -> dict[str, Any]:
 
 
 def page_of(title: str, film: dict[str, Any]) -> str:
-    """The page; nothing in it is fetched from elsewhere, and its policy forbids it."""
+    """The page; it loads nothing, and its policy forbids loading."""
     here = files("automaton.films") / "web_film"
     text = json.dumps(film, separators=(",", ":"), ensure_ascii=True).replace("<", "\\u003c")
     page = (here / "page.html").read_text(encoding="utf-8")
@@ -131,12 +129,12 @@ def page_of(title: str, film: dict[str, Any]) -> str:
     return re.sub(r"\[\[([A-Z]+)\]\]", lambda name: parts[name[1]], page)
 
 
-# The page of a film inside a notebook: an iframe that holds the whole page.
+# The page in a notebook: an iframe that holds the whole page.
 
 
 @dataclass(frozen=True)
 class NotebookFilm:
-    """A page that plays by itself; a notebook shows it, `save` writes it to a file."""
+    """A self-contained film page; a notebook shows it, `save` writes it to a file."""
 
     page: str = field(repr=False)
     title: str
@@ -148,7 +146,7 @@ class NotebookFilm:
             file.write(self.page.encode())
 
     def _repr_html_(self) -> str:
-        """Show it in a notebook: its scripts reach nothing outside their frame."""
+        """HTML for a notebook, in a frame that isolates the page's scripts."""
         return (
             f'<iframe srcdoc="{escape(self.page)}" sandbox="allow-scripts" title="{escape(self.title)}"'
             f' width="100%" height="{self.height}" style="border:0"></iframe>'

@@ -1,8 +1,10 @@
-"""Moments of a run as pictures of pixels, painted by Pillow (an extra, imported here alone).
+"""Moments of a run as pixel images, painted by Pillow (an extra, imported only here).
 
-title
-the floor and its robots
-the words, and how far the film is
+Layout, from top to bottom:
+
+    title
+    floor and robots
+    progress bar, time and fleet
 """
 
 from __future__ import annotations
@@ -36,14 +38,14 @@ if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageFont import FreeTypeFont
 
-Extent = tuple[int, int, int, int]  # left, top, right, bottom in cells; the last two excluded
+Extent = tuple[int, int, int, int]  # left, top, right, bottom in cells; right, bottom excluded
 
 MIN_SIZE: Final = (160, 120)  # pixels
 MAX_SIZE: Final = (3840, 2160)
-DEFAULT_MAP: Final = (960, 600)  # the floor is at most so large
-DEFAULT_CELL: Final = 40  # and a cell
-MIN_DEFAULT_WIDTH: Final = 480  # the words need some room
-FOLLOWED_CELL: Final = 24  # pixels at least, where a robot is followed
+DEFAULT_MAP: Final = (960, 600)  # maximum size of the floor
+DEFAULT_CELL: Final = 40  # maximum size of a cell
+MIN_DEFAULT_WIDTH: Final = 480  # room for the words
+FOLLOWED_CELL: Final = 24  # minimum in pixels, if a robot is followed
 MAP_MARGIN: Final = 10
 TITLE_HEIGHT: Final = 30
 STATUS_HEIGHT: Final = 36
@@ -52,11 +54,11 @@ TEXT_SIZE: Final = 15
 
 @dataclass(frozen=True)
 class Layout:
-    """The size of a picture, and how much of the floor it shows."""
+    """The size of a picture, and its scale."""
 
-    width: int  # pixels; even, as MP4 has it
+    width: int  # pixels; even, as MP4 requires
     height: int
-    scale: float  # pixels of a cell; whole from 2 on
+    scale: float  # pixels per cell; an integer from 2 on
     box: Extent
 
     @property
@@ -65,21 +67,21 @@ class Layout:
         return self.width - 2 * MAP_MARGIN, self.height - TITLE_HEIGHT - STATUS_HEIGHT
 
     def corner(self, place: tuple[float, float] | None) -> tuple[float, float]:
-        """The cell at the upper left of the map, with a fraction: the floor is in its middle.
+        """The upper left corner of the map in cells, a fraction; the floor is centred.
 
-        `place`: of a followed robot, which is in the middle instead where the floor is larger.
+        `place`: of a followed robot, on which the map is centred if the floor is larger.
         """
         left, top, right, bottom = self.box
         width, height = (pixels / self.scale for pixels in self.map_size)
         at = ((left + right) / 2, (top + bottom) / 2) if place is None else place
         x = _within(at[0], width, left, right)
         y = _within(at[1], height, top, bottom)
-        # Whole pixels: the cells of two frames lie over each other.
+        # Whole pixels, so that the cells of all frames coincide.
         return round(x * self.scale) / self.scale, round(y * self.scale) / self.scale
 
 
 def layout_of(box: Extent, size: tuple[int, int] | None, follows: bool) -> Layout:
-    """As large as is asked for, or as the floor needs."""
+    """The layout of this size or, if None, of a size that suits the floor."""
     columns, rows = max(box[2] - box[0], 1), max(box[3] - box[1], 1)
     if size is None:
         scale = _whole(min(DEFAULT_MAP[0] / columns, DEFAULT_MAP[1] / rows, DEFAULT_CELL))
@@ -97,7 +99,7 @@ def layout_of(box: Extent, size: tuple[int, int] | None, follows: bool) -> Layou
 
 
 def check_size(size: tuple[int, int]) -> None:
-    """Raises InputError for a size that no picture has."""
+    """Raises InputError for a size outside MIN_SIZE to MAX_SIZE."""
     inside = all(
         least <= one <= most for least, one, most in zip(MIN_SIZE, size, MAX_SIZE, strict=True)
     )
@@ -113,27 +115,27 @@ def _whole(scale: float) -> float:
 
 
 def _within(middle: float, shown: float, low: int, high: int) -> float:
-    """Where a view begins that shows no more beyond the floor than it must."""
+    """The start of a view around `middle` that shows as little as possible beyond the floor."""
     if shown >= high - low:
         return (low + high - shown) / 2
     return max(low, min(high - shown, middle - shown / 2))
 
 
-# Painted with Pillow.
+# Painting with Pillow.
 
 
-FINER: Final = 4  # signs are painted so many times larger, and made smaller: their edges are smooth
-MIN_DRAWN_CELL: Final = 6  # pixels; smaller cells are a colour each
-MIN_DETAILED_CELL: Final = 13  # robots of smaller cells are discs, and cells have no letters
-MIN_NAMED_CELL: Final = 18  # from here on robots have numbers
-MIN_DISC: Final = 5  # pixels across of a robot
-# Cells of a sign: that of the robot that is chosen is larger than its cell.
+FINER: Final = 4  # signs are painted enlarged and scaled down, for smooth edges
+MIN_DRAWN_CELL: Final = 6  # pixels; a smaller cell is one colour
+MIN_DETAILED_CELL: Final = 13  # in smaller cells, robots are discs and cells have no letters
+MIN_NAMED_CELL: Final = 18  # minimum for robots with numbers
+MIN_DISC: Final = 5  # minimum diameter of a robot in pixels
+# Side of a robot's sign in cells: the sign of a selected robot exceeds its cell.
 SURROUNDING: Final = 1.5
-TRACK_HEIGHT: Final = 4  # pixels of the line that shows how far the film is
+TRACK_HEIGHT: Final = 4  # pixels, height of the progress bar
 
 
 def pillow() -> Any:
-    """The package PIL. Raises InputError where it is not installed."""
+    """The package PIL. Raises InputError if it is not installed."""
     try:
         import PIL.Image
         import PIL.ImageDraw
@@ -154,10 +156,10 @@ class Painter:
         self._floor, self.layout, self._theme, self._selected = floor, layout, theme, selected
         self._signs: dict[tuple[Any, ...], Image] = {}
         self._fonts: dict[int, FreeTypeFont] = {}
-        self._kept: tuple[Any, Image] | None = None  # a view, and the floor in it
+        self._kept: tuple[Any, Image] | None = None  # a view and its empty floor
 
     def frame(self, moment: Moment, title: str, words: tuple[str, str], share: float) -> Image:
-        """The picture of a moment; `share`: how much of the film is over, 0 to 1."""
+        """The picture of a moment; `share`: progress of the film, 0 to 1."""
         layout = self.layout
         image = self._pil.Image.new("RGB", (layout.width, layout.height), self._rgb("void"))
         image.paste(self._map(moment), (MAP_MARGIN, TITLE_HEIGHT))
@@ -176,13 +178,13 @@ class Painter:
         return image
 
     def _place(self, moment: Moment) -> tuple[float, float] | None:
-        """The middle of the robot that is followed."""
+        """The centre of the followed robot."""
         if self._selected == NIL or np.isnan(moment.x[self._selected]):
             return None
         return float(moment.x[self._selected]) + 0.5, float(moment.y[self._selected]) + 0.5
 
     def _ground(self, corner: tuple[float, float]) -> Image:
-        """The floor without loads, kept until the view moves."""
+        """The floor without loads, cached while the view stays."""
         if self._kept is not None and self._kept[0] == corner:
             return self._kept[1]
         size, scale = self.layout.map_size, self.layout.scale
@@ -205,7 +207,7 @@ class Painter:
         return tuple(shape for shape in shapes if not isinstance(shape, Label))
 
     def _small_floor(self, moment: Moment, corner: tuple[float, float]) -> Image:
-        """One colour for each cell."""
+        """The floor with one colour per cell."""
         numbers, colours = pixel_colours(self._floor, moment, self._theme)
         left, top, right, bottom = self._floor.box
         pixels = np.array(colours, np.uint8)[numbers[top + 1 : bottom + 1, left + 1 : right + 1]]
@@ -241,7 +243,7 @@ class Painter:
             self._paste(image, sign, float(moment.x[robot]), float(moment.y[robot]), corner)
 
     def _draw_wait(self, image: Image, moment: Moment, corner: tuple[float, float]) -> None:
-        """A line from the robot that is chosen to the one that keeps it."""
+        """Draw a line from the selected robot to its blocker."""
         robot, scale = self._selected, self.layout.scale
         if robot == NIL or not moment.cause[robot] or moment.blocker[robot] == NIL:
             return
@@ -269,17 +271,17 @@ class Painter:
             image.paste(sign, (left, top), sign)
 
     def _sign(self, key: tuple[Any, ...], shapes: tuple[Shape, ...]) -> Image:
-        """A cell or a robot, painted once."""
+        """The sign of a cell or robot, painted once."""
         if key not in self._signs:
             is_cell = key[0] == "look"
             self._signs[key] = self._painted(shapes, 1.0 if is_cell else SURROUNDING, is_cell)
         return self._signs[key]
 
     def _painted(self, shapes: tuple[Shape, ...], cells: float, opaque: bool) -> Image:
-        """Shapes on a square of so many cells, clear around them unless it is a cell."""
+        """Shapes on a square of `cells` cells, transparent around them unless opaque."""
         scale = self.layout.scale
         side = round(cells * scale)
-        side += 0 if opaque else (side - round(scale)) % 2  # as much on both sides of the cell
+        side += 0 if opaque else (side - round(scale)) % 2  # symmetric around the cell
         mode, ground = ("RGB", self._rgb("floor")) if opaque else ("RGBA", (*self._rgb("floor"), 0))
         image = self._pil.Image.new(mode, (side * FINER, side * FINER), ground)
         pen = _Pen(self, image, scale * FINER, (side / scale - 1) / 2)
@@ -297,17 +299,17 @@ class Painter:
         return self._rgb(shape.colour)
 
     def font(self, size: int) -> FreeTypeFont:
-        """The font that Pillow brings: the same everywhere, with the characters of ASCII."""
+        """Pillow's built-in font: the same everywhere, with ASCII characters."""
         if size not in self._fonts:
             self._fonts[size] = self._pil.ImageFont.load_default(size)
         return self._fonts[size]
 
     def draw_on(self, image: Image) -> Any:
-        """Something to draw with on an image."""
+        """Pillow's drawing context of an image."""
         return self._pil.ImageDraw.Draw(image)
 
     def _write(self, image: Image, title: str, words: tuple[str, str], share: float) -> None:
-        """The title above, the time and the fleet below, and how much of the film is over."""
+        """Write the title above, and the progress bar, time and fleet below."""
         draw, (width, height) = self.draw_on(image), image.size
         room = width - 2 * MAP_MARGIN
         font = self.font(TEXT_SIZE)
@@ -330,14 +332,14 @@ class Painter:
 
 
 class _Pen:
-    """Draws shapes on an image, enlarged."""
+    """Draws enlarged shapes on an image."""
 
     def __init__(self, painter: Painter, image: Image, unit: float, margin: float) -> None:
         self._painter, self._unit, self._margin = painter, unit, margin
         self._draw = painter.draw_on(image)
 
     def draw(self, shape: Shape) -> None:
-        """Draw one."""
+        """Draw one shape."""
         colour, draw = self._painter.colour_of(shape), self._draw
         if isinstance(shape, Label):
             font = self._painter.font(max(1, round(shape.size * 1.1 * self._unit)))
@@ -367,19 +369,19 @@ class _Pen:
 
 
 def _small_robot(shapes: tuple[Shape, ...], shape: int, scale: float) -> tuple[Shape, ...]:
-    """A disc, larger than its cell if that is needed to see it; a spot on it is a load."""
+    """A disc, at least MIN_DISC pixels wide, with a spot for a load."""
     radius = max(RADIUS + 0.04, MIN_DISC / 2 / scale)
     spot = (Disc(0.5, 0.5, radius / 2, "load"),) if shape in WITH_LOAD else ()
     return Disc(0.5, 0.5, radius, shapes[0].colour), *spot
 
 
 def _ascii(text: str) -> str:
-    """The font has no other characters."""
+    """The text in ASCII, since the font has no other characters."""
     return text.encode("ascii", "replace").decode()
 
 
 def _fitting(text: str, font: FreeTypeFont, room: float) -> str:
-    """As much of a text as there is room for."""
+    """The part of a text that fits."""
     text = _ascii(text)
     while text and font.getlength(text) > room:
         text = text[:-4].rstrip(" ,.") + "..." if len(text) > 4 else ""

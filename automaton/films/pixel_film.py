@@ -1,7 +1,7 @@
-"""Films and stills of pixels: a stretch of a recording, painted frame by frame, as GIF, PNG or MP4.
+"""Pixel films and stills of a stretch of a recording, painted frame by frame: GIF, PNG or MP4.
 
-Frames have at most 255 colours. One after another they become what changes from the frame before, so
-that a long film needs no more memory than a short one.
+In GIF and PNG, frames have at most 255 colours and are stored as changes from the previous frame.
+Frames are written one by one, so that a long film needs no more memory than a short one.
 """
 
 from __future__ import annotations
@@ -36,20 +36,20 @@ if TYPE_CHECKING:
     from PIL.Image import Image
 
 FILM_TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
-LAST_PAUSE: Final = 2  # seconds in which the last picture is seen
+LAST_PAUSE: Final = 2  # seconds for which the last picture is shown
 DEFAULT_FPS: Final = 20
 MAX_FPS: Final = {".gif": 50, ".png": 100, ".mp4": 120}  # a GIF counts in hundredths of a second
 MAX_FRAMES: Final = 6_000
-SAMPLED: Final = 8  # frames from which the table of colours is made
+SAMPLED: Final = 8  # frames sampled for the table of colours
 
 
 @dataclass(frozen=True)
 class PixelRequest:
-    """What is to be shown of a recording, and how."""
+    """The requested stretch of a recording and its form."""
 
     first: int | None = None  # tick
     last: int | None = None
-    speed: Fraction = Fraction(1)  # x1 is ten ticks a second
+    speed: Fraction = Fraction(1)  # 1 is ten ticks per second
     fps: int = DEFAULT_FPS
     size: tuple[int, int] | None = None  # pixels; None: as large as the floor needs
     follow: int = NIL  # robot
@@ -57,11 +57,11 @@ class PixelRequest:
 
     @property
     def rate(self) -> Fraction:
-        """Ticks for each frame."""
+        """Ticks per frame."""
         return FILM_TICKS_PER_S * self.speed / self.fps
 
     def frames(self, ticks: int) -> int:
-        """How many frames go from a tick to one so many ticks later, both included."""
+        """Number of frames for this number of ticks, including first and last."""
         return -(-ticks // self.rate) + 1  # rounded up
 
 
@@ -77,11 +77,11 @@ class PixelFilm:
 
     @property
     def frames(self) -> int:
-        """How many there are, the last tick included."""
+        """Number of frames, including one for the last tick."""
         return self._request.frames(self._stretch.last - self._stretch.first)
 
     def times(self) -> list[int]:
-        """When each frame is shown, in hundredths of a second."""
+        """The time of each frame in hundredths of a second."""
         return [round(Fraction(100 * number, self._request.fps)) for number in range(self.frames)]
 
     def image(self, number: int) -> Image:
@@ -89,7 +89,7 @@ class PixelFilm:
         stretch = self._stretch
         tick = min(stretch.first + number * self._request.rate, Fraction(stretch.last))
         tick_shown, ticks = int(tick), stretch.last - stretch.first
-        # A still says how far the run is.
+        # The progress bar of a still shows the progress of the run.
         share = (tick - stretch.first) / ticks if ticks else tick / max(stretch.recorded, 1)
         words = stretch.time_words(tick_shown), stretch.fleet_words(tick_shown)
         moment = stretch.columns.moment_at(float(tick))
@@ -100,20 +100,20 @@ class PixelFilm:
         return (self.image(number) for number in range(self.frames))
 
     def shades(self) -> FilmColours:
-        """The colours of some frames all along the film."""
+        """The colours of frames sampled along the film."""
         picked = sorted({round(k * (self.frames - 1) / (SAMPLED - 1)) for k in range(SAMPLED)})
         return FilmColours(
             [np.asarray(self.image(number)) for number in picked], self._request.theme
         )
 
     def numbered(self, shades: FilmColours) -> Iterator[tuple[int, Pixels]]:
-        """Each frame with its time and the number of each pixel's colour."""
+        """Each frame as its time and its pixels' colour numbers."""
         for time, image in zip(self.times(), self.images(), strict=True):
             yield time, shades.numbers(np.asarray(image))
 
 
 def make_pixel_film(recording: Path, request: PixelRequest, out: Path) -> str:
-    """Write a GIF, an MP4 or an animated PNG; how many frames and bytes. Raises InputError."""
+    """Write a GIF, MP4 or animated PNG; returns its size in words. Raises InputError."""
     suffix = out.suffix.lower()
     most = MAX_FPS[suffix]
     if request.fps > most:
@@ -140,7 +140,7 @@ def make_pixel_film(recording: Path, request: PixelRequest, out: Path) -> str:
 
 
 def make_pixel_picture(recording: Path, request: PixelRequest, out: Path, tick: int | None) -> str:
-    """Write a PNG of one tick; its size. Raises InputError."""
+    """Write a PNG of one tick; returns its size in words. Raises InputError."""
     path = _ready(request, out)
     run = read_recording(recording)
     at = run.ticks if tick is None else tick
@@ -153,7 +153,7 @@ def make_pixel_picture(recording: Path, request: PixelRequest, out: Path, tick: 
 
 
 def _ready(request: PixelRequest, out: Path) -> Path:
-    """Where to write. Raises InputError for what can be said before anything is played."""
+    """The file to write. Raises InputError for errors known before playing."""
     if request.size is not None:
         check_size(request.size)
     pillow()
@@ -161,7 +161,7 @@ def _ready(request: PixelRequest, out: Path) -> Path:
 
 
 def _write(film: PixelFilm, suffix: str, path: Path) -> int:
-    """Write a GIF or an animated PNG; its size."""
+    """Write a GIF or an animated PNG; returns its size in bytes."""
     shades = film.shades()
     patches = changed_patches(film.numbered(shades), 100 * LAST_PAUSE)
     is_gif = suffix == ".gif"
@@ -184,21 +184,21 @@ def _write_mp4(film: PixelFilm, fps: int, path: Path) -> int:
         raise cannot_write_error(error.strerror or str(error), path) from error
 
 
-# The table of colours of a film, and the number of each pixel's colour.
+# The table of colours of a film.
 
 
 Pixels = NDArray[np.uint8]
 
-MAX_COLOURS: Final = 255  # one more number means: as in the frame before
+MAX_COLOURS: Final = 255  # one further number means unchanged
 AS_BEFORE: Final = 255
 UNKNOWN_COLOUR: Final = 256
 
 
 class FilmColours:
-    """The colours of a theme, and the blends that are most frequent in some pictures."""
+    """The colours of a theme, and the most frequent other colours of some pictures."""
 
     def __init__(self, pictures: Iterable[NDArray[np.uint8]], theme: Theme) -> None:
-        """`pictures`: (rows, columns, 3) each."""
+        """`pictures`: arrays (rows, columns, 3)."""
         base = [_packed(np.array(rgb(name, theme), np.uint8)) for name in PALETTE]
         chosen = list(dict.fromkeys(int(one) for one in base))
         pixels = np.concatenate([_packed(picture).reshape(-1) for picture in pictures])
@@ -212,11 +212,11 @@ class FilmColours:
 
     @property
     def colours(self) -> list[tuple[int, int, int]]:
-        """Red, green and blue of each number."""
+        """Red, green and blue by colour number."""
         return [(one >> 16, one >> 8 & 255, one & 255) for one in self._colours.tolist()]
 
     def numbers(self, picture: NDArray[np.uint8]) -> Pixels:
-        """(rows, columns) the number of the nearest colour of each pixel."""
+        """(rows, columns) the number of the nearest colour for each pixel."""
         packed = _packed(picture)
         numbers = self._number[packed]
         unknown = numbers == UNKNOWN_COLOUR
@@ -233,20 +233,20 @@ class FilmColours:
 
 
 def _packed(picture: NDArray[np.uint8]) -> NDArray[np.int64]:
-    """Red, green and blue in one number."""
+    """Red, green and blue packed into one number."""
     wide: Any = picture.astype(np.int64)
     packed: NDArray[np.int64] = wide[..., 0] << 16 | wide[..., 1] << 8 | wide[..., 2]
     return packed
 
 
-# What changes from frame to frame: the smallest rectangle, and how long it is shown.
+# Patches: the smallest rectangle that changes in a frame, and its duration.
 
 
 def changed_patches(frames: Iterable[tuple[int, Pixels]], last_pause: int) -> Iterator[Patch]:
-    """The patches of frames, each with its time in hundredths of a second; equal ones are one.
+    """The patches of frames with durations in hundredths of a second; equal frames are merged.
 
-    `last_pause`: hundredths of a second for which the last picture is seen. Pixels in a patch that
-    stay as they were have the number AS_BEFORE, but for the first patch, which is the whole picture.
+    `last_pause`: hundredths of a second for which the last picture is shown. The first patch is the
+    whole picture. In later patches, unchanged pixels have the number AS_BEFORE.
     """
     shown: Pixels | None = None
     waiting: tuple[int, int, int, Pixels] | None = None  # time, x, y and pixels of a patch
@@ -274,15 +274,15 @@ def _cut(pixels: Pixels, different: np.ndarray) -> tuple[int, int, Pixels]:
 
 
 # Graphics Interchange Format, version 89a (CompuServe, 1990): one table of colours, then patches.
-# Pillow compresses the pixels of each.
+# Pillow compresses the pixels of each patch.
 
 
-TABLE_OF_256: Final = 0xF7  # a global table of 256 colours, 8 bits for each channel
+TABLE_OF_256: Final = 0xF7  # a global table of 256 colours, 8 bits per channel
 REPEAT_FOREVER: Final = b"\x21\xff\x0bNETSCAPE2.0\x03\x01\x00\x00\x00"
-KEEP_WITH_CLEAR: Final = 0x05  # a frame stays after its time; one number is clear
+KEEP_WITH_CLEAR: Final = 0x05  # a frame stays after its time; one number is transparent
 END: Final = b"\x3b"
-COLOURS_AT: Final = 13  # bytes before the table of colours of a file
-DESCRIPTOR: Final = 10  # bytes before the pixels of an image, behind 0x2C
+COLOURS_AT: Final = 13  # bytes before the table of colours
+DESCRIPTOR: Final = 10  # bytes before an image's pixels, after 0x2C
 
 
 def gif(patches: Iterable[Patch], colours: Sequence[Colour]) -> Iterator[bytes]:
@@ -299,14 +299,14 @@ def gif(patches: Iterable[Patch], colours: Sequence[Colour]) -> Iterator[bytes]:
 
 
 def _compressed(pixels: Pixels) -> bytes:
-    """The pixels of an image as GIF packs them, cut out of a file of that image alone."""
+    """The compressed pixels of an image, cut out of a GIF file of this image."""
     file = io.BytesIO()
     image = pillow().Image.fromarray(pixels)
     image.putpalette(bytes(768))
     image.save(file, "GIF", optimize=False, interlace=False)
     content = file.getvalue()
     at = COLOURS_AT + 3 * (2 << (content[10] & 7)) if content[10] & 0x80 else COLOURS_AT
-    while content[at] == 0x21:  # extensions: their blocks are counted, the last one is empty
+    while content[at] == 0x21:  # skip extensions: blocks with a length, the last one empty
         at += 2
         while content[at]:
             at += 1 + content[at]
@@ -316,7 +316,7 @@ def _compressed(pixels: Pixels) -> bytes:
     return content[at:-1]
 
 
-# MP4, by the program ffmpeg where it is installed.
+# MP4, by the program ffmpeg if installed.
 
 
 SAME_BYTES: Final = ("-map_metadata", "-1", "-fflags", "+bitexact", "-flags:v", "+bitexact")
@@ -324,7 +324,7 @@ FOR_PLAYERS: Final = ("-pix_fmt", "yuv420p", "-movflags", "+faststart")
 
 
 def ffmpeg() -> str:
-    """The program. Raises InputError where it is not installed."""
+    """The path of ffmpeg. Raises InputError if it is not installed."""
     program = shutil.which("ffmpeg")
     if program is None:
         raise InputError(
@@ -335,7 +335,7 @@ def ffmpeg() -> str:
 
 
 def write_mp4(frames: Iterable[bytes], width: int, height: int, fps: int, path: Path) -> int:
-    """Write frames of red, green and blue bytes; the size of the file. Raises InputError, OSError."""
+    """Write frames of RGB bytes; returns the file's size. Raises InputError, OSError."""
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     command = [
         *(ffmpeg(), "-loglevel", "error", "-y", "-f", "rawvideo", "-pix_fmt", "rgb24"),
@@ -364,7 +364,7 @@ def write_mp4(frames: Iterable[bytes], width: int, height: int, fps: int, path: 
 
 
 def _send(process: subprocess.Popen[bytes], frames: Iterable[bytes]) -> None:
-    """Give ffmpeg the frames; if it ends early, its status says so."""
+    """Send the frames to ffmpeg; if it ends early, its exit status tells."""
     assert process.stdin is not None
     with suppress(BrokenPipeError), process.stdin:
         for frame in frames:

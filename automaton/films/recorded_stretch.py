@@ -1,4 +1,4 @@
-"""A stretch of a recording, played once and kept as columns: what every film is made of."""
+"""A stretch of a recording, played once and stored as columns: the source of every film."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ from automaton.world.resolved import Resolved
 
 @dataclass(frozen=True)
 class RecordedStretch:
-    """The ticks from `first` to `last` of a run."""
+    """The ticks `first` to `last` of a recording."""
 
     resolved: Resolved
     floor: DrawnFloor
@@ -51,18 +51,18 @@ class RecordedStretch:
 
     @property
     def unit(self) -> Unit:
-        """What a tick stands for."""
+        """The time unit of a tick."""
         return unit(self.resolved.scenario.units.tick)
 
     def time_words(self, tick: int) -> str:
-        """A tick, and what it is in the reader's unit."""
+        """A tick, and its time in the scenario's unit."""
         words = f"tick {tick:,} of {self.recorded:,}"
         if self.unit.size == 1:
             return words
         return f"{words}, {number(self.unit.of(tick))} {self.unit.plural}"
 
     def fleet_words(self, tick: int) -> str:
-        """How many robots work and wait, and what is done."""
+        """Numbers of working and waiting robots and of finished orders."""
         working, waiting, circling, done, orders = (
             self.columns.figure(name, tick)
             for name in ("working", "waiting", "circling", "delivered", "orders")
@@ -72,7 +72,7 @@ class RecordedStretch:
 
 
 def checked_range(recording: Recording, first: int | None, last: int | None) -> tuple[int, int]:
-    """The first tick and the last one; None: those of the recording. Raises InputError."""
+    """The first and the last tick; by default those of the recording. Raises InputError."""
     begin, end = first or 0, recording.ticks if last is None else last
     if max(begin, end) > recording.ticks:
         raise InputError(
@@ -86,7 +86,7 @@ def checked_range(recording: Recording, first: int | None, last: int | None) -> 
 def play_stretch(
     recording: Recording, first: int | None, last: int | None, follow: int = NIL
 ) -> RecordedStretch:
-    """Play the ticks from `first` (0) to `last` (the last one). Raises InputError."""
+    """Play ticks `first` (default 0) to `last` (default: the end). Raises InputError."""
     begin, end = checked_range(recording, first, last)
     resolved = resolved_of(recording.header, with_strategies=False)
     robots = resolved.scenario.fleet.robots
@@ -103,15 +103,15 @@ def play_stretch(
     return RecordedStretch(resolved, floor, columns, title, begin, end, recording.ticks)
 
 
-# What a film needs: columns of numbers by robot and tick, and the cells that change.
+# Data of a film: columns of numbers by robot and tick, and the changes of cells.
 
 
 Column = NDArray[np.int32]
 
-ROBOT_TICKS: Final = 20_000_000  # of a film: what a browser can hold, some 30 bytes for each
+ROBOT_TICKS: Final = 20_000_000  # maximum of a film: a browser needs about 30 bytes for each
 NOT_READ: Final = 1 << 62  # later than any tick
-PARTS_OF_CELL: Final = 16  # of a cell: positions are counted in these
-# A robot's mark in one number: its state, its direction from bit 3, its shape from bit 5.
+PARTS_OF_CELL: Final = 16  # units of positions per cell
+# A robot's mark: its state from bit 0, its direction from bit 3, its shape from bit 5.
 DIRECTION_SHIFT: Final = 3
 SHAPE_SHIFT: Final = 5
 BY_ROBOT: Final = (
@@ -129,17 +129,17 @@ FIGURES: Final = ("working", "waiting", "circling", "delivered", "orders")
 
 
 class ChangingCells:
-    """Cells of one kind: those at first, and at which ticks cells join or leave them."""
+    """A changing set of cells: the first set, and the ticks at which cells join or leave."""
 
     def __init__(self) -> None:
         self._first: Column | None = None
         self._now = np.zeros(0, np.int32)
-        self._changes: list[tuple[int, int]] = []  # tick from the first on, cell
-        self._shown: set[int] = set()  # the cells at the tick that was asked for last
-        self._read, self._read_tick = 0, NOT_READ  # changes up to that tick, and the tick
+        self._changes: list[tuple[int, int]] = []  # tick since the first, cell
+        self._shown: set[int] = set()  # the cells at the last requested tick
+        self._read, self._read_tick = 0, NOT_READ  # number of changes up to that tick, the tick
 
     def take(self, k: int, cells: Column) -> None:
-        """The cells at a tick from the first on; ticks ascend."""
+        """Record the cells at tick k since the first; ticks ascend."""
         if self._first is None:
             self._first = cells
         else:
@@ -148,7 +148,7 @@ class ChangingCells:
         self._now = cells
 
     def at(self, k: int) -> Column:
-        """(c,) the cells at a tick from the first on; quick where ticks ascend."""
+        """(c,) the cells at tick k since the first; fast for ascending ticks."""
         assert self._first is not None
         if k < self._read_tick:
             self._read, self._shown, self._read_tick = 0, set(self._first.tolist()), -1
@@ -159,7 +159,7 @@ class ChangingCells:
         return np.array(sorted(self._shown), np.int32)
 
     def packed(self) -> tuple[Column, Column]:
-        """(1, c) the cells at first; (2, d) tick and cell of each change."""
+        """(1, c) the first cells; (2, d) tick and cell of each change."""
         assert self._first is not None
         changes = np.array(self._changes, np.int32).reshape(-1, 2).T
         return self._first.reshape(1, -1), np.ascontiguousarray(changes)
@@ -168,7 +168,7 @@ class ChangingCells:
 class FilmColumns:
     """The robots, counts and loads of each tick from `first` to `last`.
 
-    Raises InputError if they are more than a browser plays.
+    Raises InputError if they are too many for a browser.
     """
 
     def __init__(self, floor: DrawnFloor, robots: int, first: int, last: int) -> None:
@@ -176,17 +176,17 @@ class FilmColumns:
         if robots * ticks > ROBOT_TICKS:
             raise InputError(
                 f"{count(robots, 'robot')} in {count(ticks, 'tick')} are more than a film holds, "
-                f"{ROBOT_TICKS:,} together: --from and --to say which ticks"
+                f"{ROBOT_TICKS:,} together: choose fewer ticks with --from and --to"
             )
         self.floor, self.first, self.last = floor, first, last
         self._by_robot = {name: np.zeros((robots, ticks), np.int32) for name in BY_ROBOT}
         self.figures = np.zeros((len(FIGURES), ticks), np.int32)
         self.full, self.shut = ChangingCells(), ChangingCells()
         self._places: tuple[Column, Column] | None = None
-        self._busy = np.zeros(robots, np.int64)  # ticks that each still needs after the last one
+        self._busy = np.zeros(robots, np.int64)  # remaining busy ticks at the last tick
 
     def take(self, simulation: Simulation) -> None:
-        """Read what is to be shown off the state after a tick; ticks ascend."""
+        """Record the state after a tick; ticks ascend."""
         k = simulation.tick - self.first
         world = simulation.world
         self._busy = world.robots.busy[world.robots.at_index].astype(np.int64)
@@ -213,9 +213,9 @@ class FilmColumns:
         self.shut.take(k, shut_cells(world))
 
     def packed(self) -> dict[str, Any]:
-        """The columns as text: differences from tick to tick, deflated, in base 64.
+        """The columns as text: differences between ticks, deflated, in base 64.
 
-        Numbers are 32 bits wide, the lowest byte first.
+        Numbers are 32-bit little-endian.
         """
         columns = {name: self._by_robot[name] for name in BY_ROBOT if name not in ("cell", "claim")}
         columns["x"], columns["y"] = self.places()
@@ -225,13 +225,13 @@ class FilmColumns:
         return {name: deflated(_differences(column)) for name, column in columns.items()}
 
     def moment_at(self, tick: float) -> Moment:
-        """The film at a tick, or between two, where robots are on their way from one to the other."""
+        """The film at a tick, or between two ticks with interpolated positions."""
         k = int(tick) - self.first
         part, after = tick - int(tick), min(k + 1, self.last - self.first)
         x, y = self.places()
         off, off_next = ((x[:, one] == NIL) & (y[:, one] == NIL) for one in (k, after))
         dx, dy = x[:, after] - x[:, k], y[:, after] - y[:, k]
-        goes = ~off_next & (np.abs(dx) + np.abs(dy) <= PARTS_OF_CELL)  # else towed, not driven
+        goes = ~off_next & (np.abs(dx) + np.abs(dy) <= PARTS_OF_CELL)  # else towed
         at = [(one[:, k] + step * goes * part) / PARTS_OF_CELL for one, step in ((x, dx), (y, dy))]
         mark = self._by_robot["mark"][:, k]
         state, direction = mark & 7, mark >> DIRECTION_SHIFT & 3
@@ -249,11 +249,11 @@ class FilmColumns:
         )
 
     def figure(self, name: str, tick: int) -> int:
-        """One of FIGURES at a tick."""
+        """The value of one of FIGURES at a tick."""
         return int(self.figures[FIGURES.index(name), tick - self.first])
 
     def places(self) -> tuple[Column, Column]:
-        """(n, T) the columns and the rows of robots, in parts of a cell; off the floor: NIL."""
+        """(n, T) columns and rows of robots in parts of a cell; NIL: off the floor."""
         if self._places is None:
             x, y = self._measured_places()
             self._places = x, y
@@ -271,7 +271,7 @@ class FilmColumns:
             yield np.where(cell == NIL, NIL, place).astype(np.int32)
 
     def _shares(self) -> NDArray[np.float64]:
-        """(n, T) how far into the cell ahead a robot is that moves for several ticks."""
+        """(n, T) progress, 0 to 1, of robots in moves of several ticks."""
         cell, claim = self._by_robot["cell"], self._by_robot["claim"]
         moving = (claim != NIL) & (cell != NIL) & (claim != cell)
         same = np.zeros_like(moving)
@@ -293,25 +293,25 @@ class FilmColumns:
 
 
 def cause_words() -> list[dict[str, str]]:
-    """Of each cause its name and its sentence, with {robot}, {blocker} and {cell}."""
+    """Name and text of each cause; the text contains {robot}, {blocker} and {cell}."""
     return [{"name": cause.name, "text": cause.text} for cause in CAUSES]
 
 
 def deflated(values: NDArray[Any]) -> str:
-    """An array as text: its bytes deflated, in base 64."""
+    """The bytes of an array, deflated, in base 64."""
     return base64.b64encode(zlib.compress(np.ascontiguousarray(values).tobytes(), 9)).decode()
 
 
 def _differences(column: Column) -> Column:
-    """What a row adds to its last value; the first one is added to 0."""
+    """Differences along rows, the first one from 0."""
     return np.diff(column, axis=1, prepend=np.int32(0)).astype("<i4")
 
 
-# Where a film may be written.
+# Output files.
 
 
 def checked(path: Path) -> Path:
-    """A place for a file, links followed. Raises InputError before anything is computed."""
+    """The resolved path of an output file. Raises InputError."""
     try:
         path = path.resolve()
         if path.is_dir():
@@ -321,9 +321,9 @@ def checked(path: Path) -> Path:
         if path.exists() and not path.is_file():
             raise cannot_write_error("this is not a regular file; '-' is standard output", path)
         if is_recording(path):
-            raise cannot_write_error("this is a recording; --out names another file", path)
+            raise cannot_write_error("this is a recording; choose another file with --out", path)
     except (OSError, RuntimeError) as error:
         raise cannot_write_error(
-            getattr(error, "strerror", None) or "links in a circle", path
+            getattr(error, "strerror", None) or "circular links", path
         ) from None
     return path

@@ -1,1 +1,1 @@
-"""What the viewer costs: `automaton bench --only viewer`."""
+"""Cost of the viewer: `automaton bench --only viewer`."""

@@ -1,10 +1,10 @@
-"""The viewer on a large fleet, in a process of its own for the benchmark and the tests.
+"""The viewer on a large fleet, in its own process for the benchmark and the tests.
 
     python -m tui.bench.fleet_viewer '{"width": 200, "height": 57, "robots": 1000, "notes": "FILE"}'
     python -m tui.bench.fleet_viewer '{"right_of_way": "pibt", "robots": 10000, "notes": "FILE"}'
 
-The fleet walks at random, or plans in the aisles of the benchmark of steering. Once it is there, the
-first line of `notes` is the native id of the thread that computes it, the second one the tick.
+The fleet walks at random, or plans in the aisles of the steering benchmark. Once it exists, the first
+line of `notes` is the native id of the thread that computes it, the second line the tick.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ NOTES_S = 0.2  # between two notes of the tick
 
 
 def main(argument: str) -> int:
-    """Show the fleet until somebody presses q."""
+    """Show the fleet until q is pressed."""
     wanted = json.loads(argument)
     fps = wanted.get("fps", 30)
-    per_second = wanted.get("ticks", fps)  # one tick a frame unless it says otherwise
+    per_second = wanted.get("ticks", fps)  # by default one tick per frame
     speed = math.inf if per_second is None else per_second / NORMAL_TICKS_PER_S
     options = Options(read_only=True, fps=fps, speed=speed)
     viewer = Viewer(planning(wanted) if "right_of_way" in wanted else walking(wanted), options)
@@ -56,7 +56,7 @@ def walking(wanted: dict[str, Any]) -> Opening:
 
 
 def planning(wanted: dict[str, Any]) -> Opening:
-    """A fleet with orders, allocation and right of way; not recorded in a file."""
+    """A fleet with orders, allocation and right of way, without a recording file."""
     return live(
         resolve(busy_fleet(wanted["right_of_way"], BUSY_CROWD._replace(robots=wanted["robots"]))),
         None,
@@ -64,7 +64,7 @@ def planning(wanted: dict[str, Any]) -> Opening:
 
 
 def begin(viewer: Viewer, wanted: dict[str, Any]) -> None:
-    """Wait for the run; then look at what was asked for, and keep the notes."""
+    """Wait for the run; then set up the requested view, and write the notes."""
     player = viewer.session.player
     if player is None:
         viewer.set_timer(0.05, lambda: begin(viewer, wanted))
@@ -85,7 +85,7 @@ def begin(viewer: Viewer, wanted: dict[str, Any]) -> None:
 
 
 def look_at_a_wall(viewer: Viewer, resolved: Resolved) -> None:
-    """One character a cell, and in the middle a wall, on which a cursor is seen."""
+    """Show one character per cell, centred on a wall where a cursor is visible."""
     kind, camera = resolved.floor_plan.kind, viewer.session.pictures.camera
     rows, columns = np.nonzero(kind == WALL)
     middle = np.argmin(abs(rows - kind.shape[0] // 2) + abs(columns - kind.shape[1] // 2))

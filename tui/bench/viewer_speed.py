@@ -1,7 +1,7 @@
 """Measurements of the viewer: bytes and frames, CPU, keys, a slow link, seeking, the first picture.
 
-A viewer is started in a pseudo-terminal of 200x60 (tui.bench.fleet_viewer), and timed by what reaches
-the other end. Several measurements come from one session, which takes half a minute.
+A viewer is started in a pseudo-terminal of 200x60 (tui.bench.fleet_viewer) and timed by the output at
+the other end. Several measurements share a session, which takes half a minute.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ FPS: Final = "frames per second"
 
 SLOW: Final = TerminalLink(bytes_per_second=125_000, round_trip=0.05)
 
-FRAMES_S: Final = 6.0  # 180 frames of 30 per second
+FRAMES_S: Final = 6.0  # 180 frames at 30 per second
 CPU_S: Final = 15.0
 SEEKS: Final = 200
 OPENINGS: Final = 5
@@ -73,7 +73,7 @@ T = TypeVar("T")
 
 
 def measurements() -> list[Measurement]:
-    """All of them; five minutes on an idle machine, ten at most on one that is busy."""
+    """All measurements; 5 minutes on an idle machine, at most 10 on a busy one."""
     return [
         *(
             measured(
@@ -107,7 +107,7 @@ def measurements() -> list[Measurement]:
 
 
 def measured(name: str, unit: str, sample: Sample, most: int = 1) -> Measurement:
-    """A measurement of at most so many samples, the first included."""
+    """A measurement of at most `most` samples, including the first."""
 
     def prepare() -> Sample:
         compile_walkers()
@@ -118,15 +118,15 @@ def measured(name: str, unit: str, sample: Sample, most: int = 1) -> Measurement
 
 @cache
 def compile_walkers() -> None:
-    """Compile what viewers need, without a limit of time: it may be the first run on this machine."""
+    """Compile what viewers need, without a time limit, since nothing may be compiled yet."""
 
     Walk(walkers(20, 10, 5)).show(2, 1.0)
 
 
 class Together(Generic[T]):
-    """Several measurements of the same sessions, each of which takes half a minute.
+    """Several measurements from the same sessions; each session takes half a minute.
 
-    Of a session that cannot be measured nothing is, and no other one is tried for the next figure.
+    If a session cannot be measured, all its measurements fail, and no other session is tried.
     """
 
     def __init__(self, take: Callable[[], T]) -> None:
@@ -135,7 +135,7 @@ class Together(Generic[T]):
         self._failed: NotMeasuredError | None = None
 
     def figure(self, name: str, unit: str, of: Callable[[T], float], most: int = 1) -> Measurement:
-        """One of them."""
+        """One of the measurements."""
         numbers = itertools.count()
 
         def sample() -> float:
@@ -157,7 +157,7 @@ class Together(Generic[T]):
 
 
 def delivery() -> list[Measurement]:
-    """Frames when 60 a second are asked for, and what each costs."""
+    """Frames per second when 60 are requested, and the CPU time of each."""
     sessions = Together(delivered)
     return [
         sessions.figure(f"{name} when 60 are asked for, 1,000 robots", unit, itemgetter(at))
@@ -166,7 +166,7 @@ def delivery() -> list[Measurement]:
 
 
 def keys_while_busy(how: str, pinned: bool) -> list[Measurement]:
-    """While the simulation runs flat out in a thread of the same process."""
+    """Key latencies while the simulation runs at full speed in a thread of the same process."""
     sessions = Together(partial(key_latencies, fleet(1000, ticks=None), pinned))
     name = f"simulation flat out, {how}"
     return [
@@ -176,7 +176,7 @@ def keys_while_busy(how: str, pinned: bool) -> list[Measurement]:
 
 
 def over_a_slow_link() -> list[Measurement]:
-    """Over 1 Mbit/s and 50 ms there and back, 300 robots, panels."""
+    """Measurements over 1 Mbit/s with a round trip of 50 ms: 300 robots, panels."""
     sessions = Together(slow_session)
     rows = (
         ("delivered over 1 Mbit/s and 50 ms, 300 robots, panels", FPS),
@@ -187,19 +187,19 @@ def over_a_slow_link() -> list[Measurement]:
 
 
 def fleet(robots: int, **more: Any) -> dict[str, Any]:
-    """Walkers on a floor that fills the map beside the panels at one column for each cell."""
+    """Walkers on a floor that fills the map beside the panels at one column per cell."""
     return {"width": 140, "height": 54, "robots": robots, **more}
 
 
 def frame_bytes(walk: dict[str, Any]) -> float:
-    """All bytes of a while, the status line's included, by its frames."""
+    """Bytes per frame over FRAMES_S, including the status line."""
     with MeasuredViewer({**walk, "panels": False}) as session:
         size, frames, _ = session.watch(FRAMES_S)
         return size / some(frames)
 
 
 def some(frames: int) -> int:
-    """The number of frames. Raises NotMeasuredError where none came."""
+    """The number of frames. Raises NotMeasuredError if it is 0."""
     if not frames:
         raise NotMeasuredError(f"no frame within {FRAMES_S:g} s")
     return frames
@@ -213,7 +213,7 @@ def cpu_share() -> float:
 
 
 def delivered() -> tuple[float, float]:
-    """Frames a second, and ms of CPU for each."""
+    """Frames per second, and ms of CPU per frame."""
     with MeasuredViewer(fleet(1000, fps=60)) as session:
         before = session.cpu()
         _, frames, seconds = session.watch(FRAMES_S)
@@ -221,7 +221,7 @@ def delivered() -> tuple[float, float]:
 
 
 def key_latencies(walk: dict[str, Any], pinned: bool) -> list[float]:
-    """ms from a key to the screen."""
+    """Milliseconds from a key to the screen."""
     with unpinned_afterwards(), MeasuredViewer(walk) as session:
         if pinned:
             session.pin()
@@ -229,7 +229,7 @@ def key_latencies(walk: dict[str, Any], pinned: bool) -> list[float]:
 
 
 def slow_session() -> tuple[float, float, float]:
-    """Frames a second, ms of a key, and most frames in front of the link, keys included."""
+    """Frames per second, ms from a key to the screen, and the maximum of frames queued."""
     with MeasuredViewer(fleet(300), SLOW) as session:
         session.host.max_frames = 0
         _, frames, seconds = session.watch(FRAMES_S)
@@ -238,14 +238,14 @@ def slow_session() -> tuple[float, float, float]:
 
 
 def seek_recorded() -> float:
-    """ms to a tick anywhere in a whole recording, the picture's data included."""
+    """Milliseconds to a random tick of a complete recording, including the picture's data."""
     with tempfile.TemporaryDirectory(prefix="automaton-bench-") as folder:
         path = Path(folder) / "run.rec"
         live = LiveRun(resolve("tabletop-1"), 1, path)
         live.show(10**9, 99.0)
         live.close()
         run = ReplayedRun(read_recording(path))
-        while run.extend():  # as the viewer does while nothing else is to be done
+        while run.extend():  # as the viewer does while idle
             pass
         return seek(run)
 
@@ -257,7 +257,7 @@ def seek_live() -> float:
 
 
 def seek(run: WatchedRun) -> float:
-    """ms, p95."""
+    """Milliseconds to a random tick, 95th percentile."""
     ticks = np.random.default_rng(1).integers(0, run.head + 1, SEEKS)
 
     def seconds_to(tick: int) -> float:
@@ -271,7 +271,7 @@ def seek(run: WatchedRun) -> float:
 
 
 class unpinned_afterwards:
-    """This process may use all its cores again."""
+    """Afterwards, let this process use all its cores again."""
 
     def __enter__(self) -> None:
         self._cores = os.sched_getaffinity(0)
@@ -281,7 +281,7 @@ class unpinned_afterwards:
 
 
 def first_floor() -> float:
-    """Seconds from the command to a picture with all turntables of the floor."""
+    """Seconds from the command to a picture that shows all turntables of the floor."""
     floor_plan = resolve("tabletop-1").floor_plan
     count = int((floor_plan.kind == TURNTABLE).sum())
     sign = UNICODE.characters[UNICODE.turntable].encode()
@@ -304,30 +304,30 @@ def first_floor() -> float:
     raise NotMeasuredError("the floor was not seen whole")
 
 
-# 10,000 robots that plan with `pibt`, live and as fast as it goes.
+# 10,000 robots that plan with `pibt`, live at full speed.
 #
-# One-way aisles, every robot always has an order of two stops. Distance tables are computed as they
-# are needed, most of them in the first ticks, which are not measured.
+# The aisles are one-way, and every robot always has an order of two stops. Distance tables are
+# computed on demand, most of them in the first ticks, which are not measured.
 
 PLANNING_ROBOTS: Final = 10_000
 FIRST_TICK: Final = 200
-STARTED_S: Final = 60.0  # after these it is measured from the tick that a busy machine has reached
+STARTED_S: Final = 60.0  # then measure, even if a busy machine has not reached FIRST_TICK
 WATCHED_S: Final = 15.0
 PRESSES: Final = 100
 
 
 class Watched(NamedTuple):
-    """What one session gives."""
+    """Results of one session."""
 
     rate: float  # ticks per second
-    cpu: float  # ms per tick of the thread that computes the fleet,
-    cpu_screen: float  # and of all others
+    cpu: float  # ms per tick in the thread that computes the fleet,
+    cpu_screen: float  # and in all others
     median: float  # ms from a key to the screen
-    late: float  # the same, p95
+    late: float  # 95th percentile of these
 
 
 def planning_measurements() -> list[Measurement]:
-    """All that one session gives; some minutes."""
+    """All results of one session, which takes some minutes."""
     sessions = Together(watch_planners)
     rows = (
         ("ticks per second", "1/s"),
@@ -343,13 +343,13 @@ def planning_measurements() -> list[Measurement]:
 
 
 def compile_planners() -> None:
-    """Compile what the viewer will need, without a limit of time: it may be the first run here."""
+    """Compile what the viewer needs, without a time limit: nothing may be compiled yet."""
     run = LiveRun(resolve(busy_fleet("pibt", BUSY_CROWD._replace(robots=PLANNING_ROBOTS))), 1)
     run.close()
 
 
 def watch_planners() -> Watched:
-    """Let the fleet spread, watch it for a while, then press keys."""
+    """Let the fleet spread out, watch it for WATCHED_S, then press keys."""
     fleet = {"right_of_way": "pibt", "robots": PLANNING_ROBOTS, "ticks": None}
     compile_planners()
     with MeasuredViewer(fleet) as session:
@@ -375,16 +375,16 @@ def watch_planners() -> Watched:
 # A session.
 
 
-BUILDING_S = 120.0  # until there is a fleet; what it needs has been compiled before
-SETTLE_S = 3.0  # imports, the collector's last sweep, the first link figures
+BUILDING_S = 120.0  # until there is a fleet, already compiled
+SETTLE_S = 3.0  # for imports, the last garbage collection, the first link figures
 ESCAPE = "\x1b[27u"
-KEY_S = 10.0  # a key whose effect is not seen by then counts as having taken so long
-KEYS_S = 40.0  # for all keys of a session: a busy machine answers fewer of them
+KEY_S = 10.0  # a key without a visible effect by then counts as this latency
+KEYS_S = 40.0  # for all keys of a session; a busy machine handles fewer
 HERTZ = os.sysconf("SC_CLK_TCK")
 
 
 class MeasuredViewer:
-    """A viewer on a fleet (`tui.bench.fleet_viewer`)."""
+    """A viewer session on a fleet (`tui.bench.fleet_viewer`)."""
 
     def __init__(
         self,
@@ -422,12 +422,12 @@ class MeasuredViewer:
 
     @property
     def simulating(self) -> int:
-        """The thread that computes the fleet."""
+        """Native id of the thread that computes the fleet."""
         return int(self._notes.read_text().split()[0])
 
     @property
     def tick(self) -> int:
-        """The tick that is shown, as of a moment ago."""
+        """The shown tick, at most NOTES_S old."""
         return int(self._notes.read_text().split()[1])
 
     def threads(self) -> list[int]:
@@ -435,11 +435,11 @@ class MeasuredViewer:
         return [int(name) for name in os.listdir(f"/proc/{self.host.process.pid}/task")]
 
     def cpu(self) -> float:
-        """Seconds of CPU that the viewer has taken, its simulation aside."""
+        """Seconds of CPU used by the viewer without its simulation."""
         return sum(self._cpu_of(one) for one in self.threads() if one != self.simulating)
 
     def cpu_of_simulation(self) -> float:
-        """Seconds of CPU that the thread has taken which computes the fleet."""
+        """Seconds of CPU used by the thread that computes the fleet."""
         return self._cpu_of(self.simulating)
 
     def _cpu_of(self, thread: int) -> float:
@@ -448,7 +448,7 @@ class MeasuredViewer:
         return (int(values[11]) + int(values[12])) / HERTZ
 
     def pin(self) -> None:
-        """The viewer to the first core, its simulation and this process to another one."""
+        """Pin the viewer to the first core, its simulation and this process to the second."""
         cores = sorted(os.sched_getaffinity(0))
         if len(cores) < 2:
             return
@@ -458,18 +458,18 @@ class MeasuredViewer:
         os.sched_setaffinity(0, {cores[1]})
 
     def watch(self, seconds: float) -> tuple[int, int, float]:
-        """(bytes, frames, seconds) of a while from now."""
+        """(bytes, frames, seconds) from now on."""
         begun, before = time.monotonic(), self.host.output()
         time.sleep(seconds)
         data = self.host.output()[len(before) :]
         return len(data), data.count(FRAME_END), time.monotonic() - begun
 
     def key_latencies(self, presses: int) -> list[float]:
-        """Seconds from a key to the cell that it changes: the wall in the middle gets the cursor.
+        """Seconds from a key to the change of a cell: the wall in the middle gets the cursor.
 
-        Every other key takes the cursor away again, and the next one waits until it has gone:
-        if both came between two frames, nothing would be seen of either. After KEYS_S seconds the rest
-        is left out. Raises NotMeasuredError if the viewer ends.
+        Every other key removes the cursor again, and the next key waits until it has vanished: if
+        both came between two frames, neither would be visible. After KEYS_S seconds the rest is
+        skipped. Raises NotMeasuredError if the viewer ends.
         """
         cursor, wall = cursor_colour(), wall_style()
         latencies: list[float] = []
@@ -486,7 +486,7 @@ class MeasuredViewer:
         return latencies
 
     def _latency(self, key: str, shows: Callable[[bytes], bool]) -> float:
-        """Seconds until a frame shows what the key does, KEY_S at most."""
+        """Seconds until a frame shows the key's effect, at most KEY_S."""
         begin, pressed = len(self.host.history), time.monotonic()
         self.host.send(key)
         with contextlib.suppress(TimeoutError):
@@ -497,7 +497,7 @@ class MeasuredViewer:
         return KEY_S if shown is None else shown - pressed
 
     def _shown_at(self, begin: int, shows: Callable[[bytes], bool]) -> float | None:
-        """When a frame that shows it had arrived whole; None: not yet."""
+        """The time at which such a frame had arrived completely; None: not yet."""
         rest = b""
         for event in self.host.history[begin:]:
             if isinstance(event, Arrived):
@@ -508,7 +508,7 @@ class MeasuredViewer:
 
 
 def cursor_colour() -> bytes:
-    """How the colour of a selected cell is asked for."""
+    """The sequence that sets the background of a selected cell."""
     look = Look(Depth.TRUE, "dark")
     background = look.css(int(style(COLOUR_FLOOR_MARK, COLOUR_CURSOR)))[1].lstrip("#")
     red, green, blue = (int(background[k : k + 2], 16) for k in (0, 2, 4))
@@ -516,21 +516,21 @@ def cursor_colour() -> bytes:
 
 
 def wall_style() -> bytes:
-    """How a wall is asked for; it is written again only where a cursor was."""
+    """The sequence of a wall, which is written again only where a cursor was."""
     return Look(Depth.TRUE, "dark").sgr(int(style(COLOUR_WALL, COLOUR_FLOOR))).encode()
 
 
 def quantile(values: Sequence[float], share: float) -> float:
-    """The value that so large a share of the values does not exceed."""
+    """The quantile of the values at this share."""
     ordered = sorted(values)
     return ordered[min(len(ordered) - 1, int(share * len(ordered)))]
 
 
-# A run without end or decisions: the random-walk fleet of the bare step, to be watched.
+# A run without end or decisions, to watch: the random-walk fleet of the bare step.
 
 
 class Walk(WatchedRun):
-    """Every robot wants to move at random in every tick. Its past is not kept."""
+    """Every robot tries a random move in every tick. The run keeps no past."""
 
     def __init__(self, resolved: Resolved) -> None:
         super().__init__({}, StoredFrames([]), resolved)
@@ -565,10 +565,10 @@ class Walk(WatchedRun):
 
 
 def walkers(width: int, height: int, robots: int) -> Resolved:
-    """A free floor with so many robots, and a pillar in the middle on which a cursor is seen."""
+    """An open floor with robots, and a pillar in the middle where a cursor is visible."""
     free = open_floor(width, height)
     kind, leave = free.kind.copy(), free.exits.copy()
-    # Two rows: a wall with nothing but walls around it is not drawn.
+    # Two rows, since a wall surrounded by walls is not drawn.
     rows, columns = slice(height // 2, height // 2 + 2), slice(width // 2 - 1, width // 2 + 4)
     kind[rows, columns], leave[rows, columns] = WALL, 0
     leave &= exits_into(kind == FLOOR)

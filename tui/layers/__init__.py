@@ -1,1 +1,1 @@
-"""The layers of the map that come with the program, registered in pyproject.toml as others are."""
+"""The built-in layers of the map, registered in pyproject.toml like any other layer."""

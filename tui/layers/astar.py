@@ -1,7 +1,7 @@
-"""What A* looks at, and where robots are going to drive: figures 3 and 4 of Bhattathiri, Li & Kuhl.
+"""Cells explored by A*, and predicted paths of robots: figures 3 and 4 of Bhattathiri, Li & Kuhl.
 
-explored     1 in the cells that the search for the selected robot finds, 2 on the path it finds
-predicted    how many robots besides the selected one are going to drive through each cell
+explored     1 in cells explored by the search for the selected robot, 2 on the resulting path
+predicted    by cell, the number of robots that will drive through it, without the selected one
 
 tui.layers.astar_paths computes both.
 """
@@ -25,22 +25,22 @@ if TYPE_CHECKING:
     from tui.render.styles import Entries, GlyphSet
 
 
-EXPLORED, ON_PATH = 4, 7  # levels of heat: the cells that A* finds, and its path among them
-PREDICTED: Final = (3, 5, 6, 7, 8)  # of the least number of paths, of one more, ...
-MAX_RUNS_SHOWN: Final = 2  # that are shown beside each other
-MAX_PREDICTED_PATHS: Final = 5  # paths through a cell
+EXPLORED, ON_PATH = 4, 7  # heat levels of explored cells and of the path
+PREDICTED: Final = (3, 5, 6, 7, 8)  # heat levels of the least number of paths, one more, ...
+MAX_RUNS_SHOWN: Final = 2  # runs shown at once
+MAX_PREDICTED_PATHS: Final = 5  # largest choice of the least number of paths
 
 
 class AstarLayer(Layer):
-    """Paths of A* on the empty floor of the world that is shown; scratch is kept between pictures."""
+    """A* paths on the empty floor of the shown world; scratch memory is reused between pictures."""
 
     pause_s = 0.25
 
     def __init__(self) -> None:
-        self._paths: list[Paths] = []  # of the runs that were shown last
+        self._paths: list[Paths] = []  # of the runs shown last
 
     def numbers(self, simulation: Simulation, selected: int) -> Array:
-        from tui.layers.astar_paths import Paths, ties_of  # with Numba
+        from tui.layers.astar_paths import Paths, ties_of  # imports Numba
 
         world, ties = simulation.world, ties_of(simulation.resolved.scenario)
         fitting = [paths for paths in self._paths if paths.fit(world, ties)]
@@ -67,22 +67,22 @@ class AstarLayer(Layer):
         return line
 
     def short_meanings(self, scene: Scene) -> list[tuple[int, str]]:
-        """The same in a few words each, for one line."""
+        """The meanings in a few words each, for one line."""
         raise NotImplementedError
 
     def meanings(self, scene: Scene) -> list[tuple[int, str]]:
-        """What the levels mean on this floor now, with how many cells there are; 0 has no sign."""
+        """Heat levels and their meanings now, with numbers of cells; level 0 has no sign."""
         raise NotImplementedError
 
 
 class Explored(AstarLayer):
-    """What A* looks at for the selected robot: its own search, where the scenario routes by A*.
+    """The cells that A* explores for the selected robot, if the scenario routes by A*.
 
-    Elsewhere it is what A* would look at, and the way may be another than the route of the robot.
+    Otherwise the cells that A* would explore; the path may differ from the robot's route.
     """
 
     key, label, position = "f9,E", "Explored", 70
-    meaning = "what A* looks at for the selected robot, or would"
+    meaning = "cells that A* explores for the selected robot"
 
     def field(self, simulation: Simulation, paths: Paths, selected: int) -> Array:
         from tui.layers.astar_paths import explored
@@ -97,7 +97,7 @@ class Explored(AstarLayer):
         if scene.selected == NIL:
             return [(0, "explored: select a robot, and its search is shown")]
         if values is None or not values.any():
-            return [(0, f"explored: {robot} is on no way")]
+            return [(0, f"explored: {robot} has no goal")]
         found, path = np.count_nonzero(values), np.count_nonzero(values == 2)
         if is_hypothetical(scene):
             return [
@@ -115,7 +115,7 @@ class Explored(AstarLayer):
         if scene.selected == NIL:
             return [(0, "explored: select a robot")]
         if values is None or not values.any():
-            return [(0, f"explored: robot {scene.selected} is on no way")]
+            return [(0, f"explored: robot {scene.selected} has no goal")]
         explored, path = np.count_nonzero(values), np.count_nonzero(values == 2)
         return [
             *([(0, f"A*, hypothetical ({scene.floor.routing} routes)")] * is_hypothetical(scene)),
@@ -131,17 +131,20 @@ class Explored(AstarLayer):
 
 
 def is_hypothetical(scene: Scene) -> bool:
-    """Whether the scenario is known to route by something else than A*."""
+    """Whether the scenario is known not to route by A*."""
     routing = scene.floor.routing
     return bool(routing) and not declares("routing", routing, SEARCHES_BY_ASTAR)
 
 
 class Predicted(AstarLayer):
-    """Where others will drive. Again: where one more robot will, up to MAX_PREDICTED_PATHS; then one."""
+    """Predicted paths of other robots.
+
+    Pressed again, the key raises the least number of paths by 1, from MAX_PREDICTED_PATHS to 1.
+    """
 
     key, label, position = "f10,P", "Predicted", 80
     meaning = "where 2 or more others will drive; again: 3, 4, 5, 1"
-    counted = "robots are going to drive here"
+    counted = "robots will drive here"
 
     def field(self, simulation: Simulation, paths: Paths, selected: int) -> Array:
         return paths.counted(simulation.world, selected)

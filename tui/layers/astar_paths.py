@@ -1,10 +1,11 @@
-"""The paths of the layers of A*, with Numba.
+"""The paths for the A* layers, computed with Numba.
 
-explored     1 in the cells that the search for the selected robot finds, 2 on the path it finds
-predicted    how many robots besides the selected one are going to drive through each cell
+explored     1 in cells explored by the search for the selected robot, 2 on the resulting path
+predicted    by cell, the number of robots that will drive through it, without the selected one
 
-A robot's predicted path is the rest of its route and, if it picks up an order with a target of its
-own, the path of A* from there to where it sets its load down. Both ignore other robots and closed zones.
+A robot's predicted path is the rest of its route and, if it is picking up an order with a known
+target, the A* path from there to the place where it sets its load down. Both ignore other robots and
+closed zones.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from strategies.routing.predicted_paths import count_predicted
 
 
 class Paths:
-    """Paths of A* on the empty floor of a world."""
+    """A* paths on the empty floor of a world."""
 
     def __init__(self, world: World, ties: int) -> None:
         grid = world.grid
@@ -33,20 +34,20 @@ class Paths:
         self._seen = np.zeros(grid.cell_flags.size, np.int32)
 
     def fit(self, world: World, ties: int) -> bool:
-        """Whether they are those of this world."""
+        """Whether these paths belong to this world and tie rule."""
         same = self._grid is world.grid and self._ties == ties
         same = same and self._seed == world.rules.seed  # random ties depend on it
         return same and np.array_equal(self._duration, world.rules.duration)
 
     def found(self, kind: int, pose: int, target: int) -> tuple[Array, Array]:
-        """The cells that a search for a type's way from a pose to a cell finds, and those of its path."""
+        """Search a path for a robot type from a pose to a cell: the explored cells, and the path."""
         workspace, headings = self._space, self._grid.headings
         path = self._search(kind, pose, target)
         poses = np.flatnonzero(workspace.label >> 32 == workspace.state.stamp)
         return np.unique(poses // headings), path
 
     def counted(self, world: World, besides: int) -> Array:
-        """(C,) int32: robots that are going to drive through each cell, but for one."""
+        """(C,) int32: number of robots, except `besides`, that will drive through each cell."""
         field = np.zeros(self._grid.cell_flags.size, np.int32)
         scratch = (self._steps, self._seen)
         with np.errstate(over="ignore"):
@@ -54,7 +55,7 @@ class Paths:
         return field
 
     def _search(self, kind: int, pose: int, target: int) -> Array:
-        """(k,) the cells of the path; without one, none."""
+        """(k,) the cells of the path; () if there is none."""
         grid, steps, duration = self._grid, self._steps, self._duration[kind]
         arguments = (self._space, self._ties, self._seed, pose, target, False, steps)
         length = astar(grid, kind, duration, *arguments)
@@ -64,22 +65,21 @@ class Paths:
 
 
 def ties_of(scenario: Scenario) -> int:
-    """The tie rule of the routing strategy if it has one, otherwise that of A* by default."""
+    """The tie rule of the routing strategy, by default LARGER_G."""
     routing = scenario.strategy.routing
     name = routing.get("tie_break") if isinstance(routing, Mapping) else None
     return TIES.index(name) if name in TIES else LARGER_G
 
 
 def driven(offset: Array, start: int, steps: Array) -> Array:
-    """(k + 1,) the cells of k steps from a cell, which is the first one."""
+    """(k + 1,) the cells visited by k steps from a cell, including this cell."""
     return np.concatenate(([start], start + np.cumsum(offset[steps])))
 
 
 def explored(world: World, paths: Paths, robot: int) -> Array:
-    """(C,) int32: 1 in cells found by the search from where a robot is to its goal cell, 2 on the
-    path.
+    """(C,) int32: 1 in cells explored from a robot's cell to its goal cell, 2 on the path.
 
-    All are 0 for a robot that is on no way, or for NIL.
+    All are 0 for a robot without a goal, or for NIL.
     """
     field = np.zeros(world.grid.cell_flags.size, np.int32)
     robots = world.robots

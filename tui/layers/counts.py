@@ -1,4 +1,4 @@
-"""Layers of what a run counts in each cell: visits, lost time, moves."""
+"""Layers of counts by cell: visits, lost time, moves."""
 
 from __future__ import annotations
 
@@ -39,12 +39,12 @@ class Waiting(Layer):
 
 
 class Congestion(Layer):
-    """Where time was lost of late."""
+    """Where time was lost recently."""
 
     key, label, position = "f5", "Congestion", 30
-    meaning = "congestion: where time was lost of late"
-    unit, counted = "ticks lost of late", "ticks lost here of late"
-    empty = "no ticks lost of late"
+    meaning = "congestion: where time was lost recently"
+    unit, counted = "ticks lost recently", "ticks lost here recently"
+    empty = "no ticks lost recently"
     ranked = True
 
     def numbers(self, simulation: Simulation, selected: int) -> Array:

@@ -1,11 +1,11 @@
-"""The layer of the zones that robots serve: their ways as tints, letters where there are no colours.
+"""The layer of service zones: their ways as tints, or as letters without colours.
 
-    fffT+++ddt     T a transfer station, t another one; ways of no zone stay as they are
+    fffT+++ddt     T a transfer station, t another station; ways without a zone stay plain
     f       d
 
-Zones between which a way leads differ. Up to six zones have a tint each, by their numbers. Of more,
-each has its own number's tint where it can: zones are coloured in the order that the one with fewest
-neighbours left is the last (Matula & Beck), so that on a floor without bridges six are enough.
+Zones that a way connects have different tints. Up to six zones have one tint each, by number. With
+more zones, each keeps the tint of its number where possible. Zones are coloured in smallest-last
+order (Matula & Beck), so that six tints suffice on floors without bridges.
 """
 
 from __future__ import annotations
@@ -31,13 +31,13 @@ if TYPE_CHECKING:
     from automaton.world.resolved import Resolved
 
 
-NO_ZONES_TEXT: Final = "zones: robots have none here, or none yet"
+NO_ZONES_TEXT: Final = "zones: robots serve none here, or none yet"
 SHARED_TINTS_TEXT: Final = "zones may share a tint; touching ones differ"
-STATION_DIGITS: Final = 2  # of the number of a station, beside its sign
+STATION_DIGITS: Final = 2  # of a station's number, beside its sign
 
 
 class ServiceZoneLayer(Layer):
-    """Zones that robots serve, where they serve any."""
+    """The zones that robots serve, if any."""
 
     key, label, position, action = "f7", "Zones", 50, "layer_zones"
     meaning = "zones of robots; again: of the floor"
@@ -95,7 +95,7 @@ class ServiceZoneLayer(Layer):
         return design_key(zones, glyphs)
 
     def cell_words(self, scene: Scene, cell: int) -> list[str]:
-        """The number and the zone of the station in a cell, or the zone of a way."""
+        """Number and zone of the station in a cell, or the zone of a way."""
         service_zones = scene.service_zones
         if service_zones is None:
             return []
@@ -123,7 +123,7 @@ class ServiceZoneLayer(Layer):
 
 
 def draw_stations(canvas: Canvas, service_zones: ServiceZones) -> None:
-    """Stations that robots serve, with their numbers where there is room."""
+    """Draw stations that robots serve, with their numbers where these fit."""
     cells, zones, shared = stations_of(service_zones.roads, service_zones.design)
     served = np.flatnonzero(zones != NIL)
     index, seen = canvas.at(cells[served].astype(np.int32))
@@ -133,7 +133,7 @@ def draw_stations(canvas: Canvas, service_zones: ServiceZones) -> None:
     sign = np.where(shared[which], canvas.glyphs.transfer, canvas.glyphs.station)
     row, column = divmod(canvas.sign, canvas.width)
     numbered = canvas.width > STATION_DIGITS
-    # The sign goes to the left as far as its number needs the room.
+    # The sign moves to the left if its number needs the room.
     first = row * canvas.width + (
         min(column, canvas.width - 1 - STATION_DIGITS) if numbered else column
     )
@@ -153,7 +153,7 @@ def _served(service_zones: ServiceZones, zone: int) -> str:
 
 
 def design_key(zones: int, glyphs: GlyphSet) -> list[str]:
-    """What a picture of them without a legend beside it has to say, in a few words each."""
+    """Short explanations of the zones for a picture without a legend."""
     if not zones:
         return [NO_ZONES_TEXT]
     letters = [f"{chr(TINT_CODES[zone])} zone {zone + 1}" for zone in range(min(zones, len(TINTS)))]
@@ -165,7 +165,7 @@ def design_key(zones: int, glyphs: GlyphSet) -> list[str]:
 
 
 def station_in(scene: Scene, service_zones: ServiceZones, cell: int) -> int:
-    """The station in a cell, or to which its slot counts, or NIL."""
+    """The station in a cell, or the one to which its slot belongs, or NIL."""
     points = np.flatnonzero(service_zones.roads.cell[service_zones.roads.point] == cell)
     if len(points):
         return int(points[0])
@@ -173,7 +173,7 @@ def station_in(scene: Scene, service_zones: ServiceZones, cell: int) -> int:
     return NIL if slot == NIL else int(service_zones.station_of[slot])
 
 
-# Which cells are of which zone, and in which of the tints it is shown.
+# The zone of each cell, and the tint of each zone.
 
 
 def design_tints(
@@ -195,7 +195,7 @@ def design_tints(
 def _slots(
     cells: NDArray[np.int32], service_zones: ServiceZones
 ) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Cells of slots that count to a station, and its zone."""
+    """Cells of slots that belong to a station, and the zones of these stations."""
     station = service_zones.station_of[: len(cells)]
     there = station != NIL
     return cells[there], service_zones.design.zone[station[there]]
@@ -212,11 +212,11 @@ def service_zone_tints(service_zones: ServiceZones) -> NDArray[np.int8]:
 
 
 def tints_shared(zones: int) -> bool:
-    """Whether some zones have the same tint."""
+    """Whether zones share tints."""
     return zones > len(TINTS)
 
 
-@lru_cache(maxsize=8)  # a design stays for many frames
+@lru_cache(maxsize=8)  # a design lasts for many frames
 def _tints_of(ways: bytes, held: bytes, zones: int) -> NDArray[np.int8]:
     ahead = np.frombuffer(ways, np.int32).reshape(-1, 4)
     near = neighbours(ahead, np.frombuffer(held, np.int32), zones)
@@ -231,10 +231,10 @@ def _tints_of(ways: bytes, held: bytes, zones: int) -> NDArray[np.int8]:
 
 
 def neighbours(ahead: NDArray[np.int32], held: NDArray[np.int32], zones: int) -> list[set[int]]:
-    """Zones between whose points a way leads through points of no zone, or of none.
+    """By zone, the zones that a way reaches from it without passing through a third zone.
 
-    ahead: (P, 4) the next points; held: (P,) the zone of each point, or NIL. A point of no zone counts
-    to the zone that is fewest points away.
+    ahead: (P, 4) the next points; held: (P,) the zone of each point, or NIL. A point without a zone
+    counts as part of the nearest zone.
     """
     nearest = held.copy()
     while True:
@@ -256,7 +256,7 @@ def neighbours(ahead: NDArray[np.int32], held: NDArray[np.int32], zones: int) ->
 
 
 def sparest_first(near: list[set[int]]) -> list[int]:
-    """All zones; each in turn has the fewest neighbours among those that are left (ties: the last)."""
+    """All zones, each with the fewest neighbours among the rest (ties: the last zone)."""
     left, order = set(range(len(near))), []
     while left:
         zone = min(left, key=lambda one: (len(near[one] & left), -one))

@@ -1,10 +1,10 @@
-"""The layer of the zones of the floor: stretches between intersections, each in one of six tints.
+"""The layer of traffic zones: stretches between intersections, each in one of six tints.
 
     aaa+bbb     + an intersection, in no zone
 
-Zones that touch differ, also across a crossing:
+Touching zones have different tints, also across a crossing:
 
-    a a + b b      a and b meet at the crossing, and so do both with c
+    a a + b b      a, b and c meet at the crossing
         c
 """
 
@@ -29,17 +29,17 @@ if TYPE_CHECKING:
     from automaton.world.resolved import Resolved
 
 
-# zones that are told from those that they touch; more go by their numbers
+# up to this number of zones, touching ones differ; else tints go by number
 MAX_TINTED_ZONES: Final = 50_000
 
-# half of the neighbours: pairs count once
+# half of the neighbours, to count pairs once
 NEIGHBOUR_OFFSETS: Final = ((0, 1), (1, 0), (1, 1), (1, -1))
 
-CROSSING_OFFSETS: Final = ((0, 2), (2, 0))  # across one cell
+CROSSING_OFFSETS: Final = ((0, 2), (2, 0))  # across a cell
 
 
 class TrafficZoneLayer(Layer):
-    """Zones of the floor, where there are any."""
+    """The traffic zones of the floor, if any."""
 
     key, label, position, action = "f7", "Zones", 60, "layer_zones"
     meaning = "zones of robots; again: of the floor"
@@ -88,14 +88,14 @@ class TrafficZoneLayer(Layer):
             return ["this floor has no zones"]
         letters = " ".join(chr(letter) for letter in TINT_LETTERS[_used(floor)])
         said = [f"a tint or letter ({letters}) for each zone", "touching ones differ"]
-        # Others than plain floor keep their signs.
+        # Only plain floor loses its signs.
         signed = floor.floor_plan.kind.reshape(-1)[traffic_zones.intersection] == FLOOR
         if traffic_zones.mode != "with-intersections" and signed.any():
             said.append(f"{glyphs.characters[glyphs.crossing]} intersection")
         return said
 
     def cell_words(self, scene: Scene, cell: int) -> list[str]:
-        """The zone of a cell; two where directions have their own; none where robots serve zones."""
+        """The zone of a cell, or two by direction; [] where robots serve zones."""
         traffic_zones = scene.floor.traffic_zones
         if scene.service_zones is not None or traffic_zones is None:
             return []
@@ -114,7 +114,7 @@ class TrafficZoneLayer(Layer):
 
 
 def _zones(scene: Scene) -> TrafficZones | None:
-    """The zones, if there are any."""
+    """The traffic zones of the scene's floor, or None."""
     traffic_zones = scene.floor.traffic_zones
     return traffic_zones if traffic_zones is not None and traffic_zones.count else None
 
@@ -125,23 +125,23 @@ def _used(floor: ShownFloor) -> NDArray[np.int8]:
 
 
 def crossing_sign(glyphs: GlyphSet) -> int:
-    """An intersection while zones are shown."""
+    """Look of an intersection while zones are shown."""
     return int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), glyphs.crossing))
 
 
 @lru_cache(maxsize=4)
 def floor_tints(floor: ShownFloor) -> NDArray[np.int8]:
-    """(C,) the tint of each cell's zone, or NIL; of a floor with traffic zones."""
+    """(C,) the tint of each cell's zone, or NIL. The floor must have traffic zones."""
     assert floor.traffic_zones is not None
     return tints_of(floor.traffic_zones, *floor.floor_plan.kind.shape)
 
 
 def tints_of(traffic_zones: TrafficZones, height: int, width: int) -> NDArray[np.int8]:
-    """(C,) the tint of each cell, an index of TINTS, or NIL; the border counts in height and width.
+    """(C,) the tint of each cell, an index of TINTS, or NIL; height and width include the border.
 
-    The two zones of a stretch with directions share one. Greedy, in an order that is drawn once and
-    for all: rounds are few, and floors of aisles need at most six tints. Were more needed, they
-    would be used again.
+    The two zones of a stretch with directions share a tint. The colouring is greedy, in a fixed
+    random order: it takes few rounds. Floors of aisles need at most six tints; if more are needed,
+    tints repeat.
     """
     number = traffic_zones.of[:, 0].reshape(height, width)
     tint = np.arange(max(traffic_zones.count, 1))
@@ -155,10 +155,10 @@ def tints_of(traffic_zones: TrafficZones, height: int, width: int) -> NDArray[np
 def _touching(
     number: NDArray[Any], crossing: NDArray[np.bool_]
 ) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Pairs of zones that touch, each both ways."""
+    """Pairs of touching zones, each in both orders."""
     pairs = []
     for dy, dx in (*NEIGHBOUR_OFFSETS, *CROSSING_OFFSETS):
-        there = np.roll(number, (-dy, -dx), (0, 1))  # wraps round through the border, in no zone
+        there = np.roll(number, (-dy, -dx), (0, 1))  # the border, in no zone, prevents wrapping
         apart = (number != NIL) & (there != NIL) & (number != there)
         if (dy, dx) in CROSSING_OFFSETS:
             apart &= np.roll(crossing, (-dy // 2, -dx // 2), (0, 1))
@@ -169,9 +169,9 @@ def _touching(
 
 
 def _coloured(count: int, one: NDArray[Any], other: NDArray[Any]) -> NDArray[np.int64]:
-    """(count,) the lowest tint that no touching zone has had before (Jones & Plassmann's rounds)."""
+    """(count,) the lowest tint free among touching zones (rounds of Jones & Plassmann)."""
     turn = np.random.default_rng(1).permutation(count)
-    turn = turn - count * np.bincount(one, minlength=count)  # who touches many goes first
+    turn = turn - count * np.bincount(one, minlength=count)  # zones with many neighbours go first
     tint = np.full(count, NIL)
     while (tint == NIL).any():
         open_ = tint[one] == NIL

@@ -1,1 +1,1 @@
-"""The run that is shown: the player, its state, its names and its pictures."""
+"""The shown run: the player, its state, its names and its pictures."""

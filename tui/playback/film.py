@@ -2,15 +2,15 @@
 
     tick 1,234 of 2,616   617 s   3 work   1 wait   23/50 delivered                robot 2   visits
 
-Every number has its place, whatever its value, so that words stand still and few characters change.
+Every number has a fixed width, so that words do not move and few characters change.
 
-A film is a file in the format asciicast v2: a header, then what a terminal is sent and when, a line
-each.
+A film is a file in the asciicast v2 format: a header line, then one line per output to the terminal,
+with its time.
 
     {"version": 2, "width": 80, "height": 24, "title": "...", "env": {"TERM": "xterm-256color"}}
-    [0.0, "o", "\\u001b[?25l..."]      all of the first picture
-    [0.1, "o", "..."]                 what is different in the next one
-    [3.7, "o", "\\u001b[24;1H..."]     after a last pause the cursor is back
+    [0.0, "o", "\\u001b[?25l..."]      the whole first picture
+    [0.1, "o", "..."]                 the differences of the next one
+    [3.7, "o", "\\u001b[24;1H..."]     after a final pause, the cursor again
 """
 
 from __future__ import annotations
@@ -66,14 +66,14 @@ MAX_DEFAULT_FILM_SIZE: Final = (120, 40)
 FILM_MARGIN: Final = (2, 1)  # around a floor that fits
 
 WORD_GAP: Final = 2
-TIME_DIGITS: Final = 5  # "616.5" is as wide as numbers below 1,000 get in most units
+TIME_DIGITS: Final = 5  # as in "616.5": the usual width of numbers below 1,000
 
 FILM_TICKS_PER_S: Final = 10  # at speed x1, as in the viewer
-LAST_PAUSE: Final = 2  # seconds in which the last picture is seen
+LAST_PAUSE: Final = 2  # seconds for which the last picture is shown
 
 HIDE_CURSOR: Final = "\x1b[?25l"
 SHOW_CURSOR: Final = "\x1b[?25h"
-CLEAR: Final = "\x1b[0m\x1b[2J"  # a terminal may be larger than the film
+CLEAR: Final = "\x1b[0m\x1b[2J"  # the terminal may be larger than the film
 
 STANDARD_OUTPUT: Final = Path("-")
 SUFFIX: Final = ".cast"
@@ -83,10 +83,10 @@ Size = tuple[int, int]  # columns, rows
 
 @dataclass(frozen=True)
 class Request:
-    """The same for films and pictures; `first` to `fps` matter to films only."""
+    """Options of films and pictures; `first` to `fps` apply to films only."""
 
     size: tuple[int, int] | None = None  # columns, rows; None: as large as the floor
-    zoom: str = "fit"  # or a step of the ladder, with "-" for blanks
+    zoom: str = "fit"  # or a step of the ladder, with "-" for a blank
     follow: int = NIL  # robot
     layer: str = ""
     theme: Theme = "dark"
@@ -94,17 +94,17 @@ class Request:
     ascii: bool = False
     first: int = 0  # tick
     last: int | None = None  # tick; None: the last one
-    speed: Fraction = Fraction(1)  # x1 is ten ticks a second
+    speed: Fraction = Fraction(1)  # 1 is ten ticks per second
     fps: int = 10
 
 
 def make_film(recording: Path, request: Request, out: Path | None) -> None:
-    """Write an asciicast, and say how large it is. Raises InputError."""
+    """Write an asciicast, and print its size. Raises InputError."""
     path = out or recording.with_suffix(SUFFIX)
     target = path if path == STANDARD_OUTPUT else checked(path)
     if target != STANDARD_OUTPUT and path.suffix != SUFFIX:
         raise InputError(
-            f"{str(path)!r} names no film: allowed are FILE.gif, FILE.mp4, FILE.png and FILE.cast; "
+            f"{str(path)!r} is not a film file: allowed are FILE.gif, FILE.mp4, FILE.png, FILE.cast; "
             "--html makes a page"
         )
     film = Film(recording, request)
@@ -123,8 +123,8 @@ def make_film(recording: Path, request: Request, out: Path | None) -> None:
 
 
 def _write(film: Film, frames: list[FilmFrame], file: BinaryIO) -> str:
-    """Write the lines, and say how large it has become."""
-    events, size = -1, 0  # the header is not one
+    """Write the lines; returns their size in words."""
+    events, size = -1, 0  # without the header
     for line in asciicast(film, frames):
         size += file.write(line.encode())
         events += 1
@@ -133,10 +133,10 @@ def _write(film: Film, frames: list[FilmFrame], file: BinaryIO) -> str:
 
 
 def make_picture(recording: Path, request: Request, out: Path, tick: int | None) -> str:
-    """Write a still, as an SVG or as text by the file's suffix; its size. Raises InputError."""
+    """Write a still as SVG or text, by suffix; returns its size in words. Raises InputError."""
     if out.suffix not in (".svg", ".txt"):
         raise InputError(
-            f"{str(out)!r} names no picture: allowed are FILE.png, FILE.svg and FILE.txt"
+            f"{str(out)!r} is not a picture file: allowed are FILE.png, FILE.svg and FILE.txt"
         )
     path = checked(out)
     film = Film(recording, request)
@@ -152,11 +152,10 @@ def make_picture(recording: Path, request: Request, out: Path, tick: int | None)
 
 
 class Film:
-    """One recording, as requested. Nothing is played before pictures are asked for."""
+    """A film of one recording. It plays nothing before pictures are requested."""
 
     def __init__(self, path: Path, request: Request) -> None:
-        """Raises InputError for a file that is not a recording, and for requests that it does not
-        meet."""
+        """Raises InputError if the file is not a recording or does not fit the request."""
         self._opening = recorded(path)
         (self.recording,), (self._resolved,) = self._opening.recordings, self._opening.resolved
         self.last = self.recording.ticks
@@ -178,25 +177,25 @@ class Film:
 
     @property
     def title(self) -> str:
-        """The run in a few words; where its file lies is not among them."""
+        """The run in a few words, without the path of its file."""
         recording = self.recording
         return title_of(self._resolved, recording.header["seed"], recording.stored())
 
     @property
     def size(self) -> str:
-        """As it is said."""
+        """COLUMNSxROWS."""
         return f"{self.columns}x{self.rows}"
 
     def checked(self, tick: int) -> int:
-        """A tick, if it was recorded. Raises InputError."""
+        """`tick`, if recorded. Raises InputError."""
         if tick > self.last:
             raise InputError(f"there is no tick {tick:,}: the recording ends at tick {self.last:,}")
         return tick
 
     def codes_at(self, ticks: Iterable[int]) -> Iterator[Codes]:
-        """(rows, columns) codes of each of these ticks, which ascend.
+        """(rows, columns) codes for each of these ascending ticks.
 
-        Raises InputError if the layer of another distribution raises.
+        Raises InputError if a layer of another distribution raises.
         """
         from automaton.history.playback import Playback
         from automaton.history.snapshot import take_snapshot
@@ -259,7 +258,7 @@ class Film:
             allowed = f"unknown layer '{request.layer}': allowed are {alternatives(list(known))}"
             raise InputError(about[0] if about else allowed)
         if request.layer == "explored" and request.follow == NIL:
-            raise InputError("explored shows the search for one robot: --follow says for which")
+            raise InputError("explored shows the search for one robot: choose it with --follow")
         return Choice(request.follow, layer=request.layer, following=request.follow != NIL)
 
     def _said(self, request: Request) -> Status:
@@ -275,11 +274,11 @@ class Film:
         return Status(self.last, scenario.fleet.robots, orders, tick, "  ".join(chosen), key)
 
 
-# How large a film is, and at which step of the zoom ladder it shows the floor.
+# The size of a film, and its step of the zoom ladder.
 
 
 def checked_size(columns: int, rows: int) -> Size:
-    """A size that can be shown. Raises InputError."""
+    """The size, if allowed. Raises InputError."""
     if not (
         MIN_FILM_SIZE[0] <= columns <= MAX_FILM_SIZE[0]
         and MIN_FILM_SIZE[1] <= rows <= MAX_FILM_SIZE[1]
@@ -290,7 +289,7 @@ def checked_size(columns: int, rows: int) -> Size:
 
 
 def size_for(floor_plan: FloorPlan, robots: int, zoom: str, status: Status) -> Size:
-    """As large as the floor is at this zoom, its margin and the status, within MAX_DEFAULT_FILM_SIZE."""
+    """Fit the floor at this zoom, its margin and the status, up to MAX_DEFAULT_FILM_SIZE."""
     margins = 2 * FILM_MARGIN[0], 2 * FILM_MARGIN[1]
     columns, rows = MAX_DEFAULT_FILM_SIZE[0] - margins[0], MAX_DEFAULT_FILM_SIZE[1] - margins[1] - 2
     camera = Camera(floor_plan, rows, columns, robots)
@@ -302,7 +301,7 @@ def size_for(floor_plan: FloorPlan, robots: int, zoom: str, status: Status) -> S
 
 
 def aim(camera: Camera, zoom: str) -> None:
-    """Set the zoom by its name, "fit" or a step of the ladder. Raises InputError."""
+    """Set the zoom: "fit", or a step of the ladder by name. Raises InputError."""
     if zoom == "fit":
         camera.fit()
         return
@@ -317,15 +316,15 @@ def aim(camera: Camera, zoom: str) -> None:
 
 
 class FilmWord(NamedTuple):
-    """Something said in one colour."""
+    """Words in one colour."""
 
     words: str
     fg: int
-    gap: int = WORD_GAP  # before it
+    gap: int = WORD_GAP  # columns before it
 
 
 class Status:
-    """What is said of each tick, in one row if there is room, else in two; below it the key."""
+    """The status of each tick, in one row if it fits, else in two; below it the key."""
 
     def __init__(
         self,
@@ -334,7 +333,7 @@ class Status:
         orders: int,
         tick: Unit,
         chosen: str,
-        key: Sequence[str] = (),  # what the signs of a layer mean, in a row of its own
+        key: Sequence[str] = (),  # meanings of a layer's signs, in their own row
     ) -> None:
         self.last, self.unit, self.chosen = last, tick, chosen
         self.key = [FilmWord(words, styles.COLOUR_DIM) for words in key]
@@ -343,16 +342,16 @@ class Status:
 
     @property
     def widths(self) -> tuple[int, int]:
-        """Of the words of time, and of those of the fleet."""
+        """Columns for the words about time and for those about the fleet."""
         return _width(self._time(self.last)), _width(self._fleet(0, 0, 0, 1))
 
     @property
     def least(self) -> int:
-        """Columns with which nothing is left out."""
+        """Least number of columns that hold everything."""
         return max(*self.widths, _width(self.key))
 
     def rows(self, columns: int) -> int:
-        """How many it takes, the key included."""
+        """Number of rows, including the key."""
         return (1 if sum(self.widths) <= columns else 2) + bool(self.key)
 
     def codes(self, snapshot: Snapshot, columns: int) -> Codes:
@@ -399,7 +398,7 @@ def _width(words: list[FilmWord]) -> int:
 
 
 def _line(words: list[FilmWord], columns: int) -> Codes:
-    """(columns,) codes; words for which there is no room are left out."""
+    """(columns,) codes; words that do not fit are omitted."""
     line = np.full(columns, code(style(styles.COLOUR_TEXT, styles.COLOUR_VOID), 0))
     end = -1  # the first word begins in column 1
     for word in words:
@@ -417,16 +416,16 @@ def _line(words: list[FilmWord], columns: int) -> Codes:
 
 
 class FilmFrame(NamedTuple):
-    """A tick, and when it is shown."""
+    """A tick and the time at which it is shown."""
 
     time: Fraction  # seconds
     tick: int
 
 
 def schedule(first: int, last: int, speed: Fraction, fps: int) -> list[FilmFrame]:
-    """The frames that bring a new tick, the last one included."""
+    """The frames that show a new tick, including the last tick."""
     frames = [FilmFrame(Fraction(0), first)]
-    rate = FILM_TICKS_PER_S * speed / fps  # ticks for each frame
+    rate = FILM_TICKS_PER_S * speed / fps  # ticks per frame
     while (shown := frames[-1].tick) < last:
         number = math.ceil((shown + 1 - first) / rate)
         tick = min(first + math.floor(number * rate), last)
@@ -435,7 +434,7 @@ def schedule(first: int, last: int, speed: Fraction, fps: int) -> list[FilmFrame
 
 
 def asciicast(film: Film, frames: list[FilmFrame]) -> Iterator[str]:
-    """The lines of the file; the same recording and request give the same lines."""
+    """The lines of the file, the same for the same recording and request."""
     yield _json_line(_header(film))
     shown = None
     pictures = film.codes_at(frame.tick for frame in frames)
@@ -449,12 +448,12 @@ def asciicast(film: Film, frames: list[FilmFrame]) -> Iterator[str]:
 
 
 def duration(frames: list[FilmFrame]) -> Fraction:
-    """Seconds, with the last pause."""
+    """Seconds, including the final pause."""
     return frames[-1].time + LAST_PAUSE
 
 
 def _header(film: Film) -> dict[str, object]:
-    """No time stamp: it would make every file another one."""
+    """The header, without a time stamp: equal films are equal files."""
     return {
         "version": 2,
         "width": film.columns,

@@ -25,29 +25,29 @@ if TYPE_CHECKING:
 MINIMAP_SHARE: Final = 3  # at most a third of the map's rows and columns
 MINIMAP_ROWS: Final = 12
 MINIMAP_COLUMNS: Final = 40
-NARROW: Final = 100  # columns under which equal maps are put one below the other
-DEAD_ZONE: Final = 4  # a followed robot may be this part of the screen away from the edges
+NARROW: Final = 100  # columns below which two maps of equal scale are stacked
+DEAD_ZONE: Final = 4  # a followed robot stays at least 1/4 of the screen away from the edges
 
 
 class Pictures:
-    """Draws what there is to be seen."""
+    """Draws the maps of one or two runs."""
 
     def __init__(self, opening: Opening, glyphs: GlyphSet) -> None:
         self.glyphs = glyphs
         self.floors = [floor_of(resolved) for resolved in opening.resolved]
         robots = max(one.scenario.fleet.robots for one in opening.resolved)
         self.camera = Camera(opening.resolved[0].floor_plan, 1, 1, robots)
-        self.fitted = True  # the whole floor is to be seen, whatever the size
+        self.fitted = True  # show the whole floor at any size
         self._corner: tuple[tuple[int, int], Corner] | None = None  # by the size of the map
 
     def resize(self, rows: int, columns: int) -> None:
-        """The maps have another size."""
+        """Set the size of the maps."""
         self.camera.resize(rows, columns)
         if self.fitted:
             self.camera.fit()
 
     def take_floor(self, opening: Opening) -> bool:
-        """After a reload: draw this floor, seen as before; whether its cells have the same numbers."""
+        """After a reload, take the new floor and keep the view; returns whether its size is the same."""
         before, floor_plan = self.camera, opening.resolved[0].floor_plan
         self.floors = [floor_of(resolved) for resolved in opening.resolved]
         self._corner = None
@@ -68,7 +68,7 @@ class Pictures:
         return same
 
     def split(self, rows: int, columns: int) -> str:
-        """How two maps, each under a head, share this room best: "vertical" is one below another."""
+        """The better layout of two maps with heads: "horizontal", or "vertical" (stacked)."""
         if rows < 4 or columns < 2:
             return ""
         sizes = {"horizontal": (rows - 1, columns // 2), "vertical": (rows // 2 - 1, columns)}
@@ -83,7 +83,7 @@ class Pictures:
         return max(sizes_of_cells, key=sizes_of_cells.__getitem__)
 
     def larger_beside(self, rows: int, columns: int, below: int, beside: int) -> bool:
-        """Whether the map is larger beside a panel of so many columns than above one of so many rows."""
+        """Whether the map is larger beside a panel of `beside` columns than above `below` rows."""
         nearest = []
         for size in ((rows, columns - beside), (rows - below, columns)):
             camera = self.camera.copy()
@@ -93,7 +93,7 @@ class Pictures:
         return nearest[0] > nearest[1]
 
     def scene(self, playback: PlaybackState | None, choice: Choice, side: int) -> Scene:
-        """What one run's picture is made of."""
+        """The scene of one run."""
         if playback is None:
             return Scene(self.floors[side], cursor=_cursor(choice), zone=choice.zone)
         snapshot = playback.snapshots[side]
@@ -108,7 +108,7 @@ class Pictures:
             selected=robot,
             route=snapshot.route if choice.route and snapshot.selected == robot else NO_CELLS,
             cursor=_cursor(choice),
-            layer="" if late else choice.layer,  # not the numbers of the layer before
+            layer="" if late else choice.layer,  # not with the previous layer's numbers
             zone=choice.zone,
             marked_cells=choice.match_cells[choice.match_cells < self.floors[side].looks.size],
             least=choice.least,
@@ -119,7 +119,7 @@ class Pictures:
         )
 
     def take_zones(self, resolved: Resolved) -> bool:
-        """After a branch of the only run: whether it has other zones."""
+        """After a branch of the only run, take its floor; returns whether its zones differ."""
         before, self.floors[0] = self.floors[0].traffic_zones, floor_of(resolved)
         return before is None or before.mode != resolved.scenario.world.traffic_zones
 
@@ -130,7 +130,7 @@ class Pictures:
         return cells
 
     def picture(self, scene: Scene, choice: Choice, rows: int, columns: int) -> Codes:
-        """(rows, columns) codes: the scene as the camera sees it, and the minimap."""
+        """(rows, columns) codes: the scene seen by the camera, and the minimap."""
         codes = compose(scene, self.camera, self.glyphs)
         corner = self.corner(choice)
         if corner is not None:
@@ -139,7 +139,7 @@ class Pictures:
             codes[corner.top : corner.top + height, corner.left : corner.left + width] = small
         if codes.shape == (rows, columns):
             return codes
-        # Of two maps side by side one may be a column wider than the camera.
+        # One of two maps side by side may be a column wider than the camera.
         whole = np.full(
             (rows, columns), code(style(styles.COLOUR_VOID, styles.COLOUR_VOID), 0), np.uint32
         )
@@ -157,13 +157,13 @@ class Pictures:
         return self._corner[1]
 
     def cell_at(self, choice: Choice, row: int, column: int) -> int | None:
-        """The cell at a place of the map; None beside the floor and on the minimap."""
+        """The cell at a place of the map; None outside the floor and on the minimap."""
         if row < 0 or self._in_minimap(choice, row, column):
             return None
         return self.camera.cell_at(row, column)
 
     def centre(self, choice: Choice, row: int, column: int) -> bool:
-        """Go to a place of the minimap; whether it is one."""
+        """Centre on a place of the minimap; returns False outside the minimap."""
         corner = self._in_minimap(choice, row, column)
         if corner is None:
             return False
@@ -178,7 +178,7 @@ class Pictures:
         return corner if corner is not None and corner.holds(row, column) else None
 
     def follow(self, playback: PlaybackState, choice: Choice) -> bool:
-        """Keep the selected robot away from the edges; whether the view has moved."""
+        """Keep the followed robot away from the edges; returns whether the view moved."""
         if not choice.following or choice.robot == NIL:
             return False
         cell = robot_cell(playback, choice)
@@ -196,7 +196,7 @@ class Pictures:
 
 
 class Corner(NamedTuple):
-    """Where the minimap lies on the map."""
+    """The minimap and its position on the map."""
 
     top: int
     left: int
@@ -209,7 +209,7 @@ class Corner(NamedTuple):
 
 
 def _corner(camera: Camera) -> Corner:
-    """A minimap in the lower right corner of what this camera shows; it looks at every cell."""
+    """A minimap of the whole floor, in the lower right corner of the map."""
     rows = min(camera.rows // MINIMAP_SHARE, MINIMAP_ROWS)
     columns = min(camera.columns // MINIMAP_SHARE, MINIMAP_COLUMNS)
     minimap = Minimap(camera, rows, columns)
@@ -220,7 +220,7 @@ def _corner(camera: Camera) -> Corner:
 
 
 def robot_cell(playback: PlaybackState, choice: Choice) -> int:
-    """Where the selected robot is, its parking bay included, or NIL."""
+    """The cell or parking bay of the selected robot, or NIL."""
     robots = playback.snapshots[choice.side].robots
     if not 0 <= choice.robot < len(robots):
         return NIL
@@ -229,7 +229,7 @@ def robot_cell(playback: PlaybackState, choice: Choice) -> int:
 
 
 def differing(playback: PlaybackState) -> NDArray[np.int32]:
-    """The robots that are elsewhere or carry something else in the other run."""
+    """The robots whose cell or load differs between two runs."""
     if len(playback.snapshots) < 2:
         return NO_CELLS
     one, other = (snapshot.robots for snapshot in playback.snapshots)

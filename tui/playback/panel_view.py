@@ -1,4 +1,4 @@
-"""What panels show at a moment, and the messages by which they choose robots, cells, ticks and zones."""
+"""The view for panels, and their messages that choose robots, cells, ticks and zones."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from textual.message import Message
 
 from automaton.engine.state import NIL
 
-if TYPE_CHECKING:  # most of them need Numba
+if TYPE_CHECKING:  # most need Numba
     from automaton.floor.floor_plan import FloorPlan
     from automaton.history.snapshot import Snapshot
     from automaton.history.watched_run import WatchedRun
@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # most of them need Numba
 
 
 class Picture(NamedTuple):
-    """What a picture of the map is made of, and how it is drawn."""
+    """The scene of a map and how it is drawn."""
 
     scene: Scene
     zoom: Zoom
@@ -33,23 +33,23 @@ class Picture(NamedTuple):
 
 @dataclass(frozen=True)
 class View:
-    """A playback state with what the user has chosen.
+    """A playback state with the user's choices.
 
-    Of a run only plan, header and event_history may be read.
+    Read only the plan, header, resolved and event_history of a run.
     """
 
     playback: PlaybackState
     runs: Sequence[WatchedRun]
     robot: int = NIL  # the selected robot, or NIL
     cell: int = NIL  # the selected cell, or NIL
-    layer: str = ""  # the name of one that is registered, or none
-    side: int = 0  # which of two compared runs the panels tell of
-    zone: int = NIL  # the selected zone of the floor, or NIL
-    picture: Picture | None = None  # of the run that the panels tell of
+    layer: str = ""  # name of a registered layer, or ""
+    side: int = 0  # index of the run that the panels show
+    zone: int = NIL  # the selected zone, or NIL
+    picture: Picture | None = None  # of this run
 
     @property
     def key(self) -> tuple[object, ...]:
-        """Two views with one key show the same."""
+        """Views with equal keys show the same."""
         chosen = (self.robot, self.cell, self.zone, self.side, self.layer)
         drawn: tuple[object, ...] = ()
         if self.picture is not None:
@@ -60,22 +60,22 @@ class View:
 
     @property
     def snapshot(self) -> Snapshot:
-        """The state to tell of."""
+        """The snapshot of the run."""
         return self.playback.snapshots[self.side]
 
     @property
     def run(self) -> WatchedRun:
-        """The run to tell of."""
+        """The run that the panels show."""
         return self.runs[self.side]
 
     @property
     def floor_plan(self) -> FloorPlan:
-        """Its floor."""
+        """The floor of the run."""
         return self.run.floor_plan
 
 
 class RobotChosen(Message):
-    """Select a robot, and show where it is."""
+    """Select a robot and bring it onto the screen."""
 
     def __init__(self, robot: int) -> None:
         self.robot = robot
@@ -83,7 +83,7 @@ class RobotChosen(Message):
 
 
 class CellChosen(Message):
-    """Select a cell, and show where it is."""
+    """Select a cell and bring it onto the screen."""
 
     def __init__(self, cell: int) -> None:
         self.cell = cell
@@ -91,7 +91,7 @@ class CellChosen(Message):
 
 
 class ZoneChosen(Message):
-    """Select a zone of the floor, and show where it is."""
+    """Select a zone and bring it onto the screen."""
 
     def __init__(self, zone: int) -> None:
         self.zone = zone
@@ -103,7 +103,7 @@ class JamChosen(Message):
 
 
 class TickChosen(Message):
-    """Show a tick."""
+    """Go to a tick."""
 
     def __init__(self, tick: int) -> None:
         self.tick = tick
@@ -111,7 +111,7 @@ class TickChosen(Message):
 
 
 class OrderChosen(Message):
-    """Tell about an order."""
+    """Show an order."""
 
     def __init__(self, order: int) -> None:
         self.order = order
@@ -119,7 +119,7 @@ class OrderChosen(Message):
 
 
 def middle_robot(jam: Jam, snapshot: Snapshot, floor_plan: FloorPlan) -> int:
-    """Index in `jam.robots` of the one nearest to the middle between the corners of the jam."""
+    """Index in `jam.robots` of the robot nearest to the centre of the jam's bounding box."""
     cells = snapshot.robots.cell[list(jam.robots)]
     rows, columns = np.divmod(cells, floor_plan.stride)
     corners = [

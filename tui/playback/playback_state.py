@@ -1,4 +1,4 @@
-"""What the player shows: a moment of one or two runs, how it goes on, the metrics so far, and trails."""
+"""The player's state: a moment of one or two runs, the playback, metrics so far, and trails."""
 
 from __future__ import annotations
 
@@ -19,45 +19,45 @@ from automaton.runs.simulation import Simulation
 from tui.registration import layer_named
 
 TRAIL_CELLS: Final = 8
-MAX_GAP_TICKS: Final = 64  # between two states that are still one way
+MAX_GAP_TICKS: Final = 64  # maximum gap between two states of one trail
 
-OVERLAY_TIME_RATIO: Final = 4  # at most a fourth of the time goes into a layer that takes long
+OVERLAY_TIME_RATIO: Final = 4  # pause / computing time: a slow layer takes 1/5 of the time
 
 
 @dataclass(frozen=True)
 class PlaybackState:
-    """What there is to be seen, and how it goes on."""
+    """A moment of the runs, and the state of playback."""
 
     seq: int
-    tick: int  # of the clock; a run that is shorter stays at its end
-    runs: tuple[WatchedRun, ...]  # of which plan, header, resolved and event_history may be read
+    tick: int  # of the clock; a shorter run stays at its end
+    runs: tuple[WatchedRun, ...]  # read only plan, header, resolved and event_history
     snapshots: tuple[Snapshot, ...]
     figures: tuple[RunFigures, ...]
-    playing: int  # -1 backwards, 0 paused, 1
-    asked: float  # ticks per second; math.inf = as fast as it goes
-    achieved: float  # 0: not measured yet
-    head: int  # the last tick that is known
-    known: int  # the last tick up to which events are known
-    ends: tuple[int | None, ...]  # of each run the last tick that there will be, if it is known
+    playing: int  # -1 backwards, 0 paused, 1 forwards
+    asked: float  # ticks per second; math.inf: full speed
+    achieved: float  # ticks per second; 0: not measured yet
+    head: int  # the last known tick
+    known: int  # the last tick with known events
+    ends: tuple[int | None, ...]  # by run: the final tick, if known
     live: bool
-    stops: int  # how often breakpoints have stopped it
+    stops: int  # number of stops by breakpoints
     stopped: str  # why a breakpoint stopped it, or ""
-    breakpoint_robots: tuple[int, ...]  # robots that a breakpoint was about,
-    side: int  # and in which of the runs
-    error: str  # why it cannot go on, or ""
-    failed: str = ""  # why a strategy could not go on, for as long as its run is there
-    divergence: Divergence | None = None  # where two live runs part, once that is known
-    # Of each run (n, k) int32 cells that robots came through, or NIL.
+    breakpoint_robots: tuple[int, ...]  # robots of the last breakpoint hit,
+    side: int  # and the index of their run
+    error: str  # why playback cannot continue, or ""
+    failed: str = ""  # why a strategy failed, or ""
+    divergence: Divergence | None = None  # of two live runs, once known
+    # By run: (n, k) int32 cells that robots passed through, or NIL.
     trails: tuple[Array, ...] = ()
 
     @property
     def end(self) -> int | None:
-        """The last tick that there will be in any run, if that is known."""
+        """The final tick of the longest run, if known."""
         known = [end for end in self.ends if end is not None]
         return max(known) if len(known) == len(self.ends) else None
 
     def ended(self, side: int) -> bool:
-        """Whether a run is shown at its end."""
+        """Whether a run is at its end."""
         return self.snapshots[side].tick == self.ends[side]
 
 
@@ -66,15 +66,15 @@ class RunFigures:
     """Metrics of a run at a tick."""
 
     tick: int
-    metrics: dict[str, float | int]  # of the fleet, by the names of automaton.runs.metrics.GLOSSARY
+    metrics: dict[str, float | int]  # of the fleet, by names in automaton.runs.metrics.GLOSSARY
     operations: Array  # (n,) int64, by identity: operations begun
-    active: Array  # (n,) float64: share of ticks in which it did something
-    starved: Array  # (k,) identities of robots that have finished nothing for long, ascending
-    jam: Jam | None  # most of them that stand together
+    active: Array  # (n,) float64: share of active ticks
+    starved: Array  # (k,) identities of starved robots, ascending
+    jam: Jam | None  # the largest group of these that stands together
 
 
 def figures_of(run: WatchedRun) -> RunFigures:
-    """The metrics at the tick that a run shows; in the thread of its player."""
+    """The metrics at the shown tick of a run; call it in the player's thread."""
     shown = run.shown
     world = shown.world
     by_identity = world.robots.at_index
@@ -89,24 +89,25 @@ class LongTick(NamedTuple):
     """A tick that is being computed."""
 
     tick: int
-    seconds: float  # for which it has been
+    seconds: float  # since its start
     waited: bool  # a request waits for its end
 
 
 class Overlays:
-    """The numbers of a layer that were computed last for one run."""
+    """The latest numbers of a layer for one run."""
 
     def __init__(self) -> None:
         self._of: tuple[Simulation, int, int, str] | None = None  # run, tick, robot and layer
         self._field: Array | None = None
-        self._next = -math.inf  # when it may be computed again while ticks go by
+        self._next = -math.inf  # earliest time of the next computation during playback
 
     def laid_over(
         self, snapshot: Snapshot, simulation: Simulation, name: str, playing: bool
     ) -> Snapshot:
-        """The snapshot of this moment with the numbers of a layer.
+        """The snapshot with the numbers of a layer.
 
-        While ticks go by they may be as old as the layer's `pause_s`; otherwise they are of this tick.
+        During playback the numbers may be older: a slow layer computes them with pauses of at least
+        `pause_s`.
         """
         layer = layer_named(name)
         now = (simulation, snapshot.tick, snapshot.selected, name)
@@ -123,17 +124,17 @@ class Overlays:
 
 
 class Trails:
-    """The cells that each robot of one run came through last.
+    """The cells that each robot of one run passed through last.
 
-    Behind a robot lies the part of its route that it has driven, whatever was skipped or rewound;
-    what it drove before its present route is known from the states that were shown before.
+    The driven part of a robot's present route is always known, even after skipping or rewinding.
+    Cells before this route come from previously shown states.
     """
 
     def __init__(self) -> None:
         self._past: DrivenCells | None = None
 
     def at(self, simulation: Simulation) -> Array:
-        """(n, TRAIL_CELLS) int32 by identity, the last cell first, then NIL."""
+        """(n, TRAIL_CELLS) int32 by identity, the latest cell first, padded with NIL."""
         past, tick, robots = self._past, simulation.tick, len(simulation.world.robots.cell)
         if past is not None and past.tick == tick and len(past.steps) == robots:
             return past.cells
@@ -145,16 +146,16 @@ class Trails:
 
 
 class DrivenCells(NamedTuple):
-    """What was known of all robots at a tick."""
+    """Trails and positions of all robots at a tick."""
 
     tick: int
-    position: Array  # (n,) the cell where it is, or which it enters
-    steps: Array  # (n,) driven on its route
+    position: Array  # (n,) present cell, or the one being entered
+    steps: Array  # (n,) steps driven on the route
     cells: Array  # (n, TRAIL_CELLS)
 
 
 def _driven(simulation: Simulation) -> tuple[Array, Array, Array]:
-    """Where robots are, the steps that they have driven of their routes, and the cells of the last."""
+    """Positions of robots, steps driven on their routes, and the cells of the last steps."""
     robots, offset = simulation.world.robots, simulation.world.grid.offset
     i = robots.at_index
     position = np.where(robots.claim[i] == NIL, robots.cell[i], robots.claim[i])
@@ -166,13 +167,13 @@ def _driven(simulation: Simulation) -> tuple[Array, Array, Array]:
 
 
 def _with_older(position: Array, cells: Array, steps: Array, past: DrivenCells) -> Array:
-    """Trails that go on with those of before where the present route began."""
+    """Trails, extended by earlier ones before the start of the present route."""
     before = np.concatenate((past.position[:, None], past.cells), axis=1)
     now = np.concatenate((position[:, None], cells), axis=1)
     on_route = np.minimum(steps, TRAIL_CELLS)
     since = np.clip(steps - past.steps, 0, TRAIL_CELLS)
-    same = (steps >= past.steps) & (_of(now, since) == past.position)  # it is still on that route
-    stood = _of(now, on_route) == past.position  # it began its new route there
+    same = (steps >= past.steps) & (_of(now, since) == past.position)  # still on the same route
+    stood = _of(now, on_route) == past.position  # its new route began there
     first = np.where(same, 1 + np.minimum(past.steps, TRAIL_CELLS), stood)
     at = first[:, None] + np.arange(TRAIL_CELLS) - on_route[:, None]
     older = np.take_along_axis(before, np.clip(at, 0, TRAIL_CELLS), axis=1)

@@ -1,6 +1,6 @@
-"""The player: plays, steps and jumps in its thread, and stops where a breakpoint begins to hold.
+"""The player: plays, steps and jumps in its thread, and stops where a breakpoint becomes true.
 
-It carries one or two runs along with one clock, so that both are at the same tick.
+It drives one or two runs by one clock, so that both are at the same tick.
 """
 
 from __future__ import annotations
@@ -33,32 +33,33 @@ from tui.playback.playback_state import (
 )
 
 NORMAL_TICKS_PER_S: Final = 10.0  # at speed x1
-REWIND: Final = 64.0  # the fastest way back
+REWIND: Final = 64.0  # maximum speed backwards
 
-# between two states while ticks fly by: less than between two pictures,
+# Between two published states at full speed: less than between two pictures, but longer if the last
+# state has not been read, since publishing takes the GIL.
 STATE_INTERVAL_S: Final = 0.012
-UNSEEN_S: Final = 1 / 30  # and longer while nobody has looked at the last one: each takes the GIL
+UNSEEN_S: Final = 1 / 30
 
-FIGURES_S: Final = 0.3  # between two readings of the metrics,
-FIGURES_TIME_RATIO: Final = 10  # and at least so many times what the last one took
+FIGURES_S: Final = 0.3  # between two readings of the metrics, or
+FIGURES_TIME_RATIO: Final = 10  # this multiple of the last one's duration, if longer
 
 IDLE_S: Final = 0.5
-RATE_S: Final = 0.5  # over which the speed is measured at least,
-RATE_TICKS: Final = 20  # and that so many ticks are due in: one less is still the speed asked for
+RATE_S: Final = 0.5  # least time over which the speed is measured
+RATE_TICKS: Final = 20  # least number of due ticks: one missing still counts as reached
 
-PLAYER_JOIN_TIMEOUT_S: Final = 3.0  # with a strategy that is to be left,
-TICK_S: Final = 0.5  # and with the tick that is being computed
-LONG_TICK_S: Final = 2.0  # from then on it is said which tick is being computed,
-WAITED_S: Final = 0.15  # or from then on, if a request waits for it
+PLAYER_JOIN_TIMEOUT_S: Final = 3.0  # to wait for an interrupted strategy
+TICK_S: Final = 0.5  # to wait for the tick being computed
+LONG_TICK_S: Final = 2.0  # after this time the tick being computed is shown,
+WAITED_S: Final = 0.15  # or after this time, if a request waits for it
 
-RUN_LETTERS = "AB"  # of two runs beside each other
+RUN_LETTERS = "AB"  # of two runs
 
 
 class Player:
-    """Owns the runs from now on; use only `latest` and the requests, from any thread.
+    """Owns the runs; use only `latest` and the requests, from any thread.
 
-    Everything about the runs is done in its thread; the screen asks for the latest PlaybackState and
-    sends requests, neither of which ever waits for the simulation.
+    Its thread does all work on the runs. The screen reads the latest PlaybackState and sends
+    requests; neither waits for the simulation.
     """
 
     def __init__(self, runs: Sequence[WatchedRun], start: bool = True) -> None:
@@ -68,10 +69,10 @@ class Player:
         self._alive = True
         self._direction, self._speed = 0, 1.0
         self._tick = 0
-        self._busy_since = math.inf  # when it began to compute
-        self._goal: int | None = None  # a tick to be shown, however long it takes,
-        self._stop_at_breakpoints = False  # and whether breakpoints stop on the way
-        self._anchor = (0.0, 0)  # time and tick at which the clock was set
+        self._busy_since = math.inf  # start of the present computation
+        self._goal: int | None = None  # a requested tick, however long it takes,
+        self._stop_at_breakpoints = False  # and whether breakpoints stop before it
+        self._anchor = (0.0, 0)  # time and tick when the clock was set
         self._rate = (0.0, 0, 0.0)  # time and tick of the last measurement; ticks per second
         self._selected, self._layer = NIL, ""
         self._breakpoints: list[Breakpoint] = []
@@ -80,10 +81,10 @@ class Player:
         self._overlays = [Overlays() for _ in self.runs]
         live = [run for run in self.runs if isinstance(run, LiveRun)]
         self._divergence = LiveDivergence(*live) if len(live) == 2 else None
-        self._trails: list[Trails] | None = None  # None: they are not shown
+        self._trails: list[Trails] | None = None  # None: not shown
         self._figures: tuple[RunFigures, ...] = ()
         self._parted: Divergence | None = None
-        self._figures_at = -math.inf  # when the metrics may be read again while ticks go by
+        self._figures_at = -math.inf  # earliest time of the next metrics during playback
         self._stale = True
         for run in self.runs:
             run.give_up = self._is_closing
@@ -99,7 +100,7 @@ class Player:
         return self._playback
 
     def computing(self) -> LongTick | None:
-        """The tick that takes long, or for which a request has to wait; None: none does."""
+        """The tick being computed, if it takes long or makes a request wait; else None."""
         seconds, waited = time.monotonic() - self._busy_since, bool(self._requests)
         if seconds < (WAITED_S if waited else LONG_TICK_S):
             return None
@@ -107,15 +108,15 @@ class Player:
 
     @property
     def thread(self) -> int:
-        """The system's number of the player's thread."""
+        """The native id of the player's thread."""
         return self._thread.native_id or 0
 
     def play(self, direction: int = 1) -> None:
-        """Go on; with -1 backwards."""
+        """Play; -1: backwards."""
         self._enqueue_request(lambda: self._set_clock(direction, self._speed))
 
     def toggle(self, direction: int = 1) -> None:
-        """Play in this direction; if it does already, or forwards if it plays at all, pause."""
+        """Play in this direction, or pause if already playing (for forwards: in any direction)."""
 
         def turn() -> None:
             playing = self._direction == direction or (direction > 0 and self._direction != 0)
@@ -127,52 +128,52 @@ class Player:
         self._enqueue_request(turn)
 
     def pause(self) -> None:
-        """Stop at the tick that is shown."""
+        """Pause at the shown tick."""
         self._enqueue_request(self._halt)
 
     def set_speed(self, factor: float) -> None:
-        """Times TICKS_PER_S; math.inf for as fast as it goes."""
+        """Set the speed in units of NORMAL_TICKS_PER_S; math.inf: full speed."""
         self._enqueue_request(lambda: self._set_clock(self._direction, factor))
 
     def step(self, ticks: int) -> None:
-        """Pause, and show so many ticks later, unless a breakpoint comes before, or earlier."""
+        """Go by `ticks`, negative for back, and pause; a breakpoint on the way forward stops it."""
         self._enqueue_request(
             lambda: self._set_target(self._target + ticks, stop_at_breakpoints=True)
         )
 
     def seek(self, tick: int, stop_at_breakpoints: bool = False) -> None:
-        """Pause, and show a tick; `stop_at_breakpoints`: on the way forward, stop at the first."""
+        """Go to a tick and pause; `stop_at_breakpoints`: stop at the first on the way forward."""
         self._enqueue_request(lambda: self._set_target(tick, stop_at_breakpoints))
 
     def select(self, robot: int) -> None:
-        """The robot whose route the snapshots give, or NIL."""
+        """Include the route of this robot, or NIL, in snapshots."""
         self._enqueue_request(lambda: self._choose(robot, self._layer))
 
     def show_layer(self, name: str) -> None:
-        """The layer of which the snapshots hold the field, or ""."""
+        """Include the numbers of this layer, or "", in snapshots."""
         self._enqueue_request(lambda: self._choose(self._selected, name))
 
     def show_trails(self, on: bool) -> None:
-        """Whether states hold the cells that robots came through."""
+        """Include trails in states or not."""
         self._enqueue_request(
             lambda: setattr(self, "_trails", [Trails() for _ in self.runs] if on else None)
         )
 
     def set_breakpoints(self, breakpoints: Sequence[Breakpoint]) -> None:
-        """Stop where one of them begins to hold."""
+        """Stop where one of these becomes true."""
         self._enqueue_request(lambda: setattr(self, "_breakpoints", list(breakpoints)))
 
     def exchange(
         self, work: Callable[[WatchedRun], WatchedRun], done: Callable[[str], None]
     ) -> None:
-        """Replace the first run by what `work` makes of it; `done` gets "" or what was wrong.
+        """Replace the first run by the result of `work`; `done` receives "" or an error.
 
-        Both are called in the player's thread.
+        The player's thread calls both.
         """
         self._enqueue_request(lambda: self._exchange(work, done))
 
     def close(self) -> None:
-        """End the thread and close the runs: what was recorded is whole after it."""
+        """End the thread and close the runs, which completes recordings."""
         with self._wake:
             self._alive = False
             self._wake.notify()
@@ -183,7 +184,7 @@ class Player:
                 run.leading_simulation.interrupt()
             self._thread.join(PLAYER_JOIN_TIMEOUT_S)
         if self._thread.is_alive():
-            return  # a strategy does not answer; what was recorded so far lies on the disk
+            return  # a strategy hangs; the recording so far is on disk
         for run in self.runs:
             run.close()
 
@@ -192,14 +193,14 @@ class Player:
             self._requests.append(work)
             self._wake.notify()
 
-    # From here on in the player's thread.
+    # Called in the player's thread.
 
     def _run_thread(self) -> None:
         while self._alive:
             try:
                 self._handle_requests()
                 if self._direction and not self._playback.playing:
-                    self._publish_now()  # it plays, even if the first tick takes long
+                    self._publish_now()  # show that it plays, even if the first tick takes long
                 busy = self._goal is not None or self._direction != 0
                 if busy:
                     self._advance()
@@ -209,7 +210,7 @@ class Player:
                     self._look_ahead()
                 self._publish()
             except KeyboardInterrupt:
-                return  # given up
+                return  # closing
             except Exception as error:
                 self._fail(error)
                 busy = False
@@ -224,15 +225,15 @@ class Player:
             self._requests.popleft()()
 
     def _fail(self, error: Exception) -> None:
-        """Halt and show why; the screen goes on."""
+        """Halt and show the error; the screen stays alive."""
         self._error = sentence(error)
         self._halt()
         self._tick = min(run.tick for run in self.runs)
-        with suppress(Exception):  # the same again: one sentence is enough
+        with suppress(Exception):  # one error message is enough
             self._tick = self._show(self._tick)
         try:
             self._playback = self._take_state(self._playback.seq + 1)
-        except Exception:  # then the last one has to do
+        except Exception:  # fall back to the last state
             self._playback = replace(
                 self._playback,
                 seq=self._playback.seq + 1,
@@ -265,7 +266,7 @@ class Player:
     def _set_clock(self, direction: int, speed: float) -> None:
         if direction and not self._direction:
             self._clear_stop()
-        if (direction, speed) != (self._direction, self._speed):  # what was measured is of another
+        if (direction, speed) != (self._direction, self._speed):  # the measured speed is outdated
             self._rate = (time.monotonic(), self._tick, 0.0)
         self._direction, self._speed = direction, speed
         if direction:
@@ -274,7 +275,7 @@ class Player:
 
     @property
     def _target(self) -> int:
-        """The tick that will be shown."""
+        """The requested tick, or the shown one."""
         return self._tick if self._goal is None else self._goal
 
     def _set_target(self, tick: int, stop_at_breakpoints: bool = False) -> None:
@@ -285,7 +286,7 @@ class Player:
         self._goal, self._stop_at_breakpoints = int(max(0, min(tick, last))), stop_at_breakpoints
 
     def _clear_stop(self) -> None:
-        """Clear what stopped the clock."""
+        """Clear the reason of the last stop."""
         self._hit, self._stopped, self._error = None, "", ""
 
     def _choose(self, robot: int, layer: str) -> None:
@@ -308,7 +309,7 @@ class Player:
         done("")
 
     def _advance(self) -> None:
-        """Bring all runs nearer to the tick that the clock or a request asks for."""
+        """Move all runs towards the tick of the clock or of a request."""
         goal = self._goal if self._goal is not None else self._due()
         stop_at_breakpoints = (
             self._stop_at_breakpoints if self._goal is not None else self._direction > 0
@@ -327,7 +328,7 @@ class Player:
         if self._tick == self._goal or (self._goal is not None and self._tick == before):
             self._report_lost_past()
             self._goal = None
-            self._stale = True  # the metrics are those of this tick, also at an end before the goal
+            self._stale = True  # read the metrics of the final tick
         elif self._goal is None and self._at_an_end():
             self._set_clock(0, self._speed)
             self._stale = True
@@ -335,9 +336,9 @@ class Player:
             self._anchor = (time.monotonic(), self._tick)
 
     def _report_lost_past(self) -> None:
-        """A tick was asked for that a long run without a recording does not keep."""
+        """Report a requested tick that a long run without a recording has discarded."""
         if self._goal is not None and self._goal < self._first <= self._tick:
-            self._error = f"what happened before tick {self._first:,} is not kept any more"
+            self._error = f"ticks before {self._first:,} are not kept any more"
             self._stale = True
 
     @property
@@ -356,7 +357,7 @@ class Player:
         return self._speed if self._direction > 0 else min(self._speed, REWIND)
 
     def _due(self) -> int:
-        """The tick that the clock asks for now."""
+        """The tick that is due by the clock."""
         began, tick = self._anchor
         if math.isinf(self._clock_speed):
             return self._tick + 2**30
@@ -364,7 +365,7 @@ class Player:
         return max(0, tick + self._direction * passed)
 
     def _show(self, tick: int) -> int:
-        """Show a tick in all runs, or one as near to it as they all get in a moment."""
+        """Show a tick in all runs, or the nearest one that all reach within a time slice."""
         if self._divergence is not None:
             return self._show_in_step(tick)
         reached = [run.show(tick) for run in self.runs]
@@ -378,7 +379,7 @@ class Player:
         return common
 
     def _show_in_step(self, tick: int) -> int:
-        """The same of two live runs: none is computed farther than the other."""
+        """`_show` for two live runs: neither is computed farther than the other."""
         lead = max(self.runs, key=lambda run: math.inf if run.end is None else run.end)
         common = lead.show(tick)
         for run in self.runs:
@@ -389,7 +390,7 @@ class Player:
         return common
 
     def _step_until_breakpoint(self, tick: int) -> None:
-        """Go on tick by tick, for a moment, and stop where a breakpoint begins to hold in a run."""
+        """Advance by single ticks for a time slice; stop where a breakpoint becomes true."""
         until = time.monotonic() + STATE_INTERVAL_S
         held = held_by(self._breakpoints, self.runs)
         while self._tick < tick and time.monotonic() < until and not self._at_an_end():
@@ -415,7 +416,7 @@ class Player:
         return all(run.end is not None and self._tick >= run.end for run in self.runs)
 
     def _look_ahead(self) -> bool:
-        """Go through a recording while nothing else is to be done, so that its events are known."""
+        """While idle, read ahead in recordings to learn their events."""
         before = [run.event_history.known for run in self.runs]
         for run in self.runs:
             if not run.live:
@@ -485,33 +486,33 @@ class Player:
 
 
 def sentence(error: Exception) -> str:
-    """What went wrong, for the user."""
+    """The error as a message to the user."""
     if isinstance(error, InputError):
         return str(error)
     return f"internal error, {type(error).__name__}: {error}"
 
 
-# Breakpoints stop the clock at the first tick at which one begins to hold in any run.
+# Breakpoints stop the clock at the first tick at which one becomes true in any run.
 
 
-Held = list[list[Array]]  # of each run, for each breakpoint: the robots that it holds for
+Held = list[list[Array]]  # by run and breakpoint: the robots for which it is true
 
 
 class Hit(NamedTuple):
-    """A breakpoint that has begun to hold."""
+    """A breakpoint that has become true."""
 
     text: str
-    side: int  # of the run
-    robots: tuple[int, ...]  # for which it did not hold a tick before
+    side: int  # index of the run
+    robots: tuple[int, ...]  # for which it was false a tick before
 
 
 def held_by(points: Sequence[Breakpoint], runs: Sequence[WatchedRun]) -> Held:
-    """What holds at the ticks that the runs show."""
+    """The robots for which each breakpoint is true at the shown ticks."""
     return [[point.test(run.shown, run.floor_plan) for point in points] for run in runs]
 
 
 def begun(points: Sequence[Breakpoint], before: Held, now: Held) -> list[Hit]:
-    """What holds now and did not a tick before."""
+    """Breakpoints that are true now and were not a tick before."""
     hits = []
     for side, (old, new) in enumerate(zip(before, now, strict=True)):
         for point, was, is_ in zip(points, old, new, strict=True):
@@ -522,7 +523,7 @@ def begun(points: Sequence[Breakpoint], before: Held, now: Held) -> list[Hit]:
 
 
 def _hit_words(hit: Hit, runs: int) -> str:
-    """Why the clock stopped; with two runs it says in which."""
+    """The reason of a stop; with two runs it names the run."""
     where = f"run {RUN_LETTERS[hit.side]}, " if runs > 1 else ""
     others = " and others" if len(hit.robots) > 1 else ""
     return f"{hit.text}: {where}robot {hit.robots[0]}{others}"

@@ -1,7 +1,7 @@
-"""Where a viewer gets its runs: live, recorded or reloaded; and where recordings and screenshots go.
+"""The sources of a viewer's runs (live, recorded, reloaded), and files for recordings and screenshots.
 
-What a viewer is opened with is known at once, so that the floor is drawn before Numba is there. Files
-go to the user's state folder, as the XDG rules name it.
+An Opening is known at once, so that the floor is drawn before Numba is imported. Files go to the
+user's state folder, named by the XDG rules.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 MAX_RECORDINGS_KEPT = 20  # recordings in the state folder
 
-# Since the last byte: nobody writes to a FILE.part any more.
+# Age from which a FILE.part counts as abandoned.
 ABANDONED_S = 24 * 3600
 
 
@@ -50,14 +50,14 @@ class Opening:
         [], list[WatchedRun]
     ]  # imports Numba, and may compile the world. Raises InputError
     recordings: tuple[Recording, ...] = ()
-    paths: tuple[Path, ...] = ()  # where live runs are recorded
+    paths: tuple[Path, ...] = ()  # recordings of live runs
     heads: tuple[Head, ...] = ()  # of two runs
-    files: tuple[Path, ...] = ()  # that the recordings were read from
-    reload: Reload | None = None  # of a live run whose files are watched
+    files: tuple[Path, ...] = ()  # files of the recordings
+    reload: Reload | None = None  # for a live run whose files are watched
 
     @property
     def name(self) -> str:
-        """Of the scenario."""
+        """The name of the scenario."""
         return self.resolved[0].scenario.name
 
     @property
@@ -67,14 +67,14 @@ class Opening:
 
 
 class Reload(NamedTuple):
-    """How a scenario is opened again when its files have changed."""
+    """How to reopen a scenario after a change of its files."""
 
     scenario: str  # as given on the command line
     load: Callable[[], Opening]  # raises InputError
 
 
 def live(resolved: Resolved, path: Path | None) -> Opening:
-    """A run that is computed while it is watched."""
+    """A run computed while it is watched, recorded in `path` if given."""
     seed = resolved.scenario.seed
 
     def begin() -> list[WatchedRun]:
@@ -87,7 +87,7 @@ def live(resolved: Resolved, path: Path | None) -> Opening:
 
 
 def reloading(scenario: str, load: Callable[[], Resolved]) -> Opening:
-    """A live run that begins again whenever a file of its scenario is changed; it is not recorded.
+    """An unrecorded live run that restarts whenever a file of its scenario changes.
 
     Raises InputError, as `load` does.
     """
@@ -95,7 +95,7 @@ def reloading(scenario: str, load: Callable[[], Resolved]) -> Opening:
 
 
 def live_pair(one: Resolved, other: Resolved, path: Path | None) -> Opening:
-    """Two runs that are computed beside each other, the second recorded beside the first.
+    """Two runs computed side by side, the second recorded beside the first.
 
     Raises InputError.
     """
@@ -142,7 +142,7 @@ def recorded(*paths: Path) -> Opening:
 
 
 def _check_sizes(resolved: Sequence[Resolved], second: str) -> None:
-    """Raises InputError, at what named the second run, if one camera cannot show both floors."""
+    """Raise InputError about `second` if the sizes of floors differ: there is only one camera."""
     if len({one.floor_plan.kind.shape for one in resolved}) > 1:
         raise InputError("floors of different sizes cannot be compared", second)
 
@@ -158,7 +158,7 @@ def state_folder(environ: Mapping[str, str]) -> Path:
 
 
 def new_recording(name: str, environ: Mapping[str, str]) -> Path:
-    """A free file for a run of this name; of older ones the newest stay. Raises InputError."""
+    """A free file for a run of this name; deletes the oldest recordings. Raises InputError."""
     folder = state_folder(environ) / "recordings"
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -171,7 +171,7 @@ def new_recording(name: str, environ: Mapping[str, str]) -> Path:
 
 
 def _tidy(folder: Path) -> None:
-    """Room for one more: only the newest stay. One that may still be written to stays, too."""
+    """Delete the oldest recordings to make room for one, except those still being written."""
     now = time.time()
     files = [path for path in folder.iterdir() if path.name.endswith((".rec", ".rec.part"))]
     files = [p for p in files if p.suffix == ".rec" or now - p.stat().st_mtime > ABANDONED_S]
@@ -181,7 +181,7 @@ def _tidy(folder: Path) -> None:
 
 
 def checked_target(path: Path) -> Path:
-    """A file that a recording may be written to. Raises InputError before anything is drawn."""
+    """`path`, if a recording may be written there. Raises InputError."""
     if path.is_dir():
         raise InputError("cannot write the recording: this is a folder", str(path))
     folder = path.parent
@@ -192,17 +192,17 @@ def checked_target(path: Path) -> Path:
     if path.exists():
         with path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
-                raise InputError("is not a recording, so it is not replaced by one", str(path))
+                raise InputError("is not a recording, so it is not overwritten", str(path))
     return path
 
 
 def beside(path: Path) -> Path:
-    """A free file for a branch of the run that is recorded in `path`. Raises OSError."""
+    """A free file for a branch of the run recorded in `path`. Raises OSError."""
     return _reserved(path.parent, path.stem + "-branch", path.suffix)
 
 
 def against(path: Path) -> Path:
-    """A free file for the run beside the one that is recorded in `path`. Raises InputError."""
+    """A free file for the run compared with the one recorded in `path`. Raises InputError."""
     try:
         return _reserved(path.parent, path.stem + "-against", path.suffix)
     except OSError as error:
@@ -211,7 +211,7 @@ def against(path: Path) -> Path:
 
 
 def capture_file(name: str, suffix: str, environ: Mapping[str, str], here: bool) -> Path:
-    """A free file for a screenshot: in the current folder, or in the state folder. Raises OSError."""
+    """A free file for a screenshot, in the current or the state folder. Raises OSError."""
     folder = Path.cwd()
     if not here or not os.access(folder, os.W_OK):
         folder = state_folder(environ) / "screenshots"
@@ -220,7 +220,7 @@ def capture_file(name: str, suffix: str, environ: Mapping[str, str], here: bool)
 
 
 def give_up_unused(path: Path) -> None:
-    """Remove what reserves a file that nothing was written to."""
+    """Remove the reservation of a file to which nothing was written."""
     part = _part_of(path)
     with suppress(OSError):
         if part.stat().st_size == 0:
@@ -233,9 +233,9 @@ def _reserved_for(folder: Path, name: str, suffix: str) -> Path:
 
 
 def _reserved(folder: Path, stem: str, suffix: str) -> Path:
-    """A free file, reserved by an empty FILE.part: of viewers that begin at once each gets its own.
+    """A free file, reserved by an empty FILE.part, so that concurrent viewers get different files.
 
-    Raises OSError where no file can be made.
+    Raises OSError if no file can be created.
     """
     for number in itertools.count(1):
         path = folder / f"{stem}{'' if number == 1 else f'-{number}'}{suffix}"
@@ -250,15 +250,15 @@ def _reserved(folder: Path, stem: str, suffix: str) -> Path:
 
 
 def _part_of(path: Path) -> Path:
-    """What a file is called until it is complete."""
+    """The name of a file until it is complete."""
     return path.with_name(f"{path.name}.part")
 
 
 def short_path(path: Path) -> str:
-    """As a user in the current folder writes it."""
+    """The path relative to the current folder, if inside it."""
     return str(path.relative_to(Path.cwd())) if path.is_relative_to(Path.cwd()) else str(path)
 
 
 def comparing_command(old: Path, new: Path) -> str:
-    """What shows the two side by side."""
+    """The command that shows two recordings side by side."""
     return shlex.join(["automaton", "replay", short_path(old), short_path(new)])

@@ -1,1 +1,1 @@
-"""Pictures of the floor as cells of a terminal; NumPy and the standard library alone."""
+"""Pictures of the floor as terminal characters, with NumPy and the standard library only."""

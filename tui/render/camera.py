@@ -1,17 +1,17 @@
-"""Which part of a floor is on the screen, and how large: zooming, panning, cell <-> screen.
+"""The visible part of a floor and its size: zooming, panning, conversion of cells and places.
 
-The whole floor, drawn at one step of the ladder of zooms, is a picture of so many characters; the
-camera is a window on it. The steps go from cells in which robots are drawn to dots that hold many
-cells.
+At each step of the zoom ladder, the whole floor is a picture of a certain number of characters. The
+camera is a window on this picture. The steps range from cells with drawn robots to dots that hold
+many cells.
 
-    8x4 6x3 4x2   columns x rows of characters for a cell: robots are drawn, and so are cells
-    3x1 2x1 1x1   one row for a cell: a sign for each, with a number where there is room
-    half          half blocks, 1 x 2 cells each
-    braille k     2 x 4 dots each, k x k cells in a dot
+    8x4 6x3 4x2   columns x rows of characters per cell: robots and cells are drawn
+    3x1 2x1 1x1   one row per cell: a sign for each, with a number where there is room
+    half          half blocks: 1 x 2 cells per character
+    braille k     2 x 4 dots per character, k x k cells per dot
 
-A character is about twice as high as wide, so that 2n x n characters are a square. Steps larger than
-8x4 are there as long as the whole floor fits. Where squares would leave much of the screen empty, a
-step with cells that are a little too wide or too high fills it.
+A character is about twice as high as wide, so that 2n x n characters form a square. Steps larger
+than 8x4 exist if the whole floor fits at them. Where square cells would leave much of the screen
+empty, an extra step has cells that are slightly too wide or too high.
 """
 
 from __future__ import annotations
@@ -27,13 +27,13 @@ from automaton.floor.floor_plan import FloorPlan
 
 Place = tuple[int, int]  # row, column of the screen
 
-ALWAYS_DRAWN: Final = 4  # rows of a cell up to which steps exist for floors of any size
-ENOUGH: Final = 0.6  # of the screen: square cells that cover so much are not stretched
-MAX_STRETCH: Final = 1.5  # how many times as wide as high a cell may be, or as high as wide
+ALWAYS_DRAWN: Final = 4  # steps up to this number of rows per cell exist for floors of any size
+ENOUGH: Final = 0.6  # share of the screen that square cells must cover to remain square
+MAX_STRETCH: Final = 1.5  # maximum ratio of a cell's sides
 
 
 class Zoom(NamedTuple):
-    """One step: a character holds `across` x `down` cells, or a cell `width` x `height` characters."""
+    """One step: `across` x `down` cells per character, or `width` x `height` characters per cell."""
 
     name: str
     kind: Literal["cells", "pixels", "dots"]
@@ -44,12 +44,12 @@ class Zoom(NamedTuple):
 
     @property
     def scale(self) -> tuple[float, float]:
-        """Characters for one cell: rows, columns."""
+        """Rows and columns of characters per cell."""
         return self.height / self.down, self.width / self.across
 
     @property
     def area(self) -> float:
-        """Characters for one cell."""
+        """Characters per cell."""
         return self.height * self.width / (self.down * self.across)
 
     @property
@@ -58,7 +58,7 @@ class Zoom(NamedTuple):
         return self.height > 1
 
     def size(self, floor: Place) -> Place:
-        """Rows and columns of the picture of a floor of so many rows and columns of cells."""
+        """Rows and columns of the picture of a floor of this size in cells."""
         rows, columns = -(-floor[0] // self.down), -(-floor[1] // self.across)
         return rows * self.height, columns * self.width
 
@@ -80,12 +80,12 @@ def with_identities(robots: int) -> Zoom:
 
 
 def dots(k: int) -> Zoom:
-    """Braille with k x k cells in a dot."""
+    """Braille with k x k cells per dot."""
     return Zoom(f"braille {k}", "dots", 1, 2 * k, 4 * k)
 
 
 def zoom_ladder(floor: Place, screen: Place, robots: int) -> tuple[Zoom, ...]:
-    """The steps for a floor of so many rows and columns of cells on this screen, nearest first.
+    """The steps, nearest first, for a floor in cells and a screen in characters.
 
     The last one shows the whole floor.
     """
@@ -97,20 +97,20 @@ def zoom_ladder(floor: Place, screen: Place, robots: int) -> tuple[Zoom, ...]:
 
 
 def fits(zoom: Zoom, floor: Place, screen: Place) -> bool:
-    """Whether the whole floor is seen; a screen has at least one character."""
+    """Whether the whole floor fits; a screen has at least one character."""
     rows, columns = zoom.size(floor)
     return rows <= max(screen[0], 1) and columns <= max(screen[1], 1)
 
 
 def covered(zoom: Zoom, floor: Place, screen: Place) -> float:
-    """The share of the screen that the picture of the floor takes, 0 if it does not fit."""
+    """The share of the screen that the picture of the floor covers, 0 if it does not fit."""
     rows, columns = zoom.size(floor)
     fitting = fits(zoom, floor, screen)
     return fitting * rows * columns / max(screen[0] * screen[1], 1)
 
 
 def _squares(floor: Place, screen: Place) -> list[Zoom]:
-    """4x2, 6x3, 8x4, and on for as long as the floor fits."""
+    """4x2, 6x3, 8x4, and larger ones at which the floor fits."""
     steps = [drawn(2 * height, height) for height in range(2, ALWAYS_DRAWN + 1)]
     while fits(larger := drawn(steps[-1].width + 2, steps[-1].height + 1), floor, screen):
         steps.append(larger)
@@ -118,8 +118,9 @@ def _squares(floor: Place, screen: Place) -> list[Zoom]:
 
 
 def _filling(floor: Place, screen: Place, steps: list[Zoom]) -> Zoom | None:
-    """The least stretched cells that cover enough, or else those that cover most; None if the steps
-    do as well.
+    """The least stretched cells that cover enough of the screen, else those that cover most.
+
+    None if `steps` already cover enough or as much.
     """
     best = max(covered(step, floor, screen) for step in steps)
     if best >= ENOUGH:
@@ -136,13 +137,13 @@ def _filling(floor: Place, screen: Place, steps: list[Zoom]) -> Zoom | None:
 
 
 def stretch(zoom: Zoom) -> float:
-    """How many times a cell is as wide as high, or as high as wide: 1 is a square."""
+    """The ratio of the longer side of a cell to the shorter: 1 is a square."""
     ratio = zoom.width / (2 * zoom.height)
     return max(ratio, 1 / ratio)
 
 
 def _braille(floor: Place, screen: Place) -> list[Zoom]:
-    """k = 1, 2, 3, 5, 8, ..., and last the smallest at which the floor fits."""
+    """k = 1, 2, 3, 5, 8, ..., and finally the smallest k at which the floor fits."""
     last = 1
     while not fits(dots(last), floor, screen):
         last += 1
@@ -163,8 +164,7 @@ class CellRectangle(NamedTuple):
 
 
 def shown_rectangle(floor_plan: FloorPlan) -> CellRectangle:
-    """The smallest rectangle that holds everything but outer walls; parking bays may lie in the
-    border."""
+    """The smallest rectangle around all cells except walls; parking bays may lie in the border."""
     rows, columns = np.nonzero(floor_plan.kind != WALL)
     if not rows.size:
         return CellRectangle(1, 1, floor_plan.height + 1, floor_plan.width + 1)
@@ -185,7 +185,7 @@ class Camera:
         self._robots = robots
         self.ladder = self._steps()
         self.zoom = ZOOM_ONE_TO_ONE
-        self.top = self.left = 0  # character of the whole picture in the upper left corner
+        self.top = self.left = 0  # position in the whole picture of the upper left character
         self._y, self._x = self.height / 2, self.width / 2  # the centre of the view, in cells
         self.fit()
 
@@ -194,7 +194,7 @@ class Camera:
 
     @property
     def key(self) -> tuple[Zoom, int, int, int, int]:
-        """What a picture of the empty floor depends on."""
+        """The values on which a picture of the empty floor depends."""
         return self.zoom, self.top, self.left, self.rows, self.columns
 
     def size(self) -> Place:
@@ -210,22 +210,22 @@ class Camera:
     # Zooming.
 
     def fit(self) -> None:
-        """The largest step at which the whole floor is seen, in the middle."""
+        """Centre the floor at the largest step at which all of it fits."""
         self.zoom = next((zoom for zoom in self.ladder if self._fits(zoom)), self.ladder[-1])
         self._y, self._x = self.height / 2, self.width / 2
         self._settle(self._range(0), self._range(1))
 
     def one_to_one(self) -> None:
-        """One character for a cell, about the same centre."""
+        """Show one character per cell, around the same centre."""
         self.zoom = ZOOM_ONE_TO_ONE
         self._settle(self._range(0), self._range(1))
 
     def zoom_in(self, at: Place | None = None) -> None:
-        """One step nearer; the cell at that place of the screen stays there."""
+        """Zoom in by a step; the cell at `at` stays in place."""
         self._zoom_by(-1, at)
 
     def zoom_out(self, at: Place | None = None) -> None:
-        """One step farther; what is at `at` stays there as far as the floor stays on the screen."""
+        """Zoom out by a step; the cell at `at` stays in place if the floor stays on the screen."""
         self._zoom_by(1, at)
 
     def _zoom_by(self, steps: int, at: Place | None) -> None:
@@ -243,29 +243,29 @@ class Camera:
         self.top, self.left = top, left
         self._y, self._x = self._middle()
 
-    # Moving.
+    # Panning.
 
     def pan(self, dx: float, dy: float) -> None:
-        """Move the view by so many cells; steps smaller than a character add up."""
+        """Move the view by cells; steps smaller than a character add up."""
         self._y, self._x = self._y + dy, self._x + dx
-        # A view that zooming left beyond an edge may stay there or come back.
+        # Zooming may have moved the view beyond an edge; it may stay there or come back.
         (low_y, high_y), (low_x, high_x) = self._range(0), self._range(1)
         top, left = min(low_y, self.top), min(low_x, self.left)
         self._settle((top, max(high_y, self.top)), (left, max(high_x, self.left)))
 
     def pan_characters(self, columns: float, rows: float) -> None:
-        """Move the view by so many characters of the screen."""
+        """Move the view by characters of the screen."""
         down, across = self.zoom.scale
         self.pan(columns / across, rows / down)
 
     def centre_on(self, cell: int) -> None:
-        """Bring a cell as near to the middle as the edges of the floor allow."""
+        """Bring a cell as close to the middle as the edges of the floor allow."""
         y, x = divmod(int(cell), self.floor_plan.stride)
         self._y, self._x = y - self.shown.top + 0.5, x - self.shown.left + 0.5
         self._settle(self._range(0), self._range(1))
 
     def resize(self, rows: int, columns: int) -> None:
-        """Another size of the screen; the centre stays."""
+        """Set the size of the screen; the centre stays."""
         self.rows, self.columns = rows, columns
         self.ladder = self._steps()
         if self.zoom not in self.ladder:
@@ -273,10 +273,10 @@ class Camera:
             self.zoom = next(smaller, self.ladder[-1])
         self._settle(self._range(0), self._range(1))
 
-    # Between cells and characters.
+    # Conversion between cells and characters.
 
     def cell_at(self, row: int, column: int) -> int | None:
-        """The cell at a place of the screen, of several the middle one; None outside the floor."""
+        """The (middle) cell at a place of the screen; None outside the floor."""
         rows, columns = self.size()
         if not (0 <= row + self.top < rows and 0 <= column + self.left < columns):
             return None
@@ -284,7 +284,7 @@ class Camera:
         return (y + self.shown.top) * self.floor_plan.stride + x + self.shown.left
 
     def place_of(self, cell: int) -> Place | None:
-        """Where a cell begins on the screen, or None if it is not on it."""
+        """The place where a cell starts on the screen, or None if it is off the screen."""
         y, x = divmod(int(cell), self.floor_plan.stride)
         y, x = y - self.shown.top, x - self.shown.left
         if not (0 <= y < self.height and 0 <= x < self.width):
@@ -292,21 +292,21 @@ class Camera:
         row = y // self.zoom.down * self.zoom.height - self.top
         column = x // self.zoom.across * self.zoom.width - self.left
         if -self.zoom.height < row < 0:
-            row = 0  # the cell is cut by the upper edge
+            row = 0  # the upper edge cuts the cell
         if -self.zoom.width < column < 0:
             column = 0
         inside = 0 <= row < self.rows and 0 <= column < self.columns
         return (row, column) if inside else None
 
     def rectangle_at(self, row: int, column: int) -> CellRectangle:
-        """The cells that the character at a place of the screen stands for."""
+        """The cells that the character at a place of the screen represents."""
         zoom = self.zoom
         y = (row + self.top) // zoom.height * zoom.down + self.shown.top
         x = (column + self.left) // zoom.width * zoom.across + self.shown.left
         return CellRectangle(y, x, y + zoom.down, x + zoom.across)
 
     def visible(self) -> CellRectangle:
-        """The cells of the floor on the screen, those that its edges cut included."""
+        """The cells of the floor on the screen, including those cut by its edges."""
         last = self.rectangle_at(self.rows - 1, self.columns - 1)
         first, shown = self.rectangle_at(0, 0), self.shown
         top, left = max(first.top, shown.top), max(first.left, shown.left)
@@ -314,7 +314,7 @@ class Camera:
         return CellRectangle(top, left, max(bottom, top), max(right, left))
 
     def inside(self, cells: NDArray[np.int32]) -> NDArray[np.bool_]:
-        """Which of these cells are on the screen; NIL is not."""
+        """Mark the cells that are on the screen; NIL is not."""
         seen = self.visible()
         y, x = np.divmod(cells, self.floor_plan.stride)
         inside: NDArray[np.bool_] = (
@@ -322,7 +322,7 @@ class Camera:
         )
         return inside
 
-    # The arithmetic of the window.
+    # Position of the window.
 
     def _steps(self) -> tuple[Zoom, ...]:
         """The ladder for this size of the screen, nearest first."""
@@ -332,9 +332,9 @@ class Camera:
         return fits(zoom, (self.height, self.width), (self.rows, self.columns))
 
     def _floor_at(self, row: int, column: int) -> tuple[int, int]:
-        """Row and column within the shown rectangle of the middle cell of a character.
+        """Row and column, in the shown rectangle, of the middle cell of a character.
 
-        Of a character that the edge of the floor cuts it is a cell on the floor.
+        If the edge of the floor cuts the character, the cell is still on the floor.
         """
         zoom = self.zoom
         y = (row + self.top) // zoom.height * zoom.down
@@ -349,23 +349,23 @@ class Camera:
         return (self.top + self.rows / 2) / down, (self.left + self.columns / 2) / across
 
     def _corner(self) -> tuple[int, int]:
-        """The character in the upper left corner that belongs to the centre, on whole cells."""
+        """The `top` and `left` that match the centre, rounded to whole cells."""
         down, across = self.zoom.scale
         top = round((self._y * down - self.rows / 2) / self.zoom.height)
         left = round((self._x * across - self.columns / 2) / self.zoom.width)
         return top * self.zoom.height, left * self.zoom.width
 
     def _range(self, axis: int) -> tuple[int, int]:
-        """Where `top` (axis 0) or `left` (1) may lie: no blank margin, or the floor in the middle."""
+        """The range of `top` (axis 0) or `left` (1): without a blank margin, or centred."""
         picture = self.size()[axis]
         screen = (self.rows, self.columns)[axis]
         if picture <= screen:
             return (-((screen - picture) // 2),) * 2
-        step = self.zoom.width if axis else self.zoom.height  # of whole cells
+        step = self.zoom.width if axis else self.zoom.height  # whole cells
         return 0, -(-(picture - screen) // step) * step
 
     def _settle(self, rows: tuple[int, int], columns: tuple[int, int]) -> None:
-        """Show what the centre asks for, with `top` and `left` in these ranges."""
+        """Move the window to the centre, with `top` and `left` clamped to these ranges."""
         top, left = self._corner()
         self.top, self.left = _inside(top, *rows), _inside(left, *columns)
         y, x = self._middle()
@@ -377,7 +377,7 @@ def _inside(value: int, low: int, high: int) -> int:
     return min(max(value, low), high)
 
 
-# Blocks of cells as characters: which of them are on the screen, and sums over them.
+# Blocks of cells as characters: the visible ones, and sums over blocks.
 
 
 class PicturePart(NamedTuple):
@@ -390,7 +390,7 @@ class PicturePart(NamedTuple):
 
 
 def part_of(camera: Camera) -> PicturePart:
-    """Those on the screen."""
+    """The characters on the screen."""
     rows, columns = camera.size()
     top, left = max(camera.top, 0), max(camera.left, 0)
     bottom = min(camera.top + camera.rows, rows)
@@ -401,7 +401,7 @@ def part_of(camera: Camera) -> PicturePart:
 def blocks(
     values: NDArray[Any], across: int, down: int | None = None, over: np.ufunc = np.add
 ) -> NDArray[Any]:
-    """The sum (or another reduction) over each block of cells; those at the edges are smaller."""
+    """The sum (or another reduction) over each block of cells; edge blocks may be smaller."""
     down = across if down is None else down
     if values.dtype == bool or values.dtype == np.uint8:
         values = values.astype(np.int32)

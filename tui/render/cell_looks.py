@@ -1,8 +1,8 @@
-"""How cells look, and the surfaces on which they are painted.
+"""The looks of cells, and the surfaces on which they are painted.
 
-Where a cell is several rows high it is drawn in thin lines, quiet, so that robots stand out: dots of
-braille, 2 x 4 in a character, on a grid of 2 width x 4 height dots. Where it is one row high it is a
-sign, and from afar a block of dots or a pixel.
+A cell of several rows is drawn in thin, faint lines, so that robots stand out: braille dots, 2 x 4
+per character, on a grid of 2 width x 4 height dots. A cell of one row is a sign, and at smaller zooms
+a block of dots or a pixel.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ from tui.render.scene import (
 )
 from tui.render.styles import ASCII, DOT_BITS, GLYPHS, Codes, GlyphSet, code, style
 
-CELL_COLOURS = {  # of a kind of cell
+CELL_COLOURS = {  # by kind of cell
     WALL: styles.COLOUR_WALL,
     FLOOR: styles.COLOUR_FLOOR_MARK,
     TRACK: styles.COLOUR_TRACK,
@@ -68,34 +68,34 @@ CELL_COLOURS = {  # of a kind of cell
     STORAGE: styles.COLOUR_FLOOR_MARK,
 }
 
-# From afar a cell is a block of dots, which has more ink than a sign: shelves take the colours of
-# marks there, so that robots stand out. So do storage cells.
+# At small zooms a cell is a block of dots, with more ink than a sign: shelves and storage cells then
+# take the colours of marks, so that robots stand out.
 STORING_KINDS = (SHELF, RACK, STORAGE)
 FAR_SHELF = styles.COLOUR_FLOOR_MARK
 FAR_LOAD = styles.COLOUR_RACK
 
 DRIVEN = (FLOOR, TRACK, TURNTABLE)
 
-SIGNLESS_KINDS: Final = (SHELF, RACK, STORAGE, BAY, TRACK, TURNTABLE)  # the lines say what it is
+SIGNLESS_KINDS: Final = (SHELF, RACK, STORAGE, BAY, TRACK, TURNTABLE)  # their outlines suffice
 
-# The six that stay farthest apart under all three kinds of colour blindness, in both themes; the
-# last one is rarely needed.
+# The six colours that differ most under all three kinds of colour blindness, in both themes; the
+# last is rarely needed.
 TINTS: Final = (
     *(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_1, styles.COLOUR_ZONE_2),
     *(styles.COLOUR_ZONE_5, styles.COLOUR_ZONE_7, styles.COLOUR_ZONE_4),
 )
-TINT_CODES: Final = tuple(map(ord, "defghi"))  # by tint, for no colours; none is a sign in ASCII
+TINT_CODES: Final = tuple(map(ord, "defghi"))  # by tint, without colours; no ASCII signs
 TINT_COLOURS: Final = np.array(TINTS, np.uint32)
 TINT_LETTERS: Final = np.array(TINT_CODES, np.uint32)
 TRANSFER_COLOUR: Final = styles.COLOUR_TEXT  # of a station between two zones
 
-FLOW_LEVELS = (0, 5, 5, 5, 5, 6, 6, 7, 8)  # of heat: thin arrows would not show in its first ones
+FLOW_LEVELS = (0, 5, 5, 5, 5, 6, 6, 7, 8)  # of heat; the lowest would hide thin arrows
 
 Dots = NDArray[np.bool_]  # (4 height, 2 width)
 Cells = NDArray[np.int32]
 
 
-# The characters of a cell of the empty floor, for every look and every number of characters.
+# The characters of a cell of the empty floor, by look, for every size in characters.
 
 
 def look(kind: int, detail: int = 0) -> int:
@@ -118,18 +118,18 @@ def colour_of(number: int) -> int:
 
 
 def sign_place(width: int, height: int) -> int:
-    """The character of a cell that bears its sign, in reading order."""
+    """The character of a cell that shows its sign, in reading order."""
     return 0 if height == 1 else (height - 1) // 2 * width + (width - 1) // 2
 
 
 @lru_cache(maxsize=16)
 def cell_codes(glyphs: GlyphSet, width: int, height: int = 1) -> NDArray[np.uint32]:
-    """(LOOK_COUNT, height x width) codes. In a cell of one row a robot stands where its sign does."""
+    """(LOOK_COUNT, height x width) codes. In a cell of one row, a robot replaces the sign."""
     table = np.zeros((LOOK_COUNT, height * width), np.uint32)
     for number in range(LOOK_COUNT):
         kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
         if kind not in CELL_COLOURS:
-            continue  # more numbers than kinds
+            continue  # a number without a kind
         first, rest = _characters(glyphs, kind, detail)
         fg = style(colour_of(number), styles.COLOUR_FLOOR)
         if height > 1:
@@ -140,7 +140,7 @@ def cell_codes(glyphs: GlyphSet, width: int, height: int = 1) -> NDArray[np.uint
 
 
 def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
-    """The first character of a cell, and what fills the others."""
+    """The first character of a cell, and the filling of the others."""
     blank, line = glyphs.blank, glyphs.track[0]
     if kind == WALL:
         return (blank, blank) if detail == DETAIL_OUTSIDE else (glyphs.wall, glyphs.wall)
@@ -172,12 +172,12 @@ def _characters(glyphs: GlyphSet, kind: int, detail: int) -> tuple[int, int]:
 def drawn_cell(
     glyphs: GlyphSet, width: int, height: int, kind: int, detail: int, first: int, rest: int
 ) -> NDArray[np.uint32]:
-    """(height x width) glyphs of a cell of several rows: an outline, and its sign where it has room."""
+    """(height x width) glyphs of a cell of several rows: an outline, and a sign where it fits."""
     if kind == WALL:
         return np.full(height * width, rest, np.uint32)
     if glyphs is ASCII and kind in STORING_KINDS:
         return filled(glyphs, width, height, first)
-    frames = glyphs is not ASCII  # letters make none
+    frames = glyphs is not ASCII  # ASCII has no outlines
     cells = line_glyphs(glyphs, outline(kind, detail, width, height, frames))
     if kind not in SIGNLESS_KINDS or glyphs is ASCII or (kind == TURNTABLE and height > 2):
         cells[sign_place(width, height)] = first
@@ -185,7 +185,7 @@ def drawn_cell(
 
 
 def filled(glyphs: GlyphSet, width: int, height: int, sign: int) -> NDArray[np.uint32]:
-    """(height x width) a cell full of its sign, but for its edges."""
+    """(height x width) a cell filled with its sign, except its edges."""
     cells = np.full((height, width), glyphs.blank, np.uint32)
     cells[: max(height - 1, 2), 1:-1] = sign
     return cells.reshape(-1)
@@ -195,7 +195,7 @@ def filled(glyphs: GlyphSet, width: int, height: int, sign: int) -> NDArray[np.u
 
 
 def outline(kind: int, detail: int, width: int, height: int, frames: bool = True) -> Dots:
-    """The lines of a kind of cell with its detail, see `looks_of`; without frames tracks alone."""
+    """The lines of a look, see `looks_of`; without frames only those of tracks."""
     dots = np.zeros((4 * height, 2 * width), bool)
     if kind in (TRACK, TURNTABLE):
         draw_exits(dots, detail, step=2)
@@ -222,13 +222,13 @@ def outline(kind: int, detail: int, width: int, height: int, frames: bool = True
 
 
 def centre(dots: Dots) -> tuple[int, int]:
-    """The dot, row and column, in which ways through a cell meet: it is in the character of signs."""
+    """Row and column of the dot where ways through a cell meet, in the sign's character."""
     rows, columns = dots.shape
     return (rows // 4 - 1) // 2 * 4 + 2, (columns // 2 - 1) // 2 * 2 + 1
 
 
 def draw_exits(dots: Dots, exits: int, step: int = 1) -> None:
-    """Lines from the centre to some sides; every second dot of them with step 2."""
+    """Draw lines from the centre to some sides; with step 2 every second dot."""
     y, x = centre(dots)
     below, right = dots[y:, x], dots[y, x:]
     above, left = dots[y::-1, x], dots[y, x::-1]
@@ -239,13 +239,13 @@ def draw_exits(dots: Dots, exits: int, step: int = 1) -> None:
 
 
 def draw_box(dots: Dots, step: int = 1) -> None:
-    """A frame that leaves a dot free all round; every second dot of it with step 2."""
+    """Draw a frame with a margin of one dot; with step 2 every second dot."""
     dots[1:-1:step, [1, -2]] = True
     dots[[1, -2], 1:-1:step] = True
 
 
 def draw_corners(dots: Dots) -> None:
-    """The corners of such a frame."""
+    """Draw the corners of such a frame."""
     rows, columns = dots.shape
     draw_box(dots)
     dots[rows // 4 + 1 : -rows // 4 - 1] = False
@@ -253,7 +253,7 @@ def draw_corners(dots: Dots) -> None:
 
 
 def draw_ring(dots: Dots) -> None:
-    """A ring round the centre, and nothing within."""
+    """Draw a ring around the centre, and clear its inside."""
     y, x = centre(dots)
     rows, columns = np.indices(dots.shape)
     radius = min(y, x, dots.shape[0] - 1 - y, dots.shape[1] - 1 - x)
@@ -263,12 +263,12 @@ def draw_ring(dots: Dots) -> None:
 
 
 def fill(dots: Dots) -> None:
-    """The inside of a frame."""
+    """Fill the inside of a frame."""
     dots[3:-3, 3:-3] = True
 
 
 def line_glyphs(glyphs: GlyphSet, dots: Dots) -> NDArray[np.uint32]:
-    """(height x width) the characters that show these dots, and blanks."""
+    """(height x width) the characters that show these dots."""
     rows, columns = dots.shape[0] // 4, dots.shape[1] // 2
     grid = dots.reshape(rows, 4, columns, 2)
     pattern = (grid * DOT_BITS[None, :, None, :]).sum(axis=(1, 3))
@@ -282,9 +282,7 @@ def line_glyphs(glyphs: GlyphSet, dots: Dots) -> NDArray[np.uint32]:
 
 @lru_cache(maxsize=2)
 def heat_codes(glyphs: GlyphSet) -> Codes:
-    """(HEAT_LEVELS,) foreground and background are equal: the shade is seen only where there are no
-    colours.
-    """
+    """(HEAT_LEVELS,) with equal foreground and background: shades show only without colours."""
     foregrounds = styles.COLOUR_HEAT_0 + np.arange(HEAT_LEVELS)
     return np.array(code(style(foregrounds, foregrounds), np.array(glyphs.ramp)), np.uint32)
 
@@ -296,23 +294,23 @@ def flow_codes(glyphs: GlyphSet) -> Codes:
     return np.array(code(foregrounds[:, None], np.array(glyphs.arrow)[None, :]), np.uint32)
 
 
-# The cells on the screen while they are painted.
+# Surfaces: the cells on the screen during painting.
 
 
 @lru_cache(maxsize=8)
 def empty_floor(
     floor: ShownFloor, seen: CellRectangle, width: int, height: int, glyphs: GlyphSet
 ) -> Codes:
-    """(rows, columns, height x width) not to be written to; kept until the camera moves."""
+    """(rows, columns, height x width) read-only; cached while the camera stays."""
     looks = floor.looks[seen.top : seen.bottom, seen.left : seen.right]
     return cell_codes(glyphs, width, height)[looks]
 
 
 class Canvas:
-    """Cells that have characters of their own: (rows, columns, characters of a cell) codes.
+    """A surface with characters for each cell: (rows, columns, characters of a cell) codes.
 
-    The characters of a cell are in reading order. Its sign stands in one of them: in the first where
-    a cell is one row high, else in the middle.
+    The characters of a cell are in reading order. The sign is in the first one if a cell has one
+    row, else in the middle.
     """
 
     def __init__(self, scene: Scene, camera: Camera, glyphs: GlyphSet) -> None:
@@ -325,41 +323,41 @@ class Canvas:
         self.flat = self.codes.reshape(-1, self.height * self.width)
 
     def picture(self) -> Codes:
-        """(rows, columns of characters) what is painted."""
+        """The painted characters, (rows, columns)."""
         rows, columns = self.codes.shape[:2]
         cells = self.codes.reshape(rows, columns, self.height, self.width)
         return cells.swapaxes(1, 2).reshape(rows * self.height, columns * self.width)
 
     def at(self, cells: Cells) -> tuple[Cells, NDArray[np.intp]]:
-        """Index into the canvas of those cells that are on it, and which of them they are."""
+        """For the cells on the canvas: their indices into it, and their indices in `cells`."""
         y, x = np.divmod(cells, self.stride)
         y -= self.seen.top
         x -= self.seen.left
         rows, columns = self.codes.shape[:2]
-        # Negative numbers are large ones without a sign; NIL is in row -1.
+        # As unsigned, negative numbers are large; NIL is in row -1.
         inside = (y.view(np.uint32) < rows) & (x.view(np.uint32) < columns)
         which = np.flatnonzero(inside)
         index: Cells = y[which] * columns + x[which]
         return index, which
 
     def cells(self, values: NDArray[Any]) -> NDArray[Any]:
-        """The part on the screen of an array over all cells, (C,) or (C, n)."""
+        """The visible part of an array over all cells, (C,) or (C, n)."""
         seen = self.seen
         whole = values.reshape(*self.scene.floor.looks.shape, *values.shape[1:])
         return whole[seen.top : seen.bottom, seen.left : seen.right]
 
     def set_background(self, index: NDArray[Any], bg: int | NDArray[Any]) -> None:
-        """Give cells another background."""
+        """Set the background of cells."""
         self.flat[index] = styles.with_background(self.flat[index], bg)
 
     def set_foreground(self, index: Cells, fg: int) -> None:
-        """Give cells another colour on the plain background."""
+        """Set the colour of cells, on the plain background."""
         glyph = self.flat[index] & GLYPHS
         self.flat[index] = code(style(fg, styles.COLOUR_FLOOR), glyph)
 
 
 class Pixels:
-    """Cells as pixels, two in a character, each with a colour; k x k cells in a pixel."""
+    """A surface of pixels, two per character, each one colour for k x k cells."""
 
     def __init__(self, pixels: NDArray[np.uint8], part: PicturePart, camera: Camera) -> None:
         self.pixels, self.part, self.camera = pixels, part, camera
@@ -367,7 +365,7 @@ class Pixels:
         self.flat = pixels.reshape(-1)
 
     def at(self, cells: NDArray[np.int32]) -> tuple[NDArray[np.int32], NDArray[np.intp]]:
-        """Index of the pixel of those cells that are on the screen, and which of them they are."""
+        """For the cells on the screen: indices of their pixels, and their indices in `cells`."""
         y, x = np.divmod(cells, np.int32(self.camera.floor_plan.stride))
         shown, (rows, columns) = self.camera.shown, self.pixels.shape
         y = (y - shown.top) // self.k - 2 * self.part.top

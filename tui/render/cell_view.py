@@ -1,16 +1,16 @@
-"""Pictures in which every cell has one or more characters of its own.
+"""Pictures with one or more characters per cell.
 
-They are painted from below: the empty floor, loads, the layer, the selected robot's route, claims
-of long moves, robots, the cursor.
+They are painted from the bottom up: empty floor, loads, layer, the selected robot's route, claims of
+long moves, robots, cursor.
 
-    -+-}12     in cells of one row a robot stands in the first column, its number in the others
-     |         in cells of several rows it is drawn, see tui.render.drawn_robots
+    -+-}12     in cells of one row, a robot is in the first column, its number in the others
+     |         in cells of several rows, it is drawn, see tui.render.drawn_robots
 
 Trails and lines to goals are dim:
 
-    . . o o >       a trail behind a robot, the cell where it is left out
+    . . o o >       a trail behind a robot, without the cell of the robot
     > - - \\ . .
-          . \\ O     a line from a robot to the cell of its goal; it leads through shelves and walls
+          . \\ O     a line from a robot to its goal cell, also through shelves and walls
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ from tui.render.cell_looks import (
 from tui.render.scene import DETAIL_FULL_SHELF, DETAIL_POD, NO_CELLS, Scene, ShownFloor
 from tui.render.styles import GLYPH_BITS, GLYPHS, Codes, GlyphSet, code, style
 
-MAX_LINE_CELLS: Final = 100_000  # of all lines together: 8 ms; the robots that follow have none
+MAX_LINE_CELLS: Final = 100_000  # in all lines together: 8 ms; further robots get no line
 
 BodyAndInk = tuple[NDArray[np.uint32], NDArray[np.uint32]]  # (n,) each
 
 
 def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
-    """(rows, columns of characters) the visible cells, whole ones."""
+    """(rows, columns of characters) all cells that are at least partly visible."""
     canvas = Canvas(scene, camera, glyphs)
     draw_loads(canvas)
     draw_layer(canvas)
@@ -82,11 +82,11 @@ def near_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
     return canvas.picture()
 
 
-# Loads: shelves and storage cells on the screen that hold a load or a pod.
+# Loads: visible shelves and storage cells that hold a load or a pod.
 
 
 def draw_loads(canvas: Canvas) -> None:
-    """Shelves that hold a load, and pods in storage."""
+    """Draw shelves that hold a load, and pods in storage."""
     codes = cell_codes(canvas.glyphs, canvas.width, canvas.height)
     full = full_shelves(canvas.scene, canvas.seen)
     canvas.flat[full] = codes[look(SHELF, DETAIL_FULL_SHELF)]
@@ -94,7 +94,7 @@ def draw_loads(canvas: Canvas) -> None:
 
 
 def full_shelves(scene: Scene, visible: CellRectangle, kind: int = SHELF) -> NDArray[np.intp]:
-    """Those with a load, in cells of the rectangle; before the run begins, as they are drawn."""
+    """Indices in the rectangle of shelves with a load; before the run, as in the layout."""
     shelves = shelves_in(scene.floor, visible, kind)
     if scene.snapshot is not None:
         full = scene.snapshot.slots.content[shelves.slot] != NIL
@@ -105,7 +105,7 @@ def full_shelves(scene: Scene, visible: CellRectangle, kind: int = SHELF) -> NDA
 
 
 def pods_in(scene: Scene, visible: CellRectangle) -> NDArray[np.intp]:
-    """The storage cells in which a pod stands, in cells of the rectangle."""
+    """Indices in the rectangle of storage cells with a pod."""
     return full_shelves(scene, visible, STORAGE)
 
 
@@ -118,7 +118,7 @@ class Shelves(NamedTuple):
 
 @lru_cache(maxsize=8)
 def shelves_in(floor: ShownFloor, visible: CellRectangle, kind: int = SHELF) -> Shelves:
-    """Those of one kind; kept until the camera moves."""
+    """The shelves of one kind; cached while the camera stays."""
     rows, columns = slice(visible.top, visible.bottom), slice(visible.left, visible.right)
     slots = floor.slot_in.reshape(floor.looks.shape)[rows, columns].reshape(-1)
     index = np.flatnonzero(floor.floor_plan.kind[rows, columns].reshape(-1) == kind)
@@ -130,7 +130,7 @@ def shelves_in(floor: ShownFloor, visible: CellRectangle, kind: int = SHELF) -> 
 
 
 def draw_layer(canvas: Canvas) -> None:
-    """The layer of the scene on the cells that robots drive on."""
+    """Draw the layer of the scene."""
     scene = canvas.scene
     if scene.tints is not None:
         draw_tints(canvas, scene.tints)
@@ -144,7 +144,7 @@ def draw_layer(canvas: Canvas) -> None:
 
 
 def draw_flow(canvas: Canvas, index: NDArray[np.intp], levels: NDArray[np.uint8]) -> None:
-    """An arrow in the direction in which most robots left a cell, the brighter the more did."""
+    """Draw an arrow in the direction in which most robots left a cell; more moves are brighter."""
     snapshot = canvas.scene.snapshot
     assert snapshot is not None and snapshot.flow is not None
     flow = canvas.cells(snapshot.flow).reshape(-1, 4)
@@ -152,10 +152,10 @@ def draw_flow(canvas: Canvas, index: NDArray[np.intp], levels: NDArray[np.uint8]
 
 
 def keep_heat(canvas: Canvas, ground: Codes) -> None:
-    """What is drawn on a hot or a tinted cell stands on it; without colours its sign fills the rest.
+    """Keep the layer's background under signs that were drawn over hot or tinted cells.
 
-    A sign has the foreground of its background; other characters, such as a station's number, fill
-    nothing.
+    Without colours, the layer's own sign fills the blanks of such cells. That sign is recognized by
+    equal foreground and background; other characters, such as a station's number, fill nothing.
     """
     fg, heat = np.divmod(ground >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOUR_TABLE)))
     hot = (heat > styles.COLOUR_HEAT_0) & (heat < styles.COLOUR_FLOOR_MARK)
@@ -166,15 +166,16 @@ def keep_heat(canvas: Canvas, ground: Codes) -> None:
     canvas.flat[blank] = ground[blank]
 
 
-# Zones as tints and letters, whatever layer they are of.
+# Zones as tints and letters, for any layer.
 #
-# Where there are no colours, or the same ones, a letter tells touching zones apart: ddd+ee
+# Without colours, letters distinguish adjacent zones: ddd+ee
 
 
 def draw_tints(canvas: Canvas, zone_tints: NDArray[np.int8]) -> None:
-    """Cells tinted by zone. Free floor bears a letter that is seen without colours only.
+    """Tint cells by zone. Free floor has a letter that is visible only without colours.
 
-    A straight track bears it in its own colour; other cells keep their signs and bear it beside.
+    A straight track shows the letter in its own colour. Other cells keep their signs, with the
+    letter beside them.
     """
     layer = canvas.scene.map_layer
     tints = canvas.cells(zone_tints).reshape(-1)
@@ -196,16 +197,16 @@ def draw_tints(canvas: Canvas, zone_tints: NDArray[np.int8]) -> None:
 
 
 def paint_tints(pixels: NDArray[np.uint8], tints: NDArray[np.int8]) -> None:
-    """Pixels in the tints of their zones."""
+    """Paint pixels in the tints of their zones."""
     inside = tints != NIL
     pixels[inside] = TINT_COLOURS[tints[inside]]
 
 
 def sign_tints(codes: Codes, pixels: NDArray[np.uint8], thin: bool = False) -> Codes:
-    """A character whose halves have one tint bears its letter, unseen where there are colours.
+    """Write the letter of a tint, visible without colours only, where both halves have that tint.
 
-    thin: ways are no wider than half a character, and there are no colours: one half is enough, and
-    stations bear their signs.
+    thin: ways are at most half a character wide, and there are no colours. Then one tinted half is
+    enough, and stations show their signs.
     """
     top = pixels[0::2]
     whole = (top == pixels[1::2]) & np.isin(top, TINT_COLOURS)
@@ -228,17 +229,17 @@ def sign_tints(codes: Codes, pixels: NDArray[np.uint8], thin: bool = False) -> C
     return signed
 
 
-# What lies on the floor, and where robots came from and are going.
+# Loads on the floor, closed cells, trails, goals and routes.
 
 
 def draw_left_loads(canvas: Canvas) -> None:
-    """Loads that lie on the floor where robots had to leave them."""
+    """Draw loads that robots had to leave on the floor."""
     index, _ = canvas.at(canvas.scene.left_loads)
     draw_sign(canvas, index, styles.COLOUR_LOADED, canvas.glyphs.left_load)
 
 
 def draw_gates(canvas: Canvas) -> None:
-    """Cells that are closed now, and doors that are shut."""
+    """Draw closed cells and shut doors."""
     signs = (canvas.glyphs.closed, canvas.glyphs.door)
     for cells, sign in zip(canvas.scene.shut_cells, signs, strict=True):
         index, _ = canvas.at(cells)
@@ -246,7 +247,7 @@ def draw_gates(canvas: Canvas) -> None:
 
 
 def draw_sign(canvas: Canvas, index: Cells, fg: int, sign: int) -> None:
-    """A sign in some cells; where they are several rows high it has a frame."""
+    """Draw a sign in some cells, with a frame where cells have several rows."""
     if canvas.height > 1:
         dots = np.zeros((4 * canvas.height, 2 * canvas.width), bool)
         draw_box(dots)
@@ -255,7 +256,7 @@ def draw_sign(canvas: Canvas, index: Cells, fg: int, sign: int) -> None:
 
 
 def draw_paths(canvas: Canvas) -> None:
-    """Trails and lines, where each cell has characters of its own."""
+    """Draw trails and lines to goals."""
     scene, glyphs = canvas.scene, canvas.glyphs
     if scene.trails.size:
         index, _ = canvas.at(scene.trails.reshape(-1))
@@ -267,10 +268,10 @@ def draw_paths(canvas: Canvas) -> None:
 
 
 def goal_lines(scene: Scene) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
-    """(k,) cells between robots and the cells of their goals, and how the line leads through each.
+    """(k,) cells between robots and their goal cells, and the direction of the line in each.
 
-    0 along x, 1 along y, 2 and 3 the falling and the rising diagonal. Lines are those of Bresenham,
-    by rounding; all of them are made at once.
+    Directions: 0 along x, 1 along y, 2 and 3 the falling and the rising diagonal. The lines are
+    Bresenham's, computed for all robots together by rounding.
     """
     if scene.snapshot is None or not scene.lines:
         return NO_CELLS, np.zeros(0, np.int8)
@@ -293,7 +294,7 @@ def goal_lines(scene: Scene) -> tuple[NDArray[np.int32], NDArray[np.int8]]:
 
 
 def draw_route(canvas: Canvas) -> None:
-    """The cells that the selected robot has still to drive through, and where it is going."""
+    """Draw the rest of the selected robot's route, and its goal."""
     scene, glyphs = canvas.scene, canvas.glyphs
     route = np.asarray(scene.route, np.int32)
     if not route.size:
@@ -315,7 +316,7 @@ def draw_route(canvas: Canvas) -> None:
 
 
 def route_exits(route: Cells, stride: int) -> NDArray[np.uint8]:
-    """(cells,) the sides over which a route comes into each of its cells and leaves it."""
+    """(cells,) the sides through which a route enters and leaves each of its cells."""
     exits = np.zeros(len(route), np.uint8)
     step = np.diff(route)
     for change, out, into in (
@@ -326,7 +327,7 @@ def route_exits(route: Cells, stride: int) -> NDArray[np.uint8]:
     ):
         exits[:-1][step == change] |= out
         exits[1:][step == change] |= into
-    _, number = np.unique(route, return_inverse=True)  # a route may come to a cell twice
+    _, number = np.unique(route, return_inverse=True)  # a route may visit a cell twice
     both = np.zeros(len(route), np.uint8)
     np.bitwise_or.at(both, number, exits)
     return both[number]
@@ -344,7 +345,7 @@ def route_glyphs(glyphs: GlyphSet, width: int, height: int) -> NDArray[np.uint32
 
 
 def draw_claims(canvas: Canvas) -> None:
-    """The cells that robots hold ahead of them during a move of several ticks."""
+    """Draw the cells that robots claim ahead during moves of several ticks."""
     assert canvas.scene.snapshot is not None
     robots = canvas.scene.snapshot.robots
     held = np.flatnonzero(robots.claim != NIL)
@@ -361,7 +362,7 @@ def draw_claims(canvas: Canvas) -> None:
 
 
 def draw_robots(canvas: Canvas) -> None:
-    """Each robot in the cell where it is; a number where there are several."""
+    """Draw each robot in its cell, or a number for several robots."""
     scene = canvas.scene
     robots = fleet.robots_of(scene)
     index, which = canvas.at(robots.cell)
@@ -381,7 +382,7 @@ def draw_signs(
     which: NDArray[np.intp],
     robot_styles: NDArray[np.uint32],
 ) -> None:
-    """Robots in cells of one row: a sign, and a mark for the load or the number beside it."""
+    """Draw robots in cells of one row: a sign, and beside it a load mark or the number."""
     scene, glyphs = canvas.scene, canvas.glyphs
     glyph = fleet.shape_glyphs(glyphs)[robots.shape[which], robots.direction[which]]
     canvas.flat[index, 0] = code(robot_styles, glyph)
@@ -395,7 +396,7 @@ def draw_signs(
 
 
 def chosen_colours(scene: Scene, colour: NDArray[np.uint32]) -> BodyAndInk:
-    """The colours of robots and of what is written on them; those of chosen ones change places."""
+    """The colours of robots and of the text on them; chosen robots have a marked body."""
     body, ink = colour.copy(), np.full_like(colour, styles.COLOUR_FLOOR)
     for robots, bg in (
         (scene.marked, styles.COLOUR_MARKED),
@@ -414,7 +415,7 @@ def draw_crowds(
     state: NDArray[np.uint8],
     colours: BodyAndInk,
 ) -> None:
-    """The number of robots in each cell that holds several (+ from ten), in the worst colour."""
+    """Write the number of robots in each cell with several (+ from ten), in the worst colour."""
     count = np.bincount(index, minlength=len(canvas.flat))
     several = count[index] > 1
     if not several.any():
@@ -422,7 +423,7 @@ def draw_crowds(
     index, which = index[several], which[several]
     body, ink = (colour[which] for colour in colours)
     chosen = ink != styles.COLOUR_FLOOR
-    order = np.lexsort((state[which], chosen))  # the worst, or one that is chosen, is written last
+    order = np.lexsort((state[which], chosen))  # the last one wins: the worst, or a chosen one
     index = index[order]
     crowds = style(ink[order], body[order])
     digit = np.array([*canvas.glyphs.digits, ord("+")])[np.minimum(count[index], 10)]

@@ -1,16 +1,17 @@
-"""A scene and a camera made a picture: one code for each character of the screen.
+"""The picture of a scene seen by a camera: one code for each character of the screen.
 
-Where a cell has characters of its own, tui.render.cell_view draws it. Pictures of many cells are here.
+tui.render.cell_view draws pictures with one or more characters per cell. Pictures with several cells
+per character are here.
 
-Half blocks: two pixels in a character, each with a colour of its own. A pixel is one cell on the step
-"half" of the ladder. The steps beyond are drawn so while a layer colours the floor; a pixel is then as
-large as half a character of braille, so that switching the layer on moves nothing. On a layer robots
-are dots, and between them its colour is still seen.
+Half blocks: two pixels per character, each with its own colour. At the step "half" of the ladder, a
+pixel is one cell. Smaller steps use half blocks while a layer colours the floor; a pixel then covers
+half a character of braille, so that switching the layer on moves nothing. On a layer robots are dots,
+with the layer's colour between them.
 
-Braille: k x k cells in each dot, 2 x 4 dots in a character, which has one colour. Where robots are, it
-shows them alone, in the colour of the worst: a few robots fill their characters or a half of them, many
-are dots. Elsewhere it shows the structure of the floor in faint colours: a dot of which half the cells
-are shelves or walls is set, and stations stand out of what surrounds them.
+Braille: k x k cells per dot and 2 x 4 dots per character, which has one colour. A character with
+robots shows only these, in the colour of the worst: few robots fill whole or half characters, many
+are dots. Other characters show the structure of the floor in faint colours: a dot is set if at least
+half of its cells are shelves or walls, and stations stand out from their surroundings.
 """
 
 from __future__ import annotations
@@ -52,27 +53,27 @@ from tui.render.styles import DOT_BITS, Codes, GlyphSet, code, style
 
 Colours = NDArray[np.uint8]  # by pixel, or by character
 
-# These show in a pixel or a dot of many cells, the last one first.
+# Kinds that win in a pixel or dot of many cells, the last one over the others.
 STATION_KINDS = (BAY, CHARGER, DESTINATION, DOCK, STATION)
 
 HEATS = range(styles.COLOUR_HEAT_1, styles.COLOUR_HEAT_8 + 1)
 LAYER_COLOURS = (*HEATS, *range(styles.COLOUR_ZONE_0, styles.COLOUR_ZONE_7 + 1))
 
-# Colours of what stands on the floor, and the braille dots of its upper and lower half.
+# Colours of objects standing on the floor, and the braille dots of their upper and lower half.
 DOTTED = (
     *(FAR_SHELF, FAR_LOAD, styles.COLOUR_WALL, styles.COLOUR_BAY, styles.COLOUR_CHARGER),
     *(styles.COLOUR_DESTINATION, styles.COLOUR_DOCK, styles.COLOUR_STATION),
 )
 TOP_DOTS, BOTTOM_DOTS = 0x1B, 0xE4
-TOP_PAIR, BOTTOM_PAIR = 0x11, 0x84  # of an empty shelf
+TOP_PAIR, BOTTOM_PAIR = 0x11, 0x84  # for an empty shelf
 
 HALVES = np.array([0x1B, 0xE4], np.uint8)  # the dots of the upper and the lower half of a character
 
-BLANK: Final = np.uint32(0xFFFFFFFF)  # no code: nothing of the frame
+BLANK: Final = np.uint32(0xFFFFFFFF)  # no code: outside the frame
 
 
 def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = None) -> Codes:
-    """(camera.rows, camera.columns) codes; `out` is overwritten and returned if it is given."""
+    """(camera.rows, camera.columns) codes; `out` is overwritten and returned if given."""
     if out is None or out.shape != (camera.rows, camera.columns):
         out = np.empty((camera.rows, camera.columns), np.uint32)
     kind, top, left = camera.zoom.kind, max(-camera.top, 0), max(-camera.left, 0)
@@ -80,7 +81,7 @@ def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = 
         part = near_picture(scene, camera, glyphs)
         zoom = camera.zoom
         above = camera.top % zoom.height if camera.top > 0 else 0  # rows cut off
-        before = camera.left % zoom.width if camera.left > 0 else 0  # and columns
+        before = camera.left % zoom.width if camera.left > 0 else 0  # columns cut off
         part = part[above : above + camera.rows, before : before + camera.columns]
     elif kind == "pixels" or scene.shaded:
         part = pixel_picture(scene, camera, glyphs)
@@ -98,7 +99,7 @@ def compose(scene: Scene, camera: Camera, glyphs: GlyphSet, out: Codes | None = 
 
 
 def far_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
-    """(rows, columns) the characters that show some of the floor."""
+    """(rows, columns) the visible characters of the floor in braille."""
     part = part_of(camera)
     base = floor_in_dots(scene.floor, camera.shown, camera.zoom.across // 2, glyphs)
     canvas = DotCanvas(
@@ -132,7 +133,7 @@ def floor_in_dots(floor: ShownFloor, shown: CellRectangle, k: int, glyphs: Glyph
 
 
 def _patterns(dots: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """The braille pattern of each 2 x 4 dots."""
+    """The braille pattern of each block of 2 x 4 dots."""
     rows, columns = dots.shape
     padded = np.pad(dots, ((0, -rows % 4), (0, -columns % 2)))
     cells = padded.reshape(padded.shape[0] // 4, 4, padded.shape[1] // 2, 2)
@@ -140,7 +141,7 @@ def _patterns(dots: NDArray[np.bool_]) -> NDArray[np.uint8]:
 
 
 class DotCanvas:
-    """Characters of many cells each, while they are painted."""
+    """A surface of characters with many cells each."""
 
     def __init__(
         self,
@@ -150,7 +151,7 @@ class DotCanvas:
         glyphs: GlyphSet,
         backgrounds: Colours | None = None,
     ) -> None:
-        """`backgrounds`: of each character, where a layer is shown; None: the plain floor."""
+        """`backgrounds`: one per character if a layer is shown; None: the plain floor."""
         self.codes, self.part, self.camera, self.glyphs = codes, part, camera, glyphs
         self.flat = codes.reshape(-1)
         self.on_layer = backgrounds is not None
@@ -158,11 +159,11 @@ class DotCanvas:
         self.backgrounds = plain if backgrounds is None else backgrounds.reshape(-1)
 
     def dots(self, cells: NDArray[np.int32]) -> Dots:
-        """Where cells are on it."""
+        """The places of cells on the canvas."""
         return Dots(cells, self.part, self.camera)
 
     def draw(self, cells: NDArray[np.int32], fg: int) -> None:
-        """Cells as dots of one colour; what else their characters showed gives way."""
+        """Draw cells as dots of one colour, in place of what their characters showed."""
         if not cells.size:
             return
         dots = self.dots(cells)
@@ -171,7 +172,7 @@ class DotCanvas:
 
 
 class Dots:
-    """Cells as characters of a part of the picture and dots in them."""
+    """Cells as characters in a part of the picture, and dots in these."""
 
     def __init__(self, cells: NDArray[np.int32], part: PicturePart, camera: Camera) -> None:
         y, x = np.divmod(cells, np.int32(camera.floor_plan.stride))
@@ -189,7 +190,7 @@ class Dots:
         self.bit = bit[self.which]
 
     def patterns(self, size: int) -> NDArray[np.uint8]:
-        """The pattern of the character of each of these cells."""
+        """For each cell the pattern of its character, with the dots of all these cells."""
         pattern = np.zeros(size, np.uint8)
         np.bitwise_or.at(pattern, self.index, self.bit)
         found: NDArray[np.uint8] = pattern[self.index]
@@ -197,7 +198,7 @@ class Dots:
 
 
 def draw_over(canvas: DotCanvas, scene: Scene) -> None:
-    """Trails, lines to goals, the route, the robots and the cursor."""
+    """Draw trails, lines to goals, the route, robots and the cursor."""
     if scene.snapshot is not None:
         canvas.draw(scene.trails.reshape(-1), styles.COLOUR_TRAIL)
         canvas.draw(goal_lines(scene)[0], styles.COLOUR_GOAL_LINE)
@@ -209,10 +210,10 @@ def draw_over(canvas: DotCanvas, scene: Scene) -> None:
 
 
 def draw_robots(canvas: DotCanvas, scene: Scene) -> None:
-    """The robots; marked ones and the selected one on backgrounds of their own."""
+    """Draw robots; marked and selected ones have their own backgrounds."""
     seen, flat = fleet.robots_of(scene), canvas.flat
     dots = canvas.dots(seen.cell)
-    order = np.argsort(seen.state[dots.which], kind="stable")  # the worst is written last
+    order = np.argsort(seen.state[dots.which], kind="stable")  # the last one wins: the worst
     colours = np.zeros(flat.size, np.uint32)
     colours[dots.index[order]] = seen.colour[dots.which[order]]
     on_layer = canvas.camera.zoom.kind == "pixels" or canvas.on_layer
@@ -235,7 +236,7 @@ def draw_robots(canvas: DotCanvas, scene: Scene) -> None:
 def robot_signs(
     glyphs: GlyphSet, patterns: NDArray[np.uint8], mark: int
 ) -> tuple[NDArray[np.uint32], NDArray[np.bool_]]:
-    """(k,) glyphs of characters with robots on these dots, and which are filled with their colour."""
+    """(k,) glyphs of characters with robots on these dots, and whether robots fill them."""
     upper, lower = (patterns & half != 0 for half in HALVES)
     solid = np.full(patterns.shape, mark == fleet.MARK_FULL)
     if mark == fleet.MARK_DOT:
@@ -247,7 +248,7 @@ def robot_signs(
 
 
 def draw_flow(canvas: DotCanvas, scene: Scene, strongest: NDArray[np.int32]) -> None:
-    """An arrow for each character: where most robots of its cells went."""
+    """Draw an arrow per character, in the direction of most moves out of its cells."""
     assert scene.snapshot is not None and scene.snapshot.flow is not None
     zoom, shown, part = canvas.camera.zoom, canvas.camera.shown, canvas.part
     values = np.column_stack([scene.snapshot.flow, strongest])
@@ -266,7 +267,7 @@ def draw_flow(canvas: DotCanvas, scene: Scene, strongest: NDArray[np.int32]) -> 
 
 
 def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
-    """(rows, columns) the characters that show some of the floor."""
+    """(rows, columns) the visible characters of the floor in half blocks."""
     part, k = part_of(camera), camera.zoom.across
     whole = floor_in_pixels(scene.floor, camera.shown, k)
     pixels = whole[2 * part.top : 2 * part.bottom, part.left : part.right].copy()
@@ -295,7 +296,7 @@ def pixel_picture(scene: Scene, camera: Camera, glyphs: GlyphSet) -> Codes:
 
 
 def draw_layer(canvas: Pixels, scene: Scene) -> bool:
-    """Heat, or zones; whether these have signs of their own."""
+    """Paint heat or zones; returns whether the layer draws its own signs."""
     if scene.tints is not None:
         paint_tints(canvas.pixels, canvas.reduced(scene.tints, NIL))
     elif scene.values is not None:
@@ -306,7 +307,7 @@ def draw_layer(canvas: Pixels, scene: Scene) -> bool:
 
 
 def draw_robot_pixels(canvas: Pixels, scene: Scene) -> None:
-    """Each robot as a pixel in the colour of its state, of several in that of the worst."""
+    """Paint robots as pixels in the colour of their state, the worst if several share one."""
     seen = fleet.robots_of(scene)
     index, which = canvas.at(seen.cell)
     order = np.argsort(seen.state[which], kind="stable")
@@ -319,7 +320,7 @@ def draw_robot_pixels(canvas: Pixels, scene: Scene) -> None:
 
 @lru_cache(maxsize=16)
 def floor_in_pixels(floor: ShownFloor, shown: CellRectangle, k: int) -> Colours:
-    """The whole floor without robots and loads, k x k cells in a pixel, whole characters."""
+    """The whole floor without robots and loads, k x k cells per pixel, in whole characters."""
     rows, columns = slice(shown.top, shown.bottom), slice(shown.left, shown.right)
     kind = floor.floor_plan.kind[rows, columns]
     if k == 1:
@@ -337,7 +338,7 @@ def floor_in_pixels(floor: ShownFloor, shown: CellRectangle, k: int) -> Colours:
 
 
 def _pixel_colour(number: int) -> int:
-    """Floor and rails are dark: only what stands on the floor has a colour."""
+    """The colour of objects that stand on the floor; floor and rails stay dark."""
     kind = number & KIND_MASK
     if kind in DRIVEN or kind not in CELL_COLOURS:
         return styles.COLOUR_FLOOR
@@ -355,8 +356,8 @@ def paired(pixels: Colours, glyphs: GlyphSet) -> Codes:
 def pairs(glyphs: GlyphSet) -> Codes:
     """The character of each pair of colours, upper * colours + lower.
 
-    What stands on the floor is dotted, what lies over it or moves is solid: that tells robots from
-    shelves where there are no colours. Beside something solid the other half is plain floor.
+    Objects standing on the floor are dotted, overlays and robots are solid: so robots differ from
+    shelves even without colours. A dotted half beside a solid one shows plain floor.
     """
     colours, floor = len(styles.COLOUR_TABLE), styles.COLOUR_FLOOR
     upper, lower = np.divmod(np.arange(colours * colours), colours)
@@ -366,7 +367,7 @@ def pairs(glyphs: GlyphSet) -> Codes:
     codes = code(style(top, bottom), glyphs.upper_half)
     codes = np.where(top == floor, code(style(bottom, floor), glyphs.lower_half), codes)
     codes = np.where(top == bottom, code(style(top, floor), glyphs.full), codes)
-    fg = np.maximum(upper, lower)  # the table of colours ends with what matters most
+    fg = np.maximum(upper, lower)  # the most important colours are last
     pattern = _dots(TOP_DOTS, TOP_PAIR)[upper] | _dots(BOTTOM_DOTS, BOTTOM_PAIR)[lower]
     dotted = code(style(fg, floor), np.array(glyphs.braille)[pattern])
     codes = np.where(standing[upper] & standing[lower], dotted, codes).astype(np.uint32)
@@ -376,7 +377,7 @@ def pairs(glyphs: GlyphSet) -> Codes:
 def _shades(
     codes: Codes, upper: NDArray[np.intp], lower: NDArray[np.intp], glyphs: GlyphSet
 ) -> Codes:
-    """Pairs of heat by the shade of the greater level, which stands for the whole character."""
+    """Show pairs of heat by the shade of the higher level, for the whole character."""
     levels = [
         np.where(np.isin(half, list(HEATS)), half - styles.COLOUR_HEAT_0, 0)
         for half in (upper, lower)
@@ -386,7 +387,7 @@ def _shades(
 
 
 def _dots(full: int, pair: int) -> NDArray[np.uint8]:
-    """(colours,) the dots of each colour that stands on the floor; fewer for an empty shelf."""
+    """(colours,) the dots of each colour of DOTTED; fewer for an empty shelf."""
     dots = np.zeros(len(styles.COLOUR_TABLE), np.uint8)
     dots[list(DOTTED)] = full
     dots[FAR_SHELF] = pair
@@ -394,25 +395,25 @@ def _dots(full: int, pair: int) -> NDArray[np.uint8]:
 
 
 def grounds(pixels: Colours) -> Colours:
-    """(rows / 2, columns) the background for what stands on a layer: of two heats the greater."""
+    """(rows / 2, columns) the backgrounds on a layer: the higher of two heats."""
     backgrounds = np.where(np.isin(pixels, LAYER_COLOURS), pixels, np.uint8(styles.COLOUR_FLOOR))
     return np.maximum(backgrounds[0::2], backgrounds[1::2])
 
 
-# The whole floor in a few characters, with a frame round the part that is on the screen.
+# The whole floor in a few characters, with a frame around the part on the screen.
 
 
 class Minimap:
-    """An overview of rows x columns characters, in braille; made once for a size of the map."""
+    """An overview of rows x columns characters in braille, made once per size of the map."""
 
     def __init__(self, camera: Camera, rows: int, columns: int) -> None:
         self.camera = Camera(camera.floor_plan, rows, columns)
         while self.camera.zoom.kind != "dots":
             self.camera.zoom_out()
-        self._framed: tuple[object, Codes] | None = None  # the frame, and where it lies
+        self._framed: tuple[object, Codes] | None = None  # its key and the frame
 
     def picture(self, scene: Scene, main: Camera, glyphs: GlyphSet) -> Codes:
-        """(rows, columns) codes; a frame goes round what `main` shows."""
+        """(rows, columns) codes, with a frame around the part that `main` shows."""
         codes = compose(scene.with_(layer="", route=NO_CELLS, cursor=None), self.camera, glyphs)
         key = main.visible(), self.camera.key, glyphs
         if self._framed is None or self._framed[0] != key:
@@ -421,7 +422,7 @@ class Minimap:
         return np.where(frame == BLANK, codes, frame)
 
     def _frame(self, main: Camera, glyphs: GlyphSet, shape: tuple[int, ...]) -> Codes:
-        """The frame alone."""
+        """The frame, without the floor."""
         part = part_of(self.camera)
         inside = np.full((part.bottom - part.top, part.right - part.left), BLANK, np.uint32)
         canvas = DotCanvas(inside, part, self.camera, glyphs)

@@ -1,14 +1,13 @@
-"""How robots are drawn: where each is, which way it looks, in which colour, and as a sprite.
+"""Drawn robots: their places, directions, colours and sprites.
 
-Robots have the colours of their states, or of something else: order, type, service zone, battery,
-wait. Shapes go on to show the state then, and robots in wait cycles or down keep the colour of that.
-Kinds have eight colours in turn, amounts five that grow brighter (darker in the light theme).
+Robots are coloured by state or by something else: order, type, service zone, battery, wait. Shapes
+then still show the state, and robots in wait cycles or down keep their alarm colour. Classes use
+eight colours in rotation; amounts use five, each brighter than the last (darker in the light theme).
 
-Where a cell is several rows high, a character is two pixels, one above the other, so that a cell of
-6 x 3 characters has 6 x 6 of them. The front of a robot that drives is pointed, that of one that waits
-is flat, and one that is parked, charges or is down has no front. Its sign is near the front, its number
-in the middle, its load lies behind in a colour of its own, and where it has a battery a bar shows the
-charge.
+Where a cell has several rows, a character is two pixels, one above the other: a cell of 6 x 3
+characters has 6 x 6 pixels. A driving robot has a pointed front, a waiting one a flat front; a robot
+that is parked, charging or down has no front. The sign is near the front, the number in the middle,
+the load behind in its own colour. With batteries, a bar shows the charge.
 
     ####..     drives east      ######     waits       .####.     is parked
     #####.                      ######                 ######
@@ -47,7 +46,7 @@ if TYPE_CHECKING:
     from tui.render.cell_looks import Canvas
 
 
-COLOURINGS: Final = {  # by name, and what it is called in the palette and in messages
+COLOURINGS: Final = {  # by name: their words in the palette and in messages
     "state": "what they do",
     "order": "the order they work on",
     "type": "their type",
@@ -56,17 +55,17 @@ COLOURINGS: Final = {  # by name, and what it is called in the palette and in me
     "waiting": "how long they have waited",
 }
 
-WAITED: Final = (1, 10, 50, 200)  # ticks from which on levels 1 to 4 of a wait begin
+WAITED: Final = (1, 10, 50, 200)  # ticks at which levels 1 to 4 of a wait begin
 
 CLASS_COUNT: Final = len(styles.CLASS_COLOURS)
 LEVEL_COUNT: Final = len(styles.LEVEL_COLOURS)
 
-# Rows of BODY_COLOURS behind those of the states.
+# Rows of BODY_COLOURS after those of the states.
 DRAW_CLASS: Final = len(STATE_COLOURS)
 DRAW_LEVEL: Final = DRAW_CLASS + CLASS_COUNT
 DRAW_ALARM: Final = DRAW_LEVEL + LEVEL_COUNT  # in a wait cycle, or down
 
-# By state, the worse the higher: the worst one gives a shared character its colour.
+# By state, worse states last: the worst robot determines the colour of a shared character.
 BODY_COLOURS: Final = np.array(
     [
         *(
@@ -82,14 +81,14 @@ BODY_COLOURS: Final = np.array(
     np.uint32,
 )
 
-# What a robot is from afar, where a character holds many cells.
+# The mark of a robot where a character holds many cells.
 MARK_FULL: Final = 0  # a whole character
 MARK_HALF: Final = 1  # half of one
 MARK_DOT: Final = 2  # a dot of braille
-FEW: Final = 16  # characters of the picture for each robot from which on it takes a whole one
-SOME: Final = 4  # and half of one
+FEW: Final = 16  # characters of the picture per robot from which a robot takes a whole one
+SOME: Final = 4  # or half of one
 
-# What a pixel shows; BAR + j is pixel j of the bar of the battery.
+# Content of a pixel; BAR + j is pixel j of the battery bar.
 OUTSIDE: Final = 0
 BODY: Final = 1
 LOAD: Final = 2
@@ -102,21 +101,21 @@ ROUND: Final = 2  # without a front
 
 EAST, SOUTH, WEST, NORTH = range(4)
 
-MARGIN_HEIGHT: Final = 5  # rows of a cell from which on robots leave a pixel above and below
-BAR_HEIGHT: Final = 3  # rows of a cell from which on there is room for the bar
-POINT: Final = 3  # pixels that a pointed front is deep, at most; a quarter of large robots
+MARGIN_HEIGHT: Final = 5  # rows of a cell from which robots have a margin above and below
+BAR_HEIGHT: Final = 3  # rows of a cell from which the bar fits
+POINT: Final = 3  # maximum depth of a pointed front in pixels; a quarter of large robots
 
 HEADLESS: Final = (looks.SHAPE_SQUARE, looks.SHAPE_PLUG, looks.SHAPE_VOID, looks.SHAPE_CROSS)
-# The foreground of blanks, which are never underlined as signs are.
+# The foreground of blanks, which unlike signs are never underlined.
 BLANK_INK: Final = styles.COLOUR_VOID
 
 Colours = NDArray[np.uint32]
 
 
 class DrawnRobots(NamedTuple):
-    """The fleet as it is drawn; all (n,), by identity."""
+    """The drawn fleet; all (n,), by identity."""
 
-    cell: NDArray[np.int32]  # its parking bay's if it is there; NIL: it cannot be drawn
+    cell: NDArray[np.int32]  # its cell or parking bay; NIL: not drawn
     state: NDArray[np.uint8]
     direction: NDArray[np.uint8]
     shape: NDArray[np.uint8]
@@ -133,12 +132,12 @@ def robots_of(scene: Scene) -> DrawnRobots:
 
 
 def colours_of(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint32]:
-    """(n,) the colour of each robot of the scene: that of its state, or of what colours robots."""
+    """(n,) the colour of each robot, by its state or by the scene's colouring."""
     return BODY_COLOURS[coloured(scene, state)]
 
 
 def body_colours(scene: Scene, robots: DrawnRobots) -> NDArray[np.uint32]:
-    """(n,) the same where a robot's load has a colour of its own."""
+    """(n,) the colours of bodies, where the load has its own colour."""
     state = np.where(robots.state == DRAW_LOADED, np.uint8(DRAW_EMPTY), robots.state)
     return colours_of(scene, state)
 
@@ -157,7 +156,7 @@ def shape_glyphs(glyphs: GlyphSet) -> NDArray[np.uint32]:
 
 @lru_cache(maxsize=4)
 def number_glyphs(glyphs: GlyphSet, robots: int, width: int) -> NDArray[np.uint32]:
-    """(robots, width) the digits of each identity, blanks behind."""
+    """(robots, width) the digits of each identity, then blanks."""
     table = np.full((robots, width), glyphs.blank, np.uint32)
     for identity in range(robots):
         for column, digit in enumerate(str(identity)[:width]):
@@ -166,7 +165,7 @@ def number_glyphs(glyphs: GlyphSet, robots: int, width: int) -> NDArray[np.uint3
 
 
 def with_cursor(codes: Codes) -> Codes:
-    """The same on the background of the cursor; a robot's colour becomes that of its signs."""
+    """The same signs on the cursor's background; the sign of a robot takes its body's colour."""
     fg, bg = np.divmod(codes >> np.uint32(GLYPH_BITS), np.uint32(len(styles.COLOUR_TABLE)))
     on_robot = (bg >= styles.COLOUR_PARKED) & (fg < styles.COLOUR_TRACK)
     foregrounds = style(np.where(on_robot, bg, fg), styles.COLOUR_CURSOR)
@@ -174,20 +173,20 @@ def with_cursor(codes: Codes) -> Codes:
 
 
 def far_mark(robots: int, characters: int, on_layer: bool) -> int:
-    """How a fleet is drawn on a picture of the whole floor with so many characters.
+    """The mark of robots in a picture of the whole floor with this number of characters.
 
-    On a layer a robot is half a character at most, so that the layer is seen beside it.
+    On a layer a robot takes at most half a character, so that the layer remains visible.
     """
     if robots * FEW <= characters and not on_layer:
         return MARK_FULL
     return MARK_HALF if robots * SOME <= characters else MARK_DOT
 
 
-# Other colours than those of states.
+# Colourings other than by state.
 
 
 def is_possible(scene: Scene, colouring: str) -> bool:
-    """Whether the robots of a floor differ in it."""
+    """Whether the robots of this scene can differ in `colouring`."""
     if colouring == "type":
         return bool(scene.floor.type_names)
     if colouring == "zone":
@@ -196,7 +195,7 @@ def is_possible(scene: Scene, colouring: str) -> bool:
 
 
 def coloured(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(n,) what gives each robot its colour, an index of BODY_COLOURS."""
+    """(n,) each robot's index into BODY_COLOURS."""
     if scene.colouring == "state" or not is_possible(scene, scene.colouring):
         return state
     values = _values(scene)
@@ -207,7 +206,7 @@ def coloured(scene: Scene, state: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _values(scene: Scene) -> NDArray[np.int64]:
-    """(n,) the colour of each robot among those of its kind, or NIL."""
+    """(n,) each robot's index among the class or level colours, or NIL."""
     assert scene.snapshot is not None
     fleet = scene.snapshot.robots
     if scene.colouring == "battery":
@@ -218,14 +217,14 @@ def _values(scene: Scene) -> NDArray[np.int64]:
         waited = waited_ticks(fleet.cause, fleet.since, scene.snapshot.tick)
         waited = np.where(is_waiting(fleet.cause), waited, 0)
         return np.searchsorted(WAITED, waited, "right").astype(np.int64)
-    if scene.colouring == "type":  # a robot with a load has another row of durations
+    if scene.colouring == "type":  # types with a load have their own numbers, after the others
         return (fleet.type.astype(np.int64) % len(scene.floor.type_names)) % CLASS_COUNT
     number = fleet.order if scene.colouring == "order" else fleet.service_zone
     return np.where(number == NIL, NIL, number % CLASS_COUNT).astype(np.int64)
 
 
 def colour_entries(scene: Scene, sign: int) -> Entries:
-    """What the colours mean, for the legend; each is shown with this glyph."""
+    """The meanings of the colours for the legend, each shown with this glyph."""
 
     def shown(colours: range) -> tuple[int, ...]:
         return tuple(int(code(style(one, styles.COLOUR_FLOOR), sign)) for one in colours)
@@ -254,7 +253,7 @@ def colour_entries(scene: Scene, sign: int) -> Entries:
 
 
 def _level_words(scene: Scene) -> list[str]:
-    """What each of the levels means."""
+    """The meaning of each level."""
     if scene.colouring == "battery":
         step = 100 // LEVEL_COUNT
         return [f"battery {step * n} to {step * (n + 1)} %" for n in range(LEVEL_COUNT)]
@@ -263,13 +262,13 @@ def _level_words(scene: Scene) -> list[str]:
     return ["does not wait", *(f"has waited {ticks} ticks" for ticks in waited)]
 
 
-# The characters of robots that are drawn, from their sprites, colours, numbers and charge.
+# The characters of drawn robots, from their sprites, colours, numbers and charge.
 
 
 def drawn_robots(
     canvas: Canvas, robots: DrawnRobots, which: NDArray[np.intp], body: Colours, ink: Colours
 ) -> Codes:
-    """(k, characters of a cell) codes of the robots `which`, (k,), in these colours, (k,) each."""
+    """(k, characters of a cell) codes of the robots `which` in these colours, all (k,)."""
     snapshot = canvas.scene.snapshot
     assert snapshot is not None
     drawings = sprites(canvas.width, canvas.height, canvas.scene.floor.battery)
@@ -283,7 +282,7 @@ def drawn_robots(
     below = drawings.lower[outline, load, direction]
     upper, lower = colours[robot, above], colours[robot, below]
     codes = paired(canvas, upper, lower)
-    if canvas.glyphs.shaded:  # without colours signs show the load
+    if canvas.glyphs.shaded:  # without colours, signs show the load
         cargo = (above == LOAD) & (below == LOAD)
         codes[cargo] = code(style(styles.COLOUR_FLOOR, lower[cargo]), canvas.glyphs.cargo)
     sign = drawings.sign[outline, direction]
@@ -298,9 +297,9 @@ def drawn_robots(
 def pixel_colours(
     canvas: Canvas, which: NDArray[np.intp], body: Colours, bar: NDArray[np.intp]
 ) -> Colours:
-    """(k, BAR + width) the colour of each robot's pixels, by what they show.
+    """(k, BAR + width) the colours of each robot's pixels, by their content.
 
-    bar: (k,) the pixels of the bar of a full battery.
+    bar: (k,) length in pixels of a full battery's bar.
     """
     colours = np.full((len(body), BAR + canvas.width), styles.COLOUR_FLOOR, np.uint32)
     colours[:, BODY] = body
@@ -317,7 +316,7 @@ def pixel_colours(
 
 
 def paired(canvas: Canvas, upper: Colours, lower: Colours) -> Codes:
-    """The characters of pairs of pixels. One of one colour is a background, also in ASCII."""
+    """The characters of pairs of pixels; equal pixels are a coloured blank, also in ASCII."""
     glyphs, floor = canvas.glyphs, styles.COLOUR_FLOOR
     codes = code(style(upper, lower), glyphs.upper_half)
     codes = np.where(upper == floor, code(style(lower, floor), glyphs.lower_half), codes)
@@ -327,7 +326,7 @@ def paired(canvas: Canvas, upper: Colours, lower: Colours) -> Codes:
 
 
 def ground(upper: Colours, lower: Colours) -> Colours:
-    """The background for what is written on pairs of pixels."""
+    """The background for text on pairs of pixels."""
     return np.where(lower == styles.COLOUR_FLOOR, upper, lower)
 
 
@@ -339,7 +338,7 @@ def draw_numbers(
     places: tuple[NDArray[np.intp], NDArray[np.intp]],
     colours: tuple[Colours, Colours, Colours],
 ) -> None:
-    """Write the numbers of robots where they have room, in the middle of it."""
+    """Write the numbers of robots, centred in their room, where they fit."""
     digits = len(str(max(fleet_size - 1, 0)))
     (starts, room), (upper, lower, ink) = places, colours
     names = number_glyphs(canvas.glyphs, fleet_size, digits)[which]
@@ -357,10 +356,10 @@ def draw_numbers(
 class Sprites(NamedTuple):
     """Drawings for one size of a cell, by outline, load (0, 1) and direction."""
 
-    upper: NDArray[np.uint8]  # (3, 2, 4, characters) what the upper pixel of each shows
-    lower: NDArray[np.uint8]  # the same of the lower ones
-    sign: NDArray[np.intp]  # (3, 4) the character of the sign
-    number: NDArray[np.intp]  # (3, 4) the first character of the number
+    upper: NDArray[np.uint8]  # (3, 2, 4, characters) content of upper pixels
+    lower: NDArray[np.uint8]  # content of lower pixels
+    sign: NDArray[np.intp]  # (3, 4) character of the sign
+    number: NDArray[np.intp]  # (3, 4) first character of the number
     room: NDArray[np.intp]  # (3, 4) characters for the number
     bar: NDArray[np.intp]  # (3, 4) pixels of the bar
 
@@ -376,7 +375,7 @@ class _Box(NamedTuple):
 
 @lru_cache(maxsize=16)
 def sprites(width: int, height: int, bar: bool) -> Sprites:
-    """Robots in cells of width x height characters, with the bar of a battery or without."""
+    """Robots in cells of width x height characters, with or without a battery bar."""
     upper = np.zeros((3, 2, 4, height * width), np.uint8)
     lower = np.zeros_like(upper)
     sign, number, room, bars = (np.zeros((3, 4), np.intp) for _ in range(4))
@@ -399,7 +398,7 @@ def sprites(width: int, height: int, bar: bool) -> Sprites:
 def _pixels(
     width: int, height: int, outline: int, direction: int, load: bool, bar: bool
 ) -> NDArray[np.uint8]:
-    """(2 height, width) what each pixel shows."""
+    """(2 height, width) the content of each pixel."""
     pixels = np.zeros((2 * height, width), np.uint8)
     box = _body(width, height)
     pixels[box.top : box.bottom, box.left : box.right] = BODY
@@ -427,14 +426,14 @@ def _body(width: int, height: int) -> _Box:
 
 
 def _columns(width: int, height: int) -> tuple[int, int]:
-    """The first column of the body, and the one behind it."""
+    """The columns [first, end) of the body."""
     box = _body(width, height)
     return box.left, box.right
 
 
 def _point(pixels: NDArray[np.uint8], direction: int) -> None:
-    """Cut the corners of the front; a point reaches into the margin, as far as there is one."""
-    turned = np.rot90(pixels, direction + 1)  # the front is above
+    """Cut the corners of the front; the point extends into the margin, if there is one."""
+    turned = np.rot90(pixels, direction + 1)  # the front is at the top
     front = int(np.flatnonzero(turned.any(axis=1))[0])
     columns = np.flatnonzero(turned[front])
     left, right = int(columns[0]), int(columns[-1]) + 1
@@ -448,7 +447,7 @@ def _point(pixels: NDArray[np.uint8], direction: int) -> None:
 
 
 def _number_row(width: int, height: int, direction: int) -> tuple[int, int, int]:
-    """The row of the number, its first column, and the one behind its last."""
+    """The row of the number, and its columns [first, end)."""
     first, last = _columns(width, height)
     if height == 2:
         ends = {EAST: (0, width - 1), WEST: (1, width)}

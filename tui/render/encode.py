@@ -1,16 +1,16 @@
-"""Pictures as bytes for a terminal, as text, and as a drawing.
+"""Encode pictures as bytes for a terminal, as text and as SVG.
 
-A terminal is sent the difference of two pictures:
+A terminal receives the difference between two pictures:
 
     SGR of the selection  move cell  SGR of loaded robots  move cell cell move cell ...  SGR of floor ...
 
-Each style is set once, in order of rank, so that robots appear in their new cells before they
-vanish from the old ones; a picture torn in the middle shows a robot twice, never not at all. Within
-a style cells come row by row. Where a terminal has moved on by itself after the last column is
-uncertain, so that from there every move is absolute.
+Each style is set once, in order of rank, so that robots appear in their new cells before they vanish
+from the old ones: a picture torn in the middle may show a robot twice, but never omits one. Within a
+style, cells are written row by row. Terminals differ in where the cursor is after the last column, so
+that the next move is absolute.
 
-A cell is three words of eight bytes, filled up with zeros that are dropped at the end: the vertical
-part of the move to it, the horizontal part, its character.
+A cell is three words of eight bytes: the vertical part of the move to it, the horizontal part, and
+its character. They are padded with zeros, which are dropped at the end.
 """
 
 from __future__ import annotations
@@ -48,31 +48,31 @@ class Words(NamedTuple):
 
 
 class Moves(NamedTuple):
-    """The parts of moves on a screen of at most `size` rows and columns."""
+    """Cursor moves, in parts, on a screen of at most `size` rows and columns."""
 
-    rows: Words  # (size + 1,) to a row, counted from 1; a column has to follow
+    rows: Words  # (size + 1,) to a row, counted from 1; a column must follow
     columns: Words  # (size + 1,) to a column in it, counted from 1
-    down: Words  # (size + 1,) so many rows down
-    across: Words  # (2 size + 1,) so many columns to the right, less `size`
+    down: Words  # (size + 1,) down by a number of rows
+    across: Words  # (2 size + 1,) right by the index minus `size`
 
 
 class Painting(NamedTuple):
-    """Cells in the order in which they are painted, how to get to each, and where styles change."""
+    """Cells in painting order, with the moves to them and the changes of style."""
 
     vertical: NDArray[np.uint64]
     horizontal: NDArray[np.uint64]
     character: NDArray[np.uint64]
     sgrs: list[str]
-    starts: list[int]  # of each style
+    starts: list[int]  # first cell of each style
     size: int  # in bytes
 
 
 def encode(
     new: Codes, old: Codes | None, look: Look, glyphs: GlyphSet, top: int = 0, left: int = 0
 ) -> str:
-    """What makes a terminal that shows `old` at (top, left) show `new`; "" if nothing differs.
+    """The sequence that changes a terminal's `old` at (top, left) to `new`; "" if equal.
 
-    Without `old` everything is painted. The cursor is left anywhere, the style is reset.
+    Without `old` it paints everything. The final cursor position is arbitrary; the style is reset.
     """
     flat = new.reshape(-1)
     changed = np.arange(flat.size) if old is None else np.flatnonzero(flat != old.reshape(-1))
@@ -90,11 +90,11 @@ def encode(
 
 
 def _least(flat: NDArray[np.uint32], look: Look, glyphs: GlyphSet) -> int:
-    """What a whole picture takes at least in reading order: its characters and changes of style."""
+    """A lower bound of a whole picture's bytes in reading order: characters and style changes."""
     styles = flat >> np.uint32(GLYPH_BITS)
     present = np.flatnonzero(np.bincount(styles))
     sgrs = [look.sgr(style) for style in present.tolist()]
-    alike = np.zeros(present[-1] + 1, np.intp)  # the same number for styles that look the same
+    alike = np.zeros(present[-1] + 1, np.intp)  # equal for styles that look the same
     alike[present] = [sgrs.index(sgr) for sgr in sgrs]
     shown = alike[styles]
     changes = 1 + int(np.count_nonzero(shown[1:] != shown[:-1]))
@@ -111,7 +111,7 @@ def _painting(
     moves: Moves,
     corner: tuple[int, int],
 ) -> Painting:
-    """How to paint these cells in this order."""
+    """The painting of these cells in this order."""
     codes = flat[order]
     row, column = np.divmod(order, width)
     vertical, horizontal, move_length = _shortest(row, column, width, moves, corner)
@@ -124,7 +124,7 @@ def _painting(
 
 
 def _changes_of_style(styles: NDArray[np.uint32], look: Look) -> tuple[list[int], list[str]]:
-    """Where another sequence has to be sent, and which; without colours many styles share one."""
+    """Where the style sequence changes, and to what; without colours many styles share one."""
     starts: list[int] = []
     sgrs = [""]
     firsts = [0, *(np.flatnonzero(styles[1:] != styles[:-1]) + 1).tolist()]
@@ -143,7 +143,7 @@ def _shortest(
     moves: Moves,
     corner: tuple[int, int],
 ) -> tuple[NDArray[np.uint64], NDArray[np.uint64], NDArray[np.int64]]:
-    """The shorter way to each cell, absolute or from the one before: both parts, and its length."""
+    """The shorter move to each cell, absolute or relative: both parts, and the length."""
     top, left = corner
     to_row, to_column = row + top + 1, column + left + 1
     down, right = np.diff(row, prepend=0), np.diff(column, prepend=0) - 1
@@ -151,7 +151,7 @@ def _shortest(
     absolute = moves.rows.lengths[to_row] + moves.columns.lengths[to_column]
     relative = moves.down.lengths[down] + moves.across.lengths[across]
     is_relative = (relative < absolute) & (down >= 0)
-    # Neither the cursor's first place nor its place behind the last column is known.
+    # The cursor is at an unknown place at first and after the last column.
     is_relative[0] = False
     is_relative[1:] &= column[:-1] != width - 1
     vertical = np.where(is_relative, moves.down.bytes[down], moves.rows.bytes[to_row])
@@ -160,7 +160,7 @@ def _shortest(
 
 
 def _text(painting: Painting) -> str:
-    """The bytes of a painting, as text."""
+    """The painting as one string."""
     cells = np.stack((painting.vertical, painting.horizontal, painting.character), axis=1)
     pieces: list[bytes] = []
     ends = [*painting.starts[1:], len(cells)]
@@ -176,7 +176,7 @@ def _words(texts: list[str]) -> Words:
 
 
 def _rounded(size: int) -> int:
-    """Up to the next power of two, so that few tables of moves are made."""
+    """`size` rounded up to a power of two, to limit the number of tables of moves."""
     return 1 << (size - 1).bit_length()
 
 
@@ -196,11 +196,11 @@ def _characters(characters: str) -> Words:
     return _words(list(characters))
 
 
-# A picture that stands still.
+# Still pictures.
 
 
 def runs(row: NDArray[np.uint32], glyphs: GlyphSet) -> list[tuple[str, int]]:
-    """A row of codes as (text, style), neighbours of one style together."""
+    """A row of codes as pairs (text, style), one per stretch of equal style."""
     if not row.size:
         return []
     styles = row >> np.uint32(GLYPH_BITS)
@@ -217,13 +217,13 @@ def _row_text(row: NDArray[np.uint32], glyphs: GlyphSet) -> str:
 
 
 def as_text(codes: Codes, glyphs: GlyphSet) -> str:
-    """Characters alone, one line for each row, without blanks at their ends."""
+    """The characters only, one line per row, without trailing blanks."""
     return "".join(_row_text(row, glyphs).rstrip() + "\n" for row in codes)
 
 
-# A cell of a drawing in pixels, and the size of letters whose advance is a cell's width.
+# A character's size in pixels, and the font size whose advance is this width.
 CHARACTER_WIDTH, CHARACTER_HEIGHT, FONT_SIZE, BASELINE = 9, 18, 15, 13
-LETTER_RUNS = "[^ ▀▄█\u2800-\u28ff]+(?: [^ ▀▄█\u2800-\u28ff]+)*"  # words, blanks between them
+LETTER_RUNS = "[^ ▀▄█\u2800-\u28ff]+(?: [^ ▀▄█\u2800-\u28ff]+)*"  # words with single blanks
 DOTS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3))  # column, row by bit
 TITLE_BAR_HEIGHT = 28  # height of the title bar
 BOLD = ' font-weight="bold"'
@@ -231,16 +231,16 @@ FONTS = "'DejaVu Sans Mono', Menlo, Consolas, 'Liberation Mono', monospace"
 
 
 class TextRun(NamedTuple):
-    """Neighbouring characters of one look."""
+    """Adjacent characters of one look."""
 
     text: str
-    fg: str  # as a style sheet writes it
+    fg: str  # as in CSS
     bg: str
     bold: bool
 
 
 def as_svg(codes: Codes, look: Look, glyphs: GlyphSet, title: str = "") -> str:
-    """A drawing that needs nothing beside itself, under a bar with a title if there is one."""
+    """A self-contained SVG, under a bar with the title if there is one."""
     rows = ([TextRun(text, *look.css(n)) for text, n in runs(row, glyphs)] for row in codes)
     return svg_of(rows, codes.shape, look, title)
 
@@ -248,7 +248,7 @@ def as_svg(codes: Codes, look: Look, glyphs: GlyphSet, title: str = "") -> str:
 def svg_of(
     rows: Iterable[Iterable[TextRun]], shape: tuple[int, ...], look: Look, title: str = ""
 ) -> str:
-    """The same of any characters; `shape`: rows and columns, as of a terminal."""
+    """The SVG of any characters; `shape`: rows and columns, as of a terminal."""
     bar = TITLE_BAR_HEIGHT if title else 0
     width, height = shape[1] * CHARACTER_WIDTH, shape[0] * CHARACTER_HEIGHT + bar
     ground = look.css(0)[1]
@@ -276,9 +276,9 @@ def _bar(title: str, width: int, look: Look) -> str:
 
 
 class _Drawing:
-    """Boxes and letters, gathered by colour.
+    """Boxes and letters, grouped by colour.
 
-    Blocks and braille are drawn as boxes: letters leave seams, and many fonts have no braille.
+    Blocks and braille are drawn as boxes: letters leave seams, and many fonts lack braille.
     """
 
     def __init__(self, ground: str) -> None:

@@ -1,8 +1,7 @@
-"""What a layer of the map is: numbers or tints of cells, and how they are said in words.
+"""A layer of the map: numbers or tints of cells, and the words for them.
 
 Each layer is registered as an entry point of the group `automaton.layers`; the name of the entry is
-that of the layer. The methods of a layer are called in two threads: `numbers` in that of the player,
-all others in that of the screen.
+that of the layer. The player's thread calls `numbers`, the screen's thread all other methods.
 """
 
 from __future__ import annotations
@@ -24,42 +23,42 @@ if TYPE_CHECKING:
     from tui.render.styles import Entries
 
 
-ScaleLine = list[str | tuple[int, ...]]  # words, and signs, which are codes, from the left
+ScaleLine = list[str | tuple[int, ...]]  # words and signs (codes), from the left
 
 
 class Layer:
-    """Shows `numbers` as heat, or as arrows; or, if `tints` gives any, cells in the tints of zones."""
+    """Shows `numbers` as heat or arrows or, if `tints` returns any, cells in tints of zones."""
 
     name: str = ""  # that of its entry point
-    key: str = ""  # as Textual names keys, several separated by commas; "": only L goes there
+    key: str = ""  # as Textual names keys, separated by commas; "": only L reaches it
     label: str = ""  # in the palette and the help
     meaning: str = ""  # in the help
-    action: str = ""  # "layer_..." in the table of bindings; layers that give the same take turns
-    position: int = 1000  # where L comes to it: ours are below 100
+    action: str = ""  # "layer_..." in the table of bindings; layers with the same action alternate
+    position: int = 1000  # in the order of L; ours are below 100
     unit: str = ""  # of its numbers, in the legend
-    counted: str = ""  # the same in the inspector: "ticks lost here"
-    words: str = ""  # what it is called in the status line; "": its name
-    empty: str = ""  # said while all its numbers are 0; "": no ... yet, with its unit
+    counted: str = ""  # unit in the inspector: "ticks lost here"
+    words: str = ""  # its title in the status line; "": its name
+    empty: str = ""  # shown while all its numbers are 0; "": "no UNIT yet"
     heat: bool = True  # it has numbers, even before they are computed; False: tints or nothing
     arrows: bool = False  # numbers are (C, 4), by direction, and drawn as arrows
-    ranked: bool = False  # the cells with the greatest numbers are listed beside the legend
-    whole_floor: bool = False  # letters of tints stand in place of the marks of one-way floor, too
-    absent: str = ""  # said in place of it, where it has nothing to show
-    pause_s: float = 0.0  # between two computations of its numbers while ticks go by
+    ranked: bool = False  # list the cells with the greatest numbers beside the legend
+    whole_floor: bool = False  # letters of tints replace the marks of one-way floor, too
+    absent: str = ""  # message where it has nothing to show
+    pause_s: float = 0.0  # between two computations of its numbers during playback
 
     def is_there(self, scene: Scene) -> bool:
-        """Whether it has anything to show on this floor."""
+        """Whether the layer has anything to show on this floor."""
         return True
 
     def numbers(self, simulation: Simulation, selected: int) -> NDArray[Any] | None:
-        """(C,) int32, or (C, 4) with `arrows`: a number for each cell, of an observed simulation.
+        """(C,) int32, or (C, 4) with `arrows`: a number for each cell of an observed simulation.
 
         selected: a robot, or NIL.
         """
         return None
 
     def levels(self, scene: Scene, values: NDArray[np.int32]) -> NDArray[np.uint8]:
-        """The level of heat of each value, 0 to 8."""
+        """The heat level of each value, 0 to 8."""
         return levels_of(values, scene.scale)
 
     def tints(self, scene: Scene) -> NDArray[np.int8] | None:
@@ -67,49 +66,49 @@ class Layer:
         return None
 
     def draw_signs(self, canvas: Canvas, tints: NDArray[np.int8], looks: NDArray[np.uint8]) -> None:
-        """Draw over the tints, where each cell has characters of its own."""
+        """Draw over the tints, where a cell has one or more characters."""
 
     def paint_pixels(self, pixels: Pixels, scene: Scene) -> bool:
-        """Paint over the tints, where cells are pixels; whether signs have to stand for them."""
+        """Paint over the tints, where cells are pixels; returns whether to draw signs instead."""
         return False
 
     def entries(self, scene: Scene, glyphs: GlyphSet) -> Entries | None:
-        """Signs and meanings for the legend; None: the levels of heat with their numbers."""
+        """Signs and meanings for the legend; None: the heat levels with their numbers."""
         return None
 
     def scale(self, scene: Scene, glyphs: GlyphSet) -> ScaleLine | None:
-        """Its scale in one line; None: the least and the greatest number with the levels of heat."""
+        """The scale in one line; None: the least and greatest number with the heat levels."""
         return None
 
     def key_words(self, scene: Scene, resolved: Resolved, glyphs: GlyphSet) -> list[str]:
-        """What a picture without a legend beside it has to say, in a few words each."""
+        """Short explanations for a picture without a legend."""
         return []
 
     def value_words(self, value: int) -> list[str]:
-        """What the number of a cell means, in the line about the cell."""
+        """The number of a cell in words, for the line about the cell."""
         return [f"{self.name} {value}"]
 
     def title(self, choice: Choice) -> str:
-        """What the status line says while it is shown."""
+        """The layer's words in the status line."""
         return self.words or self.name
 
     def shown(self, choice: Choice, again: bool) -> str:
-        """Its key was pressed, `again` while it was shown; what there is to be said, or ""."""
+        """React to its key, pressed `again` while shown; returns a message or ""."""
         return ""
 
-    # What is said and shown of cells whatever the layer is.
+    # Asked of every layer, shown or not.
 
     def cell_words(self, scene: Scene, cell: int) -> list[str]:
-        """What it knows of a cell, for the line about the cell."""
+        """Facts about a cell, for the line about the cell."""
         return []
 
     def zone_cells(self, scene: Scene, zone: int) -> NDArray[np.int32] | None:
-        """(k,) the cells of a selected zone, if it is one of this layer's."""
+        """(k,) the cells of a selected zone, if the zone belongs to this layer."""
         return None
 
 
 class SwitchedOff(Layer):
-    """What a layer of another package that raised does from then on."""
+    """The behaviour of another package's layer after it has raised."""
 
     def is_there(self, scene: Scene) -> bool:
         return False
@@ -128,13 +127,13 @@ NO_LAYER = NoLayer()
 
 
 def check_numbers(layer: Layer, numbers: Any, simulation: Simulation, selected: int) -> None:
-    """Raises ValueError for numbers of another shape or type than the map can show."""
+    """Raise ValueError or TypeError for numbers of the wrong shape or type."""
     cells = simulation.world.grid.cell_flags.size
     _check("numbers", numbers, (cells, 4) if layer.arrows else (cells,))
 
 
 def check_tints(layer: Layer, tints: Any, scene: Scene) -> None:
-    """Raises ValueError for tints of another shape or type than the map can show."""
+    """Raise ValueError or TypeError for tints of the wrong shape or type."""
     _check("tints", tints, (scene.floor.floor_plan.kind.size,))
 
 
@@ -154,7 +153,7 @@ CHECKS: Final = {"numbers": check_numbers, "tints": check_tints}
 def scale_line(scene: Scene, glyphs: GlyphSet) -> ScaleLine:
     """The scale of the layer in words and signs, from the left: visits 1 ▪▪▪▪▪▪▪▪ 120.
 
-    [] where no layer is shown, or its numbers are not there yet.
+    [] if no layer is shown or its numbers have not been computed yet.
     """
     layer = scene.map_layer
     own: ScaleLine | None = layer.scale(scene, glyphs)
@@ -171,6 +170,6 @@ def scale_line(scene: Scene, glyphs: GlyphSet) -> ScaleLine:
 
 
 def nothing_yet(scene: Scene) -> str:
-    """What is said of a layer all of whose numbers are 0."""
+    """The message for a layer whose numbers are all 0."""
     layer = scene.map_layer
     return str(layer.empty or f"no {layer.unit or layer.name} yet")

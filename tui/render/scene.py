@@ -1,8 +1,8 @@
-"""What a picture is made of: the static floor, a snapshot of the run, and what the user wants to see.
+"""The content of a picture: the static floor, a snapshot of the run, and the user's choices.
 
-What a layer counts is shown in nine levels, on a scale that stays put while the numbers grow. Traffic
-is uneven: main aisles carry many times what side aisles do. The levels therefore grow with the square
-of their number: level n of a scale that ends at 1000 begins at 1000 ((n - 1) / 8)^2.
+A layer shows its numbers in nine levels, on a scale that changes in steps while the numbers grow.
+Traffic is uneven: main aisles carry many times the traffic of side aisles. The levels therefore grow
+quadratically: level n of a scale that ends at 1000 begins at 1000 ((n - 1) / 8)^2.
 """
 
 from __future__ import annotations
@@ -27,28 +27,28 @@ if TYPE_CHECKING:
     from automaton.history.snapshot import Snapshot
     from automaton.world.resolved import Resolved
 
-# Details of cells that drawings do not tell apart, see automaton.drawings.looks.
+# Details that drawings do not distinguish, see automaton.drawings.looks.
 DETAIL_PASSING: Final = 5
 DETAIL_UNLIMITED: Final = 6  # any number of robots
 DETAIL_FULL_SHELF: Final = 1  # detail of a shelf: it holds a load
 DETAIL_POD: Final = 1  # detail of a storage cell: a pod stands there
 NO_CELLS: Final = np.zeros(0, np.int32)
-HEAT_LEVELS: Final = 9  # level 0 is nothing at all
+HEAT_LEVELS: Final = 9  # level 0 means none
 SCALE_ENDS: Final = (10, 12, 15, 20, 25, 30, 40, 50, 60, 80)  # times a power of ten
 
 
 @dataclass(frozen=True, eq=False)
 class ShownFloor:
-    """What does not change during a run; compared by identity, so that pictures can be kept."""
+    """The constants of a run; compared by identity, so that pictures can be cached."""
 
     floor_plan: FloorPlan
     slots_cell: NDArray[np.int32]  # (s,)
-    headings: tuple[int, ...] = (4,)  # of each type: 1 omni, 2 rail (axes), 4 differential
+    headings: tuple[int, ...] = (4,)  # by type: 1 omni, 2 rail (axes), 4 differential
     traffic_zones: TrafficZones | None = None
     battery: bool = False  # robots run on batteries
-    faults: bool = False  # robots may go down
-    routing: str = ""  # the strategy; "" is unknown
-    type_names: tuple[str, ...] = ()  # of robots; () where all are alike
+    faults: bool = False  # robots may break down
+    routing: str = ""  # the strategy; "": unknown
+    type_names: tuple[str, ...] = ()  # of robots; (): all are alike
 
     @cached_property
     def looks(self) -> Looks:
@@ -73,7 +73,7 @@ class ShownFloor:
 
 
 def floor_of(resolved: Resolved) -> ShownFloor:
-    """The floor for the pictures."""
+    """The floor of a scenario, for pictures."""
     traffic_zones = traffic_zones_of(resolved.floor_plan, resolved.scenario.world.traffic_zones)
     scenario = resolved.scenario
     routing = scenario.strategy.routing
@@ -92,7 +92,7 @@ def floor_of(resolved: Resolved) -> ShownFloor:
 def looks_with_capacity(floor_plan: FloorPlan) -> Looks:
     """(height + 2, width + 2) kind and detail of each cell; shelves are empty.
 
-    How many robots a cell of floor holds is a detail only where cells differ in it.
+    The capacity of a floor cell is a detail only if capacities differ.
     """
     looks = looks_of(floor_plan)
     plain, capacity = looks == FLOOR, floor_plan.capacity
@@ -104,25 +104,25 @@ def looks_with_capacity(floor_plan: FloorPlan) -> Looks:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """One moment of a run, and what the user wants to see of it."""
+    """One moment of a run, and the user's choices about it."""
 
     floor: ShownFloor
-    snapshot: Snapshot | None = None  # None: the floor alone
+    snapshot: Snapshot | None = None  # None: only the floor
     selected: int = NIL  # robot
-    route: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # its cells, stand last
+    route: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # its cells, the stand last
     cursor: int | None = None  # cell
-    layer: str = ""  # the name of one that is registered, or none
+    layer: str = ""  # name of a registered layer, or ""
     marked: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots
-    # Cells, marked like a zone.
+    # Cells marked like a zone.
     marked_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)
-    zone: int = NIL  # whose cells are marked
-    colouring: str = "state"  # of robots, of tui.render.drawn_robots.COLOURINGS
+    zone: int = NIL  # its cells are marked
+    colouring: str = "state"  # a key of tui.render.drawn_robots.COLOURINGS
     trails: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # (n, k) cells, or NIL
-    lines: str = ""  # whose goals lines lead to: "selected", "all" or none
-    least: int = 2  # paths that lead through a cell of the overlay "predicted"
+    lines: str = ""  # lines to goals of "selected" or "all" robots; "": none
+    least: int = 2  # minimum number of paths in the layer "predicted"
 
     def with_(self, **changes: Any) -> Scene:
-        """The same scene but for these fields."""
+        """A copy with these fields changed."""
         return replace(self, **changes)
 
     @property
@@ -132,7 +132,7 @@ class Scene:
 
     @cached_property
     def values(self) -> NDArray[np.int32] | None:
-        """(C,) what the layer counts, as far as the snapshot brings it; of arrows the strongest."""
+        """(C,) the layer's numbers in the snapshot, for arrows the greatest; None: not there."""
         if self.snapshot is None or not self.map_layer.heat:
             return None
         if not self.map_layer.arrows:
@@ -151,17 +151,17 @@ class Scene:
 
     @cached_property
     def scale(self) -> HeatScale:
-        """From which number on each level of the layer begins."""
+        """The scale for the present numbers of the layer."""
         return scale_for(0 if self.values is None else int(self.values.max(initial=0)))
 
     def levels(self, values: NDArray[np.int32]) -> NDArray[np.uint8]:
-        """0 to 8 on the scale of the layer."""
+        """Levels 0 to 8 on the scale of the layer."""
         levels: NDArray[np.uint8] = self.map_layer.levels(self, values)
         return levels
 
     @property
     def goal_cell(self) -> int:
-        """The shelf, destination or stop that the selected robot works for, or NIL."""
+        """The cell of the selected robot's shelf, destination or stop, or NIL."""
         if self.snapshot is None or self.selected == NIL:
             return NIL
         robots, orders = self.snapshot.robots, self.snapshot.orders
@@ -174,17 +174,17 @@ class Scene:
 
     @cached_property
     def left_loads(self) -> NDArray[np.int32]:
-        """(k,) the cells in which loads lie that robots had to leave."""
+        """(k,) the cells with loads that robots had to leave there."""
         if self.snapshot is None:
             return NO_CELLS
         slots = self.snapshot.slots
-        first = len(self.floor.slots_cell)  # the spare slots come behind those of the floor
+        first = len(self.floor.slots_cell)  # spare slots follow those of the floor
         cells: NDArray[np.int32] = slots.cell[first:][slots.content[first:] != NIL]
         return cells
 
     @cached_property
     def shut_cells(self) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-        """Cells that are closed now, and those of doors that are shut."""
+        """Closed cells, and the cells of shut doors."""
         return (NO_CELLS, NO_CELLS) if self.snapshot is None else shut_cells(self.snapshot)
 
     @property
@@ -203,12 +203,12 @@ class Scene:
 
     @property
     def zone_name(self) -> str:
-        """What the zone that is marked is called: those that robots serve are counted from 1."""
+        """The name of the marked zone; service zones are counted from 1, others from 0."""
         return f"zone {self.zone + (self.service_zones is not None)}"
 
     @cached_property
     def zone_cells(self) -> NDArray[np.int32]:
-        """(k,) the cells that are marked: of a zone, which robots may serve, or of a search."""
+        """(k,) the marked cells: those of a zone, or of a search."""
         if self.zone == NIL:
             return self.marked_cells
         of_layers = (layer.zone_cells(self, self.zone) for layer in layers().by_name.values())
@@ -217,47 +217,47 @@ class Scene:
 
 @dataclass
 class Choice:
-    """What the user has chosen to see."""
+    """The user's choices."""
 
     robot: int = NIL
     cell: int = NIL
     zone: int = NIL
     layer: str = ""
-    least: int = 2  # paths through a cell of the layer "predicted"
-    side: int = 0  # which of two runs the panels show
+    least: int = 2  # minimum number of paths in the layer "predicted"
+    side: int = 0  # index of the run that the panels show
     following: bool = False
     route: bool = True
     minimap: bool = True
-    matches: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # robots that were found,
-    match_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # or cells
-    colouring: str = "state"  # of robots, of tui.render.drawn_robots.COLOURINGS
+    matches: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # found robots,
+    match_cells: NDArray[np.int32] = field(default_factory=lambda: NO_CELLS)  # or found cells
+    colouring: str = "state"  # a key of tui.render.drawn_robots.COLOURINGS
     trails: bool = False
-    lines: str = ""  # whose goals lines lead to: "selected", "all" or none
+    lines: str = ""  # lines to goals of "selected" or "all" robots; "": none
 
     @property
     def laid(self) -> str:
-        """The layer, as it is said."""
+        """The layer's words in the status line."""
         return str(layer_named(self.layer).title(self))
 
 
-# The scale of what a layer counts.
+# The scale of a layer's numbers.
 
 
 class HeatScale(NamedTuple):
-    """The numbers at which levels 1 to 8 begin, and where the scale ends."""
+    """The numbers at which levels 1 to 8 begin, and the end of the scale."""
 
     begins: tuple[int, ...]
     end: int
 
     def words(self, first: int, last: int) -> str:
-        """The numbers of levels 1 to 8 from the first to the last, for a legend."""
+        """The range of numbers from level `first` to `last`, for a legend."""
         low = self.begins[first - 1]
         high = self.end if last == HEAT_LEVELS - 1 else self.begins[last] - 1
         return f"{low}" if high <= low else f"{low} to {high}"
 
 
 def scale_for(largest: int) -> HeatScale:
-    """The scale up to the next of SCALE_ENDS: the largest number is of the last level."""
+    """The scale that ends at the next of SCALE_ENDS from `largest` on."""
     power = 1
     while SCALE_ENDS[-1] * power < largest and 10 * SCALE_ENDS[0] * power < largest:
         power *= 10
@@ -279,7 +279,7 @@ def levels_of(values: NDArray[np.int32], scale: HeatScale) -> NDArray[np.uint8]:
 
 
 def _rounded(number: float) -> int:
-    """To two digits, which a reader can remember."""
+    """Round to two digits, which a reader can remember."""
     digits = len(str(int(number)))
     unit: int = 10 ** max(digits - 2, 0)
     return round(number / unit) * unit

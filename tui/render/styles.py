@@ -1,8 +1,7 @@
-"""What stands in a character of the screen: a glyph in a style, both in one number, its code.
+"""The content of a character of the screen: its code, one number for a glyph and a style.
 
-A glyph is an index into the characters of one of two sets of the same shapes, so that a picture can
-be shown in Unicode or in ASCII. Glyphs 32 to 126 are the printable ASCII characters themselves; 0 is
-the blank.
+A glyph is an index into the characters of either of two sets, so that a picture can be shown in
+Unicode or in ASCII. Glyphs 32 to 126 are the printable ASCII characters themselves; 0 is the blank.
 
     unicode   ▹▿◃▵ empty  ▸▾◂▴ loaded  ⊡ parked  ▯▮ shelf  ⊔ destination  ◊ turntable  ↯ charger
               ◫ rack  ⊏ dock  ⌂ station  ⋈ transfer station  ⊓ pod  ▫ storage without
@@ -11,14 +10,14 @@ the blank.
               H rack  [ dock  t station  T transfer station  P pod  _ storage without
               ! battery low  & the same, loaded  C charges  E battery empty  X broken  * load
 
-Every character is one column wide. None but the blocks ▀ ▄ █ is "ambiguous" in Unicode's table of
-East Asian widths, and so drawn two columns wide by some terminals (▲ ▶ ● ─ and → are).
+Every character is one column wide. Except for the blocks ▀ ▄ █, none is "ambiguous" in Unicode's
+table of East Asian widths: some terminals draw such characters two columns wide (▲ ▶ ● ─ →).
 
-A style is a foreground on a background, both rows of one table of colours. These are those of Okabe
-and Ito, which colour-blind people tell apart; floor, walls and shelves are greys; heat has the hues
-of cividis. Every colour has a value for dark and for light themes, in true colour, among 256 and
-among 16, chosen by hand: an automatic choice would merge orange with vermillion. Shape is always the
-second channel.
+A style is a foreground on a background, both rows of one table of colours. The colours are those of
+Okabe and Ito, which colour-blind people can distinguish; floor, walls and shelves are greys; heat has
+the hues of cividis. Every colour has a value for dark and for light themes, in true colour, among 256
+and among 16, chosen by hand: an automatic choice would merge orange with vermillion. Shape is always
+the second channel.
 """
 
 from __future__ import annotations
@@ -35,20 +34,20 @@ if TYPE_CHECKING:
     from rich.style import Style
 
 Codes = NDArray[np.uint32]  # (rows, columns) style << GLYPH_BITS | glyph
-Entries = list[tuple[tuple[int, ...], str]]  # lines of a legend: codes and what they mean
+Entries = list[tuple[tuple[int, ...], str]]  # lines of a legend: codes and their meaning
 GLYPH_BITS: Final = 16
 GLYPHS: Final = np.uint32((1 << GLYPH_BITS) - 1)
 
 _PRINTABLE: Final = " " * 32 + "".join(map(chr, range(32, 127))) + " "
 BRAILLE: Final = "".join(map(chr, range(0x2800, 0x2900)))
-# Of the dots of a character, row and column: its place in BRAILLE is the sum of those that are set.
+# By row and column of a dot; a character's index in BRAILLE is the sum over its set dots.
 DOT_BITS: Final = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], np.uint8)
 _unicode = list(_PRINTABLE)
 _ascii = list(_PRINTABLE)
 
 
 def _shapes(unicode: str, ascii: str) -> tuple[int, ...]:
-    """Add shapes to both sets; their glyphs."""
+    """Add shapes to both sets; returns their glyphs."""
     first = len(_unicode)
     _unicode.extend(unicode)
     _ascii.extend(ascii)
@@ -62,12 +61,12 @@ def _shape(unicode: str, ascii: str) -> int:
 
 
 def _by_dots(ramp: str) -> str:
-    """The character of each braille pattern: the more dots, the darker."""
+    """The character for each braille pattern: more dots are darker."""
     return "".join(ramp[pattern.bit_count()] for pattern in range(256))
 
 
 def _by_lines() -> str:
-    """The character that looks most like the line of each braille pattern."""
+    """The character most similar to the line of each braille pattern."""
     rows = (0x09, 0x12, 0x24, 0xC0)
     signs = [" "] * 256
     for pattern in range(1, 256):
@@ -78,7 +77,7 @@ def _by_lines() -> str:
 
 
 class GlyphSet:
-    """Names of the glyphs, and the characters that draw them. Directions are E, S, W, N."""
+    """Names of glyphs, and the characters that draw them. Directions are E, S, W, N."""
 
     blank: Final = 0
     digits: Final = tuple(range(ord("0"), ord("9") + 1))
@@ -86,14 +85,14 @@ class GlyphSet:
     robot: Final = _shapes("▹▿◃▵", ">v<^")
     loaded: Final = _shapes("▸▾◂▴", "}V{A")
     parked: Final = _shape("⊡", "p")
-    low: Final = _shapes("≻⋎≺⋏", "!!!!")  # with a battery that is nearly empty
+    low: Final = _shapes("≻⋎≺⋏", "!!!!")  # with a nearly empty battery
     low_loaded: Final = _shapes("⍄⍌⍃⍓", "&&&&")
     charging: Final = _shape("⊞", "C")
     drained: Final = _shape("∅", "E")  # down, without charge
     fault: Final = _shape("✗", "X")  # down because of a fault
     cargo: Final = _shape("▪", "$")  # beside a robot that carries a load
     # Cells.
-    floor: Final = ord(".")  # a byte, where ⋅ has three: robots that move uncover much floor
+    floor: Final = ord(".")  # one byte, where ⋅ has three: moving robots uncover much floor
     wall: Final = _shape("░", "%")
     track: Final = _shapes("╌╎", "-|")  # by axis
     crossing: Final = ord("+")  # of tracks, where no robot turns
@@ -101,7 +100,7 @@ class GlyphSet:
     # ›⌄‹⌃, by direction; ASCII arrows are robots.
     one_way: Final = _shapes("\u203a⌄\u2039⌃", ")u(n")
     passing: Final = _shape("⇄", ":")
-    unlimited: Final = ord("~")  # floor for any number of robots
+    unlimited: Final = ord("~")  # floor with room for any number of robots
     shelf: Final = _shape("▯", "#")
     load: Final = _shape("▮", "$")  # a shelf that holds a load
     destination: Final = _shape("⊔", "=")
@@ -115,27 +114,27 @@ class GlyphSet:
     storage: Final = _shape("▫", "_")  # without a pod
     left_load: Final = _shape("▬", "*")  # on the floor, where a robot had to leave it
     closed: Final = _shape("⊠", "x")  # no robot enters
-    door: Final = _shape("⊟", "D")  # that is shut
-    # What is laid over them.
+    door: Final = _shape("⊟", "D")  # shut
+    # Overlays.
     route: Final = _shape("∙", "o")
     trail: Final = _shape("∘", ",")
     stand: Final = _shape("⊗", "O")  # where the route ends
     arrow: Final = _shapes("⇢⇣⇠⇡", ")u(n")  # flow, by direction
     ramp: Final = tuple(map(ord, " .:-=+*#@"))  # nine levels, for heat without colours
-    # Several cells in a character.
+    # Several cells per character.
     upper_half: Final = _shape("▀", "'")
     lower_half: Final = _shape("▄", ".")
     full: Final = _shape("█", ":")
     braille: Final = _shapes(BRAILLE, _by_dots(" .:-=+*#@"))
     fleet: Final = _shapes(BRAILLE, _by_dots(" rrrRRRRR"))  # the dots of robots
-    fleet_full: Final = _shape(" ", "R")  # a character filled by robots: their colour is behind it
+    fleet_full: Final = _shape(" ", "R")  # a character filled by robots, by its background
     fleet_half: Final = _shapes("▀▄", "rr")  # its upper and its lower half
-    lines: Final = _shapes(BRAILLE, _by_lines())  # outlines of cells that are drawn
+    lines: Final = _shapes(BRAILLE, _by_lines())  # outlines of drawn cells
 
     def __init__(self, name: str, characters: str, shaded: bool) -> None:
         self.name = name
         self.characters = characters  # by glyph
-        self.shaded = shaded  # heat is told by shades, half blocks cannot be told apart
+        self.shaded = shaded  # shades show heat; half blocks look alike
 
     def __repr__(self) -> str:
         return f"GlyphSet({self.name!r})"
@@ -159,7 +158,7 @@ def code(style: int | NDArray[Any], glyph: int | NDArray[Any]) -> np.uint32 | Co
     return codes
 
 
-# Any text in ASCII: each character becomes what looks most like it, as many columns wide.
+# Any text in ASCII: each character becomes the most similar text of the same width.
 LOOKALIKES: Final = {
     " ": "\N{NO-BREAK SPACE}▁▂▔░\N{BRAILLE PATTERN BLANK}",
     "-": "─━┄┅┈┉╌╍═‐‑‒–—−▬⎯╸╺",  # noqa: RUF001
@@ -182,12 +181,12 @@ LOOKALIKES: Final = {
     "\\": "╲",
 }
 UNKNOWN_CHARACTER: Final = "?"
-# Corners and crossings of frames become +, as far as they are not above.
+# Other corners and crossings of frames become +.
 FRAMES: Final = range(0x2500, 0x2580)
 
 
 class AsciiFallback(dict[int, str]):
-    """By code point; made for a character when it is met for the first time."""
+    """A table by code point that adds characters on demand."""
 
     def __missing__(self, point: int) -> str:
         spelled = self[point] = _fallback(chr(point))
@@ -195,7 +194,7 @@ class AsciiFallback(dict[int, str]):
 
 
 def _fallback(character: str) -> str:
-    from rich.cells import cell_len  # pictures of plain floors do without it
+    from rich.cells import cell_len  # plain floors do not need Rich
 
     if character.isascii():
         return character
@@ -211,19 +210,19 @@ ASCII_FALLBACK: Final = AsciiFallback()
 
 
 def to_ascii(text: str) -> str:
-    """The text in ASCII; no line gets longer or shorter on the screen."""
+    """The text in ASCII; lines keep their widths on the screen."""
     return text if text.isascii() else text.translate(ASCII_FALLBACK)
 
 
 def text(words: str) -> tuple[int, ...]:
-    """The glyphs of a text, which are those of ASCII."""
+    """The glyphs of an ASCII text."""
     return tuple(to_ascii(words).encode("ascii"))
 
 
 class Depth(IntEnum):
-    """Colours of a terminal."""
+    """Colour depth of a terminal."""
 
-    NONE = 0  # bold, underlined and reversed only
+    NONE = 0  # bold, underline and reverse only
     SIXTEEN = 1
     INDEXED = 2  # 256
     TRUE = 3
@@ -242,7 +241,7 @@ class ColourShades(NamedTuple):
     """One colour on terminals of each depth."""
 
     true: int  # 0xRRGGBB
-    indexed: int  # of 256; above 15, since the first 16 differ between terminals
+    indexed: int  # of 256; above 15, since terminals differ in the first 16
     sixteen: int
 
 
@@ -261,13 +260,13 @@ _rows: list[Colour] = []
 def _row(
     name: str, dark: tuple[int, int, int], light: tuple[int, int, int], bold: bool = False
 ) -> int:
-    """Add a row; its index."""
+    """Add a row; returns its index."""
     _rows.append(Colour(name, ColourShades(*dark), ColourShades(*light), bold))
     return len(_rows) - 1
 
 
-# From the ground up: what comes later in the table is painted earlier, and stands out more.
-# Grounds. Heat leaves out the middle greys, on which no foreground is legible.
+# From the ground up: later rows are more prominent and are painted earlier.
+# Grounds. Heat omits the middle greys, on which no foreground is legible.
 COLOUR_FLOOR: Final = _row("floor", (0x121212, 233, 0), (0xFFFFFF, 231, 15))
 COLOUR_VOID: Final = _row("beyond the floor", (0x080808, 232, 0), (0xEEEEEE, 255, 15))
 COLOUR_HEAT_0: Final = _row("heat 0", (0x121212, 233, 0), (0xFFFFFF, 231, 15))
@@ -301,7 +300,7 @@ COLOUR_DESTINATION: Final = _row("destination", (0x3F8FE0, 68, 12), (0x2A2AA8, 1
 COLOUR_DOCK: Final = _row("dock", (0x5FA35F, 71, 2), (0x3F753F, 65, 12))
 COLOUR_STATION: Final = _row("station", (0xC48484, 174, 3), (0xA05050, 131, 5))
 COLOUR_LOAD: Final = _row("load", (0xB08860, 137, 3), (0x7A5C45, 95, 0))
-# What is written and laid over.
+# Text and overlays.
 COLOUR_DIM: Final = _row("dim text", (0x8F8F8F, 246, 8), (0x606060, 241, 0))
 COLOUR_TRAIL: Final = _row("trail", (0x8C8C6A, 101, 8), (0x6F6F48, 58, 8))
 COLOUR_GOAL_LINE: Final = _row("line to a goal", (0x8A80A8, 103, 8), (0x6F6590, 60, 8))
@@ -335,12 +334,12 @@ COLOUR_SELECTED: Final = _row("selected", (0xFFFFFF, 231, 15), (0x000000, 16, 13
 
 COLOUR_TABLE: Final = tuple(_rows)
 STYLE_COUNT: Final = len(COLOUR_TABLE) ** 2
-# Grounds keep their value as foreground; all others adapt to these backgrounds, see `Look`.
+# Grounds keep their value as foreground; all others adapt to the background, see `Look`.
 GROUNDS: Final = range(COLOUR_FLOOR, COLOUR_FLOOR_MARK)
 BACKGROUNDS: Final = (*GROUNDS, COLOUR_MARKED, COLOUR_CURSOR, COLOUR_SELECTED)
-# Robots bear numbers; words are written in the others, on the lines around the map and on the floor.
-CLASS_COLOURS: Final = range(COLOUR_CLASS_0, COLOUR_CLASS_7 + 1)  # of kinds of robots
-LEVEL_COLOURS: Final = range(COLOUR_LEVEL_0, COLOUR_LEVEL_4 + 1)  # of amounts that robots have
+# Robots carry numbers; the other colours are used for text around the map and on the floor.
+CLASS_COLOURS: Final = range(COLOUR_CLASS_0, COLOUR_CLASS_7 + 1)  # classes of robots
+LEVEL_COLOURS: Final = range(COLOUR_LEVEL_0, COLOUR_LEVEL_4 + 1)  # levels of amounts
 ROBOT_COLOURS: Final = range(COLOUR_PARKED, COLOUR_FAULT + 1)
 WORD_COLOURS: Final = (
     *(COLOUR_FLOOR, COLOUR_STATION, COLOUR_DIM, COLOUR_TEXT, COLOUR_DONE, COLOUR_CURSOR),
@@ -348,10 +347,10 @@ WORD_COLOURS: Final = (
 WHITE: Final = ColourShades(0xFFFFFF, 231, 15)
 BLACK: Final = ColourShades(0x000000, 16, 0)
 
-TEXT_CONTRAST: Final = 4.5  # of words and of robots, which have numbers, with what is behind them
-MARK_CONTRAST: Final = 3.0  # of signs
+TEXT_CONTRAST: Final = 4.5  # minimum for text, and for robots, which carry numbers
+MARK_CONTRAST: Final = 3.0  # minimum for signs
 
-# The first 16 colours as xterm has them, by which contrast is measured; other terminals have others.
+# The first 16 colours of xterm, by which contrast is measured; other terminals differ.
 XTERM: Final = (
     *(0x000000, 0xCD0000, 0x00CD00, 0xCDCD00, 0x0000EE, 0xCD00CD, 0x00CDCD, 0xE5E5E5),
     *(0x7F7F7F, 0xFF0000, 0x00FF00, 0xFFFF00, 0x5C5CFF, 0xFF00FF, 0x00FFFF, 0xFFFFFF),
@@ -373,14 +372,14 @@ def style(fg: int | NDArray[Any], bg: int | NDArray[Any]) -> int | NDArray[np.ui
 
 
 def with_background(codes: Codes, bg: int | NDArray[Any]) -> Codes:
-    """The same glyphs in the same foregrounds on another background."""
+    """The same glyphs and foregrounds on another background."""
     styles = codes >> np.uint32(GLYPH_BITS)
     fg = styles - styles % np.uint32(len(COLOUR_TABLE))
     return ((fg + np.asarray(bg, np.uint32)) << np.uint32(GLYPH_BITS)) | (codes & GLYPHS)
 
 
 class Attributes(NamedTuple):
-    """What a style asks for beside its colours."""
+    """Attributes of a style other than its colours."""
 
     bold: bool = False
     underline: bool = False
@@ -388,33 +387,33 @@ class Attributes(NamedTuple):
 
 
 class Look:
-    """How styles are shown at one depth in one theme.
+    """Shows styles at one colour depth in one theme.
 
-    A foreground that lacks contrast on a background takes its value of the other theme, if that has
-    enough: on a hot cell of a dark theme, which is bright, a robot is as dark as on white. Where
-    neither has, it is white or black, so that at least its shape is seen: one of these has a contrast
-    of 4.58 or more with any colour.
+    If a foreground lacks contrast on a background, its value from the other theme is used: on a hot
+    cell of the dark theme, which is bright, a robot is as dark as on white. If that lacks contrast,
+    too, white or black is used, so that at least the shape is visible: one of these has a contrast
+    of at least 4.58 with any colour.
     """
 
     def __init__(self, depth: Depth, theme: Theme = "dark") -> None:
         self.depth = depth
         self.theme = theme
         fg, bg = np.divmod(np.arange(STYLE_COUNT, dtype=np.int32), np.int32(len(COLOUR_TABLE)))
-        # (STYLE_COUNT,) the order of painting: the style that shows what matters most comes first.
+        # (STYLE_COUNT,) the order of painting, the most important style first.
         self.rank: NDArray[np.int32] = (len(COLOUR_TABLE) - np.maximum(fg, bg)) * STYLE_COUNT
         self.rank += np.arange(STYLE_COUNT, dtype=np.int32)
         self._sgr: dict[int, str] = {}
         self._rich: dict[int, Style] = {}
 
     def sgr(self, style: int) -> str:
-        """The sequence that sets this style, whatever was set before."""
+        """The sequence that sets this style, independent of the previous one."""
         sgr = self._sgr.get(style)
         if sgr is None:
             sgr = self._sgr[style] = self._made_sgr(style)
         return sgr
 
     def rich(self, style: int) -> Style:
-        """The same style for Rich and Textual."""
+        """The style for Rich and Textual."""
         made = self._rich.get(style)
         if made is None:
             made = self._rich[style] = self._made_rich(style)
@@ -437,7 +436,7 @@ class Look:
     def pair(self, style: int) -> tuple[int, int]:
         """The values of foreground and background at this depth."""
         fg, bg = divmod(style, len(COLOUR_TABLE))
-        index = 3 - self.depth  # of the depth in `Shades`
+        index = 3 - self.depth  # in ColourShades
         below = _own(COLOUR_TABLE[bg], self.theme)[index]
         own = _own(COLOUR_TABLE[fg], self.theme)[index]
         cut_out = fg == COLOUR_FLOOR and bg not in GROUNDS
@@ -453,21 +452,21 @@ class Look:
         return max(either, key=lambda value: contrast(value, below, self.depth)), below
 
     def needed(self, fg: int, bg: int) -> float:
-        """The least contrast of a style: that of text or, of what is a sign alone, of marks.
+        """The minimum contrast of a style: TEXT_CONTRAST, or MARK_CONTRAST for signs.
 
-        Lines of words lie beyond the floor. On white only five of 16 colours have the contrast of
-        text, too few for the states of a robot.
+        A background COLOUR_VOID means a line of words. On white, only five of the 16 colours have
+        the contrast of text, too few for the states of a robot.
         """
         written = fg in WORD_COLOURS or bg == COLOUR_VOID
         written = written or (fg in ROBOT_COLOURS and self.depth != Depth.SIXTEEN)
         return TEXT_CONTRAST if written else MARK_CONTRAST
 
     def attributes(self, style: int) -> Attributes:
-        """Weight, and without colours what stands for them.
+        """Weight and, without colours, the attributes that replace them.
 
-        What is written on a robot's colour is reversed; so are the selection, the cursor and faults.
-        What waits is underlined at every depth, on the floor and on a robot, for its colour alone is
-        not enough. The blanks of a robot that is drawn have the foreground "beyond the floor".
+        Text on a robot's colour is reversed, and so are the selection, the cursor and faults.
+        Waiting robots are underlined at every depth, since colour alone is not enough. The blanks of
+        a drawn robot have the foreground "beyond the floor" and no underline.
         """
         fg, bg = divmod(style, len(COLOUR_TABLE))
         bold = COLOUR_TABLE[fg].bold
@@ -512,7 +511,7 @@ def _own(colour: Colour, theme: Theme) -> ColourShades:
 
 
 def _parameters(value: int, depth: Depth, place: int) -> list[int]:
-    """The numbers that set a colour; place 38 is the foreground, 48 the background."""
+    """The SGR parameters of a colour; place 38 is the foreground, 48 the background."""
     if depth == Depth.TRUE:
         return [place, 2, *channels(value)]
     if depth == Depth.INDEXED:
@@ -541,7 +540,7 @@ def rgb(value: int, depth: Depth) -> int:
 
 @cache
 def contrast(one: int, other: int, depth: Depth) -> float:
-    """1 to 21, as the Web Content Accessibility Guidelines (2.2) define it."""
+    """The contrast ratio, 1 to 21, of the Web Content Accessibility Guidelines 2.2."""
     low, high = sorted(_luminance(rgb(value, depth)) for value in (one, other))
     return (high + 0.05) / (low + 0.05)
 

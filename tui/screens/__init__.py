@@ -1,1 +1,1 @@
-"""Dialogs over the app."""
+"""The viewer's dialogs."""

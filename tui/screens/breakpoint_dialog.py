@@ -26,14 +26,14 @@ WAYS: Final = (
 
 
 class StopCondition(NamedTuple):
-    """A breakpoint as the user keeps it."""
+    """A breakpoint in the user's list."""
 
     text: str
     on: bool = True
 
 
 class StopList(Rows):
-    """The breakpoints; a click or enter switches one on or off, delete removes it."""
+    """The breakpoints; a click or enter switches one on or off, delete removes one."""
 
     DEFAULT_CSS = "StopList { height: 6; }"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -49,7 +49,7 @@ class StopList(Rows):
         self.set_content()
 
     def set_content(self) -> None:
-        """Show the list as it is now."""
+        """Update the list."""
         self.update_rows(max(1, len(self.stops)))
         self.refresh()
 
@@ -65,7 +65,7 @@ class StopList(Rows):
         )
 
     def chosen(self, index: int) -> None:
-        """Switch it on or off."""
+        """Switch a breakpoint on or off."""
         if self.stops:
             stop = self.stops[index]
             self.stops[index] = stop._replace(on=not stop.on)
@@ -75,7 +75,7 @@ class StopList(Rows):
         self.remove_at(link[1])
 
     def action_remove(self) -> None:
-        """Remove the one under the cursor."""
+        """Remove the breakpoint under the cursor."""
         self.remove_at(self.cursor)
 
     def remove_at(self, index: int) -> None:
@@ -85,7 +85,7 @@ class StopList(Rows):
 
 
 class BreakpointsScreen(Dialog[tuple[StopCondition, ...]]):
-    """The result is the list as it was left, however the dialog is closed."""
+    """The result is the edited list, even after escape."""
 
     HEADING = "Breakpoints: the run stops where one begins to hold"
     ACCEPT = "Done"
@@ -106,7 +106,7 @@ class BreakpointsScreen(Dialog[tuple[StopCondition, ...]]):
         self.complain("")
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
-        """Add what is written; nothing written means that all is done."""
+        """Add the text as a breakpoint; close if it is empty."""
         if not event.value.strip():
             self.accept()
         elif self._added(event.value):
@@ -124,7 +124,7 @@ class BreakpointsScreen(Dialog[tuple[StopCondition, ...]]):
         return True
 
     def accept(self) -> None:
-        """Close with the list; what is still in the field is added."""
+        """Close with the list, including the text in the field."""
         text = self.query_one(Input).value
         if not text.strip() or self._added(text):
             self.dismiss(tuple(self._list.stops))

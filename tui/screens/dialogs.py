@@ -1,6 +1,6 @@
-"""Dialogs: what all of them have in common, branch, go to, and the error of a file that was changed.
+"""Dialogs: their base class, branch, go to, and the error of a changed file.
 
-A dialog is a box in the middle with a sentence for errors and buttons; escape closes it.
+A dialog is a box in the middle with buttons and a line for errors; escape closes it.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ T = TypeVar("T")
 
 MIN_TERMINAL_COLUMNS: Final = 60
 MIN_TERMINAL_ROWS: Final = 16
-# From how many columns and rows on a screen bears which class: one of each.
+# Classes of a screen by its columns and rows, from these numbers on: one of each list.
 ACROSS: Final = [(0, "-tight"), (MIN_TERMINAL_COLUMNS, "-narrow"), (100, "-normal"), (160, "-wide")]
 DOWN: Final = [(0, "-flat"), (MIN_TERMINAL_ROWS, "-short"), (24, "-low"), (30, "-high")]
 
@@ -43,7 +43,7 @@ RELOAD_HINT = (
 
 
 def size_classes(columns: int, rows: int) -> dict[str, bool]:
-    """Which of the classes a screen of this size bears."""
+    """For each class, whether a screen of this size has it."""
     bears: dict[str, bool] = {}
     for cells, table in ((columns, ACROSS), (rows, DOWN)):
         own = max(step for step in table if step[0] <= cells)
@@ -52,7 +52,7 @@ def size_classes(columns: int, rows: int) -> dict[str, bool]:
 
 
 class Dialog(ModalScreen[T]):
-    """Subclasses say what is inside, and what happens when it is accepted."""
+    """Base of dialogs; subclasses define the content and the result."""
 
     DEFAULT_CSS = """
     Dialog { align: center middle; }
@@ -98,11 +98,11 @@ class Dialog(ModalScreen[T]):
         raise NotImplementedError
 
     def accept(self) -> None:
-        """Close with a result, or say what is wrong."""
+        """Close with a result, or show an error."""
         raise NotImplementedError
 
     def complain(self, sentence: str) -> None:
-        """Show what is wrong, and let it be mended; "" when nothing is."""
+        """Show an error and focus the field; "" clears the error."""
         shown = self.query_one(".error", Static)
         shown.update(sentence)
         shown.set_class(not sentence, "none")
@@ -121,11 +121,11 @@ class Dialog(ModalScreen[T]):
             self.action_leave()
 
 
-# Branch: other settings from the present tick on; they are checked before the dialog closes.
+# Branch: other settings from the present tick on, checked before the dialog closes.
 
 
 class BranchScreen(Dialog[tuple[str, ...]]):
-    """The result are the settings, which fit the run."""
+    """The result is the checked settings."""
 
     ACCEPT = "Branch here (ctrl+s)"
     BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+s", "accept", "Branch", priority=True)]
@@ -165,7 +165,7 @@ class BranchScreen(Dialog[tuple[str, ...]]):
 
 
 def settings_of(scenario: Scenario) -> list[str]:
-    """KEY=VALUE of everything that may change while a run goes on, as it is."""
+    """KEY=VALUE lines of all settings that may change during a run, with present values."""
     data = plain_data(scenario)
     return [text for name in CHANGEABLE for text in _flat(name, data[name])]
 
@@ -179,7 +179,7 @@ def _flat(key: str, value: Any) -> list[str]:
 
 
 class SettingList(Rows):
-    """What holds now; a click or enter copies a line into the field."""
+    """The present settings; a click or enter copies a line into the field."""
 
     DEFAULT_CSS = "SettingList { height: 7; }"
 
@@ -198,23 +198,23 @@ class SettingList(Rows):
 
 
 class SettingField(TypedText):
-    """Lines KEY=VALUE."""
+    """The field for lines KEY=VALUE."""
 
     DEFAULT_CSS = "SettingField { height: 5; }"
 
     def add(self, setting: str) -> None:
-        """A line to be changed; the caret is at its end."""
+        """Add a line to edit, with the caret at its end."""
         text = self.text.rstrip("\n")
         self.text = f"{text}\n{setting}" if text else setting
         self.move_cursor(self.document.end)
         self.focus()
 
 
-# Go to a tick: by number, relative to the present, as a share of the run, or by its time.
+# Go to a tick: by number, relative to the present, as a share of the run, or by time.
 
 
 class GoToScreen(Dialog[int]):
-    """The result is a tick of the run."""
+    """The result is a tick."""
 
     HEADING = "Go to tick"
     ACCEPT = "Go there"
@@ -257,7 +257,7 @@ class GoToScreen(Dialog[int]):
 
 
 def tick_of(text: str, now: int, head: int, end: int | None, scale: Scale) -> int:
-    """The tick that a text means, be it after the end; `head` is the last so far. Raises InputError."""
+    """The tick of a text, maybe after the end; `head`: last tick so far. Raises InputError."""
     if is_clock_time(text.strip()):
         return scale.tick_at(text.strip())
     of = scale.unit
@@ -285,18 +285,18 @@ def _ticks(amount: float, name: str, last: int, of: Unit) -> float:
 
 
 def examples(scale: Scale) -> str:
-    """What can be written."""
+    """Examples of valid input."""
     of = scale.unit
     time = "" if scale.clock is None else f", {clock_text(scale.clock, Fraction(3600))}"
     timed = "" if of.name == "tick" else f", {30 * of.size:g} {of.plural}"
     return f"1200, +100, -50, 50 %{timed}{time}"
 
 
-# What is wrong with a file that was changed, over the floor that was there before.
+# The error of a changed file, over the previous floor.
 
 
 class ReloadErrorScreen(ModalScreen[None]):
-    """Shows the sentence until the file is mended."""
+    """Shows an error until the file is corrected."""
 
     DEFAULT_CSS = """
     ReloadErrorScreen { align: center bottom; }
@@ -322,6 +322,6 @@ class ReloadErrorScreen(ModalScreen[None]):
             yield Static(RELOAD_HINT, classes="hint", markup=False)
 
     def complain(self, sentence: str) -> None:
-        """Show another sentence."""
+        """Show another error."""
         self._sentence = sentence
         self.query_one(".error", Static).update(sentence)

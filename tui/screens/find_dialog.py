@@ -1,7 +1,8 @@
-"""Find: robots, loads, cells, zones, or robots for which a condition holds; matches while typing.
+"""Find robots, loads, cells, zones, or robots that meet a condition, with matches while typing.
 
-17, load 7, pod 12, 12,4, station 11, station P1, zone 9, waiting > 20, jam, starved, and what the
-scenario gives names or numbers: packing, door 2, lifts, block 1, closing 3, order A-17, line 12, sku B4
+Examples: 17, load 7, pod 12, 12,4, station 11, station P1, zone 9, waiting > 20, jam, starved, and
+names or numbers from the scenario: packing, door 2, lifts, block 1, closing 3, order A-17, line 12,
+sku B4
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ Preview = Callable[["Found"], None]
 
 
 class Found(NamedTuple):
-    """Robots, or else cells or zones, to step through from the one at index `first` on."""
+    """Robots, cells or zones to step through, starting at index `first`."""
 
     text: str
     robots: tuple[int, ...] = ()
@@ -57,20 +58,20 @@ class Found(NamedTuple):
 
     @property
     def places(self) -> tuple[int, ...]:
-        """Those of them that there are."""
+        """The robots, cells or zones."""
         return self.robots or self.cells or self.zones
 
     @property
     def many(self) -> str:
-        """How many of what."""
+        """Their number and kind in words."""
         kind = "robot" if self.robots else "cell" if self.cells else "zone"
         return count(len(self.places), kind)
 
 
 class FindScreen(Dialog[Found]):
-    """Enter takes the match under the cursor; the others can be stepped through later.
+    """Enter takes the match under the cursor; the user can step through the others later.
 
-    It lies below the map, or in the place of the panels beside it: what matches is seen on the map.
+    It is below the map, or beside it in place of the panels, so that matches are visible on the map.
     """
 
     DEFAULT_CSS = """
@@ -93,7 +94,7 @@ class FindScreen(Dialog[Found]):
     ]
 
     def __init__(self, view: View, text: str = "", preview: Preview = lambda matches: None) -> None:
-        """`preview` gets what is found whenever that, or the match under the cursor, changes."""
+        """`preview` receives the matches whenever they or the selected match change."""
         super().__init__()
         self._view, self._text, self._preview = view, text, preview
 
@@ -110,7 +111,7 @@ class FindScreen(Dialog[Found]):
         self._look(event.value)
 
     def _look(self, text: str) -> None:
-        """Show what matches by now."""
+        """Show the matches of a text."""
         found, wrong = Found(text), ""
         if text.strip():
             try:
@@ -140,13 +141,13 @@ class FindScreen(Dialog[Found]):
             self.dismiss(matches.found._replace(first=matches.cursor))
 
     def action_move(self, rows: int) -> None:
-        """Choose another match."""
+        """Move to another match."""
         self.query_one(MatchList).action_move(rows)
         self._show_on_map()
 
 
 class MatchList(Rows, can_focus=False):
-    """What was found; the one under the cursor will be gone to."""
+    """The list of matches; accepting goes to the one under the cursor."""
 
     DEFAULT_CSS = "MatchList { height: 8; }"
 
@@ -196,11 +197,11 @@ class MatchList(Rows, can_focus=False):
         self.post_message(self.Chosen())
 
 
-# What a user types.
+# Parsing of the user's text.
 
 
 def find(text: str, view: View) -> Found:
-    """What matches the text now. Raises InputError with what can be written."""
+    """The matches of a text now. Raises InputError with examples of valid input."""
     words = " ".join(text.lower().split())
     if number := re.fullmatch(r"(?:robot )?(\d{1,9})", words):
         return Found(words, robots=(_robot(int(number[1]), view),))
@@ -236,7 +237,7 @@ def _robot(number: int, view: View) -> int:
 
 
 def _without_progress(words: str, view: View) -> Found:
-    """Robots that have finished nothing for long: all of them, or those of the largest jam."""
+    """Starved robots: all of them, or those of the largest jam."""
     figures = view.playback.figures[view.side]
     if words == "starved":
         return Found(words, robots=tuple(figures.starved.tolist()))
@@ -247,7 +248,7 @@ def _without_progress(words: str, view: View) -> Found:
 
 
 def _with_pods(words: str, view: View) -> Found | None:
-    """A pod or a station by its name or number, or a trip, where pods are carried."""
+    """A pod or station by name or number, or a trip, where robots carry pods."""
     snapshot = view.snapshot
     if words.startswith("pod ") and snapshot.pod_names:
         return _pod(words, view)
@@ -265,7 +266,7 @@ def _with_pods(words: str, view: View) -> Found | None:
 
 
 def _pod(words: str, view: View) -> Found:
-    """Where a pod stands, or who carries it."""
+    """The cell of a pod, or the robot that carries it."""
     snapshot = view.snapshot
     name = words.removeprefix("pod ")
     names = [one.lower() for one in snapshot.pod_names]
@@ -279,7 +280,7 @@ def _pod(words: str, view: View) -> Found:
 
 
 def _order(words: str, number: int, view: View) -> Found:
-    """Who carries the load or is to fetch it; else where it lies."""
+    """The robot that carries or will fetch the load; else the cell of the load."""
     orders, slots = view.snapshot.orders, view.snapshot.slots
     if number >= len(orders.state):
         raise InputError(
@@ -303,11 +304,11 @@ def _cell(x: int, y: int, view: View) -> int:
     return floor_plan.cell(x, y)
 
 
-# What the scenario names: locations, doors and lifts, orders, their lines, SKUs.
+# Names from the scenario: locations, doors, lifts, orders, lines, SKUs.
 
 
 def named_places(words: str, view: View) -> Places | None:
-    """Robots, or cells, of what these words name; None: they name nothing. Raises InputError."""
+    """Robots or cells that these words name, or None. Raises InputError."""
     location = _location(words, view)
     if location:
         return (), location
@@ -322,7 +323,7 @@ def named_places(words: str, view: View) -> Places | None:
 
 
 def places_of_pods(pods: Iterable[int], view: View) -> Places:
-    """Who carries them or, if no robot does, where they stand."""
+    """The robots that carry some of the pods or, if none, the cells of the pods."""
     snapshot = view.snapshot
     slots = {pod: int(snapshot.pods.slot[pod]) for pod in pods if pod != NIL}
     carried = [pod for pod, slot in slots.items() if slot == NIL]
@@ -340,7 +341,7 @@ def _location(words: str, view: View) -> tuple[int, ...]:
 
 
 def _gates(kind: str, number: str | None, view: View) -> tuple[int, ...]:
-    """The cells of one of the gates of a kind, or of all."""
+    """The cells of one gate of a kind, or of all."""
     floor = view.run.resolved.scenario.floor
     gates = [gate for gate in gates_of(floor) if gate.name.startswith(kind)]
     if number is not None:
@@ -353,7 +354,7 @@ def _gates(kind: str, number: str | None, view: View) -> tuple[int, ...]:
 
 
 def _lines(kind: str, name: str, view: View) -> Array:
-    """(k,) the lines of an order or of a SKU, or one of them. Raises InputError."""
+    """(k,) the lines of an order or SKU, or one line by number. Raises InputError."""
     of_order = view.snapshot.lines.order
     listed = listed_lines(view.run.resolved.scenario.orders)
     texts: Sequence[str] = ()
@@ -372,7 +373,7 @@ def _lines(kind: str, name: str, view: View) -> Array:
 
 
 def _pods_of_lines(lines: Array, view: View) -> Array:
-    """(k,) the pod of each line, as far as it is known; of a SKU all pods that hold it."""
+    """(k,) the known pods of these lines; for the others, all pods that hold their SKUs."""
     table, pods = view.snapshot.lines, view.snapshot.pods
     pod = np.where(table.pod[lines] == NIL, table.taken_from[lines], table.pod[lines])
     open_skus = np.unique(table.sku[lines[pod == NIL]])

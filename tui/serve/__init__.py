@@ -3,6 +3,6 @@
     browser --HTTP--> access: Host, token, Origin --> page, static files
             <--WS--->                             --> session <--pipes--> python -m automaton watch
 
-Built on textual-serve, whose stock server asks nobody who they are, starts processes without limit
-through a shell with the whole environment, and waits for ever for one that does not end.
+It builds on textual-serve, whose own server authenticates nobody, starts any number of processes
+through a shell with its whole environment, and waits forever for a process that does not end.
 """

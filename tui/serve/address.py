@@ -1,4 +1,4 @@
-"""Where the server listens, and what browsers call it."""
+"""The address at which the server listens, and the one that browsers use."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ EVERYWHERE = ("", "0.0.0.0", "::")
 
 
 def listen(host: str, port: int) -> socket.socket:
-    """A socket that listens; port 0 takes a free one."""
+    """A listening socket; port 0 picks a free port. Raises InputError."""
     try:
         family, _, _, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
         return socket.create_server((str(place[0]), port), family=family)
@@ -30,7 +30,7 @@ def listen(host: str, port: int) -> socket.socket:
 
 
 def is_loopback(host: str) -> bool:
-    """Whether only this machine reaches `host`; any name but localhost may be reached by others."""
+    """Whether only this machine reaches `host`; others may reach any name except localhost."""
     try:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -38,13 +38,13 @@ def is_loopback(host: str) -> bool:
 
 
 def authority(host: str, port: int, scheme: str = "http") -> str:
-    """What browsers put into Host: no port if it is the scheme's own, brackets for IPv6."""
+    """The Host header of browsers: without the scheme's default port, with brackets for IPv6."""
     name = f"[{host}]" if ":" in host else host
     return name if port == DEFAULT_PORTS[scheme] else f"{name}:{port}"
 
 
 def origin(url: str) -> str:
-    """`url`, as browsers write it in Origin."""
+    """`url` as browsers write it in the Origin header. Raises InputError."""
     try:
         parts = urlsplit(url)
         port = parts.port
@@ -60,10 +60,11 @@ def origin(url: str) -> str:
 
 
 def checked_exposure(host: str, public_url: str | None, token: str | None) -> None:
-    """Refuse what would show the viewer to strangers, or to nobody."""
+    """Raise InputError for an address that nobody could open, or strangers without a token."""
     if host in EVERYWHERE and public_url is None:
-        raise InputError(f"--host {host or repr('')} needs --public-url: what browsers call it")
+        name = host or repr("")
+        raise InputError(f"--host {name} needs --public-url, the address that browsers open")
     reached = [host] if public_url is None else [host, urlsplit(origin(public_url)).hostname or ""]
     for name in reached:
         if token is None and not is_loopback(name):
-            raise InputError(f"--no-token is for this machine alone, and others can reach {name}")
+            raise InputError(f"--no-token works on this machine only, but others can reach {name}")

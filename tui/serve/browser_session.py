@@ -1,4 +1,4 @@
-"""A session of a browser: the process of its viewer, and the environment that this needs."""
+"""A browser session: the process of its viewer, and the environment of that process."""
 
 from __future__ import annotations
 
@@ -17,16 +17,16 @@ from aiohttp import web
 from textual_serve.app_service import AppService
 from textual_serve.download_manager import DownloadManager
 
-TERMINATE_GRACE_S = 3.0  # for a process to end after SIGTERM, and for a browser to answer a close
+TERMINATE_GRACE_S = 3.0  # for a process to end after SIGTERM, for a browser to answer a close
 
 TERMINAL_SIZES = range(1, 1001)  # rows and columns; a browser may ask for any number
 
-# What a terminal sends by itself: cursor position, modes, attributes. The viewer's pacing asks for
-# a position with every frame, so that a playing viewer would never be idle.
+# Answers that a terminal sends by itself: cursor position, modes, attributes. The viewer requests a
+# position with every frame; if answers counted as input, a playing viewer would never be idle.
 REPORTS = re.compile(r"(\x1b\[\??[\d;]*(R|\$y|c|n|t))+")
 
 STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
-MAX_JSON_NESTING = 2  # lists and objects in each other: what the page sends
+MAX_JSON_NESTING = 2  # levels of lists and objects that the page sends
 
 
 class BrowserSession(AppService):
@@ -55,8 +55,8 @@ class BrowserSession(AppService):
         return clean(super()._build_environment(width=width, height=height))
 
     async def _open_app_process(self, width: int = 80, height: int = 24) -> Process:
-        # A process group of its own: it can be ended as a whole, and Ctrl-C in the server's
-        # terminal does not reach it first.
+        # In a process group of its own, the process and its children can be ended together, and
+        # Ctrl-C in the server's terminal does not reach them first.
         self._process = await asyncio.create_subprocess_exec(
             *self._argv,
             stdin=PIPE,
@@ -69,13 +69,13 @@ class BrowserSession(AppService):
         return self._process
 
     async def run(self) -> None:
-        """Carry the process's output to the browser until it ends; the page then says so."""
+        """Send the process's output to the browser until the process ends; then close."""
         await super().run()
         if self._ending is None:
             await self._close()
 
     async def take(self, text: str) -> bool:
-        """Carry one message of the browser to the process; whether a person caused it."""
+        """Pass a message of the browser to the process; returns whether a person caused it."""
         match read(text):
             case ["stdin", str(data)]:
                 await self.send_bytes(data.encode("utf-8", "replace"))
@@ -93,13 +93,13 @@ class BrowserSession(AppService):
         return False
 
     async def on_meta(self, data: bytes) -> None:
-        """Pass on what the process announces, but no files to someone who only looks."""
+        """Pass on messages of the process, except files in a read-only session."""
         if self._read_only and json.loads(data)["type"] == "deliver_file_start":
             return
         await super().on_meta(data)
 
     async def stop(self) -> None:
-        """End the process with all its children; may be called again, and by several at once."""
+        """End the process with all its children; may be called repeatedly and concurrently."""
         if self._process is None:
             return
         if self._ending is None:
@@ -116,10 +116,10 @@ class BrowserSession(AppService):
             # RuntimeError: its reader has not ended yet.
             with contextlib.suppress(TimeoutError, RuntimeError):
                 async with asyncio.timeout(TERMINATE_GRACE_S):
-                    # Read to the end: a process that waits in a full pipe would never see the signal.
+                    # Read on: a process blocked by a full pipe would never handle the signal.
                     await process.communicate()
         finally:
-            signal_group(process.pid, signal.SIGKILL)  # it, or what it left behind
+            signal_group(process.pid, signal.SIGKILL)  # or its remaining children
         with contextlib.suppress(TimeoutError):
             # a child outside the group may hold the pipes
             async with asyncio.timeout(TERMINATE_GRACE_S):
@@ -134,12 +134,12 @@ class BrowserSession(AppService):
 
 
 def bounded(size: int) -> int:
-    """A number of rows or columns as it may reach the viewer."""
+    """A number of rows or columns, clamped to TERMINAL_SIZES."""
     return min(max(size, TERMINAL_SIZES[0]), TERMINAL_SIZES[-1])
 
 
 def read(text: str) -> Any:
-    """A message of the browser. Raises ValueError for no JSON, and for more nesting than it sends."""
+    """Parse a message of the browser. Raises ValueError unless it is JSON of limited nesting."""
     depth = 0
     for mark in STRING.sub("", text):
         depth += (mark in "[{") - (mark in "]}")
@@ -149,12 +149,12 @@ def read(text: str) -> Any:
 
 
 def signal_group(pid: int, number: signal.Signals) -> None:
-    """Send a signal to the process group that `pid` leads, if any of it is left."""
+    """Send a signal to the process group that `pid` leads, if it still exists."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(pid, number)
 
 
-# The environment of the process: what it needs, and nothing else of the server's.
+# The environment of the process: only the variables that it needs.
 
 
 ALLOWED_VARIABLES = {"PATH", "HOME", "TMPDIR", "LD_LIBRARY_PATH", "VIRTUAL_ENV"}
@@ -170,12 +170,12 @@ PROTOCOL = {  # set by textual-serve
     "ROWS",
 }
 
-# The terminal is the browser's, whatever the server was started in.
+# The terminal is the browser, whichever terminal started the server.
 TERMINAL = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LC_ALL": "C.UTF-8"}
 
 
 def clean(environment: Mapping[str, str]) -> dict[str, str]:
-    """What of `environment` a session may see: no passwords, no keys, no agent's socket."""
+    """The variables that a session may see: no passwords, keys or agent sockets."""
     allowed = ALLOWED_VARIABLES | PROTOCOL
     kept = {
         name: value

@@ -1,9 +1,10 @@
-"""The server: who may speak to it, the page, its files, and a limited number of sessions.
+"""The server: access control, the page and its files, and a limited number of sessions.
 
-A page that the user visits can send requests to 127.0.0.1 too. Host stops names that are made to
-point here (DNS rebinding), Origin stops WebSockets of foreign pages, the token stops everybody else
-on the machine or the network. It comes once in the address, moves into a cookie that scripts cannot
-read and other sites cannot send, and vanishes from the address bar.
+Any page that the user visits can send requests to 127.0.0.1. The check of Host stops names that are
+made to point here (DNS rebinding), the check of Origin stops WebSockets of foreign pages, and the
+token stops everybody else on the machine or the network. The first address carries the token. It
+moves into a cookie that scripts cannot read and other sites cannot send, and vanishes from the
+address bar.
 """
 
 from __future__ import annotations
@@ -39,23 +40,23 @@ HERE = Path(__file__).parent
 
 USABLE_TOKEN = re.compile(r"[A-Za-z0-9_-]{16,}")
 
-# how long a new session waits for one that is ending: a reloaded page
+# A reloaded page waits so long for its old session to end.
 SESSION_SLOT_TIMEOUT_S = TERMINATE_GRACE_S + 1.0
 
 SHUTDOWN_S = 3 * TERMINATE_GRACE_S
-HEARTBEAT_S = 15.0  # a browser that vanished without a word is noticed by then
-LONGEST_MESSAGE = 1 << 16  # bytes from the browser: keys, and what is pasted
-HEAD_S = 10.0  # in which the head of a request must have come
+HEARTBEAT_S = 15.0  # interval at which vanished browsers are noticed
+LONGEST_MESSAGE = 1 << 16  # bytes from the browser: keys and pasted text
+HEAD_S = 10.0  # for the head of a request to arrive
 HEAD_ENDS = b"\r\n\r\n"
 
 LONGEST_LINE: Final = 300  # characters
 
-# Requests that are not HTTP, and connections that went away while they were answered.
+# Requests that are not HTTP, and connections lost while they were answered.
 NOT_OURS: Final = (HttpProcessingError, ConnectionError)
 
 
 class ViewerServer(Server):
-    """textual-serve with a door, a limit and an end."""
+    """textual-serve with access control, a limit of sessions and an orderly end."""
 
     def __init__(
         self,
@@ -106,11 +107,11 @@ class ViewerServer(Server):
         return web.Response(text=text, content_type="text/html", headers=headers)
 
     async def handle_script(self, request: web.Request) -> web.FileResponse:
-        """The page's own script: the policy allows none inside the page."""
+        """The page's script, a file since the policy forbids inline scripts."""
         return web.FileResponse(HERE / "page.js")
 
     async def handle_websocket(self, request: web.Request) -> web.WebSocketResponse:
-        """A session, if there is a place for one."""
+        """Run a session, if fewer than the limit are running."""
         self._access.check_origin(request)
         try:
             async with asyncio.timeout(SESSION_SLOT_TIMEOUT_S):
@@ -136,9 +137,9 @@ class ViewerServer(Server):
         self._sessions.add(session)
         try:
             await session.start(width, height)
-            # Idle, or something that the page does not send: either ends the session.
+            # Idle time or a message that the page never sends ends the session.
             with contextlib.suppress(TimeoutError, ValueError):
-                if not self._closing:  # on_shutdown came before there was a process
+                if not self._closing:  # on_shutdown may have come before the process
                     await self._converse(websocket, session)
         finally:
             await session.stop()
@@ -154,7 +155,7 @@ class ViewerServer(Server):
                     patience.reschedule(now() + self._idle_s)
 
     async def on_shutdown(self, app: web.Application) -> None:
-        """End all sessions; none begins from here on."""
+        """End all sessions and start no more."""
         self._closing = True
         await self._end_sessions()
 
@@ -163,7 +164,7 @@ class ViewerServer(Server):
 
     async def run(self, listener: socket.socket) -> None:
         """Serve on `listener` until SIGINT, SIGTERM or SIGHUP, or until cancelled."""
-        # No access log: the first address has the token in it.
+        # No access log: the first address contains the token.
         app = await self._make_app()
         runner = web.AppRunner(
             app,
@@ -182,11 +183,11 @@ class ViewerServer(Server):
         finally:
             door.close()
             await runner.cleanup()
-            await self._end_sessions()  # those whose requests aiohttp gave up waiting for
+            await self._end_sessions()  # sessions for which aiohttp stopped waiting
 
 
 async def asked_to_end() -> None:
-    """Wait for a signal that ends the server; `nohup` keeps it from the loss of its terminal."""
+    """Wait for a signal that ends the server; under `nohup` SIGHUP is ignored."""
     end = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
@@ -199,12 +200,12 @@ async def asked_to_end() -> None:
 
 
 def new_token() -> str:
-    """A token that nobody guesses."""
+    """A token that nobody can guess."""
     return secrets.token_urlsafe(32)
 
 
 def checked_token(token: str) -> str:
-    """`token`, if it is long enough and needs no quoting in an address or a cookie."""
+    """`token`, if long enough and without characters to quote. Raises InputError."""
     if not USABLE_TOKEN.fullmatch(token):
         raise InputError("--token needs at least 16 letters, digits, '-' or '_'")
     return token
@@ -212,12 +213,12 @@ def checked_token(token: str) -> str:
 
 @dataclass(frozen=True)
 class Access:
-    """The door of one server."""
+    """Access control of one server."""
 
-    public_url: str  # what browsers call it, such as http://127.0.0.1:8000: an Origin
-    hosts: frozenset[str]  # what the Host header may say
-    token: str | None  # None: whoever has the right Host and Origin
-    cookie: str  # its name; cookies know no ports, so that it names the port
+    public_url: str  # an Origin, such as http://127.0.0.1:8000
+    hosts: frozenset[str]  # allowed Host headers
+    token: str | None  # None: Host and Origin suffice
+    cookie: str  # its name, with the port: browsers share cookies between ports
 
     @property
     def entrance(self) -> str:
@@ -226,14 +227,14 @@ class Access:
 
     @property
     def websocket_url(self) -> str:
-        """The address to which the page connects; https becomes wss."""
+        """The address to which the page connects: wss for https."""
         return f"ws{self.public_url.removeprefix('http')}/ws"
 
     @web.middleware
     async def guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Let `request` through, or raise the answer it gets instead."""
+        """Let `request` through, or raise the response that it gets instead."""
         if request.headers.get("Host", "").lower() not in self.hosts:
-            raise web.HTTPForbidden(text=f"This server is called {self.public_url} only.\n")
+            raise web.HTTPForbidden(text=f"Open this server as {self.public_url}.\n")
         if self.token is not None:
             given = request.query.get("token") if request.path == "/" else None
             if given is not None:
@@ -243,15 +244,15 @@ class Access:
         return await handler(request)
 
     def check_origin(self, request: web.Request) -> None:
-        """A WebSocket is for the server's own page: browsers let any page open one."""
+        """Only the server's own page may open a WebSocket; browsers let any page try."""
         if request.headers.get("Origin") != self.public_url:
             raise web.HTTPForbidden(text=f"Only pages of {self.public_url} may connect.\n")
 
     def _check_token(self, given: str) -> None:
         assert self.token is not None
-        # In constant time: how long a comparison takes must not tell where it failed.
+        # In constant time: the duration of a comparison must not reveal where it failed.
         if not hmac.compare_digest(given.encode("utf-8", "replace"), self.token.encode()):
-            text = "Open the address that `automaton serve` printed: it carries the token.\n"
+            text = "Open the address that `automaton serve` printed: it contains the token.\n"
             raise web.HTTPForbidden(text=text)
 
     def _admission(self, request: web.Request) -> web.HTTPException:
@@ -268,19 +269,19 @@ class Access:
         return response
 
     async def add_headers(self, request: web.Request, response: web.StreamResponse) -> None:
-        """What the browser must not do with anything that comes from here."""
+        """Add headers that restrict what the browser may do with responses."""
         response.headers.update(
             {
                 "Content-Security-Policy": self._content_security_policy(),
                 "X-Frame-Options": "DENY",
                 "X-Content-Type-Options": "nosniff",
-                "Referrer-Policy": "no-referrer",  # the first address has the token in it
+                "Referrer-Policy": "no-referrer",  # the first address contains the token
                 "Cross-Origin-Resource-Policy": "same-origin",
             }
         )
 
     def _content_security_policy(self) -> str:
-        """Own scripts, fonts and pictures, one WebSocket; xterm.js makes style elements."""
+        """Allow own scripts, fonts, pictures and one WebSocket; xterm.js makes style elements."""
         socket = self.websocket_url.removesuffix("/ws")
         return (
             "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; "
@@ -291,7 +292,7 @@ class Access:
 
 @web.middleware
 async def known_paths(request: web.Request, handler: Handler) -> web.StreamResponse:
-    """Answer that there is no file where a path is longer than a file system takes."""
+    """Answer 404 if a path is too long for the file system."""
     try:
         return await handler(request)
     except OSError as error:
@@ -300,19 +301,19 @@ async def known_paths(request: web.Request, handler: Handler) -> web.StreamRespo
         raise
 
 
-# Connections, and what is said of requests that fail.
+# Connections, and the log of failed requests.
 
 
 class Punctual(asyncio.Protocol):
-    """A connection that ends unless the head of its first request comes in time.
+    """A connection that ends unless the head of its first request arrives in time.
 
-    aiohttp waits for it without end, so that anybody could hold all connections; between two requests
-    it has a limit of its own (`keepalive_timeout`).
+    aiohttp itself would wait forever, so that anybody could hold all connections. It limits only
+    the time between two requests (`keepalive_timeout`).
     """
 
     def __init__(self, handler: asyncio.Protocol) -> None:
         self._handler = handler
-        self._end = b""  # of what has come of the head
+        self._end = b""  # the last bytes of the head so far
         self._late: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -348,7 +349,7 @@ class Punctual(asyncio.Protocol):
 
 
 class _OneLine(logging.Handler):
-    """Writes what is ours to mend as one line on stderr, without a traceback."""
+    """Writes errors of our own code to stderr, one line each, without a traceback."""
 
     def emit(self, record: logging.LogRecord) -> None:
         error = record.exc_info[1] if record.exc_info else None
@@ -360,9 +361,9 @@ class _OneLine(logging.Handler):
 
 
 def request_log() -> logging.Logger:
-    """Return the logger for the server of aiohttp, which would print a traceback of each request."""
+    """The logger for aiohttp, which would otherwise print a traceback for each failed request."""
     log = logging.Logger(
         "automaton.serve", logging.ERROR
-    )  # of no family: no other handler hears it
+    )  # without a parent: no other handler receives it
     log.addHandler(_OneLine())
     return log

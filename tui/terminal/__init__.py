@@ -1,1 +1,1 @@
-"""What the viewer has to do with terminals: presenting, pacing, colours, options."""
+"""The viewer's terminal output: presenting, frame pacing, colours, options."""

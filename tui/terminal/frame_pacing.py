@@ -1,7 +1,7 @@
-"""When the next picture goes out: a clock that does not drift, held back by what the terminal answers.
+"""Frame pacing: a clock that does not drift, throttled by the terminal's answers.
 
 frame + ESC[6n  ->  link  ->  terminal
-     ^                           |       at most two frames are under way at any time,
+     ^                           |       at most two frames are in flight at any time,
      +------ cursor position ----+       so a slow link shows fewer pictures, never older ones
 """
 
@@ -17,40 +17,40 @@ from dataclasses import dataclass
 
 from tui.terminal.map_view import Presenter
 
-SLOWER = (30, 15, 10)  # frames a second to which a slow link is taken down, step by step
-BLURRED = 0.5  # seconds between frames while the terminal's window is not the active one
-OBSTRUCTED = 0.1  # seconds between frames while the compositor has to repaint whole rows
-WOKEN = 1 / 60  # seconds between frames that keys and the mouse ask for,
-# and at most this share of the usual time between two: one that was late is made up for
+SLOWER = (30, 15, 10)  # frames per second: the steps down for a slow link
+BLURRED = 0.5  # seconds between frames while the terminal window has no focus
+OBSTRUCTED = 0.1  # seconds between frames while the compositor repaints whole rows
+WOKEN = 1 / 60  # seconds: minimum interval between frames that keys and the mouse request, or
+# this share of the usual interval if shorter, so that the clock catches up after a late frame
 WAKE_INTERVAL_SHARE = 0.6
-EXPECTED = 0.05  # seconds within which the effect of a request is shown at once
-ANSWER_TIMEOUT_S = 2.0  # seconds without an answer after which frames under way count as lost
-LONG_WAY = 0.150  # seconds there and back from which one frame under way is enough
-SHORT_WAY = 0.02  # seconds there and back up to which a large frame is through at once
-# bytes of a frame from which one frame under way is enough on a longer way
+EXPECTED = 0.05  # seconds after a request during which news is shown at once
+ANSWER_TIMEOUT_S = 2.0  # seconds without an answer after which frames in flight count as lost
+LONG_WAY = 0.150  # seconds of round trip from which only one frame is in flight
+SHORT_WAY = 0.02  # seconds of round trip up to which two large frames may be in flight
+# bytes of a frame from which only one frame is in flight on a longer round trip
 LARGE_FRAME_BYTES = 8192
 QUEUED = 2  # writes that may wait in Textual's writer thread: its queue blocks the program at 30
-LINK_WINDOW_S = 2.0  # seconds over which the link is judged
+LINK_WINDOW_S = 2.0  # seconds over which the link is measured
 
 
 @dataclass(frozen=True)
 class LinkFigures:
-    """What the link carries, for the status line."""
+    """Measurements of the link, for the status line."""
 
     round_trip: float  # seconds from a frame to its answer; NaN before the first answer
-    kilobytes: float  # of the map in a second
-    fps: float  # frames that went out in a second
-    allowed: int  # frames a second that the link is trusted with
-    answers: bool  # False: this terminal does not answer, frames go by time alone
+    kilobytes: float  # of map data per second
+    fps: float  # frames sent per second
+    allowed: int  # frames per second at the current step
+    answers: bool  # False: this terminal does not answer, so that time alone paces frames
 
 
 class FramePacer:
-    """Says when a frame may go; knows nothing of asyncio or Textual, times are arguments."""
+    """Decides when a frame may be sent, without asyncio or Textual: times are arguments."""
 
     def __init__(self, fps: int = 30, max_kbit: float | None = None) -> None:
         self._rungs = (fps, *(slower for slower in SLOWER if slower < fps))
         self._rung = 0
-        self._rate = max_kbit * 125.0 if max_kbit else math.inf  # bytes a second
+        self._rate = max_kbit * 125.0 if max_kbit else math.inf  # bytes per second
         self._credit = 0.0
         self._credited = 0.0
         self._under_way: deque[float] = deque()
@@ -77,12 +77,12 @@ class FramePacer:
         return max(usual, BLURRED if self.blurred else 0.0, OBSTRUCTED if self.obstructed else 0.0)
 
     def ready(self, now: float, queued: int) -> bool:
-        """Whether a frame may go now; `queued` writes still wait in this process."""
+        """Whether a frame may be sent now; `queued` writes still wait in this process."""
         self._give_up(now)
         self._judge(now)
         if self._rate < math.inf:
             earned = self._credit + (now - self._credited) * self._rate
-            self._credit = min(earned, self._rate / 4)  # a quarter of a second may come at once
+            self._credit = min(earned, self._rate / 4)  # a burst of a quarter second
             self._credited = now
         free = queued <= QUEUED and len(self._under_way) < self._window() and self._credit >= 0
         if not free:
@@ -91,7 +91,7 @@ class FramePacer:
         return free
 
     def sent(self, now: float, size: int, asked: bool = True) -> None:
-        """A frame of so many bytes went out; asked: with a question behind it."""
+        """Record a frame of `size` bytes; asked: it ended with a cursor position request."""
         if asked and self._answers:
             self._under_way.append(now)
         self._last_size = size
@@ -100,7 +100,7 @@ class FramePacer:
         self._sent += 1
 
     def answered(self, now: float) -> None:
-        """The terminal answered: what was sent before its oldest question is on the screen."""
+        """Record an answer: the terminal has shown everything before the oldest open request."""
         self._heard = now
         self._ever_heard = self._answers = True
         if self._under_way:
@@ -110,7 +110,7 @@ class FramePacer:
             self._round_trip = self._round_trip if known else sample
 
     def figures(self, now: float) -> LinkFigures:
-        """The last two seconds."""
+        """Measurements over the last two seconds."""
         while self._history and self._history[0][0] < now - LINK_WINDOW_S:
             self._history.popleft()
         return LinkFigures(
@@ -124,18 +124,18 @@ class FramePacer:
     def _window(self) -> float:
         if not self._answers:
             return math.inf
-        # NaN: not known yet
+        # A round trip of NaN is not known yet.
         large = self._last_size > LARGE_FRAME_BYTES and not self._round_trip <= SHORT_WAY
         return 1 if self._round_trip > LONG_WAY or large else 2
 
     def _give_up(self, now: float) -> None:
-        """A terminal that never answered is not asked to; one that did has only stalled."""
+        """After a timeout, stop asking a terminal that never answered; others have only stalled."""
         if self._under_way and now - max(self._heard, self._under_way[-1]) > ANSWER_TIMEOUT_S:
             self._under_way.clear()
             self._answers = self._ever_heard
 
     def _judge(self, now: float) -> None:
-        """Too many frames held back: a step slower; none held back: a step faster."""
+        """Go a step slower if too many frames were held back, a step faster if none was."""
         if now - self._judged < LINK_WINDOW_S:
             return
         due, slower = self._sent + self._held, self._rung + 1
@@ -149,11 +149,11 @@ class FramePacer:
 
 
 class FrameClock:
-    """One task with absolute deadlines (a Textual timer skips ticks when it is late).
+    """Draw frames in one task with absolute deadlines (a late Textual timer skips ticks).
 
-    `draw` presents what has changed since it was last called and says whether anything had;
-    if nothing had, not a byte is written, and news get a frame as soon as they are published. So the
-    clock falls into step with a player that makes a tick for each frame.
+    `draw` presents the changes since its last call and returns whether there were any. Without
+    changes nothing is written, and the next published state gets a frame at once. The clock thereby
+    falls into step with a player that makes one tick per frame.
     """
 
     def __init__(self, presenter: Presenter, draw: Callable[[], bool], pace: FramePacer) -> None:
@@ -165,43 +165,43 @@ class FrameClock:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._last = -math.inf
         self._waits = False
-        self._idle = False  # there was nothing to draw
-        self._expecting = -math.inf  # until when news are shown at once
+        self._idle = False  # the last call of `draw` had nothing to draw
+        self._expecting = -math.inf  # until this time news is shown at once
 
     def start(self) -> None:
-        """Begin; from the event loop."""
+        """Start drawing; call it in the event loop."""
         self._loop = asyncio.get_running_loop()
         self._task = self._loop.create_task(self._run(), name="frames")
         self._task.add_done_callback(self._ended)
 
     def stop(self) -> None:
-        """No frame from here on."""
+        """Stop drawing."""
         if self._task is not None:
             self._task.cancel()
 
     def wake(self) -> None:
-        """A frame as soon as possible: a key was pressed, a robot has moved after a long rest."""
+        """Draw as soon as possible, for example after a key press."""
         self._alarm.set()
 
     def expect(self) -> None:
-        """A request was sent: what is published next is to be shown at once."""
+        """Show the next published state at once, since a request was sent."""
         self._expecting = asyncio.get_running_loop().time() + EXPECTED
 
     def on_published(self) -> None:
-        """There may be something new to draw; from any thread."""
+        """Note that there may be something new to draw; callable from any thread."""
         if self._loop is not None and (self._idle or self._loop.time() < self._expecting):
             self._idle = False
-            with contextlib.suppress(RuntimeError):  # the program has just ended
+            with contextlib.suppress(RuntimeError):  # the program has ended
                 self._loop.call_soon_threadsafe(self._alarm.set)
 
     def answered(self) -> None:
-        """To be called for each `events.CursorPosition`."""
+        """Record the terminal's answer; call it for each `events.CursorPosition`."""
         self.pace.answered(asyncio.get_running_loop().time())
         if self._waits:
             self._alarm.set()
 
     def figures(self) -> LinkFigures:
-        """What the link carries at present."""
+        """Present measurements of the link."""
         return self.pace.figures(asyncio.get_running_loop().time())
 
     async def _run(self) -> None:
@@ -217,11 +217,11 @@ class FrameClock:
             interval = self.pace.interval()
             deadline = (now if woken else deadline) + interval
             late = time() - deadline
-            if late > 0:  # frames that were missed are not made up for
+            if late > 0:  # skip frames that were missed
                 deadline += math.ceil(late / interval) * interval
 
     async def _sleep(self, deadline: float) -> bool:
-        """Until the deadline, or shortly if woken; True if woken."""
+        """Sleep until the deadline, or shorter if woken; returns whether it was woken."""
         loop = asyncio.get_running_loop()
         timer = loop.call_at(deadline, self._alarm.set)
         await self._alarm.wait()
@@ -248,9 +248,9 @@ class FrameClock:
 
 
 def quiet_collector() -> None:
-    """Collect once, then leave what has been made so far alone; 1.5 s after the start.
+    """Collect garbage once, then exclude all present objects from collection.
 
-    A full collection takes 90 ms and more, which is a visible stutter.
+    A full collection takes at least 90 ms, a visible stutter.
     """
     gc.collect()
     gc.freeze()

@@ -1,9 +1,9 @@
-"""A map on the screen: a rectangle of coded cells, and its way past Textual's compositor.
+"""A map widget: a rectangle of coded cells, written to the terminal past Textual's compositor.
 
-The compositor sends whole rows, 60 KB for 100 moving robots; the difference of two pictures is 2 KB.
-So it is written to the terminal directly where nothing covers the map, with names that Textual does
-not publish. `why_not` says which one is missing, if a new version has changed them; then the
-compositor draws the map, more slowly, and nothing breaks.
+The compositor sends whole rows, 60 KB for 100 moving robots; the difference between two pictures is
+2 KB. Where nothing covers the map, the viewer therefore writes this difference to the terminal
+itself, through private names of Textual. If a new version lacks one, `why_not` names it and the
+compositor draws the map, more slowly.
 """
 
 from __future__ import annotations
@@ -43,31 +43,31 @@ WHEEL = {
     events.MouseScrollRight: "right",
 }
 
-# The cursor is put back: Textual keeps it, hidden, at the caret of an input, where input methods look.
+# Restore the cursor: Textual hides it at the caret of an input, where input methods look for it.
 SAVE_CURSOR, RESTORE_CURSOR = "\x1b7", "\x1b8"
 
 BEGIN_SYNCHRONIZED, END_SYNCHRONIZED = "\x1b[?2026h", "\x1b[?2026l"
 WHERE_IS_THE_CURSOR = "\x1b[6n"
 
-MIDDLE = 0.2  # brightness between the backgrounds of text and those that make something stand out
+MIDDLE = 0.2  # brightness that separates ordinary backgrounds from highlights
 GREYS: Final = (0, 7, 8, 15)
-GREY: Final = 24  # the channels of a grey differ by less, of 255
+GREY: Final = 24  # a colour is grey if its channels (0 to 255) differ by less
 
 
 class MapView(Widget, can_focus=True):
-    """Shows codes, reports what the mouse does, knows nothing of robots.
+    """Shows codes and reports mouse events; knows nothing about robots.
 
-    Border and title belong on its parent, since it fills its whole region. `shown` is what the
-    terminal shows here, or what the compositor's next repaint will put here. The compositor paints
-    from `shown` only, so that overlays, resizes, screenshots and tests without a terminal all see the
-    same picture, whichever way it came.
+    Border and title belong on its parent, since it fills its whole region. `shown` holds the codes
+    that the terminal shows here or that the compositor's next repaint will put here. The compositor
+    paints from `shown` only, so that overlays, resizes, screenshots and tests without a terminal
+    all see the same picture, whether or not the compositor drew it.
     """
 
     ALLOW_SELECT = False
     DEFAULT_CSS = "MapView { width: 1fr; height: 1fr; }"
 
     class Happened(Message):
-        """What all messages of a map have in common: `control` is the map."""
+        """Base of all messages of a map: `control` is the map."""
 
         def __init__(self, view: MapView) -> None:
             super().__init__()
@@ -78,14 +78,14 @@ class MapView(Widget, can_focus=True):
             return self.view
 
     class Resized(Happened):
-        """The map has another size now."""
+        """The size of the map has changed."""
 
         def __init__(self, view: MapView, rows: int, columns: int) -> None:
             super().__init__(view)
             self.rows, self.columns = rows, columns
 
     class Clicked(Happened):
-        """A button was pressed and released without a drag between."""
+        """A button was pressed and released without a drag."""
 
         def __init__(self, view: MapView, event: events.Click) -> None:
             super().__init__(view)
@@ -95,14 +95,14 @@ class MapView(Widget, can_focus=True):
             self.double = event.chain == 2
 
     class Dragged(Happened):
-        """The mouse moved so many rows and columns with a button down."""
+        """The mouse moved by `rows` and `columns` with a button down."""
 
         def __init__(self, view: MapView, rows: int, columns: int, button: int) -> None:
             super().__init__(view)
             self.rows, self.columns, self.button = rows, columns, button
 
     class Wheeled(Happened):
-        """The wheel was turned by a notch: up, down, left or right."""
+        """The wheel turned by a notch: up, down, left or right."""
 
         def __init__(self, view: MapView, event: events.MouseEvent) -> None:
             super().__init__(view)
@@ -111,7 +111,7 @@ class MapView(Widget, can_focus=True):
             self.shift, self.ctrl = event.shift, event.ctrl
 
     class Hovered(Happened):
-        """The mouse has come to another cell; row and column are -1 when it has left."""
+        """The mouse moved to another character; row and column are -1 after it has left."""
 
         def __init__(self, view: MapView, row: int, column: int) -> None:
             super().__init__(view)
@@ -132,7 +132,7 @@ class MapView(Widget, can_focus=True):
         self._glyphs = glyphs
         presenter.match(look)
         self.shown: Codes | None = None
-        self._strips: list[Strip | None] = []  # by row; None: to be made when asked for
+        self._strips: list[Strip | None] = []  # by row; None: made on demand
         self._hovered = (-1, -1)
         self._held: tuple[int, int, int] | None = None  # row, column, button
         self._dragged = False
@@ -146,14 +146,14 @@ class MapView(Widget, can_focus=True):
         return self._glyphs
 
     def set_appearance(self, look: Look, glyphs: GlyphSet) -> None:
-        """Other colours or characters, for the same codes."""
+        """Set colours and characters; the codes stay."""
         self._look, self._glyphs = look, glyphs
         self._presenter.match(look)
         self._strips = [None] * len(self._strips)
         self.refresh()
 
     def present(self, codes: Codes) -> None:
-        """Show these codes, of shape (rows, columns); they are copied."""
+        """Show codes of shape (rows, columns), which are copied."""
         if self.shown is None or self.shown.shape != codes.shape:
             self.shown = codes.copy()
             self._strips = [None] * len(codes)
@@ -163,14 +163,14 @@ class MapView(Widget, can_focus=True):
         if not changed.size:
             return
         if not self._presenter.show(self, codes, self.shown):
-            # Whole rows: a region is sent from the left edge of the map anyway.
+            # Whole rows: Textual sends every region from the left edge of the map anyway.
             self.refresh(*(Region(0, int(row), codes.shape[1], 1) for row in changed))
         self.shown[changed] = codes[changed]
         for row in changed:
             self._strips[row] = None
 
     def render_lines(self, crop: Region) -> list[Strip]:
-        """The rows of `shown`; called for repaints, screenshots and to find what the mouse is on."""
+        """The rows of `shown`; Textual calls it for repaints, screenshots and mouse positions."""
         strips = [self.render_line(row) for row in range(crop.y, crop.bottom)]
         if crop.x == 0 and all(strip.cell_length == crop.width for strip in strips):
             return strips
@@ -178,7 +178,7 @@ class MapView(Widget, can_focus=True):
         return [strip.crop_extend(crop.x, crop.right, blank) for strip in strips]
 
     def render_line(self, y: int) -> Strip:
-        """One row, made once and kept until it changes."""
+        """One row, cached until it changes."""
         if self.shown is None or y >= len(self._strips):
             return Strip.blank(self.size.width, self._look.rich(0))
         strip = self._strips[y]
@@ -230,17 +230,17 @@ class MapView(Widget, can_focus=True):
 
 
 def row_strip(make: Callable[[], list[Segment]], cell_length: int) -> Strip:
-    """A strip that is made late, if this version of Textual allows it."""
+    """A strip made lazily, if this version of Textual allows it."""
     if "_segments" in Strip.__slots__:
         return LazyStrip(make, cell_length)
     return Strip(make(), cell_length)
 
 
 class LazyStrip(Strip):
-    """A row whose segments are made when they are painted.
+    """A row that makes its segments when it is painted.
 
-    The compositor asks for all rows of the map when any widget changes, and then sends few of them:
-    making 57 rows takes 7 ms, as much as a panel's own update.
+    When any widget changes, the compositor asks for all rows of the map but sends only a few.
+    Making 57 rows takes 7 ms, as much as the update of a panel.
     """
 
     __slots__ = ("_made", "_make")
@@ -263,37 +263,37 @@ class LazyStrip(Strip):
 
 @dataclass
 class TerminalFrame:
-    """What goes to the terminal in one write, so that it never shows half a picture."""
+    """The pieces of one write to the terminal, which so never shows half a picture."""
 
     pieces: list[str] = field(default_factory=list)
-    acknowledged: bool = False  # ask the terminal to answer when it has come this far
-    asked: bool = False  # it was asked, if there is one
-    size: int = 0  # bytes, known when it has been written
+    acknowledged: bool = False  # request an answer once the terminal has read the frame
+    asked: bool = False  # the request was sent: there is a terminal
+    size: int = 0  # bytes, set after the write
 
 
 class Presenter:
-    """The way past the compositor, for all maps of an app."""
+    """Writes all maps of an app to the terminal, past the compositor."""
 
     def __init__(self, app: App[Any], renderer: Renderer = "auto") -> None:
         self._app: Any = app
         self._renderer = renderer
         self._reason: str | None = None
         self._frame: TerminalFrame | None = None
-        # For each map the table of visible widgets that was judged, and the map's free region.
+        # By map: the table of visible widgets that was checked, and the map's uncovered region.
         self._judged: WeakKeyDictionary[MapView, tuple[object, Region | None]]
         self._judged = WeakKeyDictionary()
-        self.obstructed = False  # the last picture had to go through the compositor
+        self.obstructed = False  # the last picture went through the compositor
         self.bytes = 0
         self.frames = 0
 
     def match(self, look: Look) -> None:
-        """Show everything else at the depth of the maps, too."""
+        """Show all other widgets at the colour depth of the maps, too."""
         filters = getattr(self._app, "_filters", None)
         if filters is None:
             return
         unfit: tuple[type, ...] = (Monochrome, Colourless, SixteenColours)
         if look.depth <= Depth.SIXTEEN:
-            unfit += (ANSIToTruecolor,)  # one of 16 colours is not a certain shade
+            unfit += (ANSIToTruecolor,)  # the terminal defines its 16 colours
         filters[:] = [one for one in filters if not isinstance(one, unfit)]
         if look.depth == Depth.NONE:
             filters.append(Colourless(look.theme))
@@ -302,7 +302,7 @@ class Presenter:
 
     @property
     def why_not(self) -> str:
-        """Why maps go through the compositor; empty if they are written directly."""
+        """Why maps go through the compositor; "" if they are written directly."""
         if self._reason is None:
             reason = self._self_check()
             if self._app._driver is None:
@@ -311,7 +311,7 @@ class Presenter:
         return self._reason
 
     def show(self, view: MapView, new: Codes, old: Codes) -> bool:
-        """Write what differs; False if the compositor has to do it."""
+        """Write the differences; returns False if the compositor must draw them."""
         if self.why_not:
             return False
         region = self._free_region(view)
@@ -327,7 +327,7 @@ class Presenter:
 
     @contextmanager
     def frame(self) -> Iterator[TerminalFrame]:
-        """Everything shown inside goes out in one write."""
+        """Inside the context, gather pictures and send them in one write."""
         self._frame = frame = TerminalFrame()
         try:
             yield frame
@@ -336,24 +336,24 @@ class Presenter:
         self._write(frame)
 
     def queued(self) -> int:
-        """Writes that wait in Textual's writer thread."""
+        """Number of writes that wait in Textual's writer thread."""
         writer = getattr(self._app._driver, "_writer_thread", None)
         return 0 if writer is None else int(writer._queue.qsize())
 
     def terminal_resized(self) -> None:
-        """Repaint: the terminal has cut its rows, even if it is back at the size it had before.
+        """Repaint: the terminal has cut its rows, even if its size is the old one again.
 
-        Textual repaints only if it finds another size than the last time.
+        Textual itself repaints only if the size differs from the last one.
         """
 
         def repaint() -> None:
-            if self._app.screen_stack:  # the app may have ended meanwhile
+            if self._app.screen_stack:  # the app may have ended
                 self._app.screen.refresh()
 
         self._app.set_timer(0.1, repaint)
 
     def fail(self, error: BaseException) -> None:
-        """End the app with this error, as if a handler of its own had raised it."""
+        """End the app with this error, as if one of its handlers had raised it."""
 
         def raised() -> None:
             raise error
@@ -377,19 +377,19 @@ class Presenter:
         app._driver.write(text)
 
     def _free_region(self, view: MapView) -> Region | None:
-        """Where the map is on the screen, or None if anything covers a part of it."""
+        """The region of the map on the screen, or None if anything covers a part of it."""
         app = self._app
         screen: Any = view.screen
         if app._batch_count or app.screen is not screen:
             return None
         visible = screen._compositor.visible_widgets
         judged = self._judged.get(view)
-        if judged is None or judged[0] is not visible:  # a new table after each change of layout
+        if judged is None or judged[0] is not visible:  # new after each layout
             judged = self._judged[view] = (visible, self._uncovered(view, visible))
         return judged[1]
 
     def _uncovered(self, view: MapView, visible: dict[Any, tuple[Region, Region]]) -> Region | None:
-        """The rule of occlusion; widgets are listed from the front to the back."""
+        """The region of the map unless a widget in front overlaps it (`visible`: front first)."""
         if view not in visible:
             return None
         region, clip = visible[view]
@@ -403,7 +403,7 @@ class Presenter:
         return region
 
     def _self_check(self) -> str:
-        """Look for every private name once, on the running app."""
+        """Try every private name once on the running app; returns what is wrong, or ""."""
         app = self._app
         driver = getattr(app, "_driver", None)
         if self._renderer == "textual":
@@ -422,13 +422,13 @@ class Presenter:
         return ""
 
 
-# Everything beside the maps at the depth of the maps.
+# All other widgets at the colour depth of the maps.
 
 
 class Colourless(LineFilter):
-    """Takes all colours away, so that the terminal's own remain; bright backgrounds are reversed.
+    """Removes all colours in favour of the terminal's own; highlights become reverse video.
 
-    Textual's filter for NO_COLOR makes greys of them, and sends those as true colours.
+    Textual's filter for NO_COLOR turns colours into greys and sends these as true colours.
     """
 
     def __init__(self, theme: Theme) -> None:
@@ -454,10 +454,10 @@ def _plain(style: Style, dark: bool) -> Style:
 
 
 class SixteenColours(LineFilter):
-    """Each pair of colours keeps the contrast of text; those among the 16 already, the map's, stay.
+    """Maps each pair of colours to legible ones of the 16; the map's are among these and stay.
 
-    Rich takes the nearest of the 16 for a foreground and for a background, each without the other,
-    which made orange on white yellow on light grey, of a contrast of 1.7.
+    Rich picks the nearest colours of foreground and background independently: orange on white
+    became yellow on light grey, with a contrast of 1.7.
     """
 
     def apply(self, segments: list[Segment], background: TextualColor) -> list[Segment]:
@@ -479,7 +479,7 @@ def _legible(style: Style) -> Style:
 
 
 def _foreground(wanted: tuple[int, int, int], below: int) -> int:
-    """The nearest of the 16 that can be read, of greys a grey; black or white always can be."""
+    """The nearest legible colour of the 16, for a grey a grey; black or white is always legible."""
     grey = max(wanted) - min(wanted) < GREY
     those = GREYS if grey else range(16)
 

@@ -1,4 +1,4 @@
-"""What a user may ask of the viewer on the command line, and what its environment says of a terminal."""
+"""The viewer's command-line options, and what the environment says about the terminal."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final, Literal
 
 from tui.render.styles import ASCII, DEPTHS, SHADED, UNICODE, Depth, GlyphSet, Theme
 
-Renderer = Literal["auto", "direct", "textual"]  # how maps get to the terminal
+Renderer = Literal["auto", "direct", "textual"]  # how maps reach the terminal
 
 SPEEDS: Final = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 32.0, 64.0, math.inf)  # faster, slower
 
@@ -21,19 +21,19 @@ COLOR_SYSTEMS: Final = {
     Depth.TRUE: "truecolor",
 }
 GLYPH_SETS: Final = {"unicode": UNICODE, "ascii": ASCII}
-# Terminals that do not name their colours, but are known to have all of them.
+# Terminals with true colour that do not say so in COLORTERM.
 TRUE_COLOUR_TERMS: Final = ("kitty", "alacritty", "ghostty", "wezterm", "foot", "contour")
-# The console of Linux has a font of 256 or 512 characters; "dumb" promises nothing at all.
+# The Linux console has a font of 256 or 512 characters; "dumb" promises nothing.
 PLAIN_TERMS: Final = ("linux", "dumb")
 
 
 @dataclass(frozen=True)
 class Options:
-    """How a run is shown; the same for live and recorded ones."""
+    """How to show a run, live or recorded."""
 
     read_only: bool = False  # no branches, no files in the current folder
     speed: float = 1.0
-    at: int | None = None  # begin at this tick, paused
+    at: int | None = None  # start at this tick, paused
     paused: bool = False
     fps: int = 30
     renderer: Renderer = "auto"
@@ -42,13 +42,13 @@ class Options:
     theme: Theme = "dark"
     max_kbit: float | None = None
     plain: bool = False
-    describe: bool = False  # sentences in place of a screen,
-    only: Sequence[str] = ()  # of these kinds; none: of all,
-    sentences: int | None = None  # and so many of each stretch at most
+    describe: bool = False  # sentences instead of a screen,
+    only: Sequence[str] = ()  # of these kinds; (): of all,
+    sentences: int | None = None  # at most this number per stretch
 
     @classmethod
     def of(cls, args: argparse.Namespace) -> Options:
-        """Those of a parsed command line."""
+        """The options of a parsed command line."""
         return cls(**{field.name: getattr(args, field.name) for field in fields(cls)})
 
     def depth(self, environ: Mapping[str, str]) -> Depth:
@@ -62,9 +62,9 @@ class Options:
         return SHADED if bare else glyphs
 
     def for_textual(self, environ: Mapping[str, str]) -> dict[str, str]:
-        """Variables that Textual reads when it is imported, so that its colours are the map's.
+        """Variables that Textual reads on import, so that its colours match those of the map.
 
-        Smooth scrolling would make terminals report the mouse pixel by pixel, also over SSH.
+        With smooth scrolling, terminals would report every pixel of mouse movement, also over SSH.
         """
         depth = self.depth(environ)
         chosen = {"TEXTUAL_SMOOTH_SCROLL": "0", "TEXTUAL_COLOR_SYSTEM": COLOR_SYSTEMS[depth]}
@@ -72,7 +72,7 @@ class Options:
 
 
 def depth_of(environ: Mapping[str, str], option: str = "auto") -> Depth:
-    """The colours to use; `option` is "auto" or a key of DEPTHS and has the last word."""
+    """The colours to use; `option`, a key of DEPTHS, overrides `environ` unless "auto"."""
     if option != "auto":
         return DEPTHS[option]
     term = environ.get("TERM", "")
@@ -86,7 +86,7 @@ def depth_of(environ: Mapping[str, str], option: str = "auto") -> Depth:
 
 
 def glyphs_of(environ: Mapping[str, str], option: str = "auto") -> GlyphSet:
-    """The characters to use; `option` is "auto" or a key of GLYPH_SETS and has the last word."""
+    """The characters to use; `option`, a key of GLYPH_SETS, overrides `environ` unless "auto"."""
     if option != "auto":
         return GLYPH_SETS[option]
     if environ.get("TERM") in PLAIN_TERMS:
@@ -96,9 +96,9 @@ def glyphs_of(environ: Mapping[str, str], option: str = "auto") -> GlyphSet:
 
 
 def _locale(environ: Mapping[str, str]) -> str:
-    """The locale of characters: the first that is set of LC_ALL, LC_CTYPE, LANG.
+    """The locale for characters: LC_ALL, else LC_CTYPE, else LANG.
 
-    In the locale C, Python itself sets LC_CTYPE to C.UTF-8 (PEP 538): that says nothing.
+    In the C locale, Python itself sets LC_CTYPE to C.UTF-8 (PEP 538); that value is ignored.
     """
     of_type = environ.get("LC_CTYPE", "")
     if of_type == "C.UTF-8" and environ.get("LANG"):

@@ -1,8 +1,8 @@
-"""A terminal without a screen: runs a program on a pty, answers its questions, models a slow link.
+"""A terminal without a screen: runs a program on a pty, answers its queries, models a slow link.
 
-    program -> pty -> buffer of the link -> bytes a second -> half a round trip -> `history`
-       ^                                                                            |
-       +---------- half a round trip <- keys, mouse, answers to ESC[6n <------------+
+    program -> pty -> buffer of the link -> bytes per second -> half a round trip -> `history`
+       ^                                                                              |
+       +---------- half a round trip <- keys, mouse, answers to ESC[6n <--------------+
 
 Tests replay the history in a terminal emulator; the benchmark measures it.
 """
@@ -25,32 +25,32 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 
-LINK_PIECE_BYTES = 512  # bytes that travel over a slow link as one
+LINK_PIECE_BYTES = 512  # bytes that a slow link carries in one piece
 QUESTIONS = {
     b"\x1b[6n": b"\x1b[1;1R",  # where is the cursor?
     b"\x1b[?2026$p": b"\x1b[?2026;2$y",  # do you know synchronized output?
 }
-FRAME_END = b"\x1b[6n"  # the question that ends each frame of the viewer
+FRAME_END = b"\x1b[6n"  # the query that ends each frame of the viewer
 
 
 @dataclass(frozen=True)
 class TerminalLink:
-    """What lies between the program and the terminal: nothing, or SSH over a slow line."""
+    """The link between program and terminal: by default ideal, or slow as with SSH."""
 
     bytes_per_second: float = math.inf
     round_trip: float = 0.0  # seconds
-    buffer: int = 1 << 20  # bytes that the near end takes at once
+    buffer: int = 1 << 20  # bytes that the program's end buffers
 
 
 class MarkerCount:
-    """Counts a marker in a stream that comes in pieces: it may be cut in two."""
+    """Counts a marker in a stream of pieces, also where the marker spans two pieces."""
 
     def __init__(self, marker: bytes) -> None:
         self._marker = marker
         self._tail = b""
 
     def count(self, piece: bytes) -> int:
-        """How many end in the next piece."""
+        """Number of markers that end in this piece."""
         seen = self._tail + piece
         self._tail = seen[max(0, len(seen) - len(self._marker) + 1) :]
         return seen.count(self._marker)
@@ -66,7 +66,7 @@ class Arrived:
 
 @dataclass(frozen=True)
 class Resized:
-    """The terminal's window got another size."""
+    """The terminal window was resized."""
 
     at: float
     rows: int
@@ -89,8 +89,8 @@ class TerminalHost:
     ) -> None:
         self.rows, self.columns = rows, columns
         self.history: list[Arrived | Resized] = []
-        self.max_backlog = 0  # most bytes that ever waited in front of the link,
-        self.max_frames = 0  # and most frames that had not got through whole
+        self.max_backlog = 0  # maximum of bytes that waited for the link,
+        self.max_frames = 0  # and of frames that had not passed it completely
         self._link = link or TerminalLink()
         questions = QUESTIONS if answers else {}
         self._answers = [
@@ -99,7 +99,7 @@ class TerminalHost:
             if synchronized or b"2026" not in question
         ]
         self._ends_in, self._ends_out = MarkerCount(FRAME_END), MarkerCount(FRAME_END)
-        self._frames = 0  # in front of the link
+        self._frames = 0  # that wait for the link
         self._waiting: deque[bytes] = deque()
         self._backlog = 0
         self._free_at = 0.0
@@ -135,36 +135,36 @@ class TerminalHost:
     ) -> None:
         self.close()
 
-    # What a person does -------------------------------------------------------------------------
+    # Input ---------------------------------------------------------------------------------------
 
     def send(self, keys: str) -> None:
-        """Type; escape sequences are the caller's."""
+        """Type `keys`, which may contain escape sequences."""
         with self._news:
             self._up.append((time.monotonic() + self._link.round_trip / 2, keys.encode()))
         os.write(self._wake_out, b".")
 
     def resize(self, rows: int, columns: int) -> None:
-        """Give the window another size; the kernel tells the program by SIGWINCH."""
+        """Resize the window; the kernel sends SIGWINCH to the program."""
         with self._news:
             self.rows, self.columns = rows, columns
             self.history.append(Resized(time.monotonic(), rows, columns))
             self._tell_size()
 
     def hang_up(self) -> None:
-        """Lose the connection: the program gets SIGHUP and end of file."""
+        """Drop the connection: the program gets SIGHUP and end of file."""
         self._hung_up = True
         os.write(self._wake_out, b".")
         self._thread.join()
 
-    # What a person sees -------------------------------------------------------------------------
+    # Output --------------------------------------------------------------------------------------
 
     def output(self) -> bytes:
-        """All that has arrived so far."""
+        """All bytes that have arrived so far."""
         with self._news:
             return b"".join(event.data for event in self.history if isinstance(event, Arrived))
 
     def wait_for(self, condition: Callable[[], bool], what: str, at_most: float = 60.0) -> None:
-        """Return when the condition holds; it is looked at whenever something arrives."""
+        """Return when the condition holds; it is checked whenever something arrives."""
         end = time.monotonic() + at_most
         while not condition():
             over = not self._thread.is_alive() and not condition()
@@ -175,7 +175,7 @@ class TerminalHost:
                 self._news.wait(0.02)
 
     def wait_for_quiet(self, seconds: float, at_most: float = 60.0) -> None:
-        """Return when nothing has arrived for so long."""
+        """Return when nothing has arrived for `seconds`."""
         start = time.monotonic()
 
         def quiet() -> bool:
@@ -185,13 +185,13 @@ class TerminalHost:
         self.wait_for(quiet, f"{seconds} s without a byte", at_most)
 
     def wait_for_end(self, at_most: float = 60.0) -> int:
-        """The program's exit code, once it has ended and its last bytes have arrived."""
+        """Wait until the program has ended and its last bytes have arrived; its exit code."""
         code = self.process.wait(at_most)
         self._thread.join(at_most)
         return code
 
     def close(self) -> None:
-        """End the program, by force if it does not end by itself."""
+        """End the program, after 2 s by force."""
         self._closing = True
         with contextlib.suppress(OSError):
             os.write(self._wake_out, b".")
@@ -210,7 +210,7 @@ class TerminalHost:
     # The link -----------------------------------------------------------------------------------
 
     def _carry(self) -> None:
-        """The thread: carries bytes both ways until the program has ended or somebody hangs up."""
+        """Carry bytes both ways, in the thread, until the program ends or `hang_up` is called."""
         ended = False
         while not self._closing and not self._hung_up:
             now = time.monotonic()
@@ -236,7 +236,7 @@ class TerminalHost:
         return max(0.0, min(due, default=now + 1.0) - now)
 
     def _take(self) -> bool:
-        """Read what the program wrote; False at its end."""
+        """Read the program's output; returns False at its end."""
         try:
             data = os.read(self._terminal, 65536)
         except BlockingIOError:
@@ -256,7 +256,7 @@ class TerminalHost:
             piece = self._waiting.popleft()
             self._backlog -= len(piece)
             self._frames -= self._ends_out.count(piece)
-            # Busy until this piece is through; a link that was idle starts now.
+            # The link is busy until this piece has passed; an idle link starts now.
             start = self._free_at if now - self._free_at < 0.05 else now
             self._free_at = start + len(piece) / self._link.bytes_per_second
             self._down.append((self._free_at + self._link.round_trip / 2, piece))

@@ -1,1 +1,1 @@
-"""The viewer: its app, the session that it shows, its actions, its launch, its plain-text form."""
+"""The viewer: its app, its session, its actions, its launch, and its plain-text form."""

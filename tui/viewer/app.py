@@ -1,4 +1,4 @@
-"""The viewer: its widgets, the mouse, and how it begins and ends."""
+"""The viewer app: its widgets, mouse handling, start and end."""
 
 from __future__ import annotations
 
@@ -44,11 +44,12 @@ if TYPE_CHECKING:
     from tui.playback.panel_view import CellChosen, JamChosen, RobotChosen, TickChosen, ZoneChosen
 
 
-SETTLED_S = 1.5  # after the world is there, when the garbage collector is told to leave it alone
+SETTLED_S = 1.5  # after the world is built: then the garbage collector freezes it
 INTERRUPTED = 130
-PROBLEMS_S = 20.0  # in which it is said what could not be loaded
+PROBLEMS_S = 20.0  # for which load failures are shown
 ACTION_LABELS = {action.id: action.label for action in VIEWER_ACTIONS}
-OF_THE_WORLD = ("layer_none", "next_layer", "trails")  # as all layers and panels are
+# Actions that need a world, besides those of all layers and panels.
+OF_THE_WORLD = ("layer_none", "next_layer", "trails")
 
 
 class Viewer(App[None]):
@@ -57,7 +58,7 @@ class Viewer(App[None]):
     TITLE = "automaton"
     CSS_PATH = "viewer.tcss"
     ENABLE_COMMAND_PALETTE = True
-    # What does not fit into a line is said over the map: status and time line stay readable.
+    # Long messages appear over the map, so that status line and timeline stay readable.
     CSS = """
     ToastRack { dock: top; align: right top; }
     Toast { width: 76; max-width: 100%; margin: 0; padding: 0 1; }
@@ -110,7 +111,7 @@ class Viewer(App[None]):
         self._of_the_world = {*OF_THE_WORLD, *(one.action for one in brought)}
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """With --ascii nothing else gets to the terminal."""
+        """With --ascii, only ASCII reaches the terminal."""
         return [*super().get_line_filters(), *self._spelling]
 
     def compose(self) -> ComposeResult:
@@ -144,13 +145,13 @@ class Viewer(App[None]):
         if self.reloading is not None:
             self.reloading.close()
 
-    # The runs come after the first picture: importing Numba takes longer than drawing the floor.
+    # Start runs after the first picture: importing Numba takes longer than drawing the floor.
 
     def _begin(self) -> None:
         threading.Thread(target=self._open, name="opening", daemon=True).start()
 
     def _open(self) -> None:
-        """In a thread of its own."""
+        """Open the runs, in a thread of its own."""
         if self.session.open(self.main_display.frames.on_published, _import_panels):
             self.call_later(self._opened)
             if self.session.opening.comparing:
@@ -175,11 +176,11 @@ class Viewer(App[None]):
                 self.notify("; ".join(problems), severity="warning", timeout=PROBLEMS_S)
             self.session.changed()
             if self._awaited:
-                self.main_display.draw()  # now there is a state to be looked at
+                self.main_display.draw()  # the first state is there
             for id in self._awaited:
                 await self.action_do(id)
 
-    # What Textual reports.
+    # Events from Textual.
 
     def notify(
         self,
@@ -190,21 +191,21 @@ class Viewer(App[None]):
         timeout: float | None = None,
         markup: bool = False,
     ) -> None:
-        """A short one goes to the line above the status line; a long one over the map."""
+        """Show short messages above the status line, long ones over the map."""
         self.main_display.notices.say(message, severity, timeout)
 
     def on_resize(self, event: events.Resize) -> None:
         self.query_one(TooSmall).measure(*event.size)
         classes = size_classes(*event.size)
         self._keep_focus(classes["-tight"] or classes["-flat"])
-        for screen in self.screen_stack:  # Textual tells the one in front only
+        for screen in self.screen_stack:  # Textual informs only the front one
             screen.update_classes(classes)
         self.call_after_refresh(self.panels.fit)
         self.main_display.presenter.terminal_resized()
         self.session.changed()
 
     def _keep_focus(self, too_small: bool) -> None:
-        """What gives way to the message loses the focus; it gets it back."""
+        """Restore the focus that a widget lost to the message about a small terminal."""
         if too_small:
             self._focused = self.screen.focused or self._focused
         elif self.screen.focused is None:
@@ -213,7 +214,7 @@ class Viewer(App[None]):
             self.call_after_refresh(self._focus, last)
 
     def _focus(self, widget: Widget) -> None:
-        if self.screen_stack and widget.screen is self.screen:  # it may have ended meanwhile
+        if self.screen_stack and widget.screen is self.screen:  # it may have ended
             widget.focus()
 
     def on_cursor_position(self) -> None:
@@ -226,7 +227,7 @@ class Viewer(App[None]):
         self.main_display.frames.pace.blurred = False
 
     def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
-        """What cannot be done now is not in the palette."""
+        """The commands of the palette, without those that are impossible now."""
         keys = self._keys()
         for action in VIEWER_ACTIONS:
             if action.id not in COMPARING or self.session.opening.comparing:
@@ -238,7 +239,7 @@ class Viewer(App[None]):
             yield SystemCommand(label, meaning, command)
 
     def _keys(self) -> dict[str, list[str]]:
-        """The keys that are bound to actions now, by id."""
+        """The present keys of actions, by id."""
         keys: dict[str, list[str]] = {}
         for key, binding in self._bindings:
             if binding.id is not None:
@@ -260,9 +261,9 @@ class Viewer(App[None]):
         self.session.changed()
 
     def _split(self) -> None:
-        """Put two maps where they are larger: beside or below each other."""
+        """Place two maps side by side or one below the other, whichever makes them larger."""
         rooms = self.query("#maps")
-        if not rooms:  # the viewer is being left
+        if not rooms:  # the viewer is closing
             return
         room = rooms.first()
         split = self.session.pictures.split(room.size.height, room.size.width)
@@ -276,7 +277,7 @@ class Viewer(App[None]):
         cell = session.pictures.cell_at(choice, event.row, event.column)
         if session.pictures.centre(choice, event.row, event.column):
             session.changed()
-        elif event.double:  # the first click has selected; the robot may have left since
+        elif event.double:  # the first click selected it; it may have left
             if choice.robot != NIL and not choice.following:
                 self.map.follow()
         elif cell is None:
@@ -316,7 +317,7 @@ class Viewer(App[None]):
     def on_timeline_moved(self, event: Timeline.Moved) -> None:
         self.clock.step(event.ticks)
 
-    # What panels ask for.
+    # Requests of panels.
 
     def on_robot_chosen(self, event: RobotChosen) -> None:
         self.panels.leave_full()
@@ -338,12 +339,12 @@ class Viewer(App[None]):
         self.panels.leave_full()
         self.clock.go_to(event.tick)
 
-    # Actions: Textual calls `do`, and the app its own.
+    # Actions: Textual calls `do` for all of them; some are the app's own.
 
     async def action_do(self, id: str) -> None:
-        """Carry out an action of the table of bindings; once there is a world, if it takes one."""
+        """Run an action of the table of bindings; one that needs a world waits for it."""
         if self._is_opening and id in self._of_the_world:
-            if id not in self._awaited:  # who presses a key again wants the same
+            if id not in self._awaited:  # a repeated key asks for nothing new
                 self._awaited.append(id)
             self.notify(f"{ACTION_LABELS[id]}: as soon as the world is built")
             return
@@ -375,38 +376,38 @@ class Viewer(App[None]):
         self.leave(INTERRUPTED)
 
     def leave(self, code: int) -> None:
-        """End with this exit code; also from a signal's handler."""
+        """Exit with this code; signal handlers may call it, too."""
         if self.loop is None:
             raise SystemExit(code)
         self.loop.call_soon_threadsafe(lambda: self.exit(return_code=code))
 
 
 def _import_panels() -> None:
-    """They take a while."""
+    """End the runs, which takes a while."""
     from tui.widgets.panel_column import panel_widgets
 
     panel_widgets()
 
 
 class TooSmall(Static):
-    """Says what is needed; goes away when the terminal grows."""
+    """States the least terminal size; disappears when the terminal grows."""
 
     DEFAULT_CSS = (
         "TooSmall { display: none; width: 1fr; height: 1fr; content-align: center middle; }"
     )
 
     def measure(self, columns: int, rows: int) -> None:
-        """Say how large the terminal is."""
+        """Show the size of the terminal."""
         self.update(
             f"automaton needs {MIN_TERMINAL_COLUMNS}x{MIN_TERMINAL_ROWS}, has {columns}x{rows}"
         )
 
 
-# The colours of everything but the map, made from the map's own.
+# Themes for all widgets, from the colours of the map.
 
 
 def themes() -> list[TextualTheme]:
-    """One for dark and one for light terminals."""
+    """The dark and the light theme."""
     return [_theme("dark"), _theme("light")]
 
 
@@ -440,14 +441,14 @@ def _theme(theme: Theme) -> TextualTheme:
     )
 
 
-# Everything beside the maps in ASCII: frames, scroll bars, ellipses and what a name may hold.
+# All other widgets in ASCII: frames, scroll bars, ellipses and names.
 #
-# Textual draws with characters that some terminals and fonts do not have. On its way to the terminal
-# each of them is replaced by what looks most like it.
+# Textual draws with characters that some terminals and fonts lack. Before they reach the terminal,
+# the most similar ASCII characters replace them.
 
 
 class AsciiOnly(LineFilter):
-    """Replaces what is not ASCII; no line gets longer or shorter."""
+    """Replaces other characters by ASCII; lines keep their lengths."""
 
     def apply(self, segments: list[Segment], background: Color) -> list[Segment]:
         return [
@@ -457,7 +458,7 @@ class AsciiOnly(LineFilter):
 
 
 class WholeCells(ScrollBarRender):
-    """Scroll bars whose ends lie between two characters, so that none has to be cut in eighths."""
+    """Scroll bars that end between characters, without blocks of eighths."""
 
     VERTICAL_BARS: ClassVar = [" "]
     HORIZONTAL_BARS: ClassVar = [" "]

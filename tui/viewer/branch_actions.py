@@ -1,8 +1,8 @@
-"""Actions on how the run goes on: conditions that stop it, branches with other settings, reloads.
+"""Actions on the course of a run: breakpoints, branches with other settings, reloads.
 
-A scenario is loaded again whenever one of its files is written, while its floor is being drawn. The
-files are looked at some times a second, by path: editors that put another file in place of the old
-one are noticed as well as those that write into it.
+With --reload, a scenario is loaded again whenever one of its files is written. The viewer checks
+the files several times a second, by path: it notices editors that replace a file as well as those
+that write into it.
 """
 
 from __future__ import annotations
@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from tui.screens.breakpoint_dialog import StopCondition
 
 
-POLL_S: Final = 0.2  # between two looks at the files
+POLL_S: Final = 0.2  # between two checks of the files
 
-Signature = tuple[tuple[int, int, int] | None, ...]  # of each file: time, size, number on its disk
+Signature = tuple[tuple[int, int, int] | None, ...]  # by file: time, size, inode
 
 
 class Branched(NamedTuple):
-    """What came of a branch."""
+    """The result of a branch."""
 
     tick: int
     settings: tuple[str, ...]
@@ -79,7 +79,7 @@ class BranchActions:
         self._player.set_breakpoints([breakpoint_of(stop.text) for stop in stops if stop.on])
 
     def renew(self) -> None:
-        """Let another player stop where the one before did."""
+        """Give a new player the breakpoints of the previous one."""
         self._take_stops(self.stops)
 
     def _branch(self) -> None:
@@ -101,7 +101,7 @@ class BranchActions:
         return ""
 
     def take(self, settings: tuple[str, ...] | None) -> None:
-        """Go on with these settings; None: as before."""
+        """Branch with these settings; None: do nothing."""
         if settings is None:
             return
         path = self._branch_file()
@@ -127,7 +127,7 @@ class BranchActions:
         self._session.notify("the past is computed again with its strategies ...")
 
     def _branch_file(self) -> Path | None:
-        """Where a branch is recorded: beside the run that is, or was, recorded."""
+        """The file for the branch, beside the recording of its run."""
         origin = (*self._session.recordings, *self._session.opening.files)[:1]
         return beside(origin[0]) if origin and os.access(origin[0].parent, os.W_OK) else None
 
@@ -151,7 +151,7 @@ class BranchActions:
 
 
 class Reloading:
-    """Brings the thread that looks at the files together with what is shown."""
+    """Connects the thread that watches the files with the screen."""
 
     def __init__(
         self, app: App[None], session: Session, display: Display, branches: BranchActions
@@ -169,15 +169,15 @@ class Reloading:
         )
 
     def start(self) -> None:
-        """Begin to look at the files."""
+        """Start watching the files."""
         self._reloader.start()
 
     def close(self) -> None:
-        """Look at them no more."""
+        """Stop watching the files."""
         self._reloader.close()
 
     def _later(self, *call: object) -> None:
-        """From the thread: in the app's."""
+        """From the watching thread, make a call in the app's thread."""
         self._app.call_later(*call)  # type: ignore[arg-type]
 
     def _loaded(self, opening: Opening, player: Player) -> None:
@@ -201,7 +201,7 @@ class Reloading:
 
 
 class Reloader:
-    """A thread that opens the scenario again after each change, with a player at tick 0."""
+    """A thread that reopens the scenario after each change, with a player at tick 0."""
 
     def __init__(
         self,
@@ -210,18 +210,18 @@ class Reloader:
         on_loaded: Callable[[Opening, Player], None],
         on_error: Callable[[str], None],
     ) -> None:
-        """`load` raises InputError. The others are called in the thread. Raises InputError."""
+        """The thread calls the callbacks; `load` may raise InputError. Raises InputError."""
         self._files = ScenarioFiles(scenario)
         self._load, self._on_loaded, self._on_error = load, on_loaded, on_error
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="reloading", daemon=True)
 
     def start(self) -> None:
-        """Begin to look at the files."""
+        """Start watching the files."""
         self._thread.start()
 
     def close(self) -> None:
-        """Look at them no more; a load under way is left to itself."""
+        """Stop watching the files, without waiting for a load in progress."""
         self._closing.set()
 
     def _watch(self) -> None:
@@ -236,7 +236,7 @@ class Reloader:
         try:
             opening = self._load()
             player = Player(opening.begin())
-        except Exception as error:  # the scenario's, or a strategy's
+        except Exception as error:  # of the scenario or of a strategy
             if not self._closing.is_set():
                 self._on_error(sentence(error))
             return
@@ -247,7 +247,7 @@ class Reloader:
 
 
 class ScenarioFiles:
-    """Whether the files of a scenario are what they were when it was loaded last."""
+    """Detects changes of a scenario's files since it was last loaded."""
 
     def __init__(self, scenario: str) -> None:
         """Raises InputError if there is no such scenario."""
@@ -256,12 +256,12 @@ class ScenarioFiles:
         self._loaded = self._seen = signature_of(self.paths)
 
     def settled_change(self) -> bool:
-        """Whether they have changed, and were the same at the look before."""
+        """Whether the files have changed since the last load, but not since the last check."""
         before, self._seen = self._seen, signature_of(self.paths)
         return self._seen == before != self._loaded
 
     def note_loading(self) -> None:
-        """The scenario is read now, and may name other files; one that has gone may come back."""
+        """Before a load, update the list of files; missing files stay in it: they may return."""
         with suppress(InputError):
             gone = (path for path in self.paths if not path.exists())
             self.paths = tuple(dict.fromkeys((*named_files(self._scenario), *gone)))
@@ -269,7 +269,7 @@ class ScenarioFiles:
 
 
 def signature_of(paths: Iterable[Path]) -> Signature:
-    """What changes when one of these files is written, replaced or removed."""
+    """A value that changes when one of the files is written, replaced or removed."""
     return tuple(map(_signature, paths))
 
 

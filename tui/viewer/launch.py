@@ -1,4 +1,4 @@
-"""From a command to the viewer on the terminal and back, or to plain text where there is none."""
+"""Run the viewer for a command, or print plain text where there is no terminal."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from tui.terminal.options import Options
 ENDING_SIGNALS: Final = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 CLOSE_TIMEOUT_S: Final = 3.0
 
-BAD_INPUT = 2  # a strategy that fails counts as such
+BAD_INPUT = 2  # also for a failing strategy
 
 
 def show(opening: Opening, options: Options) -> int:
-    """Show it until the user leaves; returns the exit code."""
+    """Show the runs until the user leaves; returns the exit code."""
     plain = options.plain or os.environ.get("TERM") == "dumb"
     plain = plain or not (_in_browser() or _has_terminal())
     if opening.reload is not None and (plain or options.describe):
@@ -59,13 +59,13 @@ def show(opening: Opening, options: Options) -> int:
     runs = [*opening.files, *kept]
     if kept and len(runs) > 1:
         _say(f"to compare: {comparing_command(*runs[-2:])}")
-    # A live run whose disk is full was shown all the same.
+    # A full disk stops the recording only; the live run was shown.
     bad = failed or (error and not session.live)
     return viewer.return_code or (BAD_INPUT if bad else 0)
 
 
 def _say(sentence: str) -> None:
-    """A line on the terminal, if it is still there; a lost one must not change the exit code."""
+    """Print a line; a lost terminal must not change the exit code."""
     try:
         print(f"automaton: {sentence}", file=sys.stderr, flush=True)
     except OSError:
@@ -73,13 +73,13 @@ def _say(sentence: str) -> None:
 
 
 def forget_size(environ: MutableMapping[str, str]) -> None:
-    """Ask the terminal itself: what a shell has exported does not change when it is resized."""
+    """Ask the terminal itself: exported COLUMNS and LINES do not follow a resize."""
     for name in ("LINES", "COLUMNS"):
         environ.pop(name, None)
 
 
 def _in_browser() -> bool:
-    """It has no terminal, but a driver of its own, which is told the size."""
+    """Whether the viewer runs in a browser session, with a driver instead of a terminal."""
     return bool(os.environ.get("TEXTUAL_DRIVER"))
 
 
@@ -88,20 +88,20 @@ def _has_terminal() -> bool:
 
 
 def draw_on_terminal() -> None:
-    """Textual draws on the process's stderr; where that goes to a file, on stdout."""
+    """Let Textual draw on stdout where stderr, its usual stream, goes to a file."""
     if not sys.stderr.isatty():
         vars(sys)["__stderr__"] = sys.__stdout__
 
 
-# Signals: the viewer leaves in good order, and by force if it cannot.
+# Signals: the viewer closes orderly, or by force if that fails.
 #
-# A lost connection (SIGHUP) leaves Textual with a terminal that takes nothing any more: its writer
-# dies and the program would hang. Then the run is closed here, so that its recording is whole.
+# After a lost connection (SIGHUP), Textual's terminal accepts no output: its writer thread dies and
+# the program would hang. The run is then closed here, so that its recording is complete.
 
 
 @contextmanager
 def handled(leave: Callable[[int], None], close: Callable[[], None]) -> Iterator[None]:
-    """While inside, a signal calls `leave(exit code)`; `close` if that did not help in time."""
+    """Inside the context, a signal calls `leave(exit code)`, and `close` if that takes too long."""
 
     def on_signal(number: int, _: FrameType | None) -> None:
         code = 128 + number
@@ -121,5 +121,5 @@ def handled(leave: Callable[[int], None], close: Callable[[], None]) -> Iterator
 def _leave_by_force(code: int, close: Callable[[], None]) -> None:
     closing = threading.Thread(target=close, daemon=True)
     closing.start()
-    closing.join(CLOSE_TIMEOUT_S)  # a strategy that hangs is not waited for
+    closing.join(CLOSE_TIMEOUT_S)  # do not wait for a hanging strategy
     os._exit(code)

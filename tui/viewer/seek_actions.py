@@ -1,4 +1,4 @@
-"""Actions that seek a moment of the run, or what there is in it: playing, stepping, jumping, finding."""
+"""Actions that go to ticks, robots and places: playing, stepping, jumping, finding."""
 
 from __future__ import annotations
 
@@ -52,20 +52,20 @@ class ClockActions:
         }
 
     def go_to(self, tick: int, stop_at_breakpoints: bool = False) -> None:
-        """Pause there; with `stop_at_breakpoints` at the first one on the way forward."""
+        """Go to a tick and pause; with `stop_at_breakpoints`, pause at the first one before it."""
         if self._session.ready():
             self._session.goal = tick
             self._player.seek(tick, stop_at_breakpoints)
             self._session.ordered()
 
     def step(self, ticks: int) -> None:
-        """Pause so many ticks later, or earlier."""
+        """Go by `ticks`, negative for back, and pause."""
         if self._session.ready():
             self._player.step(ticks)
             self._session.ordered()
 
     def set_speed(self, factor: float) -> None:
-        """Times ten ticks a second; math.inf for as fast as it goes."""
+        """Set the speed in units of ten ticks per second; math.inf for full speed."""
         self._session.speed = factor
         if self._session.ready():
             self._player.set_speed(factor)
@@ -105,7 +105,7 @@ class ClockActions:
             self._session.ordered()
 
     def _has_ended(self) -> bool:
-        """Whether there is nothing to be played any more; if so, says why."""
+        """Whether the end has been reached; if so, tell the user."""
         session = self._session
         playback = session.playback
         if playback is None or playback.playing or playback.tick != playback.end:
@@ -122,7 +122,7 @@ class ClockActions:
 
 
 class FindActions:
-    """Robots, orders, cells, zones and events, and the way from one to the next."""
+    """Actions that find robots, orders, cells, zones and events, and step through them."""
 
     def __init__(
         self,
@@ -135,8 +135,8 @@ class FindActions:
         self._app, self._session, self._display = app, session, display
         self._clock, self._panels = clock, panels
         self._found: Found | None = None
-        self._at_found = 0  # which of them was shown last
-        self._stepping = "events"  # or "found": the list that was used last
+        self._at_found = 0  # index of the match shown last
+        self._stepping = "events"  # or "found": the list used last
         panels.before["events"] = self._step_through_events
 
     def commands(self) -> dict[str, Command]:
@@ -158,7 +158,7 @@ class FindActions:
 
         text = "" if self._found is None else self._found.text
         before = Before(self._session)
-        self._app.screen.add_class("-finding")  # makes room
+        self._app.screen.add_class("-finding")  # makes room for the dialog
 
         def taken(chosen: Found | None) -> None:
             self._app.screen.remove_class("-finding")
@@ -170,7 +170,7 @@ class FindActions:
         self._app.push_screen(FindScreen(self._session.view(), text, self._preview), taken)
 
     def _mark(self, matches: Found) -> None:
-        """Have the map show the matches."""
+        """Mark the matches on the map."""
         choice = self._session.choice
         choice.matches = np.array(matches.robots, np.int32)
         cells = matches.cells or self._cells_of(matches.zones)
@@ -182,7 +182,7 @@ class FindActions:
         return [cell for zone in zones for cell in of_zone(zone)]
 
     def _preview(self, matches: Found) -> None:
-        """Mark it while it is typed, and bring the match under the cursor on the screen."""
+        """Mark the matches while the user types, and bring the selected one onto the screen."""
         session, playback = self._session, self._session.playback
         self._mark(matches)
         if matches and playback is not None:
@@ -205,7 +205,7 @@ class FindActions:
         return True
 
     def _step_through(self, direction: int) -> None:
-        """To the next of what was found or, if that was not the last list, to the next event."""
+        """Go to the next match, or to the next event if the events were used last."""
         session = self._session
         if not session.ready() or session.playback is None:
             return
@@ -225,7 +225,7 @@ class FindActions:
             session.choose(robot)
 
     def _listed_events(self, many: int) -> NDArray[np.int64]:
-        """The events that the list shows under its filter."""
+        """Indices of the events that pass the filter of the list."""
         column = self._display.column
         listed: NDArray[np.int64] | None = (
             None if column is None else column.listed_events(self._session.view())
@@ -290,7 +290,7 @@ class FindActions:
 
 
 class Before:
-    """What the map showed before something was looked for."""
+    """The marks and the view of the map before a search."""
 
     def __init__(self, session: Session) -> None:
         choice, pictures = session.choice, session.pictures
@@ -298,7 +298,7 @@ class Before:
         self._view = pictures.camera.copy(), pictures.fitted
 
     def restore(self, session: Session) -> None:
-        """Show it again."""
+        """Restore them."""
         choice, pictures = session.choice, session.pictures
         choice.matches, choice.match_cells = self._marked
         rows, columns = pictures.camera.rows, pictures.camera.columns

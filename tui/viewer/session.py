@@ -1,8 +1,8 @@
-"""What the viewer shows: one or two runs, what is chosen of them, and how they are looked at.
+"""The state of the viewer: one or two runs, the selection, and the widgets that show them.
 
-Groups of actions change the session, the display shows it. Textual calls one action of the app,
-`do('ID')`, for every key of the table tui.widgets.bindings; the app finds the ID in what `commands` of
-the groups return.
+Groups of actions change the session; the display shows it. For every key of the table
+tui.widgets.bindings, Textual calls the app's action `do('ID')`. The app looks the ID up in the
+`commands` of the groups.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ if TYPE_CHECKING:
 
 LINES_S: Final = 0.1  # between two updates of the lines under the map
 PANELS_S: Final = 0.25  # between two updates of the panels
-STRAINED_S: Final = 1.0  # the same over a slow link
+STRAINED_S: Final = 1.0  # between two updates of the panels over a slow link
 
 NOTICE_S: Final = 5.0
 FAILURE_S: Final = 20.0
@@ -70,7 +70,7 @@ NOTICE_COLOURS: Final = {
     "error": styles.COLOUR_FAULT,
 }
 
-HINTS: Final = (  # what there is to be done, what a click on it does, and its rank
+HINTS: Final = (  # text, action of a click, rank
     ("? help", "help", 0),
     ("space play", "play_pause", 1),
     ("click a robot or a cell", "", 2),
@@ -85,52 +85,52 @@ class Actions(Protocol):
     """A group of actions."""
 
     def commands(self) -> dict[str, Command]:
-        """What each action does, by its id in the table of bindings."""
+        """The functions of the actions, by id in the table of bindings."""
 
 
 class Session:
-    """The runs, the choice, and the pictures of both; it knows no widget."""
+    """The runs, the user's choice and the pictures of both, without widgets."""
 
     def __init__(self, opening: Opening, options: Options, notify: Callable[[str], None]) -> None:
-        """`notify` says a sentence to the user."""
+        """`notify` shows a message to the user."""
         self.opening, self.options, self.notify = opening, options, notify
         self.player: Player | None = None
         self.playback: PlaybackState | None = None
         self.choice = Choice()
         self.speed = options.speed
-        self.live = opening.live  # or branched off a recording
+        self.live = opening.live  # also after a branch from a recording
         self.titles = list(opening.titles)
-        self.goal = options.at  # a tick on the way to which the run may end
-        self.error = ""  # why there is nothing to be played
+        self.goal = options.at  # a requested tick, before which the run may end
+        self.error = ""  # why there is no run
         self.broken = ""  # why two runs cannot be compared
         self.hovered = NIL  # the cell under the mouse
         self.hovered_side = 0
-        self.pointing = False  # the mouse has been moved since something was chosen
-        self.marks: list[Mark] = []  # breakpoints met, branches
+        self.pointing = False  # the mouse has moved since the last selection
+        self.marks: list[Mark] = []  # breakpoints hit, branches
         self.divergence: Divergence | None = None
         self.recordings: list[Path] = list(opening.paths)
         self.glyphs = options.glyphs(os.environ)
         self.look = Look(options.depth(os.environ), options.theme)
         self.pictures = Pictures(opening, self.glyphs)
-        self.changed: Callable[[], None] = lambda: None  # something else is chosen: draw it
+        self.changed: Callable[[], None] = lambda: None  # the choice has changed: draw it
         self.published: Callable[[], None] = lambda: None  # there is a new state
-        # The player got a request: its result is to be seen as soon as it is there.
+        # The player received a request: show its result at once.
         self.ordered: Callable[[], None] = lambda: None
         self._ending = threading.Lock()
         self._ended = False
 
     @property
     def runs(self) -> Sequence[WatchedRun]:
-        """The runs, once they are there. Of a run read plan, header, resolved and event_history only."""
+        """The runs, once there. Read only their plan, header, resolved and event_history."""
         return () if self.playback is None else self.playback.runs
 
-    # Beginning and end; the runs come after the first picture, in a thread of their own.
+    # Start and end; a separate thread opens the runs after the first picture.
 
     def open(self, published: Callable[[], None], prepare: Callable[[], object]) -> bool:
-        """Import Numba and begin the runs; whether the viewer still waits for them.
+        """Import Numba and open the runs; returns whether the viewer still waits for them.
 
-        `published` is called in the player's thread for each new state, `prepare` before there are
-        runs.
+        The player's thread calls `published` for each new state. `prepare` is called before the
+        runs are opened.
         """
         player: Player | None = None
         self.published = published
@@ -160,9 +160,9 @@ class Session:
         return player
 
     def reopen(self, opening: Opening, player: Player) -> Player | None:
-        """Show a scenario that was loaded again, from tick 0; the player to be closed, if there is one.
+        """Show a reloaded scenario from tick 0; returns the player to close, if any.
 
-        Camera, layers and the selected robot stay as far as the new floor has them.
+        Camera, layers and the selected robot stay if the new floor has them.
         """
         with self._ending:
             before, self.player = self.player, player
@@ -186,7 +186,7 @@ class Session:
         return before
 
     def compare(self) -> None:
-        """Find where two recorded runs part; of live ones the player does."""
+        """Find where two recorded runs diverge; the player does so for live runs."""
         if self.opening.live:
             return
         from tui.playback.player import sentence
@@ -197,32 +197,32 @@ class Session:
             self.broken = sentence(wrong)
 
     def close(self) -> None:
-        """Nothing is computed any more, and what was recorded is whole; from any thread."""
+        """Stop computing and complete the recordings; callable from any thread."""
         with self._ending:
             if not self._ended and self.player is not None:
                 self.player.close()
             self._ended = True
 
     def mark(self, tick: int, kind: str) -> None:
-        """Something at a tick that deserves a sign in the timeline."""
+        """Put a mark at a tick of the timeline."""
         self.marks.append(Mark(tick, kind))
 
-    # What is chosen.
+    # The selection.
 
     def ready(self) -> bool:
-        """Whether there is a run; if not yet, says so."""
+        """Whether there is a run; if not yet, tell the user."""
         if self.player is None:
             self.notify(self.error or "the world is not built yet")
         return self.player is not None
 
     def is_alone(self) -> bool:
-        """Whether no other run is beside this one; if so, says how to compare two."""
+        """Whether only one run is open; if so, tell the user how to compare two."""
         if not self.opening.comparing:
             self.notify("two recordings are compared by: automaton replay A B")
         return not self.opening.comparing
 
     def view(self) -> View:
-        """What panels and dialogs get; there has to be a playback state."""
+        """The view for panels and dialogs; requires a playback state."""
         from tui.playback.panel_view import Picture, View
 
         assert self.playback is not None
@@ -234,7 +234,7 @@ class Session:
         return View(self.playback, self.playback.runs, *chosen)
 
     def scene(self, side: int | None = None) -> Scene:
-        """What the picture of a run is made of; without a side, of the chosen run."""
+        """The content of a run's picture; without `side`, of the chosen run."""
         side = self.choice.side if side is None else side
         return self.pictures.scene(self.playback, self.choice, side)
 
@@ -250,7 +250,7 @@ class Session:
         self.changed()
 
     def choose_zone(self, zone: int) -> None:
-        """Select a zone, and bring its middle on the screen unless some of it is there."""
+        """Select a zone; if none of it is on the screen, bring its middle there."""
         self.choose(zone=zone)
         cells = self.pictures.zone_cells(self.playback, zone, self.choice.side)
         if cells and not any(self.pictures.camera.place_of(cell) is not None for cell in cells):
@@ -267,7 +267,7 @@ class Session:
         self.choose(int(here[0]) if len(here) else NIL, NIL if len(here) else cell)
 
     def show_cell(self, cell: int) -> None:
-        """Bring a cell on the screen if it is not on it."""
+        """Bring a cell onto the screen."""
         if cell != NIL and self.pictures.camera.place_of(cell) is None:
             self.pictures.fitted = False
             self.pictures.camera.centre_on(cell)
@@ -275,7 +275,7 @@ class Session:
 
     @contextmanager
     def kept_in_sight(self) -> Iterator[None]:
-        """While inside, the map gets another size: what is selected stays on it."""
+        """Keep the selection on the map while the context resizes the map."""
         camera, cell = self.pictures.camera, self.choice.cell
         if self.playback is not None and self.choice.robot != NIL:
             cell = robot_cell(self.playback, self.choice)
@@ -285,14 +285,14 @@ class Session:
             self.show_cell(cell)
 
     def show_choice(self) -> None:
-        """Bring what is selected on the screen."""
+        """Bring the selection onto the screen."""
         if self.choice.robot != NIL:
             self.show_robot()
         else:
             self.show_cell(self.choice.cell)
 
     def show_robot(self) -> None:
-        """Bring the selected robot on the screen."""
+        """Bring the selected robot onto the screen."""
         if self.playback is not None:
             self.show_cell(robot_cell(self.playback, self.choice))
 
@@ -300,8 +300,8 @@ class Session:
 class Display:
     """The widgets of the viewer, and the path of a frame from the player to them.
 
-    Player -> PlaybackState -> Scene -> codes -> MapView        whenever something has changed
-                   -> View -> panels, lines            at most some times a second
+    Player -> PlaybackState -> Scene -> codes -> MapView        at every change
+                            -> View -> panels, lines            at most a few times a second
     """
 
     def __init__(self, app: App[None], session: Session) -> None:
@@ -317,7 +317,7 @@ class Display:
         self.info = self._made(WordLine, "info")
         self.timeline = self._made(Timeline, "timeline")
         self.notices = Notices(app, session, self.info, self.refresh_lines_soon)
-        self.column: Any = None  # the panels, once they are imported
+        self.column: Any = None  # the panels, once imported
         self.link_shown = False
         self._unit = unit(opening.resolved[0].scenario.units.tick)
         self._stale = self._texts_stale = True
@@ -329,27 +329,27 @@ class Display:
         return kind(self.presenter, self._session.look, self._session.glyphs, id=id)
 
     def changed(self) -> None:
-        """Something else is chosen: draw it."""
+        """Draw a changed choice."""
         self._stale = True
         self.refresh_lines_soon()
 
     def ordered(self) -> None:
-        """The player got a request: its result is to be seen as soon as it is there."""
+        """Show the result of a request to the player as soon as it is there."""
         self._texts_stale = True
         self.frames.expect()
 
     def refresh_lines_soon(self) -> None:
-        """The lines under the map have something new to say."""
+        """Update the lines under the map soon."""
         self._texts_stale = True
         self.frames.wake()
 
     def refresh_panels(self) -> None:
-        """Panels are shown in another way: write them again."""
+        """Write the panels again, since their layout has changed."""
         self._panels_know = None
         self.changed()
 
     def set_look(self, look: Look) -> None:
-        """Other colours."""
+        """Set the colours."""
         self._session.look = look
         lines = (self.title_line, self.info, self.status, self.timeline)
         for view in (*self.maps, *self.heads, *lines):
@@ -357,12 +357,12 @@ class Display:
         self.changed()
 
     def toggle_link(self) -> None:
-        """Show what the connection carries, or no more."""
+        """Show or hide measurements of the connection."""
         self.link_shown = not self.link_shown
         self.changed()
 
     def draw(self) -> bool:
-        """Present what has changed; False if nothing had, and then nothing was written."""
+        """Present all changes; returns False if there were none and nothing was written."""
         session = self._session
         before = session.playback
         if session.player is not None:
@@ -371,7 +371,7 @@ class Display:
             self._texts_stale = True
             self._follow_playback(before)
         if COMPILING.now() or (session.player is not None and session.player.computing()):
-            self._texts_stale = True  # the seconds go on
+            self._texts_stale = True  # a line counts the seconds
         drawn = False
         if session.playback is not before or self._stale:
             drawn = self._draw_maps()
@@ -382,7 +382,7 @@ class Display:
         return drawn or is_said
 
     def _leave_failed_layer(self) -> None:
-        """Show the plain floor, if the layer that is shown was switched off."""
+        """Show the plain floor if the shown layer was switched off."""
         session = self._session
         layer = layer_named(session.choice.layer)
         if not layer.is_there(session.scene()):
@@ -393,7 +393,7 @@ class Display:
             self.changed()
 
     def _follow_playback(self, before: PlaybackState | None) -> None:
-        """Follow the selected robot, and go where a breakpoint stopped the run."""
+        """Follow the selected robot, and select the robot of a breakpoint that stopped the run."""
         session = self._session
         playback = session.playback
         assert playback is not None
@@ -404,14 +404,14 @@ class Display:
         session.divergence = playback.divergence or session.divergence
         if playback.stops > (0 if before is None else before.stops):
             session.mark(playback.tick, "stop")
-            session.goal = None  # it is not on the way there any more
+            session.goal = None  # the breakpoint ended the way to it
             session.choice.side = playback.side
             if playback.breakpoint_robots:
                 session.choose(playback.breakpoint_robots[0])
                 session.show_robot()
 
     def _report_unreachable_tick(self, playback: PlaybackState) -> None:
-        """A tick was asked for that there is not."""
+        """Tell the user if the run ended before the requested tick."""
         goal, end = self._session.goal, playback.end
         if goal is None or playback.tick < min(goal, playback.head):
             return
@@ -433,14 +433,14 @@ class Display:
         return drawn
 
     def codes_of(self, side: int) -> Codes:
-        """The picture of a run at the tick that is shown, also while its map is hidden."""
+        """The picture of a run at the shown tick, also while its map is hidden."""
         session, size = self._session, self.maps[side].size
         camera = session.pictures.camera
         rows, columns = size.height or camera.rows, size.width or camera.columns
         return session.pictures.picture(session.scene(side), session.choice, rows, columns)
 
     def _update_texts(self) -> bool:
-        """Lines and panels, if there is news and it is time for it."""
+        """Update lines and panels if they are stale and due; returns whether a line changed."""
         now = asyncio.get_running_loop().time()
         pause = PANELS_S if self.frames.pace.strained else LINES_S
         said = False
@@ -471,7 +471,7 @@ class Display:
         return changed
 
     def show_titles(self) -> bool:
-        """What the runs are called, and which of two has ended; whether anything changed."""
+        """Show the titles of the runs and which of two has ended; returns whether any changed."""
         session = self._session
         changed: bool = self.title_line.set_words([word("automaton"), word(session.titles[0])])
         for side, (own, common) in enumerate(session.opening.heads):
@@ -481,7 +481,7 @@ class Display:
         return changed
 
     def mode(self, playback: PlaybackState) -> Word:
-        """Live, in the past of a live run, or recorded; and how the run ended."""
+        """The mode (live, past of a live run, or recorded) and how the run ended."""
         session = self._session
         side = session.choice.side
         if session.live:
@@ -491,7 +491,7 @@ class Display:
         return mode_word(playback, side, name, recorded=True, whole=complete)
 
     def _past(self, playback: PlaybackState) -> Past:
-        """What the timeline shows."""
+        """The content of the timeline."""
         session = self._session
         event_history = session.runs[session.choice.side].event_history
         marks = [Mark(tick, "deadlock") for tick in event_history.deadlocks.tolist()]
@@ -502,7 +502,7 @@ class Display:
         return Past(playback.tick, playback.head, playback.end, event_history.curve, tuple(marks))
 
     def _message(self) -> list[Word]:
-        """The most important of what there is to say."""
+        """The most important message now."""
         session = self._session
         playback, choice = session.playback, session.choice
         if (notice := self.notices.current()) is not None:
@@ -510,7 +510,7 @@ class Display:
         error = session.error or session.broken or (playback.error if playback is not None else "")
         if error:
             return [word(error, styles.COLOUR_FAULT, "play_pause")]
-        if playback is not None and (compiling := COMPILING.now()):  # for a branch
+        if playback is not None and (compiling := COMPILING.now()):  # a branch may compile
             return [word(compiling.words, styles.COLOUR_CURSOR)]
         if session.player is not None and (slow := session.player.computing()):
             return [word(long_tick_words(*slow), styles.COLOUR_CURSOR)]
@@ -541,32 +541,32 @@ class Display:
         self.column.show(session.view())
 
 
-# Sentences to the user: a short one in the line above the status line, a long one over the map.
+# Messages to the user: short ones above the status line, long ones over the map.
 
 
 class Notice(NamedTuple):
-    """A sentence in the line above the status line, for a while."""
+    """A message above the status line, with the conditions that end it."""
 
     words: Word
     until: float
-    layer: str | None = None  # with another one it goes sooner, as it does
-    robot: int | None = None  # with another robot selected
+    layer: str | None = None  # it ends when another layer is shown
+    robot: int | None = None  # or another robot selected
 
 
 class Notices:
-    """What was said last in the line, and the way over the map for what does not fit."""
+    """Shows messages in the line or, if too long, over the map."""
 
     def __init__(
         self, app: App[None], session: Session, line: Any, refresh: Callable[[], None]
     ) -> None:
-        """`line` is the widget of the line, `refresh` writes it again."""
+        """`line` is the line's widget; `refresh` updates it."""
         self._app, self._session, self._line, self._refresh = app, session, line, refresh
         self.notice: Notice | None = None
 
     def say(
         self, message: str, severity: SeverityLevel = "information", timeout: float | None = None
     ) -> None:
-        """Say it for so many seconds."""
+        """Show a message for `timeout` seconds."""
         seconds = NOTICE_S if timeout is None else timeout
         if not self._fits_line(message):
             self._toast(message, severity, seconds)
@@ -577,23 +577,23 @@ class Notices:
         self._app.set_timer(seconds + LINES_S, self._refresh)
 
     def say_of_layer(self, message: str) -> None:
-        """Say what holds as long as this layer is shown and this robot selected."""
+        """Show a message about this layer and robot until either changes."""
         self.say(message)
         choice = self._session.choice
         self._let_go(message, layer=choice.layer, robot=choice.robot)
 
     def say_switched_off(self, message: str) -> None:
-        """Say it until another layer is shown: its scale is in the same line."""
+        """Show a message until another layer is shown, whose scale uses the same line."""
         self.say(message, "warning", FAILURE_S)
         self._let_go(message, layer=self._session.choice.layer)
 
     def say_failure(self) -> None:
-        """The whole sentence, with the strategy's file and line."""
+        """Show the whole error, with the strategy's file and line."""
         if self._session.playback is not None:
             self._toast(self._session.playback.failed, "error", FAILURE_S)
 
     def current(self) -> Word | None:
-        """What the line has still to say."""
+        """The message that is still due."""
         notice, choice = self.notice, self._session.choice
         if notice is not None:
             late = notice.until <= asyncio.get_running_loop().time()
@@ -603,12 +603,12 @@ class Notices:
         return None if self.notice is None else self.notice.words
 
     def _let_go(self, message: str, layer: str, robot: int | None = None) -> None:
-        """Of this sentence, if the line has it: with another layer or robot it goes."""
+        """If the line shows this message, end it when the layer or the robot changes."""
         if self.notice is not None and self.notice.words.text == message:
             self.notice = self.notice._replace(layer=layer, robot=robot)
 
     def _toast(self, message: str, severity: SeverityLevel, seconds: float) -> None:
-        self._app.clear_notifications()  # one at a time: many would cover the status line
+        self._app.clear_notifications()  # one at a time: several would cover the status line
         App.notify(self._app, message, severity=severity, timeout=seconds, markup=False)
 
     def _fits_line(self, message: str) -> bool:

@@ -1,7 +1,7 @@
 """A run as plain text, for pipes, dumb terminals and screen readers.
 
-Either the metrics at ever longer intervals and then the report, or the run described in sentences:
-what happens, how far it is, and how it ended.
+It prints either progress at growing intervals and then the report, or sentences that describe the
+events, the progress and the end of the run.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ def run_in_text_mode(opening: Opening) -> int:
 
 
 def _run_with_progress(run: WatchedRun) -> Outcome:
-    """Run it to its end, and say some words at ever longer intervals."""
+    """Run to the end, and print progress at growing intervals."""
     last_worked = np.zeros(run.resolved.scenario.fleet.robots, np.int64)
     worked = operations(run.leading_simulation)
     for tick in milestones():
@@ -98,7 +98,7 @@ def run_described(opening: Opening, options: Options) -> int:
 
 
 def _described(run: WatchedRun, scope: Scope) -> Outcome:
-    """Describe a run, and at ever longer intervals how far it is."""
+    """Print a description of a run, with progress at growing intervals."""
     last_worked = np.zeros(run.resolved.scenario.fleet.robots, np.int64)
     worked = operations(run.leading_simulation)
     for line in branch_lines(run):
@@ -117,11 +117,11 @@ def _described(run: WatchedRun, scope: Scope) -> Outcome:
     return outcome_of(run, last_worked)
 
 
-# What both say.
+# Lines of both forms.
 
 
 def milestones() -> Iterator[int]:
-    """The ticks at which it is said how far a run is."""
+    """The ticks at which progress is printed: 100, 200, 500, 1,000, ..."""
     size = 100
     while True:
         yield from (size, 2 * size, 5 * size)
@@ -129,7 +129,7 @@ def milestones() -> Iterator[int]:
 
 
 def fleet_line(run: WatchedRun) -> str:
-    """How far a run is, and what its robots do."""
+    """Progress: the tick, the orders, and the states of the robots."""
     now = summary_of(run.leading_simulation)
     parked = int(run.leading_simulation.world.robots.parked.sum())
     robots = f"{now.working:,} working, {now.waiting:,} waiting, {parked:,} parked"
@@ -137,19 +137,19 @@ def fleet_line(run: WatchedRun) -> str:
 
 
 def branch_lines(run: WatchedRun) -> list[str]:
-    """From where a run was branched off, and how."""
+    """The branches from which a run came."""
     return [f"branched off {branch}" for branch in branches_of(run.frames)]
 
 
 def difference_line(opening: Opening, runs: Sequence[WatchedRun]) -> str:
-    """Where two runs part."""
+    """Where two runs diverge."""
     live = [run for run in runs if isinstance(run, LiveRun)]
     parted = LiveDivergence(*live).look() if live else first_difference(*opening.recordings)
     return "" if parted is None else parted.text.partition(";")[0]
 
 
 def scenario_at_end(run: WatchedRun) -> Resolved:
-    """The scenario that held at the end."""
+    """The scenario with the settings at the end."""
     if run.live:
         return run.resolved
     rules = run.frames.rules_at(run.tick)
@@ -157,7 +157,7 @@ def scenario_at_end(run: WatchedRun) -> Resolved:
 
 
 def outcome_of(run: WatchedRun, last_worked: np.ndarray) -> Outcome:
-    """What is left of a run; `last_worked` as of `run_to_end`."""
+    """The outcome of a run; `last_worked` as in `run_to_end`."""
     front = run.leading_simulation
     scenario = scenario_at_end(run).scenario
     is_over = front.tick >= scenario.stop.max_duration

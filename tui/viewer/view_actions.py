@@ -1,4 +1,4 @@
-"""Actions on what is seen: the map, what is laid over it, the panels, and pictures to keep."""
+"""Actions on the view: the map, its layers, the panels, and screenshots."""
 
 from __future__ import annotations
 
@@ -32,16 +32,16 @@ STEP_COLUMNS: Final = 4
 STEP_ROWS: Final = 2
 
 WIDE: Final = 100  # columns from which panels have room beside the map
-BESIDE_COLUMNS: Final = 36  # of a panel beside the map on a narrow screen,
-BELOW_SHARE: Final = 0.45  # or the part of the rows that it has below it,
-LEAST_ROWS: Final = 6  # and how many these are at least
-ABOUT_CHOICE: Final = ("inspector", "why")  # panels about what is selected on the map
+BESIDE_COLUMNS: Final = 36  # of a panel beside the map of a narrow screen
+BELOW_SHARE: Final = 0.45  # share of the rows for a panel below such a map
+LEAST_ROWS: Final = 6  # its least number of rows
+ABOUT_CHOICE: Final = ("inspector", "why")  # panels about the selection
 
-DIMMED = 0.4  # of the way to the background
+DIMMED = 0.4  # share of the way to the background
 
 
 class MapActions:
-    """The view of the floor: panning, zooming, following."""
+    """Actions on the view of the floor: panning, zooming, following."""
 
     def __init__(self, app: App[None], session: Session) -> None:
         self._app, self._session = app, session
@@ -66,13 +66,13 @@ class MapActions:
         }
 
     def pan(self, columns: int, rows: int) -> None:
-        """Move the view by so many characters; no robot is followed any more."""
+        """Move the view by characters and stop following a robot."""
         self._choice.following = self._pictures.fitted = False
         self._pictures.camera.pan_characters(columns, rows)
         self._session.changed()
 
     def zoom(self, steps: int, at: tuple[int, int] | None = None) -> None:
-        """A step nearer or farther; what is at the place (row, column) of the map stays there."""
+        """Zoom in by a step, or out; the cell at `at` (row, column of the map) stays in place."""
         camera = self._pictures.camera
         self._pictures.fitted = False
         if at is None and self._session.playback is not None:
@@ -85,7 +85,7 @@ class MapActions:
         self._session.changed()
 
     def follow(self) -> None:
-        """Keep the selected robot on the screen, or no more."""
+        """Start or stop keeping the selected robot on the screen."""
         choice, session = self._choice, self._session
         if choice.robot == NIL:
             session.notify("choose a robot first: click it, or press )")
@@ -97,7 +97,7 @@ class MapActions:
         session.changed()
 
     def _step(self, across: int, down: int) -> None:
-        """Some characters, and at least a cell: the view moves by whole cells."""
+        """Pan by some characters, but at least a cell, since the view moves by whole cells."""
         zoom = self._pictures.camera.zoom
         self.pan(across * max(STEP_COLUMNS, zoom.width), down * max(STEP_ROWS, zoom.height))
 
@@ -112,7 +112,7 @@ class MapActions:
         self._session.changed()
 
     def _one_to_one(self) -> None:
-        """About what is selected, if some of the floor is off the screen then."""
+        """Show one character per cell, around the selection if the floor exceeds the screen."""
         session, camera = self._session, self._pictures.camera
         self._pictures.fitted = False
         camera.one_to_one()
@@ -133,7 +133,7 @@ class MapActions:
 
 
 class LayerActions:
-    """What is laid over the floor: the layers that are registered, colours, trails and lines."""
+    """Actions on the registered layers, the colours of robots, trails and lines."""
 
     def __init__(self, session: Session, notices: Notices) -> None:
         self._session, self._notices, self._choice = session, notices, session.choice
@@ -153,7 +153,7 @@ class LayerActions:
         }
 
     def show(self, name: str) -> None:
-        """A layer by its name; "" for the plain floor."""
+        """Show a layer by name; "" for the plain floor."""
         session = self._session
         if session.ready() and session.player is not None:
             again = bool(name) and name == self._choice.layer
@@ -166,7 +166,7 @@ class LayerActions:
                 self._notices.say_of_layer(said)
 
     def colour_by(self, name: str) -> None:
-        """Robots get their colours by one of COLOURINGS, if there are colours and they differ in it."""
+        """Colour robots by one of COLOURINGS, if there are colours and robots differ in it."""
         session = self._session
         if session.look.depth == Depth.NONE:
             session.notify("there are no colours here: shapes alone distinguish robots")
@@ -178,7 +178,7 @@ class LayerActions:
             session.changed()
 
     def colourings(self) -> list[tuple[str, str, Command]]:
-        """What the palette has beside the table of bindings: names, meanings, and what is done."""
+        """More commands of the palette: names, meanings, functions."""
         scene = self._session.scene()
         return [
             (f"Colours: {name}", f"robots coloured by {words}", partial(self.colour_by, name))
@@ -209,7 +209,7 @@ class LayerActions:
         self._session.changed()
 
     def _press(self, names: list[str]) -> None:
-        """The key of layers that take turns: the first that is there, or the one after that shown."""
+        """Handle a key that several layers share: show the next available one of them."""
         there = [name for name in names if self._is_there(name)]
         if not there:
             self._session.notify(layer_named(names[-1]).absent)
@@ -236,13 +236,13 @@ class LayerActions:
 
 
 class PanelActions:
-    """Panels: off, beside or below the map, or in its place; and which one is open."""
+    """Actions on panels: off, beside or below the map, or in its place; and the open panel."""
 
     def __init__(self, app: App[None], session: Session, display: Display) -> None:
         self._app, self._session, self._display = app, session, display
-        self.shown = "side"  # off, side or full; on a narrow screen "side" counts as off,
-        self.opened = False  # unless a panel was opened there, beside or below the map
-        # Before a panel is opened by its key; False: there is nothing to open it for.
+        self.shown = "side"  # off, side or full; on a narrow screen "side" counts as off
+        self.opened = False  # unless a panel was opened, beside or below the map
+        # Called before a key opens a panel; it returns False if there is nothing to show.
         self.before: dict[str, Callable[[], bool]] = {
             "why": self._choose_waiting,
             "inspector": self._choose_pointed,
@@ -261,7 +261,7 @@ class PanelActions:
             self.open(name)
 
     def show(self, panels: str) -> None:
-        """Off, side or full; on a narrow screen the side is where it leaves more of the map."""
+        """Show panels off, side or full; a narrow screen uses the side that leaves more map."""
         self.shown, column = panels, self._display.column
         self.opened = panels == "side" and self._is_narrow
         self.fit()
@@ -274,7 +274,7 @@ class PanelActions:
         self._display.refresh_panels()
 
     def fit(self) -> None:
-        """Put an open panel of a narrow screen beside or below the map."""
+        """Place an open panel of a narrow screen beside or below the map."""
         screen, pictures = self._app.screen_stack[0], self._session.pictures
         body, side = screen.query_one("#body"), screen.query_one("#side")
         opened, room = self.opened and self._is_narrow, body.size
@@ -287,9 +287,9 @@ class PanelActions:
         side.styles.height = rows if opened and not beside else None
 
     def open(self, name: str, focus: bool = True) -> None:
-        """Show this panel; on a narrow screen, and in place of the map, its key closes it again.
+        """Show a panel; on a narrow screen, or in place of the map, its key also closes it.
 
-        With `focus` it gets the keys, unless there is room for all panels beside the map.
+        With `focus` it receives the keys, unless all panels fit beside the map.
         """
         column = self._display.column
         if not self._session.ready() or column is None:
@@ -306,7 +306,7 @@ class PanelActions:
             self._app.call_after_refresh(self._session.show_choice)
 
     def open_for_click(self) -> None:
-        """Something on the map was clicked: open the inspector, unless a panel shows it already."""
+        """After a click on the map, open the inspector unless a panel shows the selection."""
         column, is_robot = self._display.column, self._session.choice.robot != NIL
         if column is None or self._app.screen.has_class("-map-alone"):
             return
@@ -317,12 +317,12 @@ class PanelActions:
             self.open("inspector", focus=False)
 
     def leave_full(self) -> None:
-        """Show the map again."""
+        """Show the map again, with panels beside it."""
         if self.shown == "full":
             self.show("side")
 
     def leave(self) -> None:
-        """The map as it is without having opened a panel."""
+        """Close the opened panel and show the map."""
         self.leave_full()
         if self.opened:
             self.opened = False
@@ -348,7 +348,7 @@ class PanelActions:
         choice.side = (choice.side + 1) % len(self._display.maps)
         session.changed()
         own = session.opening.heads[choice.side].own
-        self._display.notices.say(f"panels tell of {'AB'[choice.side]} {own}", timeout=3)
+        self._display.notices.say(f"panels show {'AB'[choice.side]} {own}", timeout=3)
 
     def _choose_waiting(self) -> bool:
         """Select the robot that has waited longest, if none is selected."""
@@ -372,7 +372,7 @@ class PanelActions:
         return int(waiting[np.argmin(robots.since[waiting])]) if len(waiting) else NIL
 
     def _choose_pointed(self) -> bool:
-        """Select what the mouse points at, or something if nothing is selected."""
+        """Select the cell or robot under the mouse; without any selection, a default."""
         session, choice = self._session, self._session.choice
         if session.pointing and session.hovered != NIL:
             choice.side = session.hovered_side
@@ -382,7 +382,7 @@ class PanelActions:
         return True
 
     def _choose_middle(self) -> None:
-        """Of the map: something has to be inspected."""
+        """Select the cell under the mouse, or in the middle of the map."""
         camera = self._session.pictures.camera
         middle = camera.cell_at(camera.rows // 2, camera.columns // 2)
         cell = middle if self._session.hovered == NIL else self._session.hovered
@@ -391,7 +391,7 @@ class PanelActions:
 
 
 class CaptureActions:
-    """The picture to take along, as a drawing or as text."""
+    """Actions that save pictures, as a drawing or as text."""
 
     def __init__(self, app: App[None], session: Session, display: Display) -> None:
         self._app, self._session, self._display = app, session, display
@@ -401,7 +401,7 @@ class CaptureActions:
 
     def _take_screenshot(self) -> None:
         rows, look = screen_rows(self._app, self._session.look), self._session.look
-        # It has painted everything, and with that forgot what was still to be painted.
+        # Rendering everything has cleared the list of pending repaints.
         self._app.screen.refresh()
         width, height = self._app.size
         title = f"automaton: {self._session.opening.name}"
@@ -419,10 +419,10 @@ class CaptureActions:
         self._save(text, ".txt")
 
     def _key(self, side: int) -> str:
-        """What the letters of zones mean, if they are shown: there is no legend beside a text."""
+        """The meaning of shown zone letters, since a text has no legend."""
         session = self._session
         layer, resolved = layer_named(session.choice.layer), session.opening.resolved[side]
-        if session.runs:  # after a branch another one
+        if session.runs:  # differs after a branch
             resolved = session.runs[side].resolved
         words = layer.key_words(session.scene(side), resolved, session.glyphs)
         return f"{'; '.join(words)}\n" if words else ""
@@ -448,7 +448,7 @@ class CaptureActions:
         session.notify(f"saved {short_path(path)}")
 
     def _deliver(self, text: str, name: str) -> None:
-        """To the browser."""
+        """Send it to the browser."""
         if self._session.options.read_only:
             self._display.notices.say("this viewer is read-only: it hands out no files", "warning")
         else:
@@ -456,7 +456,7 @@ class CaptureActions:
 
 
 def screen_rows(app: App[None], look: Look) -> list[list[TextRun]]:
-    """The characters of a running app in their colours; where they have none, those of the map."""
+    """The characters of a running app in their colours, by default those of the map."""
     update = app.screen._compositor.render_update(full=True, screen_stack=app._background_screens)
     console = Console(
         file=io.StringIO(),
@@ -466,7 +466,7 @@ def screen_rows(app: App[None], look: Look) -> list[list[TextRun]]:
         color_system="truecolor",
         legacy_windows=False,
     )
-    assert update is not None  # it is a full one
+    assert update is not None  # a full update
     segments = (segment for segment in console.render(update) if not segment.control)
     plain = look.css(style(COLOUR_TEXT, COLOUR_VOID))
     return [

@@ -1,1 +1,1 @@
-"""What the screens of the terminal program are made of."""
+"""The widgets of the terminal program."""

@@ -1,6 +1,7 @@
-"""Every action of the viewer: its id, keys and name; help, footer, palette and tests read this table.
+"""All actions of the viewer: ids, keys, names. Help, footer, palette and tests read this table.
 
-An id is stable: `App.set_keymap` gives its action other keys; a group of actions carries it out.
+Ids are stable: `App.set_keymap` assigns other keys to an action by its id. Groups of actions
+implement them.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from tui.widgets.panel import Panel
 
 COMPARING: Final = frozenset({"compare_side", "next_difference"})  # with two runs only
 
-# How keys are written; others as Textual does.
+# Displayed names of keys; others are as in Textual.
 KEY_NAMES: Final = {
     "full_stop": ".",
     "comma": ",",
@@ -51,19 +52,19 @@ MOUSE = (
 
 
 def do(id: str) -> str:
-    """What Textual runs for an action of the table."""
+    """The action string for Textual."""
     return f"do({id!r})"
 
 
 class Action(NamedTuple):
-    """One thing that a user can do."""
+    """An action of the user."""
 
     id: str
     keys: str  # as Textual names them, separated by commas
     label: str  # in the footer, the palette and the help
-    meaning: str = ""  # a little more, for the help
+    meaning: str = ""  # explanation in the help
     shown: bool = False  # in the footer
-    place: int = 0  # in its topic, among those that layers and panels bring
+    place: int = 0  # position in its topic, among those of layers and panels
 
 
 class Topic(NamedTuple):
@@ -90,10 +91,10 @@ _FIXED: Final = (
             Action("full_speed", "9", "Full speed", "full speed"),
             Action("reverse", "r", "Backwards", "play backwards"),
             Action("go_start", "home", "Start", "to the start"),
-            Action("go_end", "end", "End", "to the last tick that is known"),
+            Action("go_end", "end", "End", "to the last known tick"),
             Action("go_to", "g", "Go to", "to a tick"),
-            Action("next_event", "n", "Next", "to the next event, or of what was found"),
-            Action("previous_event", "N", "Previous", "to the one before"),
+            Action("next_event", "n", "Next", "to the next event or match"),
+            Action("previous_event", "N", "Previous", "to the previous event or match"),
             Action("timeline_in", "Z", "Timeline nearer", "a shorter part in the timeline"),
             Action("timeline_out", "X", "Timeline farther", "a longer part in the timeline"),
             Action("timeline_whole", "A", "Timeline whole", "the whole run in the timeline"),
@@ -115,7 +116,7 @@ _FIXED: Final = (
             Action("zoom_fit", "0", "Whole floor", "the whole floor, as large as it fits"),
             Action("zoom_cell", "z", "1:1", "one character for a cell"),
             Action("follow", "f", "Follow", "keep the selected robot on the screen", True),
-            Action("maximise", "m", "Map alone", "nothing but the map, or all again"),
+            Action("maximise", "m", "Map alone", "only the map, or everything again"),
             Action("minimap", "M", "Minimap", "minimap, while the floor exceeds the map"),
             Action("next_colouring", "c", "Colours", "robots by state, order, type, zone, ..."),
             Action("trails", "v", "Trails", "trails of cells that robots came through"),
@@ -131,10 +132,8 @@ _FIXED: Final = (
             Action(
                 "jam", "J", "Jam", "the largest jam: robots without progress, n goes through them"
             ),
-            Action("clear", "escape", "Clear", "nothing selected, found or followed"),
-            Action(
-                "breakpoints", "b", "Stops", "conditions that stop the run on its way on", True, 20
-            ),
+            Action("clear", "escape", "Clear", "clear selection, matches, following"),
+            Action("breakpoints", "b", "Stops", "conditions that stop the run", True, 20),
             Action("branch", "B", "Branch", "go on with other settings from here", place=20),
         ),
     ),
@@ -150,7 +149,7 @@ _FIXED: Final = (
         "Panels",
         (
             Action("panels", "p", "Panels", "panels off, beside the map, in its place", True),
-            Action("compare_side", "o", "Other run", "panels tell of the other run"),
+            Action("compare_side", "o", "Other run", "panels show the other run"),
             Action(
                 "next_difference", "x", "Difference", "to the first tick at which two runs differ"
             ),
@@ -168,7 +167,7 @@ _FIXED: Final = (
         (
             Action("help", "question_mark,f1", "Help", "this page", True),
             Action("theme", "T", "Dark or light"),
-            Action("link_figures", "D", "Link", "what the connection carries"),
+            Action("link_figures", "D", "Link", "figures of the connection"),
             Action("quit", "q", "Quit", "", True),
         ),
     ),
@@ -176,9 +175,9 @@ _FIXED: Final = (
 
 
 def _brought() -> tuple[dict[str, Action], dict[str, Action]]:
-    """The actions of panels and of layers by their ids; a key that is taken stays where it is.
+    """The actions of panels and layers by id; a key that is taken keeps its action.
 
-    Ours come first; of several layers with one action the first says its keys and its name.
+    Ours come first. If several layers share an action, the first determines its keys and name.
     """
     taken = {key for topic in _FIXED for action in topic.actions for key in action.keys.split(",")}
     of_panels: dict[str, Action] = {}
@@ -201,7 +200,7 @@ def _brought() -> tuple[dict[str, Action], dict[str, Action]]:
 
 
 def _topics() -> tuple[Topic, ...]:
-    """All topics, with the actions that registered layers and panels bring."""
+    """All topics, with the actions of registered layers and panels."""
     of_panels, of_layers = _brought()
     brought = {"Looking closer": of_panels, "Layers": of_layers}
     topics = []
@@ -216,7 +215,7 @@ VIEWER_ACTIONS: Final = tuple(action for topic in TOPICS for action in topic.act
 
 
 def bindings() -> list[Binding]:
-    """The table for Textual."""
+    """The bindings for Textual."""
     return [
         Binding(
             action.keys,
@@ -232,7 +231,7 @@ def bindings() -> list[Binding]:
 
 
 def key_text(key: str) -> str:
-    """A key as a person would write it."""
+    """The displayed name of a key."""
     modifiers, _, name = key.rpartition("+")
     return (f"{modifiers}+" if modifiers else "") + KEY_NAMES.get(name, name)
 
@@ -241,7 +240,7 @@ def key_text(key: str) -> str:
 
 
 class HelpScreen(ModalScreen[None]):
-    """All keys by topic, with those that are bound now. Closed by escape, q, ? or F1."""
+    """All actions by topic with their present keys. Escape, q, ? or F1 closes it."""
 
     DEFAULT_CSS = """
     HelpScreen { align: center middle; }
@@ -255,7 +254,7 @@ class HelpScreen(ModalScreen[None]):
 
     def __init__(self, keys: Mapping[str, Sequence[str]]) -> None:
         super().__init__()
-        self._keys = keys  # by id of the action
+        self._keys = keys  # by action id
 
     def compose(self) -> ComposeResult:
         with VerticalScroll():

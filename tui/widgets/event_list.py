@@ -1,6 +1,6 @@
-"""The panel of events: the log, as long as the run, filtered by kinds, by a robot and by words.
+"""The panel of events: the log of the run, filtered by kinds, by robot and by words.
 
-Only the rows in sight are written.
+Only visible rows are written.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ NO_EVENTS: Final = np.zeros(0, np.int64)
 
 
 class Events(Vertical, PanelWidget):
-    """The filter's words and boxes above the list; tab goes to them from the list."""
+    """The filter's words and boxes, and the list below; tab moves from the list to the filter."""
 
     DEFAULT_CSS = """
     Events {
@@ -76,7 +76,7 @@ class Events(Vertical, PanelWidget):
             yield self.boxes
 
     def action_filter(self) -> None:
-        """Write what events must match."""
+        """Focus the words that events must match."""
         self.query_one(Filter).focus()
 
     def on_kind_boxes_ticked(self, event: KindBoxes.Ticked) -> None:
@@ -84,11 +84,11 @@ class Events(Vertical, PanelWidget):
         self.list.tick(event.box)
 
     def show(self, view: View) -> None:
-        """List the events of this run."""
+        """List the events of the view's run."""
         self.list.show(view)
 
     def listed_events(self, view: View) -> Array:
-        """Those that are asked for; shown or not."""
+        """The events that match the filter, visible or not."""
         return self.list.matching(view)
 
     @property
@@ -105,9 +105,9 @@ class Events(Vertical, PanelWidget):
 
 
 class EventList(Rows):
-    """The events that are asked for; those after the present tick are dim.
+    """The events that match the filter; those after the present tick are dim.
 
-    The cursor begins at the present and goes with it until it is moved somewhere else.
+    The cursor starts at the present and follows it until the user moves it.
     """
 
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -126,26 +126,26 @@ class EventList(Rows):
         self.only_selected = False
         self._matches = Matches()
         self._found: Array = NO_EVENTS
-        self._present = 0  # how many of them lie up to the present tick
-        self._followed = True  # the present was in sight when it was shown last
+        self._present = 0  # number of matches up to the present tick
+        self._followed = True  # the present was visible at the last update
 
     def wanted(self, view: View) -> EventFilter:
-        """The filter as it is set."""
+        """The present filter."""
         return EventFilter(self.kinds, view.robot if self.only_selected else NIL, self.words)
 
     def matching(self, view: View) -> Array:
-        """(M,) int64: indices of the events that are asked for."""
+        """(M,) int64: indices of the events that match the filter."""
         return self._matches.of(
             view.run.event_history, view.run.event_history.log, self.wanted(view)
         )
 
     def show(self, view: View) -> None:
-        """List the events; the present stays in sight unless the list was scrolled away from it."""
+        """List the events; the present stays visible unless the user scrolled away from it."""
         before = self._present
         self._followed = self.view is None or self.in_sight(max(0, before - 1))
         here = self.view is None or self.cursor == max(0, before - 1)
         event_history = view.run.event_history
-        self.view, self.kept = view, event_history.log  # it may go on meanwhile
+        self.view, self.kept = view, event_history.log  # the log may grow meanwhile
         self._found = self._matches.of(event_history, self.kept, self.wanted(view))
         known = self.kept.index_at(view.snapshot.tick)
         self._present = int(np.searchsorted(self._found, known))
@@ -154,19 +154,19 @@ class EventList(Rows):
         self.boxes.set_content(self._boxes(view))
         self.heading = [self._heading(view)]
         if self.kept.dropped:
-            self.heading.append(line(dim(f"{self.kept.dropped:,} older are not kept")))
+            self.heading.append(line(dim(f"{self.kept.dropped:,} older events dropped")))
         self.update_rows(len(self._found))
         if self._followed and self._present != before:
             self.keep_in_sight(max(0, self._present - 1))
 
     def _boxes(self, view: View) -> list[tuple[str, bool]]:
-        """The kinds of events, and whose."""
+        """The boxes: kinds of events, and the selected robot only."""
         whose = f"robot {view.robot}" if view.robot != NIL else "the selected robot"
         kinds = [(name, name in self.kinds) for name in kinds_of(view)]
         return [*kinds, (f"only {whose}", self.only_selected)]
 
     def _heading(self, view: View) -> Line:
-        """What is in the columns, and how many events there are."""
+        """The names of the columns, and the number of events."""
         found, all_of = len(self._found), len(self.kept.rows)
         told = count(found, "event") + (f" of {all_of:,}" if found != all_of else "")
         return line(
@@ -179,7 +179,7 @@ class EventList(Rows):
         mark = self.signs.here if index == self._present - 1 else " "
         made = event_line(event, tick_width=self._tick_width(), trips=makes_trips(self.view))
         gap, tick, *rest = made
-        made = (gap, tick._replace(look="dim"), *rest)  # the whole row leads there
+        made = (gap, tick._replace(look="dim"), *rest)  # the whole row links there
         if index >= self._present:
             made = tuple(span._replace(look="dim") for span in made)
         return (Span(mark, "title"), *made)
@@ -200,10 +200,10 @@ class EventList(Rows):
             self.post_message(RobotChosen(event.robot))
 
     def follow(self, link: Link, column: int = 0) -> None:
-        self.chosen(self.cursor)  # all of a row leads to its event
+        self.chosen(self.cursor)  # a click anywhere in a row goes to its event
 
     def tick(self, box: int) -> None:
-        """A box of `_boxes` was ticked, or its tick taken away."""
+        """React to a click on a box of `_boxes`."""
         kinds = list(EVENT_GROUPS) if self.view is None else kinds_of(self.view)
         if box < len(kinds):
             self.ask_for(self.kinds ^ {kinds[box]})
@@ -218,14 +218,14 @@ class EventList(Rows):
             self.show(self.view)
 
     def action_kind(self, step: int) -> None:
-        """All kinds, then one after the other alone."""
+        """Show all kinds, then each kind alone."""
         kinds = list(EVENT_GROUPS) if self.view is None else kinds_of(self.view)
         each = [frozenset(EVENT_GROUPS), *(frozenset({name}) for name in kinds)]
         at = each.index(self.kinds) if self.kinds in each else 0
         self.ask_for(each[(at + step) % len(each)])
 
     def action_only_selected(self) -> None:
-        """Events of the selected robot, or of all."""
+        """Show events of the selected robot, or of all robots."""
         self.only_selected = not self.only_selected
         if self.view is not None:
             self.show(self.view)
@@ -240,21 +240,21 @@ class EventList(Rows):
 
 
 def kinds_of(view: View) -> list[str]:
-    """The kinds of events that can be picked: of parts and of zones only where there are any."""
+    """The kinds of events to choose from: parts and zones only if the run has any."""
     absent = {"parts"} if parts_finished(view) is None else set()
     absent |= {"zones"} if partition_of(view) is None else set()
     return [name for name in EVENT_GROUPS if name not in absent]
 
 
 class EventFilter(NamedTuple):
-    """Which events are asked for."""
+    """A filter of events."""
 
     kinds: frozenset[str] = frozenset(EVENT_GROUPS)
     robot: int = NIL  # NIL: any
-    words: str = ""  # as typed: robot 3, load 7, and parts of what an event is called
+    words: str = ""  # as typed: robot 3, load 7, parts of event names
 
     def mask(self, events: Array) -> Array:
-        """(N,) bool: whether each of (N, 5) events is asked for."""
+        """(N,) bool: whether each of (N, 5) events matches."""
         holds: Array = np.isin(events[:, 1], [c for kind in self.kinds for c in EVENT_GROUPS[kind]])
         if self.robot != NIL:
             holds &= events[:, 2] == self.robot
@@ -271,7 +271,7 @@ class EventFilter(NamedTuple):
         return holds
 
     def _called(self, word: str, events: Array) -> Array:
-        """Events of a robot with this number, or with the word in one of their names."""
+        """Events of the robot with this number, or with this word in one of their names."""
         if word.isdigit():
             numbered: Array = events[:, 2] == int(word)
             return numbered
@@ -286,7 +286,7 @@ class EventFilter(NamedTuple):
 
 
 class Matches:
-    """Which events of a run match the filter; events that were tested are not tested again."""
+    """The events of a run that match a filter; each event is tested once."""
 
     def __init__(self) -> None:
         self._of: tuple[EventHistory | None, EventFilter, int] = (None, EventFilter(), 0)
@@ -294,7 +294,7 @@ class Matches:
         self._found: Array = NO_EVENTS
 
     def of(self, event_history: EventHistory, log: Log, wanted: EventFilter) -> Array:
-        """(M,) int64 indices of events in the event history's log, ascending."""
+        """(M,) int64 ascending indices into the event history's log."""
         of = (event_history, wanted, log.dropped)
         if event_history is not self._of[0] or of[1:] != self._of[1:]:
             self._of, self._seen, self._found = of, 0, NO_EVENTS
@@ -323,16 +323,16 @@ class Filter(TypedInput):
 
 
 class KindBoxes(Rows):
-    """Words behind boxes, in as many lines as they need; ticked by mouse, or by keys in the focus."""
+    """Check boxes, each before its words, in as many lines as needed; for mouse and keys."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("left,up", "move(-1)", "Previous box", show=False),
         Binding("right,down", "move(1)", "Next box", show=False),
-        Binding("space,enter", "follow_cursor", "Tick it or not", show=False),
+        Binding("space,enter", "follow_cursor", "Toggle box", show=False),
     ]
 
     class Ticked(Message):
-        """A box was ticked, or its tick taken away."""
+        """A box was toggled."""
 
         def __init__(self, box: int) -> None:
             super().__init__()
@@ -340,12 +340,12 @@ class KindBoxes(Rows):
 
     def __init__(self, signs: Signs) -> None:
         super().__init__(signs)
-        self.box = 0  # under the cursor
+        self.box = 0  # index under the cursor
         self._boxes: list[tuple[str, bool]] = []
         self._lines: list[Line] = []
 
     def set_content(self, boxes: Sequence[tuple[str, bool]]) -> None:
-        """These words, each ticked or not."""
+        """Set the words, each with the state of its box."""
         self._boxes = list(boxes)
         spans: list[Span | str] = []
         for at, (name, ticked) in enumerate(self._boxes):
@@ -377,12 +377,12 @@ class KindBoxes(Rows):
         self.post_message(self.Ticked(self.box))
 
     def action_move(self, rows: int) -> None:
-        """Go to another box."""
+        """Move to another box."""
         self.box = max(0, min(self.box + rows, len(self._boxes) - 1))
         self._place()
 
     def action_follow_cursor(self) -> None:
-        """Tick the box under the cursor, or take its tick away."""
+        """Toggle the box under the cursor."""
         self.follow(("box", self.box))
 
     def on_resize(self) -> None:

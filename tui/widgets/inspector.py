@@ -1,4 +1,4 @@
-"""The inspector: everything about the robot, the cell, the zone or the order that was chosen last."""
+"""The inspector: all facts about the robot, cell, zone or order that was chosen last."""
 
 from __future__ import annotations
 
@@ -51,15 +51,15 @@ from tui.widgets.zone_facts import order_zone, part_of_order, station_facts, zon
 GUIDE = (
     "Click a robot, a shelf or any other cell of the map.",
     "/ finds robots, loads, cells and zones; ( and ) go to the previous and the next robot.",
-    "i looks at the cell under the cursor, or in the middle of the map.",
-    "What is underlined leads on: click it, or go to it with up and down and press enter.",
+    "i inspects the cell under the mouse, or in the middle of the map.",
+    "Underlined words are links: click one, or move to it with up and down and press enter.",
 )
 
 
 class Inspector(TextPanel):
-    """Everything about the robot, the cell or the order that was chosen last.
+    """All facts about the last choice.
 
-    A zone or a robot goes before a cell; an order that was asked for goes before all, until then.
+    An order takes precedence until another choice is made, then a zone, a robot, a cell.
     """
 
     order = NIL
@@ -85,14 +85,14 @@ class Inspector(TextPanel):
         return (*super().cache_key(view), self.order)
 
     def show_order(self, order: int) -> bool:
-        """Show an order, until another robot or cell is chosen."""
+        """Show an order until another robot, cell or zone is chosen."""
         self.order = order
         if self.view is not None:
             self.show(self.view)
         return True
 
     def follow(self, link: Link, column: int = 0) -> None:
-        """An order is shown here; a robot or cell that is chosen already comes back."""
+        """Show an order here; a link to the chosen robot or cell ends that."""
         kind, number = link
         if kind == "order":
             self.show_order(number)
@@ -151,7 +151,7 @@ def _ground(view: View, cell: int) -> Facts:
 
 
 def _limits(view: View, cell: int) -> Parts:
-    """How long moves out of a cell take at least, by direction; nothing without a limit."""
+    """The minimum duration of moves out of a cell, by direction; [] without a limit."""
     limits = view.floor_plan.min_move_ticks
     if not len(limits) or not limits[cell].any():
         return []
@@ -164,7 +164,7 @@ def _limits(view: View, cell: int) -> Parts:
 
 
 def _traffic(view: View, cell: int) -> Facts:
-    """Who is there, who comes and who would like to; what the layer counts."""
+    """Robots in the cell, entering it and waiting for it; the layer's number."""
     fleet, snapshot = view.snapshot.robots, view.snapshot
     at = np.where(fleet.cell == NIL, fleet.bay, fleet.cell)
     layer = layer_named(view.layer)
@@ -189,7 +189,7 @@ def _robots(robots: list[int]) -> Parts:
 
 
 def _stored(view: View, cell: int) -> Facts:
-    """What a slot holds."""
+    """The content of a slot."""
     slots, orders = view.snapshot.slots, view.snapshot.orders
     kind = view.floor_plan.kind_of(cell)
     found = np.flatnonzero(slots.cell == cell)
@@ -222,7 +222,7 @@ def _stored(view: View, cell: int) -> Facts:
             ("received", [count(len(newest), "load")]),
             ("expected", [count(expected, "load")]),
             ("the last", several([order_link(order, "load") for order in newest])),
-            ("kept for", keeper),
+            ("reserved", keeper),
         ]
     if facts:
         left = [load for load in slots.content[found[1:]].tolist() if load != NIL]
@@ -234,7 +234,7 @@ def _stored(view: View, cell: int) -> Facts:
         ("holds", held),
         ("for", [] if load == NIL else slot_place(view, int(orders.target[load]))),
         ("fetched by", [] if fetcher == NIL else [robot_link(fetcher)]),
-        ("kept for", keeper),
+        ("reserved", keeper),
     ]
 
 
@@ -273,7 +273,7 @@ def order_lines(view: View, order: int, width: int) -> list[Line]:
 
 
 def _lead_time(view: View, order: int) -> Parts:
-    """From its release to its delivery, or to now."""
+    """Ticks from release to delivery, or until now."""
     orders = view.snapshot.orders
     known, state = int(orders.release_tick[order]), int(orders.state[order])
     if state == ORDER_UNRELEASED:

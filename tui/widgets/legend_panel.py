@@ -1,6 +1,6 @@
-"""The legend: what the signs of the map mean, in the colours of the map.
+"""The legend: the meanings of the map's signs, in the colours of the map.
 
-Those signs are in it that can occur on this floor, at this zoom, with this layer.
+It lists the signs that can occur on this floor, at this zoom, with this layer.
 """
 
 from __future__ import annotations
@@ -41,9 +41,9 @@ from tui.render.scene import (
 from tui.render.styles import GLYPH_BITS, GLYPHS, GlyphSet, code, style
 from tui.widgets.panel import Line, Span, TextPanel, cell_link, line, title, wrapped
 
-STROKE = 0x24  # dots of a line from left to right
+STROKE = 0x24  # braille dots of a horizontal line
 
-MAX_WORST_CELLS = 10  # cells of a layer that are listed
+MAX_WORST_CELLS = 10  # listed cells of a layer
 SIGN_COLUMNS = 9  # columns for the signs
 WAIT_CYCLE = COLOUR_WORDS["fault"].partition(",")[0]
 FAR_STATES = (
@@ -53,7 +53,7 @@ FAR_STATES = (
 
 
 class Legend(TextPanel):
-    """The panel."""
+    """The panel of the legend."""
 
     def panel_lines(self, view: View, width: int) -> list[Line]:
         picture = view.picture
@@ -65,7 +65,7 @@ class Legend(TextPanel):
 
 
 def _entry(entry: LegendLine, picture: Picture, width: int) -> list[Line]:
-    """The signs, and the meaning beside them."""
+    """The lines of one entry: signs, and their meaning beside them."""
     signs: list[Span | str] = []
     for sign in entry.signs[: SIGN_COLUMNS // 2]:
         character = picture.glyphs.characters[sign & int(GLYPHS)]
@@ -77,7 +77,7 @@ def _entry(entry: LegendLine, picture: Picture, width: int) -> list[Line]:
 
 
 def _worst(scene: Scene) -> list[Line]:
-    """The cells with the greatest numbers of the layer; a click leads there."""
+    """The cells with the layer's greatest numbers, as links."""
     cells = [
         (cell_link(scene.floor.floor_plan, cell), number) for cell, number in worst_cells(scene)
     ]
@@ -89,14 +89,14 @@ def _worst(scene: Scene) -> list[Line]:
 
 
 class LegendLine(NamedTuple):
-    """One line of a legend."""
+    """An entry of a legend."""
 
     signs: tuple[int, ...]  # codes
     meaning: str
 
 
 def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
-    """The layer, the robots, what lies over the floor, and the floor."""
+    """The entries: layer, robots, overlays, floor."""
     near = zoom.kind == "cells"
     entries = _robots(scene, zoom, glyphs) if near else _far_robots(scene, zoom, glyphs)
     if scene.colouring != "state" and is_possible(scene, scene.colouring):
@@ -108,7 +108,7 @@ def legend(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
 
 
 def _layer(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
-    """Levels with their numbers, or the zones."""
+    """The layer's own entries, or heat levels with their numbers."""
     own = scene.map_layer.entries(scene, glyphs)
     if own is not None:
         return [LegendLine(*entry) for entry in own]
@@ -128,7 +128,7 @@ def _layer(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
 
 
 def worst_cells(scene: Scene) -> list[tuple[int, int]]:
-    """Cells with the greatest numbers of a heat layer, and the numbers."""
+    """The cells with the greatest numbers of a ranked layer, and the numbers."""
     if not scene.map_layer.ranked or scene.values is None:
         return []
     order = np.argsort(-scene.values, kind="stable")[:MAX_WORST_CELLS]
@@ -196,7 +196,7 @@ def _robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
     if (scene.floor.floor_plan.capacity[scene.floor.floor_plan.drivable] != 1).any():
         several = style(styles.COLOUR_FLOOR, styles.COLOUR_ROBOT)
         entries.append(
-            LegendLine((int(code(several, glyphs.digits[2])),), "so many robots in one cell")
+            LegendLine((int(code(several, glyphs.digits[2])),), "number of robots in one cell")
         )
     claim = int(code(style(styles.COLOUR_DIM, styles.COLOUR_FLOOR), glyphs.arrow[0]))
     return [*entries, LegendLine((claim,), "held by a robot that is moving in")]
@@ -215,7 +215,7 @@ def _far_robots(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
 
 
 def _far_sign(scene: Scene, zoom: Zoom, glyphs: GlyphSet, colour: int) -> int:
-    """A robot from afar."""
+    """The sign of a robot at small zooms."""
     floor = shown_rectangle(scene.floor.floor_plan)
     rows, columns = zoom.size((floor.bottom - floor.top, floor.right - floor.left))
     robots = 0 if scene.snapshot is None else len(scene.snapshot.robots.cell)
@@ -230,9 +230,9 @@ def _far_sign(scene: Scene, zoom: Zoom, glyphs: GlyphSet, colour: int) -> int:
 
 
 def _without_colours(entries: list[LegendLine], near: bool) -> list[LegendLine]:
-    """The signs of robots where colours say something else than the state: shapes in one colour.
+    """The signs of robots in one colour, for colourings other than by state.
 
-    From afar there are no shapes; only robots in wait cycles or down keep their colour.
+    Small zooms have no shapes: there, only robots in wait cycles or down keep an entry.
     """
     bodies = {style(styles.COLOUR_FLOOR, int(colour)): colour for colour in fleet.BODY_COLOURS}
     plain = style(styles.COLOUR_FLOOR, styles.COLOUR_TEXT)
@@ -248,7 +248,7 @@ def _without_colours(entries: list[LegendLine], near: bool) -> list[LegendLine]:
     return shown
 
 
-# What lies over the floor, and the floor.
+# Overlays and the floor.
 
 
 def _overlays(scene: Scene, zoom: Zoom, glyphs: GlyphSet) -> list[LegendLine]:
@@ -289,7 +289,7 @@ def path_entries(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
 
 
 def _cells(scene: Scene, glyphs: GlyphSet) -> list[LegendLine]:
-    """The looks of this floor; those that differ in direction alone share a line."""
+    """The looks of this floor; looks that differ only in direction share an entry."""
     codes = cell_codes(glyphs, 1)
     lines: dict[str, list[int]] = {}
     numbers = set(np.unique(scene.floor.looks).tolist())

@@ -1,13 +1,13 @@
-"""The metrics of a run, and of two runs beside each other, with the difference and which is better.
+"""The metrics of a run, or of two runs side by side with difference and better value.
 
-Only metrics of the same tick are judged, or those of two runs that have both delivered everything:
-after one has ended the other goes on, and what it does then is no merit and no fault.
+Metrics are compared only at the same tick, or after both runs have delivered everything. If one run
+has ended and the other goes on, their metrics are not comparable.
 
-A metric over time is drawn in braille: two points of time and four levels in each character. A curve
-is filled, or a line where two of them have to differ by more than their colours.
+A metric over time is drawn in braille: two points in time and four levels per character. A curve is
+filled or a line, so that two curves differ by more than their colours.
 
-    24 ⡀   ⢀⣀⡀        The label of the greatest value is above, 0 below; the last column but the
-     0 ⣷⣶⣶⣿⣿⣷         labels is the last tick. Without braille one point in each character.
+    24 ⡀   ⢀⣀⡀        The label of the greatest value is at the top, 0 at the bottom; the last
+     0 ⣷⣶⣶⣿⣿⣷         column is the last tick. Without braille, one point per character.
 """
 
 from __future__ import annotations
@@ -61,29 +61,29 @@ from tui.widgets.why_panel import cause_bar, cause_letter, pattern_key
 from tui.widgets.zone_facts import partition_of, parts_finished, zone_link
 
 NAME_COLUMNS: Final = 13  # columns for the name of a metric
-VALUE_COLUMNS: Final = 5  # columns of a metric, one digit behind the point
+VALUE_COLUMNS: Final = 5  # columns of a value, with one decimal
 CAUSE: Final = 19  # columns for the name of a cause
 
 THROUGHPUT_UNIT: Final = "/1000 ticks"
-SHORT_UNIT: Final = "/kt"  # the same where there is little room
+SHORT_UNIT: Final = "/kt"  # where there is little room
 
-CURVE_ROWS: Final = 3  # of a curve
-MAX_SLOW_ZONES_LISTED: Final = 5  # that are listed
+CURVE_ROWS: Final = 3
+MAX_SLOW_ZONES_LISTED: Final = 5
 
 
 class Figures(TextPanel):
     """The metrics of the run: now, so far, and over time; of two runs side by side.
 
-    What matters most comes first: the panel may have little room.
+    The most important metrics come first, since the panel may be small.
     """
 
-    ends: Sequence[int] = ()  # after which lines the panel may end
+    ends: Sequence[int] = ()  # numbers of lines after which the panel may end
 
     def panel_lines(self, view: View, width: int) -> list[Line]:
         if len(view.runs) > 1:
             throughput, waiting = self._curves(view, width)
             lines = [*compared_lines(view, width, self.signs), (), *throughput, *waiting]
-            # What belongs to the line before it is indented.
+            # Indented lines belong to the line before.
             self.ends = [at for at, one in enumerate(lines) if one and one[0].text[:1] != " "]
             return lines
         parts = (
@@ -97,7 +97,7 @@ class Figures(TextPanel):
         return [made for part in parts for made in part]
 
     def rows_within(self, most: int) -> int:
-        """Rows that show whole parts only, as many as `most` allows."""
+        """The greatest number of rows up to `most` that shows only whole parts."""
         return max((end for end in self.ends if end <= most), default=most)
 
     def _now(self, view: View, width: int) -> list[Line]:
@@ -131,9 +131,7 @@ class Figures(TextPanel):
         ]
 
     def _progress(self, view: View, width: int) -> list[Line]:
-        """The oldest open order, orders that are late, robots that finish nothing, and where most of
-        them stand together.
-        """
+        """The oldest open order, late orders, starved robots, and the largest jam."""
         figures = view.playback.figures[view.side]
         oldest = figures.metrics.get("oldest_order", 0)
         lines: list[Line] = []
@@ -155,13 +153,13 @@ class Figures(TextPanel):
         return lines
 
     def _explained(self, name: str, label: str, value: Span, width: int) -> list[Line]:
-        """A metric under a short name, and what it says, if that was asked for."""
+        """A metric under a short name, with its explanation if requested."""
         link = ("share", list(METRIC_CATALOGUE).index(name))
         told = self.explanation(link, METRIC_CATALOGUE[name][1], width)
         return [line(*term(label, link, NAME_COLUMNS), value), *told]
 
     def _parts(self, view: View, width: int) -> list[Line]:
-        """Parts that are finished; how often the zones of robots changed, how long they balanced."""
+        """Finished parts; number of zone redesigns; share of time with balanced zones."""
         lines: list[Line] = []
         finished = parts_finished(view)
         if finished is not None:
@@ -176,7 +174,7 @@ class Figures(TextPanel):
         return lines
 
     def _energy(self, view: View, width: int) -> list[Line]:
-        """Batteries now, what was used so far, and what charging takes of the time."""
+        """Batteries now, energy used so far, and the share of time at chargers."""
         charge = battery_figures(view)
         metrics = view.playback.figures[view.side].metrics
         if charge is None or "energy" not in metrics:
@@ -199,12 +197,12 @@ class Figures(TextPanel):
     def _share(
         self, name: str, label: str, view: View, width: int, look: str = "plain"
     ) -> list[Line]:
-        """A share of time or of orders, and what counts."""
+        """A share of time or of orders, with its explanation."""
         share = percent(float(view.playback.figures[view.side].metrics[name]))
         return self._explained(name, label, Span(f"{share:>{VALUE_COLUMNS + 2}}", look), width)
 
     def _curves(self, view: View, width: int) -> tuple[list[Line], list[Line]]:
-        """Throughput and waiting robots over time; the axis is below the second."""
+        """Throughput and waiting robots over time; the axis is below the second curve."""
         known = _known(view)
         points = points_for(width, self.signs.dots)
         rate = "throughput, orders/1000 ticks"
@@ -217,7 +215,7 @@ class Figures(TextPanel):
         return throughput, [*waiting, line(dim(" " * LABEL_WIDTH + axis))]
 
     def _curve(self, name: str, values: Values, ticks: int, filled: bool = True) -> list[Line]:
-        """One colour for each curve: one for each character would cost ten times the bytes."""
+        """A curve in one colour: a colour per character would cost ten times the bytes."""
         lines, look = [line(title(name))], "good" if filled else "warn"
         for text in drawn_curve(values, CURVE_ROWS, self.signs.dots, filled):
             label, body = text[:LABEL_WIDTH], text[LABEL_WIDTH:]
@@ -255,14 +253,14 @@ class Figures(TextPanel):
             room = width - len(name) - len(unit)
             if room > len(value):
                 lines.append(line(*term(name, link, 0), f"{value:>{room}}", dim(unit)))
-            else:  # the metric has a line of its own
+            else:  # the name has its own line
                 lines.append(line(*term(name, link, 0)))
                 lines.append(line(f"{value:>{max(1, width - len(unit))}}", dim(unit)))
             lines += self.explanation(link, meaning, width)
         return lines
 
     def follow(self, link: Link, column: int = 0) -> None:
-        """A click on a curve leads to its tick."""
+        """Go to the tick of a clicked curve, or explain a metric."""
         kind, ticks = link
         if kind == "curve":
             room = max(1, self.width - LABEL_WIDTH - 1)
@@ -276,7 +274,7 @@ class Figures(TextPanel):
 
 
 def slow_zones(view: View) -> list[Line]:
-    """The zones that slowed moves most so far, and by how many ticks."""
+    """The zones that slowed moves most so far, with lost ticks."""
     lost = view.snapshot.lost_in_zone
     worst = [
         zone
@@ -299,7 +297,7 @@ def _known(view: View) -> Curve:
 
 
 def _out_of_order(view: View, width: int) -> list[Line]:
-    """Robots that do not run, where there may be any."""
+    """Robots that are down or towed, if robots may break down."""
     if not may_fail(view):
         return []
     status = view.snapshot.robots.status
@@ -314,7 +312,7 @@ def _figure(name: str, *parts: str) -> Line:
 
 
 def _lines(fleet: FleetSummary, view: View) -> list[Line]:
-    """Lines that are done, and the trips that are over, where orders consist of lines."""
+    """Finished lines and trips, where orders consist of lines."""
     if not fleet.lines:
         return []
     trips = int(np.count_nonzero(view.snapshot.orders.state == ORDER_DELIVERED))
@@ -327,7 +325,7 @@ def _short(value: float) -> str:
 
 
 def _robots(view: View, width: int) -> list[Line]:
-    """How many robots work, wait and are parked or idle; fewer in a line where not all fit in one."""
+    """Numbers of working, waiting, parked and idle robots, wrapped to the width."""
     fleet = view.snapshot.robots
     waiting, parked = (
         int(np.count_nonzero(is_waiting(fleet.cause))),
@@ -366,7 +364,7 @@ ONE_LINE: Final = 52  # columns that a metric needs for its name and values
 
 
 def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
-    """A table of all metrics, the most telling first; narrow panels give each metric two lines."""
+    """A table of all metrics, the most important first; in narrow panels two lines each."""
     first, second = (figures.metrics for figures in view.playback.figures)
     judged = comparable(view)
     narrow = width < ONE_LINE
@@ -399,12 +397,12 @@ def compared_lines(view: View, width: int, signs: Signs) -> list[Line]:
         *lines,
         *([] if judged else wrapped(line(dim(UNEQUAL)), width)),
         line(dim(told)),
-        line(dim(f"{signs.here} the run that is told of")),
+        line(dim(f"{signs.here} the run in the panels")),
     ]
 
 
 def comparable(view: View) -> bool:
-    """Whether one run can be called better than the other now."""
+    """Whether the metrics of the two runs are comparable now."""
     both = zip(view.playback.snapshots, view.playback.figures, strict=True)
     finished = all(shown.finished and shown.tick == figures.tick for shown, figures in both)
     return finished or _together(view)
@@ -416,7 +414,7 @@ def _together(view: View) -> bool:
 
 
 def _ticks(view: View, narrow: bool, column: int) -> Line:
-    """Of which ticks the metrics are."""
+    """A row with the ticks of the metrics."""
     ticks = "".join(f"{figures.tick:>{column},} " for figures in view.playback.figures)
     return line(dim(("" if narrow else "at tick".ljust(METRIC_COLUMNS)) + ticks))
 
@@ -433,7 +431,7 @@ def _difference(value: float, unit: str) -> str:
 
 
 def better(name: str, a: float, b: float) -> str:
-    """Which of two runs has the better value, A or B; "" if neither."""
+    """The run with the better value, "A" or "B"; "" if neither."""
     if a == b or name in NEITHER:
         return ""
     return "A" if (a > b) == (name in GREATER_IS_BETTER) else "B"
@@ -444,26 +442,26 @@ def better(name: str, a: float, b: float) -> str:
 
 Values = NDArray[np.float64]
 
-LABEL_WIDTH: Final = 7  # columns for labels, the blank behind them included
-SAMPLES_PER_POINT: Final = 64  # of the rows between two points, at most so many are looked at
-NOW_TICKS: Final = 500  # "now" in throughput: the deliveries of the last so many ticks
+LABEL_WIDTH: Final = 7  # columns for labels, including a blank
+SAMPLES_PER_POINT: Final = 64  # samples of the curve between two points
+NOW_TICKS: Final = 500  # window in ticks of the present throughput
 
-# Bits of a braille pattern, from the lowest dot up, of the left and the right column.
+# Bits of a braille pattern with 1 to 4 dots from the bottom, in the left and right column.
 RISING: Final = np.array([[0x40, 0x44, 0x46, 0x47], [0x80, 0xA0, 0xB0, 0xB8]])
 
-STEPS_OF_TEN: Final = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)  # where an axis may end
-CURVE_CHARACTERS: Final = " .:|"  # the filling of a character in ASCII
-LINE_CHARACTERS: Final = " .-'"  # the height of a line in it
+STEPS_OF_TEN: Final = (1, 1.5, 2, 3, 4, 5, 6, 8, 10)  # ends of an axis
+CURVE_CHARACTERS: Final = " .:|"  # filled to 0, 1, 2, 3 levels, in ASCII
+LINE_CHARACTERS: Final = " .-'"  # a line at these levels
 
 
 def throughput_over_time(curve: Curve, points: int) -> Values:
-    """(points,) deliveries per 1,000 ticks, each over the last NOW_TICKS or longer."""
+    """(points,) deliveries per 1,000 ticks, each over at least the last NOW_TICKS."""
     bounds = edges(curve.ticks, points)
     return _rate(curve, np.minimum(bounds[:-1], bounds[1:] - NOW_TICKS), bounds[1:])
 
 
 def waiting_over_time(curve: Curve, points: int) -> Values:
-    """(points,) mean number of robots that wait."""
+    """(points,) mean number of waiting robots."""
     bounds = edges(curve.ticks, points)
     width = np.maximum(1, np.diff(bounds))
     steps = np.arange(SAMPLES_PER_POINT) / SAMPLES_PER_POINT
@@ -479,7 +477,7 @@ def now_throughput(curve: Curve) -> float:
 
 
 def _rate(curve: Curve, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Values:
-    """Deliveries per 1,000 ticks, between ticks of which the curve has rows."""
+    """Deliveries per 1,000 ticks; ends are rounded down to ticks with rows in the curve."""
     end = end - end % curve.every
     begin = np.clip(begin - begin % curve.every, 0, np.maximum(0, end - curve.every))
     delivered = curve.at(end, DELIVERED_ORDERS) - curve.at(begin, DELIVERED_ORDERS)
@@ -488,17 +486,17 @@ def _rate(curve: Curve, begin: NDArray[np.int64], end: NDArray[np.int64]) -> Val
 
 
 def edges(ticks: int, points: int) -> NDArray[np.int64]:
-    """(points + 1,) ticks at which the points of a curve begin and end."""
+    """(points + 1,) the boundaries in ticks of the points of a curve."""
     return np.linspace(0, ticks, points + 1).astype(np.int64)
 
 
 def points_for(width: int, dots: bool) -> int:
-    """How many points a curve of so many columns has."""
+    """Number of points of a curve `width` columns wide, labels included."""
     return max(1, (width - LABEL_WIDTH) * (2 if dots else 1))
 
 
 def drawn_curve(values: Values, rows: int, dots: bool, filled: bool = True) -> list[str]:
-    """Rows of characters, labels included; the greatest value is as high as all rows."""
+    """Rows of characters, labels included; a rounded maximum is the full height."""
     top = nice(float(values.max(initial=0.0)))
     levels = 4 if dots else len(CURVE_CHARACTERS) - 1
     heights = np.round(values / top * rows * levels).astype(np.int64)
@@ -514,13 +512,13 @@ def drawn_curve(values: Values, rows: int, dots: bool, filled: bool = True) -> l
 
 
 def _below_line(heights: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(points,) what is left out under a line: it rises from the point before, and is never broken."""
+    """(points,) the empty height below a line, which connects each point to the one before."""
     before = np.concatenate((heights[:1], heights[:-1]))
     return np.maximum(0, np.minimum(heights - 1, before))
 
 
 def _curve_row(heights: NDArray[np.int64], below: NDArray[np.int64], signs: str) -> str:
-    """One row from what reaches into it, without what is below: in these signs, or in braille."""
+    """One row between the heights `below` and `heights`, in `signs` or, if "", in braille."""
     if signs:
         levels = np.clip(heights, 0, len(signs) - 1)
         levels = np.where(below >= len(signs) - 1, 0, levels)
@@ -533,7 +531,7 @@ def _curve_row(heights: NDArray[np.int64], below: NDArray[np.int64], signs: str)
 
 
 def nice(value: float) -> float:
-    """The next of STEPS_OF_TEN times a power of ten."""
+    """`value` rounded up to a number of STEPS_OF_TEN times a power of ten."""
     if value <= 0:
         return 1.0
     power = 10.0 ** np.floor(np.log10(value))

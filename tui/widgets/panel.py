@@ -1,8 +1,8 @@
-"""What panels and dialogs are made of: a panel and its widget, lines of styled text, lists, fields.
+"""Parts of panels and dialogs: a panel and its widget, lines of styled text, lists, fields.
 
 Each panel is registered as an entry point of the group `automaton.panels`; the name of the entry is
-that of the panel. The entry point is loaded before the first picture, the widget after it: so the
-former should import little.
+that of the panel. The entry point is loaded before the first picture, so that it should import
+little. The widget is loaded later.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ Link = tuple[str, int]  # ("robot" | "cell" | "order" | "tick" or a panel's own 
 
 Line = tuple["Span", ...]
 Parts = list["str | Span"]
-Facts = list[tuple[str, Parts]]  # names, and what there is to be said under them
+Facts = list[tuple[str, Parts]]  # names and values
 
 SPAN_LOOKS = ("plain", "dim", "title", "link", "term", "warn", "fault", "good", "cursor", "focus")
 
@@ -43,65 +43,65 @@ MENTION = re.compile(r"robot (\d+)|\((-?\d+), (-?\d+)\)")
 PIECES = re.compile(r"\s+|\S+(?: %)?")  # "15 %" stays together
 
 LABEL = 11  # columns of the name of a fact
-MAX_LISTED_LINKS = 12  # links that are named one by one
-NARROWEST = 20  # columns for which lines are made
+MAX_LISTED_LINKS = 12  # links in a list; of more, only the number is given
+NARROWEST = 20  # minimum width in columns for which lines are written
 
 
 @dataclass
 class Panel:
-    """A tab and how to get there."""
+    """A panel: its tab, its key and its widget."""
 
-    tab: str  # on the tab
+    tab: str  # text of the tab
     widget: str  # "module:Class" of a PanelWidget, built by Class(signs, id=...)
     key: str = ""  # as Textual names keys
     label: str = ""  # in footer, palette and help
     meaning: str = ""  # in the help
-    position: int = 1000  # where its tab stands: ours are below 100
-    listed: int = 1000  # where its key stands in the help: ours are below 100
+    position: int = 1000  # of its tab; ours are below 100
+    listed: int = 1000  # position of its key in the help; ours are below 100
     shown: bool = False  # in the footer
-    action: str = ""  # of ours in the table of bindings; of others it is "panel_" and the name
+    action: str = ""  # in the table of bindings; for foreign panels "panel_NAME"
     name: str = ""  # that of its entry point
 
 
 class PanelWidget:
-    """What the viewer asks of the widget of a panel; a widget of Textual as well."""
+    """The interface of a panel's widget, which must also be a Textual widget."""
 
     def show(self, view: View) -> None:
-        """Show this, which is something else than before."""
+        """Show a view whose key has changed."""
         raise NotImplementedError
 
     def show_order(self, order: int) -> bool:
-        """An order was clicked: show it; whether this panel does."""
+        """Show an order that was clicked; returns whether this panel shows orders."""
         return False
 
     def listed_events(self, view: View) -> Array | None:
-        """(M,) int64 indices of the events that it lists, ascending; None: it lists none."""
+        """(M,) int64 ascending indices of the listed events; None: it lists no events."""
         return None
 
     @property
     def focused_part(self) -> Any:
-        """What gets the focus when the panel is opened in place of the map."""
+        """The widget to focus when the panel opens in place of the map."""
         return self
 
 
-# The few signs beside letters. None is "ambiguous" in Unicode's table of East Asian widths: some
-# terminals draw those two columns wide.
+# The few signs other than letters. None is "ambiguous" in Unicode's table of East Asian widths: some
+# terminals draw such characters two columns wide.
 
 
 class Signs(NamedTuple):
-    """What panels draw with."""
+    """The signs that panels draw."""
 
-    rising: str  # the order of a column
+    rising: str  # sort order of a column
     falling: str
-    before: str  # there is more on the left
+    before: str  # more on the left
     beyond: str
-    here: str  # the present, the current choice
+    here: str  # the present, or the current choice
     on: str
     off: str
     better: str  # the better of two metrics
     full: str  # of a bar
     half: str
-    thin: str  # of a bar of the second kind
+    thin: str  # of a thin bar
     thin_half: str
     dots: bool  # whether there are braille patterns
 
@@ -111,26 +111,26 @@ ASCII_SIGNS: Final = Signs("^", "v", "<", ">", ">", "+", "-", "*", "#", "", "=",
 
 
 def signs_of(glyphs: GlyphSet) -> Signs:
-    """Those that go with the characters of the map."""
+    """The signs that match the characters of the map."""
     return ASCII_SIGNS if glyphs.name == "ascii" else UNICODE_SIGNS
 
 
 def bar(share: float, width: int, signs: Signs, thin: bool = False) -> str:
-    """A bar of at most `width` columns; something that is not nothing shows."""
+    """A bar of at most `width` columns; any positive share is visible."""
     full, half = (signs.thin, signs.thin_half) if thin else (signs.full, signs.half)
     steps = 2 if half else 1
     long = min(width * steps, max(round(share * width * steps), int(share > 0)))
     return (full * (long // steps) + half * (long % steps)).ljust(width)
 
 
-# Lines of styled text, parts of which lead somewhere.
+# Lines of styled text with links.
 
 
 class Span(NamedTuple):
-    """Some text in one look."""
+    """Text in one look, maybe a link."""
 
     text: str
-    look: str | Style = "plain"  # of SPAN_LOOKS, or a style of its own
+    look: str | Style = "plain"  # one of SPAN_LOOKS, or a style
     link: Link | None = None
 
 
@@ -148,7 +148,7 @@ def title(text: str) -> Span:
 
 
 def term(text: str, link: Link, width: int) -> tuple[Span, ...]:
-    """A word that can be explained, in a column."""
+    """A word with an explanation, padded to a column."""
     return Span(text, "term", link), Span(" " * max(0, width - len(text)))
 
 
@@ -161,7 +161,7 @@ def order_link(order: int, name: str = "order") -> Span:
 
 
 def tick_link(tick: int) -> Span:
-    """A tick to go to; one before the run is plain."""
+    """A link to a tick; ticks before the run are plain text."""
     return Span(f"tick {tick:,}", "link", ("tick", tick)) if tick >= 0 else Span(f"tick {tick:,}")
 
 
@@ -171,7 +171,7 @@ def cell_link(floor_plan: FloorPlan, cell: int) -> Span:
 
 
 def linked(text: str, floor_plan: FloorPlan, look: str = "plain") -> Line:
-    """A sentence in which every robot and every cell can be clicked."""
+    """A sentence in which robots and cells are links."""
     spans: list[Span] = []
     at = 0
     for mention in MENTION.finditer(text):
@@ -187,7 +187,7 @@ def linked(text: str, floor_plan: FloorPlan, look: str = "plain") -> Line:
 
 
 def several(links: list[Span]) -> Parts:
-    """Links as a list; beyond MAX_LISTED_LINKS only how many."""
+    """A list of links; of those beyond MAX_LISTED_LINKS only the number."""
     parts: Parts = []
     for link in links[:MAX_LISTED_LINKS]:
         parts += [link, ", "]
@@ -197,12 +197,12 @@ def several(links: list[Span]) -> Parts:
 
 
 def length(spans: Iterable[Span]) -> int:
-    """Columns of a line."""
+    """Number of columns of a line."""
     return sum(len(span.text) for span in spans)
 
 
 def wrapped(spans: Line, width: int, indent: int = 0, first: int = 0) -> list[Line]:
-    """The line broken between words, so that it fits; what leads somewhere is never broken.
+    """A line wrapped between words; links are never broken.
 
     The first line is indented by `first`, the others by `indent`.
     """
@@ -220,7 +220,7 @@ def wrapped(spans: Line, width: int, indent: int = 0, first: int = 0) -> list[Li
 
 
 def _words(spans: Line) -> list[list[Span]]:
-    """The pieces between blanks; a word can consist of several spans."""
+    """The pieces between blanks; a piece may consist of several spans."""
     words: list[list[Span]] = []
     glued = False
     for span in spans:
@@ -239,12 +239,12 @@ def _words(spans: Line) -> list[list[Span]]:
 
 
 def fact_lines(facts: Iterable[tuple[str, Parts]], width: int) -> list[Line]:
-    """Those facts under which there is something to be said."""
+    """The lines of all facts with a value."""
     return [row for name, parts in facts if parts for row in fact(name, *parts, width=width)]
 
 
 def fact(name: str, *parts: str | Span, width: int, label: int = LABEL) -> list[Line]:
-    """A name and what is to be said under it, in two columns."""
+    """A name and its value in two columns."""
     value = wrapped(line(*parts), width - label)
     labels = [name, *[""] * (len(value) - 1)]
     return [(dim(one.ljust(label)), *spans) for one, spans in zip(labels, value, strict=True)]
@@ -254,9 +254,9 @@ def fact(name: str, *parts: str | Span, width: int, label: int = LABEL) -> list[
 
 
 class Rows(ScrollView, can_focus=True, inherit_bindings=False):
-    """A scrolled list of lines under a fixed heading, of which only those in sight are ever made.
+    """A scrolled list of lines under a fixed heading; only visible lines are made.
 
-    Subclasses say what is in a row, and what choosing one means.
+    Subclasses define the content of a row and the effect of choosing it.
     """
 
     ALLOW_SELECT = False
@@ -289,19 +289,19 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
         super().__init__(id=id)
         self.signs = signs
         self.heading: list[Line] = []
-        self.cursor = 0  # a row
+        self.cursor = 0  # index of a row
         self._count = 0
-        self._seen: dict[int, Line] = {}  # by line of the widget, as it was painted last
+        self._seen: dict[int, Line] = {}  # last painted content, by line of the widget
 
     def row(self, index: int) -> Line:
-        """What a row says."""
+        """The content of a row."""
         raise NotImplementedError
 
     def chosen(self, index: int) -> None:
-        """A row was clicked, or enter pressed on it."""
+        """React to a click on a row, or to enter."""
 
     def follow(self, link: Link, column: int = 0) -> None:
-        """A part of a line that leads somewhere was clicked, so many columns from its left end."""
+        """Follow a link that was clicked `column` columns from its left end."""
         kind, number = link
         messages = {
             "robot": RobotChosen,
@@ -313,16 +313,16 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
 
     @property
     def width(self) -> int:
-        """Columns for text."""
-        return max(NARROWEST, self.scrollable_content_region.width)  # also while it is hidden
+        """Number of columns for text."""
+        return max(NARROWEST, self.scrollable_content_region.width)  # also while hidden
 
     @property
     def lines_for_rows(self) -> int:
-        """Rows that are in sight at a time."""
+        """Number of rows that fit."""
         return max(1, self.scrollable_content_region.height - len(self.heading))
 
     def update_rows(self, count: int) -> None:
-        """There are so many rows now; paint those in sight that say something else than before."""
+        """Set the number of rows, and repaint visible rows with changed content."""
         self._count = count
         self.cursor = max(0, min(self.cursor, count - 1))
         size = Size(self.width, len(self.heading) + count)
@@ -333,7 +333,7 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
                 self.refresh(Region(0, y, self.width, 1))
 
     def _line(self, y: int) -> Line:
-        """What stands in a line of the widget."""
+        """The content of a line of the widget."""
         if y < len(self.heading):
             return self.heading[y]
         index = self._index(y)
@@ -344,11 +344,11 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
 
     @property
     def shows_cursor(self) -> bool:
-        """Whether the row under the cursor stands out."""
+        """Whether to highlight the row under the cursor."""
         return self.has_focus
 
     def marked(self, shown: Line) -> Line:
-        """The row under the cursor."""
+        """The highlighted row under the cursor."""
         rest = Span(" " * max(0, self.width - length(shown)))
         return tuple(span._replace(look="cursor") for span in (*shown, rest))
 
@@ -364,13 +364,13 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
         return strip.simplify().adjust_cell_length(self.width, base)
 
     def style_of(self, look: str | Style) -> Style:
-        """A look in the colours of the theme."""
+        """The style of a look in the present theme."""
         if isinstance(look, Style):
             return look
         return self.get_component_rich_style(f"rows--{look}")
 
     def span_at(self, x: int, y: int) -> tuple[Span | None, int]:
-        """What stands in a place of the widget, and how far from its left end the place is."""
+        """The span at a place of the widget, and the place's distance from its left end."""
         for span in self._line(y):
             if x < len(span.text):
                 return span, x
@@ -404,7 +404,7 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
 
     def on_resize(self) -> None:
         self._seen.clear()
-        self.refresh()  # what Textual keeps of the old size would not ask for lines again
+        self.refresh()  # discard lines that Textual has cached for the old size
 
     def action_move(self, rows: int) -> None:
         """Move the cursor."""
@@ -414,7 +414,7 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
             self.update_rows(self._count)
 
     def action_page(self, pages: int) -> None:
-        """Move the cursor by as many rows as are in sight."""
+        """Move the cursor by a page."""
         self.action_move(pages * self.lines_for_rows)
 
     def action_follow_cursor(self) -> None:
@@ -423,41 +423,41 @@ class Rows(ScrollView, can_focus=True, inherit_bindings=False):
             self.chosen(self.cursor)
 
     def keep_in_sight(self, index: int) -> None:
-        """Scroll no farther than needed to show a row."""
+        """Scroll as little as needed to show a row."""
         top = self.scroll_offset.y
         nearest = max(index - self.lines_for_rows + 1, min(top, index))
         if nearest != top:
             self.scroll_to(y=nearest, animate=False, force=True)
 
     def in_sight(self, index: int) -> bool:
-        """Whether a row is shown."""
+        """Whether a row is visible."""
         return 0 <= index - self.scroll_offset.y < self.lines_for_rows
 
 
 class TextPanel(Rows, PanelWidget):
-    """A panel that tells something in lines; up and down go from link to link.
+    """A panel of text lines; up and down move from link to link.
 
-    Subclasses write the lines for a width; they are made again only when something changed.
+    Subclasses write the lines for a width; they are rewritten only after changes.
     """
 
     def __init__(self, signs: Signs = UNICODE_SIGNS, *, id: str | None = None) -> None:
         super().__init__(signs, id=id)
         self.view: View | None = None
         self.lines: list[Line] = []
-        self.explained: Link | None = None  # a word of the panel's own that was clicked
+        self.explained: Link | None = None  # the word whose explanation is shown
         self._key: tuple[object, ...] = ()
         self._link = 0  # index of the link under the cursor, among all links
 
     def panel_lines(self, view: View, width: int) -> list[Line]:
-        """What there is to be said."""
+        """The lines of the panel."""
         raise NotImplementedError
 
     def cache_key(self, view: View) -> tuple[object, ...]:
-        """What the lines depend on."""
+        """The values on which the lines depend."""
         return view.key
 
     def show(self, view: View) -> None:
-        """Tell of this."""
+        """Update the lines for a view."""
         self.view = view
         key = (*self.cache_key(view), self.width)
         if key != self._key:
@@ -471,13 +471,13 @@ class TextPanel(Rows, PanelWidget):
         self.update_rows(len(lines))
 
     def explain(self, link: Link) -> None:
-        """Explain a word where it stands, or no more."""
+        """Show or hide the explanation of a word."""
         self.explained = None if link == self.explained else link
         if self.view is not None:
             self.write(self.panel_lines(self.view, self.width))
 
     def explanation(self, link: Link, text: str, width: int) -> list[Line]:
-        """Lines for below a word, if it is to be explained."""
+        """The lines of a word's explanation, if shown."""
         if link != self.explained:
             return []
         return wrapped(line(dim(text)), width, indent=2, first=2)
@@ -486,7 +486,7 @@ class TextPanel(Rows, PanelWidget):
         return self.lines[index]
 
     def marked(self, shown: Line) -> Line:
-        """The link under the cursor stands out."""
+        """A line with the link under the cursor highlighted."""
         place = self._place()
         return tuple(
             span._replace(look="cursor") if at == place[1] else span
@@ -494,7 +494,7 @@ class TextPanel(Rows, PanelWidget):
         )
 
     def links(self) -> list[tuple[int, int, Span]]:
-        """Row, place in it and span of each part that leads somewhere; bars and curves do not count."""
+        """Row, index in the row and span of each link, except bars and curves."""
         return [
             (row, at, span)
             for row, shown in enumerate(self.lines)
@@ -511,7 +511,7 @@ class TextPanel(Rows, PanelWidget):
         self.cursor = self._place()[0]
 
     def action_move(self, rows: int) -> None:
-        """Go to another link; without one farther on, scroll."""
+        """Move to another link, or scroll if there is none."""
         before = self._link
         self._link += rows
         self._place_cursor()
@@ -522,7 +522,7 @@ class TextPanel(Rows, PanelWidget):
         self.update_rows(len(self.lines))
 
     def action_page(self, pages: int) -> None:
-        """Scroll by what is in sight."""
+        """Scroll by a page."""
         self.scroll_relative(y=pages * self.lines_for_rows, animate=False, force=True)
 
     def action_follow_cursor(self) -> None:
@@ -538,12 +538,12 @@ class TextPanel(Rows, PanelWidget):
             self.show(self.view)
 
 
-# Fields of text in which keys take effect in the order in which they are typed.
+# Text fields in which keys take effect in the order of typing.
 #
-# Textual 8.2 gives a printable character to the field at once, and a key that is bound, such as
-# backspace, to what it is bound to only after it has gone through the queues of all parents:
-# characters that come in the same read are entered before it, and it deletes the last of them. Here
-# the field carries out what is bound, in itself or around it, before it takes the next key.
+# Textual 8.2 passes printable characters to the field at once, but runs the action of a bound key,
+# such as backspace, only after the key has passed the queues of all parents. Characters of the same
+# read are entered before, and backspace deletes the last of these. Here the field itself runs the
+# bound action, its own or one of its parents', before it takes the next key.
 
 if TYPE_CHECKING:
     from textual.dom import DOMNode as _Node
@@ -552,7 +552,7 @@ else:
 
 
 class KeysInOrder(_Node):
-    """Comes before a widget of Textual among the bases of a field."""
+    """A mixin; it precedes Textual's widget among the bases of a field."""
 
     async def _on_key(self, event: events.Key) -> None:
         if event.is_printable:
@@ -568,8 +568,8 @@ class KeysInOrder(_Node):
 
 
 class TypedInput(KeysInOrder, Input):
-    """A line."""
+    """A field of one line."""
 
 
 class TypedText(KeysInOrder, TextArea):
-    """Several lines."""
+    """A field of several lines."""

@@ -1,4 +1,4 @@
-"""The panels together: the figures, and below or beside them one of the others.
+"""The panels: the figures, and below or beside them one of the others.
 
 column              full
 +------------+      +-----------+-----------+
@@ -31,12 +31,12 @@ from tui.widgets.bindings import key_text
 from tui.widgets.metrics_panel import Figures
 from tui.widgets.panel import Line, Link, PanelWidget, Rows, Signs, Span, signs_of
 
-FIGURES_SHARE: Final = 0.55  # of the height at most: both curves are seen in a terminal of 36 rows
-WITH_KEYS: Final = 40  # columns from which the tabs name their keys
+FIGURES_SHARE: Final = 0.55  # maximum of the height; shows both curves in 36 rows
+WITH_KEYS: Final = 40  # columns from which tabs show their keys
 
 
 class PanelColumn(Container):
-    """All panels; those that are not in sight do no work."""
+    """All panels; hidden ones do no work."""
 
     DEFAULT_CSS = """
     PanelColumn {
@@ -59,12 +59,12 @@ class PanelColumn(Container):
         for name, kind in widgets.by_name.items():
             try:
                 self.panels[name] = _built(name, kind, signs)
-            except Exception as error:  # whatever a user's widget does wrong
+            except Exception as error:  # a user's widget may raise anything
                 problems.append(left_out("panel", name, error))
-        self.problems = tuple(problems)  # of the widgets
+        self.problems = tuple(problems)  # widgets that failed
         self.tabs = TabStrip(signs, list(self.panels))
         self._view: View | None = None
-        self._key: tuple[object, ...] = ()  # of what is shown
+        self._key: tuple[object, ...] = ()  # key of the shown view
 
     def compose(self) -> ComposeResult:
         yield self.figures
@@ -75,11 +75,11 @@ class PanelColumn(Container):
 
     @property
     def name_open(self) -> str:
-        """Which panel is open below the tabs."""
+        """The name of the panel that is open below the tabs."""
         return self.tabs.open
 
     def show(self, view: View) -> None:
-        """Show this in the figures and in the open panel, as far as they are in sight."""
+        """Show a view in the figures and in the open panel, if visible."""
         self._view = view = _within(view)
         self._fit_figures()
         if not self.is_mounted or not self.size or view.key == self._key:
@@ -91,7 +91,7 @@ class PanelColumn(Container):
             self.panels[self.tabs.open].show(view)
 
     def _fit_figures(self) -> None:
-        """Above another panel the figures end where a part of them ends, not within a curve."""
+        """Limit the height of the figures above a panel to whole parts, such as curves."""
         if self.size:
             most = self.figures.rows_within(int(FIGURES_SHARE * self.size.height))
             self.figures.styles.max_height = None if self.has_class("full") else most
@@ -111,7 +111,7 @@ class PanelColumn(Container):
             self.panels.get(name, self.figures).focused_part.focus()
 
     def listed_events(self, view: View) -> Array | None:
-        """(M,) int64 indices of the events that a panel lists, ascending; None: no panel does."""
+        """(M,) int64 ascending indices of listed events; None: no panel lists events."""
         lists = (panel.listed_events(view) for panel in self.panels.values())
         return next((listed for listed in lists if listed is not None), None)
 
@@ -120,7 +120,7 @@ class PanelColumn(Container):
         self.open(message.name)
 
     def on_order_chosen(self, message: OrderChosen) -> None:
-        """An order is shown by the panel that shows orders, wherever it was clicked."""
+        """Open the panel that shows orders, whichever panel was clicked."""
         showing = (name for name, panel in self.panels.items() if panel.show_order(message.order))
         name = next(showing, self.tabs.open)
         if self.tabs.open != name:
@@ -128,14 +128,14 @@ class PanelColumn(Container):
 
 
 class _SwitchedOff(PanelWidget):
-    """What a panel that raised does from then on."""
+    """The behaviour of a panel after it has raised."""
 
     def show(self, view: View) -> None:
         """Nothing."""
 
 
 def _built(name: str, kind: type[Any], signs: Signs) -> Any:
-    """The widget of a panel; one of another distribution vanishes with the first error."""
+    """The widget of a panel; a foreign one is hidden after its first error."""
     widget = kind(signs, id=name)
     if name not in panels().own:
         guard(widget, "panel", name, _SwitchedOff, lambda _: setattr(widget, "visible", False))
@@ -143,13 +143,13 @@ def _built(name: str, kind: type[Any], signs: Signs) -> Any:
 
 
 def _within(view: View) -> View:
-    """Without a choice that one of two compared runs does not know: fewer robots, a smaller floor."""
+    """The view without a choice that the shown run lacks, such as a robot of a larger fleet."""
     known = view.robot < len(view.snapshot.robots) and view.cell < view.floor_plan.kind.size
     return view if known else replace(view, robot=NIL, cell=NIL)
 
 
 class Widgets(NamedTuple):
-    """The classes of the panels by name, and what is wrong with others."""
+    """The panels' widget classes by name, and reports of those that failed to load."""
 
     by_name: dict[str, type[Any]]
     problems: tuple[str, ...]
@@ -157,7 +157,7 @@ class Widgets(NamedTuple):
 
 @cache
 def panel_widgets() -> Widgets:
-    """Import the widgets of all panels; in the thread in which the runs are begun."""
+    """Import the widgets of all panels, in the thread that opens the runs."""
     classes: dict[str, type[Any]] = {}
     problems = []
     for name, panel in panels().by_name.items():
@@ -166,13 +166,13 @@ def panel_widgets() -> Widgets:
             if not issubclass(kind, PanelWidget):
                 raise TypeError(f"{panel.widget} is not a tui.widgets.panel.PanelWidget")
             classes[name] = kind
-        except Exception as error:  # whatever a user's module does wrong while it is imported
+        except Exception as error:  # an import may raise anything
             problems.append(left_out("panel", name, error))
     return Widgets(classes, tuple(problems))
 
 
 class TabStrip(Rows):
-    """One line with the names of the panels; the open one stands out."""
+    """One line with the names of the panels; the open one is highlighted."""
 
     DEFAULT_CSS = """
     TabStrip {
@@ -185,7 +185,7 @@ class TabStrip(Rows):
     ]
 
     class Opened(Message):
-        """A tab was chosen."""
+        """The user chose a tab."""
 
         def __init__(self, name: str) -> None:
             self.name = name
@@ -214,7 +214,7 @@ class TabStrip(Rows):
         return tuple(spans[:-1])
 
     def marked(self, made: Line) -> Line:
-        """The open tab is marked anyway; with the focus it is underlined, too."""
+        """Highlight the open tab; underline it, too, while the strip has the focus."""
         return tuple(
             span._replace(look="focus" if span.look == "cursor" else span.look) for span in made
         )

@@ -1,4 +1,4 @@
-"""The panels that come with the program; each is registered in pyproject.toml, as others are."""
+"""The built-in panels, registered in pyproject.toml like any other panel."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the inspector says about pods, of a storage cell, a station, a trip and a robot; and due times."""
+"""The inspector's facts about pods (storage cells, stations, trips, robots), and due times."""
 
 from __future__ import annotations
 
@@ -44,17 +44,17 @@ from tui.widgets.panel import (
 
 
 def has_pods(view: View) -> bool:
-    """Whether robots carry pods here."""
+    """Whether robots carry pods."""
     return carries_pods(view.snapshot)
 
 
 def makes_trips(view: View) -> bool:
-    """Whether all orders are trips, made of lines; otherwise some of a list carry pods."""
+    """Whether all orders are trips, made of lines; otherwise a list has orders that carry pods."""
     return has_trips(view.snapshot)
 
 
 def due_facts(view: View, order: int) -> Parts:
-    """When an order is due, in ticks and in time, and how late it is; nothing without a due time."""
+    """An order's due tick, due time and lateness; [] without a due time."""
     orders, now = view.snapshot.orders, view.snapshot.tick
     if order == NIL or not has_due_time(orders, order):
         return []
@@ -68,7 +68,7 @@ def due_facts(view: View, order: int) -> Parts:
 
 
 def slot_place(view: View, slot: int) -> Parts:
-    """The cell of a slot; nothing without one."""
+    """The cell of a slot; [] for NIL."""
     return [] if slot == NIL else [cell_link(view.floor_plan, int(view.snapshot.slots.cell[slot]))]
 
 
@@ -80,12 +80,12 @@ def state_word(view: View, order: int) -> str:
 
 
 def trip_link(view: View, trip: int) -> Span:
-    """A trip, which is an order of the world, or an order of a list."""
+    """A link to a trip, or to an order of a list."""
     return order_link(trip, "trip" if makes_trips(view) else "order")
 
 
 def station_link(view: View, station: int) -> Span:
-    """A station by its name; it leads to its cell."""
+    """A station's name as a link to its cell."""
     cell = int(view.snapshot.pod_stations.cell[station])
     return Span(view.snapshot.station_names[station], "link", ("cell", cell))
 
@@ -94,7 +94,7 @@ def station_link(view: View, station: int) -> Span:
 
 
 def storage_facts(view: View, cell: int) -> Facts:
-    """The pod in a storage cell, its trip, and the lines that wait for it."""
+    """The pod in a storage cell, its trip, and the lines waiting for it."""
     snapshot = view.snapshot
     slot = int(np.flatnonzero(snapshot.slots.cell == cell)[0])
     pod, keeper = int(snapshot.slots.content[slot]), int(snapshot.slots.reserved_by[slot])
@@ -105,8 +105,8 @@ def storage_facts(view: View, cell: int) -> Facts:
         ("pod", _pod(view, pod) if pod != NIL else ["none"]),
         *(_pod_facts(view, pod) if pod != NIL else []),
         ("cell class", [own_class] if own_class else []),
-        ("stood here", several([Span(pod_name(snapshot, one)) for one in away])),
-        ("kept for", [] if keeper == NIL else [robot_link(keeper)]),
+        ("home of", several([Span(pod_name(snapshot, one)) for one in away])),
+        ("reserved", [] if keeper == NIL else [robot_link(keeper)]),
     ]
 
 
@@ -138,13 +138,13 @@ def _pod_facts(view: View, pod: int) -> Facts:
 
 
 def pod_in(view: View, cell: int) -> int:
-    """The pod that stands in a storage cell, or NIL."""
+    """The pod in a storage cell, or NIL."""
     slots = np.flatnonzero(view.snapshot.slots.cell == cell)
     return int(view.snapshot.slots.content[slots[0]]) if len(slots) else NIL
 
 
 def chained_lines(view: View, first: int) -> list[int]:
-    """The lines from one on: of a stop, or that wait for a pod; or orders of a list that do."""
+    """The chain of lines (or listed orders) from one on: of a stop, or waiting for a pod."""
     snapshot = view.snapshot
     following = snapshot.lines.following if makes_trips(view) else snapshot.trips.following
     lines = []
@@ -192,7 +192,7 @@ def _served(view: View, station: int) -> Parts:
 
 
 def _shares_of_time(view: View, station: int) -> Parts:
-    """In which part of the time a station served a robot, and in which it lacked one."""
+    """Shares of time in which a station served a robot, and in which it starved."""
     stations, elapsed = view.snapshot.pod_stations, view.snapshot.tick
     if not elapsed:
         return []
@@ -204,7 +204,7 @@ def _shares_of_time(view: View, station: int) -> Parts:
 
 
 def _break(view: View, station: int) -> Parts:
-    """The break that a station has, or its next one."""
+    """The present or next break of a station."""
     end = break_end(view.snapshot, station)
     if end != NIL:
         return [Span("now, until ", "warn"), tick_link(end)]
@@ -223,13 +223,13 @@ def carried_pod(view: View, robot: int) -> Parts:
 
 
 def ordered_pod(view: View, order: int) -> Parts:
-    """The pod that an order of a list carries; nothing, if it carries none."""
+    """The pod that a listed order carries; [] if none."""
     pod = int(view.snapshot.trips.pod[order]) if has_pods(view) else NIL
     return [] if pod == NIL else _pod(view, pod)
 
 
 def robot_trip(view: View, robot: int) -> Facts:
-    """The trip of a robot, the stops that are left, and how late its next lines are."""
+    """The trip of a robot, its remaining stops, and the lateness of its next lines."""
     snapshot = view.snapshot
     trip = int(snapshot.robots.order[robot])
     if trip == NIL:
@@ -249,7 +249,7 @@ def robot_trip(view: View, robot: int) -> Facts:
 
 
 def _next_station(view: View, robot: int) -> Parts:
-    """The station to which a robot drives or at which it is, and its place in the queue."""
+    """The station of a robot, present or next, and the robot's place in the queue."""
     station = station_of(view.snapshot, robot)
     if station == NIL:
         return []
@@ -259,7 +259,7 @@ def _next_station(view: View, robot: int) -> Parts:
 
 
 def trip_lines(view: View, trip: int, width: int) -> list[Line]:
-    """Everything about one trip."""
+    """All facts about a trip."""
     snapshot = view.snapshot
     orders, state = snapshot.orders, int(snapshot.orders.state[trip])
     lines = [line(title(f"trip {trip} "), state_word(view, trip))]
@@ -287,7 +287,7 @@ def trip_lines(view: View, trip: int, width: int) -> list[Line]:
 
 
 def stops_of(view: View, trip: int) -> range:
-    """The stops of a trip that are planned, done or not."""
+    """The planned stops of a trip, done or not."""
     orders, stations = view.snapshot.orders, view.snapshot.trips.station
     first, end = int(orders.first_stop[trip]), int(orders.first_stop[trip + 1])
     while end > first and stations[end - 1] == NIL:
@@ -296,7 +296,7 @@ def stops_of(view: View, trip: int) -> range:
 
 
 def _stop(view: View, stop: int) -> Parts:
-    """The station of a stop, its lines, and when it was done."""
+    """The station of a stop, its lines, and the tick when it was done."""
     snapshot = view.snapshot
     lines = chained_lines(view, int(snapshot.trips.first_line[stop]))
     when = int(snapshot.stops.done[stop])
@@ -306,7 +306,7 @@ def _stop(view: View, stop: int) -> Parts:
 
 
 def _stops_left(view: View, trip: int) -> str:
-    """Where a trip goes next, and for how many lines: "P1 (2 lines), then P3 (1 line)"."""
+    """The remaining stops of a trip, with lines: "P1 (2 lines), then P3 (1 line)"."""
     names, trips = view.snapshot.station_names, view.snapshot.trips
     left = stops_of(view, trip)[int(view.snapshot.orders.stops_done[trip]) :]
     parts_said = [

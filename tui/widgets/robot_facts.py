@@ -1,4 +1,4 @@
-"""What the inspector says about a robot: its state, battery, type and last events."""
+"""The inspector's facts about a robot: its state, battery, type and last events."""
 
 from __future__ import annotations
 
@@ -75,13 +75,13 @@ from tui.widgets.pod_facts import (
 )
 from tui.widgets.zone_facts import robot_zone
 
-BAR_WIDTH: Final = 16  # columns of a full battery
-MAX_QUEUE_LINES: Final = 12  # robots of a line that are told one by one
+BAR_WIDTH: Final = 16  # columns of a full battery's bar
+MAX_QUEUE_LINES: Final = 12  # listed robots of a queue; of more, only the number is given
 LAST_EVENTS: Final = 5
 
 
 def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE_SIGNS) -> list[Line]:
-    """Everything about one robot."""
+    """All facts about a robot."""
     fleet, floor_plan = view.snapshot.robots, view.floor_plan
     state = Span(f" {_state(view, robot)}", _look(view, robot))
     lines = wrapped(line(title(f"robot {robot}"), state), width, indent=2)
@@ -108,7 +108,7 @@ def robot_lines(view: View, robot: int, width: int, signs: Signs = UNICODE_SIGNS
 
 
 def _type(view: View, robot: int) -> Parts:
-    """Its type with what sets it apart; nothing where all robots are alike."""
+    """The robot's type and its differences; [] if all robots are alike."""
     kind = type_of(view, robot)
     if kind is None:
         return []
@@ -121,7 +121,7 @@ def _type(view: View, robot: int) -> Parts:
 
 
 def _delay(view: View, robot: int) -> Parts:
-    """Until when it is delayed; nothing if it is not."""
+    """The last tick of the robot's delay; [] if it is not delayed."""
     snapshot = view.snapshot
     if not len(snapshot.delayed_until) or snapshot.delayed_until[robot] <= snapshot.tick:
         return []
@@ -130,7 +130,7 @@ def _delay(view: View, robot: int) -> Parts:
 
 
 def _state(view: View, robot: int) -> str:
-    """What it does."""
+    """The robot's activity, or its wait with cause and duration."""
     fleet = view.snapshot.robots
     if fleet.cause[robot] == CAUSE_NOT_WAITING:
         return doing(view.snapshot, robot)
@@ -176,12 +176,12 @@ def _place(view: View, robot: int) -> Parts:
 def _heading(view: View, robot: int) -> str:
     fleet = view.snapshot.robots
     types = view.run.resolved.fleet.types
-    own = types[int(fleet.type[robot]) % len(types)]  # types with a load come behind
+    own = types[int(fleet.type[robot]) % len(types)]  # types with a load follow
     return HEADING_WORDS[own.headings][int(fleet.heading[robot])] or "none: it never turns"
 
 
 def _task(view: View, robot: int) -> Facts:
-    """Its load and its order; or its pod and its trip."""
+    """The robot's load and order, or pod and trip."""
     if has_pods(view):
         load = carried_pod(view, robot)
         if makes_trips(view):
@@ -219,7 +219,7 @@ def _order(view: View, robot: int) -> Parts:
 
 
 def _ahead(view: View, robot: int) -> Parts:
-    """The orders that it is to do, one after another, as they were announced."""
+    """The robot's queue of announced orders; only their number if it is not selected."""
     if view.snapshot.selected != robot:
         many = int(view.snapshot.robots.order_queue_length[robot])
         return [count(many, "order")] if many else []
@@ -227,7 +227,7 @@ def _ahead(view: View, robot: int) -> Parts:
 
 
 def _goal(view: View, robot: int) -> Parts:
-    """What it drives for, and where."""
+    """The purpose and place of the robot's goal."""
     fleet, orders = view.snapshot.robots, view.snapshot.orders
     goal, order, slot = (int(field[robot]) for field in (fleet.goal_type, fleet.order, fleet.slot))
     if goal == GOAL_NONE:
@@ -260,7 +260,7 @@ def _route(view: View, robot: int) -> Parts:
 
 
 def _so_far(view: View, robot: int) -> Parts:
-    """Its work since the start, as of the last reading of the figures."""
+    """The robot's work since the start, at the tick of the figures."""
     figures = view.playback.figures[view.side]
     slowed = int(view.snapshot.robots.lost[robot, CAUSE_REDUCED_SPEED])
     return [
@@ -284,7 +284,7 @@ def _last_events(view: View, robot: int) -> list[Line]:
 
 
 def last_of(events: Array, robot: int, most: int) -> Array:
-    """Indices of the last events of a robot; looks back no farther than it must."""
+    """Indices of the last events of a robot; it searches backwards in growing steps."""
     reach = 1024
     while True:
         first = max(0, len(events) - reach)
@@ -304,13 +304,13 @@ def has_batteries(view: View) -> bool:
 
 
 def may_fail(view: View) -> bool:
-    """Whether robots may go down."""
+    """Whether robots may break down or run empty."""
     faults = view.run.resolved.scenario.faults
     return has_batteries(view) or bool(faults.listed or faults.probability)
 
 
 def battery(view: View, robot: int, signs: Signs) -> Parts:
-    """A bar and a number."""
+    """The charge as a bar and a number."""
     if not has_batteries(view):
         return []
     charge = int(view.snapshot.robots.charge[robot])
@@ -320,7 +320,7 @@ def battery(view: View, robot: int, signs: Signs) -> Parts:
 
 
 def charging_plan(view: View, robot: int) -> Parts:
-    """Up to which level it charges or is going to, how long that takes, and its place in the queue."""
+    """The level to which a robot (will) charge, the duration, and its place in the queue."""
     fleet, snapshot = view.snapshot.robots, view.snapshot
     if fleet.goal_type[robot] != GOAL_CHARGE:
         return []
@@ -337,25 +337,25 @@ def charging_plan(view: View, robot: int) -> Parts:
 
 
 def condition(view: View, robot: int) -> Parts:
-    """Whether it is down, since when and until when."""
+    """The condition of a robot; if down, since and until when."""
     fleet, snapshot = view.snapshot.robots, view.snapshot
     if not may_fail(view):
         return []
     status = int(fleet.status[robot])
     word = CONDITION_WORDS[status]
     if status == STATUS_FAILING:
-        return [Span(f"{word}: it breaks down when what it does is over", "warn")]
+        return [Span(f"{word}: it breaks down after its current operation", "warn")]
     if status < STATUS_DEPLETED:
         return [word]
     told = linked(out_of_order(snapshot, robot), view.floor_plan, "warn")
     if fleet.cell[robot] == NIL:
         return list(told)
-    since = int(fleet.since[robot]) + 1  # the first tick lost, that of the event
+    since = int(fleet.since[robot]) + 1  # the first lost tick, that of the event
     return [*line("since ", Span(f"tick {since:,}", "link", ("tick", since)), ": "), *told]
 
 
 def charger_lines(view: View, cell: int, width: int) -> list[Line]:
-    """Who charges in a cell, who queues, and who is on the way."""
+    """Robots that charge in a cell, queue for it, and drive to it."""
     snapshot = view.snapshot
     lines: list[Line] = []
     there = charging_at(snapshot, cell)
@@ -385,7 +385,7 @@ def _arriving(view: View, robot: int) -> Parts:
 
 
 def battery_figures(view: View) -> tuple[float, float] | None:
-    """The emptiest battery and the mean, as shares; None where there are none."""
+    """The lowest and the mean charge, as shares; None without batteries."""
     if not has_batteries(view):
         return None
     charge = view.snapshot.robots.charge
@@ -396,25 +396,25 @@ def battery_figures(view: View) -> tuple[float, float] | None:
 
 
 def has_types(view: View) -> bool:
-    """Whether robots are of several types, or of one that has a name."""
+    """Whether the scenario has named robot types."""
     return bool(view.run.resolved.scenario.fleet.types)
 
 
 def type_of(view: View, robot: int) -> FleetType | None:
-    """The type of a robot; None where all are alike."""
+    """The type of a robot; None if all are alike."""
     types = view.run.resolved.scenario.fleet.types
     return types[view.run.resolved.fleet.type_of[robot]] if types else None
 
 
 def closed_to(view: View, cell: int) -> list[str]:
-    """To whom a cell is closed: types of robots, all, or those without a load or with one."""
+    """The robots to which a cell is closed: types, all, or those with or without a load."""
     x, y = view.run.resolved.floor_plan.xy(cell)
     areas = view.run.resolved.scenario.areas.values()
     return list(dict.fromkeys(who for area in areas if area.holds(x, y) for who in area.closed_to))
 
 
 def own_durations(kind: FleetType) -> str:
-    """What operations take that take robots of a type otherwise than others: "move 2, turn 1 / 3"."""
+    """The durations that a type sets itself: "move 2, turn 1 / 3"."""
     stated = msgspec.to_builtins(kind.durations)
     ticks = {name: value for name, value in stated.items() if value is not None}
     return ", ".join(
@@ -423,10 +423,10 @@ def own_durations(kind: FleetType) -> str:
     )
 
 
-# Events as rows of a list.
+# Events as rows.
 
 
-ROBOT_COLUMN_WIDTH: Final = 6  # columns for the number of a robot
+ROBOT_COLUMN_WIDTH: Final = 6  # columns for a robot's number
 EVENT_LOOKS: Final = {
     codes.EVENT_DELIVERED: "good",
     codes.EVENT_DEADLOCK: "fault",
@@ -441,7 +441,7 @@ EVENT_LOOKS: Final = {
 
 
 def event_line(event: Event, who: bool = True, tick_width: int = 7, trips: bool = False) -> Line:
-    """Tick, robot and what happened, to orders or to trips of pods; the tick leads there."""
+    """An event as a row: tick (a link), robot, and the event in words about orders or trips."""
     tick = Span(f"{event.tick:,}", "link", ("tick", event.tick))
     gap = " " * (tick_width - len(tick.text))
     number = "" if event.robot == NIL else event.robot

@@ -1,4 +1,4 @@
-"""The table of all robots, sorted by any column; only the rows in sight are written."""
+"""The table of all robots, sorted by any column; only visible rows are written."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from tui.widgets.zone_facts import partition_of, queued
 
 
 class Robots(Rows, PanelWidget):
-    """The number stays in sight; the columns beside it as far as there is room, from `first` on."""
+    """A table: the robot's number, and the columns from `first` on that fit."""
 
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("c", "sort(1)", "Sort by the next column", show=False),
@@ -45,7 +45,7 @@ class Robots(Rows, PanelWidget):
         self.view: View | None = None
         self.columns: list[RobotColumn] = [ROBOT_TABLE_COLUMNS[0]]
         self.column, self.greatest_first = 0, False
-        self.first = 1  # the first column beside the number
+        self.first = 1  # the first column after the number
         self.order: Array = np.zeros(0, np.int64)
 
     def show(self, view: View) -> None:
@@ -61,13 +61,13 @@ class Robots(Rows, PanelWidget):
         self.update_rows(len(self.order))
 
     def _enter_columns(self, view: View) -> None:
-        """Columns with something to say; one that was there stays."""
+        """Columns with content; a column that was shown once stays."""
         sorted_by, before = self.columns[self.column], self.columns
         self.columns = [one for one in ROBOT_TABLE_COLUMNS if one in before or one.there(view)]
         self.column = self.columns.index(sorted_by)
 
     def shown(self) -> list[int]:
-        """The columns for which there is room."""
+        """The columns that fit."""
         columns, room = [0], self.width - self._wide(0)
         for at in range(self.first, len(self.columns)):
             room -= 1 + self._wide(at)
@@ -82,7 +82,7 @@ class Robots(Rows, PanelWidget):
         return max(self.columns[at].width, len(self.columns[at].title), digits) + 1
 
     def _titles(self) -> Line:
-        """The head of the table; signs at its ends lead to columns that have no room."""
+        """The head of the table; signs at its ends link to hidden columns."""
         spans: list[Span] = []
         columns = self.shown()
         for at in columns:
@@ -133,7 +133,7 @@ class Robots(Rows, PanelWidget):
             self.sort_by(number)
 
     def sort_by(self, column: int, greatest_first: bool | None = None) -> None:
-        """Sort by a column, as it is looked at most often or as told."""
+        """Sort by a column, in the given order or in the column's usual one."""
         own = self.columns[column].greatest_first
         self.column = column
         self.greatest_first = own if greatest_first is None else greatest_first
@@ -147,11 +147,11 @@ class Robots(Rows, PanelWidget):
         self.sort_by((self.column + step) % len(self.columns))
 
     def action_turn_round(self) -> None:
-        """Sort the other way round."""
+        """Reverse the order."""
         self.sort_by(self.column, not self.greatest_first)
 
     def action_columns(self, step: int) -> None:
-        """Show other columns, where there is no room for all."""
+        """Scroll the columns if not all fit."""
         all_shown = len(self.shown()) == len(self.columns)
         if step < 0 or (self.shown()[-1] < len(self.columns) - 1 and not all_shown):
             self.first = max(1, min(self.first + step, len(self.columns) - 1))
@@ -172,20 +172,20 @@ def _aligned(text: str, width: int, column: RobotColumn) -> str:
 
 
 class RobotColumn(NamedTuple):
-    """One column; `keys` and `text` are by robot."""
+    """A column; `keys` and `text` are by robot."""
 
     title: str
-    width: int  # without the sign of the order
-    keys: Callable[[View], Array]  # (n,) what the table is sorted by
+    width: int  # without the sort sign
+    keys: Callable[[View], Array]  # (n,) the sort keys
     text: Callable[[View, int], str]
-    greatest_first: bool  # at the first click
+    greatest_first: bool  # order at the first click
     right: bool = True
-    there: Callable[[View], bool] = lambda view: True  # whether it has anything to say
+    there: Callable[[View], bool] = lambda view: True  # whether it has content
 
 
 def ordered(view: View, column: RobotColumn, greatest_first: bool) -> Array:
-    """(n,) robots in the order of a column; ties by number."""
-    keys = column.keys(view).astype(np.float64)  # unsigned ones have no negatives
+    """(n,) robots sorted by a column; ties by number."""
+    keys = column.keys(view).astype(np.float64)  # unsigned keys cannot be negated
     order: Array = np.argsort(-keys if greatest_first else keys, kind="stable")
     return order
 
@@ -205,7 +205,7 @@ def _waited_of(view: View, robot: int) -> int:
 
 
 def _load(view: View, robot: int) -> str:
-    """Its load, or its pod."""
+    """The robot's load or pod."""
     load = int(view.snapshot.robots.load[robot])
     if load != NIL and carries_pods(view.snapshot):
         return view.snapshot.pod_names[int(view.snapshot.trips.pod[load])]
@@ -220,7 +220,7 @@ def _cell(view: View, robot: int) -> str:
 
 
 def _queue(view: View, robot: int) -> list[int]:
-    """The orders that wait in the zones that a robot serves."""
+    """By robot, the number of orders waiting in the zones that it serves."""
     if partition_of(view) is None:
         return []
     served = np.flatnonzero(view.snapshot.service_zones.server == robot).tolist()

@@ -1,4 +1,4 @@
-"""What the lines under the map say: how time goes, how the fleet does, what is chosen, what a cell holds.
+"""The lines under the map: time, the fleet, the selection, and the content of a cell.
 
 > x4 40/s  tick 1,234 of 2,616  617 s  4 work  1 waits  23/50 delivered  visits  robot 3  recorded
 (12, 4) shelf with load 7                                       link 48 KB/s  rtt 52 ms  fps 30
@@ -56,44 +56,44 @@ if TYPE_CHECKING:
     from tui.terminal.frame_pacing import LinkFigures as LinkFigures
 
 
-NEARLY_DONE = 0.9  # of the speed that was asked for counts as reached
-SCALE_RANK = 1  # where there is not room for all, hints go before it, and it before messages
-MAX_DESCRIBED_ROBOTS = 3  # named in one line
+NEARLY_DONE = 0.9  # this share of the requested speed counts as reached
+SCALE_RANK = 1  # if not all words fit, hints are omitted first, then scales, then messages
+MAX_DESCRIBED_ROBOTS = 3  # described in one line
 
-LASTING_KEYS: Final = (do("help"), do("quit"))  # of the others the last ones go first
+LASTING_KEYS: Final = (do("help"), do("quit"))  # never omitted; others are, the last first
 
 
 class Word(NamedTuple):
-    """Something said in a line."""
+    """A word of a line."""
 
     glyphs: tuple[int, ...]
     fg: int = styles.COLOUR_TEXT
-    action: str = ""  # what a click on it does
-    rank: int = 0  # on a narrow screen words of the highest rank go first
-    codes: tuple[int, ...] = ()  # signs in styles of their own, as many as glyphs, in their place
+    action: str = ""  # the action of a click
+    rank: int = 0  # if the line is too narrow, the highest rank is omitted first
+    codes: tuple[int, ...] = ()  # codes that replace the glyphs one by one
 
     @property
     def text(self) -> str:
-        """Of a word of ASCII."""
+        """The text of an ASCII word."""
         return bytes(self.glyphs).decode("ascii")
 
 
 def word(words: str, fg: int = styles.COLOUR_TEXT, action: str = "", rank: int = 0) -> Word:
-    """A word of ASCII."""
+    """An ASCII word."""
     return Word(text(words), fg, action, rank)
 
 
 class WordLine(MapView, can_focus=False):
-    """Words from the left, and words from the right; each can be clicked.
+    """Words aligned left and words aligned right; each can be clicked.
 
-    Only the characters that change are written.
+    Only changed characters are written.
     """
 
     DEFAULT_CSS = "WordLine { height: 1; width: 1fr; }"
     GAP = 2
 
     def set_words(self, left: Sequence[Word], right: Sequence[Word] = ()) -> bool:
-        """Show these; whether anything changed."""
+        """Show these words; returns whether anything changed."""
         width = self.size.width
         if not width:
             return False
@@ -137,7 +137,7 @@ def _width(words: Sequence[Word], gap: int) -> int:
 def _fitting(
     left: Sequence[Word], right: Sequence[Word], width: int, gap: int
 ) -> tuple[list[Word], list[Word]]:
-    """What there is room for; of what has to go the highest rank goes first."""
+    """The words that fit; the highest rank is omitted first."""
     kept, end = list(left), list(right)
     while _width(kept, gap) + (_width(end, gap) + gap if end else 0) > width:
         least = max((*kept, *end), key=lambda one: one.rank)
@@ -153,7 +153,7 @@ def _fitting(
 def time_words(
     playback: PlaybackState, side: int, factor: float, tick: Unit, glyphs: GlyphSet
 ) -> list[Word]:
-    """Whether it plays, how fast, and which tick of a run is shown."""
+    """The playback's state and speed, and the shown tick of a run."""
     arrows = glyphs.robot if glyphs is ASCII else glyphs.loaded
     signs = {1: arrows[0], -1: arrows[2]}
     plays = (signs[playback.playing],) if playback.playing else word("||").glyphs
@@ -170,7 +170,7 @@ def time_words(
 
 
 def _speed(playback: PlaybackState, factor: float) -> str:
-    """Asked and, if it is less, achieved."""
+    """The requested speed and, if less, the achieved one."""
     achieved = f"{playback.achieved:,.0f}/s"
     if math.isinf(factor):
         return f"max {achieved}" if playback.achieved else "max"
@@ -180,7 +180,7 @@ def _speed(playback: PlaybackState, factor: float) -> str:
 
 
 def _time(ticks: int, tick: Unit) -> list[Word]:
-    """The time in the scenario's unit, unless a tick is that unit."""
+    """The time in the scenario's unit, unless that is a tick."""
     if tick.size == 1:
         return []
     return [word(f"{number(tick.of(ticks))} {tick.plural}", styles.COLOUR_DIM, rank=6)]
@@ -189,7 +189,7 @@ def _time(ticks: int, tick: Unit) -> list[Word]:
 def mode_word(
     playback: PlaybackState, side: int, name: str, recorded: bool = False, whole: bool = True
 ) -> Word:
-    """Where in which kind of run we are; how it ended goes from no screen, however narrow."""
+    """The kind of run, or how it ended; the end is never omitted, however narrow the screen."""
     if playback.failed:
         return word("failed", styles.COLOUR_FAULT, "play_pause")
     if playback.ended(side):
@@ -209,7 +209,7 @@ def mode_word(
 
 
 def end_of(playback: PlaybackState, side: int, recorded: bool, whole: bool) -> str:
-    """How the run ended that is at its end."""
+    """How a run ended."""
     if playback.snapshots[side].finished:
         return "finished"
     if not whole:
@@ -218,7 +218,7 @@ def end_of(playback: PlaybackState, side: int, recorded: bool, whole: bool) -> s
 
 
 def fleet_words(snapshot: Snapshot, figures: RunFigures) -> list[Word]:
-    """How many robots work, wait and finish nothing, and how many orders are done."""
+    """Numbers of working, waiting and starved robots, and of delivered orders."""
     now, starved, jam = summarize(snapshot), len(figures.starved), figures.jam
     said = [
         word(f"{now.working:,} working", styles.COLOUR_ROBOT, "robots", 2),
@@ -243,7 +243,7 @@ def fleet_words(snapshot: Snapshot, figures: RunFigures) -> list[Word]:
 
 
 def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list[Word]:
-    """What is selected, and what is laid over the map."""
+    """The selected robot and the layer."""
     said = []
     if robot != NIL:
         text = f"{'follows ' if following else ''}robot {robot}"
@@ -256,33 +256,33 @@ def choice_words(robot: int, following: bool, layer: str, rank: int = 2) -> list
 
 
 def head_words(own: str, common: str, width: int) -> list[Word]:
-    """Over one of two maps: what is its own, and if there is room what both have."""
+    """The head of one of two maps: its own words and, if they fit, the common ones."""
     words = own if len(own) <= width else f"{own[: max(0, width - 3)]}..."
     return [word(words), *([word(common, styles.COLOUR_DIM, rank=1)] if common else [])]
 
 
 def end_words(playback: PlaybackState | None, side: int) -> list[Word]:
-    """At the right of a head, when its run has ended; the other one may go on."""
+    """At the right of a head: the end of its run, if reached."""
     ended = playback is not None and playback.ended(side)
     text = (
         f"ended at tick {playback.snapshots[side].tick:,}" if playback is not None and ended else ""
     )
-    # Nothing at the very end keeps a gap: the other head may follow at once.
+    # The empty word keeps a gap before the other head.
     return [*([word(text, styles.COLOUR_WAITING)] if text else []), word("")]
 
 
-# The line above it.
+# The line above the status line.
 
 
 def long_tick_words(tick: int, seconds: float, waited: bool) -> str:
-    """Which tick takes so long, and whether what was asked for has to wait for it."""
+    """The tick that takes long, and whether a request waits for it."""
     took = f"{seconds:.1f}" if seconds < 1 else f"{int(seconds):,}"
-    waits = "; what you asked for comes after it" if waited else ""
+    waits = "; your request waits for it" if waited else ""
     return f"computing tick {tick:,}, {took} s{waits}"
 
 
 def link_words(figures: LinkFigures) -> list[Word]:
-    """What the connection to the terminal carries."""
+    """Measurements of the connection to the terminal."""
     trip = "-" if math.isnan(figures.round_trip) else f"{1000 * figures.round_trip:.0f} ms"
     trip = trip if figures.answers else "no answer"
     return [
@@ -293,7 +293,7 @@ def link_words(figures: LinkFigures) -> list[Word]:
 
 
 def scale_words(scene: Scene, glyphs: GlyphSet) -> list[Word]:
-    """The scale of the layer in one word, so that it is there as a whole or not at all; or []."""
+    """The scale of the layer as one word, shown whole or not at all; [] without a scale."""
     codes: list[int] = []
     plain = style(styles.COLOUR_DIM, styles.COLOUR_VOID)
     for part in scale_line(scene, glyphs):
@@ -308,7 +308,7 @@ def scale_words(scene: Scene, glyphs: GlyphSet) -> list[Word]:
 
 
 def _is_sign(one: int, plain: int) -> bool:
-    """Whether a code is a sign: those follow each other without a blank."""
+    """Whether a code is a sign; no blank separates signs."""
     return one >> GLYPH_BITS != plain
 
 
@@ -320,7 +320,7 @@ def _is_sign(one: int, plain: int) -> bool:
 
 
 def describe(scene: Scene, cell: int) -> str:
-    """One line about a cell of the floor."""
+    """A cell of the floor in one line."""
     parts = [place(scene, cell) + " " + ground(scene, cell) + _content(scene, cell)]
     if scene.snapshot is not None:
         snapshot = scene.snapshot
@@ -338,7 +338,7 @@ def place(scene: Scene, cell: int) -> str:
 
 
 def ground(scene: Scene, cell: int) -> str:
-    """The kind of a cell and what is special about it."""
+    """The kind of a cell with its details."""
     number = int(scene.floor.looks.reshape(-1)[cell])
     kind, detail = number & KIND_MASK, number >> DETAIL_SHIFT
     if kind == TRACK:
@@ -353,7 +353,7 @@ def ground(scene: Scene, cell: int) -> str:
 
 
 def _content(scene: Scene, cell: int) -> str:
-    """What a slot holds."""
+    """The content of a slot."""
     slot, snapshot = int(scene.floor.slot_in[cell]), scene.snapshot
     if snapshot is None:
         return ""
@@ -388,7 +388,7 @@ def _content(scene: Scene, cell: int) -> str:
 
 
 def _pod_words(scene: Scene, cell: int, slot: int) -> str:
-    """The pod in a storage cell, or how busy a station is."""
+    """The pod in a storage cell, or the queue of a station."""
     assert scene.snapshot is not None
     snapshot = scene.snapshot
     station = int(snapshot.pod_stations.station_at[cell])
@@ -417,7 +417,7 @@ def _left(scene: Scene, cell: int) -> str:
 
 
 def _robots(scene: Scene, cell: int) -> list[str]:
-    """The robots in a cell, and those that are about to enter it."""
+    """The robots in a cell, and those entering it."""
     if scene.snapshot is None:
         return []
     robots = scene.snapshot.robots
@@ -445,7 +445,7 @@ def _robot(scene: Scene, robot: int) -> str:
 
 
 class Keys(Footer):
-    """A footer of whole words: as many as there is room for, help and the way out always."""
+    """A footer of the keys that fit, always with help and quit."""
 
     def compose(self) -> ComposeResult:
         keys: list[Any] = list(super().compose())
@@ -461,5 +461,5 @@ class Keys(Footer):
 
 
 def _columns(keys: list[Any]) -> int:
-    """What they take in a row, one blank between two."""
+    """Columns of these keys in a row, with a blank between two."""
     return sum(len(f"{key.key_display} {key.description}") + 1 for key in keys) - 1

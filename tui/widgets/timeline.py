@@ -1,9 +1,9 @@
-"""The run so far in one row: deliveries over time, what happened when, and where we are.
+"""The run so far in one row: deliveries over time, marks of events, and the present.
 
-0 ⣀⣠⣤⣀⣀⣴⣤✗⣀⣀3⣠█⋅⋅⋅⋅ 96     two columns of dots in a character; behind the head nothing is known yet
+0 ⣀⣠⣤⣀⣀⣴⣤✗⣀⣀3⣠█⋅⋅⋅⋅ 96     two columns of dots per character; nothing is known after the head
 
-Of several marks in one column their number is shown, in the colour of the gravest; zooming in parts
-them.
+Several marks in one column appear as their number, in the colour of the most severe; zooming in
+separates them.
 """
 
 from __future__ import annotations
@@ -27,42 +27,40 @@ if TYPE_CHECKING:
     from automaton.history.event_history import Curve
 
 
-MIN_TICKS_SHOWN: Final = 16  # ticks that are shown at least
-MARGIN_SHARE: Final = (
-    8  # a part that is left by the present moves on so that this share lies behind it
-)
+MIN_TICKS_SHOWN: Final = 16  # minimum number of shown ticks
+MARGIN_SHARE: Final = 8  # a part that the present leaves moves, with 1/8 of it behind the present
 
-DOT_LEVELS: Final = 4  # dots in a column of braille
-LEFT_DOTS: Final = np.array([0, 0x40, 0x44, 0x46, 0x47])  # filled from below
+DOT_LEVELS: Final = 4  # dots in a braille column
+LEFT_DOTS: Final = np.array([0, 0x40, 0x44, 0x46, 0x47])  # filled from the bottom
 RIGHT_DOTS: Final = np.array([0, 0x80, 0xA0, 0xB0, 0xB8])
 
-SHORTEST: Final = 50  # ticks in the whole row at least
+SHORTEST: Final = 50  # minimum number of ticks of the whole row
 
-# where the row of a run of unknown length ends, times 10^k
+# ends of the row for a run of unknown length, times 10^k
 NICE_LENGTHS: Final = (10, 15, 20, 30, 50, 75)
 
-MARK_KINDS: Final = ("redesign", "branch", "difference", "stop", "deadlock")  # the gravest last
+MARK_KINDS: Final = ("redesign", "branch", "difference", "stop", "deadlock")  # the most severe last
 
 
 class Mark(NamedTuple):
-    """Something at a tick that deserves a sign."""
+    """A mark at a tick."""
 
     tick: int
-    kind: str  # of MARK_KINDS
+    kind: str  # one of MARK_KINDS
 
 
 class Past(NamedTuple):
-    """What a timeline shows."""
+    """The content of a timeline."""
 
     tick: int
-    head: int  # the last tick that is known
-    end: int | None  # the last one that there will be
-    curve: Curve  # its deliveries are shown
+    head: int  # the last known tick
+    end: int | None  # the final tick, if known
+    curve: Curve  # the timeline shows its deliveries
     marks: tuple[Mark, ...] = ()
 
 
 class Timeline(MapView, can_focus=True):
-    """Click and drag to go to a tick, turn the wheel to zoom; arrow keys go to single ticks."""
+    """Click or drag to go to a tick, turn the wheel to zoom; arrow keys move by single ticks."""
 
     DEFAULT_CSS = "Timeline { height: 1; width: 1fr; }"
     BINDINGS: ClassVar = [
@@ -76,32 +74,32 @@ class Timeline(MapView, can_focus=True):
     ]
 
     class Scrubbed(Message):
-        """A tick was pointed at."""
+        """The user pointed at a tick."""
 
         def __init__(self, tick: int) -> None:
             super().__init__()
             self.tick = tick
 
     class Moved(Message):
-        """So many ticks on, or back."""
+        """The user moved by some ticks, negative for back."""
 
         def __init__(self, ticks: int) -> None:
             super().__init__()
             self.ticks = ticks
 
     past: Past | None = None
-    part: TickRange | None = None  # what is shown; None: the whole run
+    part: TickRange | None = None  # the shown ticks; None: the whole run
 
     @property
     def track(self) -> Track:
-        """Where ticks are now; there has to be a past."""
+        """The present places of ticks; requires content."""
         assert self.past is not None
         return track_of(self.part, span(self.past), self.size.width)
 
     def set_content(self, past: Past) -> bool:
-        """Show this; whether anything changed.
+        """Show a past; returns whether anything changed.
 
-        A part in which the present was goes on with it; one that was chosen elsewhere stays.
+        A part that contained the present moves with it; any other part stays.
         """
         before, self.past = self.past, past
         if not self.size.width:
@@ -118,7 +116,7 @@ class Timeline(MapView, can_focus=True):
         return True
 
     def zoom(self, steps: int, at: int | None = None) -> None:
-        """Nearer or farther; this tick, or the present one, stays where it is. 0: the whole run."""
+        """Zoom around `at` or the present tick, which stays in place. 0 steps: the whole run."""
         if self.past is None:
             return
         end, part = span(self.past), self.track.part
@@ -164,7 +162,7 @@ class Timeline(MapView, can_focus=True):
 
 
 def span(past: Past) -> int:
-    """The last tick of the whole row: of a run without a known end one that seldom changes."""
+    """The last tick of the whole row; without a known end, one that seldom changes."""
     if past.end is not None:
         return max(past.end, 1)
     head = max(past.head, SHORTEST)
@@ -194,7 +192,7 @@ def picture(past: Past, track: Track, glyphs: GlyphSet, focused: bool) -> Codes:
 
 
 def _labelled(codes: Codes, track: Track, glyphs: GlyphSet) -> Codes:
-    """The numbers of the first and the last tick; bright where they are not those of the run."""
+    """The numbers of the first and last tick, bright if not those of the run."""
     more = {ord("<"): glyphs.one_way[2], ord(">"): glyphs.one_way[0]}
     zoomed = track.more_before or track.more_after
     fg = style(styles.COLOUR_LOADED if zoomed else styles.COLOUR_DIM, styles.COLOUR_VOID)
@@ -205,7 +203,7 @@ def _labelled(codes: Codes, track: Track, glyphs: GlyphSet) -> Codes:
 
 
 def throughput(past: Past, track: Track, glyphs: GlyphSet) -> NDArray[np.intp]:
-    """(columns,) glyphs: deliveries in each half of a column, beside the most in any."""
+    """(columns,) glyphs: deliveries in each half column, relative to the maximum."""
     edges = track.edges(2 * track.columns)
     deliveries = np.diff(past.curve.at(edges, DELIVERED_ORDERS))
     most = max(1, int(deliveries.max(initial=0)))
@@ -216,7 +214,7 @@ def throughput(past: Past, track: Track, glyphs: GlyphSet) -> NDArray[np.intp]:
 
 
 def _signs(past: Past, track: Track, glyphs: GlyphSet) -> Iterable[tuple[int, np.uint32]]:
-    """Column and code of each mark, or of several that share a column."""
+    """Column and code of each mark, or of all marks in one column."""
     looks = {
         "deadlock": (glyphs.fault, styles.COLOUR_FAULT),
         "stop": (glyphs.stand, styles.COLOUR_CURSOR),
@@ -237,11 +235,11 @@ def _signs(past: Past, track: Track, glyphs: GlyphSet) -> Iterable[tuple[int, np
             yield column, code(style(styles.COLOUR_VOID, fg), many)
 
 
-# Where ticks lie in the row.
+# Places of ticks in the row.
 
 
 class TickRange(NamedTuple):
-    """Ticks of a run."""
+    """A range of ticks of a run."""
 
     first: int
     last: int
@@ -254,20 +252,20 @@ class TickRange(NamedTuple):
         return isinstance(tick, int) and self.first <= tick <= self.last
 
     def within(self, end: int) -> TickRange:
-        """As long, but between 0 and the end."""
+        """A range of the same length within 0 and the end."""
         ticks = min(self.ticks, end)
         first = min(max(self.first, 0), end - ticks)
         return TickRange(first, first + ticks)
 
     def zoomed(self, steps: int, at: int, end: int) -> TickRange:
-        """Half as long for each step, or twice; the tick `at` stays where it is."""
+        """Half as long per step, or twice for negative steps; the tick `at` stays in place."""
         ticks = self.ticks >> steps if steps > 0 else self.ticks << -steps
         ticks = min(max(ticks, MIN_TICKS_SHOWN), end)
         before = (at - self.first) * ticks // max(1, self.ticks)
         return TickRange(at - before, at - before + ticks).within(end)
 
     def following(self, tick: int, end: int) -> TickRange:
-        """The part that holds this tick: this one, or one that goes on from it."""
+        """A range of this length that contains the tick: this one, or one moved towards it."""
         if tick in self:
             return self
         margin = self.ticks // MARGIN_SHARE
@@ -276,10 +274,10 @@ class TickRange(NamedTuple):
 
 
 class Track(NamedTuple):
-    """A part of a run in so many columns, of which the labels take some.
+    """A part of a run, with its labels, in `width` columns.
 
     0 ⣀⣠⣤⣀⣀⣴⣤⣀⣀⣀⣠⣀ 50,000      the whole run
-    ‹12,500 ⣀⣤⣀⣠⣀ 18,750›      a part of it: there is more on either side
+    ‹12,500 ⣀⣤⣀⣠⣀ 18,750›      a part of it, with more on either side
     """
 
     part: TickRange
@@ -289,7 +287,7 @@ class Track(NamedTuple):
 
     @property
     def labels(self) -> tuple[str, str]:
-        """Beside the track; < and > stand for the signs that there is more."""
+        """The texts beside the track; < and > represent the signs for more."""
         first, last = (f"{tick:,}" for tick in self.part)
         return "<" * self.more_before + first, last + ">" * self.more_after
 
@@ -300,26 +298,26 @@ class Track(NamedTuple):
 
     @property
     def columns(self) -> int:
-        """Of the track alone."""
+        """Number of columns of the track without labels."""
         return max(1, self.width - self.left - len(self.labels[1]) - 1)
 
     def column_of(self, tick: int) -> int:
-        """Where a tick of the part is shown."""
+        """The column of a tick."""
         along = (tick - self.part.first) * (self.columns - 1) // max(1, self.part.ticks)
         return self.left + min(max(along, 0), self.columns - 1)
 
     def tick_at(self, column: int) -> int:
-        """The first tick that is shown there."""
+        """The first tick of a column."""
         along = min(max(column - self.left, 0), self.columns - 1)
         return self.part.first - (-along * self.part.ticks // max(1, self.columns - 1))
 
     def edges(self, many: int) -> NDArray[np.int64]:
-        """(many + 1,) ticks that cut the part in pieces of the same length."""
+        """(many + 1,) ticks that divide the part into `many` equal pieces."""
         return np.linspace(*self.part, many + 1).astype(np.int64)
 
 
 def track_of(part: TickRange | None, end: int, width: int) -> Track:
-    """Of a part, or of the whole run."""
+    """The track of a part, or of the whole run."""
     whole = TickRange(0, end)
     part = whole if part is None else part
     return Track(part, width, part.first > 0, part.last < end)

@@ -1,10 +1,10 @@
-"""Why is this robot waiting? The chain of causes with their rules, and where its time went.
+"""Why a robot waits: the chain of causes with their rules, and its lost time.
 
-Every cause of lost time has a letter, and what counts as blocked a pattern of its own:
+Every cause of lost time has a letter. Causes that count as blocked have their own pattern:
 
-    HHHQ....................     all of the time: a letter for each share of it, dots for the rest
-    H head-on       ⣿⣿⣿⣿⣿⣿⡇      a full bar: another robot is in the way, which counts as blocked
-    w random wait   ⠶⠆           a thin one, and a small letter: it waits for something else
+    HHHQ....................     the whole time: a letter per share, dots for the rest
+    H head-on       ⣿⣿⣿⣿⣿⣿⡇      full bar, capital: another robot is in the way (blocked)
+    w random wait   ⠶⠆           thin bar, small letter: the robot waits for something else
 """
 
 from __future__ import annotations
@@ -37,16 +37,16 @@ from tui.widgets.panel import (
 
 CAUSE_LETTERS: Final = ".QHWDIVLBwFRopriPebszhSdkycgnl"  # by cause; capitals count as blocked
 
-MAX_WAITING_LISTED: Final = 40  # robots in the list to pick from
+MAX_WAITING_LISTED: Final = 40  # listed robots to choose from
 NAME_WIDTH: Final = 21  # columns for the letter and the name of a cause
 PERCENT_WIDTH: Final = 6
 
-FIRST_LINKS: Final = 12  # links of a chain that are told from its beginning
+FIRST_LINKS: Final = 12  # shown links at the start of a chain
 LAST_LINKS: Final = 4
 
 
 class Why(TextPanel):
-    """The selected robot, or the robots that have waited longest."""
+    """The waits of the selected robot, or the robots that have waited longest."""
 
     def panel_lines(self, view: View, width: int) -> list[Line]:
         if view.robot == NIL:
@@ -59,7 +59,7 @@ class Why(TextPanel):
         return [*lines, (), *self._lost(view, width)]
 
     def _lost(self, view: View, width: int) -> list[Line]:
-        """The robot's time by cause, the greatest first."""
+        """The robot's lost time by cause, the greatest first."""
         lost = view.snapshot.robots.lost[view.robot].copy()
         lost[CAUSE_NOT_WAITING] = 0
         total, ticks = int(lost.sum()), max(1, view.snapshot.tick)
@@ -80,7 +80,7 @@ class Why(TextPanel):
         return [*lines, pattern_key(causes, self.signs)]
 
     def follow(self, link: Link, column: int = 0) -> None:
-        """A cause is explained."""
+        """Explain a clicked cause."""
         if link[0] == "cause":
             self.explain(link)
         else:
@@ -88,19 +88,19 @@ class Why(TextPanel):
 
 
 def _told(links: int) -> list[int]:
-    """Which links of a chain are told; NIL stands for those of a long one that are left out."""
+    """Indices of the shown links of a chain; NIL replaces the middle of a long one."""
     if links <= FIRST_LINKS + LAST_LINKS + 1:
         return list(range(links))
     return [*range(FIRST_LINKS), NIL, *range(links - LAST_LINKS, links)]
 
 
 def _step(view: View, found: Explanation, at: int, width: int) -> list[Line]:
-    """One robot of the chain: how long, why, and by which rule."""
+    """One robot of the chain: duration, cause and rule of its wait."""
     if at == NIL:
         return [line(dim(f"... {len(found.chain) - FIRST_LINKS - LAST_LINKS:,} more robots ..."))]
     link = found.chain[at]
     in_circle = found.cycle != NIL and at >= found.cycle
-    if not link.cause:  # the last one does not wait
+    if not link.cause:  # the last robot does not wait
         words = linked(link.text if at else f"{link.text}: it does not wait", view.floor_plan)
         return wrapped(line(dim("but " if at else ""), *words), width, indent=2)
     mark = "because " if at else ""
@@ -117,7 +117,7 @@ def _step(view: View, found: Explanation, at: int, width: int) -> list[Line]:
 
 
 def longest_waits(view: View, width: int) -> list[Line]:
-    """Robots that wait now, by how long they have."""
+    """The robots that wait now, longest first."""
     fleet, now = view.snapshot.robots, view.snapshot.tick
     waiting = np.flatnonzero(is_waiting(fleet.cause))
     if not len(waiting):
@@ -142,22 +142,22 @@ def longest_waits(view: View, width: int) -> list[Line]:
 
 
 def look_of(cause: int) -> str:
-    """Its colour."""
+    """The colour of a cause."""
     return "warn" if CAUSES[cause].blocked else "plain"
 
 
 def cause_letter(cause: int) -> Span:
-    """The letter of a cause, and a blank."""
+    """The letter of a cause in its colour, and a blank."""
     return Span(f"{CAUSE_LETTERS[cause]} ", look_of(cause))
 
 
 def cause_bar(cause: int, share: float, width: int, signs: Signs) -> Span:
-    """Its bar."""
+    """The bar of a cause."""
     return Span(bar(share, width, signs, thin=not CAUSES[cause].blocked), look_of(cause))
 
 
 def shares_bar(shares: Sequence[tuple[int, float]], width: int) -> Line:
-    """A bar of the whole time: (cause, share of it) in this order; every cause shows."""
+    """A bar of the whole time with pairs (cause, share) in order; every cause is visible."""
     spans, left = [], width
     for cause, share in shares:
         columns = min(left, max(1, round(share * width)))
@@ -167,7 +167,7 @@ def shares_bar(shares: Sequence[tuple[int, float]], width: int) -> Line:
 
 
 def pattern_key(causes: Sequence[int], signs: Signs) -> Line:
-    """What the patterns mean, of those that occur."""
+    """The meanings of the patterns that occur."""
     kinds = {CAUSES[cause].blocked for cause in causes}
     words = {True: f"{signs.full} another robot in the way", False: f"{signs.thin} other causes"}
     return line(dim("   ".join(text for blocked, text in words.items() if blocked in kinds)))

@@ -1,6 +1,7 @@
-"""What the inspector says about zones and stations: of those that robots serve, and of the floor's own.
+"""The inspector's facts about service zones, stations and traffic zones.
 
-Zones that robots serve are counted from 1, those of the floor from 0; the former go before.
+Service zones are counted from 1, traffic zones from 0. If a run has both, a zone number means a
+service zone.
 """
 
 from __future__ import annotations
@@ -36,8 +37,8 @@ from tui.widgets.panel import (
     title,
 )
 
-MOST_PARTS: Final = 12  # of a line that are named
-MAX_ROBOTS_LISTED = 24  # robots that are named one by one
+MOST_PARTS: Final = 12  # parts named in a line
+MAX_ROBOTS_LISTED = 24  # robots named in a list
 
 
 def partition_of(view: View) -> ServiceZones | None:
@@ -47,12 +48,12 @@ def partition_of(view: View) -> ServiceZones | None:
 
 
 def zone_lines(view: View, zone: int, width: int) -> list[Line]:
-    """Everything about one zone: of those that robots serve, if they do."""
+    """All facts about a zone: a service zone if there are any, else a traffic zone."""
     service_zones = partition_of(view)
     if service_zones is not None:
         return served_zone_lines(view, service_zones, zone, width)
     traffic_zones = zones_in(view)
-    if zone >= traffic_zones.count:  # of the other of two runs
+    if zone >= traffic_zones.count:  # selected in the other run
         return [line(title(f"zone {zone} "), "is not on this floor")]
     cells = np.flatnonzero((traffic_zones.of == zone).any(axis=1))
     robots = robots_in(view, zone)
@@ -78,7 +79,7 @@ def zone_lines(view: View, zone: int, width: int) -> list[Line]:
 
 
 def checked_zone(view: View, zone: int) -> int:
-    """A zone of this floor, or by its number one that robots serve. Raises InputError."""
+    """The index of a zone by its number. Raises InputError."""
     service_zones = partition_of(view)
     if service_zones is not None:
         return checked_served(service_zones, zone)
@@ -93,8 +94,8 @@ def checked_zone(view: View, zone: int) -> int:
 
 
 def served_zone_lines(view: View, service_zones: ServiceZones, zone: int, width: int) -> list[Line]:
-    """Everything about one zone that a robot serves."""
-    if zone >= len(service_zones.server):  # of the other of two runs
+    """All facts about a service zone."""
+    if zone >= len(service_zones.server):  # selected in the other run
         return [line(title(f"zone {zone + 1} "), "is not in this run")]
     design, server = service_zones.design, int(service_zones.server[zone])
     waiting = queued(view, [zone])
@@ -120,7 +121,7 @@ def served_zone_lines(view: View, service_zones: ServiceZones, zone: int, width:
 
 
 def served_link(zone: int) -> Span:
-    """A zone under its number, counted from 1."""
+    """A link to a service zone, under its number from 1."""
     return Span(f"zone {zone + 1}", "link", ("zone", zone))
 
 
@@ -129,7 +130,7 @@ def _stations(view: View, mask: NDArray[np.bool_]) -> list[Span]:
 
 
 def _under_way(view: View, zone: int) -> str:
-    """Orders of its queue that robots have taken or carry."""
+    """Numbers of the zone's orders that robots carry or will fetch."""
     orders, mine = view.snapshot.orders, view.snapshot.service_zones.queue == zone
     fetched = mine & (orders.state == ORDER_WAITING) & (orders.reserved_by != NIL)
     carried = mine & (orders.state == ORDER_CARRIED)
@@ -137,7 +138,7 @@ def _under_way(view: View, zone: int) -> str:
 
 
 def checked_served(service_zones: ServiceZones, number: int) -> int:
-    """A zone that robots serve, by its number. Raises InputError."""
+    """The index of a service zone by its number. Raises InputError."""
     if not 1 <= number <= len(service_zones.server):
         numbers = f"zones are numbered from 1 to {len(service_zones.server)}"
         raise InputError(f"there is no zone {number}; {numbers}")
@@ -145,7 +146,7 @@ def checked_served(service_zones: ServiceZones, number: int) -> int:
 
 
 def robot_zone(view: View, robot: int) -> Facts:
-    """The zone of a robot, the zones that it serves, its queue, and whether it is halted."""
+    """The zone of a robot, the zones it serves, their queue, and its halt, if any."""
     service_zones = partition_of(view)
     own = int(view.snapshot.robots.service_zone[robot])
     if service_zones is None:
@@ -166,7 +167,7 @@ def robot_zone(view: View, robot: int) -> Facts:
 
 
 def queued(view: View, zones: list[int]) -> list[int]:
-    """The orders that wait in the queues of zones and that no robot has taken, oldest first."""
+    """The orders in the queues of zones that no robot has taken, oldest first."""
     orders, service_zones = view.snapshot.orders, view.snapshot.service_zones
     there = (
         np.isin(service_zones.queue, zones)
@@ -179,7 +180,7 @@ def queued(view: View, zones: list[int]) -> list[int]:
 
 
 def work_words(view: View, zones: list[int]) -> str:
-    """The load of zones: what lies in their queues, is fetched and carried, in minutes (eq. 1-4)."""
+    """The workload of zones in minutes: queued, fetched and carried orders (eq. 1-4)."""
     scenario, shown = view.run.resolved.scenario, view.snapshot
     tick_s = (tick_length(scenario.units.tick) or 1_000_000) / 1e6
     duration = duration_table(RobotType(durations=scenario.durations), loaded=True)
@@ -188,7 +189,7 @@ def work_words(view: View, zones: list[int]) -> str:
 
 
 def order_zone(view: View, order: int) -> Facts:
-    """The queue that an order is in, where it is dropped next, and whether it goes there directly."""
+    """The queue of an order, its next stop, and whether it skips transfer stations."""
     service_zones, orders = partition_of(view), view.snapshot.orders
     if service_zones is None or orders.state[order] not in (ORDER_WAITING, ORDER_CARRIED):
         return []
@@ -200,7 +201,7 @@ def order_zone(view: View, order: int) -> Facts:
         where: Parts = ["station ", station_link(view, station)] if station != NIL else ["a shelf"]
         where.append(", its target" if last else ", a transfer station")
         where.append(
-            "; past transfer stations, to share loads"
+            "; skips transfer stations, to share work"
             if service_zones.skips_transfer[order]
             else ""
         )
@@ -212,7 +213,7 @@ def order_zone(view: View, order: int) -> Facts:
 
 
 def station_facts(view: View, cell: int) -> Facts:
-    """The station in a cell: its zone, whose transfer station it is, and its work."""
+    """The station in a cell: its zone, the zones between which it transfers, and its work."""
     station = station_at(view, cell)
     if station == NIL:
         return []
@@ -233,7 +234,7 @@ def station_facts(view: View, cell: int) -> Facts:
 
 
 def station_at(view: View, cell: int) -> int:
-    """The station in a cell, or to which the slot in it counts, or NIL."""
+    """The station in a cell, or the one to which its slot belongs, or NIL."""
     points = np.flatnonzero(station_cells(view) == cell)
     if len(points):
         return int(points[0])
@@ -245,7 +246,7 @@ def station_at(view: View, cell: int) -> int:
 
 
 def station_cells(view: View) -> NDArray[np.int32]:
-    """(S,) the cell of each station: where parts are worked on, or what robots' zones are made of."""
+    """(S,) the cell of each station that works on parts or belongs to service zones."""
     service_zones, stations, slots = partition_of(view), view.snapshot.stations, view.snapshot.slots
     cells: NDArray[np.int32] = slots.cell[stations.slot]
     return (
@@ -254,7 +255,7 @@ def station_cells(view: View) -> NDArray[np.int32]:
 
 
 def station_link(view: View, station: int) -> Span:
-    """A station under its number, counted from 1; it leads to its cell."""
+    """A station's number, counted from 1, as a link to its cell."""
     return Span(str(station + 1), "link", ("cell", int(station_cells(view)[station])))
 
 
@@ -268,7 +269,7 @@ def checked_station(view: View, number: int) -> int:
 
 
 def line_at(view: View, station: int) -> list[int]:
-    """Return the jobs of a station that are not done, the one in service first."""
+    """The open jobs of a station, the one in service first."""
     stations, works = view.snapshot.stations, []
     work = int(stations.in_service[station])
     while work != NIL:
@@ -297,7 +298,7 @@ def _work(view: View, station: int) -> Facts:
 
 
 def part_of_order(view: View, order: int) -> Facts:
-    """The part that an order moves, where stations work on parts."""
+    """The part that an order moves, if stations work on parts."""
     stations = view.snapshot.stations
     if not len(stations.job_of_order) or stations.job_of_order[order] == NIL:
         return []
@@ -311,7 +312,7 @@ def part_of_order(view: View, order: int) -> Facts:
 
 
 def parts_finished(view: View) -> tuple[int, int] | None:
-    """Parts that have left their last station, of how many; None where stations work on none."""
+    """Numbers of finished and of all parts; None if stations work on no parts."""
     stations = view.snapshot.stations
     last = stations.releases_order == NIL
     if not len(stations.part_arrivals):
@@ -319,30 +320,30 @@ def parts_finished(view: View) -> tuple[int, int] | None:
     return int(np.count_nonzero(stations.completion_tick[last] != NIL)), int(np.count_nonzero(last))
 
 
-# Zones of the floor: who is in them, and how long a move takes there.
+# Traffic zones: their robots, and the duration of moves.
 
 
 def zones_in(view: View) -> TrafficZones:
-    """The zones of the floor, as the rules have them by now."""
+    """The traffic zones under the present rules."""
     return traffic_zones_of(view.floor_plan, view.run.resolved.scenario.world.traffic_zones)
 
 
 def zone_link(zone: int) -> Span:
-    """Its number, under which the inspector tells of it."""
+    """A zone's number as a link to the inspector."""
     return Span(str(zone), "link", ("zone", zone))
 
 
 def robots_in(view: View, zone: int) -> NDArray[np.intp]:
-    """The robots that count as being in a zone: where they stand or leave, as they came."""
+    """The robots that count as in a zone, by their cell and the direction in which they came."""
     fleet, of = view.snapshot.robots, zones_in(view).of
     there = of[fleet.cell, fleet.travel >> 1] == zone
     return np.flatnonzero(there & (fleet.cell != NIL))
 
 
 def zone_facts(view: View, cell: int) -> Facts:
-    """The zones of a cell, how many robots are in each, and what a move from here takes.
+    """The traffic zones of a cell, their numbers of robots, and the duration of a move.
 
-    Where robots serve zones, those of the floor are told of only if they slow robots down.
+    Where robots serve zones, traffic zones are mentioned only if they slow robots down.
     """
     if partition_of(view) is not None and not _slow(view):
         return []
@@ -364,7 +365,7 @@ def zone_facts(view: View, cell: int) -> Facts:
 
 
 def _ways(view: View, traffic_zones: TrafficZones, cell: int, zone: int) -> Parts:
-    """In which directions a zone is driven, where the opposite ones have another."""
+    """The directions of a zone, if the opposite directions have another zone."""
     if traffic_zones.of[cell, 0] == traffic_zones.of[cell, 1]:
         return []
     exits, column = (
@@ -381,7 +382,7 @@ def _slow(view: View) -> bool:
 
 
 def pace_words(many: int, move: int) -> str:
-    """What a move of so many ticks takes in a zone with so many robots."""
+    """The duration of a move in a zone: number of robots times ticks."""
     return f"{many} x {move} = {many * move} ticks" if move != 1 else count(many, "tick")
 
 
@@ -390,7 +391,7 @@ def _free(view: View) -> Parts:
 
 
 def _pace(view: View, zone: int) -> Parts:
-    """How long a move takes that begins now in a zone; nothing to say where zones slow no robot."""
+    """The duration of a move that starts now in a zone; [] if zones do not slow robots."""
     if not _slow(view):
         return []
     moves = view.run.resolved.scenario.durations.moves
@@ -408,6 +409,6 @@ def _pace(view: View, zone: int) -> Parts:
 
 
 def _cost(view: View, zone: int) -> Parts:
-    """What the zone has cost; nothing to say where zones slow no robot and never did."""
+    """The ticks that a zone has cost; [] if zones have never slowed robots."""
     lost = int(view.snapshot.lost_in_zone[zone])
     return [f"moves from here took {count(lost, 'tick')} longer"] if lost or _slow(view) else []

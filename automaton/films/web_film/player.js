@@ -1,11 +1,11 @@
 "use strict";
-// Cells are counted as a user counts them; around the floor there is a frame of cells, for bays.
-// Plays the film that stands in the page. What is drawn at a moment follows from `now` alone.
+// Plays the film embedded in the page. The picture of a moment depends only on `now`.
+// Cells are numbered as users see them; a border of cells around the floor holds parking bays.
 
 const film = JSON.parse(document.getElementById("film").textContent);
 const $ = (id) => document.getElementById(id);
 const TICKS = film.last - film.first + 1;
-const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100]; // 1 is ten ticks a second
+const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50, 100]; // 1 is ten ticks per second
 const ONE_WAY = 1; // detail of cells
 const [X0, Y0, X1, Y1] = film.box;
 const SIDES = [[1, 0], [0, 1], [-1, 0], [0, -1]]; // east, south, west, north
@@ -16,9 +16,9 @@ let speed = film.speed;
 let selected = film.follow;
 let following = selected >= 0;
 let theme = film.theme;
-let scale = 1, left = 0, top_ = 0; // pixels a cell; the cell at the upper left of the map
+let scale = 1, left = 0, top_ = 0; // pixels per cell; the cell at the upper left of the map
 let columns = null, looks = null;
-const changing = {}; // by kind: of each cell whether it was there at first, and the ticks at which that changes
+const changing = {}; // by kind and cell: whether it is there at first, and the ticks of changes
 
 async function inflated(text) {
   const bytes = Uint8Array.from(atob(text), (c) => c.charCodeAt(0));
@@ -26,7 +26,7 @@ async function inflated(text) {
   return new Response(stream).arrayBuffer();
 }
 
-function summed(buffer, rows) { // differences along each row become values
+function summed(buffer, rows) { // turns differences along each row into values
   const values = new Int32Array(buffer), length = rows ? values.length / rows : 0;
   for (let row = 0; row < rows; row++)
     for (let k = 1, at = row * length + 1; k < length; k++, at++) values[at] += values[at - 1];
@@ -55,7 +55,7 @@ function changingCells(first, changes) {
   return cells;
 }
 
-function isThere({ first, ticks }, tick) { // at first, and changed so often until then
+function isThere({ first, ticks }, tick) { // an odd number of changes inverts the first state
   let low = 0, high = ticks.length;
   while (low < high) {
     const middle = (low + high) >> 1;
@@ -69,7 +69,7 @@ function placeOf(robot) { // [x, y] in cells, or null while it is off the floor
   if (x === -1 && y === -1) return null;
   const next = Math.min(TICKS - 1, k + 1), part = now - k;
   let x2 = of("x", robot, next), y2 = of("y", robot, next);
-  const far = Math.abs(x2 - x) + Math.abs(y2 - y) > film.parts; // towed, not driven
+  const far = Math.abs(x2 - x) + Math.abs(y2 - y) > film.parts; // else towed
   if ((x2 === -1 && y2 === -1) || far) { x2 = x; y2 = y; }
   return [(x + (x2 - x) * part) / film.parts, (y + (y2 - y) * part) / film.parts];
 }
@@ -139,7 +139,7 @@ function letter(ctx, x, y, size, text) {
 
 const lookAt = (x, y) => looks[(y + 1) * film.stride + x + 1];
 
-let kept = null; // the floor drawn once, for views of many cells
+let kept = null; // the floor, drawn once for views of many cells
 
 function keptFloor() {
   const size = Math.max(2, Math.min(16, Math.floor(4096 / Math.max(X1 - X0, Y1 - Y0))));
@@ -256,7 +256,7 @@ function drawRobots(ctx, width, height) {
   }
 }
 
-function drawWait(ctx) { // from the robot that is selected to the one that keeps it
+function drawWait(ctx) { // a line from the selected robot to its blocker
   if (selected < 0) return;
   const blocker = of("blocker", selected, tickNow());
   if (of("cause", selected, tickNow()) === 0 || blocker < 0) return;
@@ -272,7 +272,7 @@ function drawWait(ctx) { // from the robot that is selected to the one that keep
   ctx.setLineDash([]);
 }
 
-// What is written
+// Text
 
 const number = (value) => value.toLocaleString("en-US", { maximumFractionDigits: 1 });
 
@@ -342,13 +342,13 @@ function drawKey() {
   $("key").replaceChildren(head, ...rows);
 }
 
-function drawCurve() { // robots that wait, by tick, with a mark at the moment
+function drawCurve() { // waiting robots by tick, with a mark at the present
   const canvas = $("curve"), ctx = sized(canvas), width = canvas.clientWidth, height = canvas.clientHeight;
   ctx.clearRect(0, 0, width, height);
   let most = 1;
   for (let k = 0; k < TICKS; k++) most = Math.max(most, figure("waiting", k));
   ctx.fillStyle = colours().waiting;
-  const long = width - 16; // as far as the thumb of the slider below goes
+  const long = width - 16; // the range of the slider's thumb below
   for (let x = 0; x < long; x++) {
     const from = Math.floor((x / long) * TICKS), to = Math.max(from + 1, Math.floor(((x + 1) / long) * TICKS));
     let peak = 0;
@@ -394,7 +394,7 @@ function centre() {
   top_ = within(place[1] + 0.5, $("map").clientHeight / scale, Y0, Y1);
 }
 
-function within(middle, shown, low, high) { // where a view begins that shows no more beyond the floor than it must
+function within(middle, shown, low, high) { // the start of a view that shows as little as possible beyond the floor
   if (shown >= high - low) return (low + high - shown) / 2;
   return Math.max(low, Math.min(high - shown, middle - shown / 2));
 }

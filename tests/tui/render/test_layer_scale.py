@@ -38,7 +38,7 @@ def said(scene: Scene) -> str:
 
 @pytest.mark.parametrize(
     ("layer", "unit"),
-    [("visits", "visits"), ("waiting", "ticks lost"), ("congestion", "ticks lost of late")],
+    [("visits", "visits"), ("waiting", "ticks lost"), ("congestion", "ticks lost recently")],
 )
 def test_a_layer_of_numbers_says_the_least_and_the_greatest_the_unit_and_the_colours(
     layer: str, unit: str
@@ -61,7 +61,7 @@ def test_arrows_have_their_own_signs() -> None:
     [
         ("visits", "no visits yet"),
         ("waiting", "no ticks lost so far"),
-        ("congestion", "no ticks lost of late"),
+        ("congestion", "no ticks lost recently"),
         ("flow", "no moves yet"),
     ],
 )

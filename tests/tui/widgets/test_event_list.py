@@ -323,7 +323,7 @@ def test_events_that_are_not_kept_are_counted_and_the_list_goes_on() -> None:
         assert "1,999" in shown, "what is shown stays until it is told again"
         events.show(view)
         await pilot.pause()
-        assert "1,000 events 2,000 older are not kept" in text(events.list)
+        assert "1,000 events 2,000 older events dropped" in text(events.list)
         assert len(events.listed_events(view)) == 1000
         assert said(events.list)[-1].startswith("▸ 2,999")
 

@@ -1,4 +1,4 @@
-"""The speed of this machine: what `automaton bench` measures, and how.
+"""The parts of `automaton bench`, which measures the speed of this machine.
 
 A part is a function that lists measurements; each prepares a world and then takes samples.
 """
@@ -9,10 +9,10 @@ from typing import Final, NamedTuple
 
 
 class BenchPart(NamedTuple):
-    """Measurements that are asked for together."""
+    """Measurements that are selected together."""
 
     place: str  # a module with `measurements()`, or module:function
-    usual: bool  # measured when nothing else is asked for
+    usual: bool  # measured by default
     summary: str
 
 
@@ -24,31 +24,33 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
         "whole runs of the table-top warehouse",
     ),
     "routes": BenchPart(
-        "automaton.bench.route_speed", True, "the loop, driving routes without decisions"
+        "automaton.bench.route_speed", True, "the tick loop with given routes, without decisions"
     ),
     "crowd": BenchPart(
-        "automaton.bench.crowd_speed", True, "robots looked up by cell; giving way in a crowd"
+        "automaton.bench.crowd_speed", True, "looking robots up by cell; giving way in a crowd"
     ),
     "observing": BenchPart(
-        "automaton.bench.route_speed:observing_measurements", True, "what watching adds to a tick"
+        "automaton.bench.route_speed:observing_measurements",
+        True,
+        "the time that observing adds to a tick",
     ),
     "steering": BenchPart(
         "automaton.bench.steering_speed",
         False,
-        "a tick of 400 and 10,000 robots under each right of way; some minutes",
+        "a tick with 400 and with 10,000 robots under each right of way; takes some minutes",
     ),
     "pods": BenchPart(
         "automaton.bench.run_speed:pod_measurements",
         False,
-        "a tick of 30 robots that carry pods to six stations",
+        "a tick with 30 robots that carry pods to six stations",
     ),
     "recording": BenchPart(
         "automaton.bench.run_speed:recording_measurements",
         False,
-        "a run with pods recorded, and its recording verified, in times of the run",
+        "recording and verifying a run with pods, relative to the run alone",
     ),
     "tables": BenchPart(
-        "automaton.bench.table_speed", True, "distance tables: computed and looked up"
+        "automaton.bench.table_speed", True, "computing distance tables, and looking distances up"
     ),
     "plans": BenchPart(
         "automaton.bench.warehouse_speed", True, "A* and traffic avoidance on three warehouses"
@@ -56,44 +58,46 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
     "congestion": BenchPart(
         "automaton.bench.warehouse_speed:congestion_measurements",
         True,
-        "routes searched in time, three warehouses",
+        "time-expanded route searches on three warehouses",
     ),
     "zones": BenchPart(
         "automaton.bench.warehouse_speed:zone_measurements",
         True,
-        "slow zones, and the network that predicts",
+        "slow zones, and the network that predicts zones",
     ),
     "auctions": BenchPart(
-        "automaton.bench.auction_speed", True, "auctions with and without charging, the optimum"
+        "automaton.bench.auction_speed",
+        True,
+        "auctions with and without charging, optimal assignment",
     ),
     "zoning": BenchPart(
         "automaton.bench.zoning_speed",
         False,
-        "days of a factory in zones, zones redesigned; a minute",
+        "days of a factory in zones, and their redesign; takes a minute",
     ),
     "layers": BenchPart(
-        "automaton.bench.loop_speed:layer_measurements", True, "a layer that is asked every tick"
+        "automaton.bench.loop_speed:layer_measurements", True, "a layer that is called every tick"
     ),
     "loop": BenchPart(
-        "automaton.bench.loop_speed", True, "the loop with an idle fleet; the digest"
+        "automaton.bench.loop_speed", True, "the tick loop with an idle fleet; the digest"
     ),
     "sweep": BenchPart(
-        "automaton.bench.sweep_speed", False, "what a sweep adds to its runs; two workers"
+        "automaton.bench.sweep_speed", False, "the overhead of a sweep with two workers"
     ),
     "viewer": BenchPart(
-        "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; some minutes"
+        "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; takes some minutes"
     ),
     "watching": BenchPart(
         "tui.bench.viewer_speed:planning_measurements",
         False,
-        "the viewer on 10,000 robots that plan, which is a part of viewer; a minute or two",
+        "the part of viewer with 10,000 robots that plan; takes a minute or two",
     ),
     "compile": BenchPart(
         "automaton.bench.startup_speed:first_run_measurements",
         False,
-        "first runs, which compile, in processes of their own; some minutes",
+        "first runs, which compile, in new processes; takes some minutes",
     ),
     "startup": BenchPart(
-        "automaton.bench.startup_speed", False, "commands, in processes of their own"
+        "automaton.bench.startup_speed", False, "the start of commands, in new processes"
     ),
 }

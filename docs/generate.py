@@ -484,8 +484,8 @@ COMMAND_MEANINGS: Final = {
     "CMD_PARK": "allocation: drive home; illegal for a robot that has an order or a load",
     "CMD_STEP": "right of way: one move, or the turn before it",
     "CMD_WAIT": "right of way: wait for some ticks",
-    "CMD_RETREAT": "right of way: begin a retreat; the strategy is asked for each of its moves. A retreat "
-    "of no moves plans again from the robot's cell",
+    "CMD_RETREAT": "right of way: begin a retreat; the strategy is asked for each of its moves. A "
+    "retreat of no moves plans again from the robot's cell",
     "CMD_HOLD": "right of way that steers: wait one tick (counted in `lost_held_back`)",
     "CMD_GO": "right of way that steers: turn towards a direction, move in it, or leave the parking bay",
 }
@@ -736,7 +736,7 @@ def floors_page() -> str:
         "`legend`: `x: {kind: floor, capacity: 2, exits: [east, west]}`.\n",
         table(("symbol", "kind", "robots at a time", "exits", "load"), symbols),
         "Robots do not drive over shelves, destinations, racks and docks, but serve them from an "
-        "adjacent cell. With `world: {access_cell: fixed}` this is the first free side in the order "
+        "adjacent cell. With `world: {access_cell: fixed}` this is the first drivable side in the order "
         "east, west, south, north to pick, and west, east, north, south to drop. With `nearest` it is "
         "the adjacent cell nearest to the robot in rows and columns; a strategy of your own may choose "
         "any. `=` is a passing aisle: one robot each way. Floor with a single exit is one-way: robots "
@@ -870,8 +870,8 @@ def tables_page() -> str:
         "`simulate(tables=True)` and of recordings: "
         "[how to make them](../how-to/tables-for-pandas-and-excel.md). "
         "If `units.tick` is a time, each column in ticks has a companion in seconds, such as `done_s` "
-        "for `done`. Robots, orders, lines and trips are numbered from 0, pods from 1. Unknown values are "
-        "empty.",
+        "for `done`. Robots, orders, lines and trips are numbered from 0, pods from 1. Unknown values "
+        "are empty.",
         *sections,
         f"## Names of events\n\n{events}. Causes are those of [waiting](conditions.md).\n",
     )
@@ -881,7 +881,7 @@ def formats_page() -> str:
     """Recordings and folders of results: format numbers, frames and columns."""
     kinds = {
         contents.FRAME_KIND_HEADER: "the inputs of the run",
-        contents.FRAME_KIND_CONDITIONS: "the settings from the next tick on: at tick 0, and at each branch",
+        contents.FRAME_KIND_CONDITIONS: "settings from the next tick on: at tick 0 and at each branch",
         contents.FRAME_KIND_KEYFRAME: f"the state, every {KEYFRAME_TICKS:,} ticks and at the end",
         contents.FRAME_KIND_TICKS: (
             f"decisions, actions, changes and digests of up to {contents.FRAME_TICKS} ticks"
@@ -915,7 +915,7 @@ def formats_page() -> str:
         "[metric](metrics.md), which is null if the run did not measure it. `delivered` and the metrics "
         "exclude the warm-up, if there is one; `ticks` and `orders` cover the whole run. Studies of a "
         f"steady state add `{study.SERIES_COLUMN}` (deliveries per window) and "
-        f"`{study.SUMS_COLUMN}` (sums per window).\n",
+        f"`{study.SUMS_COLUMN}` (sums per stretch).\n",
         table(("column", "type"), columns),
     )
 

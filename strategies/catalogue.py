@@ -50,7 +50,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
         "static": CatalogueEntry(
             "strategies.zoning.monitored:StaticZones",
             Monitoring,
-            "fixed zones; while they are unbalanced, robots share orders",
+            "fixed zones; robots share orders while the zones are unbalanced",
         ),
         "annealing": CatalogueEntry(
             "strategies.zoning.monitored:AnnealedZones",

@@ -67,7 +67,7 @@ class CongestionState(Struct):
     robot_type: Array = field("(n,) int64", "its type then, which depends on its load", role=SCRATCH)
     in_bay: Array = field(
         "(n,) int64",
-        "1: its first step begins in a parking bay; k > 1: it has left the bay, and its step ends in k ticks",
+        "1: its first step begins in a parking bay; k > 1: its step out of the bay ends in k ticks",
         role=SCRATCH,
     )
     zone: Array = field("(n,) int64", "where it is counted, or NIL", role=SCRATCH)

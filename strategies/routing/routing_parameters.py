@@ -28,8 +28,7 @@ from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
 
 NO_TASKS_OF_PODS = (
-    "forecast {} knows the whole way of a load, and none of a pod to stations and back; use forecast "
-    "plans"
+    "forecast {} supports loads, but not pods that go to stations and back; use forecast plans"
 )
 MOST_PLANNED = 100_000_000  # limit of robots x ticks of the plans of `congestion`: 0.9 GB
 
@@ -152,8 +151,8 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
         Meta(
             ge=1,
             le=1000,
-            description="Greatest threshold A: zones with A other robots are closed, for A = 1 up to "
-            "this number.",
+            description="Greatest threshold A. Plans are tried with zones of A other robots closed, "
+            "for A = 1 up to this number.",
         ),
     ] = 6
     closed_from: Annotated[

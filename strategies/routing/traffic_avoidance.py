@@ -180,7 +180,7 @@ def predict(view, state, i):
     used, cell = state.predicted[i], position(view, i)
     used[:] = 0
     if leg_end[i, NEXT] != NIL:
-        taken = np.int64(view.robots.order[i]) + 1  # 1 + order, since the state begins with zeros: no order
+        taken = np.int64(view.robots.order[i]) + 1  # 0, as at the start: no order
         if state.taken[i] != taken:
             state.taken[i] = taken
             state.taken_at[i] = cell

@@ -260,7 +260,7 @@ def robot_entering_cell_of(view, state, i):
 
 @kernel(inline=True)
 def is_entering_cell_of(view, j, i):
-    """Return whether robot j is on the floor and its route enters the cell of robot i next."""
+    """Return whether the route of robot j, which is on the floor, enters the cell of robot i next."""
     robots = view.robots
     if robots.route_index[j] >= robots.route_length[j]:
         return False

@@ -124,7 +124,7 @@ def is_kept(view, state, i):
 
 @kernel
 def wants_ahead(state, i):
-    """Return whether robot i waits and its best operation goes forward."""
+    """Return whether the best operation of robot i moves straight ahead, possibly after waits."""
     if state.key_count[i] == 0:
         return False
     return state.aim[state.candidate[nth_key(state, i, 0) & CANDIDATE_MASK]] == 0

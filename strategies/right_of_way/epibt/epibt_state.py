@@ -55,8 +55,8 @@ FULL_WAIT: Final = 0  # the class of the full wait
 NO_AIM = 4  # the aim of an operation that never moves
 # Lattice cost of a tick along a street, relative to a tick until a goal is reached:
 LATTICE_SCALE = 2
-# Of two operations with equal costs the one with the larger weight is tried first. The weight is a sum over
-# its actions, each times the number of remaining ticks.
+# Of two operations with equal costs the one with the larger weight is tried first. The weight is a sum
+# over its actions, each times the number of remaining ticks.
 WEIGHTS: Final = (10, -2, -2, -3)
 VECTORS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))  # of the headings east, south, west, north
 
@@ -102,7 +102,7 @@ def weight(actions: Actions) -> int:
 
 
 def ends_in_turn(actions: Actions) -> bool:
-    """Return whether the last heading differs from that of the last move, or of the start without moves."""
+    """Return whether the last heading differs from that of the last move (without moves: the first heading)."""
     heading = moved = 0
     for action in actions:
         if action == FORWARD:
@@ -210,15 +210,15 @@ class EpibtState(Struct):
     steered: Array = field("(n,) int32", "robots that plan, by identity", role=SCRATCH)
     asked: Array = field("(n,) uint8", "1 = without a goal, and blocking another robot", role=SCRATCH)
     sequence: Array = field("(n,) int32", "the same, in planning order", role=SCRATCH)
-    sequence_key: Array = field("(n,) int64", "key of the planning order; the lowest comes first", role=SCRATCH)
+    sequence_key: Array = field("(n,) int64", "key of this order; lowest first", role=SCRATCH)
     sorting: Array = field("(n,) int32", role=SCRATCH)
     sorting_count: Array = field("(2048,) int64", role=SCRATCH)
     key: Array = field(
-        "(n, J) int32", "candidates of a robot: cost << 8 | number; the first `sorted` are sorted", role=SCRATCH
+        "(n, J) int32", "candidates of a robot: cost << 8 | number, partly sorted", role=SCRATCH
     )
     key_count: Array = field("(n,) int32", "number of its open candidates", role=SCRATCH)
-    sorted_count: Array = field("(n,) int32", "this", role=SCRATCH)
-    cost: Array = field("(n,) int64", "of its plan", role=SCRATCH)
+    sorted_count: Array = field("(n,) int32", "number of its sorted candidates", role=SCRATCH)
+    cost: Array = field("(n,) int64", "cost of its plan", role=SCRATCH)
     power: Array = field("(n,) int64", "weight of its cost in repairs", role=SCRATCH)
     stamp: int = field("() int64", "number of this round of plans", role=SCRATCH)
     visit_stamp: Array = field("(n,) int64", "round in which it was last visited", role=SCRATCH)

@@ -102,7 +102,7 @@ def weight(actions: Actions) -> int:
 
 
 def ends_in_turn(actions: Actions) -> bool:
-    """Return whether the last heading differs from that of the last move (without moves: the first heading)."""
+    """Return whether the last heading differs from that of the last move, or else from the first one."""
     heading = moved = 0
     for action in actions:
         if action == FORWARD:

@@ -390,7 +390,7 @@ def enter_waits(view, state, i, here):
 
 @kernel
 def compare_detours(view, state, workspace, i, here, costs):
-    """Rank steps off the best path, of `here` ticks, by the wait that they save; return the least cost."""
+    """Rank steps off the best path of `here` ticks by the wait they save; return the least cost."""
     wait = np.int64(UNREACHABLE)
     for direction in range(4):
         if costs[direction] == here:

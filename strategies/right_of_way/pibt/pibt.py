@@ -166,7 +166,7 @@ class Pibt(Strategy):
 
 @kernel
 def look_at_robots(view, batch, state):
-    """Find the robots that take part, the cells they move to, and the dead ends they use or want to enter."""
+    """Find the robots that take part, the cells they move to, and the dead ends they need."""
     robots, limited = view.robots, view.rules.radius != NIL
     state.calls += 1
     empty_dead_ends(state)
@@ -227,7 +227,7 @@ def let_choose(view, state, i):
 
 @kernel
 def stands_across(view, state, i):
-    """Whether robot i, in an aisle for two, faces neither way, and the other lane is free for its turn."""
+    """Whether robot i, in an aisle for two, faces neither way and may turn on the other lane."""
     robots = view.robots
     cell, travel = np.int64(robots.cell[i]), np.int64(robots.travel[i])
     turns = headings_of(view.grid, robots.type[i]) > 1

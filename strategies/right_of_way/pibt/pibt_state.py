@@ -41,7 +41,7 @@ class PibtState(Struct):
     g = c where lattice weights guide robots, else 0.
     """
 
-    dead_ends: int = field("int64", "number of robots", role=STATIC)
+    dead_ends: int = field("int64", "number of dead ends", role=STATIC)
     holds_back: int = field(
         "int64",
         "1: a robot that waits for one that makes way is held back, and keeps its choice",
@@ -66,7 +66,7 @@ class PibtState(Struct):
     detour_until: Array = field("(n,) int64", "the end of its detour around another robot")
     detour_cost: Array = field("(n,) int32", "the ticks to its goal at the start of the detour")
     detour_goal: Array = field("(n,) int32", "its goal cell at the start of the detour", default=NIL)
-    detour_cell: Array = field("(n,) int32", "where it is", default=NIL)
+    detour_cell: Array = field("(n,) int32", "its cell on the detour", default=NIL)
     detour_from: Array = field("(n,) int32", "its previous cell", default=NIL)
     queue: Array = field(
         "(q,) int32", "identities, by the time of their last finished visit"
@@ -85,7 +85,7 @@ class PibtState(Struct):
     stall: Array = field("(s,) int64", "the current round of a stall, or 0")
     calls: int = field("() int64", "number of decisions", role=SCRATCH)
     in_sight: Array = field(
-        "(n,) int64", "with limited sight: keys of the robots that choose; the lowest is first", role=SCRATCH
+        "(n,) int64", "with limited sight: keys of robots that choose, lowest first", role=SCRATCH
     )
     reserved: Array = field("(r,) int64", "call << 32 | the robot in it after this move", role=SCRATCH)
     mode: Array = field("(n,) uint8", "MODE_FIXED to MODE_DECIDED", role=SCRATCH)
@@ -110,7 +110,7 @@ class PibtState(Struct):
     holds_fixed: Array = field(
         "(c,) uint8", "1 = a robot that does not choose is there", role=SCRATCH
     )
-    rank: Array = field("(q,) uint8", "rank by place in the queue; the lowest chooses first", role=SCRATCH)
+    rank: Array = field("(q,) uint8", "rank by place in the queue, lowest first", role=SCRATCH)
     stack: Array = field("(n,) int32", "a chain of robots that push each other", role=SCRATCH)
     deadlocks: Deadlocks
     finished: Array = field("(q,) int32", "robots that have finished a visit since", role=SCRATCH)
@@ -191,7 +191,7 @@ def reserve_other_lane(view, state, i):
 def dead_ends_that_hold(grid, robots):
     """Return the dead ends, or none if there are too few places outside them for this number of robots.
 
-    Otherwise a robot that comes out could block the one that wants to enter.
+    Otherwise a robot could come out only into cells that the entering robot needs.
     """
     exits, capacity = exits_to_pass_by(grid), grid.cell_flags >> 5 & 3
     ends = dead_ends_of_types(exits, capacity == 1, grid.offset)

@@ -138,7 +138,7 @@ def would_swap(view, state, i, to, holder):
 
 @kernel
 def closes_ring(view, state, i, resource):
-    """Whether this option of robot i takes the resource of the robot that pushes it."""
+    """Whether this option of robot i closes a ring: it takes the resource of the chain's first robot."""
     first = np.int64(state.stack[0])
     return first != i and resource != NIL and resource == own_resource(view, first)
 

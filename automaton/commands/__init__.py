@@ -37,7 +37,10 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, s
     "tune": ("automaton.commands.tune", "find the best strategies for a scenario"),
     "reproduce": ("automaton.commands.reproduce", "reproduce a published table"),
     "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),
-    "verify": ("automaton.commands.verify", "run a recording again and report the first difference"),
+    "verify": (
+        "automaton.commands.verify",
+        "run a recording again and report the first difference",
+    ),
     "import": (
         "automaton.commands.import_command",
         "import a layout or benchmark from another tool",

@@ -30,7 +30,9 @@ from automaton.world.resolve import resolve
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton export`."""
-    parser.add_argument("file", type=Path, metavar="FILE", help="a recording; with --lif, a scenario")
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help="a recording; with --lif, a scenario"
+    )
     formats = parser.add_mutually_exclusive_group(required=True)
     formats.add_argument(
         "--planviz",

@@ -58,7 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--until", type=whole("a tick", 1), metavar="TICK", help=text)
     add_timeout_argument(parser)
     add_table_arguments(parser)
-    parser.add_argument("--picture", action="store_true", help="draw the floor at the end of the run")
+    parser.add_argument(
+        "--picture", action="store_true", help="draw the floor at the end of the run"
+    )
     add_output_arguments(parser)
 
 

@@ -170,7 +170,9 @@ def show(args: argparse.Namespace, output: Output, session: SizingSession, fleet
     if scenario.units.tick != "1 tick":
         ends += f" 1 tick = {shown_unit(scenario.units.tick)}."
     if scenario.refine > 1:
-        ends += f" Runs divide each tick into {scenario.refine}; metrics count the scenario's ticks."
+        ends += (
+            f" Runs divide each tick into {scenario.refine}; metrics count the scenario's ticks."
+        )
     output.write(
         lambda: answer_document(session, scenario.name, ends, args.price),
         lambda: as_json(session, scenario.name, fleets.seed, args.price),

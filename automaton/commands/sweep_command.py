@@ -56,9 +56,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="if the folder has results of other code or another study, ignore them, and run only what "
         "is missing for this study",
     )
-    parser.add_argument(
-        "--retry-failed", action="store_true", help="retry failed runs, too"
-    )
+    parser.add_argument("--retry-failed", action="store_true", help="retry failed runs, too")
     add_timeout_argument(parser)
     add_output_arguments(parser, "--report")
 

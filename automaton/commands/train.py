@@ -77,10 +77,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--tables", action="store_true", help="instead, reproduce Tables 1 to 4 of the paper"
     )
     modes.add_argument(
-        "--depths", action="store_true", help="instead, compare networks of 3, 6 and 12 hidden layers"
+        "--depths",
+        action="store_true",
+        help="instead, compare networks of 3, 6 and 12 hidden layers",
     )
     modes.add_argument(
-        "--classifiers", action="store_true", help="instead, compare classifiers other than networks"
+        "--classifiers",
+        action="store_true",
+        help="instead, compare classifiers other than networks",
     )
 
 

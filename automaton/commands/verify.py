@@ -128,9 +128,7 @@ def blocks(file: str, found: Verification) -> Iterator[Listed]:
     yield Listed([*broken, *([f"and {more} more"] if more else [])], mark=INDENT)
     equal = "run again: every tick is identical"
     lines = [equal if found.difference is None else f"run again: {found.difference}"]
-    lines += [
-        f"{file} has changed since the run was recorded" for file in found.changed_files
-    ]
+    lines += [f"{file} has changed since the run was recorded" for file in found.changed_files]
     if not found.same_sources:
         recorded = recording.header["versions"].get("fleet-automaton", "unknown")
         lines.append(f"recorded by other code than that installed here (version {recorded})")

@@ -19,7 +19,9 @@ Percent = Annotated[float, Meta(ge=0, le=100)]
 class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """The inputs of charging estimates: paths and loads of orders."""
 
-    keeps_way_back: ClassVar[bool] = True  # every order taken leaves enough charge to reach a charger
+    keeps_way_back: ClassVar[bool] = (
+        True  # every order taken leaves enough charge to reach a charger
+    )
 
     count_queues: Annotated[
         bool, Meta(description="Whether robots already sent to a charger raise its cost.")

@@ -62,7 +62,9 @@ class RetreatState(Struct):
         role=SCRATCH,
     )
     # Cells without limit: robots in such a cell have places 1 to n, robots that enter it the next n.
-    crowd_call: Array = field("(c,) int64", "last call that listed the robots of a cell", role=SCRATCH)
+    crowd_call: Array = field(
+        "(c,) int64", "last call that listed the robots of a cell", role=SCRATCH
+    )
     crowd_first: Array = field("(c,) int32", "the first place in a cell", role=SCRATCH)
     crowd_next: Array = field("(p,) int32", "the next place after each; 0: none", role=SCRATCH)
 
@@ -386,7 +388,9 @@ def yield_direction(view, i, j):
         if (flags >> direction) & 1 == 0 or not (straight or can_turn(view, i, flags)):
             continue
         to = cell + grid.offset[direction]
-        if not has_room(view.traffic.occupancy, to, direction):  # in an aisle robot i may pass robot j
+        if not has_room(
+            view.traffic.occupancy, to, direction
+        ):  # in an aisle robot i may pass robot j
             continue
         if gate_before(view, i, to) != NIL:
             continue

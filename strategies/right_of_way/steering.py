@@ -119,9 +119,7 @@ def lattice_tables(view, scale=1):
 class ServiceAreas(Struct):
     """The p service areas of a floor of c cells; p = c = 0 without any."""
 
-    area: Array = field(
-        "(c,) int32", "the service area of a cell, or NIL", role=CONSTANT
-    )
+    area: Array = field("(c,) int32", "the service area of a cell, or NIL", role=CONSTANT)
     way_out: Array = field(
         "(c,) uint8", "direction of the next step out of the area, or NO_WAY_OUT", role=CONSTANT
     )
@@ -284,10 +282,10 @@ class Deadlocks(Struct):
     stood_since: Array = field("(n,) int64", "the tick of the first look that found it there")
     goal: Array = field("(n,) int32", "its goal cell at the last look", default=NIL)
     goal_since: Array = field("(n,) int64", "the tick of the first look that found this goal")
-    aside: Array = field("(n,) uint8", "1 + the forbidden direction of a robot that steps aside, or 0")
-    aside_since: Array = field(
-        "(n,) int64", "the tick of its latest request to step aside"
+    aside: Array = field(
+        "(n,) uint8", "1 + the forbidden direction of a robot that steps aside, or 0"
     )
+    aside_since: Array = field("(n,) int64", "the tick of its latest request to step aside")
     tries: Array = field("(n,) int32", "the number of such requests in its cell")
     look_again: Array = field("(s,) int64", "1: look in the next tick (a single number)")
     resolved: Array = field("(n,) int64", "deadlocks that it has broken")

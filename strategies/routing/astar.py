@@ -51,7 +51,7 @@ RANDOM = 2
 LARGER_G_HEAP = 3
 TIES = ("fifo", "larger_g", "random")  # names of the rules, by their numbers
 
-POSE_MASK = (1 << 32) - 1  # an item is row << 32 | pose in the lane, number << 32 | pose in the heap
+POSE_MASK = (1 << 32) - 1  # items: row << 32 | pose (lane), number << 32 | pose (heap)
 STREAM_ROUTE_TIES = 10  # of random draws; each stream has a number of its own
 
 NORTH_SOUTH_EAST_WEST = 0x2013  # directions, four bits each, the first one lowest
@@ -60,7 +60,9 @@ NORTH_SOUTH_EAST_WEST = 0x2013  # directions, four bits each, the first one lowe
 class SearchState(NamedNumbers):
     """Numbers of one search, and of the heap and the lane of its open poses."""
 
-    stamp: int = number("counts down, so that labels of earlier searches are worse than any new one")
+    stamp: int = number(
+        "counts down, so that labels of earlier searches are worse than any new one"
+    )
     level: int = number("the f being expanded")
     heap: int = number("items in the heap")
     head: int = number("the lane's first item: queues only")

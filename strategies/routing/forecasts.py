@@ -64,7 +64,9 @@ class CongestionState(Struct):
     travel: Array = field("(n,) int64", "direction in which it arrives there", role=SCRATCH)
     heading: Array = field("(n,) int64", role=SCRATCH)
     free: Array = field("(n,) int64", "tick in which the next step begins", role=SCRATCH)
-    robot_type: Array = field("(n,) int64", "its type then, which depends on its load", role=SCRATCH)
+    robot_type: Array = field(
+        "(n,) int64", "its type then, which depends on its load", role=SCRATCH
+    )
     in_bay: Array = field(
         "(n,) int64",
         "1: its first step begins in a parking bay; k > 1: its step out of the bay ends in k ticks",
@@ -79,9 +81,13 @@ class CongestionState(Struct):
     # For all robots; zero between two calls:
     counts: Array = field("(Z, words) int64", "robots in a zone, tick by tick", role=DERIVED)
     overflowed: int = field("() int64", "1: a count has overflowed", role=DERIVED)
-    zone_share: Array = field("(Z,) int64", "expected robots in a zone, in 1 / FULL_SHARE", role=DERIVED)
+    zone_share: Array = field(
+        "(Z,) int64", "expected robots in a zone, in 1 / FULL_SHARE", role=DERIVED
+    )
     crowd: Array = field("(Z,) int64", "robots in a zone at the tick of a replay", role=DERIVED)
-    calendar: Array = field("(h,) int64", "1 + the first robot whose step begins in a tick", role=DERIVED)
+    calendar: Array = field(
+        "(h,) int64", "1 + the first robot whose step begins in a tick", role=DERIVED
+    )
     link: Array = field("(n,) int64", "1 + the next robot in the same tick", role=SCRATCH)
     # For searches:
     arrival: Array = field("(P,) int32", "tick in which a pose is reached", role=SCRATCH)

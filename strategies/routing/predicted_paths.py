@@ -38,7 +38,7 @@ WORD_BITS = 64  # zones per word of a set
 STREAM_PREDICTIONS = 11  # of random draws; each stream has a number of its own
 STREAM_LEGS = 13
 CERTAIN = 1 << 32  # probabilities are whole numbers of 2^-32
-USED_SHARE: Final = 27.5 / 522  # share of the zones that a task uses in warehouse-100 (A*, random ties)
+USED_SHARE: Final = 27.5 / 522  # of a task in warehouse-100 (A*, random ties)
 
 
 def words(zones: int) -> int:

@@ -130,8 +130,7 @@ def forget_tips(roads, design, workspace):
 
 @kernel
 def busier_pair(roads, rules, design, workspace, seed, tick):
-    """A random row of workspace.zones: a busier zone with a tip to give, and an idler zone; or NIL.
-    """
+    """A random row of workspace.zones: a busier zone with a tip to give, and an idler zone; or NIL."""
     zones = design.transfer.shape[0]
     count = np.int64(0)
     for a in range(zones):

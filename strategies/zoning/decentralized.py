@@ -99,8 +99,10 @@ class NegotiatorState(Struct):
     next_look: Array = field("(n,) int64", "tick of the next measurement; 0: not started")
     next_average: Array = field("(n,) int64", "tick of the next consensus")
     next_share: Array = field("(n,) int64", "tick of the next sharing")
-    step: Array = field("(n,) int64", "tick at which the current consensus began, or NIL")
-    mean: Array = field("(n,) int64", "result of the last consensus, in nano-minutes; NIL: none yet")
+    step: Array = field("(n,) int64", "step of the current consensus, or NIL")
+    mean: Array = field(
+        "(n,) int64", "result of the last consensus, in nano-minutes; NIL: none yet"
+    )
     in_tolerance: Array = field("(n,) int64", "1 in tolerance, 0 out of tolerance, NIL unknown")
     since: Array = field("(n,) int64", "tick of the last change of this")
     calm: Array = field("(n,) int64", "tick of the last calm, or of the last redesign")

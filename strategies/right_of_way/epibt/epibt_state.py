@@ -152,7 +152,9 @@ class EpibtState(Struct):
     slow_moves: int = field("int64", "1: moves take several ticks")
     takes_time: int = field("int64", "1: moves or turns take several ticks")
     has_storage: int = field("int64", "1: robots drive into storage, but not through it")
-    oldest_first: int = field("int64", "1: robots are ordered by age, 0: by distance to their goals")
+    oldest_first: int = field(
+        "int64", "1: robots are ordered by age, 0: by distance to their goals"
+    )
     guided: int = field("int64", "1: distances are from `tables`, 0: ticks")
     repair_tries: int = field("int64", "tries per robot to improve the plans")
     visits_allowed: int = field("int64", "maximum pushes of a robot in a tick")
@@ -208,7 +210,9 @@ class EpibtState(Struct):
         role=SCRATCH,
     )
     steered: Array = field("(n,) int32", "robots that plan, by identity", role=SCRATCH)
-    asked: Array = field("(n,) uint8", "1 = without a goal, and blocking another robot", role=SCRATCH)
+    asked: Array = field(
+        "(n,) uint8", "1 = without a goal, and blocking another robot", role=SCRATCH
+    )
     sequence: Array = field("(n,) int32", "the same, in planning order", role=SCRATCH)
     sequence_key: Array = field("(n,) int64", "key of this order; lowest first", role=SCRATCH)
     sorting: Array = field("(n,) int32", role=SCRATCH)
@@ -224,7 +228,9 @@ class EpibtState(Struct):
     visit_stamp: Array = field("(n,) int64", "round in which it was last visited", role=SCRATCH)
     visits: Array = field("(n,) int32", "visits in that round", role=SCRATCH)
     settled: Array = field("(n,) int64", "round in which its plan was settled", role=SCRATCH)
-    chain_robot: Array = field("(n,) int32", "robots, each pushed by the previous one", role=SCRATCH)
+    chain_robot: Array = field(
+        "(n,) int32", "robots, each pushed by the previous one", role=SCRATCH
+    )
     chain_tried: Array = field("(n,) int32", "number of candidates tried by each", role=SCRATCH)
     chain_plan: Array = field("(n,) int16", "the old plan of each", role=SCRATCH)
     chain_cost: Array = field("(n,) int64", "cost of the new plan of each", role=SCRATCH)

@@ -32,7 +32,9 @@ OPTION_BITS = 3
 U = np.uint64  # unsigned as an index: avoids the test for negative values
 LONG_WAIT = 100_000  # ticks: the wait for a robot that stands for an unlimited time
 DEEPEST = 2**31 - 1
-ROOM_TO_PASS = 8  # least number of places outside dead ends that stay empty when all robots come out
+ROOM_TO_PASS = (
+    8  # least number of places outside dead ends that stay empty when all robots come out
+)
 
 
 class PibtState(Struct):
@@ -51,7 +53,9 @@ class PibtState(Struct):
     guided: int = field("int64", "1: costs are from `tables`, 0: ticks", role=STATIC)
     tables: DistanceTables
     against: Array = field(
-        "(g, 4) uint8", "1 = a move to E, S, W, N out of the cell is against its street", role=CONSTANT
+        "(g, 4) uint8",
+        "1 = a move to E, S, W, N out of the cell is against its street",
+        role=CONSTANT,
     )
     next: Array = field("(n,) int32", "the cell to which it turns or moves, or its own")
     turning: Array = field(
@@ -60,26 +64,28 @@ class PibtState(Struct):
     begun: Array = field("(n,) uint8", "the same; 0 if plans are not visible", role=SCRATCH)
     aim_cell: Array = field("(n,) int32", "its goal cell at the last check", default=NIL)
     aim_type: Array = field("(n,) uint8", "its work there")
-    since: Array = field(
-        "(n,) int64", "with limited sight: the tick of its last finished visit"
-    )
+    since: Array = field("(n,) int64", "with limited sight: the tick of its last finished visit")
     detour_until: Array = field("(n,) int64", "the end of its detour around another robot")
     detour_cost: Array = field("(n,) int32", "the ticks to its goal at the start of the detour")
-    detour_goal: Array = field("(n,) int32", "its goal cell at the start of the detour", default=NIL)
+    detour_goal: Array = field(
+        "(n,) int32", "its goal cell at the start of the detour", default=NIL
+    )
     detour_cell: Array = field("(n,) int32", "its cell on the detour", default=NIL)
     detour_from: Array = field("(n,) int32", "its previous cell", default=NIL)
-    queue: Array = field(
-        "(q,) int32", "identities, by the time of their last finished visit"
-    )
+    queue: Array = field("(q,) int32", "identities, by the time of their last finished visit")
     dead_end: Array = field("(c,) int32", "the dead end of a cell", role=CONSTANT)
     way_out: Array = field("(c,) uint8", "the direction out of the dead end", role=CONSTANT)
     depth: Array = field("(c,) int32", "number of moves out of the dead end", role=CONSTANT)
     tenants: Array = field("(e,) int32", "robots in a dead end, or entering it", role=SCRATCH)
     drivers: Array = field("(e,) int32", "those of them that are not parked", role=SCRATCH)
     callers: Array = field("(e,) int32", "robots outside with work in it", role=SCRATCH)
-    parked_from: Array = field("(e,) int32", "the least depth of a robot parked in it", role=SCRATCH)
+    parked_from: Array = field(
+        "(e,) int32", "the least depth of a robot parked in it", role=SCRATCH
+    )
     parks_at: Array = field(
-        "(e,) int32", "the greatest depth at which a robot from outside will park, or 0", role=SCRATCH
+        "(e,) int32",
+        "the greatest depth at which a robot from outside will park, or 0",
+        role=SCRATCH,
     )
     service_areas: ServiceAreas
     stall: Array = field("(s,) int64", "the current round of a stall, or 0")
@@ -87,7 +93,9 @@ class PibtState(Struct):
     in_sight: Array = field(
         "(n,) int64", "with limited sight: keys of robots that choose, lowest first", role=SCRATCH
     )
-    reserved: Array = field("(r,) int64", "call << 32 | the robot in it after this move", role=SCRATCH)
+    reserved: Array = field(
+        "(r,) int64", "call << 32 | the robot in it after this move", role=SCRATCH
+    )
     mode: Array = field("(n,) uint8", "MODE_FIXED to MODE_DECIDED", role=SCRATCH)
     options: Array = field(
         "(n,) uint32", "directions and STAY_OPTION, best first, in OPTION_BITS each", role=SCRATCH
@@ -95,16 +103,16 @@ class PibtState(Struct):
     waits: Array = field(
         "(w,) int64", "extra cost of a step to E, S, W, N of one robot", role=SCRATCH
     )
-    option_next: Array = field(
-        "(n,) uint8", "the place of the next option to try", role=SCRATCH
-    )
+    option_next: Array = field("(n,) uint8", "the place of the next option to try", role=SCRATCH)
     departs: Array = field("(n,) uint8", "whether it begins its move (departures)", role=SCRATCH)
     asks: Array = field(
         "(n,) uint8", "1 + the direction of the gate that it requests, or 0", role=SCRATCH
     )
     priced_cell: Array = field("(n,) int32", "the cell to which its `costs` apply", role=SCRATCH)
     priced_goal: Array = field("(n,) int32", "the goal cell of these, or NIL", role=SCRATCH)
-    costs: Array = field("(n, 4) int32", "ticks to its goal after a step to E, S, W, N", role=SCRATCH)
+    costs: Array = field(
+        "(n, 4) int32", "ticks to its goal after a step to E, S, W, N", role=SCRATCH
+    )
     unpriced: Array = field("(m,) int32", "robots whose costs change", role=SCRATCH)
     table: Array = field("(n,) int32", "the distance table to its goal, or NIL", role=SCRATCH)
     holds_fixed: Array = field(

@@ -200,14 +200,14 @@ def give_random_tip(roads, rules, design, workspace, a, b, seed, tick):
 
 @kernel
 def give_through(roads, rules, design, workspace, tip, through):
-    """workspace.trial: the design after a tip moves to the zone of `through`, joined to it; or return 0."""
+    """workspace.trial: the design after a tip joins the zone of `through`; or return 0."""
     copy_design(design, workspace.trial)
     return give(roads, workspace.trial, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)
 
 
 @kernel
 def list_partners(roads, rules, design, workspace, tip, a, b):
-    """workspace.listed: the tips of b in reach of a tip of a; return their number. Needs workspace.tip."""
+    """workspace.listed: the tips of b in reach of a tip of a; return their number."""
     block_others(design, workspace, a, b)
     spread(roads, workspace, roads.point[tip], NIL, whole_cells(rules.adjacent))
     count = np.int64(0)

@@ -381,7 +381,7 @@ def fill_parts(view, parts):
 
 @kernel
 def is_reassigned(view, order, at):
-    """Whether an order at a station is too heavy for the robot of its zone, so that another robot has it."""
+    """Whether an order is too heavy for the robot of its zone, so that another robot serves it."""
     zone = np.int64(view.service_zones.design.zone[at])
     if zone == NIL or view.service_zones.skips_transfer[order] == 0:
         return False

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
     robots = recording.header["scenario"]["fleet"]["robots"]
     if args.robot >= robots:
         there = "only robot 0" if robots == 1 else f"robots 0 to {robots - 1}"
-        raise InputError(f"no robot {args.robot}: the recording has {there}", str(args.file))
+        raise InputError(f"there is no robot {args.robot}: it has {there}", str(args.file))
     if isinstance(args.at, int):
         check_tick(args.file, args.at, recording.ticks)
     from automaton.history.explanation import explain
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
 def check_tick(file: Path, at: int, last: int) -> None:
     """Raise InputError for a tick that a recording does not have."""
     if at > last:
-        raise InputError(f"no tick {at}: the recording has ticks 0 to {last}", str(file))
+        raise InputError(f"there is no tick {at}: it has ticks 0 to {last}", str(file))
 
 
 def tick_at(file: Path, recorded: ReplayedRun, time: str) -> int:

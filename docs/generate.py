@@ -1,8 +1,8 @@
-"""Write the pages of docs/reference that follow from the code: `python docs/generate.py`.
+"""Generate reference pages from the code: `python docs/generate.py`.
 
-Each page is made from the table that the program itself uses: argument parsers, the structs of
-scenarios and studies, the catalogue of strategies, metrics, key bindings, columns and frames.
-What other installed packages bring is left out. A test compares the pages with what this module returns.
+Each page uses the data of the program: argument parsers, the structs of scenarios and studies, the
+catalogue of strategies, metrics, key bindings, columns and frames. Plug-ins from other installed
+packages are left out. A test compares the files with the pages that this module returns.
 """
 
 from __future__ import annotations
@@ -48,15 +48,15 @@ from tui.widgets.bindings import COMPARING, TOPICS, key_text
 
 EVENTS: Final = {
     "deadlock": f"a wait cycle has lasted {DEADLOCK_TICKS} ticks",
-    "wait cycle": "robots that wait for each other have closed a cycle",
-    "delivered": "a load is delivered; `delivered 7`: load 7",
+    "wait cycle": "robots have begun to wait for each other in a cycle",
+    "delivered": "a load is delivered; `delivered 7` means load 7",
     "zones redesigned": "stations move to another service zone",
     "stalled > 50": "a robot has waited for more than 50 ticks",
 }
 FOLDER: Final = Path(__file__).parent / "reference"
 COMMAND: Final = "python docs/generate.py"
 MARK: Final = f"<!-- Generated: `{COMMAND}` writes this page again. -->\n"
-LONGEST_DEFAULT: Final = 60  # characters of a default value that fit a table
+LONGEST_DEFAULT: Final = 60  # characters of a default value in a table
 
 Schema = dict[str, Any]
 
@@ -88,17 +88,16 @@ def table(heading: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
 
 
 def cell_text(text: str) -> str:
-    """Return text that a cell of a Markdown table can hold."""
+    """Return text escaped for a cell of a Markdown table."""
     return " ".join(text.split()).replace("|", "\\|")
 
 
 def page(title: str, introduction: str, *sections: str) -> str:
-    """Return a page with its mark, title, introduction and sections."""
+    """Return a page: the mark of generated pages, title, introduction and sections."""
     return "\n".join([MARK, f"# {title}\n", introduction.strip() + "\n", *sections]).rstrip() + "\n"
 
 
 def code(text: Any) -> str:
-    """Return text as code."""
     return f"`{text}`"
 
 
@@ -113,16 +112,16 @@ def commands_page() -> str:
     )
     return page(
         "Commands",
-        "`automaton COMMAND --help` prints the same. Every command takes `--debug`, which shows the "
-        "traceback of an error. Errors are one sentence on standard error, with file and line where "
-        "there is one. See also [exit codes and JSON output](json.md).",
+        "`automaton COMMAND --help` prints the same texts. Every command accepts `--debug`, which shows "
+        "the traceback of an error. An error is one sentence on standard error, with file and line "
+        "if known. See also [exit codes and JSON output](json.md).",
         overview,
         *(_command_section(name) for name in COMMANDS),
     )
 
 
 def parser_of(name: str) -> tuple[argparse.ArgumentParser, str]:
-    """Return a command's parser and what its module says of it."""
+    """Return a command's parser and description."""
     module = importlib.import_module(COMMANDS[name][0])
     parser = argparse.ArgumentParser(prog=f"automaton {name}", add_help=False)
     module.add_arguments(parser)
@@ -167,8 +166,8 @@ def scenario_page() -> str:
     sections = list(reachable("Scenario", definitions))
     return page(
         "Keys of a scenario",
-        "A scenario is a YAML file. An unknown key, a wrong type and a value out of range are errors "
-        "with file and line. `automaton check FILE` reads a file without running it, and "
+        "A scenario is a YAML file. An unknown key, a wrong type and a value out of range are errors, "
+        "reported with file and line. `automaton check FILE` checks a file without running it, and "
         "`automaton schema` prints the JSON Schema for an editor. Strategies and their parameters: "
         "[strategies](strategies.md). Layouts, cells and symbols: [floors](floors.md). "
         "A floor, a fleet and orders from scratch: [your own floor](../tutorials/your-own-floor.md).",
@@ -181,15 +180,16 @@ def study_page() -> str:
     definitions = study_schema()["$defs"]
     return page(
         "Keys of a study",
-        "A study is a YAML file: which scenarios run, what varies, how often, and what is asked of "
-        "the runs. `automaton check FILE` reads it, `automaton schema study` prints its JSON Schema. "
+        "A study is a YAML file: which scenarios run, what varies, how many replications, and which "
+        "questions the runs answer. `automaton check FILE` checks it, and `automaton schema study` "
+        "prints its JSON Schema. "
         "How to run one: [sweep a study](../how-to/sweep-a-study.md).",
         *(struct_section(name, definitions, definitions) for name in definitions),
     )
 
 
 def reachable(name: str, definitions: Schema) -> dict[str, None]:
-    """Return the structs that a struct is made of, itself first, in the order of its keys."""
+    """Return a struct and the structs it contains, in the order of its keys."""
     found = {name: None}
     for reference in re.findall(r"#/\$defs/([^\"]+)", json.dumps(definitions[name])):
         if reference not in found:
@@ -240,7 +240,7 @@ def _name(schema: Schema) -> str:
 
 
 def type_text(schema: Schema, definitions: Schema, here: set[str]) -> str:
-    """Return what values a JSON Schema allows, in words."""
+    """Return the values that a JSON Schema allows, in words."""
     if "$ref" in schema:
         name = _name(schema)
         if name in here:
@@ -298,25 +298,25 @@ def _range(schema: Schema) -> str:
 # Units and quantities
 
 
-READ_AS: Final = {  # quantity: what its texts become
-    "TIME": "ticks, rounded; where a mean is meant, not rounded",
+READ_AS: Final = {  # quantity: the value that its text becomes
+    "TIME": "ticks, rounded; not rounded if the key is a mean",
     "MOMENT": "the tick, rounded",
     "DUE": "ticks after the release, or {at: the tick of the clock time}, rounded",
     "STEP": "ticks of a move: `units.cell` / speed, rounded",
     "TURN": "ticks of a turn by 90 degrees, rounded",
-    "GAP": "ticks from one to the next: 1 / rate; rounded, but for means",
-    "PROBABILITY": "the probability in a tick, not rounded",
-    "CHARGE_RATE": "percent of a full battery in a tick, not rounded",
+    "GAP": "ticks between two events: 1 / rate; rounded, except for means",
+    "PROBABILITY": "the probability per tick, not rounded",
+    "CHARGE_RATE": "percent of a full battery per tick, not rounded",
     "CELLS": "cells, rounded",
     "LENGTH": "the unit of `units.cell`, not rounded",
     "SECONDS": "seconds, not rounded",
     "MINUTES": "minutes, not rounded",
 }
 QUANTITY_RULES: Final = """
-A number is what it always was: ticks, cells, a probability or percent in a tick. Text with a unit
-says the same in the units of the warehouse, wherever the table below names the key: `20 s` and
-`20s`, `1.5min`, `1e3 ms`, `00:10:00` (hours, minutes, seconds). It takes `units.tick` to be a time,
-speeds and lengths in metres or feet also `units.cell`:
+A plain number is in ticks, in cells, or a probability or percentage per tick. The keys in the table
+below also accept text with a unit: `20 s` or `20s`, `1.5min`, `1e3 ms`, `00:10:00` (hours, minutes,
+seconds). Such text requires that `units.tick` is a time; speeds and lengths in metres or feet also
+require `units.cell`:
 
 ```yaml
 units: {tick: 0.5 s, cell: 1.2 m, clock: "2026-03-02 06:00"}
@@ -325,29 +325,28 @@ stop: {max_duration: 8 h}
 faults: {mtbf: 400 h, repair_time: 2 h}
 ```
 
-Texts are read as exact fractions. A duration becomes floor(wanted / tick + 1/2) ticks; means, rates
-and probabilities are not rounded. `automaton check` lists every conversion that is not exact
-(`durations.move 1.5 m/s: 1.6 ticks -> 2, 25 % slower`) and warns above 2 %, with the largest of the
-ticks 1, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02 and 0.01 s with which all are within 2 %. A time above 0
-that would be 0 ticks is an error.
+Text is read as an exact fraction. A duration becomes floor(duration / tick + 1/2) ticks; means, rates
+and probabilities are not rounded. `automaton check` lists every inexact conversion
+(`durations.move 1.5 m/s: 1.6 ticks -> 2, 25 % slower`) and warns of errors above 2 %. The warning
+names the largest tick (of 1, 0.5, 0.25, 0.2, 0.1, 0.05, 0.02 and 0.01 s) that keeps all errors within
+2 %. A time above 0 that would become 0 ticks is an error.
 
 A **clock time** is a date with a time, `2026-03-02 06:30`, or a time, `"06:30"`, on the day of
-`units.clock`, which is the time of tick 0. It has two parts; a duration has three, so `00:10` is
-refused where a duration is wanted. Where both are possible and there is a clock, three parts
-without a date are refused. What YAML itself would read as a number to base 60 (`10:00`) has to be
-quoted: `"10:00"`.
+`units.clock`, which is the time of tick 0. A clock time has two parts and a duration has three, so a
+duration must not be written `00:10`. If a key accepts both and the scenario has a clock, three parts
+need a date. Quote a time that YAML would read as a number to base 60: `"10:00"`.
 
-`--set` and the levels of a study take the same texts, files of orders
-[some of them](../how-to/orders-from-a-warehouse-system.md), and `--target` of `size` takes times:
+`--set` and the levels of a study accept the same texts. Files of orders accept
+[some of them](../how-to/orders-from-a-warehouse-system.md), and `--target` of `size` accepts times:
 `'lead_time_p95<=15min'`.
 
-A parameter of your own strategy takes such texts if it is declared as one, for example as
-`Annotated[int, quantity(TIME, ge=1)]`; both names come from `automaton.scenario.quantities`.
+A parameter of your own strategy accepts such text if you declare it as a quantity, for example
+`Annotated[int, quantity(TIME, ge=1)]`; import both names from `automaton.scenario.quantities`.
 """
 
 
 def quantities_page() -> str:
-    """Units, what may be written with them, and the keys that take it."""
+    """Units, texts with units, and the keys that accept them."""
     units = [
         (code(symbol), ", ".join(map(code, SPELLED.get(symbol, ()))), f"{decimal(size)} {base}")
         for table_of_units, base in ((TIME_UNITS, "s"), (LENGTH_UNITS, "m"))
@@ -366,8 +365,8 @@ def quantities_page() -> str:
         "Units and quantities",
         QUANTITY_RULES,
         "## What may be written\n\n" + table(("text", "read as", "keys"), rows),
-        "## Units\n\nA speed is a length, `cells` or `deg` in a time (`m/s`, `km/h`, `cells/s`, "
-        "`deg/s`), a rate is `/` and a time (`/h`) or percent in it (`%/h`).\n\n"
+        "## Units\n\nA speed is a length, `cells` or `deg` per time (`m/s`, `km/h`, `cells/s`, "
+        "`deg/s`). A rate is `/` and a time (`/h`), or percent per time (`%/h`).\n\n"
         + table(("unit", "also", "is"), units),
     )
 
@@ -400,8 +399,8 @@ def _keys_of(plan: Plan, key: str) -> Iterator[tuple[str, Quantity]]:
 QUESTIONS: Final = {
     "zoning": "Which robot serves which part of the floor?",
     "charging": "When, where and how long does a robot charge?",
-    "allocation": "Which order does a robot do next, and where is its load dropped?",
-    "routing": "Which cells does it drive through?",
+    "allocation": "Which order does a robot do next, and where does it drop the load?",
+    "routing": "Which cells does a robot drive through?",
     "right_of_way": "Who moves, and what does a blocked robot do?",
 }
 
@@ -416,11 +415,11 @@ def strategies_page() -> str:
     ]
     return page(
         "Strategies and their parameters",
-        "A scenario picks one strategy for each layer, by its name (`strategy: {routing: astar}`) or "
-        "with parameters (`strategy: {routing: {name: astar, tie_break: fifo}}`). `none` stands for "
-        "no zoning and no charging. Lengths are in the unit of `units.cell`, or in cells where the "
-        "scenario does not say how large a cell is; where `units.tick` does not say how long a tick "
-        "is, a tick counts as a second. A strategy of your own is `module:Class`; see "
+        "A scenario selects one strategy for each layer, by name (`strategy: {routing: astar}`) or "
+        "with parameters (`strategy: {routing: {name: astar, tie_break: fifo}}`). `none` means "
+        "no zoning or no charging. Lengths are in the unit of `units.cell`, or in cells if the "
+        "scenario does not set it. If `units.tick` is not a time, a tick counts as one second. "
+        "A strategy of your own is `module:Class`; see "
         "[your own strategy](../tutorials/your-own-strategy.md).",
         *sections,
     )
@@ -479,27 +478,27 @@ HIDDEN_EXTENTS: Final = {  # along which limited sight hides rows (automaton.eng
     facilities.Design: ("S", "Z", "M"),
 }
 COMMAND_MEANINGS: Final = {
-    "CMD_TAKE_ORDER": "allocation: reserve an order and drive to where it begins: where its load is "
-    "picked up, or to its next stop",
+    "CMD_TAKE_ORDER": "allocation: reserve an order and drive to the pickup of its load, or to its "
+    "next stop",
     "CMD_DROP_AT": "allocation: reserve a slot and drive to drop the load there",
     "CMD_PARK": "allocation: drive home; illegal for a robot that has an order or a load",
     "CMD_STEP": "right of way: one move, or the turn before it",
     "CMD_WAIT": "right of way: wait for some ticks",
-    "CMD_RETREAT": "right of way: begin a retreat, and be asked for each of its moves; of no moves: plan "
-    "again where the robot stands",
-    "CMD_HOLD": "right of way that steers: stay for this tick, which is lost",
-    "CMD_GO": "right of way that steers: turn towards a direction, or move in it; out of the parking bay",
+    "CMD_RETREAT": "right of way: begin a retreat; the strategy is asked for each of its moves. A "
+    "retreat of no moves plans again from the robot's cell",
+    "CMD_HOLD": "right of way that steers: wait one tick (counted in `lost_held_back`)",
+    "CMD_GO": "right of way that steers: turn towards a direction, move in it, or leave the parking bay",
 }
 NAMED_VALUES: Final = {state.NIL: "NIL", state.KEEP: "KEEP", state.NEVER: "NEVER"}
 FULL_SHELF: Final = (
-    "A shelf holds one load. To drop a load at a full shelf, or at one that another robot has reserved, "
-    "is illegal, as is to take an order that another robot has reserved, unless it has no load and "
-    "none of its stops is done: then that robot loses it, and is asked again. A batch gives an order "
-    "to one robot at most. The view has the reservations that were made before this batch: "
-    "`order_taken` and `slot_taken` are there to mark what was given to the robots before in the "
-    "batch, and the engine does not read what strategies write there. A robot that gets nothing "
-    "is asked again once an order or a reservation has changed; with `ask_again` it is asked in the "
-    "next tick, as where the target of its load is full.\n"
+    "A shelf holds one load. It is illegal to drop a load at a shelf that is full or reserved by "
+    "another robot. It is illegal to take an order that another robot has reserved, unless that robot "
+    "has no load and has done none of its stops; it then loses the order and is asked again. A batch "
+    "gives an order to at most one robot. The view shows the reservations made before this batch. In "
+    "`order_taken` and `slot_taken` a strategy may mark what it assigned earlier in this batch; the "
+    "engine ignores these marks. A robot that gets nothing is asked again once an order or a "
+    "reservation has changed. With `ask_again` it is asked in the next tick, as is a robot whose load "
+    "has a full target.\n"
 )
 PUBLIC_CLOCK: Final = (
     *("tick", "undelivered", "revision", "next_release", "robots_down", "open_jobs"),
@@ -521,24 +520,25 @@ def contract_page() -> str:
     return page(
         "What a strategy sees and decides",
         "A strategy is called as `decide(view, batch, decisions, memory, workspace)`. How to write one: "
-        "[your own strategy](../tutorials/your-own-strategy.md). What it imports is all in "
+        "[your own strategy](../tutorials/your-own-strategy.md). Import everything from "
         "`automaton.strategy.api`: the class `Strategy`, the names in capitals, declarations of "
-        "states and kernels. `NIL` (-1) means none. n robots are stored at indices, which "
-        "`view.robots` and `batch.robot` use; whatever refers to a robot from elsewhere has its "
-        "identity, and `view.robots.at_index` leads from there to the index. m orders, s slots, "
-        "K types of robots, C cells: a flat cell is `y * view.grid.width + x`, counted with the border, "
-        "so that cell [0, 0] of a scenario has x = y = 1. Directions are 0 east, 1 south, 2 west, "
+        "states and kernels. `NIL` (-1) means none. `view.robots` and `batch.robot` use storage "
+        "indices of the n robots. All other references to a robot are its identity; "
+        "`view.robots.at_index` maps an identity to an index. The other dimensions are m orders, "
+        "s slots, K types of robots and C cells. A flat cell is `y * view.grid.width + x`, counted with "
+        "the border: cell [0, 0] of a scenario has x = y = 1. Directions are 0 east, 1 south, 2 west, "
         "3 north.",
         "## What it is asked\n",
-        "The first `batch.count` rows are robots that the layer is asked about, by identity. A field of "
-        "kind `() int64` is a number, which Python and kernels read and write as an attribute.\n",
+        "The first `batch.count` rows are the robots that the layer must decide about, ordered by "
+        "identity. A field of kind `() int64` is a number, which Python and kernels read and write as an "
+        "attribute.\n",
         _fields_table(state.Batch, "", {}),
         table(("reason", "meaning"), _constants("REASON_")),
         "## What it sees\n",
-        "`view` is the whole world, read-only. Where a strategy may not see all "
-        "([what robots know](../explanation/information.md)), rows of what is out of sight have the "
-        "value of the last column; where it is empty the field is always seen. "
-        "`view.traffic.holder` is entered for strategies with `holders = True`.\n",
+        "`view` is the whole world, read-only. If a strategy sees only a part of it "
+        "([what robots know](../explanation/information.md)), rows out of sight have the value in the "
+        "last column; fields without such a value are always visible. "
+        "`view.traffic.holder` is filled only for strategies with `holders = True`.\n",
         *(f"### view.{name}\n\n{_seen_section(one)}" for name, one in SEEN.items()),
         f"### view.clock\n\n{_summary(state.Clock)} Kernels and Python read `view.clock.tick`.\n",
         table(
@@ -554,25 +554,26 @@ def contract_page() -> str:
             ),
         ),
         "## What it decides\n",
-        "Row k of `decisions.<layer>` is about robot `batch.robot[k]`. All decisions begin as in the "
-        "last column; KEEP lets a robot go on. An illegal one costs the robot a tick and is counted.\n",
+        "Row k of `decisions.<layer>` is for robot `batch.robot[k]`. The last column has the initial "
+        "value of each decision; KEEP lets a robot continue. An illegal decision costs the robot a tick "
+        "and is counted.\n",
         *(f"### decisions.{name}\n\n{_decided_section(one)}" for name, one in DECIDED.items()),
         "### Commands\n",
         table(
             ("command", "meaning"), ((code(n), COMMAND_MEANINGS[n]) for n in _names(state, "CMD_"))
         ),
         "## What it remembers\n",
-        "A state is declared as the world is: `field(kind, meaning, role=CONSTANT)`. Declare a number "
-        'that the strategy writes as `calls: int = field("() int64")` and write `state.calls += 1`; a '
-        "number declared as `int64` cannot be written. A strategy needs the roles CONSTANT, SCRATCH and "
-        "STOP. A field without a "
-        "role is kept from tick to tick and goes on in a branch, as STATE does, but is not in the "
-        "digest, which has fields of the world alone. Under a radius a robot sees its own row of fields "
-        "whose first extent is `n`, and zeros in others, unless these are CONSTANT.\n",
+        "Declare a state in the same way as the world: `field(kind, meaning, role=CONSTANT)`. Declare a "
+        'number that the strategy writes as `calls: int = field("() int64")` and write '
+        "`state.calls += 1`; a number declared as `int64` cannot be written. The roles for strategies "
+        "are CONSTANT, SCRATCH and STOP. A field without a role persists from tick to tick and continues "
+        "in a branch, as STATE does, but it is not part of the digest, which covers only the world. "
+        "Under a radius a robot sees its own row of fields whose first dimension is `n`. All other "
+        "fields except CONSTANT ones are zeros.\n",
         table(("role", "meaning"), _roles()),
         "## One robot at a time\n",
-        "With `@per_robot(layer)` a strategy is a function `decide(me, view)`, which returns one of the "
-        "decisions below, or None to go on (`automaton.strategy.per_robot`). "
+        "With `@per_robot(layer)` a strategy is a function `decide(me, view)` that returns one of the "
+        "decisions below, or None to continue (`automaton.strategy.per_robot`). "
         "`@per_robot(layer, memory=2)` gives each robot two numbers of its own, 0 at first, in "
         "`me.memory`.\n",
         *(
@@ -586,22 +587,23 @@ def contract_page() -> str:
         "### Decisions\n",
         table(("decision", "meaning"), _functions(per_robot, "Decision")),
         "## What it may call\n",
-        "In Python; robots are storage indices, cells are flat. From `automaton.strategy.orders`, where "
-        "`out` is `decisions.allocation`, and `k` the place of a robot in the batch:\n",
+        "In Python, robots are storage indices and cells are flat. From `automaton.strategy.orders`, "
+        "where `out` is `decisions.allocation` and `k` is the row of a robot in the batch:\n",
         table(("function", "meaning"), _functions(orders)),
         "From `automaton.strategy.paths`:\n",
         table(("function", "meaning"), _functions(paths)),
         "In kernels, from `automaton.strategy.api`:\n",
         table(("kernel", "meaning"), _kernels()),
-        "Distance tables with weights of a strategy's own, in addition to those of the robot types, come "
-        "from `automaton.strategy.api` too; its state holds them, `reset` builds them.\n",
+        "`automaton.strategy.api` also has distance tables with a strategy's own weights, in addition to "
+        "the tables of robot types. The strategy's state holds them, and its `reset` builds them.\n",
         table(("function", "meaning"), _functions(weighted_tables)),
-        "`workspace` is what they search in; `workspace.stop[0]` is not 0 once the run is given up.\n",
+        "These functions use `workspace` as scratch memory; `workspace.stop[0]` becomes nonzero when the "
+        "run is aborted.\n",
     )
 
 
 def _fields_table(struct: type[Struct], column: str, values: dict[str, int]) -> str:
-    """Return a table of the fields of a struct, with these values in the last column, if any."""
+    """Return a table of the fields of a struct, with a last column of `values` if given."""
     rows = (
         (code(name), code(one.kind), one.meaning, _value(values.get(name)))
         for name, one in struct._declared.items()
@@ -629,31 +631,31 @@ def _seen_section(struct: type[Struct]) -> str:
 
 def _decided_section(struct: type[Struct]) -> str:
     defaults = {name: one.default for name, one in struct._declared.items()}
-    text = _fields_table(struct, "begins as", defaults)
+    text = _fields_table(struct, "initially", defaults)
     return f"{text}\n{FULL_SHELF}" if struct is state.AllocationDecisions else text
 
 
 def _names(module: Any, prefix: str) -> list[str]:
-    """The names of whole numbers in a module that begin with a prefix."""
+    """The names with this prefix of whole numbers in a module."""
     numbers = (name for name, value in vars(module).items() if isinstance(value, int))
     return [name for name in numbers if name.startswith(prefix) and name not in NO_VALUES]
 
 
 def _constants(prefix: str) -> Iterator[tuple[str, str]]:
-    """Yield the constants of the state with a prefix, each with the comment behind it."""
+    """Yield the constants of `state` with this prefix, each with its trailing comment."""
     for name in _names(state, prefix):
         yield code(name), _comment(state, name)
 
 
 def _roles() -> Iterator[tuple[str, str]]:
-    """Yield the roles of fields, each with the comment behind it."""
+    """Yield the roles of fields, each with its trailing comment."""
     for name, value in vars(structs).items():
         if name.isupper() and not name.startswith("_") and isinstance(value, str):
             yield code(name), _comment(structs, name)
 
 
 def _comment(module: Any, name: str) -> str:
-    """The comment behind the constant of a module."""
+    """The trailing comment of a constant."""
     found = re.search(
         rf"^{name}: Final = .*?(?:  # (.*))?$", inspect.getsource(module), re.MULTILINE
     )
@@ -661,7 +663,7 @@ def _comment(module: Any, name: str) -> str:
 
 
 def _members(kind: type) -> Iterator[tuple[str, str]]:
-    """Yield the public attributes of a class: fields with the comment behind them, then the others."""
+    """Yield the public attributes of a class: fields with their comments, then the others."""
     stored = r"^ +(?:self\.([a-z]\w*) = \w+|([a-z]\w*): int(?: = \w+)?)(?:  # (.*))?$"
     for assigned, declared, comment in re.findall(stored, inspect.getsource(kind), re.MULTILINE):
         yield code(assigned or declared), comment
@@ -673,7 +675,7 @@ def _members(kind: type) -> Iterator[tuple[str, str]]:
 
 
 def _functions(module: Any, result: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the public functions of a module, those that return `result` if that is given."""
+    """Yield the public functions of a module, only those that return `result` if given."""
     for name, one in vars(module).items():
         is_own = inspect.isfunction(one) and one.__module__ == module.__name__
         if (
@@ -685,7 +687,7 @@ def _functions(module: Any, result: str = "") -> Iterator[tuple[str, str]]:
 
 
 def _kernels() -> Iterator[tuple[str, str]]:
-    """What the page of strategies offers for compiled code, by name."""
+    """Yield the public kernels for strategies, by name."""
     for name, one in sorted(vars(api).items()):
         function = getattr(one, "py_func", None)
         if function is not None:
@@ -730,17 +732,17 @@ def floors_page() -> str:
         "from 0 at the upper left. Stations are numbered from 1, row by row from above and each row "
         "from the left.",
         "## Symbols\n",
-        "`A` to `Z` are starts of robots, on plain floor or on a crossing. `legend` adds symbols of "
-        "your own: `x: {kind: floor, capacity: 2, exits: [east, west]}`.\n",
+        "`A` to `Z` are starts of robots, on plain floor or on a crossing. Define your own symbols in "
+        "`legend`: `x: {kind: floor, capacity: 2, exits: [east, west]}`.\n",
         table(("symbol", "kind", "robots at a time", "exits", "load"), symbols),
-        "Shelves, destinations, racks and docks are not driven over. They are served from the "
-        "cells next to them: from the east if possible to pick, then west, south, north; from the "
-        "west to drop, then east, north, south (`world: {access_cell: fixed}`); or from the cell "
-        "that is nearest to the robot in rows and columns (`nearest`; a strategy of your own may "
-        "choose any). `=` is a passing aisle: one robot each way. A floor with a single exit is "
-        "one-way: it is entered from behind and from the sides. A parking bay opens on a "
-        "neighbour; a first column of parking bays is x = -1. A matrix has no stations and no "
-        "chargers: draw such floors. In pictures of a run `@` is a cell with several robots.\n",
+        "Robots do not drive over shelves, destinations, racks and docks, but serve them from an "
+        "adjacent cell. With `world: {access_cell: fixed}` this is the first drivable side in the order "
+        "east, west, south, north to pick, and west, east, north, south to drop. With `nearest` it is "
+        "the adjacent cell nearest to the robot in rows and columns; a strategy of your own may choose "
+        "any. `=` is a passing aisle: one robot each way. Floor with a single exit is one-way: robots "
+        "enter it from behind and from the sides. A parking bay opens to one neighbour; a first column "
+        "of parking bays is x = -1. A matrix cannot have stations or chargers: draw such floors. In "
+        "pictures of a run, `@` is a cell with several robots.\n",
         "## Kinds of cells\n",
         table(("kind", "meaning"), ((code(kind.name), kind.meaning) for kind in CELL_KINDS)),
         "## Drawn floors\n",
@@ -766,15 +768,14 @@ def metrics_page() -> str:
     """Every metric of a run, with its unit and meaning."""
     return page(
         "Metrics",
-        "`run` prints them in this order, `run --json` has them under `metrics`, and each is a column "
-        "in the rows of a sweep. A metric that a run did not measure is absent, not 0. Robot ticks "
-        "are summed over all robots. Active ticks are those in which a robot moves, turns, picks up, "
-        "drops, stands at a stop, charges or waits for a charger, and those lost in waits, refused moves "
-        "and retreats; not those in the queue of a station, held back, at gates, delayed or down. "
-        "A strategy may add metrics of its own, which come last. "
-        "`measure: {warm_up: N}` in a scenario adds metrics of tasks, over what is taken after N ticks; "
-        "under `stop: {when: never}` all metrics of sweeps and of `size` leave these ticks out, while "
-        "`run` covers the whole run.",
+        "`run` prints the metrics in this order, `run --json` has them under `metrics`, and each is a "
+        "column in the rows of a sweep. A metric that a run did not measure is absent, not 0. Robot "
+        "ticks are summed over all robots. Active ticks are those in which a robot moves, turns, picks "
+        "up, drops, stands at a stop, charges or waits for a charger, and those lost in waits, refused "
+        "moves and retreats. Ticks in the queue of a station, held back, at gates, delayed or down are "
+        "not active. Metrics that a strategy adds come last. `measure: {warm_up: N}` in a scenario adds "
+        "metrics of the tasks taken after N ticks. Under `stop: {when: never}`, all metrics of sweeps "
+        "and of `size` exclude these ticks, while `run` covers the whole run.",
         table(
             ("metric", "unit", "meaning"),
             ((code(name), unit, meaning) for name, (unit, meaning) in METRIC_CATALOGUE.items()),
@@ -783,7 +784,7 @@ def metrics_page() -> str:
 
 
 def foreign_actions() -> set[str]:
-    """The actions that layers and panels of other installed packages bring, and none of ours has."""
+    """The actions that only layers and panels of other installed packages have."""
     own: set[str] = set()
     others: set[str] = set()
     for registered in (layers(), panels()):
@@ -793,7 +794,7 @@ def foreign_actions() -> set[str]:
 
 
 def keys_page() -> str:
-    """The keys of the viewer, from its bindings; those of plug-ins are left out."""
+    """The keys of the viewer, from its bindings, without those of plug-ins."""
     brought = foreign_actions()
     sections = [
         f"## {topic.name}\n\n"
@@ -813,19 +814,19 @@ def keys_page() -> str:
     ]
     return page(
         "Keys of the viewer",
-        "`?` shows the same in the viewer. The mouse works as well: click a robot, a shelf or a cell, "
-        "drag the map or the timeline, and turn the wheel to zoom.",
+        "Press `?` in the viewer for the same list. The mouse works, too: click a robot, a shelf or a "
+        "cell, drag the map or the timeline, and turn the wheel to zoom.",
         *sections,
     )
 
 
 def conditions_page() -> str:
-    """Conditions on robots, and the causes of lost time that they can name."""
+    """Conditions on robots, and the causes of lost time for use in them."""
     return page(
         "Conditions and causes of waiting",
-        "The viewer stops at a condition (`b`), and finds the robots that meet one (`/`). A condition "
-        "is one of the events below, or compares fields of a robot and joins comparisons with `and`, "
-        "`or` and `not`, as in `loaded and waiting > 20` or `cause == 'head-on'`.",
+        "The viewer can stop at a condition (`b`) and find the robots that meet one (`/`). A condition "
+        "is one of the events below, or comparisons of fields of a robot, joined with `and`, `or` and "
+        "`not`: `loaded and waiting > 20`, `cause == 'head-on'`.",
         "## Events\n",
         table(
             ("condition", "holds when"), ((code(name), meaning) for name, meaning in EVENTS.items())
@@ -833,7 +834,7 @@ def conditions_page() -> str:
         "## Fields of a robot\n",
         table(("field", "meaning"), ((code(name), meaning) for name, meaning in FIELDS.items())),
         "## Causes of waiting\n",
-        "Every tick in which a robot waits has exactly one cause; `explain` and the panels of the "
+        "Each tick in which a robot waits has exactly one cause; `explain` and the panels of the "
         "viewer show it.\n",
         table(
             ("cause", "what is shown", "rule or reason"),
@@ -842,15 +843,15 @@ def conditions_page() -> str:
     )
 
 
-TABLE_ROWS: Final = {  # of each table: what a row is
-    "orders": "an order that the scenario asks for",
-    "lines": "a line of an order; none where orders have no lines",
+TABLE_ROWS: Final = {  # table: what a row stands for
+    "orders": "an order of the scenario",
+    "lines": "a line of an order; the table is empty if orders have no lines",
     "trips": "a pod that is lifted, carried to stations and stored; without lines, an order",
-    "events": "something that happened; with `--events`",
+    "events": "an event; with `--events`",
     "states": "a robot after a tick; with `--states`",
-    "robots": "a robot, with what `run --json` has of it",
-    "stations": "a station to which pods are carried, or that works on parts",
-    "cells": "a cell that robots drive on; with `--events` or `--states`",
+    "robots": "a robot, with its values in `run --json`",
+    "stations": "a station that receives pods or works on parts",
+    "cells": "a drivable cell; with `--events` or `--states`",
 }
 
 
@@ -868,21 +869,22 @@ def tables_page() -> str:
         "The tables of `automaton run SCENARIO --csv DIR`, `--parquet` and `--xlsx`, of "
         "`simulate(tables=True)` and of recordings: "
         "[how to make them](../how-to/tables-for-pandas-and-excel.md). "
-        "Where a tick is a time, each column of ticks has one of seconds beside it, `done_s` beside "
-        "`done`. Robots, orders, lines and trips count from 0, pods from 1. What is not known is empty.",
+        "If `units.tick` is a time, each column in ticks has a companion in seconds, such as `done_s` "
+        "for `done`. Robots, orders, lines and trips are numbered from 0, pods from 1. Unknown values "
+        "are empty.",
         *sections,
         f"## Names of events\n\n{events}. Causes are those of [waiting](conditions.md).\n",
     )
 
 
 def formats_page() -> str:
-    """Recordings and folders of results: numbers, frames and columns."""
+    """Recordings and folders of results: format numbers, frames and columns."""
     kinds = {
-        contents.FRAME_KIND_HEADER: "what the run follows from",
-        contents.FRAME_KIND_CONDITIONS: "what holds from the next tick on: at tick 0, and at each branch",
+        contents.FRAME_KIND_HEADER: "the inputs of the run",
+        contents.FRAME_KIND_CONDITIONS: "settings from the next tick on: at tick 0 and at each branch",
         contents.FRAME_KIND_KEYFRAME: f"the state, every {KEYFRAME_TICKS:,} ticks and at the end",
         contents.FRAME_KIND_TICKS: (
-            f"decisions, actions, changes, digests of {contents.FRAME_TICKS} ticks at most"
+            f"decisions, actions, changes and digests of up to {contents.FRAME_TICKS} ticks"
         ),
         contents.FRAME_KIND_END: "how the run ended; absent if the recording was cut short",
     }
@@ -897,23 +899,23 @@ def formats_page() -> str:
     columns = [(code(name), kind) for name, kind in study.RESULT_COLUMNS.items()]
     return page(
         "Formats of files",
-        "Both formats carry a number. A file of another format is refused with a sentence.",
+        "Each format has a number. A file with another number is rejected with an error message.",
         f"## Recordings (format {frames.RECORDING_FORMAT})\n",
         "A recording is one append-only file: a preamble (magic bytes and the format number), then "
-        "frames. A frame is its kind, length, last tick, a CRC-32, a seal (a hash of the frame and of "
-        "the seal before it) and its payload, MessagePack compressed by zlib. Arrays are "
+        "frames. A frame has its kind, length, last tick, a CRC-32, a seal (a hash of the frame and of "
+        "the previous seal) and its payload: MessagePack compressed by zlib. Arrays are "
         "little-endian.\n",
         table(("frame", "content", "fields"), rows),
-        "A keyframe holds these arrays:\n",
+        "A keyframe contains these arrays:\n",
         table(("part", "arrays"), state),
         f"## Results of a sweep (format {run_keys.MANIFEST_FORMAT})\n",
-        "The folder has `study.yaml` with copies of the scenarios and files that it needs, "
-        "`sweep.json` (format, study, code and what was declared when), and `rows/*.parquet`. A row is "
-        "a run; after these columns come one for each factor and one for each [metric](metrics.md), "
-        "null where the run has none. `delivered` and metrics are those after the warm-up, if there is "
-        "one; `ticks` and `orders` are of the whole run. Studies of a steady state add "
-        f"`{study.SERIES_COLUMN}` (deliveries in windows) and "
-        f"`{study.SUMS_COLUMN}` (sums by stretch).\n",
+        "The folder contains `study.yaml` with copies of the scenarios and files that it needs, "
+        "`sweep.json` (format, study, code, and declarations with their times), and `rows/*.parquet`. A "
+        "row is a run. After the columns below come one for each factor and one for each "
+        "[metric](metrics.md), which is null if the run did not measure it. `delivered` and the metrics "
+        "exclude the warm-up, if there is one; `ticks` and `orders` cover the whole run. Studies of a "
+        f"steady state add `{study.SERIES_COLUMN}` (deliveries per window) and "
+        f"`{study.SUMS_COLUMN}` (sums per stretch).\n",
         table(("column", "type"), columns),
     )
 
@@ -922,7 +924,7 @@ def formats_page() -> str:
 
 
 def python_page() -> str:
-    """The functions and classes of the front door, from their docstrings."""
+    """The functions and classes of the package `automaton`, from their docstrings."""
     returned = {"simulate": headless.Outcome, "read": python_api.RecordedRun}
     sections = []
     for name in automaton.OFFERED:
@@ -936,8 +938,9 @@ def python_page() -> str:
             sections += [f"### {kind.__name__}\n", _prose(kind), table(("member", "meaning"), rows)]
     return page(
         "Python API",
-        "What `import automaton` offers. Each name is imported when it is first used, so that the import "
-        "takes no time. An InputError is one sentence: where, what was found, what is allowed. See also "
+        "The names that `import automaton` offers. Each is loaded when first used, so the import itself "
+        "is fast. An InputError is one sentence: the place, the value found, and the allowed values. See "
+        "also "
         "[keys of scenarios](scenario.md), [metrics](metrics.md) and "
         "[what a strategy sees and decides](strategy-contract.md).",
         *sections,
@@ -945,7 +948,7 @@ def python_page() -> str:
 
 
 def _prose(thing: Any) -> str:
-    """A docstring as Markdown: what is indented in it is Python."""
+    """A docstring as Markdown; its indented lines are Python."""
     lines: list[str] = []
     for part in re.split(
         r"(?:^|\n\n)((?:    .*(?:\n|$)|\n+(?=    ))+)", inspect.getdoc(thing) or ""
@@ -959,7 +962,7 @@ def _prose(thing: Any) -> str:
 
 
 def _members_whole(kind: type) -> Iterator[tuple[str, str]]:
-    """Yield the public methods and properties of a class with their whole docstrings."""
+    """Yield the public methods and properties of a class with their full docstrings."""
     for name, member in vars(kind).items():
         if not name.startswith("_") and (
             inspect.isfunction(member) or isinstance(member, property)
@@ -969,7 +972,7 @@ def _members_whole(kind: type) -> Iterator[tuple[str, str]]:
 
 
 def _outcome_rows(kind: type) -> Iterator[tuple[str, str]]:
-    """Yield the fields of a NamedTuple with the comments behind them, then its methods."""
+    """Yield the fields of a NamedTuple with their comments, then its methods."""
     for line in inspect.getsource(kind).splitlines():
         field = re.match(r"    (\w+): [^#]*(?:# (.*))?$", line)
         if field:

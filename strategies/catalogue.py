@@ -1,7 +1,7 @@
 """The table of built-in strategies: name, implementation, parameters.
 
-Neither it nor the modules `*_parameters` import Numba: whoever reads, checks or lists scenarios starts
-without it. So parameters do not lie beside what they are of.
+Neither this module nor the `*_parameters` modules import Numba, so reading, checking and listing
+scenarios starts fast. This is why parameters are not beside their strategies.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ from strategies.routing.routing_parameters import (
 )
 from strategies.zoning.zoning_parameters import Annealing, Decentralized, Genetic, Monitoring
 
-# What reads zone designs: (floor plan, roads, data, names of points) -> Design.
+# Reader of zone designs: (floor plan, roads, data, names of points) -> Design.
 ZONE_DESIGNS = "strategies.zoning.design_files:read_design"
 
 CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
@@ -50,7 +50,7 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
         "static": CatalogueEntry(
             "strategies.zoning.monitored:StaticZones",
             Monitoring,
-            "fixed zones; while they are unbalanced, robots share orders",
+            "fixed zones; robots share orders while the zones are unbalanced",
         ),
         "annealing": CatalogueEntry(
             "strategies.zoning.monitored:AnnealedZones",

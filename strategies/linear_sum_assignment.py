@@ -1,4 +1,4 @@
-"""Linear sum assignment: at most one column for each row, least sum of costs.
+"""Linear sum assignment: at most one column for each row, minimum total cost.
 
 Shortest augmenting paths with potentials (Jonker & Volgenant 1987), O(rows^2 x columns).
 """
@@ -9,8 +9,8 @@ import numpy as np
 
 from automaton.strategy.api import NIL, SCRATCH, Array, Struct, field, kernel
 
-INF_COST: Final = 1 << 60  # a cost that stands for "not at all"
-NO_EDGE: Final = 1 << 50  # what a pair that may not be costs on a path
+INF_COST: Final = 1 << 60  # the cost of a forbidden pair
+NO_EDGE: Final = 1 << 50  # the cost of a forbidden pair on a path
 
 
 class Assignment(Struct, role=SCRATCH):
@@ -20,13 +20,13 @@ class Assignment(Struct, role=SCRATCH):
     row_price: Array = field("(q,) int64")
     column_price: Array = field("(q + 1,) int64")
     row_of: Array = field("(q + 1,) int32", "the row of a column, or NIL")
-    parent_column: Array = field("(q + 1,) int32", "the column before it on the path")
+    parent_column: Array = field("(q + 1,) int32", "the previous column on the path")
     slack: Array = field("(q + 1,) int64")
     visited: Array = field("(q + 1,) uint8")
 
 
 def assignment_for(most: int) -> Assignment:
-    """Scratch for so many rows and columns."""
+    """Scratch for up to this number of rows and columns."""
     return Assignment.sized({"q": most})
 
 
@@ -34,8 +34,8 @@ def assignment_for(most: int) -> Assignment:
 def linear_sum_assignment(cost, rows, columns, workspace):
     """workspace.row_of[:columns] = the row of each column, or NIL; rows <= columns.
 
-    cost: (>= rows, >= columns) int64, pairs that may not be cost INF_COST; a row that only such pairs
-    are left for stays without a column.
+    cost: (>= rows, >= columns) int64; forbidden pairs cost INF_COST. A row for which only forbidden
+    pairs remain gets no column.
     """
     for j in range(columns + 1):
         workspace.row_of[j] = NIL
@@ -43,7 +43,7 @@ def linear_sum_assignment(cost, rows, columns, workspace):
     for i in range(rows):
         workspace.row_price[i] = 0
     for i in range(rows):
-        # Column `columns` stands for the row that is entered.
+        # The virtual column `columns` stands for the new row.
         workspace.row_of[columns] = i
         j = augmenting_end(cost, columns, workspace)
         while j != columns:
@@ -57,7 +57,7 @@ def linear_sum_assignment(cost, rows, columns, workspace):
 
 @kernel
 def augmenting_end(cost, columns, workspace):
-    """The free column at which the shortest augmenting path ends; prices are brought up to date."""
+    """Update the prices; return the free column at which the shortest augmenting path ends."""
     for j in range(columns + 1):
         workspace.slack[j] = INF_COST
         workspace.visited[j] = 0

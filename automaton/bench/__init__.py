@@ -1,4 +1,4 @@
-"""The speed of this machine: what `automaton bench` measures, and how.
+"""The parts of `automaton bench`, which measures the speed of this machine.
 
 A part is a function that lists measurements; each prepares a world and then takes samples.
 """
@@ -9,7 +9,7 @@ from typing import Final, NamedTuple
 
 
 class BenchPart(NamedTuple):
-    """A group of measurements."""
+    """Measurements that are selected together."""
 
     place: str  # a module with `measurements()`, or module:function
     usual: bool  # measured by default
@@ -24,33 +24,33 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
         "whole runs of the table-top warehouse",
     ),
     "routes": BenchPart(
-        "automaton.bench.route_speed", True, "the loop: driving routes without decisions"
+        "automaton.bench.route_speed", True, "the tick loop with given routes, without decisions"
     ),
     "crowd": BenchPart(
-        "automaton.bench.crowd_speed", True, "look-ups of robots by cell; giving way in a crowd"
+        "automaton.bench.crowd_speed", True, "looking robots up by cell; giving way in a crowd"
     ),
     "observing": BenchPart(
         "automaton.bench.route_speed:observing_measurements",
         True,
-        "overhead of observation per tick",
+        "the time that observing adds to a tick",
     ),
     "steering": BenchPart(
         "automaton.bench.steering_speed",
         False,
-        "a tick of 400 and 10,000 robots under each right of way; takes minutes",
+        "a tick with 400 and with 10,000 robots under each right of way; takes some minutes",
     ),
     "pods": BenchPart(
         "automaton.bench.run_speed:pod_measurements",
         False,
-        "a tick of 30 robots that carry pods to six stations",
+        "a tick with 30 robots that carry pods to six stations",
     ),
     "recording": BenchPart(
         "automaton.bench.run_speed:recording_measurements",
         False,
-        "recording a run with pods and verifying it, as multiples of the run's time",
+        "recording and verifying a run with pods, relative to the run alone",
     ),
     "tables": BenchPart(
-        "automaton.bench.table_speed", True, "distance tables: computation and look-ups"
+        "automaton.bench.table_speed", True, "computing distance tables, and looking distances up"
     ),
     "plans": BenchPart(
         "automaton.bench.warehouse_speed", True, "A* and traffic avoidance on three warehouses"
@@ -58,42 +58,46 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
     "congestion": BenchPart(
         "automaton.bench.warehouse_speed:congestion_measurements",
         True,
-        "route searches over time, three warehouses",
+        "time-expanded route searches on three warehouses",
     ),
     "zones": BenchPart(
         "automaton.bench.warehouse_speed:zone_measurements",
         True,
-        "slow zones, and the network that predicts congestion",
+        "slow zones, and the network that predicts zones",
     ),
     "auctions": BenchPart(
-        "automaton.bench.auction_speed", True, "auctions with and without charging, and the optimum"
+        "automaton.bench.auction_speed",
+        True,
+        "auctions with and without charging, optimal assignment",
     ),
     "zoning": BenchPart(
         "automaton.bench.zoning_speed",
         False,
-        "days of a factory with zones, redesigns of zones; takes a minute",
+        "days of a factory in zones, and their redesign; takes a minute",
     ),
     "layers": BenchPart(
-        "automaton.bench.loop_speed:layer_measurements", True, "a layer asked every tick"
+        "automaton.bench.loop_speed:layer_measurements", True, "a layer that is called every tick"
     ),
     "loop": BenchPart(
-        "automaton.bench.loop_speed", True, "the loop with an idle fleet; the digest"
+        "automaton.bench.loop_speed", True, "the tick loop with an idle fleet; the digest"
     ),
-    "sweep": BenchPart("automaton.bench.sweep_speed", False, "overhead of a sweep; two workers"),
+    "sweep": BenchPart(
+        "automaton.bench.sweep_speed", False, "the overhead of a sweep with two workers"
+    ),
     "viewer": BenchPart(
-        "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; takes minutes"
+        "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; takes some minutes"
     ),
     "watching": BenchPart(
         "tui.bench.viewer_speed:planning_measurements",
         False,
-        "the viewer on 10,000 robots that plan (part of viewer); takes 1 to 2 minutes",
+        "the part of viewer with 10,000 robots that plan; takes a minute or two",
     ),
     "compile": BenchPart(
         "automaton.bench.startup_speed:first_run_measurements",
         False,
-        "first runs, which compile, in separate processes; takes minutes",
+        "first runs, which compile, in new processes; takes some minutes",
     ),
     "startup": BenchPart(
-        "automaton.bench.startup_speed", False, "start-up of commands in separate processes"
+        "automaton.bench.startup_speed", False, "the start of commands, in new processes"
     ),
 }

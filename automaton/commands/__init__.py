@@ -1,6 +1,6 @@
-"""The command line: finds the command, runs it, and turns what goes wrong into one sentence.
+"""The command line: find the command, run it, and report an error in one sentence.
 
-Commands are imported when they are asked for, so that `automaton --help` answers at once.
+A command's module is imported only when needed, so that `automaton --help` answers at once.
 """
 
 from __future__ import annotations
@@ -20,31 +20,34 @@ from automaton.errors import InputError, WorkerDiedError, nearest
 from automaton.printable import OutputError, PrintedText, one_line
 from automaton.runs.interruption import TerminatedError, signals_raise
 
-COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, what it does)
+COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, summary)
     "run": ("automaton.commands.run", "run a scenario and print its metrics"),
     "sweep": (
         "automaton.commands.sweep_command",
         "run or resume a study of many runs",
     ),
     "watch": ("automaton.commands.watch", "watch a scenario in the terminal"),
-    "replay": ("automaton.commands.replay", "look at a recording, or compare two"),
-    "explain": ("automaton.commands.explain", "say why a robot waits in a tick of a recording"),
+    "replay": ("automaton.commands.replay", "view a recording, or compare two"),
+    "explain": ("automaton.commands.explain", "explain why a robot waits at a tick"),
     "branch": ("automaton.commands.branch", "continue a recording from a tick with other settings"),
     "cast": ("automaton.commands.cast_command", "make a film or a picture of a recording"),
-    "serve": ("automaton.commands.serve", "show the viewer in a browser"),
+    "serve": ("automaton.commands.serve", "serve the viewer to browsers"),
     "report": ("automaton.commands.report_command", "report on the results of a sweep"),
     "size": ("automaton.commands.size_command", "find the smallest fleet that meets a target"),
-    "tune": ("automaton.commands.tune", "find the strategies that do best in a scenario"),
-    "reproduce": ("automaton.commands.reproduce", "print a published table beside ours"),
+    "tune": ("automaton.commands.tune", "find the best strategies for a scenario"),
+    "reproduce": ("automaton.commands.reproduce", "reproduce a published table"),
     "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),
-    "verify": ("automaton.commands.verify", "re-run a recording and name the first difference"),
+    "verify": (
+        "automaton.commands.verify",
+        "run a recording again and report the first difference",
+    ),
     "import": (
         "automaton.commands.import_command",
-        "make a scenario of a problem of another program",
+        "import a layout or benchmark from another tool",
     ),
     "export": (
         "automaton.commands.export_command",
-        "write a recording in the format of another program",
+        "export a recording or a floor for another tool",
     ),
     "check": ("automaton.commands.check", "check scenario and study files"),
     "schema": (
@@ -52,7 +55,7 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, w
         "print the JSON Schema of scenarios or studies",
     ),
     "list": ("automaton.commands.list_", "list scenarios, studies, floors and strategies"),
-    "compile": ("automaton.commands.compile_command", "compile before a batch what its runs need"),
+    "compile": ("automaton.commands.compile_command", "compile everything for a batch in advance"),
     "bench": ("automaton.commands.bench_command", "measure the speed of this machine"),
 }
 
@@ -89,8 +92,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         print("automaton: terminated", file=sys.stderr)
         return TERMINATED
     except KeyboardInterrupt:
-        # Python ends by the signal if the exception has passed through an `exec` of text, such as a
-        # dataclass that is made; the next one that passes makes it forget that.
+        # CPython exits by the signal if the exception has passed through an `exec` of text, as when
+        # a dataclass is created. Another `exec` clears that flag.
         exec("")
         print("automaton: interrupted", file=sys.stderr)
         return INTERRUPTED
@@ -137,7 +140,7 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
         )
     module_name, summary = COMMANDS[name]
     if os.getcwd() not in sys.path:
-        # So that "module:Class" in a scenario finds a file beside it; last, lest it hide another.
+        # "module:Class" in a scenario may name a file in this folder. Last: it must hide no module.
         sys.path.append(os.getcwd())
     COMPILING.on_terminal = sys.stderr.isatty()
     module = importlib.import_module(module_name)
@@ -146,8 +149,8 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
         description=(module.__doc__ or summary).split("\n\n")[0],
         allow_abbrev=False,
     )
-    # Taken out of the arguments before, since it may stand anywhere; named here for --help.
-    parser.add_argument("--debug", action="store_true", help="show tracebacks of errors")
+    # --debug may stand anywhere, so `main` has removed it; here it only appears in --help.
+    parser.add_argument("--debug", action="store_true", help="show the traceback of an error")
     module.add_arguments(parser)
     try:
         args, unknown = parser.parse_known_args(rest)
@@ -170,14 +173,14 @@ def usage() -> str:
         "Simulate fleets of mobile robots in warehouses as a cellular automaton.\n\n"
         f"commands:\n{commands}\n\n"
         f"options:\n"
-        f"  {'--help':<{width}}this text, or a command's own\n"
-        f"  {'--version':<{width}}the version; with --verbose, what it runs on\n"
-        f"  {'--debug':<{width}}show tracebacks of errors\n"
+        f"  {'--help':<{width}}show this text; after COMMAND, the help of that command\n"
+        f"  {'--version':<{width}}show the version; with --verbose, also Python and the machine\n"
+        f"  {'--debug':<{width}}show the traceback of an error\n"
     ).rstrip()
 
 
 def surroundings() -> str:
-    """What `automaton --version --verbose` says: versions and folders that a report of a fault needs."""
+    """The text of `automaton --version --verbose`: versions and folders for a bug report."""
     import platform
 
     import numba
@@ -187,9 +190,9 @@ def surroundings() -> str:
     from automaton.engine.jit.numba_parts import LINKS_OTHERWISE
     from automaton.runs.cores import cores
 
-    way = "in the fast way: what only kernels call is compiled once, inside its callers"
+    way = "the fast way: functions that only kernels call are compiled once, inside their callers"
     if LINKS_OTHERWISE:
-        way = f"one by one, which takes longer: in this Numba, {LINKS_OTHERWISE}"
+        way = f"one by one, which is slower: in this Numba, {LINKS_OTHERWISE}"
     return (
         f"Python {platform.python_version()}, Numba {numba.__version__}, NumPy {numpy.__version__}\n"
         f"{platform.system()} {platform.machine()}, {cores()} cores\n"
@@ -199,7 +202,7 @@ def surroundings() -> str:
 
 
 def commit_of(root: Path) -> str:
-    """ ", commit 1a2b3c4d" in a clone, "" elsewhere; from the files of Git, which may be absent."""
+    """Return ", commit 1a2b3c4d" in a clone, else ""; read from Git's files, as git may be absent."""
     folder = root / ".git"
     try:
         head = (folder / "HEAD").read_text("utf-8").strip()

@@ -1,4 +1,4 @@
-"""What several commands have: arguments, JSON, notes and progress on stderr."""
+"""What several commands share: arguments, JSON, and notes and progress on stderr."""
 
 from __future__ import annotations
 
@@ -29,9 +29,11 @@ if TYPE_CHECKING:
 
 
 def add_scenario_arguments(parser: argparse.ArgumentParser) -> None:
-    """Which scenario, with what changed: `scenario`, `seed` and `settings`."""
-    parser.add_argument("scenario", metavar="SCENARIO", help="a file, or a shipped scenario")
-    parser.add_argument("--seed", type=int, metavar="N", help="instead of the scenario's own")
+    """The scenario and the changes to it: `scenario`, `seed` and `settings`."""
+    text = "a scenario file, or the name of a shipped scenario"
+    parser.add_argument("scenario", metavar="SCENARIO", help=text)
+    text = "use this seed instead of the scenario's"
+    parser.add_argument("--seed", type=int, metavar="N", help=text)
     add_settings_argument(parser)
 
 
@@ -39,19 +41,19 @@ def add_settings_argument(
     parser: argparse.ArgumentParser,
     text: str = "change a value of the scenario, such as fleet.robots=3; may be repeated",
 ) -> None:
-    """What to change in a scenario: `settings`; `text` says what may change."""
+    """The changes to a scenario: `settings`; `text` says which values may change."""
     parser.add_argument(
         "--set",
         action=AppendSettings,
         default=[],
         dest="settings",
         metavar="KEY=VALUE",
-        help=f"{text}; @FILE: settings of a file",
+        help=f"{text}; @FILE reads settings from a file",
     )
 
 
 class AppendSettings(argparse.Action):
-    """Collects KEY=VALUE; of @FILE what the first two levels of its keys give."""
+    """Collect KEY=VALUE; @FILE adds a setting for each key of the first two levels of a file."""
 
     def __call__(
         self,
@@ -60,18 +62,19 @@ class AppendSettings(argparse.Action):
         values: Any,
         option_string: str | None = None,
     ) -> None:
-        """Add to what came before."""
+        """Append to the settings given before."""
         more = settings_in(Path(values[1:])) if values.startswith("@") else [values]
         setattr(namespace, self.dest, [*getattr(namespace, self.dest), *more])
 
 
 def settings_in(path: Path) -> list[str]:
-    """The settings in a file, as they are typed. Raises InputError."""
+    """The settings in a file, as KEY=VALUE. Raises InputError."""
     if not path.is_file():
         raise InputError("no such file", str(path))
     data, _ = parse(read_text(path), str(path))
     if not isinstance(data, dict):
-        raise InputError("a file of settings has keys of a scenario, such as strategy", str(path))
+        text = "a settings file must contain keys of a scenario, such as strategy"
+        raise InputError(text, str(path))
     return [
         f"{key}={json.dumps(value)}"
         for section, part in data.items()
@@ -84,17 +87,18 @@ def settings_in(path: Path) -> list[str]:
 
 
 def add_refinement_arguments(parser: argparse.ArgumentParser) -> None:
-    """How much finer the tick is, and when strategies decide: both go into `settings`."""
+    """The refinement of the tick, and when strategies decide: both go into `settings`."""
     parser.add_argument(
         "--refine",
         type=whole("a refinement", 1, MAX_REFINEMENT),
         metavar="K",
-        help="make the tick K times finer: every number of ticks is multiplied by K",
+        help="divide each tick into K: every number of ticks in the scenario is multiplied by K",
     )
     parser.add_argument(
         "--decide",
         choices=("coarse", "fine"),
-        help="coarse: strategies decide as often as without --refine (default); fine: in every tick",
+        help="with --refine, let strategies decide as often as without it (coarse, the default) or "
+        "in every tick (fine)",
     )
 
 
@@ -105,22 +109,22 @@ def settings_of(args: argparse.Namespace) -> tuple[str | Override, ...]:
         refined.append(Override(f"--refine {args.refine}", ("refine",), args.refine))
     if args.decide is not None:
         if args.refine is None:
-            raise InputError("is for refined ticks; set --refine K, too", f"--decide {args.decide}")
+            raise InputError("needs --refine K", f"--decide {args.decide}")
         refined.append(Override(f"--decide {args.decide}", ("decide",), args.decide))
     return (*args.settings, *refined)
 
 
 def add_recording_argument(parser: argparse.ArgumentParser, name: str = "FILE") -> None:
-    """Which recording: `file`."""
-    parser.add_argument("file", type=Path, metavar=name, help="a recording, whole or cut short")
+    """The recording: `file`."""
+    parser.add_argument("file", type=Path, metavar=name, help="a recording; may be incomplete")
 
 
 def add_json_argument(parser: argparse._ActionsContainer) -> None:
     """Whether to print JSON: `json`."""
-    parser.add_argument("--json", action="store_true", help="one JSON object instead of text")
+    parser.add_argument("--json", action="store_true", help="print one JSON object, not text")
 
 
-# The forms of an answer: text on stdout, or any other there or in a file.
+# The formats of an answer. XLSX needs a file; the others may go to stdout.
 
 TEXT, MARKDOWN, HTML, JSON, XLSX = FORMATS = ("text", "markdown", "html", "json", "xlsx")
 FORMAT_BY_SUFFIX: Final = {
@@ -134,13 +138,13 @@ FORMAT_BY_SUFFIX: Final = {
 
 
 class Output(NamedTuple):
-    """In which format an answer is written, and where; None: to stdout."""
+    """The format of an answer and its file; None: stdout."""
 
     format: str
     file: Path | None
 
     def write(self, document: Callable[[], ReportDocument], data: Callable[[], Any]) -> None:
-        """Write a document, or what it is made of as JSON. Raises InputError."""
+        """Write the document, or its data as JSON. Raises InputError."""
         if self.format == XLSX and self.file is not None:
             from automaton.documents.workbook import write_sheet
 
@@ -159,25 +163,25 @@ class Output(NamedTuple):
 def add_output_arguments(parser: argparse.ArgumentParser, option: str = "--out") -> None:
     """The format of an answer, and a file for it: `format`, `json`, and `out` or another option."""
     form = parser.add_mutually_exclusive_group()
-    text = f"text; or what the name of {option} says"
+    text = f"set the output format (default: by the extension of {option}, else text)"
     form.add_argument("--format", choices=FORMATS, help=text)
     add_json_argument(form)
-    text = "write the report there: one file to give away"
+    text = "write the report to FILE, which is self-contained"
     parser.add_argument(option, type=Path, metavar="FILE", help=text)
 
 
 def output_of(args: argparse.Namespace, option: str = "--out") -> Output:
-    """Where the answer goes, checked before anything is computed. Raises InputError."""
+    """The format and file of the answer, checked before any computation. Raises InputError."""
     file: Path | None = getattr(args, option.strip("-"))
     form = JSON if args.json else args.format
     if form == XLSX and file is None:
-        raise InputError(f"a workbook is a file; set {option} FILE", "--format xlsx")
+        raise InputError(f"needs {option} FILE", "--format xlsx")
     if form is None and file is not None:
         form = FORMAT_BY_SUFFIX.get(file.suffix.lower())
         if form is None:
             known = ", ".join(FORMAT_BY_SUFFIX)
             raise InputError(
-                f"its name ends with no known format ({known}); use --format", f"{option} {file}"
+                f"no format has this extension (known: {known}); use --format", f"{option} {file}"
             )
     if file is not None:
         check_writable(file)
@@ -190,7 +194,7 @@ def output_of(args: argparse.Namespace, option: str = "--out") -> Output:
 
 
 def rendered(form: str, document: Callable[[], ReportDocument], data: Callable[[], Any]) -> str:
-    """An answer in one of the formats that are text."""
+    """An answer in a text format."""
     if form == JSON:
         return json.dumps(data(), indent=2, ensure_ascii=False) + "\n"
     if form == HTML:
@@ -203,7 +207,7 @@ def rendered(form: str, document: Callable[[], ReportDocument], data: Callable[[
 
 
 def check_writable(path: Path) -> None:
-    """That a file can be written when all is known. Raises InputError."""
+    """Check that a file can be written, before a long computation. Raises InputError."""
     if os.path.exists(path) and not os.path.isfile(path):
         raise cannot_write_error("this is not a regular file", path)
     if not path.parent.is_dir():
@@ -213,21 +217,21 @@ def check_writable(path: Path) -> None:
 
 
 def add_workers_argument(parser: argparse.ArgumentParser, most: int | None = None) -> None:
-    """How many processes: `workers`."""
+    """The number of processes: `workers`."""
     processes, text = (
         whole("a number of processes", 1, most),
-        "processes, default one for each core",
+        "use N processes (default: one per core)",
     )
     parser.add_argument("--workers", type=processes, metavar="N", help=text)
 
 
 def add_timeout_argument(parser: argparse.ArgumentParser) -> None:
-    """How long a strategy may take: `strategy_timeout`."""
+    """The time limit of a decision: `strategy_timeout`."""
     parser.add_argument(
         "--strategy-timeout",
         type=whole("a number of seconds", 1),
         metavar="S",
-        help="a run fails when a strategy in Python takes more seconds than these for a decision",
+        help="fail a run if a Python strategy takes more than S seconds for one decision",
     )
 
 
@@ -245,7 +249,7 @@ def note(text: str) -> None:
 
 
 def show_line(text: str) -> None:
-    """Show a text in place of the line before, on a terminal alone; "": that line goes."""
+    """Replace the last line with a text, on a terminal only; "" clears the line."""
     if sys.stderr.isatty():
         print(f"\r\x1b[K{text}", end="", file=sys.stderr, flush=True)
 
@@ -264,7 +268,7 @@ def print_document(document: ReportDocument) -> None:
 
 @contextlib.contextmanager
 def progress_bar(*columns: str | ProgressColumn) -> Iterator[Progress]:
-    """A bar on stderr, for terminals alone; it disappears in the end."""
+    """A bar on stderr, for terminals only; it disappears at the end."""
     from rich.console import Console
     from rich.progress import Progress
 
@@ -273,7 +277,7 @@ def progress_bar(*columns: str | ProgressColumn) -> Iterator[Progress]:
 
 
 def whole(name: str, least: int, most: int | None = None) -> Callable[[str], int]:
-    """The type of an argument that is a whole number; `name` says what: "a tick"."""
+    """The type of an argument that is a whole number; `name` appears in errors: "a tick"."""
 
     def read(text: str) -> int:
         number = int(text) if text.isdecimal() and len(text) < 19 else -1
@@ -281,9 +285,7 @@ def whole(name: str, least: int, most: int | None = None) -> Callable[[str], int
             raise argparse.ArgumentTypeError(f"{text!r} is not {name}: allowed are {allowed}")
         return number
 
-    allowed = (
-        f"{least}, {least + 1}, {least + 2} and so on" if most is None else f"{least} to {most}"
-    )
+    allowed = f"whole numbers from {least}" if most is None else f"{least} to {most}"
     return read
 
 
@@ -291,7 +293,7 @@ tick = whole("a tick", 0)
 
 
 def tick_or_time(text: str) -> int | str:
-    """The type of an argument that is a tick, or a clock time of a run whose units have a clock."""
+    """The type of an argument that is a tick, or a clock time (if the run has a clock)."""
     return text if is_clock_time(text) else tick(text)
 
 
@@ -301,7 +303,7 @@ frame_rate = whole("a frame rate", 1, 120)
 def measured(
     name: str, example: str, read: Callable[[str], Fraction | None]
 ) -> Callable[[str], Fraction]:
-    """The type of an argument above 0 with a unit; `read`: its text in m, s or m/s."""
+    """The type of an argument above 0 with a unit; `read` converts its text to m, s or m/s."""
 
     def amount(text: str) -> Fraction:
         value = read(text) if len(text) <= 40 else None

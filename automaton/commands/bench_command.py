@@ -1,6 +1,6 @@
 """Measure the speed of this machine: medians of several samples, on one core, after a warm-up.
 
-Exit code 0: measured; 1: some could not be measured, each of which is named; 2: bad input.
+Exit code 0: measured; 1: some measurements failed (each is named); 2: bad input.
 """
 
 from __future__ import annotations
@@ -29,19 +29,19 @@ REPEAT = 7
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton bench`."""
     parts = "; ".join(f"{name}: {part.summary}" for name, part in BENCH_PARTS.items())
-    parser.add_argument("--json", action="store_true", help="a JSON list instead of a table")
+    parser.add_argument("--json", action="store_true", help="print a JSON list, not a table")
     parser.add_argument(
         "--only",
         action="append",
         default=[],
         metavar="PART",
-        help=f"measure this part only; may be repeated ({parts})",
+        help=f"measure only this part; may be repeated ({parts})",
     )
-    parser.add_argument("--compile", action="store_true", help="also the first run, compiling")
-    parser.add_argument("--startup", action="store_true", help="also how long commands take")
-    parser.add_argument(
-        "--repeat", type=int, default=REPEAT, metavar="N", help=f"samples, default {REPEAT}"
-    )
+    text = "also time first runs, which compile"
+    parser.add_argument("--compile", action="store_true", help=text)
+    parser.add_argument("--startup", action="store_true", help="also time the start of commands")
+    text = f"take N samples (default: {REPEAT})"
+    parser.add_argument("--repeat", type=int, default=REPEAT, metavar="N", help=text)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -77,7 +77,7 @@ def chosen(only: Sequence[str], compile_too: bool, startup_too: bool) -> list[st
 
 
 def measurements(parts: Sequence[str]) -> list[Measurement]:
-    """What the parts measure. Raises InputError when there is nothing compiled to measure."""
+    """The measurements of the parts. Raises InputError if compilation is off."""
     from automaton.engine.jit.kernel import jit_is_on
 
     if not jit_is_on():
@@ -90,7 +90,7 @@ def measurements(parts: Sequence[str]) -> list[Measurement]:
 
 
 def measure(wanted: Sequence[Measurement], repeat: int, figures: list[MeasuredFigure]) -> int:
-    """Append what is measured; return how many could not be, and say why."""
+    """Append the figures; note each failed measurement and return how many failed."""
     from automaton.bench.measurement import NotMeasuredError, take
 
     unmeasured = 0
@@ -107,7 +107,7 @@ def measure(wanted: Sequence[Measurement], repeat: int, figures: list[MeasuredFi
 
 @contextlib.contextmanager
 def progress(total: int) -> Iterator[Callable[[str], None]]:
-    """Names on a terminal's stderr what is being measured; silent in a pipe."""
+    """Name the current measurement on stderr if it is a terminal."""
     if not sys.stderr.isatty():
         yield lambda name: None
         return
@@ -120,7 +120,7 @@ def progress(total: int) -> Iterator[Callable[[str], None]]:
 
 
 def figures_document(figures: Sequence[MeasuredFigure], repeat: int) -> ReportDocument:
-    """The figures as a table, and the machine that they hold for."""
+    """The figures as a table, with the machine on which they were measured."""
     from automaton.documents.report_document import ReportDocument, Table, Text
     from automaton.units import count, number
 
@@ -134,7 +134,7 @@ def figures_document(figures: Sequence[MeasuredFigure], repeat: int) -> ReportDo
 
 
 def machine(measured: Sequence[MeasuredFigure] = ()) -> str:
-    """This machine, and how busy it was: times on the wall are too long on a busy one."""
+    """This machine and its load: wall-clock times are too long on a busy machine."""
     from automaton.bench.measurement import load
 
     cores = os.cpu_count() or 1

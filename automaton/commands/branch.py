@@ -1,7 +1,7 @@
 """Continue a recording from any tick with other settings, and compare the two futures.
 
-The branch is recorded with its past. Exit code 0: it finished, or came to --until; 1: it did not
-finish; 2: bad input, a failing strategy included.
+The branch is recorded together with its past. Exit code 0: it finished or reached --until; 1: it did
+not finish; 2: bad input or a failing strategy.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 class Future(NamedTuple):
-    """How a run went, up to the tick where it is compared."""
+    """The result of a run up to the tick of the comparison."""
 
     name: str
     ticks: int
@@ -54,12 +54,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=tick,
         required=True,
         metavar="TICK",
-        help="the new settings apply after this tick",
+        help="apply the new settings after this tick",
     )
     what = "change strategy, durations, information, world or stop; may be repeated"
     add_settings_argument(parser, what)
-    add("--out", type=Path, metavar="FILE", help="instead of RECORDING-at-TICK.rec")
-    add("--until", type=whole("a tick", 1), metavar="TICK", help="stop there, if not before")
+    text = "record the branch in FILE (default: RECORDING-at-TICK.rec)"
+    add("--out", type=Path, metavar="FILE", help=text)
+    text = "stop at this tick at the latest"
+    add("--until", type=whole("a tick", 1), metavar="TICK", help=text)
     add_json_argument(parser)
 
 
@@ -71,12 +73,12 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(f"--until {args.until} is not after --at {args.at}")
     out = args.out or args.file.with_name(f"{args.file.stem}-at-{args.at}.rec")
     if os.path.exists(out) and out.samefile(args.file):
-        raise InputError("--out is the recording itself: give another file", str(out))
+        raise InputError("--out is the recording itself: choose another file", str(out))
     branch, missing = branched_off(recording, args, out)
     original = original_until(recording, args.until)
     from automaton.history.divergence import first_difference
 
-    # Where the branch could not be written, a file of another one may lie there.
+    # If the branch could not be written, `out` may be the file of an earlier branch.
     difference = None if missing else first_difference(recording, read_recording(out))
     if args.json:
         print_json(as_json(args, None if missing else out, original, branch, difference))
@@ -97,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> tuple[Future, str]:
-    """Run the branch and record it; how it went, and what went wrong with the file or ""."""
+    """Run and record the branch; return its result, and what went wrong with the file or ""."""
     from automaton.history.live_run import branch_of
     from automaton.history.watched_run import ReplayedRun
     from automaton.runs.headless import is_finished
@@ -113,7 +115,7 @@ def branched_off(recording: Recording, args: argparse.Namespace, out: Path) -> t
 
 
 def original_until(recording: Recording, until: int | None) -> Future:
-    """The run that was recorded, up to the same tick."""
+    """The result of the recorded run at `until`, or at its end."""
     from automaton.history.watched_run import ReplayedRun
     from automaton.runs.headless import is_finished
 
@@ -124,7 +126,7 @@ def original_until(recording: Recording, until: int | None) -> Future:
 
 
 def advance(run: WatchedRun, until: int | None) -> None:
-    """Compute a live run to its end, or to a tick."""
+    """Compute a live run up to a tick, or to its end."""
     before = -1
     while run.tick > before and (until is None or run.tick < until):
         before = run.tick
@@ -132,7 +134,6 @@ def advance(run: WatchedRun, until: int | None) -> None:
 
 
 def future(name: str, simulation: Simulation, finished: bool) -> Future:
-    """What is compared."""
     from automaton.runs.metrics import metrics_of
 
     return Future(name, simulation.tick, finished, simulation.digest, metrics_of(simulation))
@@ -141,7 +142,7 @@ def future(name: str, simulation: Simulation, finished: bool) -> Future:
 def futures_document(
     lines: list[str], original: Future, branch: Future, units: Units
 ) -> ReportDocument:
-    """Some lines, then the metrics of both beside each other, in the units of the scenario."""
+    """Some lines, then the metrics of both runs side by side, in the units of the scenario."""
     from automaton.documents.report_document import Listed, ReportDocument, Table
     from automaton.runs.metrics import METRIC_CATALOGUE
     from automaton.runs.run_report import in_units

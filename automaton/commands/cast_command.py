@@ -1,7 +1,7 @@
-"""Make a film of a recording, for a slide, a chat, a browser or asciinema, or a picture of one tick.
+"""Make a film of a recording (for slides, chat, browsers or asciinema), or a picture of one tick.
 
-GIF, MP4, PNG and pages for a browser are drawn; films for asciinema, SVG and text show what the viewer
-shows, but without a terminal. Exit code 0: made; 2: bad input.
+GIF, MP4, PNG and HTML files are drawn; .cast films, SVG and text reproduce the screen of the viewer and
+need no terminal. Exit code 0: made; 2: bad input.
 """
 
 from __future__ import annotations
@@ -30,47 +30,56 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="FILE",
-        help="make this film: .gif, .mp4, .png (animated) or .cast; - is a .cast to standard output",
+        help="write a film: .gif, .mp4, .png (animated) or .cast; - writes a .cast to standard output",
     )
-    add("--from", type=tick, metavar="TICK", dest="first", help="the first tick shown (0)")
-    add("--to", type=tick, metavar="TICK", dest="last", help="the last one")
-    add("--speed", type=speed, metavar="F", help="x1 is 10 ticks a second")
-    add("--fps", type=frame_rate, metavar="N", help="pictures a second at most (.cast 10, else 20)")
+    text = "start at this tick (default: 0)"
+    add("--from", type=tick, metavar="TICK", dest="first", help=text)
+    text = "end at this tick (default: the last)"
+    add("--to", type=tick, metavar="TICK", dest="last", help=text)
+    text = "play F times as fast as 10 ticks per second (default: 1)"
+    add("--speed", type=speed, metavar="F", help=text)
+    text = "show at most N frames per second (default: 10 in a .cast, else 20)"
+    add("--fps", type=frame_rate, metavar="N", help=text)
     add(
         "--size",
         type=size,
         metavar="WxH",
-        help="columns and rows, or pixels of .gif, .mp4 and .png; else as the floor needs",
+        help="set the size: columns x rows, or pixels for .gif, .mp4 and .png (default: fit the floor)",
     )
     add(
         "--zoom",
         default="fit",
         metavar="ZOOM",
-        help="fit, 6x3, 4x2, 3x1, 1x1, half, braille-1, ...",
+        help="set the zoom: fit (default), 6x3, 4x2, 3x1, 1x1, half, braille-1, ...",
     )
     add(
         "--follow",
         type=whole("a robot", 0),
         default=-1,
         metavar="ROBOT",
-        help="select it, and its route",
+        help="follow this robot and show its route",
     )
     add(
         "--layer",
         default="",
         metavar="NAME",
-        help="service-zones, traffic-zones, visits, flow, explored, ...",
+        help="show a layer: service-zones, traffic-zones, visits, flow, explored, ...",
     )
-    add("--theme", choices=("dark", "light"), default="dark", help="dark unless given")
-    add("--color", choices=("true", "256", "16", "none"), default="true", help="depth")
-    add("--ascii", action="store_true", help="no characters beyond ASCII")
-    add("--html", type=Path, metavar="FILE", help="make this page instead: it plays in a browser")
-    add("--picture", type=Path, metavar="FILE", help="make this picture instead: .png, .svg, .txt")
-    add("--at", type=tick, metavar="TICK", help="the tick of the picture; else the last one")
+    text = "set the colors (default: dark)"
+    add("--theme", choices=("dark", "light"), default="dark", help=text)
+    text = "set the color depth (default: true)"
+    add("--color", choices=("true", "256", "16", "none"), default="true", help=text)
+    add("--ascii", action="store_true", help="use ASCII characters only")
+    text = "write a page that plays in a browser, not a film"
+    add("--html", type=Path, metavar="FILE", help=text)
+    text = "write a picture of one tick, not a film: .png, .svg or .txt"
+    add("--picture", type=Path, metavar="FILE", help=text)
+    text = "draw the picture at this tick (default: the last)"
+    add("--at", type=tick, metavar="TICK", help=text)
 
 
 def speed(text: str) -> Fraction:
-    """A factor; exact, so that times are."""
+    """A factor; a fraction, so that frame times are exact."""
     least, most = FILM_SPEEDS
     try:
         factor = Fraction(text.removeprefix("x"))
@@ -83,7 +92,6 @@ def speed(text: str) -> Fraction:
 
 
 def size(text: str) -> tuple[int, int]:
-    """Columns and rows, or pixels."""
     columns, _, rows = text.partition("x")
     if not (columns.isdecimal() and rows.isdecimal()):
         raise argparse.ArgumentTypeError(f"{text!r} is not a size such as 80x24")
@@ -91,7 +99,7 @@ def size(text: str) -> tuple[int, int]:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the one or the other."""
+    """Make the film, page or picture."""
     _check_together(args)
     if args.html is not None:
         print(f"{args.html}: {_make_page(args)}")
@@ -145,37 +153,37 @@ def _screen_request(args: argparse.Namespace) -> Any:
 
 
 def _given(args: argparse.Namespace, names: tuple[str, ...]) -> dict[str, Any]:
-    """Those that were said; the others have their own defaults."""
+    """The given options; the others keep the defaults of the request."""
     return {name: getattr(args, name) for name in names if getattr(args, name) is not None}
 
 
 def _check_together(args: argparse.Namespace) -> None:
-    """A picture has a tick, a film has a stretch of them, and a page draws by itself."""
+    """Refuse options of films for a picture, of pictures for a film, and of both for a page."""
     if args.html is not None:
         _check_page(args)
     of_films = {"--out": args.out, "--from": args.first, "--to": args.last}
     of_films |= {"--speed": args.speed, "--fps": args.fps}
     given = [name for name, value in of_films.items() if value is not None]
     if args.picture is not None and given:
-        raise InputError(f"{given[0]} is for films: it does not go together with --picture")
+        raise InputError(f"{given[0]} is for films: it cannot be combined with --picture")
     if args.picture is None and args.at is not None:
-        raise InputError("--at is for pictures: it goes together with --picture")
+        raise InputError("--at needs --picture")
 
 
 def _check_page(args: argparse.Namespace) -> None:
     if args.html.suffix not in (".html", ".htm"):
-        raise InputError(f"{str(args.html)!r} names no page: allowed is FILE.html")
+        raise InputError(f"{str(args.html)!r} is not a page: the name must end in .html")
     others = {"--out": args.out, "--picture": args.picture, "--fps": args.fps, "--size": args.size}
     _refuse(others | _of_screens(args), "--html")
 
 
 def _check_drawn(args: argparse.Namespace, path: Path) -> None:
-    others = "; screens are FILE.cast and pictures FILE.svg and FILE.txt"
+    others = "; use FILE.cast, or a picture FILE.svg or FILE.txt"
     _refuse(_of_screens(args), f"FILE{path.suffix.lower()}{others}")
 
 
 def _of_screens(args: argparse.Namespace) -> dict[str, Any]:
-    """Options for what looks like the viewer's screen; None where they are not given."""
+    """Options of formats that show the viewer's screen; None if not given."""
     return {
         "--layer": args.layer or None,
         "--ascii": args.ascii or None,
@@ -185,7 +193,7 @@ def _of_screens(args: argparse.Namespace) -> dict[str, Any]:
 
 
 def _refuse(options: dict[str, Any], beside: str) -> None:
-    """Raises InputError for the first option that is given."""
+    """Raise InputError for the first given option."""
     named = [name for name, value in options.items() if value is not None]
     if named:
-        raise InputError(f"{named[0]} does not go together with {beside}")
+        raise InputError(f"{named[0]} cannot be combined with {beside}")

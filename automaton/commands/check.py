@@ -1,4 +1,4 @@
-"""Check scenario and study files: everything that can be known without running them."""
+"""Check scenario and study files without running them."""
 
 from __future__ import annotations
 
@@ -51,11 +51,12 @@ NUMBER_TEXT = re.compile(r"\d[\d,.]*")  # in which the same warning of two point
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton check`."""
-    parser.add_argument("file", nargs="+", metavar="FILE", help="a file, or what is shipped")
+    text = "a scenario or study file, or the name of a shipped one"
+    parser.add_argument("file", nargs="+", metavar="FILE", help=text)
     add_settings_argument(parser)
     add_refinement_arguments(parser)
     parser.add_argument(
-        "--matrix", type=Path, metavar="CSV", help="write the floor's matrix of codes to CSV"
+        "--matrix", type=Path, metavar="CSV", help="write the floor as a matrix of cell codes"
     )
     parser.add_argument(
         "--trial",
@@ -69,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print a line for each good file and a sentence for each bad one.
 
-    2 if any is bad, else 1 if a trial has found something.
+    Returns 2 if a file is bad, else 1 if a trial has found a problem.
     """
     bad, reports = 0, []
     if args.matrix is not None and len(args.file) != 1:
@@ -92,18 +93,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 class CheckedFile(NamedTuple):
-    """What is known of a file: an object of the JSON."""
+    """The result for one file: an object of the JSON output."""
 
     file: str
     name: str | None = None  # of the scenario or study; None: the file is bad
-    lines: tuple[str, ...] = ()  # what is printed of it
+    lines: tuple[str, ...] = ()  # as printed
     warnings: tuple[str, ...] = ()
     trial: dict[str, Any] | None = None
     error: str | None = None
 
 
 def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
-    """Check a file, and print what is known of it unless JSON is. Raises InputError."""
+    """Check a file, and print the result unless --json is given. Raises InputError."""
     if names_study(file):
         study, scenarios = checked_study(file, args)
         line, warnings = described_study(study), study_warnings(study, scenarios)
@@ -126,7 +127,7 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
     print_warnings(resolved)
     trial = None
     if args.trial:
-        from automaton.runs.trial import try_out  # needs compiled code, as nothing else here does
+        from automaton.runs.trial import try_out  # only trials need compiled code
 
         trial = try_out(resolved)
         show(trial.lines(), args, INDENT)
@@ -136,14 +137,14 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
 
 
 def show(lines: Sequence[str], args: argparse.Namespace, mark: str = "") -> None:
-    """Print lines, those after the first one indented, unless JSON is printed in the end."""
+    """Print lines, all but the first indented, unless --json is given."""
     if not args.json:
         first, more = Listed(lines[:1], mark=mark), Listed(lines[1:], mark=INDENT)
         print_document(ReportDocument(lines[0], [first, more]))
 
 
 def names_study(file: str) -> bool:
-    """Whether a file, or a shipped name, is a study. Raises InputError for a file that is none."""
+    """Whether a file or shipped name is a study. Raises InputError if the file cannot be read."""
     if not os.path.exists(file) and file not in shipped():
         return file in shipped_studies()
     return is_study(read(file).data)
@@ -158,18 +159,18 @@ def checked_study(file: str, args: argparse.Namespace) -> tuple[Study, tuple[Res
         "--trial": args.trial,
     }
     for option in (name for name, value in options.items() if value):
-        raise InputError(f"{option} is for scenarios; a study says itself what it changes", file)
+        raise InputError(f"{option} is for scenarios only; this is a study", file)
     return check_study(file)
 
 
 def described_study(study: Study) -> str:
-    """A good study in one line."""
+    """A valid study in one line."""
     replications, runs = study.planned
     return f"{study.name}: {count(len(study.points), 'point')} x {replications}, {runs}, ok"
 
 
 def study_warnings(study: Study, scenarios: Sequence[Resolved]) -> list[str]:
-    """Return the warnings of all points, those that differ only in their numbers once."""
+    """Return the warnings of all points; warnings that differ only in numbers are merged."""
     first: dict[str, tuple[str, Point]] = {}
     points: Counter[str] = Counter()
     for point, resolved in zip(study.points, scenarios, strict=True):
@@ -181,13 +182,13 @@ def study_warnings(study: Study, scenarios: Sequence[Resolved]) -> list[str]:
     for kind, (warning, point) in first.items():
         others = points[kind] - 1
         where = f"point {point.number}: {describe_point(point)}"
-        more = f"; {count(others, 'more point')} likewise" if others else ""
+        more = f"; and {count(others, 'more point')}" if others else ""
         sentences.append(f"{warning} ({where}{more})")
     return sentences
 
 
 def export_matrix(resolved: Resolved, path: Path) -> None:
-    """Write the floor as a matrix of codes, whole or not at all. Raises InputError."""
+    """Write the floor as a matrix of codes, atomically. Raises InputError."""
     text = write_matrix(resolved.floor_plan)
     if os.path.exists(path) and not os.path.isfile(path):
         raise cannot_write_error("this is not a regular file", path)
@@ -196,12 +197,12 @@ def export_matrix(resolved: Resolved, path: Path) -> None:
 
 
 def names_right_of_way(document: Document) -> bool:
-    """Whether a good scenario itself says which right of way it has."""
+    """Whether a scenario names its right of way."""
     return document.data.get("strategy", {}).get("right_of_way") is not None
 
 
 def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
-    """A good scenario in one line, and what was chosen for it."""
+    """A valid scenario in one line, with the defaults chosen for it."""
     kinds = resolved.floor_plan.kind
     parts = [count(int(np.count_nonzero(kinds == kind)), *names) for kind, names in SLOTS.items()]
     parts = [part for part in parts if not part.startswith("0 ")]

@@ -1,7 +1,7 @@
 """Compile all code that the runs of a batch need, in advance.
 
-What is compiled is kept for each version in `~/.cache/automaton`, or where AUTOMATON_CACHE_DIR says; all
-processes that see that folder, on machines with the same processor, find it there.
+Compiled code is stored for each version in `~/.cache/automaton`, or in AUTOMATON_CACHE_DIR. All
+processes that share this folder use it, on any machine with the same processor.
 
 Exit code 0: done; 2: bad input, such as a strategy that does not compile.
 """
@@ -32,17 +32,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "file",
         nargs="*",
         metavar="FILE",
-        help="scenarios and studies; none: the world, the shipped scenarios and all strategies",
+        help="scenarios and studies (default: the world, the shipped scenarios and all strategies)",
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Begin a run with each set of strategies, and say how long compiling took."""
+    """Start a run with each set of strategies, and print how long compiling took."""
     from automaton.engine.jit.kernel import jit_is_on, seconds_compiled
     from automaton.engine.jit.kernel_cache import cache_root
 
     if not jit_is_on():
-        raise InputError("nothing is compiled under NUMBA_DISABLE_JIT; unset it")
+        raise InputError("NUMBA_DISABLE_JIT turns compiling off; unset it")
     used = set()
     for resolved in first_of_each(scenarios_in(args.file or list(shipped()))):
         begin_run(resolved)
@@ -58,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def scenarios_in(files: Sequence[str]) -> Iterator[Resolved]:
-    """The scenarios of files, and those of the points of studies. Raises InputError."""
+    """The scenarios of the files and of the points of studies. Raises InputError."""
     for file in files:
         if names_study(file):
             _, scenarios = check_study(file)
@@ -68,7 +68,7 @@ def scenarios_in(files: Sequence[str]) -> Iterator[Resolved]:
 
 
 def first_of_each(scenarios: Iterator[Resolved]) -> Iterator[Resolved]:
-    """Of the scenarios with the same strategies the first one."""
+    """The first scenario with each combination of strategies."""
     known = set()
     for resolved in scenarios:
         names = tuple(choice.name for _, choice in resolved.choices)
@@ -96,8 +96,7 @@ def begin_run(resolved: Resolved) -> None:
 
 
 def compile_others(used: set[tuple[str, str]]) -> set[tuple[str, str]]:
-    """Compile the features, and the decisions of the strategies, that no shipped scenario uses; return
-    these strategies."""
+    """Compile features and strategies that no shipped scenario uses; return these strategies."""
     from automaton.engine.features import FEATURES, compiled_feature
     from automaton.runs.simulation import compile_strategy
 

@@ -1,6 +1,6 @@
-"""Say why a robot waits in a tick of a recording: the chain of causes, and its time lost so far.
+"""Explain why a robot waits at a tick of a recording: the chain of causes, and its lost time so far.
 
-Exit code 0: said; 2: bad input, such as a robot or a tick that the recording does not have.
+Exit code 0: explained; 2: bad input, such as a robot or a tick that the recording does not have.
 """
 
 from __future__ import annotations
@@ -33,14 +33,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton explain`."""
     add = parser.add_argument
     add_recording_argument(parser)
-    add("--robot", type=whole("a robot", 0), required=True, metavar="R", help="which, from 0")
-    text = "in this tick, or at this clock time"
+    text = "explain this robot; the first is 0"
+    add("--robot", type=whole("a robot", 0), required=True, metavar="R", help=text)
+    text = "explain this tick, or this clock time"
     add("--at", type=tick_or_time, required=True, metavar="T", help=text)
     add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Play the recording to the tick, and tell."""
+    """Play the recording up to the tick, and explain the wait."""
     recording = read_recording(args.file)
     robots = recording.header["scenario"]["fleet"]["robots"]
     if args.robot >= robots:
@@ -72,13 +73,12 @@ def run(args: argparse.Namespace) -> int:
 
 
 def check_tick(file: Path, at: int, last: int) -> None:
-    """Raises InputError for a tick that a recording does not have."""
+    """Raise InputError for a tick that a recording does not have."""
     if at > last:
         raise InputError(f"there is no tick {at}: it has ticks 0 to {last}", str(file))
 
 
 def tick_at(file: Path, recorded: ReplayedRun, time: str) -> int:
-    """The tick of a clock time. Raises InputError."""
     try:
         return recorded.resolved.scenario.units.scale.tick_at(time)
     except InputError as error:
@@ -86,7 +86,7 @@ def tick_at(file: Path, recorded: ReplayedRun, time: str) -> int:
 
 
 def shown_at(recorded: ReplayedRun, at: int) -> ReplayedRun:
-    """The run, shown at this tick."""
+    """Play the run up to this tick."""
     while recorded.tick < at:
         recorded.show(at, 1.0)
     return recorded
@@ -107,7 +107,7 @@ def chain_blocks(title: str, found: Explanation) -> list[Block]:
 
 
 def due_lines(snapshot: Snapshot, robot: int, scale: Scale) -> list[str]:
-    """When the order of a robot is due, and how late it is; nothing without a due time."""
+    """When the robot's order is due, and how late it is; [] without a due time."""
     from automaton.engine.state import NIL
     from automaton.history.state_words import due_words, has_due_time, has_trips
 
@@ -119,7 +119,7 @@ def due_lines(snapshot: Snapshot, robot: int, scale: Scale) -> list[str]:
 
 
 def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:
-    """(cause, ticks lost to it so far), the most first."""
+    """(cause, ticks lost to it so far), largest first."""
     from automaton.engine.observation import CAUSE_NOT_WAITING
 
     lost = snapshot.robots.lost[robot].tolist()
@@ -130,7 +130,7 @@ def lost_by_cause(snapshot: Snapshot, robot: int) -> list[tuple[int, int]]:
 
 
 def lost_blocks(due: list[str], snapshot: Snapshot, robot: int) -> list[Block]:
-    """When the order is due, and the time that a robot has lost so far, by cause."""
+    """The due time of the order, and the robot's lost time so far, by cause."""
     from automaton.engine.observation import CAUSES
 
     lost, ticks = lost_by_cause(snapshot, robot), max(1, snapshot.tick)

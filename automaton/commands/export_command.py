@@ -1,9 +1,9 @@
-"""Write a recorded run, or the floor of a scenario, in the format of another program.
+"""Export a recorded run, or the floor of a scenario, to the format of another tool.
 
-A recording becomes an output that PlanViz shows, or a trace of the messages of VDA 5050; the floor of a
-scenario becomes a layout of VDMA LIF.
+A recording becomes a PlanViz file or a trace of VDA 5050 messages. The floor of a scenario becomes a
+VDMA LIF layout.
 
-Exit code 0: done; 2: bad input, such as a run that the format has no place for.
+Exit code 0: done; 2: bad input, such as a run that the format cannot represent.
 """
 
 from __future__ import annotations
@@ -30,19 +30,21 @@ from automaton.world.resolve import resolve
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton export`."""
-    parser.add_argument("file", type=Path, metavar="FILE", help="a recording; --lif: a scenario")
+    parser.add_argument(
+        "file", type=Path, metavar="FILE", help="a recording; with --lif, a scenario"
+    )
     formats = parser.add_mutually_exclusive_group(required=True)
     formats.add_argument(
         "--planviz",
         type=Path,
         metavar="JSON",
-        help="write an output of the League of Robot Runners, for PlanViz and `verify --problem`",
+        help="write a League of Robot Runners output, for PlanViz and `verify --problem`",
     )
     formats.add_argument(
         "--vda5050",
         type=Path,
         metavar="JSONL",
-        help="write VDA 5050 `state` messages, one per line, for each robot and period",
+        help="write VDA 5050 `state` messages, one per line, per robot and period",
     )
     formats.add_argument(
         "--lif", type=Path, metavar="LIF", help="write the floor of a scenario as VDMA LIF"
@@ -51,35 +53,36 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--every",
         type=measured("a time", "1s", exact_time),
         metavar="1s",
-        help="of --vda5050: the period, default 1s or a tick, if that is longer",
+        help="set the period of --vda5050 (default: 1 s, or one tick if a tick is longer)",
     )
     parser.add_argument(
         "--version",
         metavar="V",
-        help="of the standard: VDA 5050 3.0.0 (default) or 2.1.0, LIF 2.0.0 (default) or 1.0.0",
+        help="use this version of the standard: VDA 5050 3.0.0 (default) or 2.1.0, LIF 2.0.0 "
+        "(default) or 1.0.0",
     )
     add_settings_argument(
-        parser, "of --lif: change a value of the scenario, such as units.cell=1m; may be repeated"
+        parser, "with --lif, change a value of the scenario, such as units.cell=1m; may be repeated"
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Read the file, write the other one."""
+    """Read the source and write the exported file."""
     if args.vda5050 is None and args.every is not None:
-        raise InputError("--every goes with --vda5050")
+        raise InputError("--every needs --vda5050")
     if args.lif is None and args.settings:
-        raise InputError("--set goes with --lif")
+        raise InputError("--set needs --lif")
     if args.vda5050 is not None:
         return export_trace(args.file, args.vda5050, args.every, args.version)
     if args.lif is not None:
         return export_layout(args.file, args.lif, args.version, args.settings)
     if args.version is not None:
-        raise InputError("--version goes with --vda5050 and --lif")
+        raise InputError("--version needs --vda5050 or --lif")
     return export_output(args.file, args.planviz)
 
 
 def export_output(file: Path, out: Path) -> int:
-    """Write the output of a recording for PlanViz."""
+    """Export a recording for PlanViz."""
     import msgspec
 
     recording = read_recording(file)
@@ -100,7 +103,7 @@ def export_output(file: Path, out: Path) -> int:
 
 
 def export_trace(file: Path, out: Path, every: Fraction | None, version: str | None) -> int:
-    """Write the trace of a recording."""
+    """Export a recording as VDA 5050 messages."""
     from automaton.exports.vda5050_export import LATEST, VERSIONS, write_trace
 
     version = known_version(version or LATEST, VERSIONS)
@@ -118,7 +121,7 @@ def export_trace(file: Path, out: Path, every: Fraction | None, version: str | N
 
 
 def export_layout(file: Path, out: Path, version: str | None, settings: list[str]) -> int:
-    """Write the floor of a scenario as a layout."""
+    """Export the floor of a scenario as a LIF layout."""
     import msgspec
 
     version = known_version(version or LATEST_LIF, LIF_VERSIONS)
@@ -136,19 +139,19 @@ def export_layout(file: Path, out: Path, version: str | None, settings: list[str
     size = f"{count(lif.nodes, 'node')}, {count(lif.edges, 'edge')}"
     print(f"{out}: VDMA LIF {version}, {size}, cells of {scenario.units.cell}")
     if lif.lost:
-        print("not in it: " + ", ".join(f"{name} {n:,}" for name, n in lif.lost.items()))
+        print("left out: " + ", ".join(f"{name} {n:,}" for name, n in lif.lost.items()))
     return 0
 
 
 def known_version(version: str, known: Collection[str]) -> str:
-    """Return a version that is known. Raises InputError."""
+    """Return the version if it is supported. Raises InputError."""
     if version not in known:
-        text = f"--version {version} is not known{nearest(version, known)}"
-        raise InputError(f"{text}; {alternatives(known)} are written")
+        text = f"--version {version} is not supported{nearest(version, known)}"
+        raise InputError(f"{text}; use {alternatives(known)}")
     return version
 
 
 def check_writable(source: Path, out: Path) -> None:
-    """Raises InputError for a file that is not to be replaced."""
+    """Raise InputError for a file that must not be replaced."""
     if os.path.exists(out) and (not out.is_file() or out.samefile(source)):
-        raise cannot_write_error("this is the file that is read, or not a regular file", out)
+        raise cannot_write_error("this is the input file, or not a regular file", out)

@@ -1,10 +1,10 @@
-"""Make a scenario of a layout or a problem of another program: its floor, its robots and its tasks.
+"""Import a layout or benchmark from another tool: write a scenario with its floor, robots and tasks.
 
-FILE is a layout (VDMA LIF, openTCS, a map of ROS), a MovingAI map or scenario, a problem of the League of
-Robot Runners, or a folder with map.txt, agents_K.csv and tasks_one.csv; which one follows from what it
-holds.
+FILE is a layout (VDMA LIF, openTCS, a ROS map), a MovingAI map or scenario, a problem of the League of
+Robot Runners, or a folder with map.txt, agents_K.csv and tasks_one.csv. The kind is detected from the
+content.
 
-Exit code 0: done; 1: an edge would be too far off, nothing is written; 2: bad input.
+Exit code 0: done; 1: an edge would be too inaccurate, nothing is written; 2: bad input.
 """
 
 from __future__ import annotations
@@ -48,79 +48,81 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton import`."""
     add = parser.add_argument
     add("file", type=Path, metavar="FILE", help="a layout, a problem, or a folder")
-    add("--out", type=Path, required=True, metavar="YAML", help="the scenario; files beside it")
+    text = "write the scenario to YAML, and its other files beside it"
+    add("--out", type=Path, required=True, metavar="YAML", help=text)
     add(
         "--robots",
         type=whole("a number of robots", 1, 1_000_000),
         metavar="N",
-        help="number of robots; they start in the first N cells of the problem, in a folder in those of "
-        "its file with N starts, and on a map without a problem in random cells",
+        help="set the number of robots. They start in the first N cells of a problem, in the cells of "
+        "the file with N starts in a folder, or in random cells on a bare map",
     )
     add(
         "--ticks",
         type=whole("a number of ticks", 1, 2_000_000_000),
         metavar="N",
-        help=f"length of a run, default {DEFAULT_TICKS:,} ticks; on a layout an hour",
+        help=f"set the length of a run (default: {DEFAULT_TICKS:,} ticks; for a layout, 1 hour)",
     )
-    add("--force", action="store_true", help="overwrite existing files with other content")
+    add("--force", action="store_true", help="overwrite existing files that differ")
     add_json_argument(parser)
     add_layout_arguments(parser)
 
 
 def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
-    """The arguments that count for layouts alone."""
-    add = parser.add_argument_group("of layouts").add_argument
-    add("--floor", type=Path, metavar="FILE", help="write the picture of the floor to FILE")
+    """Arguments for layouts only."""
+    add = parser.add_argument_group("layouts only").add_argument
+    add("--floor", type=Path, metavar="FILE", help="write the drawn floor to FILE")
     add(
         "--cell",
         type=measured("a length", "0.5m", exact_length),
         metavar="0.5m",
-        help="side of a cell; default: the largest that fits a layout, the smallest that fits a map",
+        help="set the side of a cell (default: the largest that fits a layout, the smallest that "
+        "fits a map)",
     )
     add(
         "--tick",
         type=measured("a time", "0.5s", exact_time),
         metavar="0.5s",
-        help="default: what the fastest robot takes for a cell",
+        help="set the duration of a tick (default: the time the fastest robot takes for a cell)",
     )
     add(
         "--speed",
         type=measured("a speed", "1.5m/s", exact_speed),
         metavar="1m/s",
-        help="where the file gives none",
+        help="use this speed where the file gives none",
     )
     add(
         "--robot",
         type=measured("a length", "0.6m", exact_length),
         metavar="0.6m",
-        help="of images: the width of a robot; default: that of a cell",
+        help="for images, set the width of a robot (default: the side of a cell)",
     )
     add(
         "--unknown",
         choices=("wall", "free"),
         default=DEFAULTS.unknown,
-        help="of images: what unknown area is, default wall",
+        help="for images, treat unknown area as wall (default) or free",
     )
-    add("--layout", metavar="ID", help="which layout, if the file has several")
-    add("--type", metavar="NAME", help="which type of robots, if the file has several")
+    add("--layout", metavar="ID", help="import this layout, if the file has several")
+    add("--type", metavar="NAME", help="use this robot type, if the file has several")
     add(
         "--accept",
         type=share,
         default=DEFAULTS.accept,
         metavar="5%",
-        help="the largest error of an edge",
+        help="accept edges with up to this relative error (default: 5%%)",
     )
 
 
 def exact_speed(text: str) -> Fraction | None:
-    """Metres in a second of a speed such as "4 km/h", exactly; None: it is not one."""
+    """A speed such as "4 km/h" in m/s, exactly; None if the text is not a speed."""
     match = SPEED_TEXT.fullmatch(text)
     metres, time = (exact_length(match[1]), exact_time(f"1 {match[2]}")) if match else (None, None)
     return None if metres is None or time is None else metres / time
 
 
 def share(text: str) -> float:
-    """Return a percentage such as 10% as a share."""
+    """Return a percentage such as 10% as a fraction."""
     match = PERCENT_TEXT.fullmatch(text.strip())
     if match is None:
         raise argparse.ArgumentTypeError(f"{text!r} is not a percentage such as 10%")
@@ -128,7 +130,7 @@ def share(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Read the file, write the scenario and what belongs to it."""
+    """Read the file; write the scenario and its other files."""
     if args.out.suffix not in (".yaml", ".yml"):
         raise InputError("--out must end in .yaml", str(args.out))
     kind = kind_of(args.file)
@@ -140,7 +142,6 @@ def run(args: argparse.Namespace) -> int:
 
 
 def options_of(args: argparse.Namespace) -> ImportOptions:
-    """Return what the arguments say."""
     return ImportOptions(
         args.cell,
         args.tick,
@@ -156,7 +157,7 @@ def options_of(args: argparse.Namespace) -> ImportOptions:
 
 
 def import_floor(args: argparse.Namespace, kind: str, options: ImportOptions) -> int:
-    """Write the scenario of a layout, and print the report."""
+    """Write the scenario of a layout, and print a report."""
     imported = read_floor(args.file, kind, options)
     names: list[str] = []
     if not imported.report.refusal:
@@ -172,7 +173,7 @@ def import_floor(args: argparse.Namespace, kind: str, options: ImportOptions) ->
 
 
 def print_report(report: ImportReport, files: list[str]) -> None:
-    """Print a report, its picture in colours on a terminal."""
+    """Print a report; a terminal shows its picture in color."""
     document = ReportDocument(report.format, list(report.blocks()))
     if not report.refusal:
         document.add(Text(f"written: {', '.join(files)}"))
@@ -206,7 +207,7 @@ def import_problem(args: argparse.Namespace, kind: str) -> int:
 
 
 def write_files(args: argparse.Namespace, texts: dict[str, str]) -> list[str]:
-    """Write texts by their names beside --out, the last one there; return the names."""
+    """Write the last text to --out, the others beside it by name; return the names."""
     out: Path = args.out
     names = [*list(texts)[:-1], out.name]
     files = {
@@ -221,16 +222,16 @@ def write_files(args: argparse.Namespace, texts: dict[str, str]) -> list[str]:
 
 
 def check_replaced(path: Path, content: bytes, source: Path, force: bool) -> None:
-    """Raises InputError for a file that `content` must not replace; the same content may."""
+    """Raise InputError if a different file exists at `path`, unless `force` allows replacing it."""
     if not os.path.exists(path):
         return
     if not path.is_file() or path.samefile(source):
-        raise InputError("is not replaced: give another --out", str(path))
+        raise InputError("cannot be replaced: choose another --out", str(path))
     try:
         same = path.read_bytes() == content
     except OSError:
         same = False
     if not same and not force:
         raise InputError(
-            "is there already: give another --out, or --force to replace it", str(path)
+            "already exists: choose another --out, or replace it with --force", str(path)
         )

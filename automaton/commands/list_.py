@@ -1,4 +1,4 @@
-"""List what is there to use: scenarios, studies, floor generators and strategies."""
+"""List the available scenarios, studies, floor generators and strategies."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Print what there is."""
+    """Print the inventory."""
     found = inventory()
     if args.json:
         print_json(found)
@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def inventory() -> dict[str, list[dict[str, Any]]]:
-    """Everything that a scenario or the command line can name, with one line each."""
+    """Everything that a scenario or a command can name, with one line each."""
     from automaton.strategy import lookup
 
     scenarios = [
@@ -59,8 +59,8 @@ def inventory() -> dict[str, list[dict[str, Any]]]:
 
 
 def inventory_document(found: dict[str, list[dict[str, Any]]]) -> ReportDocument:
-    """The inventory as tables; what is empty is left out."""
-    document = ReportDocument("what there is")
+    """The inventory as tables; empty ones are left out."""
+    document = ReportDocument("available")
     for heading, entries in found.items():
         rows = [
             [*(entry[key] for key in entry if key not in SAID), entry["summary"]]
@@ -73,12 +73,12 @@ def inventory_document(found: dict[str, list[dict[str, Any]]]) -> ReportDocument
 
 
 def properties_table(strategies: list[dict[str, Any]]) -> tuple[Heading, Table]:
-    """What the methods of strategies can be used for."""
+    """A table of the uses of each zoning method."""
     properties = {one["name"]: one["properties"] for one in strategies if "properties" in one}
     names = list(next(iter(properties.values())))
     rows = [
         [method, *("yes" if has[name] else "no" for name in names)]
         for method, has in properties.items()
     ]
-    title = Heading("what zoning is for (Keith & La, Table 1)", 3)
+    title = Heading("uses of zoning methods (Keith & La, Table 1)", 3)
     return title, Table(["", *names], rows, left=1 + len(names))

@@ -1,4 +1,4 @@
-"""Report on a folder of results: the answer, tables, intervals, comparisons, curves, maps.
+"""Report on the results of a sweep: the answer, tables, intervals, comparisons, curves and maps.
 
 Exit code 0: done; 2: bad input.
 """
@@ -21,26 +21,31 @@ if TYPE_CHECKING:
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton report`."""
     add = parser.add_argument
-    add("folder", type=Path, metavar="DIR", help="where a sweep keeps its results")
+    add("folder", type=Path, metavar="DIR", help="the folder with the results of a sweep")
     add_output_arguments(parser)
     add(
         "--xlsx",
         type=Path,
         metavar="FILE",
-        help="the report and all rows as a workbook, instead of the text (extra excel)",
+        help="write the report and all rows to a workbook, and print no text (extra excel)",
     )
-    add("--plots", type=Path, metavar="DIR", help="curves and maps as PNG and SVG (extra plots)")
-    add("--summary", type=Path, metavar="FILE", help="a line for each point and metric, as CSV")
-    add("--comparisons", type=Path, metavar="FILE", help="the declared comparisons, as CSV")
-    add("--csv", type=Path, metavar="FILE", help="all rows, for a spreadsheet")
-    add("--parquet", type=Path, metavar="FILE", help="all rows, for pandas, polars or DuckDB")
+    text = "write curves and maps as PNG and SVG (extra plots)"
+    add("--plots", type=Path, metavar="DIR", help=text)
+    text = "write a CSV file with a line per point and metric"
+    add("--summary", type=Path, metavar="FILE", help=text)
+    text = "write a CSV file with the declared comparisons"
+    add("--comparisons", type=Path, metavar="FILE", help=text)
+    text = "write a CSV file with all rows, for a spreadsheet"
+    add("--csv", type=Path, metavar="FILE", help=text)
+    text = "write a Parquet file with all rows, for pandas, polars or DuckDB"
+    add("--parquet", type=Path, metavar="FILE", help=text)
     add(
         "--floor",
         type=whole("a design point", 0),
         action="append",
         default=[],
         metavar="POINT",
-        help="add maps of lost time and traffic of one run of this point; may be repeated",
+        help="add maps of lost time and traffic for one run of this point; may be repeated",
     )
 
 
@@ -52,17 +57,17 @@ def run(args: argparse.Namespace) -> int:
 
     if args.folder.is_file():
         raise InputError(
-            "is a file; a report is made of the folder of a sweep, two recordings are compared by "
+            "is a file, but a report needs the folder of a sweep; to compare two recordings, use "
             "automaton replay ONE OTHER",
             str(args.folder),
         )
     if args.plots is not None:
-        figure_class()  # says what is missing before anything is computed
+        figure_class()  # fails before any computation if matplotlib is missing
     output = output_of(args)
     has_text = args.xlsx is None or args.out is not None or args.json or args.format is not None
     if output.format == XLSX:
         if args.xlsx is not None:
-            raise InputError("is a second workbook; leave it out", f"--xlsx {args.xlsx}")
+            raise InputError("names a second workbook; leave it out", f"--xlsx {args.xlsx}")
         args.xlsx, has_text = output.file, False
     check_files(args)
     store = Store(args.folder)
@@ -81,7 +86,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def check_files(args: argparse.Namespace) -> None:
-    """Refuse to replace what is not a table of ours, before anything is written. Raises InputError."""
+    """Raise InputError, before anything is written, if a file to replace is not our table."""
     from automaton.documents.workbook import WORKBOOK_BEGINS, check_replaced, openpyxl
     from automaton.studies.reports.export import (
         COMPARISONS_BEGIN,
@@ -106,7 +111,7 @@ def check_files(args: argparse.Namespace) -> None:
 def write_files(
     args: argparse.Namespace, store: Store, report: StudyReport, document: ReportDocument
 ) -> list[Path]:
-    """The tables that were asked for; the files written. Raises InputError."""
+    """Write the requested tables; return their files. Raises InputError."""
     from automaton.studies.reports.export import (
         comparison_records,
         summary_records,

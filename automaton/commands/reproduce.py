@@ -1,4 +1,4 @@
-"""Run the cases of a published table and print it beside ours.
+"""Run the cases of a published table, and print published and simulated values side by side.
 
 Exit code 0: done; 1: some runs did not finish; 2: bad input.
 """
@@ -34,38 +34,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton reproduce`."""
     parser.add_argument("name", metavar="NAME", help="a published table, such as tabletop")
     parser.add_argument(
-        "--seeds", type=int, metavar="N", help="so many seeds, default as many as the table needs"
+        "--seeds", type=int, metavar="N", help="run N seeds (default: as many as the table needs)"
     )
     parser.add_argument(
         "--seed-from",
         type=whole("a seed", 1),
         default=1,
         metavar="N",
-        help="the first seed (default 1); another seed gives other runs and verdicts",
+        help="start with this seed (default: 1); other seeds may change the verdicts",
     )
     parser.add_argument(
-        "--strategies", default="", metavar="A,B", help="run these instead of the published ones"
+        "--strategies", default="", metavar="A,B", help="run these, not the published strategies"
     )
     parser.add_argument(
         "--tables",
         nargs="?",
         const="",
         metavar="A,B",
-        help="show all tables, claims and remarks, not just the first screen; with names, make only "
-        "these tables (some are made only if named)",
+        help="show all tables, claims and remarks, not only the first screen; with names, run only "
+        "these tables (some run only if named)",
     )
     add_settings_argument(
         parser,
-        "change a value of the scenarios that are run, such as durations.turn=10; may be repeated",
+        "change a value of the scenarios, such as durations.turn=10; may be repeated",
     )
     parser.add_argument(
-        "--workers", type=int, metavar="N", help="processes, default one for each core"
+        "--workers", type=int, metavar="N", help="use N processes (default: one per core)"
     )
     parser.add_argument(
         "--data",
         type=Path,
         metavar="FOLDER",
-        help="run the published problems of this folder, for tables whose problems are not ours",
+        help="run the published problems in this folder, for tables whose problems are not shipped",
     )
     add_output_arguments(parser)
 
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     reproduction = find(args.name)
     if args.data is not None:
         if reproduction.from_data is None:
-            raise InputError(f"{args.name} needs no data of others: leave out --data")
+            raise InputError(f"{args.name} needs no published problems: leave out --data")
         reproduction = reproduction.from_data(args.data)
     strategies, tables = listed(args.strategies), listed(args.tables or "")
     with progress() as (on_start, on_done):
@@ -109,14 +109,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def listed(text: str) -> list[str]:
-    """The names in a list with commas, each once."""
+    """The names in a comma-separated list, without duplicates."""
     names = (name.strip() for name in text.split(","))
     return list(dict.fromkeys(name for name in names if name))
 
 
 @contextlib.contextmanager
 def progress() -> Iterator[Listeners]:
-    """A progress bar on a terminal's stderr; nothing in a pipe."""
+    """A progress bar on stderr if it is a terminal."""
     if not sys.stderr.isatty():
         yield None, None
         return
@@ -169,7 +169,7 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
 
 
 def premises_as_json(reproduced: Reproduced) -> dict[str, Any]:
-    """By each other premise: mean errors, and the verdicts of all claims."""
+    """The mean errors and the verdicts of all claims, for each other premise."""
     if not reproduced.premises:
         return {}
     return {
@@ -185,13 +185,13 @@ def premises_as_json(reproduced: Reproduced) -> dict[str, Any]:
 
 
 def further_as_json(reproduced: Reproduced) -> dict[str, Any]:
-    """What a reproduction reads off its runs besides tables."""
+    """The results of a reproduction other than tables."""
     further = reproduced.reproduction.further
     return {one.name: one.data for one in further(reproduced)} if further is not None else {}
 
 
 def figure_as_json(figure: Judged) -> dict[str, Any]:
-    """A figure of a claim; bounds that do not exist are null."""
+    """A figure of a claim; missing bounds are null."""
     wanted = figure.figure
     return {
         "figure": wanted.label,

@@ -1,6 +1,6 @@
-"""Run a scenario once, without a screen, and print its metrics.
+"""Run a scenario once, without the viewer, and print its metrics.
 
-Exit code 0: finished; 1: it did not finish; 2: bad input, a failing strategy included.
+Exit code 0: finished; 1: it did not finish; 2: bad input or a failing strategy.
 """
 
 from __future__ import annotations
@@ -44,19 +44,18 @@ FORMS = {
 }
 
 
-PROGRESS_DELAY_S = 1.0  # before a run on a terminal begins to say how far it is
+PROGRESS_DELAY_S = 1.0  # before the progress of a run appears on a terminal
 REFRESH_S = 0.2
-PROGRESS_INTERVAL_S = 2.0  # from then on it says which tick is being computed
+PROGRESS_INTERVAL_S = 2.0  # a tick that takes longer is named
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton run`."""
     add_scenario_arguments(parser)
     add_refinement_arguments(parser)
-    parser.add_argument("--record", type=Path, metavar="FILE", help="keep every tick in FILE")
-    parser.add_argument(
-        "--until", type=whole("a tick", 1), metavar="TICK", help="stop there, if not before"
-    )
+    parser.add_argument("--record", type=Path, metavar="FILE", help="record every tick in FILE")
+    text = "stop at this tick at the latest"
+    parser.add_argument("--until", type=whole("a tick", 1), metavar="TICK", help=text)
     add_timeout_argument(parser)
     parser.add_argument(
         "--every",
@@ -64,12 +63,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="show the run by this period (ticks, or a time such as 15min); default an hour",
     )
     add_table_arguments(parser)
-    parser.add_argument("--picture", action="store_true", help="draw the grid at the end")
+    parser.add_argument(
+        "--picture", action="store_true", help="draw the floor at the end of the run"
+    )
     add_output_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Run, report, and say on stderr if the run did not finish."""
+    """Run, report, and note on stderr why a run did not finish."""
     from automaton.runs.headless import run_once
     from automaton.runs.periods import ticks_of_period
     from automaton.runs.run_diagnosis import JamWatch, note_jam
@@ -128,18 +129,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 class Drawn(NamedTuple):
-    """Pictures of the end of a run."""
+    """Pictures of the final state of a run."""
 
     picture: str  # the grid
-    zones: str  # the zones that robots serve and the work at stations; "" without either
+    zones: str  # service zones and the work at stations; "" without either
 
     def as_json(self) -> dict[str, list[str]]:
-        """What they add to the JSON of the run."""
+        """The pictures for the JSON of the run."""
         zones = {"service_zones": self.zones.splitlines()} if self.zones else {}
         return {"picture": self.picture.splitlines(), **zones}
 
     def blocks(self) -> Iterator[Block]:
-        """The grid; below it zones and stations, zones in their colours."""
+        """The grid; below it zones and stations, in the colors of the zones."""
         from automaton.documents.report_document import CharacterPicture, Text
         from strategies.zoning.service_zone_lines import coloured
 
@@ -149,7 +150,7 @@ class Drawn(NamedTuple):
 
 
 def draw(simulation: Simulation) -> Drawn:
-    """Draw the state that a run has come to."""
+    """Draw the current state of a run."""
     from automaton.runs.pictures import picture_of
     from strategies.zoning.service_zone_lines import partition_picture
 
@@ -159,7 +160,7 @@ def draw(simulation: Simulation) -> Drawn:
 
 @contextlib.contextmanager
 def recorder(path: Path | None, resolved: Resolved) -> Iterator[Any]:
-    """What a simulation hands its ticks to, or None."""
+    """The recorder that receives each tick, or None."""
     if path is None:
         yield None
         return
@@ -174,7 +175,7 @@ def recorder(path: Path | None, resolved: Resolved) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def progress(resolved: Resolved) -> Iterator[Any]:
-    """What says on a terminal how far a long run is, also within a long tick; None in a pipe."""
+    """Show the progress of a long run, even within a long tick; yields None without a terminal."""
     if not sys.stderr.isatty():
         yield None
         return
@@ -218,14 +219,13 @@ def progress(resolved: Resolved) -> Iterator[Any]:
 
 
 def refinement_of(resolved: Resolved) -> dict[str, Any]:
-    """How the ticks of a run were refined; nothing if they were not."""
+    """The refinement of ticks; {} without one."""
     scenario = resolved.scenario
     return {} if scenario.refine == 1 else {"refine": scenario.refine, "decide": scenario.decide}
 
 
 def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
-    """The run as one object; times are in ticks, `metrics_in_units` has them in the units of the
-    scenario."""
+    """The run as one object; times are in ticks, in `metrics_in_units` in the scenario's units."""
     from automaton.runs.bottleneck import bottleneck_sentences
     from automaton.runs.metric_catalogue import to_scenario_units, units_of
 
@@ -262,24 +262,25 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
     }
 
 
-# The tables that a run leaves in a folder, and the events that it prints.
+# Tables of a run in a folder, and printed events.
 
 
 def add_table_arguments(parser: argparse.ArgumentParser) -> None:
-    """Which tables a run leaves, and in which form: `csv`, `parquet`, `xlsx`, `states`, `events`."""
+    """The tables of a run and their format: `csv`, `parquet`, `xlsx`, `states`, `events`."""
     forms = parser.add_mutually_exclusive_group()
     for form, what in FORMS.items():
-        text = f"write tables of orders, lines, trips, robots and stations {what} into a new folder"
+        text = f"write tables of orders, lines, trips, robots and stations to a new folder, {what}"
         forms.add_argument(f"--{form}", type=Path, metavar="DIR", help=text)
     parser.add_argument(
         "--states",
         metavar="PERIOD",
-        help="sample robot states every PERIOD (ticks, or a time such as 10s); adds a table of cells",
+        help="sample robot states every PERIOD (ticks, or a time such as 10s), and add tables of these "
+        "states and of cells",
     )
     parser.add_argument(
         "--events",
         action="store_true",
-        help="a table of events, and one of cells; without a folder, print the events",
+        help="add tables of events and of cells; without a folder, print the events",
     )
 
 
@@ -287,12 +288,12 @@ def add_table_arguments(parser: argparse.ArgumentParser) -> None:
 def written_tables(
     args: argparse.Namespace, resolved: Resolved
 ) -> Iterator[TableRun | EventLines | None]:
-    """What makes the tables that the arguments ask for, or keeps events, or None."""
+    """The writer of the requested tables, the collector of events to print, or None."""
     folders = {form: getattr(args, form) for form in FORMS}
     form = next((form for form, folder in folders.items() if folder is not None), None)
     if form is None:
         if args.states is not None:
-            raise InputError("--states is a table; say where with --csv, --parquet or --xlsx DIR")
+            raise InputError("--states needs a folder: add --csv, --parquet or --xlsx DIR")
         yield EventLines() if args.events else None
         return
     from automaton.tables.table_run import WantedTables, table_run
@@ -303,7 +304,7 @@ def written_tables(
 
 
 class EventLines:
-    """Keeps the events of a run, of a long one the last ones, and writes a line for each."""
+    """Collects the events of a run (only the last ones of a long run) and prints a line for each."""
 
     def __init__(self) -> None:
         from automaton.history.event_history import EventHistory
@@ -315,7 +316,7 @@ class EventLines:
         self.sampling = Sampling(0, lambda simulation: None, self._history)
 
     def finish(self, simulation: Simulation) -> None:
-        """Read the events of a run that is over."""
+        """Read the events at the end of the run."""
         from automaton.tables.columns import rows_as_objects
         from automaton.tables.rows import event_form, event_rows
 
@@ -324,7 +325,7 @@ class EventLines:
         self._has_trips = simulation.resolved.scenario.orders.lines is not None
 
     def as_json(self) -> dict[str, Any]:
-        """What they add to the JSON of a run."""
+        """The events for the JSON of the run."""
         return {"events": [_named(row, self._has_trips) for row in self._rows]}
 
     def blocks(self) -> Iterator[Block]:
@@ -332,13 +333,13 @@ class EventLines:
         from automaton.documents.report_document import Text
 
         dropped = self._history.log.dropped
-        first = [f"{count(dropped, 'event')} before these are not kept"] if dropped else []
+        first = [f"{count(dropped, 'earlier event')} not shown"] if dropped else []
         lines = first + [_line(row, self._has_trips) for row in self._rows]
         yield Text("\n".join(lines), code=True)
 
 
 def _named(row: dict[str, Any], has_trips: bool) -> dict[str, Any]:
-    """An event with `trip` instead of `order` where robots take trips."""
+    """An event, with `order` renamed `trip` if robots take trips."""
     return {"trip" if has_trips and key == "order" else key: row[key] for key in row}
 
 

@@ -1,4 +1,4 @@
-"""Print the JSON Schema of scenario files, or of study files, for editors and other programs."""
+"""Print the JSON Schema of scenario or study files, for editors and other tools."""
 
 from __future__ import annotations
 
@@ -18,7 +18,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         default="scenario",
         choices=SCHEMAS,
-        help="scenario (default), with the parameters of generators and strategies, or study",
+        help="the schema of scenarios, with parameters of generators and strategies (default), or of "
+        "studies",
     )
 
 

@@ -1,6 +1,6 @@
-"""Show a scenario's viewer in browsers: one session each, read-only unless --interactive.
+"""Serve the viewer of a scenario to browsers: one session each, read-only unless --interactive.
 
-Exit code 0: ended by Ctrl-C or a signal; 2: bad input, or an address that cannot be served.
+Exit code 0: ended by Ctrl-C or a signal; 2: bad input, or an unusable address.
 """
 
 from __future__ import annotations
@@ -20,40 +20,42 @@ from automaton.world.resolve import resolve
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton serve`."""
     add_scenario_arguments(parser)
-    parser.add_argument("--host", default="127.0.0.1", help="where to listen (127.0.0.1)")
+    parser.add_argument("--host", default="127.0.0.1", help="listen here (default: 127.0.0.1)")
     parser.add_argument(
         "--port",
         type=whole("a port", 0, 65535),
         default=8000,
-        help="8000 unless given; 0: a free one",
+        help="listen on this port (default: 8000; 0: any free port)",
     )
     parser.add_argument(
-        "--public-url", metavar="URL", help="what browsers call it, if not http://HOST:PORT"
+        "--public-url", metavar="URL", help="browsers use this URL (default: http://HOST:PORT)"
     )
     token = parser.add_mutually_exclusive_group()
-    token.add_argument("--token", help="instead of a random one; others on this machine can see it")
-    token.add_argument("--no-token", action="store_true", help="let in everybody on this machine")
+    text = "use this token, not a random one; other users of this machine can see it"
+    token.add_argument("--token", help=text)
+    text = "require no token: all users of this machine may connect"
+    token.add_argument("--no-token", action="store_true", help=text)
     parser.add_argument(
         "--sessions",
         type=whole("a number of sessions", 1),
         default=4,
         metavar="N",
-        help="at most so many at once (4)",
+        help="allow at most N sessions at once (default: 4)",
     )
     parser.add_argument(
         "--idle",
         type=whole("a time", 0),
         default=1800,
         metavar="SECONDS",
-        help="end a session that nobody touched for so long (1800); 0: never",
+        help="end a session after SECONDS without activity (default: 1800; 0: never)",
     )
     parser.add_argument(
-        "--interactive", action="store_true", help="let browsers change runs and fetch files"
+        "--interactive", action="store_true", help="let browsers change runs and download files"
     )
 
 
 def run(args: argparse.Namespace) -> int:
-    """Serve until a signal comes."""
+    """Serve until a signal arrives."""
     name = resolve(args.scenario, args.settings, args.seed).scenario.name
     listener, access = open_door(args)
     server = part("server").ViewerServer(
@@ -70,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def part(name: str) -> Any:
-    """A module of the browser viewer, by name: what runs headless does not import the viewer."""
+    """A module of the browser viewer, by name: headless code must not import the viewer."""
     try:
         return importlib.import_module(f"tui.serve.{name}")
     except ModuleNotFoundError as error:
@@ -82,7 +84,7 @@ def part(name: str) -> Any:
 
 
 def viewer(args: argparse.Namespace) -> list[str]:
-    """The command line of one session; what browsers do fills no disk here."""
+    """The command line of one session, which records nothing: browsers must not fill this disk."""
     command = [sys.executable, "-m", "automaton", "watch", args.scenario, "--no-record"]
     command += [] if args.interactive else ["--read-only"]
     command += [] if args.seed is None else [f"--seed={args.seed}"]
@@ -90,7 +92,7 @@ def viewer(args: argparse.Namespace) -> list[str]:
 
 
 def open_door(args: argparse.Namespace) -> tuple[socket.socket, Any]:
-    """The socket that listens, and who may come in."""
+    """The listening socket and its access rules."""
     server, address = part("server"), part("address")
     token = None
     if not args.no_token:
@@ -109,7 +111,7 @@ def open_door(args: argparse.Namespace) -> tuple[socket.socket, Any]:
 
 
 def greeting(args: argparse.Namespace, name: str, access: Any, listener: socket.socket) -> str:
-    """What to open, and how from elsewhere."""
+    """The text with the URL to open, and how to reach it from another machine."""
     manner = "interactive" if args.interactive else "read-only"
     lines = [f"{name} in a browser ({manner}, at most {args.sessions} at once):", access.entrance]
     where = listener.getsockname()[1]
@@ -117,5 +119,5 @@ def greeting(args: argparse.Namespace, name: str, access: Any, listener: socket.
         tunnel = f"ssh -L {where}:{args.host}:{where} {socket.gethostname()}"
         lines.append(f"From another machine: {tunnel}, then open the same address there.")
     elif access.public_url.startswith("http:"):
-        lines.append("Not encrypted: whoever sees the traffic has the token; ssh -L is safer.")
-    return "\n".join([*lines, "Ctrl-C ends it."])
+        lines.append("Not encrypted: anyone who sees the traffic has the token; ssh -L is safer.")
+    return "\n".join([*lines, "Press Ctrl-C to stop."])

@@ -1,7 +1,7 @@
-"""Find the smallest fleet that meets a target, and say how sure that is.
+"""Find the smallest fleet that meets a target, with the confidence of the answer.
 
 Exit code 0: answered; 1: not reached, undecided, or a worker died; 2: bad input; 130: interrupted;
-143: ended by SIGTERM. What is known is printed in any case but bad input.
+143: ended by SIGTERM. Except for bad input, the results so far are always printed.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def positive(text: str) -> float:
 
 
 def positive_share(text: str) -> float:
-    """The type of an argument that is a share, such as .95 or 95%."""
+    """The type of an argument that is a fraction, such as .95 or 95%."""
     return positive(text.removesuffix("%")) / (100 if text.endswith("%") else 1)
 
 
@@ -52,55 +52,59 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
     add_refinement_arguments(parser)
     add = parser.add_argument
-    add("--target", required=True, metavar="T", help="such as 'makespan<=3000', 'makespan<=5h'")
-    add("--robots", required=True, metavar="A..B", help="range of fleet sizes to test")
+    text = "find the smallest fleet with, for example, 'makespan<=3000' (ticks) or 'makespan<=5h'"
+    add("--target", required=True, metavar="T", help=text)
+    add("--robots", required=True, metavar="A..B", help="test fleets of A to B robots")
     add(
         "--success-share",
         type=positive_share,
         metavar="P",
-        help="share of the runs that must meet the target (.95); default in a steady state: the mean "
-        "must meet it",
+        help="require this share of the runs to meet the target (default: 0.95; in a steady state: "
+        "--mean)",
     )
     add(
         "--mean",
         action="store_true",
         default=None,
-        help="the mean must meet it, whatever the share of the runs",
+        help="require the mean of the runs, not a share of them, to meet the target",
     )
     add(
         "--indifference",
         type=positive,
         metavar="Z",
-        help="indifference zone: a share within P +- Z may be judged either way (.02); with "
-        "--mean, in the unit of the metric (1 %% of the target)",
+        help="accept either verdict if the true share is within P +- Z (default: 0.02); with --mean, "
+        "if the mean is within Z of the target (default: 1 %% of it)",
     )
     add(
         "--alpha",
         type=positive,
         default=0.05,
         metavar="A",
-        help="error probability of all verdicts (.05)",
+        help="limit the error probability of all verdicts together (default: 0.05)",
     )
     add(
         "--budget",
         type=whole("a number of runs", 1),
         default=20_000,
         metavar="RUNS",
-        help="at most so many runs (20,000)",
+        help="make at most RUNS runs (default: 20,000)",
     )
-    add("--strategies", metavar="A,B", help="compare these, such as independent,cooperative")
-    add("--price", type=positive, default=0.0, metavar="P", help="of a robot")
+    text = "compare these strategies, such as independent,cooperative"
+    add("--strategies", metavar="A,B", help=text)
+    text = "print the price of the fleet, at P per robot"
+    add("--price", type=positive, default=0.0, metavar="P", help=text)
     add_workers_argument(parser)
-    add("--plots", type=Path, metavar="DIR", help="shares and means as PNG and SVG (extra plots)")
+    text = "write plots of shares and means as PNG and SVG (extra plots)"
+    add("--plots", type=Path, metavar="DIR", help=text)
     add_output_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Search and report; Ctrl-C, and a worker that dies, report what is known."""
+    """Search and report; after Ctrl-C or the death of a worker, report the results so far."""
     if args.plots is not None:
         from automaton.documents.html_output import figure_class
 
-        figure_class()  # says what is missing before anything is computed
+        figure_class()  # fails before any computation if matplotlib is missing
     output = output_of(args)
     from automaton.studies.process_pool import PersistentPool
     from automaton.studies.sizing.sizing_session import (
@@ -131,7 +135,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
-    """The question that the arguments put. Raises InputError."""
+    """The question that the arguments ask. Raises InputError."""
     from automaton.studies.sizing.fleet_search import (
         make_question,
         read_robots,
@@ -166,7 +170,9 @@ def show(args: argparse.Namespace, output: Output, session: SizingSession, fleet
     if scenario.units.tick != "1 tick":
         ends += f" 1 tick = {shown_unit(scenario.units.tick)}."
     if scenario.refine > 1:
-        ends += f" Runs have ticks that are {scenario.refine} times finer; metrics count the scenario's."
+        ends += (
+            f" Runs divide each tick into {scenario.refine}; metrics count the scenario's ticks."
+        )
     output.write(
         lambda: answer_document(session, scenario.name, ends, args.price),
         lambda: as_json(session, scenario.name, fleets.seed, args.price),
@@ -174,7 +180,7 @@ def show(args: argparse.Namespace, output: Output, session: SizingSession, fleet
 
 
 def draw(folder: Path, session: SizingSession) -> None:
-    """Write the plots, and say where they are."""
+    """Write the plots, and note their files."""
     from automaton.documents.html_output import write_plots
     from automaton.studies.sizing.sizing_report import curves
 
@@ -183,5 +189,5 @@ def draw(folder: Path, session: SizingSession) -> None:
 
 
 def tell_progress(place: FleetConfig, runs: int, asked: Question) -> None:
-    """Say on a terminal how far the search is."""
+    """Show the progress of the search on a terminal."""
     show_line(f"{place.robots} robots, {runs:,} runs of at most {asked.budget:,}")

@@ -1,7 +1,7 @@
-"""Do the runs of a study and keep their rows in a folder; the same command again goes on.
+"""Run or resume a study: store a row per run in a folder. The same command resumes it.
 
-Exit code 0: all runs are done; 1: some failed, now or before; 2: bad input;
-130: stopped by Ctrl-C; 143: by SIGTERM.
+Exit code 0: all runs are done; 1: some failed, now or before; 2: bad input; 130: stopped by Ctrl-C;
+143: by SIGTERM.
 """
 
 from __future__ import annotations
@@ -38,38 +38,37 @@ LINE_EVERY_S = 60.0  # in a pipe
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton sweep`."""
-    parser.add_argument("study", metavar="STUDY", help="a file, or a shipped study")
-    parser.add_argument("--out", type=Path, metavar="DIR", help="the folder of the results")
+    text = "a study file, or the name of a shipped study"
+    parser.add_argument("study", metavar="STUDY", help=text)
+    parser.add_argument("--out", type=Path, metavar="DIR", help="store the results in this folder")
     add_workers_argument(parser, 1024)
     parser.add_argument(
         "--scheduler",
         metavar="ADDRESS",
-        help="run on a Dask cluster, such as tcp://host:8786, or the file that its scheduler wrote",
+        help="run on a Dask cluster: an address, such as tcp://host:8786, or the scheduler file",
     )
     parser.add_argument(
-        "--dry-run", action="store_true", help="say what it would take, and run nothing but trials"
+        "--dry-run", action="store_true", help="estimate time and disk space from a few pilot runs"
     )
     parser.add_argument(
         "--recompute",
         action="store_true",
-        help="if the folder holds results of other code or another study, ignore them and do only the "
-        "missing runs of this study",
+        help="if the folder has results of other code or another study, ignore them, and run only what "
+        "is missing for this study",
     )
-    parser.add_argument(
-        "--retry-failed", action="store_true", help="also retry the runs that failed"
-    )
+    parser.add_argument("--retry-failed", action="store_true", help="retry failed runs, too")
     add_timeout_argument(parser)
     add_output_arguments(parser, "--report")
 
 
 def run(args: argparse.Namespace) -> int:
-    """Sweep, and say what was done."""
+    """Sweep and report."""
     if args.out is None and not args.dry_run:
-        raise InputError("--out DIR is missing: the folder in which results are kept")
+        raise InputError("--out DIR is missing: the folder for the results")
     if args.workers is not None and args.scheduler is not None:
-        raise InputError("--workers are processes here; the scheduler has its own: leave one out")
+        raise InputError("--workers sets local processes; leave it out with --scheduler")
     if args.dry_run and args.scheduler is not None:
-        raise InputError("--dry-run reckons with processes here, not with a cluster: leave one out")
+        raise InputError("--dry-run estimates for local processes; leave --scheduler out")
     output = output_of(args, "--report")
     from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
     from automaton.studies.sweeps.sweep_session import sweep_into
@@ -96,7 +95,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def crew_of(args: argparse.Namespace) -> Backend:
-    """Who carries the runs out."""
+    """The local processes or the cluster for the runs."""
     if args.scheduler is not None:
         from automaton.studies.sweeps.pools import DaskCluster
 
@@ -107,7 +106,7 @@ def crew_of(args: argparse.Namespace) -> Backend:
 
 
 def dry_run(args: argparse.Namespace, output: Output, plan: Any) -> int:
-    """Say what the sweep would take."""
+    """Print the estimated time and disk space of the sweep."""
     from automaton.runs.cores import cores
     from automaton.studies.sweeps.pools import LocalPool
     from automaton.studies.sweeps.sweep_session import forecast
@@ -126,7 +125,7 @@ def dry_run(args: argparse.Namespace, output: Output, plan: Any) -> int:
 
 
 def plan_text(plan: Any, found: Forecast) -> str:
-    """How many runs there are, and are left."""
+    """The number of runs, and of those already done."""
     points = count(len(plan.points), "point")
     replications, runs = plan.study.planned
     text = f"{plan.study.name}: {points} x {replications} = {runs}"
@@ -134,12 +133,12 @@ def plan_text(plan: Any, found: Forecast) -> str:
 
 
 def time_text(found: Forecast) -> str:
-    """How long they will take."""
+    """The estimated time of the runs."""
     least = "at least " if found.cut else ""
     spread = f"{found.least_s * 1e3:,.0f} to {found.most_s * 1e3:,.0f} ms"
     seconds = duration(found.wall_s)
     if found.most_runs > found.runs:
-        seconds += f" to {duration(found.most_wall_s)}, as precision takes,"
+        seconds += f" to {duration(found.most_wall_s)}, depending on precision,"
     return (
         f"time: {least}{seconds} with {count(found.workers, 'worker')} "
         f"({duration(found.start_s)} to start; {spread} a run, by {count(found.pilots, 'pilot run')})"
@@ -147,7 +146,7 @@ def time_text(found: Forecast) -> str:
 
 
 def duration(seconds: float) -> str:
-    """Seconds in the reader's units."""
+    """A duration in the most readable unit."""
     if seconds < 90:
         return f"{seconds:.1f} s" if seconds < 10 else f"{seconds:.0f} s"
     if seconds < 90 * SECONDS_PER_UNIT["min"]:
@@ -156,12 +155,12 @@ def duration(seconds: float) -> str:
 
 
 def size_text(size: int) -> str:
-    """Bytes in the reader's units."""
+    """A number of bytes in the most readable unit."""
     return f"{size / 1e6:,.1f} MB" if size >= 1e5 else f"{size / 1e3:,.1f} kB"
 
 
 class Listener:
-    """Hears how far a sweep is, and notes on stderr what to say: in a pipe also a line a minute."""
+    """Follows the progress of a sweep and writes notes to stderr; in a pipe, a line a minute."""
 
     def __init__(self, out: Path, period_s: float = LINE_EVERY_S) -> None:
         self.out = out
@@ -170,19 +169,19 @@ class Listener:
         self.period_s = period_s
 
     def begin(self, begun: SweepStart) -> None:
-        """Tell on stderr what was found in the folder."""
+        """Note on stderr problems with existing results in the folder."""
         self.total, self.done = begun.runs, begun.done
         self.since, self.before = time.monotonic(), begun.done
         for path in begun.aside:
-            note(f"{path} is damaged; its runs are done again")
+            note(f"{path} is damaged; its runs are repeated")
         if begun.reanalysed:
             note(
-                "the analysis or warm-up declared in the study is another one than that with which "
-                f"{count(begun.done, 'run')} were made; the earlier one stays in sweep.json"
+                "the analysis or warm-up declared in the study has changed since "
+                f"{count(begun.done, 'run')} were made; sweep.json keeps the earlier one"
             )
 
     def rows(self, rows: list[Any]) -> None:
-        """Count what is done; say so when it is time."""
+        """Count finished runs; note the progress once per period."""
         self.done += len(rows)
         now = time.monotonic()
         if now - self.said >= self.period_s:
@@ -190,7 +189,7 @@ class Listener:
             note(self.line(now - self.since))
 
     def line(self, seconds: float) -> str:
-        """How far it is, after so many seconds."""
+        """The progress after this number of seconds."""
         fresh = self.done - self.before
         if not fresh:
             return (
@@ -201,7 +200,7 @@ class Listener:
         return f"{self.done:,} of {count(self.total, 'run')}, {rate}, about {duration(left)} left"
 
     def decide(self, store: Store) -> int | None:
-        """After a round: how many replications the next one makes; None: it is enough."""
+        """After a round: the number of replications of the next one; None: stop."""
         from automaton.studies.reports.comparisons import next_replications
 
         following = next_replications(store)
@@ -212,7 +211,7 @@ class Listener:
 
 
 class Bar(Listener):
-    """Shows on a terminal's stderr how many runs are done, how fast, and how long the rest takes."""
+    """Shows on a terminal's stderr the finished runs, their rate and the remaining time."""
 
     def __init__(self, out: Path) -> None:
         super().__init__(out, math.inf)
@@ -237,20 +236,20 @@ class Bar(Listener):
 
 @contextlib.contextmanager
 def progress(out: Path) -> Iterator[Listener]:
-    """A progress bar on a terminal, a line a minute in a pipe; says what is kept after Ctrl-C."""
+    """A progress bar on a terminal, a line a minute in a pipe; after Ctrl-C, a note on how to resume."""
     listener = Bar(out) if sys.stderr.isatty() else Listener(out)
     try:
         with listener.bar if isinstance(listener, Bar) else contextlib.nullcontext():
             yield listener
     except KeyboardInterrupt:
         if listener.total:
-            kept = f"{listener.done:,} of {count(listener.total, 'run')} are kept in {out}"
-            note(f"stopped; {kept}; the same command goes on")
+            kept = f"{listener.done:,} of {count(listener.total, 'run')} are stored in {out}"
+            note(f"stopped; {kept}; repeat the command to resume")
         raise
 
 
 def tell(output: Output, out: Path, swept: SweepResult, seconds: float) -> None:
-    """Say what was done."""
+    """Write the result, and note failed runs."""
     begun, tally, study = swept.begun, swept.tally, swept.store.study
 
     def summary() -> dict[str, Any]:
@@ -260,14 +259,14 @@ def tell(output: Output, out: Path, swept: SweepResult, seconds: float) -> None:
 
     output.write(lambda: summary_document(swept, out), summary)
     if swept.failed:
-        what = f"{count(swept.failed, 'run')} failed; the column `error` says why"
-        note(f"{what}, --retry-failed tries again")
+        what = f"{count(swept.failed, 'run')} failed; see the column `error` for the reason"
+        note(f"{what}, or retry with --retry-failed")
 
 
 def summary_document(swept: SweepResult, out: Path) -> ReportDocument:
-    """What was done, in a few sentences."""
+    """The result in a few sentences."""
     begun, tally, study = swept.begun, swept.tally, swept.store.study
-    before = f" ({begun.done:,} were done before)" if begun.done else ""
+    before = f" ({begun.done:,} done before)" if begun.done else ""
     lines = [f"{study.name}: {count(study.runs, 'run')} in {out}{before}"]
     if swept.store.declared.in_rounds:
         from automaton.studies.reports.comparisons import stopping_remarks, stopping_text
@@ -276,7 +275,7 @@ def summary_document(swept: SweepResult, out: Path) -> ReportDocument:
         results = read_results(swept.store)
         lines += [stopping_text(results), *stopping_remarks(results)]
     if tally.unfinished:
-        lines.append(f"{count(tally.unfinished, 'run')} reached the limit of the scenario")
+        lines.append(f"{count(tally.unfinished, 'run')} reached the time limit of the scenario")
     if tally.repeated:
-        lines.append(f"{count(tally.repeated, 'run')} begun twice, since a worker died")
+        lines.append(f"{count(tally.repeated, 'run')} started twice, because a worker died")
     return ReportDocument(study.name, [Listed(lines, mark="")])

@@ -1,6 +1,6 @@
-"""Train a network that predicts which zones robots drive through, or what was tried beside it.
+"""Train a network that predicts which zones a robot will cross, or the alternatives to it.
 
-A network is written to --out when training is over; Ctrl-C leaves nothing. Needs the extra `learn`.
+The network is written to --out at the end of training; Ctrl-C writes nothing. Needs the extra `learn`.
 Exit code 0: done; 2: bad input.
 """
 
@@ -27,53 +27,64 @@ from automaton.papers.training_settings import LOSSES, MEASURES, WEIGHTINGS, Set
 TRAINED_NAMES = ("traffic",)
 PAPER = "warehouse-100"
 NUMBER_OPTIONS = {  # option: (field of Settings, least value, help)
-    "--legs": ("legs", 2, "legs to learn from, half from racks to docks, half back"),
-    "--batch": ("batch", 1, "legs in a step"),
-    "--epochs": ("epochs", 1, "at most"),
-    "--patience": ("patience", 1, "epochs without lower loss after which training ends"),
-    "--seed": ("seed", 0, "of the legs and the first weights; seed + 1 draws those to judge by"),
+    "--legs": ("legs", 2, "learn from N legs, half from racks to docks and half back"),
+    "--batch": ("batch", 1, "use N legs per step"),
+    "--epochs": ("epochs", 1, "train for at most N epochs"),
+    "--patience": ("patience", 1, "stop after N epochs without a lower loss"),
+    "--seed": ("seed", 0, "draw training legs and first weights from seed N, test legs from N + 1"),
 }
-# What a mode does not use, it refuses.
+# A mode refuses the options that it does not use.
 REFUSED_OPTIONS = {
     "tables": ("loss", "weighting", "keep"),
     "depths": ("loss", "weighting", "keep"),
     "classifiers": ("loss", "weighting", "keep", "batch", "epochs", "patience", "rate", "out"),
 }
-ProgressCallback = Callable[[str], None]  # what is done now
+ProgressCallback = Callable[[str], None]  # argument: the current step
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton train`."""
     add, default = parser.add_argument, Settings()
-    add("name", metavar="NAME", help=f"what to train: {alternatives(TRAINED_NAMES)}")
-    add("--scenario", default=PAPER, metavar="SCENARIO", help=f"whose floor ({PAPER})")
+    add("name", metavar="NAME", help=f"the network to train: {alternatives(TRAINED_NAMES)}")
+    text = f"use the floor of this scenario (default: {PAPER})"
+    add("--scenario", default=PAPER, metavar="SCENARIO", help=text)
     such = "such as world.traffic_zones=directed"
     add_settings_argument(parser, f"change a value of the scenario, {such}; may be repeated")
-    add("--loss", metavar="LOSS", help=f"{alternatives(LOSSES)} ({default.loss})")
-    add("--weighting", metavar="W", help=f"{alternatives(WEIGHTINGS)} ({default.weighting})")
+    text = f"minimize this loss: {alternatives(LOSSES)} (default: {default.loss})"
+    add("--loss", metavar="LOSS", help=text)
+    text = f"correct for rare zones by: {alternatives(WEIGHTINGS)} (default: {default.weighting})"
+    add("--weighting", metavar="W", help=text)
     for option, (name, _, text) in NUMBER_OPTIONS.items():
         value = f"{getattr(default, name):,}"
-        add(option, type=int, metavar="N", help=f"{text} ({value})")
-    add("--rate", type=float, metavar="R", help=f"of Adam ({default.rate:g})")
+        add(option, type=int, metavar="N", help=f"{text} (default: {value})")
+    text = f"set the learning rate of Adam (default: {default.rate:g})"
+    add("--rate", type=float, metavar="R", help=text)
     add(
         "--keep",
         metavar="A,B",
-        help="keep weights when all of these improve: "
-        f"{alternatives(MEASURES)}; else when the loss falls",
+        help="keep the weights of an epoch if all of these measures improve: "
+        f"{alternatives(MEASURES)} (default: if the loss falls)",
     )
     add(
-        "--out", type=Path, metavar="FILE", help="the network (SCENARIO.npz), or the tables as JSON"
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="write the network (default: SCENARIO.npz), or the tables as JSON, to FILE",
     )
     add_json_argument(parser)
     modes = parser.add_mutually_exclusive_group()
     modes.add_argument(
-        "--tables", action="store_true", help="train for Tables 1 to 4 of the paper instead"
+        "--tables", action="store_true", help="instead, reproduce Tables 1 to 4 of the paper"
     )
     modes.add_argument(
-        "--depths", action="store_true", help="train networks of 3, 6 and 12 hidden layers instead"
+        "--depths",
+        action="store_true",
+        help="instead, compare networks of 3, 6 and 12 hidden layers",
     )
     modes.add_argument(
-        "--classifiers", action="store_true", help="try other classifiers instead of a network"
+        "--classifiers",
+        action="store_true",
+        help="instead, compare classifiers other than networks",
     )
 
 
@@ -81,14 +92,14 @@ def run(args: argparse.Namespace) -> int:
     """Train, judge, write, report."""
     if args.name not in TRAINED_NAMES:
         raise InputError(
-            f"nothing called '{args.name}' to train{nearest(args.name, TRAINED_NAMES)}; "
-            f"there is {alternatives(TRAINED_NAMES)}"
+            f"unknown network '{args.name}'{nearest(args.name, TRAINED_NAMES)}; "
+            f"known: {alternatives(TRAINED_NAMES)}"
         )
     modes = ("tables", "depths", "classifiers")
     mode = next((name for name in modes if getattr(args, name)), "network")
     for name in REFUSED_OPTIONS.get(mode, ()):
         if getattr(args, name) is not None:
-            raise InputError(f"--{name} does not go together with --{mode}")
+            raise InputError(f"--{name} cannot be combined with --{mode}")
     settings, keep = settings_of(args), keep_of(args.keep)
     if args.out is not None:
         check_place(args.out)
@@ -112,7 +123,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def settings_of(args: argparse.Namespace) -> Settings:
-    """The settings that were given, else the defaults. Raises InputError."""
+    """The given settings, else the defaults. Raises InputError."""
     given: dict[str, Any] = {}
     for option, (name, least, _) in NUMBER_OPTIONS.items():
         value = getattr(args, name)
@@ -132,7 +143,7 @@ def settings_of(args: argparse.Namespace) -> Settings:
 
 
 def keep_of(text: str | None) -> tuple[str, ...]:
-    """The metrics that are monitored; none means the loss. Raises InputError."""
+    """The monitored measures; () means the loss. Raises InputError."""
     names = tuple(dict.fromkeys(name.strip() for name in (text or "").split(",") if name.strip()))
     for name in names:
         if name not in MEASURES:
@@ -143,17 +154,17 @@ def keep_of(text: str | None) -> tuple[str, ...]:
 
 
 def check_place(out: Path) -> None:
-    """Raises InputError now rather than after the training if a file cannot be written there."""
+    """Raise InputError before the training if the file could not be written after it."""
     if out.is_dir():
-        raise InputError(f"--out names the folder {out}, not a file")
+        raise InputError(f"--out: {out} is a folder, not a file")
     if not out.parent.is_dir():
         raise InputError(f"--out: there is no folder {out.parent}")
     if not os.access(out.parent, os.W_OK):
-        raise InputError(f"--out: nothing may be written into {out.parent}")
+        raise InputError(f"--out: the folder {out.parent} is not writable")
 
 
 def part(library: str) -> None:
-    """Raises InputError if a library of the extra `learn` is missing."""
+    """Raise InputError if a library of the extra `learn` is missing."""
     try:
         importlib.import_module(library)
     except ModuleNotFoundError as error:
@@ -165,7 +176,7 @@ def part(library: str) -> None:
 
 @contextlib.contextmanager
 def progress() -> Iterator[ProgressCallback | None]:
-    """A line on a terminal's stderr that says what is trained and how far; nothing in a pipe."""
+    """Show the progress of training on stderr if it is a terminal."""
     if not sys.stderr.isatty():
         yield None
         return

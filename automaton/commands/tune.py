@@ -1,7 +1,7 @@
-"""Find the strategies and settings that do best in a scenario, in a counted number of short runs.
+"""Find the best strategies and settings for a scenario, with a limited number of short runs.
 
-Tried are rights of way and allocations with the parameters that they declare. The answer depends on the
-budget and the seed alone.
+The search covers rights of way and allocations with their declared parameters. Its result depends only
+on the budget and the seed.
 """
 
 from __future__ import annotations
@@ -32,22 +32,22 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--metric",
         metavar="M",
-        help="what is to be best, such as lead_time (throughput; makespan where runs end)",
+        help="optimize this metric, such as lead_time (default: throughput; makespan if runs end)",
     )
     add(
         "--budget",
         type=whole("a number of runs", 1),
         default=DEFAULT_BUDGET,
         metavar="RUNS",
-        help=f"at most so many runs ({DEFAULT_BUDGET})",
+        help=f"make at most RUNS runs (default: {DEFAULT_BUDGET})",
     )
-    add("--out", type=Path, metavar="FILE", help="write the best settings, for --set @FILE")
+    add("--out", type=Path, metavar="FILE", help="write the best settings to FILE, for --set @FILE")
     add_workers_argument(parser)
     add_json_argument(parser)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Search, report, and write the settings."""
+    """Search, report, and write the best settings."""
     from automaton.studies.process_pool import PersistentPool
     from automaton.studies.tuning import (
         TuningRound,

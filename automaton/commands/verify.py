@@ -1,8 +1,8 @@
-"""Verify a recorded run: check it by the rules, run it again, name the first tick that differs.
+"""Verify a recorded run: check the rules, run it again, and report the first tick that differs.
 
 With --problem, check the output of another program for a problem of the League of Robot Runners.
-Exit code 0: what is there keeps the rules and comes out equal again, even if it was cut short;
-1: it breaks a rule or differs; 2: it is damaged, or no recording.
+Exit code 0: all recorded ticks (even of an incomplete recording) obey the rules and are reproduced;
+1: a rule is broken or a tick differs; 2: the file is damaged or not a recording.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ MAX_PRINTED_VIOLATIONS = 10  # violations in the text
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton verify`."""
-    parser.add_argument("file", metavar="FILE", help="a recording; with --problem, an output")
+    parser.add_argument("file", metavar="FILE", help="a recording; with --problem, an output file")
     parser.add_argument(
         "--problem",
         type=Path,
         metavar="PROBLEM",
-        help="check the output of another program (JSON, as PlanViz reads it) for this problem",
+        help="check the output of another program (JSON for PlanViz) for this problem",
     )
     add_json_argument(parser)
 
@@ -43,11 +43,11 @@ def run(args: argparse.Namespace) -> int:
     if args.problem is not None:
         return verify_against_problem(args)
     try:
-        recording = read_recording(args.file)  # refuse other files before Numba is loaded
+        recording = read_recording(args.file)  # rejects other files before Numba is loaded
     except InputError as error:
         if not args.file.endswith(".json"):
             raise
-        text = f"{error.message}; to check an output, give its problem with --problem"
+        text = f"{error.message}; to check an output file, name its problem with --problem"
         raise InputError(text, error.file) from None
     from automaton.verification.verification import verify_recording
 
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
 
 @contextlib.contextmanager
 def progress(ticks: int) -> Iterator[Show]:
-    """How many of the ticks are done, on a terminal's stderr; nothing in a pipe."""
+    """Show the progress in ticks on stderr if it is a terminal."""
     if not sys.stderr.isatty():
         yield lambda what, tick: None
         return
@@ -78,12 +78,12 @@ def progress(ticks: int) -> Iterator[Show]:
 
 
 def verify_against_problem(args: argparse.Namespace) -> int:
-    """Check an output of another program; the first violation decides."""
+    """Check the output of another program; report the first violation."""
     from automaton.exchange.planviz import read_output, verify_output
     from automaton.exchange.problem_files import read_problem
 
     output = read_output(Path(args.file))
-    # A folder of a problem has starts for fleets of several sizes.
+    # A problem folder has starts for fleets of several sizes.
     robots = output.robots if args.problem.is_dir() else None
     violation = verify_output(output, read_problem(args.problem, robots))
     if args.json:
@@ -105,7 +105,7 @@ def verify_against_problem(args: argparse.Namespace) -> int:
         size = f"{count(output.robots, 'robot')}, {count(output.ticks, 'tick')}"
         lines = [
             f"{args.file}: {verdict}: {size}, {count(output.finished, 'task')} finished",
-            "rules: all kept" if violation is None else f"rules: broken in {violation}",
+            "rules: no violations" if violation is None else f"rules: violation: {violation}",
         ]
         print_document(ReportDocument(args.file, [Listed(lines, mark="")]))
     return 0 if violation is None else 1
@@ -118,29 +118,28 @@ def blocks(file: str, found: Verification) -> Iterator[Listed]:
     robots = recording.header["scenario"]["fleet"]["robots"]
     verdict = "not verified"
     if found.passed:
-        verdict = "verified" if recording.complete else "verified as far as it goes"
+        verdict = "verified" if recording.complete else "verified up to its last tick"
     first = f"{file}: {verdict}: {name}, seed {seed}, {robots} robots, {report.ticks:,} ticks"
-    rules = "rules: all kept" if report.valid else f"rules: {len(report.violations)} broken"
+    broken_rules = count(len(report.violations), "violation")
+    rules = f"rules: {'no violations' if report.valid else broken_rules}"
     yield Listed([first, *extent(found), rules], mark="")
     broken = [str(violation) for violation in report.violations[:MAX_PRINTED_VIOLATIONS]]
     more = len(report.violations) - len(broken)
     yield Listed([*broken, *([f"and {more} more"] if more else [])], mark=INDENT)
-    equal = "run again: every tick is equal"
+    equal = "run again: every tick is identical"
     lines = [equal if found.difference is None else f"run again: {found.difference}"]
-    lines += [
-        f"{file} is not what it was when the run was recorded" for file in found.changed_files
-    ]
+    lines += [f"{file} has changed since the run was recorded" for file in found.changed_files]
     if not found.same_sources:
         recorded = recording.header["versions"].get("fleet-automaton", "unknown")
-        lines.append(f"recorded by other sources than those installed here (version {recorded})")
+        lines.append(f"recorded by other code than that installed here (version {recorded})")
     yield Listed(lines, mark="")
 
 
 def extent(found: Verification) -> list[str]:
-    """How much of the recording there is, if it is not all."""
+    """The extent of an incomplete recording; [] if it is complete."""
     recording, last = found.recording, found.recording.ticks
     if not recording.complete:
-        return [f"cut short or interrupted: there is no end; it is whole up to tick {last:,}"]
+        return [f"incomplete (cut short or interrupted): intact up to tick {last:,}"]
     return []
 
 

@@ -1,6 +1,6 @@
-"""Watch a scenario while it is computed: play, step, go back, ask why, branch off.
+"""Watch a scenario while it runs: play, step, go back, ask why a robot waits, branch off.
 
-Exit code 0: left with q; 2: bad input; 130 after Ctrl-C. Without a terminal: as `automaton run`.
+Exit code 0: quit with q; 2: bad input; 130: Ctrl-C. Without a terminal: as `automaton run`.
 """
 
 from __future__ import annotations
@@ -21,55 +21,63 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_scenario_arguments(parser)
     recording = parser.add_mutually_exclusive_group()
     recording.add_argument(
-        "--record", type=Path, metavar="FILE", help="record here, not in the state folder"
+        "--record", type=Path, metavar="FILE", help="record in FILE, not in the state folder"
     )
     recording.add_argument("--no-record", action="store_true", help="record nothing")
     recording.add_argument(
         "--reload",
         action="store_true",
-        help="begin again whenever a file of the scenario is written; record nothing",
+        help="restart whenever a file of the scenario changes; record nothing",
     )
     parser.add_argument(
         "--against",
         action="append",
         default=[],
         metavar="KEY=VALUE",
-        help="a second run beside the first, with this setting; may be repeated",
+        help="show a second run with this setting beside the first; may be repeated",
     )
     add_display_arguments(parser)
 
 
 def add_display_arguments(parser: argparse.ArgumentParser) -> None:
-    """How a run is shown; `replay` has them too."""
+    """The display options, which `replay` shares."""
     group = parser.add_argument_group("display")
     add = group.add_argument
-    add("--read-only", action="store_true", help="no branches, no files in this folder")
-    add("--speed", type=speed, default=1.0, metavar="F", help="x1 is 10 ticks a second; or max")
-    add("--at", type=tick, metavar="TICK", help="begin at this tick, paused")
-    add("--paused", action="store_true", help="do not begin to play")
-    add("--fps", type=frame_rate, default=30, metavar="N", help="pictures a second at most (30)")
-    add("--max-kbit", type=whole("a rate", 8), metavar="N", help="send at most so many kbit/s")
-    add("--renderer", choices=("auto", "direct", "textual"), default="auto", help="of the map")
-    add("--ascii", action="store_true", help="no characters beyond ASCII in the map")
-    add("--color", choices=("auto", "true", "256", "16", "none"), default="auto", help="depth")
-    add("--theme", choices=("dark", "light"), default="dark", help="dark unless given")
-    add("--plain", action="store_true", help="metrics as text, no screen")
-    text = parser.add_argument_group("sentences, for logs and screen readers")
-    add = text.add_argument
+    text = "allow no branches, and write no files to the current folder"
+    add("--read-only", action="store_true", help=text)
+    text = "play F times as fast as 10 ticks per second (default: 1), or max"
+    add("--speed", type=speed, default=1.0, metavar="F", help=text)
+    add("--at", type=tick, metavar="TICK", help="start at this tick, paused")
+    add("--paused", action="store_true", help="start paused")
+    text = "draw at most N frames per second (default: 30)"
+    add("--fps", type=frame_rate, default=30, metavar="N", help=text)
+    text = "send at most N kbit/s to the terminal"
+    add("--max-kbit", type=whole("a rate", 8), metavar="N", help=text)
+    text = "choose how the map is drawn (default: auto)"
+    add("--renderer", choices=("auto", "direct", "textual"), default="auto", help=text)
+    add("--ascii", action="store_true", help="draw the map with ASCII characters only")
+    text = "set the color depth (default: auto)"
+    add("--color", choices=("auto", "true", "256", "16", "none"), default="auto", help=text)
+    text = "set the colors (default: dark)"
+    add("--theme", choices=("dark", "light"), default="dark", help=text)
+    add("--plain", action="store_true", help="print metrics as text, without a screen")
+    group = parser.add_argument_group("sentences, for logs and screen readers")
+    add = group.add_argument
     add(
         "--describe",
         action="store_true",
-        help="describe what happens, one sentence a line; no screen",
+        help="describe events in words, one sentence per line, without a screen",
     )
     add(
         "--only",
         action="append",
         default=[],
         metavar="KIND",
-        help="of this kind, such as faults or waits; may be repeated",
+        help="describe only events of this kind, such as faults or waits; may be repeated",
     )
     number = whole("a number of sentences", 1)
-    add("--sentences", type=number, metavar="N", help="most sentences in 100 ticks (20)")
+    text = "print at most N sentences per 100 ticks (default: 20)"
+    add("--sentences", type=number, metavar="N", help=text)
 
 
 def speed(text: str) -> float:
@@ -87,7 +95,7 @@ def speed(text: str) -> float:
 
 
 def run(args: argparse.Namespace) -> int:
-    """Show it until the user leaves."""
+    """Show the run until the user quits."""
     if args.reload:
         return _reloading(args)
     resolved = resolve(args.scenario, args.settings, args.seed)
@@ -113,9 +121,9 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _reloading(args: argparse.Namespace) -> int:
-    """The same while files of the scenario are being written."""
+    """Show the run, and restart it whenever a file of the scenario changes."""
     if args.against:
-        raise InputError("--reload shows one run: leave out --against")
+        raise InputError("--reload shows only one run: leave out --against")
     opening = viewer("playback.run_source").reloading(
         args.scenario, lambda: resolve(args.scenario, args.settings, args.seed)
     )
@@ -123,7 +131,7 @@ def _reloading(args: argparse.Namespace) -> int:
 
 
 def _other(args: argparse.Namespace) -> Resolved:
-    """The scenario of the run beside the first."""
+    """The scenario of the second run."""
     seeded = any(setting.startswith("seed=") for setting in args.against)
     settings = [*args.settings, *args.against]
     try:
@@ -136,5 +144,5 @@ def _other(args: argparse.Namespace) -> Resolved:
 
 
 def viewer(name: str) -> Any:
-    """A module of the viewer, by name: what runs headless does not import it."""
+    """A module of the viewer, by name: headless code must not import it."""
     return importlib.import_module(f"tui.{name}")

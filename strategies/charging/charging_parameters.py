@@ -17,12 +17,14 @@ Percent = Annotated[float, Meta(ge=0, le=100)]
 
 
 class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What estimates of charging take into account: the ways and the loads of orders."""
+    """The inputs of charging estimates: paths and loads of orders."""
 
-    keeps_way_back: ClassVar[bool] = True  # no order is taken from which no charger is reached
+    keeps_way_back: ClassVar[bool] = (
+        True  # every order taken leaves enough charge to reach a charger
+    )
 
     count_queues: Annotated[
-        bool, Meta(description="Whether robots that were sent to a charger earlier raise its cost.")
+        bool, Meta(description="Whether robots already sent to a charger raise its cost.")
     ] = True
     check_idle_every: Annotated[
         int,
@@ -30,19 +32,19 @@ class Quotes(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tr
             TIME,
             ge=1,
             le=1_000_000,
-            description="Ticks between two checks of idle robots, which use energy while they wait.",
+            description="Ticks between checks of idle robots, which use energy while they wait.",
         ),
     ] = 50
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """Orders without a load are not priced."""
+        """Orders without a load have no price."""
         return (
             None if carries_pods(scenario, floor_plan) else refusal_of_tours(scenario, floor_plan)
         )
 
 
 class Insertion(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """How charging is put into a list of orders."""
+    """How charging stops are inserted into a list of orders."""
 
     mode: Annotated[
         Literal["hierarchical", "joint"],
@@ -52,7 +54,7 @@ class Insertion(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
         ),
     ] = "hierarchical"
     never_strand: Annotated[
-        bool, Meta(description="Whether every list must end with a charger within reach.")
+        bool, Meta(description="Whether a charger must be within reach at the end of every list.")
     ] = True
 
 
@@ -65,7 +67,7 @@ class FillUp(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
 
 
 class Threshold(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """When a battery counts as low."""
+    """The charge that counts as low."""
 
     keeps_way_back: ClassVar[bool] = False
 

@@ -1,9 +1,9 @@
 """Charging by quotes: the rule that prices a robot's list in an auction also sends it to charge.
 
-A robot is looked at when it is free, has taken an order, or is left without one. Its list - the
-order that it has taken but not begun, then its plan - is quoted by the strategy's policy; if the
-quote has a stop before the first task, the robot goes there now and gives the order back. If the whole
-list cannot be done, its end is left out until the rest can. With any allocation.
+A robot is checked when it is free, has taken an order, or finds no order. The strategy's policy quotes
+its list: the order that it has taken but not begun, then its plan. If the quote has a charging stop
+before the first task, the robot gives the order back and goes to charge. If the list is infeasible,
+tasks are removed from its end until the rest is feasible. Works with any allocation.
 """
 
 from __future__ import annotations
@@ -50,20 +50,20 @@ from strategies.allocation.auction.market import (
 from strategies.allocation.auction.quotes import quote, select_robot_type
 from strategies.charging.charging_parameters import FillUp, Insertion, Opportunity, Threshold
 
-# What an idle robot keeps beyond the way to a charger, where waiting costs:
+# Reserve of an idle robot beyond the path to a charger, if waiting uses energy:
 IDLE_ENERGY_MARGIN = BATTERY_FULL // 20
 
 
 class ChargingState(Struct):
-    """A parameter, and room; it remembers nothing."""
+    """A parameter and scratch; nothing persists between calls."""
 
-    idle_below: int = field("int64", "idle robots with less charge go to charge")
-    market: FloorMarket  # room for the list of one robot
+    idle_below: int = field("int64", "charge below which idle robots go to charge")
+    market: FloorMarket  # scratch for the list of one robot
 
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
-    """Send robots to chargers."""
+    """A strategy that sends robots to chargers."""
     state = ChargingState.of(memory)
     choose_charging(view, batch, decisions.charging, state.market, workspace, state.idle_below)
 
@@ -74,31 +74,31 @@ class Quoted(Strategy):
     layer: ClassVar[str] = "charging"
     compiled: ClassVar[Any] = decide
     parameters: Any
-    idle_below = 0  # idle robots with less go to charge
+    idle_below = 0  # idle robots with less charge go to charge
 
     def __init__(self, parameters: Any = None) -> None:
         super().__init__(parameters)
         self.period = self.parameters.check_idle_every
 
     def policy(self) -> dict[str, int]:
-        """What a quote depends on: policy, end_reach, threshold and target."""
+        """The settings of a quote: policy, end_reach, threshold and target."""
         raise NotImplementedError
 
     @property
     def queues(self) -> bool:
-        """Whether robots that were sent to a charger before count in a quote."""
+        """Whether robots already sent to a charger count in a quote."""
         queues: bool = self.parameters.count_queues
         return queues
 
     def reset(self, view: World) -> ChargingState:
-        """Make room for the list of one robot."""
+        """Allocate scratch for the list of one robot."""
         longest = view.robots.order_queue.shape[1] + 1
         market = make_floor_market(view, 1, longest, longest, self.policy(), self.queues)
         return ChargingState(idle_below=self.idle_below, market=market)
 
 
 class InsertCharging(Quoted):
-    """Optimal insertion (De Ryck et al., section 3.3): where and as much as the list needs."""
+    """Optimal insertion (De Ryck et al., section 3.3): charge where and as much as the list needs."""
 
     Parameters: ClassVar[Any] = Insertion
 
@@ -110,7 +110,7 @@ class InsertCharging(Quoted):
 
 
 class FillUpCharging(Quoted):
-    """Charge where it costs the list least, up to a target: what is left at the end is credited."""
+    """Charge up to a target where it is cheapest for the list; charge left at the end is credited."""
 
     Parameters: ClassVar[Any] = FillUp
 
@@ -120,7 +120,7 @@ class FillUpCharging(Quoted):
 
 
 class ThresholdCharging(Quoted):
-    """Threshold-100 (De Ryck et al., section 5.2): below a threshold to the nearest charger, full."""
+    """Threshold-100 (De Ryck et al., section 5.2): below a threshold, charge to 100 % at the nearest."""
 
     Parameters: ClassVar[Any] = Threshold
 
@@ -132,9 +132,9 @@ class ThresholdCharging(Quoted):
 
 
 class OpportunityCharging(InsertCharging):
-    """Idle robots charge where no robot is, and leave for any order that they can finish.
+    """Idle robots charge at free chargers, and leave for any order that they can finish.
 
-    They are looked at when they become idle, and when a place at a charger is free.
+    They are checked when they become idle and when a charger becomes free.
     """
 
     Parameters: ClassVar[Any] = Opportunity
@@ -151,7 +151,7 @@ class OpportunityCharging(InsertCharging):
 
 @kernel
 def choose_charging(view, batch, out, market, workspace, idle_below):
-    """Decide for a batch; idle robots below `idle_below` go to a free charger and may be called away."""
+    """Decide for a batch; idle robots below `idle_below` go to a free charger and stay available."""
     robots = view.robots
     count_queues(view, market)
     for k in range(batch.count):
@@ -181,7 +181,7 @@ def choose_charging(view, batch, out, market, workspace, idle_below):
 
 @kernel
 def enter_list(view, workspace, market, i):
-    """Make the market one of robot i and its list; returns how many tasks that has."""
+    """Fill the market with robot i and its list; return the number of tasks."""
     robots, orders = view.robots, view.orders
     market.robot[0] = i
     select_robot_type(market.costs, market.battery, robots.type[i])
@@ -204,7 +204,7 @@ def enter_list(view, workspace, market, i):
 
 @kernel
 def charge_for_list(view, out, market, k, tasks):
-    """Decision k: to a charger if the quote of the list begins with a stop."""
+    """Decision k: go to a charger if the quote of the list begins with a stop."""
     charge = np.int64(market.fleet.charge[0])
     order = market.fleet.order[0]
     plan = market.scratch.plan
@@ -223,9 +223,9 @@ def charge_for_list(view, out, market, k, tasks):
 
 @kernel
 def charge_when_idle(view, out, market, k, home, idle_below):
-    """Decision k: a robot without orders charges where no robot is, or before it cannot any more.
+    """Decision k: an idle robot charges at a free charger, or before all chargers get out of reach.
 
-    It is about to drive home, or is there: from there it must still get to a charger.
+    The robot is at home or about to drive there; from home it must still reach a charger.
     """
     battery, robot_type = market.battery, market.costs.robot_type
     ticks, energy = market.costs.ticks[robot_type], market.costs.energy[robot_type]
@@ -240,8 +240,8 @@ def charge_when_idle(view, out, market, k, home, idle_below):
     now = charge - reach[0]
     filled = BATTERY_FULL - energy[battery.charger[nearest], home] - reach[home]
     at_home = energy[0, home] == 0
-    stands_there = ticks[0, battery.charger[nearest]] == 0  # it is no use to any other robot
-    worth_it = not at_home or filled >= low  # else it would be back as empty as it is
+    stands_there = ticks[0, battery.charger[nearest]] == 0  # it is useless to any other robot
+    worth_it = not at_home or filled >= low  # else it would return with as little charge
     if charge < BATTERY_FULL and (stands_there or (min(later, now) < low and worth_it)):
         send(view, out, k, nearest, BATTERY_FULL, 1)
     elif charge < idle_below:
@@ -252,7 +252,7 @@ def charge_when_idle(view, out, market, k, home, idle_below):
 
 @kernel
 def best_charger(market, charge):
-    """The charger at which the robot can begin soonest, of those that it gets to; NIL: none."""
+    """The reachable charger at which the robot can begin soonest, or NIL."""
     best, least = np.int64(NIL), np.int64(INF_COST)
     robot_type = market.costs.robot_type
     ticks, energy = market.costs.ticks[robot_type], market.costs.energy[robot_type]
@@ -266,7 +266,7 @@ def best_charger(market, charge):
 
 @kernel
 def free_charger(view, market):
-    """The nearest charger with a place to which no robot was sent, NIL if there is none."""
+    """The nearest charger with a place to which no robot was sent, or NIL."""
     chargers, robot_type = view.chargers, market.costs.robot_type
     best, least = np.int64(NIL), np.int64(INF_COST)
     for c in range(chargers.cell.shape[0]):
@@ -280,10 +280,10 @@ def free_charger(view, market):
 
 @kernel
 def compare_queues(wait):
-    """Leave of the waits what they are longer than the shortest.
+    """Subtract the shortest wait from all waits.
 
-    A robot that must charge looks for the shorter line; it does not put charging off because there is
-    a line everywhere (that made orders wait a tenth longer).
+    A robot that must charge chooses the shorter queue; it must not postpone charging because all
+    chargers have queues (orders then waited 10 % longer).
     """
     if wait.shape[0] == 0:
         return
@@ -296,7 +296,7 @@ def compare_queues(wait):
 
 @kernel
 def send(view, out, k, charger, level, yields):
-    """Decision k: charge there up to a level."""
+    """Decision k: charge at this charger up to a level."""
     out.goal_cell[k] = view.chargers.cell[charger]
     out.charge_target[k] = level
     out.charging_interruptible[k] = yields
@@ -304,7 +304,7 @@ def send(view, out, k, charger, level, yields):
 
 @kernel
 def count_decision(view, out, market, k, i):
-    """Robot i, which decision k sends to a charger, comes before those of later decisions."""
+    """Reserve the charger of decision k for robot i, ahead of the robots of later decisions."""
     charger = view.chargers.charger_at[out.goal_cell[k]]
     market.sent[charger] += 1
     curve, target = view.rules.curve[view.robots.type[i]], np.int64(out.charge_target[k])

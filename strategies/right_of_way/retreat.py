@@ -1,10 +1,10 @@
-"""Wait, retry, retreat (Grzejszczak & Nocon's WITHDRAWL_MOVE): how two robots get out of a deadlock.
+"""Wait, retry, retreat (Grzejszczak & Nocon's WITHDRAWL_MOVE): how two robots resolve a deadlock.
 
-The world runs the waits and retries that `wait_ranges` sets. After a failed retry the robot
-retreats if the other one wants its cell (head-on), or when it failed `max_retries` times; else it keeps
-its plan, or makes it again (`after_wait: replan`, the printed "go to 1"). A retreat is a random number
-of moves away from the target; the plan is made again after it. With `idle_give_way` a robot that has
-nothing to do makes room for one that wants its cell.
+The world performs the waits and retries that `wait_ranges` sets. After a failed retry the robot
+retreats if the other robot needs its cell (head-on), or after `max_retries` failures. Otherwise it
+keeps its plan, or plans again (`after_wait: replan`, the printed "go to 1"). A retreat is a random
+number of moves away from the target, followed by a new plan. With `idle_give_way` an idle robot makes
+room for a robot that needs its cell.
 """
 
 import numpy as np
@@ -47,24 +47,26 @@ NEVER_ASKED = 256  # failed retries are counted up to 255
 
 
 class RetreatState(Struct):
-    """Parameters, and what a call finds out about the robots that stand together."""
+    """Parameters, and scratch of a call about adjacent robots."""
 
-    max_retries: int = field("int64", "failed retries after which a robot retreats in any case")
-    moves: Array = field("(2,) int64", "least and most moves of a retreat", role=CONSTANT)
+    max_retries: int = field("int64", "failed retries after which a robot always retreats")
+    moves: Array = field("(2,) int64", "minimum and maximum moves of a retreat", role=CONSTANT)
     abort_wait: Array = field(
-        "(2,) int64", "least and most ticks to wait where every way is closed", role=CONSTANT
+        "(2,) int64", "minimum and maximum ticks to wait if no retreat is possible", role=CONSTANT
     )
-    replans: int = field("int64", "1: after a failed retry the plan is made again")
-    calls: int = field("() int64", "calls so far", role=SCRATCH)
+    replans: int = field("int64", "1: plan again after a failed retry")
+    calls: int = field("() int64", "number of calls", role=SCRATCH)
     queues: Array = field(
         "(q,) int64",
-        "call << 2 | LINK_*: what that call has found of two robots, one behind another (link_of)",
+        "call << 2 | LINK_*: result of that call for two robots, one behind the other (link_of)",
         role=SCRATCH,
     )
-    # Of cells without limit: robots that stand there have places 1 to n, then come those that enter.
-    crowd_call: Array = field("(c,) int64", "call that has listed a cell's places", role=SCRATCH)
+    # Cells without limit: robots in such a cell have places 1 to n, robots that enter it the next n.
+    crowd_call: Array = field(
+        "(c,) int64", "last call that listed the robots of a cell", role=SCRATCH
+    )
     crowd_first: Array = field("(c,) int32", "the first place in a cell", role=SCRATCH)
-    crowd_next: Array = field("(p,) int32", "the place after each; 0: none", role=SCRATCH)
+    crowd_next: Array = field("(p,) int32", "the next place after each; 0: none", role=SCRATCH)
 
 
 @kernel
@@ -106,7 +108,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class Retreat(Strategy):
-    """Wait, retry, and retreat by a random number of moves when that does not help."""
+    """Wait, retry, and then retreat by a random number of moves."""
 
     layer = "right_of_way"
     Parameters = RetreatParameters
@@ -122,7 +124,7 @@ class Retreat(Strategy):
         return (*p.wait_empty, *p.wait_loaded, p.retries)
 
     def reset(self, view):
-        """The parameters; where idle robots give way, all robots are asked about in every tick."""
+        """Set the parameters; if idle robots give way, the batch has all robots in every tick."""
         p, cell_flags, n = self.parameters, view.grid.cell_flags, len(view.robots.cell)
         unlimited = bool(np.any((cell_flags & 15 != 0) & (cell_flags >> 5 & 3 == 0)))
         return RetreatState.sized(
@@ -138,16 +140,16 @@ class Retreat(Strategy):
         )
 
 
-# Wait and retry, nothing else: the simplest right of way, which any head-on meeting defeats.
+# Only wait and retry: the simplest right of way; any head-on meeting is a deadlock.
 
 
 @kernel
 def decide_to_wait(view, batch, decisions, memory, workspace):
-    """Every decision stays KEEP."""
+    """Leave every decision at KEEP."""
 
 
 class Wait(Strategy):
-    """Wait and retry for ever; robots that meet head-on stay there."""
+    """Wait and retry for ever; robots that meet head-on never move again."""
 
     layer = "right_of_way"
     Parameters = Waits
@@ -163,7 +165,7 @@ class Wait(Strategy):
 
 @kernel(inline=True)
 def is_head_on(view, state, i):
-    """Whether the robot ahead plans to move into robot i's cell next, and is not retreating."""
+    """Whether the robot ahead plans to enter robot i's cell next, and is not retreating."""
     robots, grid = view.robots, view.grid
     if robots.route_index[i] >= robots.route_length[i]:
         return False
@@ -179,9 +181,9 @@ def is_head_on(view, state, i):
 
 @kernel(inline=True)
 def retreat_direction(view, workspace, i):
-    """Return the direction of a retreat's next move, NIL if every way is closed.
+    """Return the direction of a retreat's next move, or NIL if no move is possible.
 
-    A straight move that raises the path cost to the target, else the one of largest cost.
+    Prefers a straight move that raises the path cost to the target, else the move to the highest cost.
     """
     robots, grid = view.robots, view.grid
     cell, heading = np.int64(robots.cell[i]), np.int64(robots.heading[i])
@@ -198,12 +200,12 @@ def retreat_direction(view, workspace, i):
         if not has_room(view.traffic.occupancy, to, direction) or gate_before(view, i, to) != NIL:
             continue
         if np.int64(grid.type_cell_flags[robot_type, to]) & NO_WAY_THROUGH and to != target:
-            continue  # storage: with a pod it cannot get in, without one others cannot get out
+            continue  # storage: closed to pods; an empty robot would block exits
         cost = distance(
             view, workspace, robot_type, to, heading_towards(grid, robot_type, direction), target
         )
         if cost >= UNREACHABLE:
-            continue  # there is no way back
+            continue  # no path leads back
         raises = straight and cost > here
         if (raises and not best_raises) or (raises == best_raises and cost > best_cost):
             best, best_cost, best_raises = direction, cost, raises
@@ -212,7 +214,7 @@ def retreat_direction(view, workspace, i):
 
 @kernel
 def can_turn(view, i, flags):
-    """Whether robot i can turn where it is: in a cell of capacity 2 that takes both lanes."""
+    """Whether robot i can turn in its cell; in a cell of capacity 2 a turn needs both lanes."""
     if flags & MAY_TURN == 0:
         return False
     if (flags >> 5) & 3 != 2:
@@ -220,15 +222,15 @@ def can_turn(view, i, flags):
     return has_room(view.traffic.occupancy, view.robots.cell[i], view.robots.travel[i] ^ 2)
 
 
-# Robots that have nothing to do give way.
+# Idle robots give way.
 
 
 @kernel(inline=True)
 def robot_to_yield_to(view, state, i):
-    """Return the robot to which idle robot i yields, NIL if there is none.
+    """Return the robot to which idle robot i yields, or NIL.
 
-    The one of lowest identity whose route leads into the cell of robot i next, or else one beside it
-    that has to leave its own cell and has no room.
+    This is the robot of lowest identity whose route enters the cell of robot i next, or else an
+    adjacent robot that must leave its own cell and has no room.
     """
     j = robot_entering_cell_of(view, state, i)
     return j if j != NIL else boxed_in_neighbour(view, state, i)
@@ -236,7 +238,7 @@ def robot_to_yield_to(view, state, i):
 
 @kernel
 def is_idle(view, i):
-    """Whether robot i stands on the floor with nothing to do, parked there or not."""
+    """Whether robot i is on the floor and idle, parked or not."""
     robots = view.robots
     free = robots.goal_type[i] == GOAL_NONE and robots.load[i] == NIL
     return robots.cell[i] != NIL and free
@@ -244,7 +246,7 @@ def is_idle(view, i):
 
 @kernel
 def robot_entering_cell_of(view, state, i):
-    """The robot of lowest identity whose route leads into the cell of robot i next, or NIL."""
+    """The robot of lowest identity whose route enters the cell of robot i next, or NIL."""
     robots = view.robots
     best = np.int64(NIL)
     for direction in range(4):
@@ -260,7 +262,7 @@ def robot_entering_cell_of(view, state, i):
 
 @kernel(inline=True)
 def is_entering_cell_of(view, j, i):
-    """Return whether the route of robot j, which is on the floor, leads into the cell of robot i next."""
+    """Return whether the route of robot j, which is on the floor, enters the cell of robot i next."""
     robots = view.robots
     if robots.route_index[j] >= robots.route_length[j]:
         return False
@@ -270,10 +272,10 @@ def is_entering_cell_of(view, j, i):
 
 @kernel(inline=True)
 def boxed_in_neighbour(view, state, i):
-    """Return a robot next to robot i that has to leave its cell and cannot, NIL if none is seen.
+    """Return the adjacent robot of lowest identity that must leave its cell but cannot, or NIL.
 
-    Found by what is seen alone: along a queue of robots that are boxed in, up to one that retreats
-    or whose cell is wanted. The one of lowest identity.
+    The search uses only visible robots: it follows a queue of boxed-in robots to one that retreats or
+    whose cell another robot needs.
     """
     robots = view.robots
     best = np.int64(NIL)
@@ -293,10 +295,9 @@ def boxed_in_neighbour(view, state, i):
 
 @kernel(inline=True)
 def is_pressed_by_queue(view, state, i, first):
-    """Return whether the queue that begins at robot `first`, next to robot i, ends at one that is
-    pressed.
+    """Return whether the queue from robot `first`, next to robot i, ends at a robot that must move.
 
-    Queues merge: the result is kept for every link of the queue, and no link is walked twice.
+    Queues merge, so the result is stored for every link of the queue and no link is visited twice.
     """
     behind, at = np.int64(i), np.int64(first)
     found = LINK_FREE
@@ -306,7 +307,7 @@ def is_pressed_by_queue(view, state, i, first):
         link = link_of(view, behind, at)
         if link != NIL and queues[link] >> 2 == call and queues[link] & 3:
             found = queues[link] & 3
-            break  # a queue that returns to a link of its own is a ring: no robot in it is pressed
+            break  # a queue that returns to itself is a ring: no robot in it must move
         if not is_boxed_in(view, at):
             break
         if view.robots.retreat_moves[at] or robot_entering_cell_of(view, state, at) != NIL:
@@ -328,7 +329,7 @@ def is_pressed_by_queue(view, state, i, first):
 
 @kernel(inline=True)
 def is_boxed_in(view, i):
-    """Return whether robot i, which is idle or retreats, has no room on any way out of its cell."""
+    """Return whether idle or retreating robot i has no free exit from its cell."""
     robots, grid = view.robots, view.grid
     if not is_idle(view, i) and not robots.retreat_moves[i]:
         return False
@@ -342,14 +343,14 @@ def is_boxed_in(view, i):
 
 @kernel
 def can_leave_towards(view, j, cell, direction):
-    """Whether robot j stands in a cell, and may leave it in this direction."""
+    """Whether robot j is in a cell and may leave it in this direction."""
     way = np.int64(view.grid.type_cell_flags[view.robots.type[j], cell]) >> direction
     return view.robots.cell[j] == cell and way & 1 != 0
 
 
 @kernel
 def next_in_queue(view, state, behind, at):
-    """Return the robot of lowest identity next to another one, but for the one behind; or NIL."""
+    """Return the robot of lowest identity next to another one, except the one behind it; or NIL."""
     robots = view.robots
     best = np.int64(NIL)
     for direction in range(4):
@@ -365,7 +366,7 @@ def next_in_queue(view, state, behind, at):
 
 @kernel
 def link_of(view, behind, at):
-    """The entry in `queues` of two robots, one behind another; NIL for one in a cell without limit."""
+    """The index in `queues` of two robots, one behind the other; NIL in a cell without limit."""
     cell = np.int64(view.robots.cell[behind])
     lane = lane_of(np.int64(view.grid.cell_flags[cell]), np.int64(view.robots.travel[behind]))
     if lane == NIL:
@@ -387,7 +388,9 @@ def yield_direction(view, i, j):
         if (flags >> direction) & 1 == 0 or not (straight or can_turn(view, i, flags)):
             continue
         to = cell + grid.offset[direction]
-        if not has_room(view.traffic.occupancy, to, direction):  # in an aisle it may pass robot j
+        if not has_room(
+            view.traffic.occupancy, to, direction
+        ):  # in an aisle robot i may pass robot j
             continue
         if gate_before(view, i, to) != NIL:
             continue
@@ -408,14 +411,14 @@ def is_on_route(view, j, cell):
     return False
 
 
-# Robots are looked up by cell: in `traffic.holder`, or in lists of those in each cell without limit.
+# Lookup of robots by cell: in `traffic.holder`, or in a list for each cell without limit.
 
 
 @kernel(inline=True)
 def holder_of_cell(view, state, cell, direction):
-    """The robot that holds what one travelling in `direction` needs of a cell; NIL if there is none.
+    """The robot in the cell, or in the lane of it for `direction`; NIL if there is none.
 
-    In a cell without limit the one of lowest identity: the order of storage must not matter.
+    In a cell without limit, the robot of lowest identity: the order of storage must not matter.
     """
     lane = lane_of(np.int64(view.grid.cell_flags[cell]), direction)
     if lane != NIL:
@@ -427,7 +430,7 @@ def holder_of_cell(view, state, cell, direction):
 
 @kernel
 def of_lower_identity(robots, best, j):
-    """Robot j if there is none yet, or if its identity is lower."""
+    """The robot of lower identity: `lowest` (or NIL) or robot j."""
     return j if best == NIL or robots.identity[j] < robots.identity[best] else best
 
 
@@ -443,7 +446,7 @@ def robot_at(view, cell, place):
 
 @kernel
 def next_place(view, state, cell, place):
-    """The place in a cell after this one, where a robot may be; 0 is before the first, after the last."""
+    """The next place in a cell; 0 stands before the first and after the last place."""
     capacity = capacity_of(view, cell)
     if capacity:
         return place + 1 if place < capacity else 0
@@ -454,13 +457,13 @@ def next_place(view, state, cell, place):
 
 @kernel
 def first_place(state, cell):
-    """The first place in a cell without limit, as far as this call has listed them."""
+    """The first place in a cell without limit, 0 unless this call has listed it."""
     return np.int64(state.crowd_first[cell] if state.crowd_call[cell] == state.calls else 0)
 
 
 @kernel(inline=True)
 def list_crowds(view, state):
-    """List the robots that stand in each cell without limit, or enter it, by identity."""
+    """List the robots that are in, or enter, each cell without limit, by identity."""
     robots = view.robots
     if state.crowd_call.shape[0] == 0:
         return
@@ -476,5 +479,5 @@ def list_crowds(view, state):
 
 @kernel
 def capacity_of(view, cell):
-    """How many robots a cell is for; 0: any number."""
+    """The capacity of a cell in robots; 0: unlimited."""
     return (np.int64(view.grid.cell_flags[cell]) >> 5) & 3

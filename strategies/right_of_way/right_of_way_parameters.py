@@ -15,8 +15,8 @@ from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario
 from automaton.strategy.lookup import TAKES_SHORTEST_ROUTES, declares
 
-MAX_GUIDED_SPEEDS = 7  # tables have a queue for 16 costs: two for each speed, and turns
-MOST_TICKS: Final = 256  # each cell needs a word for each: 1 KiB at most
+MAX_GUIDED_SPEEDS = 7  # a table has 16 queues, one per cost: two for each speed, and one for turns
+MOST_TICKS: Final = 256  # each cell needs a word per tick: at most 1 KiB
 Moves = Annotated[int, Meta(ge=1, le=10_000)]
 Wait = Annotated[int, quantity(TIME, ge=1, le=10_000)]
 BOTH_INCLUDED = Meta(description="Range of random values: [from, to], both included.")
@@ -33,14 +33,14 @@ class Waits(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=Tru
         for name in self.__struct_fields__:
             span = getattr(self, name)
             if isinstance(span, tuple) and span[0] > span[1]:
-                raise ValueError(f"{name} must go from the smaller to the larger number")
+                raise ValueError(f"{name} must be [smaller, larger]")
 
     def check_scenario(self, scenario: Any, floor_plan: Any) -> str | None:
-        """What is wrong: a wait that a refined tick makes too long."""
+        """Return an error if a refined tick makes a wait too long, else None."""
         longest = max(*self.wait_empty, *self.wait_loaded)
         if longest <= MAX_MOVE_TICKS:
             return None
-        return f"its waits take {longest:,} ticks, at most {MAX_MOVE_TICKS:,} are allowed"
+        return f"its waits take up to {longest:,} ticks; at most {MAX_MOVE_TICKS:,} are allowed"
 
 
 class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=True):
@@ -55,13 +55,13 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
     after_wait: Annotated[
         Literal["keep", "replan"],
         Meta(
-            description="What a robot does that finds its next cell still occupied after a wait and "
-            "does not retreat. keep: it keeps its plan; replan: it plans another route, and without a "
+            description="Reaction of a robot whose next cell is still occupied after a wait, if it does "
+            "not retreat. keep: it keeps its plan; replan: it plans another route, and without a "
             "load it also chooses its order again (`go to 1` and `go to 12` of Grzejszczak and Nocon)."
         ),
     ] = "keep"
     retreat_moves: Annotated[tuple[Moves, Moves], BOTH_INCLUDED] = (1, 12)
-    abort_wait: Span = (1, 5)  # ticks, when every way is closed
+    abort_wait: Span = (1, 5)  # ticks, if no retreat is possible
     idle_give_way: Annotated[
         bool, Meta(description="Whether idle robots make room for robots that need their cell.")
     ] = False
@@ -91,29 +91,29 @@ class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
         """What these do not go with, or None."""
         if scenario.information == "orders":
             return (
-                "robots make way for those that they see, and information orders shows them no further "
-                "than their next cell: give a radius, or use retreat"
+                "robots make way for robots that they see, but with information: orders they see only "
+                "their next cell; set a radius, or use retreat"
             )
         routing = scenario.strategy.routing
         name = routing if isinstance(routing, str) else routing.get("name")
         if declares("routing", name, TAKES_SHORTEST_ROUTES):
             return None
         return (
-            f"it steers the robots, which follow no routes, so routing '{name}' would never be asked;"
+            f"it steers the robots and uses no routes, so routing '{name}' would have no effect;"
             " leave strategy.routing out, or choose a right of way that follows routes: retreat (the "
-            "default with such a routing), wait"
+            "default with such a routing) or wait"
         )
 
 
 class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Of a right of way whose robots can be guided by lattice weights."""
+    """The parameters of a right of way with optional lattice weights."""
 
     guidance: Annotated[
         Literal["none", "lattice"],
         Meta(
             description="Guidance of routes. lattice: rows and columns are one-way streets in "
-            "alternating directions, and a move against its street counts as three; its distance tables "
-            "take up to world.distance_tables of additional memory. none: no guidance."
+            "alternating directions, and a move against its street costs as much as three; the distance "
+            "tables take additional memory, at most world.distance_tables. none: no guidance."
         ),
     ] = "none"
 
@@ -121,11 +121,11 @@ class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tr
         """What these do not go with, or None."""
         if self.guidance != "none":
             if carries_pods(scenario, floor_plan):
-                return "its lattice weights know no storage; with pods, leave guidance out"
+                return "its lattice weights do not support storage; with pods, leave guidance out"
             if scenario.information != "everything":
-                return "its lattice weights are for robots that see all others; leave guidance out"
+                return "its lattice weights need information: everything; leave guidance out"
             if len(np.unique(floor_plan.min_move_ticks)) > MAX_GUIDED_SPEEDS:
-                return f"lattice weights go with {MAX_GUIDED_SPEEDS} speeds at most; leave guidance out"
+                return f"lattice weights support at most {MAX_GUIDED_SPEEDS} speeds; leave guidance out"
         return super().check_scenario(scenario, floor_plan)
 
     def tuned_values(self, scenario: Any, floor_plan: Any) -> dict[str, tuple[Any, ...]]:
@@ -139,7 +139,7 @@ class PibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, 
 
 
 class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """How far robots plan, which of them come first, and how much effort a tick may take."""
+    """The planning depth, the order of robots, and the effort per tick."""
 
     depth: Annotated[
         int, Meta(ge=3, le=5, description="Number of actions that robots plan ahead.")

@@ -1,4 +1,4 @@
-"""What rights of way that steer robots have in common: arrivals, guidance, making room, deadlocks."""
+"""Shared by rights of way that steer robots: arrivals, guidance, making room, deadlocks."""
 
 import numpy as np
 
@@ -31,19 +31,19 @@ from automaton.strategy.api import (
     weighted_tables,
 )
 
-AGAINST_STREET = 3  # times the ticks of a move along a street
-NO_WAY_OUT = 4  # beside the four directions
-STALLED = 4  # times the patience: nothing has been done for so long
-LOOK = 16  # coarse ticks: strategies may decide in the first fine tick of each alone
-COUNTERS = {"deadlocks_resolved": "deadlocks.resolved"}  # of strategies whose state has `deadlocks`
+AGAINST_STREET = 3  # as a multiple of the ticks of a move along a street
+NO_WAY_OUT = 4  # an option besides the four directions
+STALLED = 4  # as a multiple of the patience: time without any progress
+LOOK = 16  # coarse ticks, since strategies may decide only in the first fine tick of each
+COUNTERS = {"deadlocks_resolved": "deadlocks.resolved"}  # metric if a state has `deadlocks`
 
 
-# Robots that have come to where they do something: what steers them lets them; who may go on.
+# Robots that have arrived where they work are not steered; and which robots may move on.
 
 
 @kernel
 def is_at_goal(view, i):
-    """Whether robot i, which is free, begins in this tick what it came for."""
+    """Whether free robot i begins its work in this tick."""
     robots = view.robots
     if robots.try_drop[i]:
         return True
@@ -52,7 +52,7 @@ def is_at_goal(view, i):
 
 @kernel
 def comes_to_charge(view, i, cell):
-    """Return whether robot i would charge in a cell, into which it comes when the one there has gone."""
+    """Return whether robot i would charge in a cell, which it may enter once the robot there has left."""
     if view.rules.battery == 0:
         return False
     return view.robots.goal_type[i] == GOAL_CHARGE and view.robots.goal_cell[i] == cell
@@ -60,7 +60,7 @@ def comes_to_charge(view, i, cell):
 
 @kernel
 def lacks_charge(view, i):
-    """Return whether the battery of robot i does not hold what a move takes."""
+    """Return whether the battery of robot i has too little charge for a move."""
     if view.rules.battery == 0:
         return False
     ticks = view.rules.duration[view.robots.type[i], ACTION_MOVE]
@@ -68,35 +68,37 @@ def lacks_charge(view, i):
 
 
 def at_once_ticks(view):
-    """Return the ticks of moves that are over when robots are asked again: all that follow go at once.
+    """Return the duration of moves that end before robots decide again: all followers move at once.
 
-    In a convoy also a move of a coarse tick that is refined, so that refined fleets decide as before.
+    In a convoy this includes a move of one coarse tick if ticks are refined, so that refined fleets
+    decide as before.
     """
     return int(view.rules.stride) if view.rules.following == FOLLOWING_CONVOY else 1
 
 
-# Lattice guidance: rows and columns are one-way streets by turns, so that crowds rarely meet head-on.
+# Lattice guidance: rows and columns are one-way streets in alternating directions, so that crowds rarely
+# meet head-on.
 #
 # Odd rows run east, even ones west; even columns run south, odd ones north. A move against its street
-# is allowed, and costs as much as three along it. Turns cost their ticks.
+# is allowed, and costs as much as three moves along it. Turns cost their ticks.
 
 
 def moves_against_streets(grid):
-    """Return (C, 4) bool: whether a move out of a cell, E S W N, is against its street."""
+    """Return (C, 4) bool: whether a move out of a cell to E, S, W, N is against its street."""
     y, x = np.divmod(np.arange(len(grid.kind)), grid.width)
     odd_row, odd_column = (y - 1) % 2 == 1, (x - 1) % 2 == 1
     return np.stack((~odd_row, odd_column, odd_row, ~odd_column), axis=1)
 
 
 def guiding_tables(view, is_guided, scale=1):
-    """Return the tables by which robots find their ways: of a lattice where it guides them, else none."""
+    """Return the weighted distance tables of the robots: lattice tables if they are guided, else none."""
     return lattice_tables(view, scale) if is_guided else no_tables()
 
 
 def lattice_tables(view, scale=1):
-    """Return distance tables whose costs are `scale` times the ticks, against streets three times that.
+    """Return distance tables with `scale` as the cost of a tick, tripled against streets.
 
-    Set k is of robot type k.
+    Set k is for robot type k.
     """
     duration = np.asarray(view.rules.duration, np.int64)
     ticks = duration[:, ACTION_MOVE, None, None]
@@ -106,39 +108,36 @@ def lattice_tables(view, scale=1):
     return weighted_tables(view, scale * ticks * weights, scale * duration[:, ACTION_TURN])
 
 
-# Idle robots make room where pushing them is in vain: in queues of stations, in pockets, in blocks.
+# Idle robots make room where pushing them fails: in queues of stations, in pockets, in blocks.
 #
-# A robot in the queue of its station pushes no robot, since the queue alone moves it. From a pocket,
-# a station or charger with one way in and out, a robot can only come before another one is at its
-# mouth. So idle robots leave both as soon as another robot has something to do there; and a block or
-# lift that holds as many robots as it may, as soon as another robot faces it. Elsewhere they are
-# pushed.
+# A robot in the queue of its station pushes no robot, since only the queue moves it. A robot can leave
+# a pocket (a station or charger with a single entrance) only before another robot is at the entrance.
+# So idle robots leave queues and pockets as soon as another robot has work there. They leave a full
+# block or lift as soon as another robot faces it. Elsewhere they are pushed.
 
 
 class ServiceAreas(Struct):
-    """The p service areas of a floor of c cells; both are 0 without any."""
+    """The p service areas of a floor of c cells; p = c = 0 without any."""
 
-    area: Array = field(
-        "(c,) int32", "the service area that a cell belongs to, or NIL", role=CONSTANT
-    )
+    area: Array = field("(c,) int32", "the service area of a cell, or NIL", role=CONSTANT)
     way_out: Array = field(
-        "(c,) uint8", "direction of the next step out of it, or NO_WAY_OUT", role=CONSTANT
+        "(c,) uint8", "direction of the next step out of the area, or NO_WAY_OUT", role=CONSTANT
     )
     gate: Array = field(
-        "(p,) int32", "the block or lift that it is, or NIL", default=NIL, role=CONSTANT
+        "(p,) int32", "the block or lift of the area, or NIL", default=NIL, role=CONSTANT
     )
     callers: Array = field(
         "(p,) int32",
-        "robots that have something to do there, or face it where it is full",
+        "robots with work in it, or in front of it if it is full",
         role=SCRATCH,
     )
 
 
 def service_areas_of(view):
-    """Return the service areas: stations with queues, each with its queue, pockets, blocks and lifts.
+    """Return the service areas: stations with their queues, pockets, blocks and lifts.
 
-    A cell without limit is in none but blocks and lifts: it holds robots that stay, too. A cell of a
-    station's queue or of a pocket belongs to that.
+    A cell without limit has room for robots that stay, so it belongs only to blocks and lifts. A cell
+    of both a block or lift and a queue or pocket belongs to the queue or pocket.
     """
     grid, stations = view.grid, view.pod_stations
     limited = grid.cell_flags >> 5 & 3 != 0
@@ -155,7 +154,7 @@ def service_areas_of(view):
     way_out = ways_out(grid, area)
     beyond = head + grid.offset[way_out[head] & 3]
     through = lane[(way_out[head] != NO_WAY_OUT) & (area[beyond] == NIL)]
-    way_out[through] = stations.queue_way[through]  # the others in the queue stand behind
+    way_out[through] = stations.queue_way[through]  # the other cells of the queue are behind it
     for number, gate in enumerate(gates, len(heads)):
         entries = np.flatnonzero(view.gates.cell_gate == gate)
         inside = np.full(len(area), NIL, np.int32)
@@ -168,7 +167,7 @@ def service_areas_of(view):
 
 
 def is_pocket(grid):
-    """Return (c,) bool: cells that lead to one neighbour, and are reached from it alone."""
+    """Return (c,) bool: cells whose only exit and only entrance is the same neighbour."""
     ways_out, ways_in, both = (np.zeros(len(grid.kind), int) for _ in range(3))
     for direction, offset in enumerate(grid.offset.tolist()):
         leads = grid.cell_flags >> direction & 1
@@ -180,7 +179,7 @@ def is_pocket(grid):
 
 
 def ways_out(grid, area):
-    """Return (c,) the first direction of a shortest way out of the area of a cell, or NO_WAY_OUT."""
+    """Return (c,) the first direction of a shortest path out of a cell's area, or NO_WAY_OUT."""
     way_out = np.full(len(area), NO_WAY_OUT, np.uint8)
     front = area == NIL
     while front.any():
@@ -198,7 +197,7 @@ def ways_out(grid, area):
 
 @kernel
 def count_callers(view, areas):
-    """Count the robots that have something to do in each area."""
+    """Count the robots with work in each area."""
     if areas.callers.shape[0] == 0:
         return
     areas.callers[:] = 0
@@ -215,9 +214,9 @@ def count_callers(view, areas):
 
 @kernel
 def call_at_full_gate(view, areas, i):
-    """Count robot i for the block or lift that it faces, if that holds as many robots as it may.
+    """Count robot i for the block or lift in front of it, if that is full.
 
-    Robots that only want to park in there do not count: they would take turns with those that do.
+    Robots that only want to park there do not count: they and the parked robots would swap for ever.
     """
     robots, cell = view.robots, np.int64(view.robots.cell[i])
     for direction in range(4):
@@ -235,7 +234,7 @@ def call_at_full_gate(view, areas, i):
 
 @kernel
 def is_needed(areas, cell):
-    """Return whether a cell belongs to an area in which a robot has something to do."""
+    """Return whether a cell belongs to an area in which a robot has work."""
     if areas.callers.shape[0] == 0 or cell == NIL:
         return False
     area = areas.area[cell]
@@ -244,7 +243,7 @@ def is_needed(areas, cell):
 
 @kernel
 def way_to_make_room(view, areas, i, cell):
-    """Return the direction in which robot i, without work, leaves its cell in a needed area, or NIL."""
+    """Return the direction in which idle robot i leaves its cell in a needed area, or NIL."""
     robots = view.robots
     is_idle = robots.goal_type[i] == GOAL_NONE or robots.goal_type[i] == GOAL_PARK
     if not is_idle or not is_needed(areas, cell):
@@ -252,60 +251,59 @@ def way_to_make_room(view, areas, i, cell):
     area = np.int64(areas.area[cell])
     is_through = areas.gate[area] != NIL and robots.goal_type[i] == GOAL_PARK
     if is_through and areas.area[robots.goal_cell[i]] != area:
-        return np.int64(NIL)  # it goes through, on its own way
+        return np.int64(NIL)  # it crosses the area on its own path
     return np.int64(areas.way_out[cell])
 
 
 @kernel
 def may_not_go_home(view, areas, i):
-    """Return whether robot i would park in an area that is needed; it has no goal as long as it is."""
+    """Return whether robot i would park in a needed area; meanwhile it has no goal."""
     robots = view.robots
     return robots.goal_type[i] == GOAL_PARK and is_needed(areas, np.int64(robots.goal_cell[i]))
 
 
-# Deadlocks, where all else has failed: wait cycles, in which each robot waits for the next one.
+# Deadlocks, the last resort: wait cycles, in which each robot waits for the next one.
 #
-# Every LOOK coarse ticks those that have stood for long are looked at. In a wait cycle whose robots
-# have all stood for `patience` ticks more than the longest action of any of them, the robot whose
-# goal is newest, ties by identity, steps aside: it chooses before all others, any cell but the one
-# for which it waits, until it has left its own. If it finds no way out, it is the turn of the next
-# one in the next decision, and so on round the cycle.
+# Robots that have stood for long are checked every LOOK coarse ticks. If all robots of a wait cycle
+# have stood for `patience` ticks more than the longest action of any of them, one of them steps aside:
+# the robot with the newest goal, ties by identity. It chooses before all others, any cell except the
+# one for which it waits, until it has left its own. If it finds no exit, the next robot of the cycle
+# tries in the next decision, and so on.
 #
-# Where robots move and yet none of those with work gets anything done, they keep each other from
-# their goals in turn. That is a stall: the strategies then try other orders of turns, one after
-# another.
+# If robots move, but none of those with work makes progress, they alternately block each other's
+# goals. This is a stall: the strategies then try other priority orders, one after another.
 
 
 class Deadlocks(Struct):
-    """What is known of robots that stand, n robots by storage."""
+    """Data about standing robots, n robots by storage."""
 
-    patience: int = field("int64", "ticks that a wait cycle lasts before it is broken", role=STATIC)
+    patience: int = field("int64", "ticks after which a wait cycle is broken", role=STATIC)
     cell: Array = field("(n,) int32", "its cell at the last look", default=NIL)
-    stood_since: Array = field("(n,) int64", "the tick of the look that first found it there")
+    stood_since: Array = field("(n,) int64", "the tick of the first look that found it there")
     goal: Array = field("(n,) int32", "its goal cell at the last look", default=NIL)
-    goal_since: Array = field("(n,) int64", "the tick of the look that first found that")
-    aside: Array = field("(n,) uint8", "1 + the direction in which it must not go, or 0")
-    aside_since: Array = field(
-        "(n,) int64", "the tick since which it is to step aside, or last was"
+    goal_since: Array = field("(n,) int64", "the tick of the first look that found this goal")
+    aside: Array = field(
+        "(n,) uint8", "1 + the forbidden direction of a robot that steps aside, or 0"
     )
-    tries: Array = field("(n,) int32", "how often it has been to do so in its cell")
-    look_again: Array = field("(s,) int64", "1: in the next tick, one number")
+    aside_since: Array = field("(n,) int64", "the tick of its latest request to step aside")
+    tries: Array = field("(n,) int32", "the number of such requests in its cell")
+    look_again: Array = field("(s,) int64", "1: look in the next tick (a single number)")
     resolved: Array = field("(n,) int64", "deadlocks that it has broken")
-    aim_type: Array = field("(n,) uint8", "what it was to do in the last decision")
-    aim_cell: Array = field("(n,) int32", "and where", default=NIL)
-    progress: Array = field("(s,) int64", "the coarse tick in which something was last done")
+    aim_type: Array = field("(n,) uint8", "its work in the last decision")
+    aim_cell: Array = field("(n,) int32", "and the place of that work", default=NIL)
+    progress: Array = field("(s,) int64", "the coarse tick of the last progress")
     first_choice: Array = field(
         "(n,) uint8", "1 + the direction of the cell for which it waits", role=SCRATCH
     )
     blocker: Array = field(
         "(n,) int32", "identity of the robot for which it waits, or NIL", default=NIL, role=SCRATCH
     )
-    color: Array = field("(n,) int32", "in the search for cycles", role=SCRATCH)
+    color: Array = field("(n,) int32", "mark of the search for cycles", role=SCRATCH)
 
 
 @kernel
 def is_time_to_look(view, deadlocks):
-    """Return whether wait cycles are looked for in this tick; then note who has stood since when."""
+    """Return whether this tick searches for wait cycles; if so, note how long robots have stood."""
     robots, tick = view.robots, view.clock.tick
     if view.clock.coarse_tick % LOOK and deadlocks.look_again[0] == 0:
         return False
@@ -327,14 +325,14 @@ def is_time_to_look(view, deadlocks):
 
 @kernel
 def has_stood_long(view, deadlocks, i):
-    """Return whether robot i has stood for so long that it may be part of a deadlock."""
+    """Return whether robot i has stood long enough to be part of a deadlock."""
     age = view.clock.tick - deadlocks.stood_since[i]
     return view.robots.cell[i] != NIL and age >= deadlocks.patience
 
 
 @kernel
 def break_deadlocks(view, deadlocks):
-    """Let one robot of each wait cycle that has lasted too long step aside; `blocker` is entered."""
+    """Let one robot of each overdue wait cycle step aside; `blocker` must be filled in."""
     at_index = view.robots.at_index
     for identity in range(view.robots.cell.shape[0]):
         i = np.int64(at_index[identity])
@@ -347,7 +345,7 @@ def break_deadlocks(view, deadlocks):
 
 @kernel
 def has_lasted(view, deadlocks, first):
-    """Return whether all robots of the wait cycle have stood for longer than any of their actions."""
+    """Return whether all robots of the wait cycle have stood longer than patience + longest action."""
     robots, i, longest, since = view.robots, first, np.int64(0), np.int64(0)
     while True:
         for action in range(ACTION_COUNT):
@@ -360,7 +358,7 @@ def has_lasted(view, deadlocks, first):
 
 @kernel
 def robot_to_step_aside(view, deadlocks, first):
-    """Return the robot of the wait cycle that has not tried for longest, or that of the newest goal."""
+    """Return the robot of the wait cycle with the oldest or no attempt, ties by the newest goal."""
     robots, best, i = view.robots, first, first
     while True:
         if deadlocks.aside_since[i] != deadlocks.aside_since[best]:
@@ -377,7 +375,7 @@ def robot_to_step_aside(view, deadlocks, first):
 
 @kernel
 def let_step_aside(view, deadlocks, i):
-    """Robot i chooses another cell in the next tick, and is looked at again; once all have, they rest."""
+    """Let robot i choose another cell and be checked in the next tick; pause once all have tried."""
     if deadlocks.tries[i] == 0 or view.clock.coarse_tick % LOOK == 0:
         deadlocks.tries[i] += 1
         deadlocks.aside[i] = deadlocks.first_choice[i]
@@ -387,13 +385,13 @@ def let_step_aside(view, deadlocks, i):
 
 @kernel
 def is_given_up(view, deadlocks, i):
-    """Return whether robot i has been to step aside for so long that it is the turn of another one."""
+    """Return whether robot i has tried to step aside for so long that another robot must try."""
     return view.clock.tick - deadlocks.aside_since[i] > deadlocks.patience
 
 
 @kernel
 def steps_aside(view, deadlocks, i):
-    """Return whether robot i, which was to step aside, has not done so yet; once it has, count it."""
+    """Return whether robot i still has to step aside; count it once it has done so."""
     if deadlocks.aside[i] and view.robots.cell[i] != deadlocks.cell[i]:
         deadlocks.resolved[i] += 1
         deadlocks.aside[i] = 0
@@ -407,7 +405,7 @@ def has_work(goal_type):
 
 @kernel
 def note_progress(view, deadlocks):
-    """Note whether a robot does its work, has done it, gets some after it had none, or none has any."""
+    """Note progress: a robot works, has worked, or gets work after idleness; or all are idle."""
     robots, is_quiet = view.robots, True
     for i in range(robots.cell.shape[0]):
         before, goal_type = deadlocks.aim_type[i], robots.goal_type[i]
@@ -426,9 +424,9 @@ def note_progress(view, deadlocks):
 
 @kernel
 def round_of_stall(view, deadlocks):
-    """Return which order of turns is to be tried in a stall, from 1 on; 0: it is not one.
+    """Return the number of the priority order to try in a stall, from 1; 0: no stall.
 
-    Each is tried for two times the patience.
+    Each is tried for twice the patience.
     """
     patience = deadlocks.patience // view.rules.refinement
     ticks = view.clock.coarse_tick - deadlocks.progress[0] - STALLED * patience

@@ -1,13 +1,13 @@
-"""A* over poses with the Manhattan estimate; of several shortest paths a tie rule picks one.
+"""A* over poses with the Manhattan estimate; a tie rule selects one of several shortest paths.
 
-Where robots slow each other down it matters which. Robots are ignored at first, and gone around after
-a retreat. The estimate is consistent: a move changes h by its ticks where no speed limit holds, a turn
-by nothing.
+The selection matters where robots slow each other down. Routes ignore other robots at first, and avoid
+them after a retreat. The estimate is consistent: a move changes h by its ticks without a speed limit,
+and a turn does not change it.
 
     f = g + h        h = least ticks of a move x (|x - x*| + |y - y*|)
 
-Neighbours are found in the order north, south, east, west, then turns; a pose belongs to whoever first
-found the least g. Zones may be closed: a robot may not enter a cell in a direction whose zone is
+Neighbours are found in the order north, south, east, west, then turns; the first pose to find the least
+g becomes the parent. Zones may be closed: a robot must not enter a cell in a direction whose zone is
 marked.
 """
 
@@ -47,51 +47,53 @@ from strategies.routing.shortest import around_closed, around_what
 FIFO = 0
 LARGER_G = 1
 RANDOM = 2
-# As LARGER_G without its lane, which cannot tell equal g apart: turns of no ticks.
+# As LARGER_G, but without the lane, which cannot order equal g; they occur if turns take 0 ticks.
 LARGER_G_HEAP = 3
 TIES = ("fifo", "larger_g", "random")  # names of the rules, by their numbers
 
-POSE_MASK = (1 << 32) - 1  # an item of the lane: row << 32 | pose; of the heap: number << 32 | pose
+POSE_MASK = (1 << 32) - 1  # items: row << 32 | pose (lane), number << 32 | pose (heap)
 STREAM_ROUTE_TIES = 10  # of random draws; each stream has a number of its own
 
 NORTH_SOUTH_EAST_WEST = 0x2013  # directions, four bits each, the first one lowest
 
 
 class SearchState(NamedNumbers):
-    """Of a search in time, and of the heap and the lane in which its poses wait."""
+    """Numbers of one search, and of the heap and the lane of its open poses."""
 
-    stamp: int = number("counts down: marks what earlier searches left as worse than anything")
-    level: int = number("the f that is expanded")
+    stamp: int = number(
+        "counts down, so that labels of earlier searches are worse than any new one"
+    )
+    level: int = number("the f being expanded")
     heap: int = number("items in the heap")
     head: int = number("the lane's first item: queues only")
     tail: int = number("one past its last item")
     discovered: int = number("poses discovered in this search")
     expanded: int = number("poses expanded in all searches")
-    cost: int = number("of the path found last")
+    cost: int = number("of the last path found")
 
 
 class RouteSpace(Struct, role=SCRATCH):
-    """What A*, replays and avoidance work in, for P poses and Z zones; it never decides anything."""
+    """Scratch of A*, replays and avoidance, for P poses and Z zones; it never affects decisions."""
 
-    label: Array = field("(P,) int64", "stamp << 32 | cost of the best way found to a pose")
-    came: Array = field("(P,) uint8", "how it came there: a direction, a turn, or the start")
-    # Each of the four ways into a pose may find it again.
+    label: Array = field("(P,) int64", "stamp << 32 | cost of the best path found to a pose")
+    came: Array = field("(P,) uint8", "the step to the pose: a direction, a turn, or the start")
+    # Each of the four steps into a pose may push it again.
     key: Array = field("(4P + 1,) int64", "heap: f << 32 | tie")
     item: Array = field("(4P + 1,) int64", "heap: number << 32 | pose")
-    lane: Array = field("(4P + 1,) int64", "row << 32 | pose of the level that is expanded")
+    lane: Array = field("(4P + 1,) int64", "row << 32 | pose of the level being expanded")
     state: SearchState = field(SearchState)
-    stop: Array = field("(1,) int64", "not 0 = searches find nothing any more", role=STOP)
+    stop: Array = field("(1,) int64", "not 0 = searches must fail", role=STOP)
     closed: Array = field("(Z,) uint8", "1 = no robot may enter")
-    count: Array = field("(Z,) int32", "others that are predicted in each zone")
+    count: Array = field("(Z,) int32", "other robots predicted in each zone")
 
 
 def route_space(grid: Grid) -> RouteSpace:
-    """Scratch for searches on a floor; pages that no search uses cost nothing."""
+    """Scratch for searches on a floor; the system allocates only memory pages that searches use."""
     return RouteSpace.sized({"P": grid.kind.size * grid.headings, "Z": grid.traffic_zone_count})
 
 
 class AStarState(Struct):
-    """Parameters, and scratch; it remembers nothing."""
+    """Parameters and scratch; nothing persists between calls."""
 
     tie_rule: int = field("int64", "an index of TIES")
     routes: RouteSpace
@@ -117,7 +119,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class AStar(Strategy):
-    """A shortest path of A*; which one of several is settled by a tie rule."""
+    """A shortest path by A*; a tie rule selects one of several."""
 
     layer = "routing"
     Parameters = TieBreaking
@@ -130,9 +132,9 @@ class AStar(Strategy):
 
 @kernel
 def around_robots(view, workspace, i, reason, steps):
-    """The length of a way around other robots after a retreat, around closed cells after a long wait.
+    """The length of a detour around other robots after a retreat, around closed cells after a long wait.
 
-    NIL if neither, or if no way leads there.
+    NIL if no detour is needed or none exists.
     """
     around = around_what(reason)
     if around == 0:
@@ -146,13 +148,13 @@ def around_robots(view, workspace, i, reason, steps):
 
 @kernel
 def start_pose(view, i):
-    """Where and how robot i stands when its route begins."""
+    """The pose of robot i where its route begins."""
     return position(view, i) * view.grid.headings + np.int64(view.robots.heading[i])
 
 
 @kernel
 def astar(grid, robot_type, duration, workspace, ties, seed, start, target, avoid_zones, steps):
-    """Write the directions of a least path, or as much of it as fits; its length, or NIL.
+    """Write the directions of a shortest path, as many as fit; return its length or NIL.
 
     The arguments are those of `search`.
     """
@@ -164,12 +166,12 @@ def astar(grid, robot_type, duration, workspace, ties, seed, start, target, avoi
 
 @kernel
 def search(grid, robot_type, duration, workspace, ties, seed, start, target, avoid_zones):
-    """The pose in which a least path from a pose reaches a cell; NIL if there is none.
+    """The pose in which a shortest path from a pose reaches a cell; NIL if there is none.
 
     `duration`: (A,) ticks of each action of the robot's type. `ties`: FIFO, LARGER_G or RANDOM;
-    random ties are drawn by (seed, start, target), so a path is a pure function of those.
-    `avoid_zones`: zones z with workspace.closed[z] may not be entered. The path is left in
-    workspace.came, backwards, and its ticks in workspace.state.cost.
+    random ties are drawn by (seed, start, target), so a path is a pure function of these.
+    `avoid_zones`: zones z with workspace.closed[z] must not be entered. Leaves the path backwards
+    in workspace.came and its ticks in workspace.state.cost.
     """
     width, shift, headings = grid.width, grid.headings >> 1, headings_of(grid, robot_type)
     mask = headings - 1
@@ -195,7 +197,7 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
         column = cell - row * width
         g = state.level - move * (abs(column - goal_x) + abs(row - goal_y))
         if label[pose] != fresh | g:
-            continue  # a better way to this pose was found meanwhile
+            continue  # stale: a better path to this pose was found meanwhile
         state.expanded += 1
         if cell == target:
             state.cost = g
@@ -221,7 +223,7 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
         if mask and flags & MAY_TURN:
             find_turns(workspace, ties, salt, mask, pose, row, fresh, g + turn, state.level + turn)
         if ties == LARGER_G and state.tail - before == 2:
-            swap_last(workspace.lane, state.tail)  # the one found first is expanded first
+            swap_last(workspace.lane, state.tail)  # first found, first expanded
     return np.int64(NIL)
 
 
@@ -252,7 +254,7 @@ def swap_last(lane, tail):
 
 @kernel
 def write_steps(grid, workspace, pose, steps):
-    """Directions from the start of the search to a pose; returns how many were written."""
+    """Write the directions from the start of the search to a pose; return their number."""
     length = 0
     at = pose
     while workspace.came[at] != STARTED:
@@ -270,20 +272,20 @@ def write_steps(grid, workspace, pose, steps):
     return np.int64(min(length, steps.shape[0]))
 
 
-# The open list: which of the poses of least f is expanded next.
+# The open list: the order in which poses of least f are expanded.
 #
-# A *level* is the poses of one f. Those that are found while their level is expanded wait in a lane,
-# a plain array; those of later levels wait in a binary heap. With a consistent estimate no pose is
-# ever found below the level, so the order is that of one heap over everything:
+# A *level* is the set of poses with one f. Poses found while their level is expanded go to a lane, a
+# plain array; poses of later levels go to a binary heap. With a consistent estimate no pose is found
+# below the current level, so the order equals that of one heap of all poses:
 #
-#     fifo       the pose that was found first       lane = queue, after what the heap has
-#     larger_g   the pose farthest from the start    lane = stack, before what the heap has; first found
-#     random     any, by a draw                      no lane
+#     fifo       the pose found first                lane = queue, after the heap's poses
+#     larger_g   the pose farthest from the start    lane = stack, before the heap's; then first found
+#     random     a random pose                       no lane
 
 
 @kernel
 def begin(workspace):
-    """Empty the open list for a new search; returns the label of its poses at cost 0."""
+    """Empty the open list for a new search; return the label of its poses at cost 0."""
     state = workspace.state
     if state.stamp == 0:
         workspace.label[:] = np.iinfo(np.int64).max
@@ -299,7 +301,7 @@ def begin(workspace):
 
 @kernel
 def put(workspace, ties, salt, pose, row, f, h):
-    """Enter a pose of that f and h; `row` is its y, `salt` (uint64) addresses the draws of ties."""
+    """Add a pose with this f and h; `row` is its y, `salt` (uint64) addresses the draws of ties."""
     state = workspace.state
     if f == state.level and ties < RANDOM:
         workspace.lane[state.tail] = (row << 32) | pose
@@ -318,7 +320,7 @@ def put(workspace, ties, salt, pose, row, f, h):
 
 @kernel
 def take(workspace, ties, width, shift):
-    """Remove the next item, row << 32 | pose; NIL if there is none. Sets the level."""
+    """Remove and return the next item, row << 32 | pose, or NIL; set the level."""
     state = workspace.state
     waiting = state.tail > state.head
     if waiting and ties == LARGER_G:
@@ -342,7 +344,7 @@ def take(workspace, ties, width, shift):
 
 @kernel
 def sift_up(workspace, at, key, item):
-    """Put (key, item) into the heap of `at` items, ordered by key, then by item."""
+    """Push (key, item) onto the heap of `at` items, ordered by key, then by item."""
     keys, items = workspace.key, workspace.item
     while at > 0:
         above = (at - 1) >> 1
@@ -357,7 +359,7 @@ def sift_up(workspace, at, key, item):
 
 @kernel
 def sift_down(workspace, size):
-    """Fill the heap's first place with what lies behind its last one; `size` items remain."""
+    """Move the item behind the last place to the root and sift it down; `size` items remain."""
     keys, items = workspace.key, workspace.item
     key, item = keys[size], items[size]
     at = 0

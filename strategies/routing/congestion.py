@@ -1,12 +1,11 @@
-"""Routes around the congestion to come: shared plans, searched in time.
+"""Routes around predicted congestion: shared plans and a time-expanded search.
 
-All plans are replayed ahead with the slow zones of the world, so it is known how many robots will be
-in which zone at which tick. Robots that need a route get the cheapest one through that, one after
-another in the order of their identities, each seeing the routes of those before it. For comparison,
-robots may predict less: where the others would be if no robot delayed them on the A* paths of their
-tasks (`tasks`), or which share of their time each of them spends in a zone so (`task-averages`). A
-detour around robots that stood in the way is driven to its end: made again, it would lead back to
-where they stand.
+Replaying all plans ahead with the slow zones of the world predicts the number of robots in each zone
+at each tick. Robots that need a route get the cheapest one for this prediction, one after another in
+the order of their identities; each sees the routes of those before it. For comparison, robots may
+predict less: the positions of the others if no robot delayed them on the A* paths of their tasks
+(`tasks`), or the share of time that each then spends in a zone (`task-averages`). A detour around
+blocking robots is never replanned before its end: a new plan would lead back to them.
 """
 
 import numpy as np
@@ -48,9 +47,9 @@ from strategies.routing.forecasts import (
 from strategies.routing.routing_parameters import SharedPlans
 from strategies.routing.shortest import around_closed, around_what
 
-COST_OF_TICK = 1000  # cost of a tick; beta is given in the same unit
-MAX_COST = (1 << 31) - 1  # what costs more cannot be reached
-EXPANDED = NIL  # tick of a pose that was expanded
+COST_OF_TICK = 1000  # cost of a tick; beta has the same unit
+MAX_COST = (1 << 31) - 1  # poses that cost more count as unreachable
+EXPANDED = NIL  # marks an expanded pose instead of its tick
 
 # Keys of the heap: cost 31 bits, Manhattan distance 32 - b bits, pose b bits.
 BOTH = 32
@@ -84,7 +83,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class Congestion(Strategy):
-    """Least cost through the predicted traffic: 1 + beta for each other robot in the zone of a move."""
+    """Cheapest route in predicted traffic; each move costs 1 + beta x other robots in its zone."""
 
     layer = "routing"
     Parameters = SharedPlans
@@ -100,7 +99,7 @@ class Congestion(Strategy):
 
 @kernel
 def look_ahead(view, workspace, state):
-    """Foresee all robots, by their plans or by their tasks alone."""
+    """Predict all robots, by their plans or by their tasks only."""
     if state.tasks_alone:
         add_task_forecasts(view, workspace, state)
     else:
@@ -109,7 +108,7 @@ def look_ahead(view, workspace, state):
 
 @kernel
 def leave_out(view, state, i):
-    """Foresee all robots but this one."""
+    """Predict all robots except this one."""
     if state.tasks_alone:
         remove_task_forecast(view, state, i)
     else:
@@ -118,28 +117,28 @@ def leave_out(view, state, i):
 
 @kernel
 def put_back(view, workspace, state, i, steps, length):
-    """Foresee this robot, too, with its new route."""
+    """Add this robot with its new route to the prediction."""
     if state.tasks_alone:
         add_task_forecast(view, workspace, state, i)
     elif length != NIL:
         forecast_one(view, workspace, state, i, steps, length)
 
 
-# Search in time: the route of least cost through zones that others will be in.
+# Time-expanded search: the cheapest route through zones with predicted robots.
 #
-# A move from a cell whose zone others are in at tick T costs 1 + beta * others of its durations, and
-# takes 1 + others of them where zones slow robots down; a turn costs and takes its ticks.
-# Label-setting A*: each pose is expanded once, with the label of least cost, which carries its tick
-# of arrival. (With beta > 1 a way that is dearer but earlier may lose to one that is cheaper but
-# later.) The estimate is the Manhattan distance; ties go to the pose nearer to the target, then to
-# the lowest.
+# A move at tick T from a cell in a zone with `others` robots costs 1 + beta * others times its
+# duration. In zones that slow robots down it takes 1 + others times its duration. A turn costs and
+# takes its ticks. Label-setting A*: each pose is expanded once, with its cheapest label, which holds
+# the tick of arrival. (With beta > 1 an earlier but dearer path may lose to a later but cheaper
+# one.) The estimate is the Manhattan distance; ties go to the pose nearest to the target, then to
+# the lowest pose.
 
 
 @kernel
 def time_dependent_path(view, workspace, state, i, around, steps):
-    """Write the route of least cost of robot i to its goal cell, or as much as fits; its length or NIL.
+    """Write the cheapest route of robot i to its goal cell, as much as fits; return its length or NIL.
 
-    `around`: cells without room now, the goal cell excepted, are removed from the floor.
+    `around`: cells without room now, except the goal cell, are removed from the floor.
     """
     robot_type, grid, target = view.robots.type[i], view.grid, np.int64(view.robots.goal_cell[i])
     duration, type_cell_flags = view.rules.duration[robot_type], grid.type_cell_flags[robot_type]
@@ -188,7 +187,7 @@ def time_dependent_path(view, workspace, state, i, around, steps):
 
 @kernel
 def bits_for(count):
-    """Bits that tell so many things apart."""
+    """The number of bits that distinguish this number of items."""
     bits = 1
     while (1 << bits) < count:
         bits += 1
@@ -197,7 +196,7 @@ def bits_for(count):
 
 @kernel
 def label(view, state, move, workspace, search, bits, size, pose, cost, tick, target, how):
-    """Label a pose with a cost and a tick of arrival if that is its best label; the queue's size.
+    """Label a pose with cost and tick of arrival if they improve it; return the size of the queue.
 
     `move`: ticks of a move of the robot.
     """

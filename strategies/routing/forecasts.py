@@ -1,7 +1,7 @@
-"""Who will be where: predicted robots in each zone, tick by tick, from now to a horizon.
+"""Forecasts: predicted robots in each zone, tick by tick, from now to a horizon.
 
-Plans (their routes, then the rest of their tasks) are replayed ahead of time by the world's rule of
-slow zones, without anything else; or, for comparison, only the tasks of robots are known.
+The plans of robots (routes, then the rest of their tasks) are replayed ahead of time by the rule of
+slow zones and no other rule. For comparison, a forecast may use only the tasks of robots.
 """
 
 from __future__ import annotations
@@ -43,47 +43,53 @@ LANES = 4  # counts in a word
 LANE = 16  # bits of a count
 MASK = (1 << LANE) - 1
 EVERY_LANE = 0x0001000100010001
-FULL_SHARE = 1_000_000  # a robot that is in a zone all the time, where shares are predicted
+FULL_SHARE = 1_000_000  # with predicted shares: a robot that is always in the zone
 
 
 class CongestionState(Struct):
-    """Parameters, detours, and what a call predicts of n robots in Z zones for h ticks from now."""
+    """Parameters, detours, and the forecast of n robots in Z zones for h ticks from now."""
 
-    beta: int = field("int64", "what another robot in its zone costs, in thousandths of a move")
+    beta: int = field("int64", "cost of another robot in the zone, in thousandths of a move")
     horizon: int = field("int64", "h, at most 65,535")
-    tasks_alone: int = field("int64", "1: nothing is known of the others but their tasks")
-    shares: int = field("int64", "1: predicted is a share of all ticks, the same for each of them")
-    detour: Array = field("(n,) int64", "1 + the goal cell to which a detour leads, or 0")
-    # Plans of whole tasks stay until the task is over.
-    task: Array = field("(n,) int64", "dispatched << 32 | 1 + the order that the plan is of, or 0")
+    tasks_alone: int = field("int64", "1: only the tasks of the others are known")
+    shares: int = field("int64", "1: the forecast is a share of time, equal for all ticks")
+    detour: Array = field("(n,) int64", "1 + the goal cell of a detour, or 0")
+    # Plans of whole tasks persist until the task ends.
+    task: Array = field("(n,) int64", "dispatched << 32 | 1 + the order of the plan, or 0")
     step_count: Array = field("(n,) int64", "steps of the plan")
-    steps: Array = field("(n, h + 2) uint8", "one for each tick, and for work that takes none")
+    steps: Array = field("(n, h + 2) uint8", "one for each tick, and for work of no ticks")
     # The replay of a plan:
     step: Array = field("(n,) int64", "steps begun", role=SCRATCH)
     place: Array = field("(n,) int64", "the cell in which the next step begins", role=SCRATCH)
-    travel: Array = field("(n,) int64", "direction in which it comes there", role=SCRATCH)
+    travel: Array = field("(n,) int64", "direction in which it arrives there", role=SCRATCH)
     heading: Array = field("(n,) int64", role=SCRATCH)
     free: Array = field("(n,) int64", "tick in which the next step begins", role=SCRATCH)
-    robot_type: Array = field("(n,) int64", "its type then, with a load or not", role=SCRATCH)
+    robot_type: Array = field(
+        "(n,) int64", "its type then, which depends on its load", role=SCRATCH
+    )
     in_bay: Array = field(
         "(n,) int64",
-        "1: its first step begins in a parking bay; k > 1: it has left it, its step ends in k ticks",
+        "1: its first step begins in a parking bay; k > 1: its step out of the bay ends in k ticks",
         role=SCRATCH,
     )
     zone: Array = field("(n,) int64", "where it is counted, or NIL", role=SCRATCH)
-    since: Array = field("(n,) int64", "the tick in which it came there", role=SCRATCH)
-    visit_count: Array = field("(n,) int64", "visits that are counted", role=SCRATCH)
+    since: Array = field("(n,) int64", "the tick of its arrival there", role=SCRATCH)
+    visit_count: Array = field("(n,) int64", "number of counted visits", role=SCRATCH)
     visit_zone: Array = field("(n, h + 2) int32", role=SCRATCH)
     visit_begin: Array = field("(n, h + 2) uint16", "the first tick", role=SCRATCH)
-    visit_end: Array = field("(n, h + 2) uint16", "the tick in which it is over", role=SCRATCH)
-    # Of all robots; these are zero between two calls:
+    visit_end: Array = field("(n, h + 2) uint16", "the tick after its end", role=SCRATCH)
+    # For all robots; zero between two calls:
     counts: Array = field("(Z, words) int64", "robots in a zone, tick by tick", role=DERIVED)
     overflowed: int = field("() int64", "1: a count has overflowed", role=DERIVED)
-    zone_share: Array = field("(Z,) int64", "shares of a zone, in 1 / FULL_SHARE", role=DERIVED)
+    zone_share: Array = field(
+        "(Z,) int64", "expected robots in a zone, in 1 / FULL_SHARE", role=DERIVED
+    )
     crowd: Array = field("(Z,) int64", "robots in a zone at the tick of a replay", role=DERIVED)
-    calendar: Array = field("(h,) int64", "1 + a robot whose step begins in a tick", role=DERIVED)
-    link: Array = field("(n,) int64", "1 + the robot after it in the same tick", role=SCRATCH)
-    # Of searches:
+    calendar: Array = field(
+        "(h,) int64", "1 + the first robot whose step begins in a tick", role=DERIVED
+    )
+    link: Array = field("(n,) int64", "1 + the next robot in the same tick", role=SCRATCH)
+    # For searches:
     arrival: Array = field("(P,) int32", "tick in which a pose is reached", role=SCRATCH)
     routes: RouteSpace
 
@@ -97,7 +103,7 @@ def congestion_state(view: World, parameters: SharedPlans) -> CongestionState:
 def empty_state(
     robots: int, zones: int, parameters: SharedPlans, routes: RouteSpace
 ) -> CongestionState:
-    """The state for so many robots and zones, of which nothing is predicted."""
+    """A state for this number of robots and zones, with an empty forecast."""
     horizon, poses = parameters.horizon, len(routes.came)
     return CongestionState.sized(
         {"n": robots, "Z": zones, "h": horizon, "words": -(-horizon // LANES), "P": poses},
@@ -109,13 +115,13 @@ def empty_state(
     )
 
 
-# Counts of the zones: four ticks to a word. What a robot adds to them are its visits to zones. A count
-# goes up to 65,535; one that would go beyond stays there until all are forgotten.
+# Counts of the zones: four ticks per word. A robot adds its visits to zones. A count saturates at
+# 65,535 and stays there until all counts are cleared.
 
 
 @kernel
 def present(state, zone, tick):
-    """Robots predicted in a zone at a tick; none where there is no zone, and beyond the horizon."""
+    """Robots predicted in a zone at a tick; 0 without a zone and beyond the horizon."""
     if zone == NIL or tick >= state.horizon:
         return 0
     return (state.counts[zone, tick // LANES] >> (tick % LANES * LANE)) & MASK
@@ -123,7 +129,7 @@ def present(state, zone, tick):
 
 @kernel
 def occupancy(state, zone, tick):
-    """Thousandths of robots that are expected in a zone at a tick."""
+    """Expected robots in a zone at a tick, in thousandths."""
     if zone != NIL and state.shares:
         return state.zone_share[zone] // (FULL_SHARE // 1000)
     return 1000 * present(state, zone, tick)
@@ -131,7 +137,7 @@ def occupancy(state, zone, tick):
 
 @kernel
 def add(state, zone, begin, end, sign):
-    """Add `sign` to the counts of a zone from tick `begin` to before tick `end`."""
+    """Add `sign` to the counts of a zone from tick `begin` up to, but not including, tick `end`."""
     counts = state.counts[zone]
     if state.zone.shape[0] > MASK:
         add_within_bounds(state, counts, begin, end, sign)
@@ -148,7 +154,7 @@ def add(state, zone, begin, end, sign):
 
 @kernel
 def add_within_bounds(state, counts, begin, end, sign):
-    """The same with more robots than a count can hold: it must not carry into its neighbour."""
+    """The same if a count may overflow: it must not carry into the next count."""
     for tick in range(begin, end):
         word, shift = tick // LANES, tick % LANES * LANE
         count = (counts[word] >> shift) & MASK
@@ -161,7 +167,7 @@ def add_within_bounds(state, counts, begin, end, sign):
 
 @kernel
 def enter_zone(state, i, zone, tick):
-    """Robot i is in `zone` from `tick` on: its visit to the zone before is over, and counted."""
+    """Move robot i to `zone` at `tick`: end and count its visit to the previous zone."""
     before, since = state.zone[i], state.since[i]
     if zone == before:
         return
@@ -187,7 +193,7 @@ def forget(state, i):
 
 @kernel
 def forget_all(state):
-    """Leave the counts as they are found: all zero."""
+    """Reset the counts to zero."""
     for i in range(state.zone.shape[0]):
         forget(state, i)
     if state.overflowed:
@@ -197,29 +203,28 @@ def forget_all(state):
         state.zone_share[:] = 0
 
 
-# What each robot is going to do, as far as it is known: its route, then the rest of its task.
+# The known plan of each robot: its route, then the rest of its task.
 #
-# A plan begins where the robot is free for its next step. It consists of directions, of the work at
-# the goal cell, and of the way with the load to the order's target, for which the path of plain A*
-# stands. Of a trip of a pod the way to its next stop is known, not how long its visit takes: there
-# the plan ends.
+# A plan begins where the robot is free for its next step. It consists of directions, the work at the
+# goal cell, and the path with the load to the order's target, by plain A*. A plan of a pod's trip ends
+# at its next stop, since the duration of the visit is unknown.
 
 
 @kernel
 def zone_of(grid, cell, direction):
-    """The zone of a robot in a cell that came or leaves in a direction."""
+    """The zone of a robot in a cell, for its direction of arrival or departure."""
     return np.int64(grid.traffic_zone[cell, direction >> 1])
 
 
 @kernel
 def begin_plan(view, state, i):
-    """Robot i has no plan; until it is free it counts where it stands, or whence it is coming."""
+    """Clear the plan of robot i; until it is free, it counts in its cell or the cell it is leaving."""
     robots = view.robots
     cell, claim = np.int64(robots.cell[i]), np.int64(robots.claim[i])
     travel, heading = np.int64(robots.travel[i]), np.int64(robots.heading[i])
     state.zone[i] = NIL if cell == NIL else zone_of(view.grid, cell, travel)
     if cell == NIL:
-        travel = heading  # as if it had come along its heading
+        travel = heading  # as if it had arrived in its heading
     if claim != NIL and claim != cell:
         for direction in range(4):
             if cell + view.grid.offset[direction] == claim:
@@ -238,7 +243,7 @@ def begin_plan(view, state, i):
 
 @kernel
 def append(state, i, step):
-    """Add a step to the plan of robot i; what does not fit lies beyond the horizon."""
+    """Add a step to the plan of robot i; steps that do not fit are beyond the horizon."""
     count = state.step_count[i]
     if count < state.steps.shape[1]:
         state.steps[i, count] = step
@@ -247,7 +252,7 @@ def append(state, i, step):
 
 @kernel
 def append_rest(view, workspace, state, i, heading):
-    """Add what follows when robot i is at its goal cell with a heading: the rest of its task."""
+    """Add the rest of robot i's task, from its goal cell and a heading."""
     robots = view.robots
     if robots.goal_type[i] == GOAL_DROP:
         append(state, i, DROP_STEP)
@@ -269,7 +274,7 @@ def append_rest(view, workspace, state, i, heading):
 
 @kernel
 def append_path(view, workspace, state, i, robot_type, pose, target):
-    """Add the path of plain A* of a type from a pose to a cell to the plan of robot i."""
+    """Extend the plan of robot i by the plain A* path of a type from a pose to a cell."""
     seed, duration, steps = view.rules.seed, view.rules.duration[robot_type], workspace.steps
     length = astar(
         view.grid, robot_type, duration, state.routes, LARGER_G, seed, pose, target, False, steps
@@ -280,7 +285,7 @@ def append_path(view, workspace, state, i, robot_type, pose, target):
 
 @kernel
 def plan_on(view, workspace, state, i, steps, first, end):
-    """Give robot i the plan to drive steps[first:end], and then to go on with its task."""
+    """Set the plan of robot i: drive steps[first:end], then continue its task."""
     begin_plan(view, state, i)
     cell, heading = state.place[i], state.heading[i]
     for s in range(first, end):
@@ -294,7 +299,7 @@ def plan_on(view, workspace, state, i, steps, first, end):
 
 @kernel
 def has_task(robots, i):
-    """Whether robot i is on its way to somewhere, with a route or about to get one."""
+    """Whether robot i is driving to a goal, with a route or about to get one."""
     return (
         robots.goal_type[i] != GOAL_NONE
         and robots.goal_cell[i] != NIL
@@ -304,7 +309,7 @@ def has_task(robots, i):
 
 @kernel
 def plan_all(view, workspace, state):
-    """Give every robot the plan that it has: its route."""
+    """Set the plan of each robot to its current route."""
     robots = view.robots
     for i in range(robots.cell.shape[0]):
         if has_task(robots, i):
@@ -314,16 +319,16 @@ def plan_all(view, workspace, state):
             begin_plan(view, state, i)
 
 
-# Plans replayed: each robot takes its steps as soon as it is free.
+# Replay of plans: each robot takes its steps as soon as it is free.
 #
-# A move takes as many times longer as its zone has robots when it begins; no robot waits for a cell.
-# Who leaves a parking bay is counted from the next tick on. A robot whose plan has ended is counted
-# for one more tick, then its next task is unknown; one that has nothing to do stays.
+# The duration of a move is multiplied by the number of robots in its zone when it begins; no robot
+# waits for a cell. A robot that leaves a parking bay counts from the next tick on. A robot whose plan
+# has ended counts for one more tick, since its next task is unknown; a robot without a task stays.
 
 
 @kernel
 def forecast_all(view, workspace, state):
-    """Count all robots with the routes that they have, from now to the horizon."""
+    """Count all robots with their current routes, from now to the horizon."""
     plan_all(view, workspace, state)
     robots = view.robots.cell.shape[0]
     for i in range(robots):
@@ -340,7 +345,7 @@ def forecast_all(view, workspace, state):
 
 @kernel
 def schedule(state, i, tick):
-    """Robot i begins its next step in a tick, unless that is beyond the horizon."""
+    """Schedule robot i's next step for a tick, unless it is beyond the horizon."""
     if tick < state.horizon:
         state.link[i] = state.calendar[tick]
         state.calendar[tick] = i + 1
@@ -348,7 +353,7 @@ def schedule(state, i, tick):
 
 @kernel
 def go_on(view, state, tick):
-    """A tick of the replay: first all arrive, then all begin what comes next."""
+    """Replay a tick: first all arrivals, then all next steps."""
     i = state.calendar[tick] - 1
     while i >= 0:
         arrive(view, state, i, tick)
@@ -363,7 +368,7 @@ def go_on(view, state, tick):
 
 @kernel
 def arrive(view, state, i, tick):
-    """Robot i is where its last step took it; one that has gone past its last step is nowhere."""
+    """Move robot i to the end of its last step, or off the floor after the end of its plan."""
     before, zone = state.zone[i], NIL
     if state.step[i] <= state.step_count[i] and state.in_bay[i] != 1:
         zone = zone_of(view.grid, state.place[i], state.travel[i])
@@ -377,7 +382,7 @@ def arrive(view, state, i, tick):
 
 @kernel
 def depart(view, state, i, tick):
-    """Robot i begins its next step, or goes past its last one."""
+    """Begin robot i's next step, or end its plan."""
     while state.step[i] < state.step_count[i]:
         ticks = state.in_bay[i] - 1
         if ticks <= 0:
@@ -401,20 +406,20 @@ def depart(view, state, i, tick):
 
 @kernel
 def next_step(state, i):
-    """What robot i does next: a direction, PICK_STEP or DROP_STEP."""
+    """The next step of robot i: a direction, PICK_STEP or DROP_STEP."""
     return np.int64(state.steps[i, state.step[i]])
 
 
 @kernel
 def zone_left(view, state, i):
-    """The zone of the move that comes next, NIL if it is not a move."""
+    """The zone of the next move, or NIL if the next step is not a move."""
     step = next_step(state, i)
     return zone_of(view.grid, state.place[i], step) if step < PICK_STEP else NIL
 
 
 @kernel
 def ticks_of_step(view, state, i, others):
-    """The ticks that the next step of robot i takes, beside `others` in its zone."""
+    """The ticks of robot i's next step with `others` robots in its zone."""
     duration = view.rules.duration[state.robot_type[i]]
     step = next_step(state, i)
     if step >= PICK_STEP:
@@ -427,7 +432,7 @@ def ticks_of_step(view, state, i, others):
 
 @kernel
 def begin_step(view, state, i):
-    """Begin the next step; before a move in another heading it is a turn."""
+    """Begin the next step, or the turn before a move in another direction."""
     headings = headings_of(view.grid, state.robot_type[i])
     step, before = next_step(state, i), state.heading[i]
     heading = step & (headings - 1)
@@ -447,13 +452,13 @@ def begin_step(view, state, i):
 
 @kernel
 def ticks_of_move(view, own, others):
-    """What a move takes beside so many others, which takes `own` ticks alone."""
+    """The ticks of a move with `others` robots in its zone; `own`: without them."""
     return own * (1 + (others if view.rules.slowdown else 0))
 
 
 @kernel
 def forecast_one(view, workspace, state, i, steps, length):
-    """Count robot i with a new route, slowed down by all who are counted; they keep their times."""
+    """Count robot i with a new route, slowed by all counted robots, whose times do not change."""
     plan_on(view, workspace, state, i, steps, 0, length)
     tick, horizon = state.free[i], state.horizon
     while state.step[i] < state.step_count[i] and tick < horizon:
@@ -469,17 +474,16 @@ def forecast_one(view, workspace, state, i, steps, length):
     enter_zone(state, i, NIL, min(tick + 1, horizon))
 
 
-# What is expected of others by who knows their tasks and not their plans (Bhattathiri, Li & Kuhl).
+# Forecasts from tasks instead of plans (Bhattathiri, Li & Kuhl).
 #
-# Of each robot it is known where and when its task began, where it picks up and where it drops. It is
-# predicted on the paths of plain A*, as if no robot delayed it: at the ticks that follow from that,
-# or, where shares are predicted, at any time with the probability ticks in a zone / ticks of the
-# task.
+# Known for each robot are the place and time where its task began, its pick-up and its drop-off. The
+# robot is predicted on paths of plain A* as if no robot delayed it: at the resulting ticks or, if
+# shares are predicted, at any time with the probability ticks in the zone / ticks of the task.
 
 
 @kernel
 def add_task_forecasts(view, workspace, state):
-    """Count all robots with the tasks that they have."""
+    """Count all robots by their current tasks."""
     for i in range(view.robots.cell.shape[0]):
         state.visit_count[i] = 0
         add_task_forecast(view, workspace, state, i)
@@ -500,7 +504,7 @@ def add_task_forecast(view, workspace, state, i):
 
 @kernel
 def remove_task_forecast(view, state, i):
-    """Take robot i out of what is expected."""
+    """Take robot i out of the forecast."""
     if state.shares == 0:
         forget(state, i)
     elif state.task[i] != 0:
@@ -509,7 +513,7 @@ def remove_task_forecast(view, state, i):
 
 @kernel
 def plan_task(view, workspace, state, i):
-    """Plan the way of robot i's whole task; the plan stays until the task is over."""
+    """Plan the whole task of robot i; the plan persists until the task ends."""
     orders, headings, order = view.orders, view.grid.headings, np.int64(view.robots.order[i])
     task = (np.int64(orders.dispatched[order]) << 32) | (order + 1)
     if state.task[i] == task:
@@ -517,13 +521,13 @@ def plan_task(view, workspace, state, i):
     state.task[i] = task
     state.step_count[i] = 0
     if orders.source[order] == NIL:
-        return  # without a load: its stops are planned one by one
+        return  # no load: its stops are planned one by one
     robot_type = without_load(view, np.int64(view.robots.type[i]))
     origin = np.int64(orders.dispatched_from[order])
     access_cell = pickup_cell(view, robot_type, np.int64(orders.source[order]), origin)
     end = dropoff_cell(view, robot_type, np.int64(orders.target[order]), access_cell)
     if access_cell == NIL or end == NIL:
-        return  # another type does a part of the way
+        return  # a robot of another type drives a part of the path
     heading = np.int64(orders.dispatched_heading[order])
     append_path(view, workspace, state, i, robot_type, origin * headings + heading, access_cell)
     if state.step_count[i] > 0:
@@ -537,7 +541,7 @@ def plan_task(view, workspace, state, i):
 
 @kernel
 def begin_task(view, state, i):
-    """Put robot i back to where its task began."""
+    """Reset robot i to where its task began."""
     order = np.int64(view.robots.order[i])
     state.place[i] = view.orders.dispatched_from[order]
     state.heading[i] = view.orders.dispatched_heading[order]
@@ -549,7 +553,7 @@ def begin_task(view, state, i):
 
 @kernel
 def replay_task(view, state, i):
-    """Enter robot i's visits from now on, as if no robot had delayed it or will."""
+    """Count robot i's visits from now on, as if no robot ever delayed it."""
     begin_task(view, state, i)
     state.zone[i] = NIL
     state.since[i] = 0
@@ -564,9 +568,9 @@ def replay_task(view, state, i):
 
 @kernel
 def share_zones(view, state, i, sign):
-    """Add robot i's shares of its zones to those of all, or take them away (sign -1).
+    """Add robot i's shares of time in zones to the totals, or subtract them (sign -1).
 
-    A task that takes no time, such as a pick and a drop of 0 ticks where the robot is, has none.
+    A task of 0 ticks, such as a pick and a drop of 0 ticks in the robot's cell, has no shares.
     """
     begin_task(view, state, i)
     ticks = 0

@@ -1,11 +1,11 @@
-"""The Monte Carlo trial of Bhattathiri, Li & Kuhl: one robot is dispatched among others on their way.
+"""The Monte Carlo trial of Bhattathiri, Li & Kuhl: one robot is dispatched among active robots.
 
 Robot 0 is dispatched; the others are active. Each drives from the access cell of a rack to a dock and
-on to another rack, drawn uniformly by (seed, trial, robot); picking and setting down take no time.
-Two readings of a slow zone with others in it:
+on to another rack, drawn uniformly by (seed, trial, robot). Picking and setting down take no time.
+Two interpretations of a slow zone with c others:
 
-    static     a move takes 1 + c ticks; c others have a path that ever uses the zone
-    dynamic    all begin at tick 0; a move takes as many ticks as robots are in the zone when it starts
+    static     a move takes 1 + c ticks; c counts all others whose path uses the zone at any time
+    dynamic    all begin at tick 0; c counts the others in the zone when the move starts
 """
 
 import numpy as np
@@ -26,7 +26,7 @@ STREAM_TRIALS = 12  # of random draws; each stream has a number of its own
 
 START, PICK, DROP = 0, 1, 2  # columns of a task
 
-# Columns of the results: of plain A*, then of the path that was chosen.
+# Columns of the results: of plain A*, then of the chosen path.
 TRIAL_TIME = 0  # ticks
 TRIAL_DISTANCE = 1  # moves
 TRIAL_ENCOUNTERS = 2  # others met in a zone: pairs of a zone and a robot
@@ -36,23 +36,23 @@ TRIAL_COLUMNS = 7
 
 
 class MonteCarloWorkspace(Struct):
-    """What a trial of r robots works in; R steps of the longest task, Z zones."""
+    """Scratch of a trial of r robots; R steps of the longest task, Z zones."""
 
     task: Array = field("(r, 3) int32", "start, pick-up and drop-off cell")
     route: Array = field("(r, R) uint8", "directions of both legs")
-    plain: Array = field("(R,) uint8", "robot 0's by plain A*")
+    plain: Array = field("(R,) uint8", "robot 0's directions by plain A*")
     length: Array = field("(r,) int32")
     at: Array = field("(r,) int32", "steps driven")
     cell: Array = field("(r,) int32")
     busy: Array = field("(r,) int32", "ticks until it arrives")
     zone: Array = field("(r,) int32", "the zone it is in")
-    met: Array = field("(r,) int32", "the zone in which robot 0 is together with it")
+    met: Array = field("(r,) int32", "the zone in which it is now with robot 0")
     used: Array = field("(words,) int64", "zones of one path, a bit for each")
     actual: Array = field("(Z,) int32", "others with a path through each zone")
 
 
 def monte_carlo_workspace(robots: int, steps: int, zones: int) -> MonteCarloWorkspace:
-    """Room for trials of so many robots whose two legs have at most so many steps together."""
+    """Scratch for trials of this number of robots; `steps`: at most, of both legs together."""
     return MonteCarloWorkspace.sized({"r": robots, "R": steps, "Z": zones, "words": words(zones)})
 
 
@@ -74,7 +74,7 @@ def draw_tasks(seed, racks, docks, tasks):
 
 @kernel
 def count_foreseen(grid, duration, workspace, trial, ties, seed, tasks, keep, add, foreseen):
-    """foreseen: (trials, Z) int32, others whose plain A* uses a zone, seen as `blur` sees them."""
+    """foreseen: (trials, Z) int32, others whose plain A* path uses a zone, with the errors of `blur`."""
     for number in range(tasks.shape[0]):
         foreseen[number] = 0
         for r in range(1, tasks.shape[1]):
@@ -88,10 +88,10 @@ def run_trials(
     grid, duration, workspace, trial, ties, seed, tasks, foreseen, most, least_count, rule, dynamic,
     out,
 ):  # fmt: skip
-    """out: (trials, TRIAL_COLUMNS) int64; robot 0 chooses by what is foreseen, and drives what is true.
+    """out: (trials, TRIAL_COLUMNS) int64; robot 0 plans by the forecast and drives in the true traffic.
 
     tasks: (trials, r, 3) of `draw_tasks`; foreseen: (trials, Z), others in each zone; most,
-    least_count, rule: of `choose_threshold`; dynamic: 1 for that reading.
+    least_count, rule: of `choose_threshold`; dynamic: 1 for that interpretation.
     """
     for number in range(tasks.shape[0]):
         trial.actual[:] = 0
@@ -132,7 +132,7 @@ def run_trial(grid, duration, workspace, trial, ties, seed, most, least_count, r
 
 @kernel
 def drive_static(grid, duration, workspace, trial, ties, seed, avoid_zones, row):
-    """row[TRIAL_TIME, TRIAL_DISTANCE, TRIAL_ENCOUNTERS] of robot 0 by the static reading."""
+    """row[TRIAL_TIME, TRIAL_DISTANCE, TRIAL_ENCOUNTERS] of robot 0 by the static interpretation."""
     row[TRIAL_TIME] = plan_routes(grid, duration, workspace, trial, ties, seed, 0, avoid_zones)
     row[TRIAL_DISTANCE] = trial.length[0]
     row[TRIAL_ENCOUNTERS] = count_common(trial.used, trial.actual)
@@ -140,7 +140,7 @@ def drive_static(grid, duration, workspace, trial, ties, seed, avoid_zones, row)
 
 @kernel
 def drive_dynamic(grid, duration, workspace, trial, ties, seed, avoid_zones, row):
-    """row[TRIAL_TIME, TRIAL_DISTANCE, TRIAL_ENCOUNTERS] of robot 0 by the dynamic reading."""
+    """row[TRIAL_TIME, TRIAL_DISTANCE, TRIAL_ENCOUNTERS] of robot 0 by the dynamic interpretation."""
     for r in range(1, trial.task.shape[0]):
         plan_routes(grid, duration, workspace, trial, ties, seed, r, False)
     plan_routes(grid, duration, workspace, trial, ties, seed, 0, avoid_zones)
@@ -150,7 +150,7 @@ def drive_dynamic(grid, duration, workspace, trial, ties, seed, avoid_zones, row
 
 @kernel
 def plan_routes(grid, duration, workspace, trial, ties, seed, r, avoid_zones):
-    """trial.route[r] = the directions of both legs of robot r; returns its static ticks.
+    """trial.route[r] = the directions of both legs of robot r; return its ticks without other robots.
 
     Leaves the zones that it uses in trial.used.
     """
@@ -179,10 +179,10 @@ def use_zones(grid, duration, workspace, trial, ties, seed, task):
 
 @kernel
 def meet(grid, duration, trial, row):
-    """Drive all routes from tick 0 until robot 0 arrives; its time and encounters go into `row`.
+    """Drive all routes from tick 0 until robot 0 arrives; write its time and encounters to `row`.
 
-    The robots in a zone are counted at the start of a tick, by the cells that they stand in or are
-    leaving; one that has arrived leaves the floor. Robots meet when both come to be in a zone.
+    Robots in a zone are counted at the start of a tick, by the cell in which they stand or which they
+    leave. A robot that has arrived leaves the floor. Two robots meet when both are in the same zone.
     """
     for r in range(trial.task.shape[0]):
         trial.cell[r] = trial.task[r, START]
@@ -210,7 +210,7 @@ def meet(grid, duration, trial, row):
 
 @kernel
 def go_on(grid, duration, trial):
-    """A tick of all moves; one that begins takes as many ticks as robots are in its zone."""
+    """Advance all moves by a tick; a new move takes as many ticks as there are robots in its zone."""
     for r in range(trial.task.shape[0]):
         if trial.at[r] >= trial.length[r]:
             continue
@@ -227,7 +227,7 @@ def go_on(grid, duration, trial):
 
 @kernel
 def differs(trial, length):
-    """Whether robot 0's route is not the plain one of that length."""
+    """Whether robot 0's route differs from the plain one, which has this length."""
     if length != trial.length[0]:
         return 1
     for k in range(length):

@@ -1,6 +1,6 @@
-"""Which zones robots are going to use: on their paths of A*, blurred by noise, or by a trained network.
+"""Predicted zones of robots: on their A* paths, with added noise, or by a trained network.
 
-A set of zones has a bit for each, in int64 words. A move belongs to the zone of the cell that it
+A set of zones has a bit for each zone, in int64 words. A move belongs to the zone of the cell that it
 leaves, so the last cell of a path does not count.
 """
 
@@ -34,15 +34,15 @@ from automaton.strategy.api import (
 from strategies.routing.astar import astar, search
 from strategies.routing.routing_parameters import whole_layers
 
-WORD_BITS = 64  # zones in a word of a set
+WORD_BITS = 64  # zones per word of a set
 STREAM_PREDICTIONS = 11  # of random draws; each stream has a number of its own
 STREAM_LEGS = 13
 CERTAIN = 1 << 32  # probabilities are whole numbers of 2^-32
-USED_SHARE: Final = 27.5 / 522  # of the zones, by a task in warehouse-100 (A*, random ties)
+USED_SHARE: Final = 27.5 / 522  # of a task in warehouse-100 (A*, random ties)
 
 
 def words(zones: int) -> int:
-    """int64 words of a set of zones, a bit for each."""
+    """The number of int64 words of a set of zones."""
     return -(-zones // WORD_BITS)
 
 
@@ -75,7 +75,7 @@ def count_common(used, count):
     return common
 
 
-# Of the path that the last search left in workspace.came: its zones, and what others in them cost.
+# The zones of the path that the last search left in workspace.came, and the cost of robots in them.
 
 
 @kernel
@@ -93,9 +93,9 @@ def add_zones(grid, workspace, pose, used):
 
 @kernel
 def delay_of(grid, duration, workspace, pose, count):
-    """Ticks that the path to a pose loses to others: a move takes 1 + count[zone] times as long.
+    """Ticks lost to others on the path to a pose: a move takes 1 + count[zone] times as long.
 
-    count: (Z,) int32, other robots in each zone (the static reading of slow zones).
+    count: (Z,) int32, other robots in each zone (the static interpretation of slow zones).
     """
     delay = np.int64(0)
     at = pose
@@ -118,15 +118,15 @@ def zone_left(grid, pose, how):
     return np.int64(grid.traffic_zone[cell, how >> 1])
 
 
-# Where robots are going to drive: the rest of their routes and of their tasks, as A* would drive it.
+# The expected paths of robots: the rest of their routes, and of their tasks by A*.
 
 
 @kernel
 def count_predicted(view, workspace, ties, besides, steps, marked, field):
-    """field: (C,) int32, how many robots on a way are going to drive through each cell.
+    """field: (C,) int32, number of driving robots that will cross each cell.
 
-    `besides`: the identity of a robot that does not count. A robot's way is the rest of its route,
-    or the path to its goal cell, and the path from there to where it drops what it picks up.
+    `besides`: the identity of a robot that does not count. A robot's path is the rest of its route,
+    or the path to its goal cell, and then the path to the drop-off of its load.
     `workspace`, `steps` (L,) uint8 and `marked` (C,) int32 are scratch.
     """
     robots, headings = view.robots, view.grid.headings
@@ -159,7 +159,7 @@ def count_predicted(view, workspace, ties, besides, steps, marked, field):
 
 @kernel
 def next_goal_cell(view, i):
-    """Where robot i will drop what it drives to pick up, or carry a pod first; NIL if it does not."""
+    """The drop-off or first stop of the load that robot i drives to pick up; NIL if there is none."""
     order = np.int64(view.robots.order[i])
     if order == NIL or view.robots.goal_type[i] != GOAL_PICK:
         return np.int64(NIL)
@@ -171,9 +171,9 @@ def next_goal_cell(view, i):
 
 @kernel
 def follow_path(view, workspace, ties, i, robot_type, pose, target, steps, marked, field):
-    """Count the cells of robot i's path of A* from a pose to a cell, as one of a type; its length.
+    """Count the cells of robot i's A* path, as one of a type, from a pose to a cell.
 
-    NIL: none.
+    Returns the length of the path, or NIL.
     """
     rules = view.rules
     duration = rules.duration[robot_type]
@@ -187,7 +187,7 @@ def follow_path(view, workspace, ties, i, robot_type, pose, target, steps, marke
 
 @kernel
 def follow(grid, cell, steps, length, mark, marked, field):
-    """Count a cell, and those of so many steps from it, unless this robot's mark is on them."""
+    """Count a cell and those of the next steps, each once per robot: marks prevent counting it twice."""
     for s in range(length + 1):
         if marked[cell] != mark:
             marked[cell] = mark
@@ -196,10 +196,10 @@ def follow(grid, cell, steps, length, mark, marked, field):
             cell += grid.offset[steps[s]]
 
 
-# Predictions that err: the zones of a robot's task, as a classifier of some precision would see them.
+# Noisy predictions: the zones of a robot's task as a classifier with some precision predicts them.
 #
-# Every zone is drawn for itself, addressed by (seed, task, robot, zone): a zone of the task is kept
-# with probability recall, another one is added with the probability of `false_alarms`.
+# Each zone has an independent draw, addressed by (seed, task, robot, zone): a zone of the task is kept
+# with probability `recall`; any other zone is added with the probability of `false_alarms`.
 
 
 @kernel
@@ -217,26 +217,26 @@ def blur(used, traffic_zone_count, keep, add, seed, task, robot):
 
 
 def false_alarms(precision: float, recall: float, used: float) -> float:
-    """The probability with which a zone that a task does not use is predicted all the same.
+    """The probability of predicting a zone that a task does not use.
 
         recall * used * (1 - precision) / (precision * (1 - used))
 
-    `used`: the share of the zones that a task uses on average. Of all zones that are predicted of
-    many tasks, the share `precision` is then right.
+    `used`: the share of the zones that a task uses on average. Over many tasks, the share `precision`
+    of all predicted zones is then right.
     """
     return min(1.0, recall * used * (1 - precision) / (precision * (1 - used)))
 
 
-# A trained network that predicts the zones of a leg, in whole numbers: equal on every machine.
+# A trained network that predicts the zones of a leg in integers, identically on every machine.
 #
 #     start zone, end zone -> three hidden layers of rectifiers -> a logit for each zone
 #
-# All numbers are fixed-point, value * 2^bits. A sum of integers does not depend on its order, so a
-# compiler may reorder it as it likes.
+# All numbers are fixed-point, value * 2^bits. Integer sums do not depend on the order, so compilers
+# may reorder them.
 
 
 class DenseLayer(Struct):
-    """A layer of a network, and room for what comes out of it."""
+    """A layer of a network, with a buffer for its output."""
 
     weights: Array = field("(inputs, outputs) int32", role=CONSTANT)
     bias: Array = field("(outputs,) int32", role=CONSTANT)
@@ -244,9 +244,9 @@ class DenseLayer(Struct):
 
 
 class KernelNetwork(Struct):
-    """A network as kernels read it. The first layer has a row for each start zone, then end zone."""
+    """A network for kernels. The first layer has a row for each start zone, then for each end zone."""
 
-    bits: int = field("int64", "after the binary point")
+    bits: int = field("int64", "number of bits after the binary point")
     zones: int = field("int64", "0: there is no network")
     first: DenseLayer
     second: DenseLayer
@@ -255,7 +255,7 @@ class KernelNetwork(Struct):
 
 
 def no_network():
-    """What stands for a network where none is used."""
+    """A placeholder if no network is used."""
     layers = {
         name: DenseLayer.sized({"inputs": 0, "outputs": 0})
         for name in ("first", "second", "third", "last")
@@ -265,7 +265,7 @@ def no_network():
 
 @lru_cache(maxsize=4)
 def _short_layers(network):
-    """The layers as whole numbers in int32, for kernels; read-only, since all runs share them."""
+    """The layers in int32 for kernels; read-only, since all runs share them."""
     layers = [
         (weights.astype(np.int32), bias.astype(np.int32))
         for weights, bias in whole_layers(network)[1]
@@ -276,7 +276,7 @@ def _short_layers(network):
 
 
 def kernel_network(network):
-    """The network as kernels read it, with scratch of its own."""
+    """The network for kernels, with its own scratch."""
     first, second, third, last = (
         DenseLayer.sized(weights=weights, bias=bias) for weights, bias in _short_layers(network)
     )
@@ -292,9 +292,9 @@ def kernel_network(network):
 
 @kernel
 def add_predicted(network, start, end, used):
-    """Add the zones that a leg is predicted to touch to a set; used: (words,) int64, a bit for each.
+    """Add the predicted zones of a leg to a set; used: (words,) int64, a bit for each.
 
-    `start`, `end`: zones or NIL. Predicted is what has a probability above 1/2: a logit above 0.
+    `start`, `end`: zones or NIL. A zone with a probability above 1/2, a logit above 0, is predicted.
     """
     first, bits = network.first, network.bits
     first.sums[:] = 0
@@ -313,7 +313,7 @@ def add_predicted(network, start, end, used):
 
 @kernel
 def run_layer(layer, shift, bits, inputs):
-    """layer.sums = weights x the positive inputs >> shift, and the bias."""
+    """layer.sums = (weights x positive inputs >> shift) + bias."""
     layer.sums[:] = 0
     add_row(layer.bias, np.int64(1) << bits, layer.sums)
     for i in range(inputs.shape[0]):
@@ -337,12 +337,12 @@ def predict_legs(network, start, end, used):
         add_predicted(network, start[k], end[k], used[k])
 
 
-# Single legs and the zones of their paths: what networks learn from.
+# Single legs and the zones of their paths: the training data of networks.
 
 
 @kernel
 def draw_legs(racks, docks, seed, start, end):
-    """Legs from a rack to a dock and back by turns, drawn by (seed, leg); start, end: (n,) cells."""
+    """Legs, alternately from a rack to a dock and back, drawn by (seed, leg); start, end: (n,) cells."""
     for k in range(start.shape[0]):
         rack = racks[random_between(0, racks.shape[0] - 1, seed, STREAM_LEGS, 0, k)]
         dock = docks[random_between(0, docks.shape[0] - 1, seed, STREAM_LEGS, 1, k)]
@@ -354,7 +354,7 @@ def draw_legs(racks, docks, seed, start, end):
 def trace_legs(grid, duration, workspace, ties, start, end, used):
     """used[k] = the zones of the A* path from pose start[k] to cell end[k]; used: (n, words).
 
-    Returns how many legs were traced: it stops at one that cannot be driven.
+    Returns the number of traced legs; it stops at a leg without a path.
     """
     for k in range(start.shape[0]):
         used[k] = 0

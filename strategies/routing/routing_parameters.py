@@ -1,4 +1,4 @@
-"""The parameters of routing, and networks that predict zones: their files, and their answers in NumPy."""
+"""The parameters of routing, and networks that predict zones: their files and NumPy inference."""
 
 from __future__ import annotations
 
@@ -28,10 +28,9 @@ from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
 
 NO_TASKS_OF_PODS = (
-    "forecast {} knows the whole way of a load, and none of a pod to stations and back; use forecast "
-    "plans"
+    "forecast {} supports loads, but not pods that go to stations and back; use forecast plans"
 )
-MOST_PLANNED = 100_000_000  # robots x ticks of the plans that `congestion` keeps: 0.9 GB
+MOST_PLANNED = 100_000_000  # limit of robots x ticks of the plans of `congestion`: 0.9 GB
 
 
 class ShortestRoutes(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
@@ -41,7 +40,7 @@ class ShortestRoutes(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class TieBreaking(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Which of several paths of equal cost A* returns."""
+    """The choice of A* among paths of equal cost."""
 
     searches_by_astar: ClassVar[bool] = True
 
@@ -56,7 +55,7 @@ class TieBreaking(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 
 
 class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """How far routes go around the traffic that is predicted from the plans of all robots."""
+    """How far routes avoid the traffic that is predicted from the plans of all robots."""
 
     avoids_traffic: ClassVar[bool] = True
 
@@ -65,7 +64,7 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
         Meta(
             ge=0,
             le=100,
-            description="Moves of detour that are accepted to meet one robot less in a zone.",
+            description="Accepted detour, in moves, to meet one robot fewer in a zone.",
         ),
     ] = 2.0
     replan_period: Annotated[
@@ -91,7 +90,7 @@ class SharedPlans(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
     ] = "plans"
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """Tasks are those of loads. The plans are kept in memory, 9 bytes for each robot and tick."""
+        """Forecasts from tasks support only loads. Plans take 9 bytes of memory per robot and tick."""
         if self.forecast != "plans" and carries_pods(scenario, floor_plan):
             return NO_TASKS_OF_PODS.format(self.forecast)
         robots = scenario.fleet.robots
@@ -107,7 +106,7 @@ Share = Annotated[float, Meta(gt=0, le=1)]
 
 
 class NetworkFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """A network of one's own."""
+    """A network from a file."""
 
     network: Annotated[
         str,
@@ -119,7 +118,7 @@ class NetworkFile(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_on
 
 
 class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What is predicted of other robots, and how many of them in a zone are too many."""
+    """The predictor of other robots, and the number of them that closes a zone."""
 
     avoids_traffic: ClassVar[bool] = True
 
@@ -152,8 +151,8 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
         Meta(
             ge=1,
             le=1000,
-            description="Greatest threshold A: zones with A other robots are closed, for A = 1 up to "
-            "this number.",
+            description="Greatest threshold A. Plans are tried with zones of A other robots closed, "
+            "for A = 1 up to this number.",
         ),
     ] = 6
     closed_from: Annotated[
@@ -166,7 +165,7 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
 
     @property
     def least_count(self) -> int:
-        """The fewest others for which a zone is closed, where A = 1."""
+        """The fewest others that close a zone if A = 1."""
         return 1 if self.closed_from == "A" else 2
 
     def __post_init__(self) -> None:
@@ -178,21 +177,21 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
 
     @property
     def files(self) -> tuple[Path, ...]:
-        """The file of a network of one's own."""
+        """The file of the user's network."""
         return (Path(self.predictor.network),) if isinstance(self.predictor, NetworkFile) else ()
 
     @property
     def network(self) -> Path:
-        """The file of the network that is installed, or of one's own."""
+        """The file of the shipped or the user's network."""
         return shipped("warehouse-100") if self.predictor == "network" else self.files[0]
 
     def check_files(self, driving: Callable[[], tuple[Grid, Array]]) -> None:
-        """Raises InputError for a network that cannot be read, or is one of another floor."""
+        """Raise InputError for a network that cannot be read or belongs to another floor."""
         if self.predictor not in ("exact", "noisy"):
             whole_layers(network_for(*driving(), self.network))
 
     def resolve_paths(self, folder: Path) -> Avoidance:
-        """The same with that file found from a folder."""
+        """The same parameters, with the file relative to a folder."""
         for file in self.files:
             found = os.path.abspath(folder / file)
             return msgspec.structs.replace(self, predictor=NetworkFile(network=found))
@@ -203,8 +202,8 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
 #
 #     start zone, end zone (one-hot) -> hidden layers of rectifiers -> a logit for each zone
 #
-# A file is a plain .npz: float16 arrays, and a text that says what it was trained for. Inference is
-# in whole numbers (value * 2^bits), so that NumPy and the compiled form agree in every bit.
+# A file is a plain .npz: float16 arrays, and a text about its training. Inference uses integers
+# (value * 2^bits), so that NumPy and compiled code agree in every bit.
 
 
 Weights = npt.NDArray[np.float16]
@@ -213,7 +212,7 @@ Whole = npt.NDArray[np.int64]
 NETWORK_LAYERS: Final = 4  # three hidden ones and the output
 MOST_BITS, FEWEST_BITS = 16, 8  # after the binary point
 ZIP_ERRORS: Final = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError)
-EXACT_BELOW = 2**53  # float64 adds whole numbers below this without rounding, in any order
+EXACT_BELOW = 2**53  # float64 sums of integers below this are exact in any order
 NETWORK_FORMAT = "automaton zone network 1"
 
 
@@ -225,7 +224,7 @@ class ZoneNetwork:
     """
 
     layers: tuple[tuple[Weights, Weights], ...]
-    about: Mapping[str, Any]  # floor (fingerprint), scenario, mode, and how it was trained
+    about: Mapping[str, Any]  # floor (fingerprint), scenario, mode, and training settings
 
     @property
     def zones(self) -> int:
@@ -233,12 +232,12 @@ class ZoneNetwork:
 
 
 def shipped(scenario: str) -> Path:
-    """The network that is installed for the floor of a shipped scenario, if there is one."""
+    """The shipped network for the floor of a shipped scenario, if there is one."""
     return Path(str(resources.files("strategies.routing") / "networks" / f"{scenario}.npz"))
 
 
 def network_for(grid: Grid, duration: Array, file: Path) -> ZoneNetwork:
-    """The network of a file, which was trained for this floor. Raises InputError."""
+    """The network of a file; it must be trained for this floor. Raises InputError."""
     try:
         network = _loaded(file, file.stat().st_mtime_ns)
     except OSError as error:
@@ -253,7 +252,7 @@ def _loaded(file: Path, changed: int) -> ZoneNetwork:
 
 
 def load_network(path: Path) -> ZoneNetwork:
-    """Read a network. Raises InputError for a file that is none."""
+    """Read a network. Raises InputError."""
     try:
         with np.load(path, allow_pickle=False) as file:
             about = json.loads(str(file["about"]))
@@ -283,7 +282,7 @@ def _fits(network: ZoneNetwork) -> bool:
 
 
 def check_floor(network: ZoneNetwork, grid: Grid, duration: Array, file: Path) -> None:
-    """Raises InputError when a network was trained for other ways or zones."""
+    """Raise InputError if a network was trained for other passages or zones."""
     if network.about.get("floor") == floor_fingerprint(grid, duration):
         return
     about = network.about
@@ -296,10 +295,10 @@ def check_floor(network: ZoneNetwork, grid: Grid, duration: Array, file: Path) -
 
 
 def floor_fingerprint(grid: Grid, duration: Array) -> str:
-    """32 hex digits of all that A* paths and their zones follow from: ways, turns, zones.
+    """32 hex digits that identify all inputs of A* paths and their zones: passages, turns, zones.
 
-    `duration`: (A,) ticks of each action of a robot of the first type. Where types turn differently,
-    the headings of all count: their paths are not those of the first type alone.
+    `duration`: (A,) ticks of each action of a robot of the first type. If types turn differently,
+    the number of headings also counts, since paths then differ between types.
     """
     costs = [int(duration[action]) for action in (ACTION_MOVE, ACTION_TURN)]
     headings = int(grid.type_headings[0])
@@ -315,7 +314,7 @@ def floor_fingerprint(grid: Grid, duration: Array) -> str:
 
 
 def save_network(path: Path, network: ZoneNetwork) -> None:
-    """Write a network; the file takes its name only when it is whole. Raises InputError."""
+    """Write a network atomically. Raises InputError."""
     arrays: dict[str, Any] = {
         "about": np.array(json.dumps({"format": NETWORK_FORMAT, **network.about}))
     }
@@ -326,10 +325,10 @@ def save_network(path: Path, network: ZoneNetwork) -> None:
 
 
 def predicted_zones(network: ZoneNetwork, start: Whole, end: Whole) -> npt.NDArray[np.bool_]:
-    """(n, zones) bool: the zones that n legs are predicted to touch; `start`, `end` zones or NIL.
+    """(n, zones) bool: the predicted zones of n legs; `start`, `end`: zones or NIL.
 
-    Equal to the compiled form in every bit: all numbers are whole and below 2^53, which float64
-    adds exactly whatever the order.
+    Equal to the compiled form in every bit: all numbers are integers below 2^53, whose float64 sums
+    are exact in any order.
     """
     bits, layers = whole_layers(network)
     weights, bias = (part.astype(np.float64) for part in layers[0])
@@ -348,16 +347,16 @@ def predicted_zones(network: ZoneNetwork, start: Whole, end: Whole) -> npt.NDArr
 
 @lru_cache(maxsize=4)
 def whole_layers(network: ZoneNetwork) -> tuple[int, list[tuple[Whole, Whole]]]:
-    """(bits, layers as whole numbers value * 2^bits): as many bits as keep every sum exact.
+    """(bits, layers as integers value * 2^bits), with the most bits that keep every sum exact.
 
-    Raises InputError for weights so large that fewer than 8 bits are left.
+    Raises InputError for weights so large that fewer than 8 bits remain.
     """
     for bits in range(MOST_BITS, FEWEST_BITS - 1, -1):
         layers = [(_whole(weights, bits), _whole(bias, bits)) for weights, bias in network.layers]
         widest = max(int(np.abs(part).max()) for layer in layers for part in layer)
         if widest < 2**31 and largest_sum(layers, bits) < EXACT_BELOW:
             return bits, layers
-    raise InputError("the weights of the network are too large: it was not trained well")
+    raise InputError("the weights of the network are too large: the training failed")
 
 
 def _whole(values: Weights, bits: int) -> Whole:
@@ -365,7 +364,7 @@ def _whole(values: Weights, bits: int) -> Whole:
 
 
 def largest_sum(layers: list[tuple[Whole, Whole]], bits: int) -> int:
-    """A bound on the absolute value of every partial sum, whatever the input."""
+    """An upper bound on the absolute value of every partial sum, for any input."""
     weights, bias = layers[0]
     bound = 2 * int(np.abs(weights).max()) + int(np.abs(bias).max())
     highest = bound

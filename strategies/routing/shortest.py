@@ -1,7 +1,7 @@
-"""Shortest paths with turn costs: they ignore robots at first, and go around them after a retreat.
+"""Shortest paths with turn costs; they ignore robots at first, and avoid them after a retreat.
 
-Cells that are closed now are avoided where the detour takes less than waiting until they are open, or
-where a robot has long waited before one.
+A route avoids a closed cell if the detour takes less time than waiting for it to open, or if the robot
+has long waited in front of it.
 """
 
 import numpy as np
@@ -47,7 +47,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class Shortest(Strategy):
-    """The path of least ticks, turns included."""
+    """The fastest path in ticks, including turns."""
 
     layer = "routing"
     Parameters = ShortestRoutes
@@ -56,7 +56,7 @@ class Shortest(Strategy):
 
 @kernel
 def around_what(reason):
-    """What a route that is asked for this reason goes around, 0: nothing."""
+    """The obstacles that a route for this reason avoids; 0: none."""
     if reason == REASON_AROUND_ROBOTS:
         return AROUND_ROBOTS
     return AROUND_CLOSED if reason == REASON_AROUND_CLOSED else 0
@@ -64,7 +64,7 @@ def around_what(reason):
 
 @kernel
 def around_closed(view, workspace, i, steps, length):
-    """The length of a route, which is replaced if one around closed cells takes robot i less."""
+    """The length of robot i's route, replaced by one around closed cells if that is faster."""
     if length == NIL or not has_gates(view):
         return length
     waiting = ticks_of_route(view, i, steps, length, True)
@@ -83,7 +83,7 @@ def around_closed(view, workspace, i, steps, length):
 
 @kernel
 def ticks_of_route(view, i, steps, length, waits):
-    """The ticks that a route takes robot i alone; with the waits for cells that reopen, if asked for."""
+    """The ticks of a route for robot i alone, with waits for cells to reopen if requested."""
     grid, duration = view.grid, view.rules.duration[view.robots.type[i]]
     cell, heading = position(view, i), np.int64(view.robots.heading[i])
     headings = headings_of(grid, view.robots.type[i])

@@ -1,15 +1,13 @@
 """Traffic avoidance (Bhattathiri, Li & Kuhl): A* around zones in which many others are predicted.
 
-A robot that gets a task predicts which zones the others use. All it knows of them is where their
-tasks began, pick up and drop: it predicts the zones on the A* paths of the whole task, as if no
-robot delayed them, or a noisy version of those (that of the trials of Table 5), or what a network says
-that has learnt such paths. It plans both legs of its own task at once, with the zones of A or more
-others closed for A = 1, 2, ... (or of more than A: `closed_from`), and keeps the plan that takes the
-least time so.
+A robot with a new task predicts the zones of the others. It knows only where their tasks began, pick
+up and drop. The prediction is the zones on the A* paths of their whole tasks, as if no robot delayed
+them; or these zones with noise (as in the trials of Table 5); or the output of a network that has learnt
+such paths. The robot plans both legs of its own task at once, with zones of A or more others closed
+for A = 1, 2, ... (or of more than A: `closed_from`), and keeps the plan with the least predicted time.
 
-In a fleet of many nearly every zone has A or more others predicted for each A up to max_threshold; then
-no way is left open, and plain A* is all there is. How often another plan was taken is counted:
-`alternative_routes`.
+In a large fleet nearly every zone has A or more predicted others for each A up to max_threshold. Then no
+path remains open, and only plain A* is left. `alternative_routes` counts the plans other than plain A*.
 """
 
 from typing import ClassVar
@@ -55,37 +53,37 @@ from strategies.routing.routing_parameters import Avoidance, network_for
 
 PLAIN_ASTAR = 0  # in place of A: nothing is closed
 
-# Which candidate is taken: of least predicted time, ties to plain A*, then to least A.
+# Choice of the candidate: least predicted time, then plain A*, then least A.
 LEAST_TIME = 0
-MOST_CAUTIOUS = 1  # the one of least A
+MOST_CAUTIOUS = 1  # the candidate with the least A
 STAND = 0  # columns of AvoidanceState.leg_end
 NEXT = 1
 
 
 class AvoidanceState(Struct):
-    """Parameters, what is predicted of each robot, and what it has planned."""
+    """Parameters, predictions of each robot, and its plan."""
 
     tie_rule: int = field("int64", "an index of TIES")
     max_threshold: int = field("int64", "the largest A")
-    least_count: int = field("int64", "others for which a zone is closed, where A = 1")
-    keep_chance: int = field("int64", "of the noise, in 1 / CERTAIN: a zone used is predicted,")
-    add_chance: int = field("int64", "and another one")
+    least_count: int = field("int64", "others that close a zone if A = 1")
+    keep_chance: int = field("int64", "probability, in 1 / CERTAIN, of predicting a used zone")
+    add_chance: int = field("int64", "and of predicting an unused zone")
     network: KernelNetwork
     predicted: Array = field("(n, words) int64", "zones of a robot's task, a bit for each")
-    leg_end: Array = field("(n, 2) int64", "the cells to which these lead it, one after the other")
-    planned_from: Array = field("(n,) int64", "the leg that was planned before its time")
+    leg_end: Array = field("(n, 2) int64", "the cells to which its two legs lead, in order")
+    planned_from: Array = field("(n,) int64", "the leg that was planned in advance")
     planned_to: Array = field("(n,) int64")
-    closed: Array = field("(n, words) int64", "the zones closed to that leg, a bit for each")
-    taken: Array = field("(n,) int64", "1 + the order whose first leg the network was asked about")
+    closed: Array = field("(n, words) int64", "the closed zones of that leg, a bit for each")
+    taken: Array = field("(n,) int64", "1 + the order whose first leg the network has predicted")
     taken_at: Array = field("(n,) int64", "the cell from which that leg began")
-    alternatives: Array = field("(n,) int64", "plans that were not plain A*'s")
+    alternatives: Array = field("(n,) int64", "plans other than plain A*")
     routes: RouteSpace
 
 
 @kernel
 def decide(view, batch, decisions, memory, workspace):
     state = AvoidanceState.of(memory)
-    for k in range(batch.count):  # first: tasks that begin now, all from where they begin
+    for k in range(batch.count):  # first: all new tasks are predicted from their start
         i = np.int64(batch.robot[k])
         if not is_on_second_leg(view, state, i):
             foresee_task(view, state, i)
@@ -100,7 +98,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class TrafficAvoidance(Strategy):
-    """A* around the zones in which many others are predicted."""
+    """A* around zones with many predicted others."""
 
     layer = "routing"
     Parameters = Avoidance
@@ -130,7 +128,7 @@ class TrafficAvoidance(Strategy):
 
 @kernel
 def foresee_task(view, state, i):
-    """Replay robot i's task from where it is now, and remember the zones that it uses."""
+    """Replay robot i's task from its current cell, and store the zones that it uses."""
     if state.network.zones:
         predict(view, state, i)
         return
@@ -157,13 +155,13 @@ def foresee_task(view, state, i):
 
 @kernel
 def is_on_second_leg(view, state, i):
-    """Whether robot i has its load and brings it where it was predicted to."""
+    """Whether robot i carries its load to the predicted cell."""
     return view.robots.load[i] != NIL and state.leg_end[i, NEXT] == view.robots.goal_cell[i]
 
 
 @kernel
 def is_foreseen(view, state, i):
-    """Whether the zones predicted of robot i are those of its present task."""
+    """Whether the predicted zones of robot i belong to its current task."""
     goal_cell, leg_end = view.robots.goal_cell[i], state.leg_end
     same = leg_end[i, STAND] == goal_cell and leg_end[i, NEXT] == next_goal_cell(view, i)
     return same or is_on_second_leg(view, state, i)
@@ -171,10 +169,10 @@ def is_foreseen(view, state, i):
 
 @kernel
 def predict(view, state, i):
-    """Have the network say which zones robot i's task uses, and remember them.
+    """Predict the zones of robot i's task with the network, and store them.
 
-    It has learnt whole legs, so it is asked about them: the first one begins where the robot stood
-    when it was first seen with its order, or where it stands now if there is none to pick up.
+    The network has learnt whole legs. The first leg begins where the robot was first seen with its
+    order, or at its current cell if it has nothing to pick up.
     """
     leg_end, traffic_zone = state.leg_end, view.grid.traffic_zone
     leg_end[i, STAND] = view.robots.goal_cell[i]
@@ -182,7 +180,7 @@ def predict(view, state, i):
     used, cell = state.predicted[i], position(view, i)
     used[:] = 0
     if leg_end[i, NEXT] != NIL:
-        taken = np.int64(view.robots.order[i]) + 1  # the state begins with zeros: no order
+        taken = np.int64(view.robots.order[i]) + 1  # 0, as at the start: no order
         if state.taken[i] != taken:
             state.taken[i] = taken
             state.taken_at[i] = cell
@@ -197,9 +195,9 @@ def predict(view, state, i):
 
 @kernel
 def count_others(view, state, i):
-    """state.routes.count = how many others are predicted in each zone.
+    """state.routes.count = the predicted number of others in each zone.
 
-    Each is predicted once for a task. With limited sight nothing is remembered about others.
+    A task is predicted once. With limited sight nothing is stored about others.
     """
     count = state.routes.count
     count[:] = 0
@@ -213,7 +211,7 @@ def count_others(view, state, i):
 
 @kernel
 def choose(view, state, i, start):
-    """Close zones as the chosen plan has it; whether any is. Keeps those of a second leg."""
+    """Close the zones of the chosen plan; return whether any is closed. Stores those of a second leg."""
     routes = state.routes
     goal_cell, then = np.int64(view.robots.goal_cell[i]), next_goal_cell(view, i)
     pick, drop = (goal_cell, then) if then != NIL else (then, goal_cell)
@@ -240,14 +238,14 @@ def choose(view, state, i, start):
 
 @kernel
 def has_plan(view, state, i, start):
-    """Whether this leg was planned together with the one before it."""
+    """Whether this leg was planned together with the previous one."""
     cell = start // view.grid.headings
     return state.planned_from[i] == cell and state.planned_to[i] == view.robots.goal_cell[i]
 
 
 @kernel
 def plan(view, state, i, steps):
-    """Write the route of robot i into steps; its length, or NIL."""
+    """Write the route of robot i to `steps`; return its length or NIL."""
     routes, start = state.routes, start_pose(view, i)
     if has_plan(view, state, i, start):
         closed = state.closed[i]
@@ -261,19 +259,19 @@ def plan(view, state, i, steps):
     return astar(view.grid, robot_type, duration, routes, ties, seed, start, goal_cell, True, steps)
 
 
-# Which zones are closed: those with A or more others, save those that touch the robot's own start,
-# pick-up or drop-off; each A that still leaves a way gives a candidate, and so does plain A*.
+# Closed zones: those with A or more others, except zones that touch the robot's own start, pick-up or
+# drop-off. Each A that leaves a path open gives a candidate, and so does plain A*.
 
 
 @kernel
 def choose_threshold(
     grid, robot_type, duration, workspace, ties, seed, start, pick, drop, most, least_count, rule
 ):
-    """The A = 1..most of the candidate that is taken, or PLAIN_ASTAR.
+    """The A = 1..most of the chosen candidate, or PLAIN_ASTAR.
 
-    `least_count`: of A = 1, the fewest others for which a zone is closed: 1, or 2 for "more than A".
+    `least_count`: the fewest others that close a zone if A = 1: 1, or 2 for "more than A".
     Reads the others in each zone from workspace.count; `start` is a pose, `pick` and `drop` are
-    cells, `pick` may be NIL. Leaves workspace.closed for any A: close_zones sets it again.
+    cells, `pick` may be NIL. Overwrites workspace.closed; call close_zones to set it for the result.
     """
     chosen = PLAIN_ASTAR
     offset = least_count - 1
@@ -282,7 +280,7 @@ def choose_threshold(
     )
     for threshold in range(1, most + 1):
         if close_zones(grid, workspace, threshold + offset, start, pick, drop) == 0:
-            break  # a larger A closes nothing either
+            break  # no larger A closes a zone
         ticks = foreseen_time(
             grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold
         )
@@ -296,7 +294,7 @@ def choose_threshold(
 
 @kernel
 def foreseen_time(grid, robot_type, duration, workspace, ties, seed, start, pick, drop, threshold):
-    """Ticks of both legs with the others of workspace.count in their zones, or UNREACHABLE."""
+    """Ticks of both legs, delayed by the others of workspace.count in their zones, or UNREACHABLE."""
     ticks = 0
     pose = np.int64(start)
     for leg in range(2):
@@ -322,7 +320,7 @@ def foreseen_time(grid, robot_type, duration, workspace, ties, seed, start, pick
 
 @kernel
 def close_zones(grid, workspace, threshold, start, pick, drop):
-    """Close the zones with that many others, save the robot's own; how many there are before that."""
+    """Close zones with this number of others, except the robot's own; return their number before that."""
     busy = 0
     for zone in range(workspace.closed.shape[0]):
         workspace.closed[zone] = workspace.count[zone] >= threshold
@@ -336,9 +334,9 @@ def close_zones(grid, workspace, threshold, start, pick, drop):
 
 @kernel
 def open_zones(grid, workspace, cell):
-    """Open the zones that touch a cell: those that it is in, and those of the cells beside it.
+    """Open the zones that touch a cell: its own zones and those of adjacent cells.
 
-    So whoever stands on an intersection may leave it, be that a zone of its own or none.
+    So a robot on an intersection can leave it, whether the intersection is a zone or not.
     """
     open_cell(grid, workspace, cell)
     for way in range(4):

@@ -1,8 +1,8 @@
 """Zone repair by simulated annealing (Ho & Liao, modified): phases 1, 2 and 3.
 
-Phase 2 gives random tips from busier to idler zones, takes worse designs with probability
-exp(-worsening / T), and remembers the best. With SVp within [0, 1] and T from 4.5 to 0.35 most
-moves pass: it is a random walk with a memory.
+Phase 2 moves random tips from busier to idler zones, accepts worse designs with probability
+exp(-worsening / T), and keeps the best design. Since SVp is within [0, 1] and T from 4.5 to 0.35,
+it accepts most moves: it is a random walk that keeps the best design.
 """
 
 import numpy as np
@@ -28,20 +28,20 @@ from strategies.zoning.zone_workspace import (
     whole_cells,
 )
 
-MAX_REPAIRS = 3  # designs made until one has no isolated zone
-MIN_ZONE_STATIONS = 2  # stations that a zone keeps
-MAX_TRIES_PER_MOVE = 6  # tries, in multiples of the moves
-FIRST_TRIES = 20  # repairs, until the first zones of a run are found
+MAX_REPAIRS = 3  # attempts to make a design without an isolated zone
+MIN_ZONE_STATIONS = 2  # minimum stations of a zone
+MAX_TRIES_PER_MOVE = 6  # limit of tries, as a multiple of the moves
+FIRST_TRIES = 20  # repairs to find the first zones of a run
 LN2 = 0.6931471805599453
-EXP_UNDERFLOW = -700.0  # exp of less is 0
+EXP_UNDERFLOW = -700.0  # exp of smaller values is 0
 
 
 @kernel
 def first_zones(roads, rules, hot, cold, steps, begin, design, workspace, reach, seed, tick):
-    """Zones before there is any flow: those of a load between any two stations; 0 if none are found.
+    """First zones without a measured flow: assume one load between any two stations; 0 if none are found.
 
-    Each try has draws of its own; returns the number of the one that found them, from 1. The first
-    `begin` tries are left out. reach: (Z,) ones. `design` is spoiled on failure.
+    Each try has its own draws. Returns the number of the successful try, from 1. The first `begin` tries
+    are skipped. reach: (Z,) ones. `design` is invalid after a failure.
     """
     legs = workspace.legs
     for a in range(legs.shape[0]):
@@ -59,10 +59,10 @@ def first_zones(roads, rules, hot, cold, steps, begin, design, workspace, reach,
 
 @kernel
 def repair(roads, rules, flow, hot, cold, steps, repairs, design, workspace, reach, seed, tick):
-    """A new design by phases 1 to 3 from one flow, made until no zone is cut off.
+    """A new design by phases 1 to 3 from one flow, repeated until no zone is isolated.
 
-    In the last one of these, zones that are cut off are joined however far apart they are.
-    reach: (Z,) ones. Returns 0 if that cannot be either; `design` is spoiled then.
+    The last attempt joins isolated zones at any distance. reach: (Z,) ones. Returns 0 if this fails,
+    too; `design` is then invalid.
     """
     workspace.drawn = DRAWS_ANNEALING
     for _ in range(repairs):
@@ -81,10 +81,10 @@ def repair(roads, rules, flow, hot, cold, steps, repairs, design, workspace, rea
 
 @kernel
 def improve(roads, rules, flow, hot, cold, steps, design, workspace, seed, tick):
-    """Phase 2: leaves the best design seen; returns its balance.
+    """Phase 2: leave the best design found in `design`; return its balance.
 
     Ends after `steps` (M of eq. 6) accepted or infeasible moves, after six times as many tries, or
-    when no zone has a tip to give to an idler one.
+    if no zone has a tip for an idler zone.
     """
     copy_design(design, workspace.now)
     value = judged(find_loads(roads, rules, flow, 0, workspace.now, workspace))
@@ -117,23 +117,20 @@ def improve(roads, rules, flow, hot, cold, steps, design, workspace, seed, tick)
 
 @kernel
 def judged(value):
-    """Zones without any load are as bad as can be."""
+    """The balance; zones without any load get the worst value."""
     return 1.0 if value == UNDEFINED else value
 
 
 @kernel
 def forget_tips(roads, design, workspace):
-    """The design changed: find its tips, and forget which of them are near one another."""
+    """Update the tips after a change of the design, and clear the table of near tips."""
     workspace.fresh[:] = 0
     find_tips(roads, design, workspace)
 
 
 @kernel
 def busier_pair(roads, rules, design, workspace, seed, tick):
-    """A random row of workspace.zones: a zone with more load than the second one, and a tip to give.
-
-    NIL if there is none.
-    """
+    """A random row of workspace.zones: a busier zone with a tip to give, and an idler zone; or NIL."""
     zones = design.transfer.shape[0]
     count = np.int64(0)
     for a in range(zones):
@@ -155,10 +152,10 @@ def busier_pair(roads, rules, design, workspace, seed, tick):
 
 @kernel
 def facing_tips(roads, rules, design, workspace, a, b):
-    """workspace.via_station[a, b]: for each tip that a may give to b the last tip of b in reach.
+    """workspace.via_station[a, b]: for each tip that a may give to b, the last tip of b in reach.
 
-    Returns how many of a there are. Within reach: by a union path that is shorter than stations that
-    are adjacent. Needs workspace.tip.
+    Returns the number of these tips of a. In reach: the union path is shorter than the distance of
+    adjacent stations. Needs workspace.tip.
     """
     stations = design.zone.shape[0]
     if workspace.fresh[a, b] == 0:
@@ -182,10 +179,10 @@ def facing_tips(roads, rules, design, workspace, a, b):
 
 @kernel
 def give_random_tip(roads, rules, design, workspace, a, b, seed, tick):
-    """workspace.trial: the design with a random tip of a given to b; 0 if it cannot be.
+    """workspace.trial: the design after a random tip moves from a to b; return 0 if this is impossible.
 
-    It is one that `facing_tips` found. Joined to the last tip of b in reach alone, or with
-    rules.all_pairs to those in reach in a random order, until it can be joined to one.
+    The tip is one that `facing_tips` found. It is joined to the last tip of b in reach, or with
+    rules.all_pairs to the first possible one of all tips in reach, in random order.
     """
     tip = random_tip(workspace, a, b, seed, tick)
     if not rules.all_pairs:
@@ -203,14 +200,14 @@ def give_random_tip(roads, rules, design, workspace, a, b, seed, tick):
 
 @kernel
 def give_through(roads, rules, design, workspace, tip, through):
-    """workspace.trial: the design with a tip given to the zone of `through`, joined to it; or 0."""
+    """workspace.trial: the design after a tip joins the zone of `through`; or return 0."""
     copy_design(design, workspace.trial)
     return give(roads, workspace.trial, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)
 
 
 @kernel
 def list_partners(roads, rules, design, workspace, tip, a, b):
-    """workspace.listed: the tips of b in reach of a tip of a; how many. Needs workspace.tip."""
+    """workspace.listed: the tips of b in reach of a tip of a; return their number."""
     block_others(design, workspace, a, b)
     spread(roads, workspace, roads.point[tip], NIL, whole_cells(rules.adjacent))
     count = np.int64(0)
@@ -224,7 +221,7 @@ def list_partners(roads, rules, design, workspace, tip, a, b):
 
 @kernel
 def random_tip(workspace, a, b, seed, tick):
-    """One of the tips that `facing_tips` found."""
+    """A random tip of those that `facing_tips` found."""
     count = np.int64(0)
     for s in range(workspace.tip.shape[0]):
         if workspace.via_station[a, b, s] != NIL:
@@ -233,7 +230,7 @@ def random_tip(workspace, a, b, seed, tick):
     return np.int64(workspace.listed[below(workspace, count, seed, tick)])
 
 
-# Eq. 6, and exp and ln of basic arithmetic only, so that every machine gets the same bits.
+# Eq. 6, with exp and ln in basic arithmetic only, so that every machine gets the same bits.
 
 
 @kernel

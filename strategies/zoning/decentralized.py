@@ -1,13 +1,13 @@
-"""Decentralized dynamic zoning (Keith & La, Algorithms 3 and 4): robots negotiate with whom they reach.
+"""Decentralized dynamic zoning (Keith & La, Algorithms 3 and 4): robots negotiate with robots in range.
 
-Each robot looks at its own load every now and then. From time to time all agree on the mean of
-their loads by consensus, one step in a tick. A robot that has been out of tolerance for long
-signals; the signal spreads from robot to robot. The first leader tries exchanges of stations with
-its neighbours, then names the next leader, until all robots have led often enough. Meanwhile robots
-stand still as long as the scenario says.
+Each robot measures its own load periodically. Periodically all robots find the mean of their loads by
+consensus, one step per tick. A robot that has long been out of tolerance signals, and the signal
+spreads from robot to robot. The first leader tries exchanges of stations with its neighbours, then
+names the next leader, until each robot has led often enough. Meanwhile robots stand still for the time
+set in the scenario.
 
-A robot uses nothing but its own memory, what it sees, and what those in range tell it (`messages`).
-With `information: {radius: ..., shape: circle, orders: zones}` the view holds nothing else.
+A robot uses only its own memory, its view, and the messages of robots in range (`messages`). With
+`information: {radius: ..., shape: circle, orders: zones}` the view contains nothing else.
 """
 
 from typing import ClassVar
@@ -57,57 +57,59 @@ from strategies.zoning.zone_queues import (
 from strategies.zoning.zone_workspace import ZoneRules, ZoneSpace, copy_design
 from strategies.zoning.zoning_parameters import Decentralized
 
-NANO = 1_000_000_000  # loads are told in this part of a minute
-DEGREES = 1 << 12  # more robots than any robot has in range
-BIAS = NANO // 10  # that consensus begins with
+NANO = 1_000_000_000  # unit of loads in messages, as a fraction of a minute
+DEGREES = 1 << 12  # upper bound of the robots in range of a robot
+BIAS = NANO // 10  # initial degree in a consensus
 # Words of a message.
-VALUE = 0  # and 1: what consensus has come to, by even and odd steps: value * DEGREES + degree
-REDESIGN = 2  # tick in which the redesign began, 0 before the first
-LEADER = 3  # who leads next, as far as this robot knows
+VALUE = 0  # and 1: state of the consensus after even and odd steps: value * DEGREES + degree
+REDESIGN = 2  # tick at which the redesign began, 0 before the first
+LEADER = 3  # the next leader, as known to this robot
 TURN_NUMBER = 4  # the number of that turn
-TURNS_LED = 5  # turns that this robot led
+TURNS_LED = 5  # turns led by this robot
 DONE = 6  # 1: the redesign is over
 LEADERS = 33  # stream of the draws of the next leader
 
 
 class NegotiatorState(Struct):
-    """Parameters of robots that negotiate, and what each of them remembers."""
+    """Parameters of negotiating robots, and the memory of each."""
 
     rules: ZoneRules
-    range: int = field("int64", "cells: how far messages reach")
-    tolerance: int = field("int64", "nano-minutes that a load may be from the mean")
-    patience: int = field("int64", "ticks since the last calm before a redesign")
-    hysteresis: int = field("int64", "ticks in or out of tolerance until that counts")
+    range: int = field("int64", "cells: range of messages")
+    tolerance: int = field("int64", "nano-minutes: tolerated difference of a load from the mean")
+    patience: int = field("int64", "ticks without calm before a redesign")
+    hysteresis: int = field("int64", "ticks in or out of tolerance before this counts")
     look_every: int = field("int64", "ticks")
     average_every: int = field("int64", "ticks")
     rounds: int = field("int64", "steps of a consensus")
     turns: int = field("int64", "turns that each robot leads in a redesign")
     iterations: int = field("int64", "exchanges in a turn")
-    hot: float = field("float64", "temperature at the beginning of a redesign")
-    cold: float = field("float64", "and at its end")
+    hot: float = field("float64", "initial temperature of a redesign")
+    cold: float = field("float64", "final temperature")
     scale: float = field("float64", "minutes, k of Algorithm 4")
-    pause: int = field("int64", "ticks that robots stand still in a redesign")
+    pause: int = field("int64", "ticks for which robots stand still in a redesign")
     sharing: int = field("int64", "1: robots out of tolerance share orders")
     share_every: int = field("int64", "ticks")
     drop_near: int = field(
-        "int64", "cells: an order whose station is so near a transfer station goes there; 0: none"
+        "int64", "cells: orders go directly to stations this near a transfer station; 0: none"
     )
     age: int = field("int64", "weights of Algorithm 2, in thousandths")
     job: int = field("int64")
-    first_try: int = field("int64", "tries in which the first zones are not found")
+    first_try: int = field("int64", "failed tries before the first zones are found")
 
-    next_look: Array = field("(n,) int64", "tick of the next look; 0: robot has not begun")
+    next_look: Array = field("(n,) int64", "tick of the next measurement; 0: not started")
     next_average: Array = field("(n,) int64", "tick of the next consensus")
     next_share: Array = field("(n,) int64", "tick of the next sharing")
-    step: Array = field("(n,) int64", "of the consensus that goes on, or NIL")
-    mean: Array = field("(n,) int64", "of the last consensus, in nano-minutes; NIL: none yet")
-    in_tolerance: Array = field("(n,) int64", "1 in tolerance, 0 out of it, NIL unknown")
-    since: Array = field("(n,) int64", "tick since which that is so")
+    step: Array = field("(n,) int64", "step of the current consensus, or NIL")
+    mean: Array = field(
+        "(n,) int64", "result of the last consensus, in nano-minutes; NIL: none yet"
+    )
+    in_tolerance: Array = field("(n,) int64", "1 in tolerance, 0 out of tolerance, NIL unknown")
+    since: Array = field("(n,) int64", "tick of the last change of this")
     calm: Array = field("(n,) int64", "tick of the last calm, or of the last redesign")
     led: Array = field("(n,) int64", "turns led in this redesign")
-    redesigns: Array = field("(n,) int64", "redesigns that it ended")
+    redesigns: Array = field("(n,) int64", "redesigns that it completed")
     shared_orders: Array = field("(n,) int64", "orders that it gave away")
-    messages: Array = field("(n,) int64", "messages that it heard")
+    messages: Array = field("(n,) int64", "messages that it received")
 
     zones: ZoneSpace
     parts: NegotiatedParts
@@ -149,7 +151,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class DecentralizedZones(Strategy):
-    """Robots that talk within a range agree on zones that balance their queues."""
+    """Robots communicate within a range and agree on zones that balance their queues."""
 
     layer = "zoning"
     Parameters = Decentralized
@@ -157,7 +159,7 @@ class DecentralizedZones(Strategy):
     counters: ClassVar = {name: name for name in ("redesigns", "shared_orders", "messages")}
 
     def reset(self, view):
-        """Nothing is remembered yet; the parameters in ticks, cells and nano-minutes."""
+        """Return an empty memory, and the parameters in ticks, cells and nano-minutes."""
         parameters = self.parameters
         average_every = max(1, ticks(view, parameters.average_every))
         rules = rules_of_zones(view, parameters.adjacency, parameters.tip_pairs, decentralized=True)
@@ -190,7 +192,7 @@ class DecentralizedZones(Strategy):
 
 @kernel
 def begin(view, out, state, k, i):
-    """The first call for robot i: its timers, its zone, and the transfer stations to its neighbours."""
+    """Initialize robot i: its timers, its zone, and the transfer stations to its neighbours."""
     now = view.clock.tick
     identity = np.int64(view.robots.identity[i])
     out.service_zone[k] = identity
@@ -215,7 +217,7 @@ def begin(view, out, state, k, i):
     for station in range(design.zone.shape[0]):
         for zone in range(reach.shape[0]):
             if reach[zone] and design.transfer[identity, zone, station]:
-                return  # the scenario's design has them
+                return  # the scenario's design has transfer stations
     zones.load[:] = 0.0
     find_transfers(view.service_zones.roads, state.rules, design, zones, reach)
     out.redesigned = 1
@@ -223,7 +225,7 @@ def begin(view, out, state, k, i):
 
 @kernel
 def is_blank(design):
-    """Whether no station has a zone, not even one out of sight."""
+    """Whether no station has a zone, including stations out of sight."""
     for point in range(design.held.shape[0]):
         if design.held[point] != NIL:
             return False
@@ -232,7 +234,7 @@ def is_blank(design):
 
 @kernel
 def is_near(view, i, j, far):
-    """Whether two robots are at most so many cells apart, as the crow flies, and both in order."""
+    """Whether two robots are within this straight-line distance in cells, and neither is down."""
     if i == j or not is_running(view, j):
         return False
     here, there = position(view, i), position(view, j)
@@ -245,7 +247,7 @@ def is_near(view, i, j, far):
 
 @kernel
 def find_robots_in_range(view, reach, i, far):
-    """Mark the zones of a robot and of those in range; returns how many of these there are."""
+    """Mark the zones of a robot and of the robots in range; return the number of the latter."""
     count = 0
     for zone in range(reach.shape[0]):
         reach[zone] = 0
@@ -263,7 +265,7 @@ def find_robots_in_range(view, reach, i, far):
 
 @kernel
 def begin_message(view, out, k, i):
-    """Begin to say something new: what robot i says stays as it is but for what is changed now."""
+    """Begin a new message of robot i: it keeps all values that are not changed now."""
     if out.sends_message[k] == 0:
         out.sends_message[k] = 1
         for word in range(out.messages.shape[1]):
@@ -272,7 +274,7 @@ def begin_message(view, out, k, i):
 
 @kernel
 def replace_broken(view, out, i, far):
-    """Robot i serves its own zone, and that of one that it sees down and unreplaced."""
+    """Let robot i serve its own zone, and the zone of a visible robot that is down and not replaced."""
     identity = np.int64(view.robots.identity[i])
     for zone in range(view.service_zones.server.shape[0]):
         server = np.int64(view.service_zones.server[zone])
@@ -297,7 +299,7 @@ def others_can(view, i, zone, far):
 
 @kernel
 def share_near(view, out, workspace, state, i):
-    """Out of tolerance, robot i gives an order that lies near a neighbour's zone to that neighbour."""
+    """If robot i is out of tolerance, give an order near a neighbour's zone to that neighbour."""
     now = view.clock.tick
     state.next_share[i] = now + state.share_every
     identity = np.int64(view.robots.identity[i])
@@ -322,13 +324,13 @@ def share_near(view, out, workspace, state, i):
 #
 #     x_i <- W_ii x_i + sum W_ij x_j over neighbours j,  W_ij = 1 / (1 + max(d_i, d_j)),  W_ii = 1 - sum
 #
-# Values are billionths of a minute, and what two neighbours exchange is rounded towards zero: what one
-# gains the other loses, so that every step preserves the sum to the last digit.
+# Values are in billionths of a minute. An exchange of two neighbours is rounded towards zero: one gains
+# exactly what the other loses, so every step preserves the sum exactly.
 
 
 @kernel
 def own_load(view, state, design, i):
-    """Minutes of work of robot i: what lies in the queues of the zones that it serves, and charging."""
+    """Minutes of work of robot i: the queues of the zones that it serves, and charging."""
     zones, parts, identity = state.zones, state.parts, view.robots.identity[i]
     reach = zones.reach
     for zone in range(reach.shape[0]):
@@ -346,9 +348,9 @@ def own_load(view, state, design, i):
 
 @kernel
 def fill_parts(view, parts):
-    """List the parts that wait in queues, and those that robots have or fetch: these keep their way.
+    """List the parts in queues, and the parts that robots carry or fetch, which keep their routes.
 
-    So do those that are too heavy for the robot of the zone in which they wait.
+    Parts that are too heavy for the robot of the zone in which they wait also keep theirs.
     """
     orders, service_zones = view.orders, view.service_zones
     count = 0
@@ -379,7 +381,7 @@ def fill_parts(view, parts):
 
 @kernel
 def is_reassigned(view, order, at):
-    """Whether an order at a station is too heavy for the robot of its zone, so that another has it."""
+    """Whether an order is too heavy for the robot of its zone, so that another robot serves it."""
     zone = np.int64(view.service_zones.design.zone[at])
     if zone == NIL or view.service_zones.skips_transfer[order] == 0:
         return False
@@ -389,15 +391,15 @@ def is_reassigned(view, order, at):
 
 @kernel
 def average(view, out, state, k, i, degree, load):
-    """Consensus with Metropolis weights: its beginning, or one more step.
+    """Consensus with Metropolis weights: begin it, or do one more step.
 
-    All robots reckon with what was told in the step before, degrees too, so that the sum is preserved.
+    All robots use values and degrees from messages of the previous step, so the sum is preserved.
     """
     now = view.clock.tick
     if state.step[i] == NIL:
         state.next_average[i] = next_multiple(now, state.average_every)
         if degree == 0:
-            return  # alone it keeps the mean that it has
+            return  # without neighbours it keeps its last mean
         begin_message(view, out, k, i)
         state.step[i] = 0
         out.messages[k, VALUE] = (load + BIAS) * DEGREES + min(degree, DEGREES - 1)
@@ -420,7 +422,7 @@ def average(view, out, state, k, i, degree, load):
 
 @kernel
 def moved(value, other, degree, other_degree):
-    """How far a value moves towards that of a neighbour in a step."""
+    """The change of a value towards a neighbour's value in a step."""
     gap = other - value
     weight = 1 + max(degree, other_degree)
     return gap // weight if gap >= 0 else -(-gap // weight)
@@ -428,13 +430,13 @@ def moved(value, other, degree, other_degree):
 
 @kernel
 def next_multiple(now, every):
-    """The next tick at which all robots begin to reckon their mean: their clocks agree."""
+    """The next tick at which all robots begin a consensus: their clocks agree."""
     return (now // every + 1) * every
 
 
 @kernel
 def update_tolerance_state(view, state, i, load):
-    """In or out of tolerance, and since when; long in tolerance it is calm."""
+    """Update whether robot i is in tolerance, and since when; it is calm after long in tolerance."""
     now = view.clock.tick
     state.next_look[i] = now + state.look_every
     if state.mean[i] == NIL:
@@ -449,18 +451,18 @@ def update_tolerance_state(view, state, i, load):
 
 @kernel
 def wants_redesign(view, state, i):
-    """Whether robot i is out of tolerance, and has not been calm for long."""
+    """Whether robot i is out of tolerance, and its last calm is long ago."""
     now = view.clock.tick
     out = state.in_tolerance[i] == 0 and now - state.since[i] >= state.hysteresis
     return out and now - state.calm[i] > state.patience
 
 
-# A redesign (Algorithm 4): who takes part, who leads, and how it ends.
+# A redesign (Algorithm 4): participants, leaders, and its end.
 
 
 @kernel
 def negotiate(view, out, state, k, i):
-    """What robot i does in a redesign, or to begin one; returns whether it takes part."""
+    """Do robot i's part in a redesign, or begin one; return whether it takes part."""
     now, messages = view.clock.tick, view.service_zones.messages
     identity = np.int64(view.robots.identity[i])
     active = messages[i, REDESIGN] > 0 and messages[i, DONE] == 0
@@ -497,7 +499,7 @@ def negotiate(view, out, state, k, i):
 
 @kernel
 def join(view, out, state, k, i, began):
-    """Robot i takes part in the redesign that began in a tick, and stands still."""
+    """Let robot i join the redesign that began at this tick, and stand still."""
     now = view.clock.tick
     begin_message(view, out, k, i)
     out.messages[k, REDESIGN] = began
@@ -514,7 +516,7 @@ def join(view, out, state, k, i, began):
 
 @kernel
 def leave(view, out, state, k, i):
-    """The redesign is over for robot i; it looks and reckons again when it drives again."""
+    """End the redesign for robot i; it measures and averages again once it drives."""
     begin_message(view, out, k, i)
     out.messages[k, DONE] = 1
     goes_on = max(np.int64(view.clock.tick), out.messages[k, REDESIGN] + state.pause)
@@ -527,7 +529,7 @@ def leave(view, out, state, k, i):
 
 @kernel
 def take_turn(view, out, state, k, i, turn):
-    """Robot i leads: exchanges about the mean, then the next leader is named, or the end."""
+    """Lead a turn with robot i: try exchanges, then name the next leader or end the redesign."""
     now = view.clock.tick
     identity = np.int64(view.robots.identity[i])
     parts, reach = state.parts, state.zones.reach
@@ -570,7 +572,7 @@ def take_turn(view, out, state, k, i, turn):
 
 @kernel
 def enter_parts(view, out, parts, reach):
-    """Decide where the parts of a negotiation wait now, and where they are brought."""
+    """Assign the parts of a negotiation to their new queues and stops."""
     service_zones = view.service_zones
     for n in range(parts.count):
         order = np.int64(parts.order[n])

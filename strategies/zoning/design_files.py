@@ -1,14 +1,13 @@
-"""Zone designs as data: from the text of a file to arrays.
+"""Zone designs: from file data to arrays.
 
     zones:
       - {stations: [9, 10, 7], segments: [qr, rQOo]}
-    transfers:            # left out: they are found when a run begins
+    transfers:            # optional: by default they are found at the start of a run
       - {zones: [1, 2], stations: [7]}
 
 Stations are counted from 1. A segment is a path from one station of the zone to another: a list of
-[x, y] cells, or the names of points in one word where the floor has names. What lies on the
-straight way between two points may be left out. Without segments a zone is joined by
-shortest paths.
+[x, y] cells, or a word of point names if the floor has names. Points on a straight line between two
+given points may be left out. Without segments, shortest paths join the stations of a zone.
 """
 
 from __future__ import annotations
@@ -25,16 +24,16 @@ Names = Mapping[str, tuple[int, int]]  # name of a point: its cell
 
 
 def design_arrays(roads: Roads, zones: int) -> Design:
-    """An empty design of the right sizes. Raises InputError when there are too many zones."""
+    """An empty design for this number of zones. Raises InputError if there are too many zones."""
     if not 1 <= zones <= len(roads.point):
-        raise InputError(f"{len(roads.point)} stations can have 1 zone each at most, found {zones}")
+        raise InputError(f"{len(roads.point)} stations allow at most as many zones, found {zones}")
     return design_for(roads, zones)
 
 
 def read_design(
     floor_plan: FloorPlan, roads: Roads, data: Any, names: Names | None = None
 ) -> Design:
-    """A design from its data; every station in one zone, no point in two. Raises InputError."""
+    """A design from its data. Each station must be in one zone, no point in two. Raises InputError."""
     zones = _zones(data)
     design = design_arrays(roads, len(zones))
     for zone, entry in enumerate(zones):
@@ -59,7 +58,7 @@ def read_design(
 
 
 def _read_transfers(design: Design, entries: Any) -> None:
-    """Transfer stations of pairs of zones, counted from 1."""
+    """Read the transfer stations of pairs of zones, counted from 1."""
     if not isinstance(entries, list):
         raise InputError(
             f"transfers are a list of {{zones: [1, 2], stations: [...]}}, found {entries!r}"
@@ -78,7 +77,7 @@ def _read_transfers(design: Design, entries: Any) -> None:
             if not isinstance(number, int) or not 1 <= number <= stations:
                 raise InputError(f"there is no station {number}; there are 1 to {stations}")
             if design.zone[number - 1] + 1 not in (a, b):
-                raise InputError(f"station {number} lies in neither zone {a} nor zone {b}")
+                raise InputError(f"station {number} is in neither zone {a} nor zone {b}")
             design.transfer[a - 1, b - 1, number - 1] = 1
             design.transfer[b - 1, a - 1, number - 1] = 1
 
@@ -139,13 +138,13 @@ def _point(floor_plan: FloorPlan, roads: Roads, where: str, one: Any, names: Nam
 
 
 def _whole(floor_plan: FloorPlan, roads: Roads, where: str, points: list[int]) -> list[int]:
-    """The path with the points that lie straight between two of it; each point once."""
+    """The path completed by the points on straight lines between its points; each point once."""
     path = points[:1]
     for there in points[1:]:
         between = _straight(roads, path[-1], there)
         if not between:
             a, b = (floor_plan.xy(roads.cell[p]) for p in (path[-1], there))
-            raise InputError(f"{where} is not a path: no straight way leads from {a} to {b}")
+            raise InputError(f"{where} is not a path: no straight line leads from {a} to {b}")
         path += between
     if len(set(path)) < len(path):
         raise InputError(f"{where} passes a point twice")
@@ -170,10 +169,10 @@ def _read_segment(
     for end, p in zip(ends, (path[0], path[-1]), strict=True):
         if end == NIL or design.zone[end] != zone:
             raise InputError(
-                f"{where} ends at {floor_plan.xy(roads.cell[p])}, no station of the zone"
+                f"{where} ends at {floor_plan.xy(roads.cell[p])}, which is no station of the zone"
             )
     if design.segments == len(design.owner):
-        raise InputError(f"{where} is one too many: a zone has one less than it has stations")
+        raise InputError(f"{where} is one too many: a zone has one segment fewer than stations")
     m = int(design.segments)
     design.owner[m], design.ends[m] = zone, ends
     design.points[m], design.path[m, : len(path)] = len(path), path
@@ -181,7 +180,7 @@ def _read_segment(
 
 
 def _check_points(floor_plan: FloorPlan, roads: Roads, design: Design) -> None:
-    """No point is in two zones."""
+    """Check that no point is in two zones."""
     owner = {int(roads.point[s]): int(design.zone[s]) for s in range(len(design.zone))}
     for m in range(int(design.segments)):
         zone = int(design.owner[m])
@@ -194,13 +193,13 @@ def _check_points(floor_plan: FloorPlan, roads: Roads, design: Design) -> None:
 
 
 def _join(roads: Roads, design: Design, free: list[bool]) -> None:
-    """Join the zones that come without segments; the segments of the others must be trees."""
+    """Join zones without segments; the segments of other zones must be trees."""
     hold(roads, design)
     workspace = space_for(roads, len(free))
     for zone, left_open in enumerate(free):
         if left_open:
             if not join(roads, design, workspace, zone, NIL):
-                raise InputError(f"zone {zone + 1} cannot be joined without points of other zones")
+                raise InputError(f"zone {zone + 1} can be joined only by points of other zones")
             continue
         stations = int((design.zone == zone).sum())
         segments = int((design.owner[: design.segments] == zone).sum())

@@ -1,7 +1,7 @@
-"""Designs made: first designs, random ones, and a station given from one zone to another.
+"""Construction of designs: first designs, random designs, and moves of a station between zones.
 
-These kernels change a design in place and return 1, or 0 when it cannot be done; the design is then
-spoiled, so callers work on a copy. What is left of a zone is joined again by shortest paths.
+These kernels change a design in place and return 1 on success, else 0. After a failure the design is
+invalid, so callers use a copy. The rest of a zone is joined again by shortest paths.
 """
 
 import numpy as np
@@ -22,17 +22,17 @@ from strategies.zoning.zone_workspace import (
 )
 
 WEIGHT = 0.5  # Wd and Wf at the start
-DRIFT = 0.015  # what Wd gains and Wf loses by each visit
-PREFERRED = 1000.0  # what priority adds to the relation of a station to a zone
-RESTARTS = 100  # random designs that may fail
-TRIES = 60  # random joins for each station
+DRIFT = 0.015  # increase of Wd and decrease of Wf per visit
+PREFERRED = 1000.0  # bonus of priority in the relation of a station to a zone
+RESTARTS = 100  # attempts at a random design
+TRIES = 60  # random joins per station
 
 
 @kernel
 def give(roads, design, workspace, s, through, limit, smallest):
-    """Give s to the zone of station `through`, joined to it by a path of at most `limit` cells.
+    """Move s to the zone of station `through`, joined to it by a path of at most `limit` cells.
 
-    Refused when fewer than `smallest` stations would be left behind.
+    Fails if fewer than `smallest` stations would remain in its old zone.
     """
     if size(design, design.zone[s]) <= smallest:
         return 0
@@ -43,7 +43,7 @@ def give(roads, design, workspace, s, through, limit, smallest):
 
 @kernel
 def remove(roads, design, workspace, s, to):
-    """Take s out of its zone into zone `to` (or NIL) without a segment, and join what is left."""
+    """Move s to zone `to` (or NIL) without a segment, and join the rest of its old zone."""
     zone = np.int64(design.zone[s])
     point = np.int64(roads.point[s])
     drop_segments(design, zone, point)
@@ -54,7 +54,7 @@ def remove(roads, design, workspace, s, to):
 
 @kernel
 def drop_segments(design, zone, p):
-    """Remove the segments of a zone that have the point; the others keep their order."""
+    """Remove the segments of a zone that contain the point; the others keep their order."""
     kept = np.int64(0)
     for m in range(design.segments):
         if design.owner[m] == zone and passes(design, m, p) == 1:
@@ -67,9 +67,9 @@ def drop_segments(design, zone, p):
 
 @kernel
 def join(roads, design, workspace, zone, closed):
-    """Add shortest feasible paths between pieces of a zone until it is one (minimum spanning join).
+    """Join the pieces of a zone by shortest feasible paths (minimum spanning tree).
 
-    closed: a point that may not be used, or NIL. Ties: the lowest stations.
+    closed: a point that must not be used, or NIL. Ties: the lowest stations.
     """
     pieces = label_parts(design, workspace, zone)
     while pieces > 1:
@@ -99,7 +99,7 @@ def join(roads, design, workspace, zone, closed):
 
 @kernel
 def label_parts(design, workspace, zone):
-    """workspace.part from the segments; returns how many pieces the zone has."""
+    """workspace.part from the segments; return the number of pieces of the zone."""
     pieces = np.int64(0)
     for s in range(design.zone.shape[0]):
         workspace.part[s] = s
@@ -115,7 +115,7 @@ def label_parts(design, workspace, zone):
 
 @kernel
 def merge(design, workspace, zone, a, b):
-    """Two pieces become one."""
+    """Merge two pieces."""
     keep, lose = np.int64(workspace.part[a]), np.int64(workspace.part[b])
     if keep > lose:
         keep, lose = lose, keep
@@ -142,14 +142,14 @@ def connect(roads, design, workspace, s, through, limit):
 # First designs: phase 1 of Ho & Liao, and random ones.
 #
 # Relation of two stations: RC = Wd (far - d) / (far - near) + Wf (F - least) / (most - least). The
-# stations that are least related to all others are the seeds; then the zones take turns to connect
-# the free station with the best relation to one of theirs, while Wd grows and Wf shrinks. The
-# authors' code takes the largest indices instead of the best relation; this is the true maximum.
+# stations least related to all others are the seeds. Then the zones take turns: each connects the free
+# station with the best relation to one of its own, while Wd grows and Wf shrinks. The authors' code
+# takes the largest indices instead of the best relation; this code takes the true maximum.
 
 
 @kernel
 def first_design(roads, flow, design, workspace):
-    """Phase 1; returns 0 if there are more zones than stations, or no zone can reach one left over."""
+    """Phase 1; return 0 if zones outnumber stations, or if no zone can reach a free station."""
     stations = design.zone.shape[0]
     zones = design.transfer.shape[0]
     clear_design(design)
@@ -175,9 +175,9 @@ def first_design(roads, flow, design, workspace):
 
 @kernel
 def plant(roads, flow, design, workspace):
-    """One seed for each zone: the station least related to the others, of those that its robot serves.
+    """A seed for each zone: of the stations that its robot serves, the one least related to the others.
 
-    Stations where only others have priority come last. Returns 0 if a zone finds none.
+    Stations where only others have priority come last. Returns 0 if a zone finds no seed.
     """
     stations = design.zone.shape[0]
     for z in range(design.transfer.shape[0]):
@@ -202,7 +202,7 @@ def plant(roads, flow, design, workspace):
 
 @kernel
 def find_extent(roads, flow, workspace):
-    """The least and the largest distance and flow between two stations."""
+    """The minimum and maximum distance and flow between two stations."""
     found = False
     for a in range(flow.shape[0]):
         for b in range(flow.shape[0]):
@@ -222,7 +222,7 @@ def find_extent(roads, flow, workspace):
 
 @kernel
 def relation(workspace, loads, far, by_distance, by_flow):
-    """RC of two stations that are `far` cells apart with so many loads between them."""
+    """RC of two stations for their distance `far` in cells and the loads between them."""
     value = 0.0
     apart = workspace.largest_distance - workspace.least_distance
     if apart > 0.0:
@@ -235,7 +235,7 @@ def relation(workspace, loads, far, by_distance, by_flow):
 
 @kernel
 def connect_best(roads, flow, design, workspace, zone, by_distance, by_flow):
-    """Connect the free station with the best relation to one of the zone; 0 if it reaches none."""
+    """Connect the free station with the best relation to the zone; 0 if the zone reaches none."""
     block_others(design, workspace, zone, zone)
     inside, free = np.int64(NIL), np.int64(NIL)
     best = 0.0
@@ -259,10 +259,10 @@ def connect_best(roads, flow, design, workspace, zone, by_distance, by_flow):
 
 @kernel
 def random_design(roads, rules, design, workspace, seed, tick):
-    """Random seeds, and random joins of adjacent stations; returns 0 if no try succeeds.
+    """Random seeds, and random joins of adjacent stations; return 0 if no try succeeds.
 
-    Nor does any with more zones than stations: there is no seed for each. Robots serve their
-    stations. In the first half of the tries no zone takes stations where only others have priority.
+    All tries fail if zones outnumber stations. Robots serve all stations of their zones. In the first
+    half of the tries no zone takes stations where only others have priority.
     """
     stations = design.zone.shape[0]
     zones = design.transfer.shape[0]
@@ -284,7 +284,7 @@ def random_design(roads, rules, design, workspace, seed, tick):
 
 @kernel
 def random_seeds(design, workspace, strict, seed, tick):
-    """A random station for each zone; 0 if one finds none."""
+    """A random station for each zone; 0 if a zone finds none."""
     stations = design.zone.shape[0]
     for z in range(design.transfer.shape[0]):
         s = below(workspace, stations, seed, tick)
@@ -300,13 +300,13 @@ def random_seeds(design, workspace, strict, seed, tick):
 
 @kernel
 def is_wanted(workspace, zone, s, strict):
-    """Whether a zone may have a station; strict: without taking it from who has priority there."""
+    """Whether a zone may take a station; strict: not a station where only others have priority."""
     return workspace.serves[zone, s] == 1 and not (strict and preference(workspace, zone, s) < 0)
 
 
 @kernel
 def random_join(roads, rules, design, workspace, strict, seed, tick):
-    """A random zone takes a random free station adjacent to one of its own; 1 if it can."""
+    """Let a random zone take a random free station adjacent to one of its own; 1 on success."""
     zone = below(workspace, design.transfer.shape[0], seed, tick)
     count = np.int64(0)
     for s in range(design.zone.shape[0]):

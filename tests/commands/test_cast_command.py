@@ -312,14 +312,14 @@ STILL = ("--picture", "still.svg")
         (("run.rec", "--out", "film.avi"), "'film.avi' is not a film file: allowed are FILE.gif, "),
         (
             ("run.rec", "--out", "f.gif", "--layer", "visits"),
-            "--layer does not go together with FILE.gif; screens are FILE.cast and pictures FILE.svg",
+            "--layer cannot be combined with FILE.gif; use FILE.cast, or a picture FILE.svg",
         ),
         (("run.rec", "--out", "f.gif", "--fps", "60"), "more than .gif plays: allowed are 1 to 50"),
         (("run.rec", "--out", "f.png", "--size", "80x24"), "80x24 is not a size in pixels"),
         (("run.rec", "--out", "f.gif", "--speed", "0.01"), "41,001 frames are more than a film"),
-        (("run.rec", *STILL, *MADE), "--out is for films: it does not go together with --picture"),
+        (("run.rec", *STILL, *MADE), "--out is for films: it cannot be combined with --picture"),
         (("run.rec", *STILL, "--to", "0"), "--to is for films"),
-        (("run.rec", *MADE, "--at", "3"), "--at is for pictures"),
+        (("run.rec", *MADE, "--at", "3"), "--at needs --picture"),
     ],
 )
 def test_bad_input_is_one_sentence_and_leaves_nothing(

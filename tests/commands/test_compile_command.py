@@ -63,4 +63,4 @@ def test_without_the_compiler_there_is_nothing_to_do(
 ) -> None:
     monkeypatch.setattr("automaton.engine.jit.kernel.jit_is_on", lambda: False)
     assert main(["compile", "tabletop-mini"]) == 2
-    assert "nothing is compiled under NUMBA_DISABLE_JIT; unset it" in capsys.readouterr().err
+    assert "NUMBA_DISABLE_JIT turns compiling off; unset it" in capsys.readouterr().err

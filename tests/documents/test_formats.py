@@ -66,10 +66,10 @@ def test_pictures_and_events_are_part_of_the_answer(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("options", "sentence"),
     [
-        (["--format", "xlsx"], "--format xlsx: a workbook is a file; set --out FILE"),
-        (["--out", "run.yaml"], "--out run.yaml: its name ends with no known format (.md, "),
+        (["--format", "xlsx"], "--format xlsx: needs --out FILE"),
+        (["--out", "run.yaml"], "--out run.yaml: no format has this extension (known: .md, "),
         (["--out", "no/such/run.html"], "no/such/run.html: cannot write it: there is no folder"),
-        (["--out", "."], "--out .: its name ends with no known format"),
+        (["--out", "."], "--out .: no format has this extension"),
         (["--format", "html", "--out", "."], ".: cannot write it: this is not a regular file"),
     ],
 )

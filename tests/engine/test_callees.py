@@ -137,9 +137,9 @@ def test_with_a_numba_that_links_otherwise_each_kernel_has_code_of_its_own(modul
     for before, way in (
         (
             OTHER,
-            "one by one, which takes longer: in this Numba, Compiler.compile_extra takes other",
+            "one by one, which is slower: in this Numba, Compiler.compile_extra takes other",
         ),
-        ("", "in the fast way: what only kernels call is compiled once"),
+        ("", "the fast way: functions that only kernels call are compiled once"),
     ):
         done = subprocess.run(
             [sys.executable, "-c", before + said], cwd=ROOT, capture_output=True, text=True

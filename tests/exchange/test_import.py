@@ -114,7 +114,7 @@ def test_the_files_of_a_problem_are_not_replaced(
 ) -> None:
     (folder / "floor.yaml").mkdir()
     assert main(["import", str(folder), "--out", str(folder / "floor.yaml")]) == 2
-    assert "is not replaced: give another --out" in capsys.readouterr().err
+    assert "cannot be replaced: choose another --out" in capsys.readouterr().err
 
 
 def test_a_scenario_that_was_edited_is_replaced_only_by_force(
@@ -128,7 +128,7 @@ def test_a_scenario_that_was_edited_is_replaced_only_by_force(
     out.write_text("# mine\n" + written)
     (folder / "mine.tasks").unlink()
     assert main(command) == 2
-    assert "mine.yaml: is there already: give another --out, or --force" in capsys.readouterr().err
+    assert "mine.yaml: already exists: choose another --out, or " in capsys.readouterr().err
     assert out.read_text().startswith("# mine") and not (folder / "mine.tasks").exists()
     assert main([*command, "--force"]) == 0
     assert out.read_text() == written

@@ -226,12 +226,12 @@ def test_what_cannot_be_exported_is_said(
         ([source, "--lif", source], "cannot write it"),
         (
             [source, "--lif", out, "--version", "2.1.0"],
-            "--version 2.1.0 is not known (did you mean",
+            "--version 2.1.0 is not supported (did you mean",
         ),
         (["random-400", "--lif", out], "the size of a cell is unknown; set units.cell"),
         (["goods-mine", "--lif", out], "did you mean 'goods-mini'?"),
-        ([source, "--planviz", out, "--set", "seed=2"], "--set goes with --lif"),
-        ([source, "--lif", out, "--every", "1s"], "--every goes with --vda5050"),
+        ([source, "--planviz", out, "--set", "seed=2"], "--set needs --lif"),
+        ([source, "--lif", out, "--every", "1s"], "--every needs --vda5050"),
         ([source, "--lif", out, "--planviz", out], "not allowed with argument"),
         ([str(tmp_path), "--lif", out], "is a folder"),
     ):

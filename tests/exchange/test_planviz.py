@@ -97,7 +97,7 @@ def test_an_output_that_keeps_the_rules_is_verified(
 ) -> None:
     out, problem = output_file(tmp_path), problem_file(tmp_path)
     assert main(["verify", str(out), "--problem", str(problem)]) == 0
-    assert "verified: 2 robots, 3 ticks, 2 tasks finished\nrules: all kept" in (
+    assert "verified: 2 robots, 3 ticks, 2 tasks finished\nrules: no violations" in (
         capsys.readouterr().out
     )
 
@@ -118,7 +118,7 @@ def test_an_output_without_its_problem_is_not_a_recording(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["verify", str(output_file(tmp_path))]) == 2
-    assert "to check an output, give its problem with --problem" in capsys.readouterr().err
+    assert "to check an output file, name its problem with --problem" in capsys.readouterr().err
 
 
 def test_actions_may_be_written_without_commas(tmp_path: Path) -> None:

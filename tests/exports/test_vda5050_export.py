@@ -288,9 +288,12 @@ def test_the_command_writes_a_trace_and_leaves_the_recording(
     assert main(["export", str(cut), "--vda5050", str(out), "--every", "60s"]) == 0
     for arguments, sentence in (
         (["--vda5050", str(path)], "cannot write it"),
-        (["--vda5050", str(out), "--version", "2.0"], "--version 2.0 is not known (did you mean"),
-        (["--planviz", str(out), "--every", "1s"], "--every goes with --vda5050"),
-        (["--planviz", str(out), "--version", "1"], "--version goes with --vda5050 and --lif"),
+        (
+            ["--vda5050", str(out), "--version", "2.0"],
+            "--version 2.0 is not supported (did you mean",
+        ),
+        (["--planviz", str(out), "--every", "1s"], "--every needs --vda5050"),
+        (["--planviz", str(out), "--version", "1"], "--version needs --vda5050 or --lif"),
         ([], "one of the arguments --planviz --vda5050 --lif is required"),
     ):
         assert main(["export", str(path), *arguments]) == 2

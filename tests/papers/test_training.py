@@ -86,10 +86,10 @@ def test_without_torch_a_sentence_says_how_to_get_it(capsys, monkeypatch, tiny):
         (["traffic", "--keep", "precision,recal"], "did you mean 'recall'?"),
         (["traffic", "--epochs", "0"], "--epochs must be at least 1, not 0"),
         (["traffic", "--rate", "2"], "--rate must be above 0 and at most 1, not 2"),
-        (["traffic", "--tables", "--loss", "hinge"], "--loss does not go together with --tables"),
+        (["traffic", "--tables", "--loss", "hinge"], "--loss cannot be combined with --tables"),
         (["traffic", "--out", "no/such/folder/x.npz"], "there is no folder no/such/folder"),
-        (["traffic", "--out", "."], "--out names the folder ., not a file"),
-        (["traffic", "--classifiers", "--out", "x"], "--out does not go together with --class"),
+        (["traffic", "--out", "."], "--out: . is a folder, not a file"),
+        (["traffic", "--classifiers", "--out", "x"], "--out cannot be combined with --class"),
     ],
 )
 def test_bad_options_are_refused_before_anything_is_trained(capsys, arguments, words):

@@ -175,7 +175,7 @@ def test_a_branch_of_a_refined_recording_goes_on_in_its_ticks(
     branch = ["branch", file, "--at", "100", "--set", "durations.pick=5", "--out", out]
     assert main(branch) == 0
     assert main(["verify", file]) == main(["verify", out]) == 0
-    assert "every tick is equal" in capsys.readouterr().out
+    assert "every tick is identical" in capsys.readouterr().out
     assert main(["branch", file, "--at", "100", "--set", "refine=3", "--out", out]) == 2
     assert "refine cannot change during a run" in capsys.readouterr().err
 

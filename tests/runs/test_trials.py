@@ -84,5 +84,5 @@ def test_robots_that_leave_the_floor_make_room(
 
 def test_a_study_has_no_trial(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["check", "tabletop-fleet", "--trial"]) == 2
-    said = "--trial is for scenarios; a study says itself what it changes"
+    said = "--trial is for scenarios only; this is a study"
     assert said in capsys.readouterr().err

@@ -102,7 +102,7 @@ def test_a_refined_scenario_goes_to_another_process(yard: Path) -> None:
     [
         (["--refine", "0"], "--refine: '0' is not a refinement: allowed are 1 to 1000"),
         (["--refine", "x"], "--refine: 'x' is not a refinement"),
-        (["--decide", "fine"], "--decide fine: is for refined ticks; set --refine K, too"),
+        (["--decide", "fine"], "--decide fine: needs --refine K"),
         (
             ["--refine", "9", "--set", "durations.move=8000"],
             "durations.move takes 72,000 ticks instead of 8,000, and at most 65,535 are allowed; "

@@ -166,7 +166,7 @@ def test_without_matplotlib_plots_are_refused_in_a_sentence(
         (["--floor", "9"], "--floor 9: the study has the points 0 to 3"),
         (["--floor", "x"], "is not a design point"),
         (["--format", "pdf"], "invalid choice: 'pdf'"),
-        (["--out", "report.pdf"], "its name ends with no known format"),
+        (["--out", "report.pdf"], "no format has this extension"),
         (["--out", "/nowhere/report.md"], "cannot write it"),
         (["--csv", "/nowhere/rows.csv"], "cannot write it"),
     ],

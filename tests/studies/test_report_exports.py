@@ -182,9 +182,9 @@ def test_a_workbook_is_written_by_either_option(folder: Path, capsys: Any, tmp_p
     assert openpyxl.load_workbook(book).sheetnames[0] == "answer"
     two = ["--out", str(book), "--xlsx", str(book)]
     code, _, err = report(capsys, str(folder / "results"), *two)
-    assert code == 2 and "is a second workbook" in err and err.count("\n") == 1
+    assert code == 2 and "names a second workbook" in err and err.count("\n") == 1
     code, _, err = report(capsys, str(folder / "results"), "--format", "xlsx")
-    assert code == 2 and "set --out FILE" in err and err.count("\n") == 1
+    assert code == 2 and "needs --out FILE" in err and err.count("\n") == 1
     assert report(capsys, str(folder / "results"), "--json", "--format", "html")[0] == 2
 
 

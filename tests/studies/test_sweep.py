@@ -327,8 +327,11 @@ def test_a_sweep_without_pyarrow_says_what_to_install(tmp_path: Path) -> None:
     [
         ((), "--out DIR is missing"),
         (("--out", "x", "--workers", "0"), "'0' is not a number of processes"),
-        (("--out", "x", "--workers", "2", "--scheduler", "tcp://a:1"), "leave one out"),
-        (("--dry-run", "--scheduler", "tcp://a:1"), "not with a cluster: leave one out"),
+        (
+            ("--out", "x", "--workers", "2", "--scheduler", "tcp://a:1"),
+            "leave it out with --scheduler",
+        ),
+        (("--dry-run", "--scheduler", "tcp://a:1"), "leave --scheduler out"),
     ],
 )
 def test_options_that_make_no_sense_are_refused(

@@ -140,7 +140,7 @@ def test_a_run_that_kills_its_worker_twice_has_failed_until_it_is_tried_again(
     # Mended, but they are not done again by themselves: they might kill workers for ever.
     (tmp_path / "mended").touch()
     assert swept_by_worker(study, out) == 1
-    said = "2 runs failed; the column `error` says why, --retry-failed tries again\n"
+    said = "2 runs failed; see the column `error` for the reason, or retry with --retry-failed\n"
     assert capfd.readouterr().err == f"automaton: {said}"
     assert [done_in(out, make_sweep_plan(study), retry) for retry in (False, True)] == [4, 2]
     assert swept_here(study, out, retry_failed=True).column("error").to_pylist() == [None] * 4

@@ -75,7 +75,7 @@ def test_a_signal_keeps_what_is_done(
     kept = len(Store(out).keys())
     assert 0 < kept < 4 * REPLICATIONS
     assert err == (
-        f"automaton: stopped; {kept} of 100 runs are kept in {out}; the same command goes on\n"
+        f"automaton: stopped; {kept} of 100 runs are stored in {out}; repeat the command to resume\n"
         f"automaton: {told}\n"
     )
     assert resumed(study, out) == expected

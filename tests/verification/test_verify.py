@@ -187,8 +187,8 @@ def test_verify_says_so_and_ends_with_0(
     assert main(["verify", str(path)]) == 0
     assert capsys.readouterr().out.splitlines() == [
         f"{path}: verified: tabletop-1, seed 4, 3 robots, 1,000 ticks",
-        "rules: all kept",
-        "run again: every tick is equal",
+        "rules: no violations",
+        "run again: every tick is identical",
     ]
 
 
@@ -252,9 +252,9 @@ def test_a_cut_file_is_verified_up_to_its_last_whole_frame(
     path.write_bytes(data[: 2 * len(data) // 3])
     assert main(["verify", str(path)]) == 0
     out = capsys.readouterr().out
-    assert out.startswith(f"{path}: verified as far as it goes: ")
-    assert "cut short or interrupted: there is no end; it is whole up to tick " in out
-    assert "every tick is equal" in out
+    assert out.startswith(f"{path}: verified up to its last tick: ")
+    assert "incomplete (cut short or interrupted): intact up to tick " in out
+    assert "every tick is identical" in out
 
 
 def test_a_damaged_file_fails(

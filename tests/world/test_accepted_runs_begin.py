@@ -113,5 +113,5 @@ def test_many_of_them_are_accepted() -> None:
 
 def test_waits_that_a_refined_tick_makes_too_long_are_refused() -> None:
     waits = "strategy.right_of_way={name: retreat, wait_empty: [1, 9000]}"
-    with pytest.raises(InputError, match=r"its waits take 90,000 ticks, at most 65,535"):
+    with pytest.raises(InputError, match=r"its waits take up to 90,000 ticks; at most 65,535"):
         resolve("crossing", [waits, "refine=10"])

@@ -1,10 +1,10 @@
-"""Which operations are open to a robot, what each costs it, whose turn comes first, and chains of pushes.
+"""The operations open to a robot, their costs, the order of robots, and chains of pushes.
 
-    cost = 1024 (way from the pose at its end - way from where it is) + rank
-    cost = 1024 (t - T - way from where it is) + rank   where it reaches the goal in t + 1 ticks
+    cost = 1024 (path length from its final pose - path length from the current pose) + rank
+    cost = 1024 (t - T - path length from the current pose) + rank   if it reaches the goal in t + 1 ticks
 
-The rank is lower the earlier the robot goes forward. A robot without a goal would rather wait; one
-that is in the way of another would rather end in another cell.
+The rank is lower the earlier the robot goes forward. A robot without a goal prefers to wait; one that
+blocks another robot prefers to end in another cell.
 """
 
 import numpy as np
@@ -41,21 +41,21 @@ from strategies.right_of_way.steering import (
 )
 
 COST_SHIFT = 10
-MAX_EXCESS = 4000  # of a way over another one: keys have 32 bits
-CANDIDATE_BITS = 8  # below a cost in a key
+MAX_EXCESS = 4000  # limit of the extra length of a path: keys have 32 bits
+CANDIDATE_BITS = 8  # bits below the cost in a key
 CANDIDATE_MASK = 255
-DIGIT_BITS = 11  # of keys that are sorted
+DIGIT_BITS = 11  # of sorted keys
 LAST_KEY = (1 << 2 * DIGIT_BITS) - 1
-FIRST_IDLE_KEY = LAST_KEY // 2  # of robots on their way home, who come after all with work
+FIRST_IDLE_KEY = LAST_KEY // 2  # of robots that drive home, which come after all robots with work
 MEETS_NONE = -2  # an operation meets no robot
 MEETS_SEVERAL = -3  # it meets more than one
 
 
 @kernel
 def rank_candidates(view, workspace, state, i, stall):
-    """Enter the keys of all operations that are open to robot i, the cost of its plan, and its turn.
+    """Set the keys of all operations open to robot i, the cost of its plan, and its place in the order.
 
-    In a stall (deadlocks) the oldest come first; then turns are drawn, others for each of its rounds.
+    In a stall (deadlocks) the oldest come first; later rounds of the stall use random orders.
     """
     goal, row = goal_of(view, workspace, state, i)
     pose = np.int64(state.pose[i])
@@ -91,10 +91,10 @@ def rank_candidates(view, workspace, state, i, stall):
 
 @kernel
 def turn_at_pockets(state, i, goal):
-    """Who leaves a pocket comes first, and who wants into one that is taken comes last.
+    """Robots that leave a pocket come first; robots that want to enter an occupied one come last.
 
-    Else a robot that waits before a charger, which is very near to its goal, would keep the one in it
-    from coming out, and all those behind it from passing.
+    Otherwise a robot that waits for a charger, since it is very near to its goal, would block the exit
+    of the robot in it, and the path of all robots behind.
     """
     cell = np.int64(state.pose[i]) >> 2
     holder = np.int64(state.occupied[goal, 0])
@@ -106,9 +106,9 @@ def turn_at_pockets(state, i, goal):
 
 @kernel
 def is_kept(view, state, i):
-    """Return whether a gate keeps robot i out of the cell ahead, its battery, or a charger that is held.
+    """Return whether a gate, its battery or an occupied charger keeps robot i out of the cell ahead.
 
-    Where moves take one tick robots are sent all the same, and may be refused.
+    If moves take one tick, robots are sent anyway, and the world may refuse the move.
     """
     pose = np.int64(state.pose[i])
     ahead = (pose >> 2) + view.grid.offset[pose & 3]
@@ -124,7 +124,7 @@ def is_kept(view, state, i):
 
 @kernel
 def wants_ahead(state, i):
-    """Return whether the best operation of robot i goes on ahead, if it waits for that."""
+    """Return whether the best operation of robot i moves straight ahead, possibly after waits."""
     if state.key_count[i] == 0:
         return False
     return state.aim[state.candidate[nth_key(state, i, 0) & CANDIDATE_MASK]] == 0
@@ -132,15 +132,15 @@ def wants_ahead(state, i):
 
 @kernel
 def way_out_of(view, state, i):
-    """Return the direction in which robot i, without work, makes room for others, or NIL."""
+    """Return the direction in which idle robot i makes room for others, or NIL."""
     return way_to_make_room(view, state.service_areas, i, np.int64(state.pose[i]) >> 2)
 
 
 @kernel
 def goal_of(view, workspace, state, i):
-    """Return the goal cell of robot i and the row of distances to it; NIL if it has none.
+    """Return the goal cell of robot i and the row of its distance table; NIL if it has no goal.
 
-    A robot that makes room goes to the next cell on its way out.
+    A robot that makes room has the next cell on its path out as its goal.
     """
     robots = view.robots
     goal, way_out = np.int64(robots.goal_cell[i]), way_out_of(view, state, i)
@@ -154,7 +154,7 @@ def goal_of(view, workspace, state, i):
     if state.guided:
         row = weighted_table_of(view, state.tables, robot_type, goal)
     else:
-        if state.has_storage:  # which no way leads through
+        if state.has_storage:  # no path leads through it
             robot_type = with_load(view, robot_type)
         row = table_of(view, workspace, robot_type, goal)
     if row == NIL or cost_from(workspace, state, row, np.int64(state.pose[i])) >= UNREACHABLE:
@@ -181,13 +181,13 @@ def end_of(state, i, operation):
 
 @kernel
 def cost_beyond(workspace, state, row, pose, way):
-    """Return what the cost from a pose exceeds the way from where the robot is, within bounds."""
+    """Return the cost from a pose minus the cost from the robot's current pose, within bounds."""
     return min(max(cost_from(workspace, state, row, pose) - way, -MAX_EXCESS), MAX_EXCESS)
 
 
 @kernel
 def plan_cost(workspace, state, i, goal, row, way):
-    """Return what the plan of robot i costs, whatever class it is."""
+    """Return the cost of robot i's plan, which may be any class."""
     plan = np.int64(state.plan[i])
     if state.asked[i]:
         cost = np.int64(end_of(state, i, plan) >> 2 == state.pose[i] >> 2)
@@ -204,7 +204,7 @@ def plan_cost(workspace, state, i, goal, row, way):
 
 @kernel
 def ticks_to_goal(state, i, operation, goal):
-    """Return after how many ticks an operation of robot i reaches the goal cell; 0: it does not."""
+    """Return the ticks in which an operation of robot i reaches the goal cell; 0: it does not."""
     for tick in range(state.ticks):
         if cell_after(state, i, operation, tick) == goal:
             return tick + 1
@@ -213,9 +213,9 @@ def ticks_to_goal(state, i, operation, goal):
 
 @kernel
 def enter_keys(view, workspace, state, i, goal, row, way, waits):
-    """Enter the keys of the operations that are open to robot i; those with one end share its cost.
+    """Set the keys of the operations open to robot i; operations with the same end share a cost.
 
-    `waits`: it cannot go forward in this tick.
+    `waits`: the robot cannot go forward in this tick.
     """
     robot_type, pose = np.int64(view.robots.type[i]), np.int64(state.pose[i])
     keys, count = state.key[i], 0
@@ -251,14 +251,14 @@ def enter_keys(view, workspace, state, i, goal, row, way, waits):
 
 @kernel
 def stays_or_goes(state, i, operation, direction):
-    """Return whether an operation of robot i ends where it stands, or first goes in a direction."""
+    """Return whether an operation of robot i ends in its cell, or first moves in `direction`."""
     pose, aim = np.int64(state.pose[i]), np.int64(state.aim[operation])
     return end_of(state, i, operation) >> 2 == pose >> 2 or (pose + aim) & 3 == direction
 
 
 @kernel
 def ends_in_storage(view, state, i, operation, goal):
-    """Return whether an operation takes robot i into storage that is not its goal."""
+    """Return whether an operation moves robot i into storage other than its goal."""
     cell, grid = end_of(state, i, operation) >> 2, view.grid
     if cell == goal or cell == state.pose[i] >> 2:
         return False
@@ -268,9 +268,9 @@ def ends_in_storage(view, state, i, operation, goal):
 
 @kernel
 def ask_idle_robot_ahead(view, state, i, asked):
-    """Put an idle robot in the cell that robot i would like to enter on the list of those asked.
+    """Append an idle robot in the cell that robot i prefers to the list of robots asked to make room.
 
-    Returns the length of that list, `chain_robot`.
+    Returns the length of this list, `chain_robot`.
     """
     if state.key_count[i] == 0:
         return asked
@@ -291,7 +291,7 @@ def ask_idle_robot_ahead(view, state, i, asked):
 
 @kernel
 def nth_key(state, i, n):
-    """Return the n-th lowest key of robot i; its keys are sorted as far as they are asked for."""
+    """Return the n-th lowest key of robot i; keys are sorted only as far as requested."""
     if n < state.sorted_count[i]:
         return np.int64(state.key[i, n])
     keys = state.key[i]
@@ -314,7 +314,7 @@ def sort_by_key(state, count):
 
 @kernel
 def settle_ties(state, count):
-    """Make the places of robots with goals their keys, so that no two are alike."""
+    """Replace the keys of robots with goals by their places, so that all keys differ."""
     for place in range(count):
         i = np.int64(state.sequence[place])
         if state.sequence_key[i] != LAST_KEY:
@@ -323,7 +323,7 @@ def settle_ties(state, count):
 
 @kernel
 def sort_by_digit(state, count, unsorted, out, shift):
-    """Sort robots by one digit of their keys; equal ones stay in their order."""
+    """Sort robots by one digit of their keys (stable)."""
     counts, digits = state.sorting_count, (1 << DIGIT_BITS) - 1
     counts[:] = 0
     for k in range(count):
@@ -337,25 +337,25 @@ def sort_by_digit(state, count, unsorted, out, shift):
         counts[digit] += 1
 
 
-# Chains: a robot takes the best operation that pushes at most one other robot, which does the same.
+# Chains: a robot takes its best operation that pushes at most one other robot, which does the same.
 #
-#     build(r): take r's path out; for each operation, best first:
-#         it meets no path      enter it, the chain is accepted
-#         it meets two robots   try the next one
-#         it meets one, u       try the next one if u may not be pushed;
-#                               else take u out, enter r's, build(u); if that fails, undo, try the next
-#     no operation is left: the old plan again, it has failed
+#     build(r): remove r's path; for each operation, best first:
+#         it meets no path      add it: the chain succeeds
+#         it meets two robots   try the next operation
+#         it meets one, u       if u must not be pushed, try the next operation;
+#                               else remove u, add r's, build(u); if that fails, undo, try the next
+#     no operation left: restore the old plan and fail
 #
-# u may not be pushed if it is fixed, if its plan was settled in this round, if it was visited too
-# often, or if its turn comes before that of the root. Two paths meet where they are in one cell after
-# as many ticks, or exchange two cells in one. A chain can have all robots, so its stack is explicit.
+# u must not be pushed if it is fixed, if its plan was settled in this round, if it was visited too
+# often, or if its turn is before the root's. Two paths meet if they are in one cell at the same tick,
+# or exchange two cells in a tick. A chain can contain all robots, so its stack is explicit.
 
 
 @kernel
 def build(state, root, repairs):
-    """Return whether robot `root`, and all that it pushes, have new plans; if not, all keep theirs.
+    """Plan robot `root` and all robots that it pushes; return False if all keep their old plans.
 
-    `repairs`: any robot may be pushed, and the plans must become better on the whole.
+    `repairs`: any robot may be pushed, and the total cost of the plans must fall.
     """
     enter_path(state, root, NIL)
     append_to_chain(state, 0, root)
@@ -394,9 +394,9 @@ def build(state, root, repairs):
 
 @kernel
 def try_operations(state, root, top, repairs):
-    """Try the next operations of the last robot of the chain; it has one, or NIL is returned.
+    """Try the next operations of the last robot of the chain.
 
-    Returns MEETS_NONE if it meets no robot, else the robot that it pushes.
+    Returns MEETS_NONE if one meets no robot, else the robot that it pushes; NIL if none is left.
     """
     i = np.int64(state.chain_robot[top])
     tried = np.int64(state.chain_tried[top])
@@ -416,7 +416,7 @@ def try_operations(state, root, top, repairs):
 
 @kernel
 def robot_met(state, i, operation):
-    """Return the one robot whose path an operation of robot i meets, MEETS_NONE or MEETS_SEVERAL."""
+    """Return the only robot whose path an operation of robot i meets, MEETS_NONE or MEETS_SEVERAL."""
     occupied = state.occupied
     met = np.int64(MEETS_NONE)
     before = np.int64(state.pose[i]) >> 2
@@ -445,7 +445,7 @@ def robot_met(state, i, operation):
 
 @kernel
 def is_coming_from(state, robot, cell, tick):
-    """Return whether a robot is in a cell before what it does in a tick from now."""
+    """Return whether a robot is in a cell before its step at a tick from now."""
     if tick == 0:
         return np.int64(state.pose[robot]) >> 2 == cell
     return state.occupied[cell, tick - 1] == robot
@@ -464,7 +464,7 @@ def may_push(state, root, u, repairs):
 
 @kernel
 def append_to_chain(state, top, i):
-    """Robot i, whose path has been taken out, comes next in the chain."""
+    """Append robot i, whose path is removed, to the chain."""
     stamp = state.stamp
     state.chain_robot[top] = i
     state.chain_tried[top] = 0
@@ -478,7 +478,7 @@ def append_to_chain(state, top, i):
 
 @kernel
 def is_better(state, top):
-    """Return whether the new plans of a chain cost no more on the whole, by the power of its robots."""
+    """Return whether the total cost of a chain, weighted by the power of its robots, does not rise."""
     gain = 0
     for k in range(top + 1):
         i = state.chain_robot[k]
@@ -488,7 +488,7 @@ def is_better(state, top):
 
 @kernel
 def undo(state, top):
-    """Give all robots of a chain their old plans; the path of the last one is out."""
+    """Restore the old plans of a chain; the path of its last robot is already removed."""
     for k in range(top):
         enter_path(state, np.int64(state.chain_robot[k]), NIL)
     for k in range(top + 1):

@@ -1,12 +1,11 @@
 """Enhanced priority inheritance with backtracking, EPIBT (Yukhnevich & Andreychuk, AAAI-26).
 
-In each tick every robot has a plan of D actions, free of conflicts with all others, of which the
-first one is done. Robots go on with the rest of their plans; then they choose again, by turns:
-those nearest to their goals first, or those that have gone longest without finishing one; those on
-their way home last. A robot may push another one out of its way, which has to choose another plan
-at once (`build`). What is gained by further pushes, whose turn it may be, is tried after
-that for some robots (repair, large neighbourhood search). Effort is counted in pushes and tries,
-never in time, so a run can be repeated.
+In each tick every robot has a plan of D actions without conflicts with other plans, and does the first
+action. The rest of each plan carries over to the next tick. Then robots choose again in order: robots
+nearest to their goals first, or robots that have gone longest without finishing one; robots that drive
+home last. A robot may push another one out of its way, which must choose another plan at once
+(`build`). Afterwards some robots try further pushes regardless of the order (repair, large
+neighbourhood search). Effort is counted in pushes and tries, never in time, so runs are reproducible.
 """
 
 from typing import ClassVar
@@ -90,7 +89,7 @@ def decide(view, batch, decisions, memory, workspace):
         stall = round_of_stall(view, state.deadlocks)
     rank_all_candidates(view, workspace, state, count, stall)
     sort_by_key(state, count)
-    if state.oldest_first or stall:  # robots of one age could not push each other
+    if state.oldest_first or stall:  # else robots of equal age could not push each other
         settle_ties(state, count)
     choose_plans(state, count)
     if state.repair_tries:
@@ -102,7 +101,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class Epibt(Strategy):
-    """Robots plan a few actions ahead and push each other by turns (EPIBT), with repairs if asked for."""
+    """Robots plan a few actions ahead and push each other in order (EPIBT), with optional repairs."""
 
     layer = "right_of_way"
     Parameters = EpibtParameters
@@ -112,24 +111,24 @@ class Epibt(Strategy):
     period = 1
 
     def reset(self, view):
-        """The operations on this floor; no robot has planned anything."""
+        """Return a state with the operations on this floor and no plans."""
         return epibt_state(view, self.parameters)
 
 
-# Plans from tick to tick: what robots go on with, and who stays where it is.
+# Plans from tick to tick: robots that continue, and robots that stay.
 #
-# A robot that is where its plan led it goes on with the rest of it; all others plan to wait. So do
-# robots whose plans lead into the cells of these, and so on. All other plans are free of conflicts as
-# they were, but where a move takes longer than planned, in a slow zone: then who comes later waits.
+# A robot that is where its plan led it continues the plan; all others plan to wait. Robots whose plans
+# lead into the cells of waiting robots also wait, and so on. All other plans remain free of conflicts,
+# except where a move takes longer than planned, in a slow zone: then the later robot waits.
 
 
 @kernel
 def steer_robots(view, batch, state):
-    """Note which robots plan in this tick, by identity; return their number.
+    """List the robots that plan in this tick, by identity; return their number.
 
-    They are those of the batch, and those that move or turn already, for what comes then. The others
-    are fixed: those that do something else, are down, at the cells where they begin what they came for,
-    or in the queue there.
+    These are the robots of the batch, and robots that already move or turn, for their next action. The
+    others are fixed: robots that work, are down, have reached the cell of their work, or are in the queue
+    there.
     """
     robots = view.robots
     for i in range(robots.cell.shape[0]):
@@ -152,7 +151,7 @@ def steer_robots(view, batch, state):
 
 @kernel
 def has_arrived(view, state, i):
-    """Return whether robot i is off the floor, comes to its goal, or is in the queue there."""
+    """Return whether robot i is off the floor, begins its work, or is in the queue for it."""
     robots = view.robots
     if robots.cell[i] == NIL or is_in_own_queue(view, i):
         return True
@@ -164,7 +163,7 @@ def has_arrived(view, state, i):
 
 @kernel
 def note_finished_goal(view, state, i):
-    """A robot that has another goal than before, and is where it had to go, has finished a goal."""
+    """Note finished goals: a robot is at its previous goal and now has another one."""
     goal = np.int64(view.robots.goal_cell[i]) + 1
     if goal == state.last_goal[i]:
         return
@@ -175,7 +174,7 @@ def note_finished_goal(view, state, i):
 
 @kernel
 def inherit_plans(view, state):
-    """Enter the paths of all robots on the floor: the rest of their plans, or a wait."""
+    """Add the paths of all robots on the floor: the rest of their plans, or a wait."""
     robots = view.robots
     waiting = 0
     for identity in range(robots.cell.shape[0]):
@@ -212,14 +211,14 @@ def inherit_plans(view, state):
 
 @kernel
 def hold(state, i, cell, tick, waiting):
-    """Robot i holds a cell after a tick; a robot that planned to be there waits, too.
+    """Let robot i occupy a cell after a tick; a robot that planned to be there must wait.
 
-    It comes onto the list of robots that wait; returns its length.
+    Such a robot is added to the list of waiting robots. Returns the length of the list.
     """
     other = np.int64(state.occupied[cell, tick])
     if other != NIL and other != i:
         enter_path(state, other, NIL)
-        if state.plan[other] != FULL_WAIT:  # else it is on the list
+        if state.plan[other] != FULL_WAIT:  # else it is already on the list
             state.plan[other] = FULL_WAIT
             state.chain_robot[waiting] = other
             waiting += 1
@@ -229,9 +228,9 @@ def hold(state, i, cell, tick, waiting):
 
 @kernel
 def enter_floor(view, state, i):
-    """Return whether robot i may leave its parking bay; its home cell is then held for it.
+    """Return whether robot i may leave its parking bay; if so, reserve its home cell.
 
-    It may if that cell is empty, and no robot has planned to be there.
+    It may if the home cell is empty and no robot has planned to be there.
     """
     robots = view.robots
     home = np.int64(robots.home[i])
@@ -250,7 +249,7 @@ def enter_floor(view, state, i):
 
 @kernel
 def waits_in_bay(view, i):
-    """Return whether robot i is in its parking bay and has somewhere to go."""
+    """Return whether robot i is in its parking bay and has a goal."""
     goal_type = view.robots.goal_type[i]
     return view.robots.cell[i] == NIL and goal_type != GOAL_NONE and goal_type != GOAL_PARK
 
@@ -260,17 +259,17 @@ def waits_in_bay(view, i):
 
 @kernel
 def rank_all_candidates(view, workspace, state, count, stall):
-    """Rank the operations of all robots; where actions take time, idle ones are asked to make room.
+    """Rank the operations of all robots; if actions take several ticks, ask idle robots to make room.
 
-    One that has to turn first cannot leave in time for any plan of the robot behind it, so that pushing
-    it fails in every tick. Asked, it begins to leave by itself, and may ask another idle one in turn.
+    A robot that must first turn cannot leave in time for any plan of the robot behind it, so pushing it
+    fails in every tick. If asked, it begins to leave by itself, and may ask another idle robot.
     """
     for k in range(count):
         state.asked[state.steered[k]] = 0
     for k in range(count):
         rank_candidates(view, workspace, state, np.int64(state.steered[k]), stall)
     if state.takes_time:
-        asked = 0  # on the list chain_robot
+        asked = 0  # in the list chain_robot
         for k in range(count):
             i = np.int64(state.steered[k])
             if state.sequence_key[i] != LAST_KEY and state.asked[i] == 0:
@@ -285,10 +284,10 @@ def rank_all_candidates(view, workspace, state, count, stall):
 
 @kernel
 def choose_plans(state, count):
-    """Let robots with goals choose by turns; those that were visited on the way have had theirs.
+    """Let robots with goals choose in order; robots already visited by a chain are skipped.
 
-    Where actions take several ticks, one that was pushed in vain has not: it may be on its way out, and
-    only too late for the robot that pushed it.
+    If actions take several ticks, a robot whose push failed still chooses: it may be on its way out, but
+    too late for the robot that pushed it.
     """
     state.stamp += 1
     stamp = state.stamp
@@ -303,9 +302,9 @@ def choose_plans(state, count):
 
 @kernel
 def repair_plans(view, state, count):
-    """Let random robots push others whatever their turns, where that is better on the whole.
+    """Let random robots push others regardless of the order, if this lowers the total cost.
 
-    The power of a robot falls from 1 to 0 by the square of its place among all turns.
+    The power of a robot falls from 1 to 0 with the square of its place in the order.
     """
     for place in range(count):
         i = np.int64(state.sequence[place])
@@ -325,7 +324,7 @@ def repair_plans(view, state, count):
 
 @kernel
 def give_commands(view, batch, decisions, state):
-    """Answer with the first actions of all plans."""
+    """Write the first actions of all plans as commands."""
     out, robots = decisions.right_of_way, view.robots
     for k in range(batch.count):
         i = np.int64(batch.robot[k])
@@ -345,9 +344,9 @@ def give_commands(view, batch, decisions, state):
 
 @kernel
 def begin_action(view, state, i):
-    """Return the direction in which robot i goes, or would go if it did not wait; NIL if none.
+    """Return the direction in which robot i goes, or would go if it did not wait; or NIL.
 
-    Notes the pose to which its action leads.
+    Stores the pose to which its action leads.
     """
     pose, plan = np.int64(state.pose[i]), np.int64(state.plan[i])
     cell, heading = pose >> 2, pose & 3
@@ -367,7 +366,7 @@ def begin_action(view, state, i):
 
 @kernel
 def look_for_deadlocks(view, state, count):
-    """Enter which robots wait for which, of those that have stood for long, and break wait cycles."""
+    """Find the blockers of robots that have stood for long, and break wait cycles."""
     deadlocks = state.deadlocks
     for k in range(count):
         i = np.int64(state.steered[k])
@@ -383,7 +382,7 @@ def look_for_deadlocks(view, state, count):
 
 @kernel
 def enter_blocker(view, state, i):
-    """Enter which robot, if any, is in the cell to which robot i would go."""
+    """Store the robot, if any, in the cell that robot i wants to enter."""
     pose, direction = np.int64(state.pose[i]), np.int64(state.deadlocks.aside[i]) - 1
     if direction == NIL:
         aim = np.int64(NO_AIM)
@@ -401,7 +400,7 @@ def enter_blocker(view, state, i):
 
 @kernel
 def clear_paths(view, state):
-    """Leave `occupied` as empty as it was."""
+    """Clear `occupied`."""
     robots = view.robots
     for i in range(robots.cell.shape[0]):
         if state.pose[i] != NIL:

@@ -1,12 +1,12 @@
-"""Operations: what a robot may do in its next D ticks, as sequences of D actions.
+"""Operations: the sequences of D actions that a robot may do in its next D ticks.
 
     F go forward    R turn right    L turn left    W wait
 
-Two sequences are of one class if the robot stands in the same cell after each action and ends with the
-same heading: they meet the same robots. A plan is a class. In the next tick its first action has been
-done and a wait follows its last one, which is a class, too, so what robots have planned stays free of
-conflicts. New plans are chosen from the candidates: the classes that do not end in a turn,
-the full wait left out. Yukhnevich & Andreychuk, AAAI-26.
+Two sequences belong to one class if the robot is in the same cell after each action and ends with the
+same heading: they meet the same robots. A plan is a class. After its first action, the rest of a plan
+followed by a wait is also a class, so plans stay free of conflicts. New plans are chosen from the
+candidates: the classes that do not end in a turn, without the full wait. Yukhnevich & Andreychuk,
+AAAI-26.
 
     D            3    4    5
     classes     31   88  249
@@ -51,12 +51,12 @@ RIGHT: Final = 1
 LEFT: Final = 2
 WAIT: Final = 3
 ACTION_LETTERS: Final = "FRLW"
-FULL_WAIT: Final = 0  # its class
-NO_AIM = 4  # of an operation that never moves
-# Lattice costs of a tick along a street, against the ticks until a goal is reached:
+FULL_WAIT: Final = 0  # the class of the full wait
+NO_AIM = 4  # the aim of an operation that never moves
+# Lattice cost of a tick along a street, relative to a tick until a goal is reached:
 LATTICE_SCALE = 2
-# Of two operations with equal costs the one of larger weight is tried first: a sum over its actions, each
-# times the number of ticks that are left.
+# Of two operations with equal costs the one with the larger weight is tried first. The weight is a sum
+# over its actions, each times the number of remaining ticks.
 WEIGHTS: Final = (10, -2, -2, -3)
 VECTORS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))  # of the headings east, south, west, north
 
@@ -65,15 +65,15 @@ Trace = tuple[tuple[tuple[int, int], ...], int]
 
 
 class Operations(NamedTuple):
-    """The classes of one depth, by ascending weight; the full wait is the first."""
+    """The classes of one depth, by ascending weight, beginning with the full wait."""
 
     actions: tuple[Actions, ...]  # one sequence of each class
-    following: tuple[int, ...]  # the class that is left of each after a tick
+    following: tuple[int, ...]  # the class of the rest of each after a tick
     candidates: tuple[int, ...]  # the classes from which plans are chosen
 
     @property
     def texts(self) -> list[str]:
-        """The sequences in letters."""
+        """The sequences as letters."""
         return ["".join(ACTION_LETTERS[action] for action in actions) for actions in self.actions]
 
 
@@ -96,13 +96,13 @@ def trace(actions: Actions) -> Trace:
 
 
 def weight(actions: Actions) -> int:
-    """Return how early an operation goes forward, and how late it waits."""
+    """Return the weight of an operation: high if it goes forward early and waits late."""
     ticks_left = range(len(actions), 0, -1)
     return sum(WEIGHTS[action] * left for action, left in zip(actions, ticks_left, strict=True))
 
 
 def ends_in_turn(actions: Actions) -> bool:
-    """Return whether the last heading is not that of the last move, or of the start if none moves."""
+    """Return whether the last heading differs from that of the last move, or else from the first one."""
     heading = moved = 0
     for action in actions:
         if action == FORWARD:
@@ -114,7 +114,7 @@ def ends_in_turn(actions: Actions) -> bool:
 
 @cache
 def operations_of(depth: int) -> Operations:
-    """Return the operations of so many actions."""
+    """Return the operations of this number of actions."""
     wait = (WAIT,) * depth
     others = (actions for actions in product(range(4), repeat=depth) if actions != wait)
     classes: dict[Trace, int] = {}
@@ -134,104 +134,110 @@ def operations_of(depth: int) -> Operations:
     )
 
 
-# What EPIBT knows of its operations on a floor, what robots have planned, and scratch.
+# The operations of EPIBT on a floor, the plans of robots, and scratch.
 #
-# n robots of K types, C cells with the border, P = 4 C poses (cell * 4 + heading). Of the operations
-# of depth D: O classes, J candidates, W words of 64 bits with one bit for each candidate. An end is a
-# cell and a heading in which candidates end. B paces (ticks of a move and of a turn), Q = 4 B. T:
-# ticks, in which each operation is over, whatever goes on before; S: T, rounded up to a power of two.
+# n robots of K types, C cells with the border, P = 4 C poses (cell * 4 + heading). The operations of
+# depth D have O classes and J candidates; W words of 64 bits hold one bit for each candidate. An end is
+# a final cell and heading of candidates. There are B paces (ticks of a move and of a turn), Q = 4 B.
+# Every operation ends within T ticks, including an action in progress; S: T, rounded up to a power of 2.
 
 
 class EpibtState(Struct):
     """Parameters, operations on this floor, plans, and scratch of a tick."""
 
-    ticks: int = field("int64", "T, ticks that are planned")
-    reach: int = field("int64", "most that a way costs which a plan drives")
-    holds_two: int = field("int64", "1: there are ticks of moves in which both cells are held")
-    holds_late: int = field("int64", "1: the last tick of a move is one of them")
+    ticks: int = field("int64", "T, planned ticks")
+    reach: int = field("int64", "maximum cost of a path within a plan")
+    holds_two: int = field("int64", "1: moves hold both cells in some ticks")
+    holds_late: int = field("int64", "1: moves hold both cells in their last tick")
     slow_moves: int = field("int64", "1: moves take several ticks")
     takes_time: int = field("int64", "1: moves or turns take several ticks")
-    has_storage: int = field("int64", "1: robots drive into storage, and not through it")
-    oldest_first: int = field("int64", "1: robots go by age, 0: by their distances to their goals")
-    guided: int = field("int64", "1: distances are those of `tables`, 0: ticks")
-    repair_tries: int = field("int64", "tries to improve the plans, for each robot")
-    visits_allowed: int = field("int64", "how often a robot may be pushed in a tick")
-    max_pushes: int = field("int64", "pushes after which a chain is given up")
+    has_storage: int = field("int64", "1: robots drive into storage, but not through it")
+    oldest_first: int = field(
+        "int64", "1: robots are ordered by age, 0: by distance to their goals"
+    )
+    guided: int = field("int64", "1: distances are from `tables`, 0: ticks")
+    repair_tries: int = field("int64", "tries per robot to improve the plans")
+    visits_allowed: int = field("int64", "maximum pushes of a robot in a tick")
+    max_pushes: int = field("int64", "pushes after which a chain is abandoned")
     repair_pushes: int = field("int64", "the same in repairs")
     tables: DistanceTables
     service_areas: ServiceAreas
 
     deadlocks: Deadlocks
 
-    # Operations; h is the heading in which they begin.
-    following: Array = field("(O,) int16", "the class that is left after a tick", role=CONSTANT)
+    # Operations; h is their first heading.
+    following: Array = field("(O,) int16", "the class of the rest after a tick", role=CONSTANT)
     action: Array = field("(O,) uint8", "the first action", role=CONSTANT)
     aim: Array = field(
         "(O,) uint8", "heading of the first move, relative to h, or NO_AIM", role=CONSTANT
     )
-    pace: Array = field("(K,) uint8", "which b holds for a type of robots", role=CONSTANT)
+    pace: Array = field("(K,) uint8", "the pace b of a robot type", role=CONSTANT)
     offset: Array = field("(Q, O, T) int32", "[4 b + h]: cell after each tick", role=CONSTANT)
     left: Array = field(
         "(Q, O, T) int32",
-        "[4 b + h]: the cell that is left and still held, or the same",
+        "[4 b + h]: the cell that is being left and still held, or the same",
         role=CONSTANT,
     )
     turned: Array = field("(O,) uint8", "last heading, relative to h", role=CONSTANT)
     candidate: Array = field("(J,) int16", "their classes, by end", role=CONSTANT)
-    candidate_end: Array = field("(J,) uint8", "number of the end of each", role=CONSTANT)
+    candidate_end: Array = field("(J,) uint8", "the end of each candidate", role=CONSTANT)
     open: Array = field(
-        "(K, P, W) uint64", "candidates that the exits allow, by type and pose", role=CONSTANT
+        "(K, P, W) uint64", "candidates that exits allow, by type and pose", role=CONSTANT
     )
 
-    is_pocket: Array = field("(C,) uint8", "1 = the only way on is the only way in", role=CONSTANT)
+    is_pocket: Array = field("(C,) uint8", "1 = its only exit is its only entrance", role=CONSTANT)
 
-    plan: Array = field("(n,) int16", "what each robot has planned: a class")
+    plan: Array = field("(n,) int16", "the plan of each robot: a class")
     expected_pose: Array = field(
         "(n,) int32",
-        "pose to which its action leads, + 1; 0: none; negative: the plan is for what comes then",
+        "1 + pose to which its action leads; 0: none; negative: the plan begins after it",
     )
-    last_goal: Array = field("(n,) int32", "goal cell in the last tick, + 1; 0: none")
+    last_goal: Array = field("(n,) int32", "1 + goal cell in the last tick; 0: none")
     idle_since: Array = field("(n,) int64", "tick in which it last finished a goal")
 
-    # Of this tick. A robot that is fixed stays where it is: busy, at its goal, or not on the floor.
+    # For this tick. A fixed robot stays where it is: busy, at its goal, or not on the floor.
     pose: Array = field(
-        "(n,) int32", "where it is, or is going to be; NIL: not on the floor", role=SCRATCH
+        "(n,) int32", "its cell, or the one it is moving to; NIL: not on the floor", role=SCRATCH
     )
-    row: Array = field("(n,) int32", "which row of `offset` holds for it", role=SCRATCH)
+    row: Array = field("(n,) int32", "its row of `offset`", role=SCRATCH)
     delay: Array = field("(n,) int32", "ticks until a move or turn is over", role=SCRATCH)
-    origin: Array = field("(n,) int32", "the cell that it still holds till then", role=SCRATCH)
+    origin: Array = field("(n,) int32", "the cell that it still holds until then", role=SCRATCH)
     is_fixed: Array = field("(n,) uint8", "1 = it makes no plan", default=1, role=SCRATCH)
     occupied: Array = field(
         "(C, S) int32",
-        "the robot that is in a cell after so many ticks, or NIL",
+        "the robot in a cell after a number of ticks, or NIL",
         default=NIL,
         role=SCRATCH,
     )
     steered: Array = field("(n,) int32", "robots that plan, by identity", role=SCRATCH)
-    asked: Array = field("(n,) uint8", "1 = without a goal, and in the way", role=SCRATCH)
-    sequence: Array = field("(n,) int32", "the same, in the order of their turns", role=SCRATCH)
-    sequence_key: Array = field("(n,) int64", "which comes first: the lower one", role=SCRATCH)
+    asked: Array = field(
+        "(n,) uint8", "1 = without a goal, and blocking another robot", role=SCRATCH
+    )
+    sequence: Array = field("(n,) int32", "the same, in planning order", role=SCRATCH)
+    sequence_key: Array = field("(n,) int64", "key of this order; lowest first", role=SCRATCH)
     sorting: Array = field("(n,) int32", role=SCRATCH)
     sorting_count: Array = field("(2048,) int64", role=SCRATCH)
     key: Array = field(
-        "(n, J) int32", "candidates of a robot: cost << 8 | number; sorted as far as", role=SCRATCH
+        "(n, J) int32", "candidates of a robot: cost << 8 | number, partly sorted", role=SCRATCH
     )
-    key_count: Array = field("(n,) int32", "how many are open to it", role=SCRATCH)
-    sorted_count: Array = field("(n,) int32", "this", role=SCRATCH)
-    cost: Array = field("(n,) int64", "of its plan", role=SCRATCH)
-    power: Array = field("(n,) int64", "what its cost counts in repairs", role=SCRATCH)
+    key_count: Array = field("(n,) int32", "number of its open candidates", role=SCRATCH)
+    sorted_count: Array = field("(n,) int32", "number of its sorted candidates", role=SCRATCH)
+    cost: Array = field("(n,) int64", "cost of its plan", role=SCRATCH)
+    power: Array = field("(n,) int64", "weight of its cost in repairs", role=SCRATCH)
     stamp: int = field("() int64", "number of this round of plans", role=SCRATCH)
     visit_stamp: Array = field("(n,) int64", "round in which it was last visited", role=SCRATCH)
-    visits: Array = field("(n,) int32", "how often in that round", role=SCRATCH)
+    visits: Array = field("(n,) int32", "visits in that round", role=SCRATCH)
     settled: Array = field("(n,) int64", "round in which its plan was settled", role=SCRATCH)
-    chain_robot: Array = field("(n,) int32", "robots, each pushed by the one before", role=SCRATCH)
-    chain_tried: Array = field("(n,) int32", "candidates that each has tried", role=SCRATCH)
-    chain_plan: Array = field("(n,) int16", "the plan that each had before", role=SCRATCH)
-    chain_cost: Array = field("(n,) int64", "cost of the plan that each would have", role=SCRATCH)
+    chain_robot: Array = field(
+        "(n,) int32", "robots, each pushed by the previous one", role=SCRATCH
+    )
+    chain_tried: Array = field("(n,) int32", "number of candidates tried by each", role=SCRATCH)
+    chain_plan: Array = field("(n,) int16", "the old plan of each", role=SCRATCH)
+    chain_cost: Array = field("(n,) int64", "cost of the new plan of each", role=SCRATCH)
 
 
 def epibt_state(view, parameters):
-    """Return the state for a run, where no robot has planned anything."""
+    """Return the state for a run, without plans."""
     grid, operations = view.grid, operations_of(parameters.depth)
     guided = parameters.guidance == "lattice"
     duration = np.asarray(view.rules.duration)[:, [ACTION_MOVE, ACTION_TURN]]
@@ -294,9 +300,9 @@ def first_aim(actions):
 
 
 def pockets_of(grid):
-    """Return (C,) bool: cells that one gets to from one cell alone, and back there alone.
+    """Return (C,) bool: pockets, cells whose only exit and only entrance is the same cell.
 
-    Ways from storage into storage do not count, so storage beside one aisle is a pocket.
+    Exits from storage into storage do not count, so storage beside a single aisle is a pocket.
     """
     flags = grid.type_cell_flags
     storage = (flags & NO_WAY_THROUGH != 0).any(axis=0)
@@ -311,7 +317,7 @@ def pockets_of(grid):
 
 
 def candidates_by_end(operations):
-    """Return (J,) the candidates, those with one end side by side, and (J,) the numbers of the ends."""
+    """Return (J,) the candidates, grouped by their end, and (J,) the number of each end."""
     ends: dict[tuple[Any, ...], list[int]] = {}
     for number in operations.candidates:
         cells, heading = trace(operations.actions[number])
@@ -321,7 +327,7 @@ def candidates_by_end(operations):
 
 
 def open_candidates(grid, operations, candidates):
-    """Return (K, P, W) the candidates that lead through exits alone, by type of robot and pose."""
+    """Return (K, P, W) the candidates that use only open exits, by type of robot and pose."""
     types, cells = grid.type_cell_flags.shape
     masks = np.zeros((types, 4 * cells, (len(candidates) + 63) // 64), np.uint64)
     for robot_type, flags in enumerate(grid.type_cell_flags):
@@ -337,7 +343,7 @@ def open_candidates(grid, operations, candidates):
 def cells_open(grid, flags, start, heading, actions):
     """Return (starts,) bool: whether the exits allow all moves of an operation.
 
-    Where ways end in storage and do not lead through it, nothing goes on after a move into it.
+    If robots must not drive through storage, an operation cannot move on after a move into it.
     """
     storage = (grid.type_cell_flags & NO_WAY_THROUGH != 0).any(axis=0)
     cell, is_open, is_in = start.copy(), np.ones(len(start), bool), np.zeros(len(start), bool)
@@ -351,20 +357,20 @@ def cells_open(grid, flags, start, heading, actions):
     return is_open
 
 
-# The cells of operations tick by tick, where moves and turns take ticks of their own.
+# The cells of operations tick by tick, if moves and turns take several ticks.
 #
-# A robot that begins a move holds the cell that it leaves and the one that it enters, by the rule of
-# following: under `none` to the end of the move; under `handover` in its last tick the new one alone;
-# under `convoy` the new one alone from the first tick on, as another robot may follow at once. What
-# is begun goes on before a plan: so a plan begins `delay` ticks from now, with the pose to which that
-# leads. A wait lasts until robots are asked again, mostly one tick, and a plan that is done waits on.
+# During a move a robot holds the cell that it leaves and the cell that it enters, by the rule of
+# following: under `none` to the end of the move; under `handover` only the new one in the last tick;
+# under `convoy` only the new one from the first tick on, since another robot may follow at once. An
+# action in progress ends before a plan begins, so a plan begins `delay` ticks from now, in the pose to
+# which the action leads. A wait lasts until robots decide again, mostly one tick; a finished plan waits.
 
 
 def paths_of(offsets, operations, paces, ticks, late):
-    """Return twice (4 B, O, T): the cell after each tick, and the one that is still held.
+    """Return two arrays (4 B, O, T): the cell after each tick, and the cell still held.
 
-    Both as offsets, by pace and first heading. `paces`: (move, turn, wait) in ticks; `offsets`: of a
-    move, by heading; `late`: 1 where the cell that is left is held in the last tick, too.
+    Both are offsets, by pace and first heading. `paces`: (move, turn, wait) in ticks; `offsets`: of a
+    move, by heading; `late`: 1 if the cell being left is held in the last tick, too.
     """
     shape = 4 * len(paces), len(operations.actions), ticks
     offset, left = np.zeros(shape, np.int32), np.zeros(shape, np.int32)
@@ -396,7 +402,7 @@ def path_of(offsets, actions, heading, pace, late):
 
 @kernel
 def look_where_it_is(view, state, i):
-    """Enter pose, delay and origin of robot i, which stands, or moves or turns already."""
+    """Set pose, delay and origin of robot i, which stands, moves or turns."""
     robots = view.robots
     cell = np.int64(robots.cell[i])
     state.pose[i] = NIL
@@ -415,7 +421,7 @@ def look_where_it_is(view, state, i):
 
 @kernel
 def cell_after(state, i, operation, tick):
-    """Return the cell of robot i after a tick, if it does an operation next."""
+    """Return the cell of robot i after a tick of its next operation."""
     pose, done = np.int64(state.pose[i]), tick - np.int64(state.delay[i])
     if done < 0:
         return pose >> 2
@@ -424,7 +430,7 @@ def cell_after(state, i, operation, tick):
 
 @kernel
 def cell_held(state, i, operation, tick):
-    """Return the cell that robot i leaves and still holds after a tick, or the one in which it is."""
+    """Return the cell that robot i is leaving and still holds after a tick, else its own cell."""
     pose, done = np.int64(state.pose[i]), tick - np.int64(state.delay[i])
     if done < 0:
         return np.int64(state.origin[i]) if done + 1 < state.holds_late else pose >> 2
@@ -433,7 +439,7 @@ def cell_held(state, i, operation, tick):
 
 @kernel
 def enter_path(state, i, robot):
-    """Write `robot` (or NIL) wherever the plan of robot i leads."""
+    """Write `robot` (or NIL) into all cells of robot i's plan."""
     plan = np.int64(state.plan[i])
     for tick in range(state.ticks):
         state.occupied[cell_after(state, i, plan, tick), tick] = robot

@@ -1,4 +1,4 @@
-"""Where a robot would go: its options in the order in which it prefers them, detours among them."""
+"""The options of a robot in order of preference, including detours."""
 
 import numpy as np
 
@@ -50,15 +50,15 @@ from strategies.right_of_way.steering import (
     way_to_make_room,
 )
 
-KEY_SHIFT = 8  # ticks stand above the bits that settle ties
+KEY_SHIFT = 8  # ticks are above the tie-breaking bits
 TURN_BIT = 128
 STAY_BITS = 192
-NO_KEY = (1 << 62) - 1  # of an option that a robot does not have
+NO_KEY = (1 << 62) - 1  # the key of an unavailable option
 
 
 @kernel
 def rank_all_options(view, state, workspace):
-    """Enter the options of all robots that choose."""
+    """Set the options of all robots that choose."""
     mark_fixed(view, state, 1)
     price_all_steps(view, state, workspace)
     for i in range(view.robots.cell.shape[0]):
@@ -69,7 +69,7 @@ def rank_all_options(view, state, workspace):
 
 @kernel
 def mark_fixed(view, state, value):
-    """Enter a value at the cells of all robots that do not choose."""
+    """Write a value at the cells of all robots that do not choose."""
     robots = view.robots
     for i in range(robots.cell.shape[0]):
         if state.mode[U(i)] <= MODE_LEAVING and robots.cell[U(i)] != NIL:
@@ -80,11 +80,11 @@ def mark_fixed(view, state, value):
 
 @kernel
 def price_all_steps(view, state, workspace):
-    """Enter what follows on the steps of robots that choose.
+    """Set the costs of the steps of robots that choose.
 
-    Most tables lie far from each other in memory, so what was read there is kept for as long as a
-    robot stands where it is: half of 10,000 robots do (`automaton bench --only steering`). Where
-    tables are replaced, all are asked for, so that it shows in each tick whether there is room.
+    Distance tables are far apart in memory, so the costs of a robot are cached while it stands: half of
+    10,000 robots do (`automaton bench --only steering`). If tables can be replaced, all are requested in
+    each tick, so that a lack of room for tables shows at once.
     """
     robots = view.robots
     n, count = robots.cell.shape[0], 0
@@ -112,14 +112,14 @@ def price_all_steps(view, state, workspace):
 
 @kernel
 def find_table(view, state, workspace, i):
-    """Enter the table to the goal of robot i."""
+    """Set the distance table to the goal of robot i."""
     robots = view.robots
     state.priced_cell[U(i)] = robots.cell[U(i)]
     state.priced_goal[U(i)] = robots.goal_cell[U(i)]
     table = np.int64(NIL)
     if robots.goal_type[U(i)] != GOAL_NONE:
         goal = np.int64(robots.goal_cell[U(i)])
-        robot_type = with_load(view, np.int64(robots.type[U(i)]))  # not through storage
+        robot_type = with_load(view, np.int64(robots.type[U(i)]))  # no path through storage
         if state.guided:
             table = weighted_table_of(view, state.tables, robot_type, goal)
         else:
@@ -134,7 +134,7 @@ def tables_in_use(state, workspace):
 
 @kernel
 def add_street_costs(view, state, i):
-    """Add what the steps of robot i cost beyond their ticks where they are against streets."""
+    """Add the extra costs of robot i's steps against streets."""
     cell = np.int64(view.robots.cell[U(i)])
     for direction in range(4):
         if state.costs[U(i), U(direction)] < UNREACHABLE:
@@ -143,7 +143,7 @@ def add_street_costs(view, state, i):
 
 @kernel
 def street_cost(view, state, i, cell, direction):
-    """What a move of robot i out of a cell costs beyond its ticks; 0 along streets."""
+    """The extra cost of a move of robot i out of a cell; 0 along streets."""
     if not state.guided or not state.against[U(cell), U(direction)]:
         return np.int64(0)
     usual = view.rules.duration[U(view.robots.type[U(i)])][U(ACTION_MOVE)]
@@ -152,7 +152,7 @@ def street_cost(view, state, i, cell, direction):
 
 @kernel
 def price_ways_out(view, state):
-    """Robots on their way home that have to come out again forget about home for this tick."""
+    """Robots that drive home into a needed area have no goal in this tick."""
     robots = view.robots
     for i in range(robots.cell.shape[0]):
         if robots.goal_type[U(i)] != GOAL_PARK or robots.cell[U(i)] == NIL:
@@ -164,16 +164,16 @@ def price_ways_out(view, state):
 
 @kernel
 def has_to_make_room(view, state, i):
-    """Return whether robot i, on its way home, is in a place that is needed, or would park in one."""
+    """Return whether robot i, driving home, is in a needed area or would park in one."""
     areas, cell = state.service_areas, np.int64(view.robots.cell[U(i)])
     return may_not_go_home(view, areas, i) or way_to_make_room(view, areas, i, cell) != NIL
 
 
 @kernel
 def price_idle_steps(view, state, i):
-    """Enter what follows on steps without a goal.
+    """Set the costs of steps without a goal.
 
-    All are alike, but the way out of where it is in the way, and those into what others need.
+    All are equal, except the exit from a needed area, and steps into cells that others need.
     """
     cell, robot_type = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.type[U(i)])
     flags = np.int64(view.grid.type_cell_flags[U(robot_type), U(cell)])
@@ -191,11 +191,10 @@ def price_idle_steps(view, state, i):
 
 @kernel
 def rank_options(view, state, workspace, i):
-    """Enter the options of robot i, best first; the one that it has turned to is the first of all.
+    """Set the options of robot i, best first; the one that it has turned to is always first.
 
-    Staying costs as many ticks more than the best way on as it is not asked in. Each key ends with its
-    option, and five of them are sorted without a branch: which is best is as good as random to the
-    processor.
+    Staying costs the best step plus the ticks until the robot may choose again. Each key ends with its
+    option. The five keys are sorted without branches, since the processor cannot predict the best one.
     """
     robots = view.robots
     state.asks[U(i)] = 0
@@ -229,7 +228,7 @@ def rank_options(view, state, workspace, i):
 
 @kernel
 def key_of(view, state, i, direction, draws):
-    """The key of a step of robot i, NO_KEY if it is not open to it; and its cost."""
+    """The key of a step of robot i, NO_KEY if it is unavailable; and its cost."""
     robots, grid = view.robots, view.grid
     cell, robot_type = np.int64(robots.cell[U(i)]), np.int64(robots.type[U(i)])
     may_turn = np.int64(grid.type_cell_flags[U(robot_type), U(cell)]) & MAY_TURN != 0
@@ -240,7 +239,7 @@ def key_of(view, state, i, direction, draws):
     cost = after + cost_of_step(view, i, direction)
     is_limited = resource_in(view, to, direction) != NIL
     tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
-    tie = tie if is_limited else direction  # where there is room for all, as routes do
+    tie = tie if is_limited else direction  # in cells with room for all, as routes do
     key = (cost << KEY_SHIFT) | tie | (TURN_BIT * np.int64(turns != 0))
     is_begun = state.begun[U(i)] == direction + 1
     key = ((NIL if is_begun else key) << OPTION_BITS) | direction
@@ -260,7 +259,7 @@ def cost_of_step(view, i, direction):
 
 @kernel
 def turns_to(view, i, direction):
-    """Turns of 90 degrees that robot i makes before it moves in a direction."""
+    """The number of 90-degree turns of robot i before it moves in a direction."""
     robots = view.robots
     mask = headings_of(view.grid, robots.type[U(i)]) - 1
     difference = (direction - np.int64(robots.heading[U(i)])) & mask
@@ -269,7 +268,7 @@ def turns_to(view, i, direction):
 
 @kernel
 def with_wait(key, wait):
-    """The key of a step, with ticks of waiting before it, unless a robot has turned to it."""
+    """The key of a step with ticks of waiting before it, unless the robot has turned to it."""
     if key < 0 or key == NO_KEY:
         return key
     return key + (wait << (KEY_SHIFT + OPTION_BITS))
@@ -277,13 +276,13 @@ def with_wait(key, wait):
 
 @kernel
 def without(key, direction, barred):
-    """The key of a step, NO_KEY if it is in the direction that is barred."""
+    """The key of a step, or NO_KEY in the forbidden direction."""
     return NO_KEY if direction == barred else key
 
 
 @kernel
 def sorted_options(a, b, c, d, e):
-    """The options of five keys, the least one in the lowest bits; NO_OPTION after the last one."""
+    """The options of five keys, that of the least key in the lowest bits; NO_OPTION after the last."""
     a, b = min(a, b), max(a, b)
     d, e = min(d, e), max(d, e)
     c, e = min(c, e), max(c, e)
@@ -301,7 +300,7 @@ def sorted_options(a, b, c, d, e):
 
 @kernel
 def option_of(state, i, place):
-    """The option of robot i at a place, from 0 on; NO_OPTION: it has no more."""
+    """The option of robot i at a place, from 0; NO_OPTION after the last."""
     return (np.int64(state.options[U(i)]) >> (OPTION_BITS * place)) & NO_OPTION
 
 
@@ -309,7 +308,8 @@ def option_of(state, i, place):
 def waits_in_vain_to_turn(view, state, i):
     """Whether robot i cannot turn in a cell for two because another robot will not leave it.
 
-    Two that both want to turn there would wait for each other for ever: they drive on and turn later.
+    Two robots that both want to turn there would wait for each other for ever, so they drive on and turn
+    later.
     """
     cell, travel = np.int64(view.robots.cell[i]), np.int64(view.robots.travel[i])
     if not is_for_two(view, cell):
@@ -325,7 +325,7 @@ def waits_in_vain_to_turn(view, state, i):
 
 @kernel
 def is_beside_fixed(view, state, i):
-    """Whether a robot that does not choose is in a cell next to robot i, or such a cell is closed."""
+    """Whether a cell next to robot i is closed or has a robot that does not choose."""
     cell, offset, fixed = np.int64(view.robots.cell[U(i)]), view.grid.offset, state.holds_fixed
     east, south = fixed[U(cell + offset[0])], fixed[U(cell + offset[1])]
     if has_gates(view):
@@ -337,7 +337,7 @@ def is_beside_fixed(view, state, i):
 
 @kernel
 def ticks_until_free(view, state, i, cell, direction):
-    """Ticks until a robot that does not choose makes way to robot i in a cell, 0 without one."""
+    """Ticks until a robot that does not choose leaves a cell to robot i; 0 without such a robot."""
     if has_gates(view) and closed_until(view, cell, True):
         return closed_until(view, cell, True) - view.clock.tick
     if state.holds_fixed[U(cell)] == 0:
@@ -350,7 +350,7 @@ def ticks_until_free(view, state, i, cell, direction):
 
 @kernel
 def remaining_ticks(view, state, u):
-    """Ticks until robot u, which does not take part in this tick's decisions, leaves its cell."""
+    """Ticks until robot u, which does not decide in this tick, leaves its cell."""
     robots = view.robots
     if robots.status[u] > STATUS_EXHAUSTED:
         until = np.int64(robots.status_until[u]) - view.clock.tick
@@ -365,21 +365,20 @@ def remaining_ticks(view, state, u):
     return np.int64(LONG_WAIT if robots.goal_type[u] == GOAL_CHARGE else view.rules.stride)
 
 
-# Detours: when a robot goes round one that does not make way, instead of standing behind it.
+# Detours around robots that do not make way, instead of waiting behind them.
 #
-# Distances to a goal know no robots. Where the next cell of a robot's best way is held by one that
-# works, is down or charges, both staying and going on cost the ticks until that one is gone, and a
-# step to the side is better if it costs less. A step after which the best way leads back here only
-# postpones the wait: it costs as much, unless the wait is long, and any other way out is worth a try.
+# Distances to a goal ignore robots. If the next cell of a robot's best path is held by a robot that
+# works, is down or charges, both staying and going on cost the ticks until that robot leaves. A step to
+# the side is better if it costs less. A step whose best path leads back here only postpones the wait, so
+# it costs as much as the wait, unless the wait is long: then any other exit is worth a try.
 #
-# What a robot went round is not in the distances, so the cell that it came from costs the rest of the
-# wait until it is nearer to its goal than where it stood, or the wait is over: it does not turn back
-# and forth.
+# The distances do not contain the obstacle. So the cell that the robot came from costs the rest of the
+# wait, until the robot is nearer to its goal than before or the wait is over: it does not oscillate.
 
 
 @kernel
 def enter_waits(view, state, i, here):
-    """Enter what the steps of robot i cost beyond their ticks; `here`: those of the best one."""
+    """Set the extra costs of robot i's steps; `here`: the ticks of the best one."""
     follow_detour(view, state, i, here)
     cell = np.int64(view.robots.cell[U(i)])
     for direction in range(4):
@@ -391,7 +390,7 @@ def enter_waits(view, state, i, here):
 
 @kernel
 def compare_detours(view, state, workspace, i, here, costs):
-    """Rank steps beside the best way, of `here` ticks, by what they save of its wait; the least cost."""
+    """Rank steps off the best path of `here` ticks by the wait they save; return the least cost."""
     wait = np.int64(UNREACHABLE)
     for direction in range(4):
         if costs[direction] == here:
@@ -416,7 +415,7 @@ def is_on_detour(view, state, i):
 
 @kernel
 def follow_detour(view, state, i, cost):
-    """Note where robot i, on a detour, came from; or end it. `cost`: ticks to its goal."""
+    """Store the cell that robot i left on a detour, or end the detour. `cost`: ticks to its goal."""
     robots = view.robots
     cell, goal = robots.cell[U(i)], robots.goal_cell[U(i)]
     if goal != state.detour_goal[U(i)] or cost < state.detour_cost[U(i)]:
@@ -428,7 +427,7 @@ def follow_detour(view, state, i, cost):
 
 @kernel
 def begin_detour(view, state, i, cost, wait):
-    """Robot i goes another way, as `wait` ticks on its best one, of `cost` ticks, are too many."""
+    """Begin a detour of robot i, since `wait` ticks on its best path, of `cost` ticks, are too many."""
     if not is_on_detour(view, state, i):
         state.detour_from[U(i)] = view.robots.cell[U(i)]
         state.detour_cell[U(i)] = view.robots.cell[U(i)]
@@ -440,7 +439,7 @@ def begin_detour(view, state, i, cost, wait):
 
 @kernel
 def wait_for_return(view, state, i, to):
-    """Ticks that going back to the cell that robot i left on a detour costs it."""
+    """The cost, in ticks, of robot i's return to the cell that it left on a detour."""
     if not is_on_detour(view, state, i) or to != state.detour_from[U(i)]:
         return np.int64(0)
     return state.detour_until[U(i)] - view.clock.tick
@@ -448,7 +447,7 @@ def wait_for_return(view, state, i, to):
 
 @kernel
 def leads_on(view, state, workspace, i, direction):
-    """Whether a best way of robot i, after a step in a direction, goes on without coming back."""
+    """Whether a best path of robot i, after a step in a direction, does not lead back."""
     grid, robot_type = view.grid, np.int64(view.robots.type[U(i)])
     duration = view.rules.duration[U(robot_type)]
     cell = np.int64(view.robots.cell[U(i)]) + grid.offset[U(direction)]

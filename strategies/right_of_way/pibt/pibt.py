@@ -1,17 +1,17 @@
 """Priority inheritance with backtracking (PIBT; Okumura et al.) for robots whose actions take time.
 
-In each tick robots choose where to go, those first that have gone longest without finishing a visit;
-who stands in the way of one is pushed, and chooses next. Robots turn, and turns, moves, picks and
-drops may take ticks, which the published method does not have. Only free robots choose, and:
+In each tick robots choose where to go. Robots that have gone longest without finishing a visit choose
+first; a robot in the way of another is pushed, and chooses next. Unlike in the published method, robots
+turn, and turns, moves, picks and drops may take several ticks. Only free robots choose, and:
 
-reserve while turning   a robot that turns has reserved the cell that it turns to, and is leaving its own
-wait for the busy       the cell of one that works may be chosen: the ticks until it is done are added
-commit                  after a turn, the cell that it turned to comes first
+reserve while turning   a turning robot has reserved the cell to which it turns, and is leaving its own
+wait for the busy       a robot may choose the cell of a working robot, plus the ticks until it is done
+commit                  after a turn, the cell to which the robot turned comes first
 
-With limited sight each robot decides for all that it sees, and follows its own part of that; priorities
-are made known as those of the world (`robots.priority`), which every robot near it sees.
+With limited sight each robot decides for all robots that it sees, and follows its own part of the
+decision. Robots publish their priorities (`robots.priority`), which every robot nearby sees.
 
-One robot is let into a dead end at a time, if its goal is there; who leaves one goes first.
+A dead end admits one robot with a goal in it at a time; robots that leave a dead end go first.
 """
 
 from typing import ClassVar
@@ -118,7 +118,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class Pibt(Strategy):
-    """Robots make way by inherited priority (PIBT), turns and moves of any length."""
+    """Robots make way by inherited priority (PIBT); turns and moves of any length."""
 
     layer = "right_of_way"
     Parameters = PibtParameters
@@ -129,9 +129,9 @@ class Pibt(Strategy):
     period = 1
 
     def reset(self, view):
-        """All robots have an equal claim at the start: the queue begins in an order by hash.
+        """Return the state at the start of a run: the queue of robots begins in an order by hash.
 
-        With limited sight it stays unused: each robot goes by what others make known.
+        With limited sight the queue stays unused: robots use published priorities.
         """
         n, cells = len(view.robots.cell), len(view.grid.cell_flags)
         ends = dead_ends_that_hold(view.grid, n)
@@ -161,18 +161,20 @@ class Pibt(Strategy):
         )
 
 
-# Who takes part.
+# Participants.
 
 
 @kernel
 def look_at_robots(view, batch, state):
-    """Who takes part, who is on the way to which cell, and who is in which dead end or wants into it."""
+    """Find the robots that take part, the cells they move to, and the dead ends they need."""
     robots, limited = view.robots, view.rules.radius != NIL
     state.calls += 1
     empty_dead_ends(state)
     count_callers(view, state.service_areas)
     for i in range(robots.cell.shape[0]):
-        sees_plans = not limited or i == batch.robot[0]  # what others have in mind is out of sight
+        sees_plans = (
+            not limited or i == batch.robot[0]
+        )  # the choices of other robots are not visible
         state.mode[i] = MODE_FIXED
         state.begun[i] = state.turning[i] if sees_plans else 0
         state.departs[i] = NOT_ASKED
@@ -191,7 +193,7 @@ def look_at_robots(view, batch, state):
 
 @kernel
 def look_where_it_goes(view, state, i):
-    """Enter the cell that robot i moves or turns to, and reserve it."""
+    """Set and reserve the cell to which robot i moves or turns."""
     robots = view.robots
     cell, claim, begun = np.int64(robots.cell[i]), np.int64(robots.claim[i]), state.begun[i]
     state.next[i] = cell
@@ -204,7 +206,7 @@ def look_where_it_goes(view, state, i):
         reserve_other_lane(view, state, i)
     elif robots.busy[i]:
         waits_at_gate = robots.action[i] == ACTION_TURN and has_gates(view)
-        if waits_at_gate and view.rules.radius == NIL:  # it turns to the gate, and holds its place
+        if waits_at_gate and view.rules.radius == NIL:  # it turns to the gate and keeps its cell
             reserve(state, own_resource(view, i), i)
         state.begun[i] = 0
     if state.mode[i] == MODE_LEAVING:
@@ -214,12 +216,12 @@ def look_where_it_goes(view, state, i):
 
 @kernel
 def let_choose(view, state, i):
-    """Robot i is free: it chooses, unless it is where it has something to do, or in the queue there."""
+    """Let free robot i choose, unless it is where it has work, or in the queue there."""
     has_left = view.robots.cell[i] == NIL
     if has_left or not (is_at_goal(view, i) or is_in_own_queue(view, i)):
         state.mode[i] = MODE_UNDECIDED
         if state.holds_back and not has_left and stands_across(view, state, i):
-            reserve_other_lane(view, state, i)  # it has begun to turn round
+            reserve_other_lane(view, state, i)  # it has begun a U-turn
     else:
         state.begun[i] = 0
         state.turning[i] = 0
@@ -227,7 +229,7 @@ def let_choose(view, state, i):
 
 @kernel
 def stands_across(view, state, i):
-    """Whether robot i, in an aisle for two, faces neither way, and the other lane is free to turn on."""
+    """Whether robot i, in an aisle for two, faces neither way and may turn on the other lane."""
     robots = view.robots
     cell, travel = np.int64(robots.cell[i]), np.int64(robots.travel[i])
     turns = headings_of(view.grid, robots.type[i]) > 1
@@ -236,15 +238,15 @@ def stands_across(view, state, i):
     return is_lane_free(view, state, i)
 
 
-# Who chooses first.
+# Order of choice.
 
 
 @kernel
 def update_queue(view, state):
-    """Who has finished a visit goes to the end of the queue.
+    """Move robots that have finished a visit to the end of the queue.
 
-    In a stall the robot at its head does, once in each round. Then no robot's rank goes by gates: one
-    that goes into a block and fills it would give way to those inside, and push them back from outside.
+    In a stall the robot at its head also moves there, once in each round. Then gates do not affect ranks:
+    a robot that enters and fills a block would yield to the robots inside, and then push them back.
     """
     robots, queue = view.robots, state.queue
     remaining, moved, stall = 0, 0, np.int64(0)
@@ -272,15 +274,16 @@ def update_queue(view, state):
 
 @kernel
 def may_stall(view, state):
-    """Whether stalls are looked for: where robots are held back or kept by gates, and see all others."""
+    """Whether stalls are detected: if robots are held back or stopped by gates, and see all others."""
     return view.rules.radius == NIL and (has_gates(view) or state.holds_back)
 
 
 @kernel
 def has_finished(view, state, i):
-    """Whether robot i has done since the last look what it drove to its goal cell for.
+    """Whether robot i has finished the work at its goal cell since the last check.
 
-    Who lost the last tick at a full block counts as well: else it would push back those that come out.
+    A robot that lost the last tick at a full block also counts; otherwise it would push back robots that
+    come out.
     """
     robots = view.robots
     before, cell = np.int64(state.aim_type[i]), np.int64(state.aim_cell[i])
@@ -294,9 +297,9 @@ def has_finished(view, state, i):
 
 @kernel
 def list_robots_in_sight(view, batch, decisions, state):
-    """Enter those who choose into the queue, by the priorities that all make known; how many they are.
+    """Add the robots that choose to the queue, by their published priorities; return their number.
 
-    The robot that is asked sees no times but its own, and makes them known as its priority.
+    The deciding robot sees only its own times, and publishes them as its priority.
     """
     robots, own = view.robots, np.int64(batch.robot[0])
     if has_finished(view, state, own) or state.since[own] == 0:
@@ -339,10 +342,10 @@ def sift_down(words, parent, count):
 
 @kernel
 def rank_of(view, state, i):
-    """Who makes room, or leaves a dead end or a full block, goes first.
+    """The rank of a robot: first, robots that make room, or leave a dead end or a full block.
 
-    Last goes who has nothing to do, or may not enter. Who waits for a door or for its lift holds its
-    place, as if it left: it would ask in vain elsewhere.
+    Last are robots that are idle or must not enter. A robot that waits for a door or lift ranks like one
+    that leaves, so that it keeps its place: elsewhere its request would be useless.
     """
     robots = view.robots
     if state.deadlocks.aside[U(i)]:
@@ -376,7 +379,7 @@ def rank_of(view, state, i):
 
 @kernel
 def gate_that_keeps(view, state, i):
-    """The gate that keeps robot i out of the cell that it likes best, or NIL."""
+    """The gate that keeps robot i out of its preferred cell, or NIL."""
     cell, option = np.int64(view.robots.cell[U(i)]), option_of(state, i, 0)
     if option >= STAY_OPTION:
         return np.int64(NIL)
@@ -385,7 +388,7 @@ def gate_that_keeps(view, state, i):
 
 @kernel
 def is_beside_full_gate(view, i):
-    """Whether a gate that does not open soon keeps robot i out of a cell next to it."""
+    """Whether a gate that will not open soon keeps robot i out of an adjacent cell."""
     cell = np.int64(view.robots.cell[U(i)])
     for direction in range(4):
         if (np.int64(view.grid.cell_flags[U(cell)]) >> direction) & 1:
@@ -400,7 +403,7 @@ def is_beside_full_gate(view, i):
 
 @kernel
 def decide_all(view, state, workspace, count):
-    """Let the first robots of the queue choose: by rank, and in each rank by their places."""
+    """Let the robots of the queue choose by rank, and within a rank by place."""
     rank_all_options(view, state, workspace)
     at_index = view.robots.at_index
     for place in range(count):
@@ -431,7 +434,7 @@ def choose(view, state, i):
 
 @kernel
 def leave_bay(view, state, i):
-    """Robot i, in its parking bay, reserves its home cell; whoever stands there is pushed."""
+    """Reserve the home cell for robot i, in its parking bay, and push the robot that is there."""
     robots = view.robots
     home = np.int64(robots.home[i])
     state.mode[i] = MODE_DECIDED
@@ -487,7 +490,7 @@ def give_commands(view, batch, decisions, state):
 
 @kernel
 def hold_back(view, state, out, k, i):
-    """Robot i waits for the holder of the cell that it has chosen, and keeps to it if that one leaves."""
+    """Let robot i wait for the holder of its chosen cell; it keeps the choice if the holder leaves."""
     direction = direction_of(state, i)
     to = np.int64(state.next[U(i)])
     u = holder_of(view, to, direction)
@@ -501,7 +504,7 @@ def hold_back(view, state, out, k, i):
 
 @kernel
 def may_turn_to(view, state, i, direction):
-    """Whether robot i faces this direction, or may turn to it where it stands."""
+    """Whether robot i faces this direction, or may turn to it in its cell."""
     return is_facing(view, i, direction) or is_lane_free(view, state, i)
 
 
@@ -510,7 +513,7 @@ def may_turn_to(view, state, i, direction):
 
 @kernel
 def look_for_deadlocks(view, state):
-    """Enter which robots wait for which, of those that have stood for long, and break wait cycles."""
+    """Find the blockers of robots that have stood for long, and break wait cycles."""
     for i in range(view.robots.cell.shape[0]):
         if state.mode[i] == MODE_DECIDED and has_stood_long(view, state.deadlocks, i):
             has_way_out = state.deadlocks.aside[i] and state.next[i] != view.robots.cell[i]
@@ -523,7 +526,7 @@ def look_for_deadlocks(view, state):
 
 @kernel
 def enter_blocker(view, state, i):
-    """Enter which robot is in the cell that robot i likes best, or keeps it from turning to it."""
+    """Set the robot that is in robot i's preferred cell, or prevents the turn to it."""
     direction = option_of(state, i, 0)
     if state.deadlocks.aside[i]:
         direction = np.int64(state.deadlocks.aside[i]) - 1

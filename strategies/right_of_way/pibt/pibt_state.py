@@ -1,4 +1,4 @@
-"""What PIBT keeps from tick to tick: its state, who is in which cell, and who is in which dead end."""
+"""The state of PIBT: robots, the occupants of cells, and the robots in dead ends."""
 
 import numpy as np
 
@@ -20,19 +20,21 @@ from automaton.strategy.api import (
 )
 from strategies.right_of_way.steering import Deadlocks, ServiceAreas
 
-# Modes of a robot in a tick: state.mode.
-MODE_FIXED = 0  # it stays where it is, whatever is decided here
-MODE_LEAVING = 1  # it is on its way to `next`, and its cell will be free
+# Modes of a robot in a tick (state.mode).
+MODE_FIXED = 0  # it stays, whatever is decided here
+MODE_LEAVING = 1  # it is moving to `next`, and its cell will be free
 MODE_UNDECIDED = 2
 MODE_DECIDED = 3
 
-STAY_OPTION = 4  # an option beside the four directions
+STAY_OPTION = 4  # an option besides the four directions
 NO_OPTION = 7  # after the last one
 OPTION_BITS = 3
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
-LONG_WAIT = 100_000  # ticks: of a robot that stands for longer than one waits
+U = np.uint64  # unsigned as an index: avoids the test for negative values
+LONG_WAIT = 100_000  # ticks: the wait for a robot that stands for an unlimited time
 DEEPEST = 2**31 - 1
-ROOM_TO_PASS = 8  # places outside dead ends that are empty whatever comes out of them
+ROOM_TO_PASS = (
+    8  # least number of places outside dead ends that stay empty when all robots come out
+)
 
 
 class PibtState(Struct):
@@ -41,87 +43,93 @@ class PibtState(Struct):
     g = c where lattice weights guide robots, else 0.
     """
 
-    dead_ends: int = field("int64", "how many there are", role=STATIC)
+    dead_ends: int = field("int64", "number of dead ends", role=STATIC)
     holds_back: int = field(
         "int64",
-        "1: who waits for one that makes way is held back, and keeps its choice",
+        "1: a robot that waits for one that makes way is held back, and keeps its choice",
         role=STATIC,
     )
     rings: int = field("int64", "1: robots that push each other in a ring all move", role=STATIC)
-    guided: int = field("int64", "1: costs are those of `tables`, 0: ticks", role=STATIC)
+    guided: int = field("int64", "1: costs are from `tables`, 0: ticks", role=STATIC)
     tables: DistanceTables
     against: Array = field(
-        "(g, 4) uint8", "1 = a move E, S, W, N out of the cell is against its street", role=CONSTANT
+        "(g, 4) uint8",
+        "1 = a move to E, S, W, N out of the cell is against its street",
+        role=CONSTANT,
     )
-    next: Array = field("(n,) int32", "the cell that it turns to or enters, or its own")
+    next: Array = field("(n,) int32", "the cell to which it turns or moves, or its own")
     turning: Array = field(
-        "(n,) uint8", "1 + the direction that it has begun to turn to, or waits for; 0"
+        "(n,) uint8", "1 + the direction to which it turns or for which it waits, or 0"
     )
-    begun: Array = field("(n,) uint8", "the same, 0 where a robot sees no plans", role=SCRATCH)
-    aim_cell: Array = field("(n,) int32", "its goal cell when it was last looked at", default=NIL)
-    aim_type: Array = field("(n,) uint8", "what it was to do there")
-    since: Array = field(
-        "(n,) int64", "with limited sight: the tick of the last visit that it has finished"
+    begun: Array = field("(n,) uint8", "the same; 0 if plans are not visible", role=SCRATCH)
+    aim_cell: Array = field("(n,) int32", "its goal cell at the last check", default=NIL)
+    aim_type: Array = field("(n,) uint8", "its work there")
+    since: Array = field("(n,) int64", "with limited sight: the tick of its last finished visit")
+    detour_until: Array = field("(n,) int64", "the end of its detour around another robot")
+    detour_cost: Array = field("(n,) int32", "the ticks to its goal at the start of the detour")
+    detour_goal: Array = field(
+        "(n,) int32", "its goal cell at the start of the detour", default=NIL
     )
-    detour_until: Array = field("(n,) int64", "until this tick it goes round another robot")
-    detour_cost: Array = field("(n,) int32", "the ticks to its goal where it met that one")
-    detour_goal: Array = field("(n,) int32", "its goal cell then", default=NIL)
-    detour_cell: Array = field("(n,) int32", "where it is", default=NIL)
-    detour_from: Array = field("(n,) int32", "and where it was before", default=NIL)
-    queue: Array = field(
-        "(q,) int32", "identities, by the time of the last visit that each has finished"
-    )
-    dead_end: Array = field("(c,) int32", "the dead end that a cell belongs to", role=CONSTANT)
-    way_out: Array = field("(c,) uint8", "the direction out of it", role=CONSTANT)
-    depth: Array = field("(c,) int32", "moves from a cell out of it", role=CONSTANT)
-    tenants: Array = field("(e,) int32", "robots in a dead end, or on the way in", role=SCRATCH)
+    detour_cell: Array = field("(n,) int32", "its cell on the detour", default=NIL)
+    detour_from: Array = field("(n,) int32", "its previous cell", default=NIL)
+    queue: Array = field("(q,) int32", "identities, by the time of their last finished visit")
+    dead_end: Array = field("(c,) int32", "the dead end of a cell", role=CONSTANT)
+    way_out: Array = field("(c,) uint8", "the direction out of the dead end", role=CONSTANT)
+    depth: Array = field("(c,) int32", "number of moves out of the dead end", role=CONSTANT)
+    tenants: Array = field("(e,) int32", "robots in a dead end, or entering it", role=SCRATCH)
     drivers: Array = field("(e,) int32", "those of them that are not parked", role=SCRATCH)
-    callers: Array = field("(e,) int32", "robots outside that have work in it", role=SCRATCH)
-    parked_from: Array = field("(e,) int32", "the least depth of robots parked in it", role=SCRATCH)
+    callers: Array = field("(e,) int32", "robots outside with work in it", role=SCRATCH)
+    parked_from: Array = field(
+        "(e,) int32", "the least depth of a robot parked in it", role=SCRATCH
+    )
     parks_at: Array = field(
-        "(e,) int32", "the greatest depth at which robots outside will park, or 0", role=SCRATCH
+        "(e,) int32",
+        "the greatest depth at which a robot from outside will park, or 0",
+        role=SCRATCH,
     )
     service_areas: ServiceAreas
-    stall: Array = field("(s,) int64", "which round of a stall it is, or 0")
-    calls: int = field("() int64", "how often it has decided", role=SCRATCH)
+    stall: Array = field("(s,) int64", "the current round of a stall, or 0")
+    calls: int = field("() int64", "number of decisions", role=SCRATCH)
     in_sight: Array = field(
-        "(n,) int64", "with limited sight: who chooses, those first in the lowest", role=SCRATCH
+        "(n,) int64", "with limited sight: keys of robots that choose, lowest first", role=SCRATCH
     )
-    reserved: Array = field("(r,) int64", "call << 32 | who is in it after this move", role=SCRATCH)
+    reserved: Array = field(
+        "(r,) int64", "call << 32 | the robot in it after this move", role=SCRATCH
+    )
     mode: Array = field("(n,) uint8", "MODE_FIXED to MODE_DECIDED", role=SCRATCH)
     options: Array = field(
         "(n,) uint32", "directions and STAY_OPTION, best first, in OPTION_BITS each", role=SCRATCH
     )
     waits: Array = field(
-        "(w,) int64", "what a step E, S, W, N of one robot costs beyond its ticks", role=SCRATCH
+        "(w,) int64", "extra cost of a step to E, S, W, N of one robot", role=SCRATCH
     )
-    option_next: Array = field(
-        "(n,) uint8", "the place of the option to be tried next", role=SCRATCH
-    )
+    option_next: Array = field("(n,) uint8", "the place of the next option to try", role=SCRATCH)
     departs: Array = field("(n,) uint8", "whether it begins its move (departures)", role=SCRATCH)
     asks: Array = field(
-        "(n,) uint8", "1 + the direction in which it asks for a gate, or 0", role=SCRATCH
+        "(n,) uint8", "1 + the direction of the gate that it requests, or 0", role=SCRATCH
     )
-    priced_cell: Array = field("(n,) int32", "the cell that its `costs` are of", role=SCRATCH)
-    priced_goal: Array = field("(n,) int32", "and the goal cell, or NIL", role=SCRATCH)
-    costs: Array = field("(n, 4) int32", "ticks to its goal after a step E, S, W, N", role=SCRATCH)
-    unpriced: Array = field("(m,) int32", "robots that have others now", role=SCRATCH)
+    priced_cell: Array = field("(n,) int32", "the cell to which its `costs` apply", role=SCRATCH)
+    priced_goal: Array = field("(n,) int32", "the goal cell of these, or NIL", role=SCRATCH)
+    costs: Array = field(
+        "(n, 4) int32", "ticks to its goal after a step to E, S, W, N", role=SCRATCH
+    )
+    unpriced: Array = field("(m,) int32", "robots whose costs change", role=SCRATCH)
     table: Array = field("(n,) int32", "the distance table to its goal, or NIL", role=SCRATCH)
     holds_fixed: Array = field(
         "(c,) uint8", "1 = a robot that does not choose is there", role=SCRATCH
     )
-    rank: Array = field("(q,) uint8", "by place in the queue: who chooses first", role=SCRATCH)
+    rank: Array = field("(q,) uint8", "rank by place in the queue, lowest first", role=SCRATCH)
     stack: Array = field("(n,) int32", "a chain of robots that push each other", role=SCRATCH)
     deadlocks: Deadlocks
-    finished: Array = field("(q,) int32", "who has finished a visit since", role=SCRATCH)
+    finished: Array = field("(q,) int32", "robots that have finished a visit since", role=SCRATCH)
 
 
-# Who is in a cell, or in a lane of a cell for two, and who has chosen it for after this move.
+# The robot in a cell, or in a lane of a cell for two, and the robot that has reserved it.
 
 
 @kernel
 def resource_in(view, cell, direction):
-    """What a robot travelling in a direction takes of a cell, NIL where there is no limit."""
+    """The resource of a cell for a robot that travels in a direction; NIL without limit."""
     lane = lane_of(np.int64(view.grid.cell_flags[U(cell)]), direction)
     return NIL if lane == NIL else cell + lane * view.grid.cell_flags.shape[0]
 
@@ -149,7 +157,7 @@ def reserve(state, resource, i):
 
 @kernel
 def reserver_of(state, resource):
-    """Who has reserved a resource in this call, or NIL."""
+    """The robot that has reserved a resource in this call, or NIL."""
     if resource == NIL:
         return np.int64(NIL)
     word = state.reserved[U(resource)]
@@ -163,7 +171,7 @@ def is_for_two(view, cell):
 
 @kernel
 def is_lane_free(view, state, i):
-    """Whether robot i can turn where it is: in a cell for two it takes both lanes."""
+    """Whether robot i can turn in its cell; in a cell for two a turn needs both lanes."""
     cell, travel = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)])
     if not is_for_two(view, cell):
         return True
@@ -175,23 +183,23 @@ def is_lane_free(view, state, i):
 
 @kernel
 def reserve_other_lane(view, state, i):
-    """Robot i turns: in a cell for two no other robot comes into the other lane meanwhile."""
+    """Reserve both lanes of a cell for two while robot i turns there."""
     cell, travel = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.travel[U(i)])
     if is_for_two(view, cell):
         reserve(state, resource_in(view, cell, travel ^ 2), i)
 
 
-# Dead ends: who may go in, and who has to come out.
+# Dead ends: which robots may enter, and which must leave.
 #
-# One robot that works is let in at a time, when it is empty; those that are parked there come out for
-# it. Robots whose homes share a dead end park from its end on: the one with the home farthest in goes
-# first, and who is parked nearer to the mouth comes out for it.
+# A dead end admits one robot with work at a time, if it is empty; robots parked in it leave for that.
+# Robots whose homes share a dead end park from its inner end: the robot with the innermost home goes
+# first, and robots parked nearer to the entrance leave for it.
 
 
 def dead_ends_that_hold(grid, robots):
-    """Return the dead ends, or none where too few places outside them are left for so many robots.
+    """Return the dead ends, or none if there are too few places outside them for this number of robots.
 
-    There a robot can come out for another one only where that one would go in.
+    Otherwise a robot could come out only into cells that the entering robot needs.
     """
     exits, capacity = exits_to_pass_by(grid), grid.cell_flags >> 5 & 3
     ends = dead_ends_of_types(exits, capacity == 1, grid.offset)
@@ -203,7 +211,7 @@ def dead_ends_that_hold(grid, robots):
 
 
 def exits_to_pass_by(grid):
-    """(k, C) uint8: the exits of each type, less those from storage into storage."""
+    """(k, C) uint8: the exits of each type, without those from storage into storage."""
     flags = grid.type_cell_flags.copy()
     storage = (flags & NO_WAY_THROUGH != 0).any(axis=0)
     for direction, offset in enumerate(grid.offset.tolist()):
@@ -224,7 +232,7 @@ def empty_dead_ends(state):
 
 @kernel
 def count_in_dead_ends(view, state, i):
-    """Count robot i in the dead end that it is in, enters, or wants into."""
+    """Count robot i for the dead end that it is in, enters, or wants to enter."""
     robots = view.robots
     cell, goal = np.int64(robots.cell[i]), np.int64(robots.goal_cell[i])
     here = np.int64(state.dead_end[cell])
@@ -251,7 +259,7 @@ def count_in_dead_ends(view, state, i):
 
 @kernel
 def has_to_leave(view, state, i):
-    """Whether robot i, without work, is in a dead end that others want into, or past its place."""
+    """Whether idle robot i is in a dead end that others want to enter, or beyond its own place there."""
     robots = view.robots
     goal_type, cell = robots.goal_type[U(i)], np.int64(robots.cell[U(i)])
     if state.dead_ends == 0 or cell == NIL or (goal_type != GOAL_NONE and goal_type != GOAL_PARK):
@@ -265,7 +273,7 @@ def has_to_leave(view, state, i):
 
 @kernel
 def may_enter(view, state, i, cell):
-    """Whether robot i may enter a cell as far as dead ends go: with a goal inside, and at its turn."""
+    """Whether the rules of dead ends let robot i enter a cell: with a goal inside, and in its turn."""
     if state.dead_ends == 0:
         return True
     dead_end = np.int64(state.dead_end[cell])

@@ -1,4 +1,4 @@
-"""Priority inheritance: a robot takes the best option that is left, and whoever is there makes way."""
+"""Priority inheritance: a robot takes its best remaining option, and the robot there makes way."""
 
 import numpy as np
 
@@ -34,19 +34,19 @@ from strategies.right_of_way.pibt.pibt_state import (
 )
 from strategies.right_of_way.steering import at_once_ticks, comes_to_charge, lacks_charge
 
-SETTLED = -1  # results of take_option, beside the robot that has to make way
+SETTLED = -1  # results of take_option, besides the robot that must make way
 FAILED = -2
 NOT_ASKED = 0  # state.departs
 GOES = 1
 IS_BEHIND = 2
-ASKED = 3  # those behind it on this walk depend on it
+ASKED = 3  # robots behind it on this walk depend on it
 
 
 @kernel
 def push(view, state, first):
-    """Decide robot `first`, and those whom it pushes; returns whether it got an option of its own.
+    """Decide for robot `first` and all that it pushes; return whether it got one of its options.
 
-    A chain of pushes is as long as the fleet, so the stack is explicit.
+    A chain of pushes may contain the whole fleet, so the stack is explicit.
     """
     state.stack[0] = first
     state.mode[first] = MODE_DECIDED
@@ -68,12 +68,12 @@ def push(view, state, first):
 
 @kernel
 def take_option(view, state, i, depth):
-    """Reserve the next option of robot i that is left; returns the robot to push, SETTLED or FAILED.
+    """Reserve the next remaining option of robot i; return the robot to push, SETTLED or FAILED.
 
-    It is the last of so many robots that push each other.
+    Robot i is the last of this number of robots that push each other.
     """
     cell = np.int64(view.robots.cell[U(i)])
-    must_turn = False  # for what it likes better than to stay
+    must_turn = False  # for options that are better than to stay
     while True:
         place = np.int64(state.option_next[U(i)])
         option = option_of(state, i, place)
@@ -94,7 +94,7 @@ def take_option(view, state, i, depth):
             continue
         to = cell + view.grid.offset[U(option)]
         gate = gate_before(view, i, to)
-        if gate != NIL:  # it asks for the gate, and stays where it is meanwhile
+        if gate != NIL:  # it requests the gate, and stays meanwhile
             if state.asks[U(i)] == 0 and (place == 0 or opens_soon(view, gate, i)):
                 state.asks[U(i)] = option + 1
             comer = reserver_of(state, own_resource(view, i))
@@ -128,7 +128,7 @@ def stay(view, state, i):
 
 @kernel
 def would_swap(view, state, i, to, holder):
-    """Whether robot i and one that comes from that cell into its own would meet on the edge."""
+    """Whether robot i and a robot that moves from this cell into its own would swap cells."""
     cell = np.int64(view.robots.cell[U(i)])
     if holder != NIL and state.mode[U(holder)] != MODE_UNDECIDED and state.next[U(holder)] == cell:
         return True
@@ -138,7 +138,7 @@ def would_swap(view, state, i, to, holder):
 
 @kernel
 def closes_ring(view, state, i, resource):
-    """Whether robot i, by this option, takes what the robot holds whose pushes it makes way for."""
+    """Whether this option of robot i closes a ring: it takes the resource of the chain's first robot."""
     first = np.int64(state.stack[0])
     return first != i and resource != NIL and resource == own_resource(view, first)
 
@@ -147,8 +147,8 @@ def closes_ring(view, state, i, resource):
 def may_rotate(view, state, depth):
     """Whether a ring of all robots on the stack moves, if the last one takes the place of the first.
 
-    It does not where rings do not rotate at all, if a robot in it comes to charge, or if it is to let the
-    first step aside. Where all moves take one tick a ring with one that comes to charge is refused.
+    It does not if rings never rotate, if a robot in it comes to charge, or if its first robot must step
+    aside. If all moves take one tick, the world refuses a ring with a robot that comes to charge.
     """
     if state.rings == 0 or state.deadlocks.aside[U(state.stack[0])]:
         return False
@@ -162,7 +162,7 @@ def may_rotate(view, state, depth):
 
 @kernel
 def fetch_cells(view, state, i):
-    """Ask the memory for what is noted of the cell of robot i, and of the one that it likes best."""
+    """Prefetch the data of robot i's cell and of its preferred cell."""
     cell, option = np.int64(view.robots.cell[U(i)]), option_of(state, i, 0)
     if cell != NIL and option < STAY_OPTION:
         to = cell + view.grid.offset[U(option)]
@@ -171,16 +171,15 @@ def fetch_cells(view, state, i):
         prefetch(view.traffic.holder, U(2 * to))
 
 
-# Which robots that have chosen another cell begin their moves in this tick, by the rule of following.
+# Departures: which robots with a chosen cell begin to move in this tick, by the rule of following.
 #
-# A robot whose way is not free yet is held back instead of sent, and goes on with its choice: the
-# cell for which it waits comes first in the next tick, as the one to which a robot has turned does.
-# Where all moves take one tick and may follow, all that are pushed make way at once: there robots are
-# sent as before.
+# A robot whose cell is not free yet is held back and keeps its choice: the chosen cell comes first in
+# the next tick, like a cell to which a robot has turned. If all moves take one tick and may follow each
+# other, all pushed robots make way at once, so no robot is held back.
 
 
 def holds_back(view):
-    """Return whether robots may find that those whom they push are not gone in the same tick."""
+    """Return whether pushed robots may still be in their cells at the end of the tick."""
     ticks = np.asarray(view.rules.duration)[:, ACTION_MOVE].max()
     limits = np.asarray(view.grid.min_move_ticks)
     longest = max(int(ticks), int(limits.max(initial=0)))
@@ -192,8 +191,8 @@ def holds_back(view):
 def departs(view, state, first):
     """Return whether robot `first`, which has chosen another cell, begins to move there now.
 
-    It does where the cell is free, or opens because its holder moves off in turn; a ring of such robots
-    has closed only where rings rotate. What is found holds for all robots on the way there.
+    It does if the cell is free, or opens because its holder also begins to move. A ring of such robots
+    exists only if rings rotate. The result holds for all robots on this walk.
     """
     stack, depth, i, opens = state.stack, 0, first, True
     while state.departs[U(i)] == NOT_ASKED:
@@ -220,13 +219,13 @@ def departs(view, state, first):
 
 @kernel
 def direction_of(state, i):
-    """Return the direction in which robot i, which goes, has chosen to."""
+    """Return the direction that moving robot i has chosen."""
     return option_of(state, i, np.int64(state.option_next[U(i)]) - 1)
 
 
 @kernel
 def moves_off(view, state, u, cell):
-    """Return whether robot u has chosen to go from a cell, need not turn first, and has the charge."""
+    """Return whether robot u has chosen to leave a cell, need not turn first, and has enough charge."""
     has_chosen = state.mode[U(u)] == MODE_DECIDED and state.next[U(u)] != cell
     if not has_chosen or view.robots.cell[U(u)] != cell:
         return False
@@ -235,7 +234,7 @@ def moves_off(view, state, u, cell):
 
 @kernel
 def is_way_free(view, cell, u):
-    """Return whether a robot may begin to move into a cell that robot u, under way, holds."""
+    """Return whether a robot may begin to move into a cell that moving robot u still holds."""
     robots, following = view.robots, view.rules.following
     if robots.cell[U(u)] != cell or robots.claim[U(u)] == NIL or robots.claim[U(u)] == cell:
         return False
@@ -246,7 +245,7 @@ def is_way_free(view, cell, u):
 
 @kernel
 def gives_way_at_once(view, state, u):
-    """Return whether the move that robot u begins opens its cell in the same tick."""
+    """Return whether robot u frees its cell in the tick in which it begins to move."""
     if view.rules.following != FOLLOWING_HANDOVER:
         return view.rules.following == FOLLOWING_CONVOY
     cell, direction = np.int64(view.robots.cell[U(u)]), direction_of(state, u)

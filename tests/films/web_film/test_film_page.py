@@ -185,10 +185,10 @@ def test_names_cannot_break_out_of_their_place() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--html", "film.mp4"), "'film.mp4' names no page: allowed is FILE.html"),
-        (("--html", "f.html", "--fps", 5), "--fps does not go together with --html"),
-        (("--html", "f.html", "--zoom", "1x1"), "--zoom does not go together with --html"),
-        (("--html", "f.html", "--picture", "f.svg"), "--picture does not go together with --html"),
+        (("--html", "film.mp4"), "'film.mp4' is not a page: the name must end in .html"),
+        (("--html", "f.html", "--fps", 5), "--fps cannot be combined with --html"),
+        (("--html", "f.html", "--zoom", "1x1"), "--zoom cannot be combined with --html"),
+        (("--html", "f.html", "--picture", "f.svg"), "--picture cannot be combined with --html"),
         (("--html", "f.html", "--to", 206), "there is no tick 206: the recording ends at tick 205"),
         (("--html", "f.html", "--from", 9, "--to", 8), "there is nothing from tick 9 to tick 8"),
         (("--html", "f.html", "--follow", 4), "there is no robot 4: the last one is robot 3"),

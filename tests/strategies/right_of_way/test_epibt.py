@@ -267,7 +267,7 @@ def test_robots_that_go_down_are_gone_round(tmp_path: Path) -> None:
         (("durations.move=65",), "too few for depth 3 with durations.move 65 and durations.turn 1"),
         (("durations.turn=65",), "it plans 256 ticks at most, too few for depth 3"),
         (("information=orders",), "information must be everything"),
-        (("strategy.routing=astar",), "routing 'astar' would never be asked"),
+        (("strategy.routing=astar",), "routing 'astar' would have no effect"),
         (("strategy.right_of_way={name: epibt, depth: 6}",), "depth"),
     ],
     ids=str,

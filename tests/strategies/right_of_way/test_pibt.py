@@ -211,7 +211,7 @@ def test_who_leaves_a_dead_end_goes_before_who_wants_into_it():
 
 
 def test_it_goes_with_no_routes():
-    with pytest.raises(InputError, match="routing 'congestion' would never be asked"):
+    with pytest.raises(InputError, match="routing 'congestion' would have no effect"):
         resolve("crossing", ["strategy.right_of_way=pibt", "strategy.routing=congestion"])
 
 
@@ -296,5 +296,5 @@ def test_limited_sight_gives_no_illegal_answers(tmp_path):
 
 
 def test_robots_that_see_nothing_are_refused(tmp_path):
-    with pytest.raises(InputError, match="give a radius, or use retreat"):
+    with pytest.raises(InputError, match="set a radius, or use retreat"):
         resolve(aisles(tmp_path, "two", 12, 300, information="orders"))

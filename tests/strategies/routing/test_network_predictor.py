@@ -206,7 +206,7 @@ def test_verify_names_a_network_that_changed(own_scenario, own_file, capsys):
     main(["verify", recording, "--json"])
     assert json.loads(capsys.readouterr().out)["changed_files"] == [str(own_file)]
     main(["verify", recording])
-    said = f"{own_file} is not what it was when the run was recorded"
+    said = f"{own_file} has changed since the run was recorded"
     assert said in " ".join(capsys.readouterr().out.split())
     own_file.unlink()
     assert main(["verify", recording]) == 2

@@ -85,7 +85,7 @@ def path(*cells: Any) -> list[list[int]]:
         ),
         (
             zones({"stations": [1, 2]}, {"stations": [3, 4, 5]}),
-            "zone 2 cannot be joined without points of other zones",
+            "zone 2 can be joined only by points of other zones",
         ),
         (
             zones(ONE, {**TWO, "segments": [path((0, 3))]}),
@@ -106,7 +106,7 @@ def path(*cells: Any) -> list[list[int]]:
         ),
         (
             zones(ONE, {**TWO, "segments": [path((0, 3), (8, 2))]}),
-            "segment 1 of zone 2 is not a path: no straight way leads from (0, 3) to (8, 2)",
+            "segment 1 of zone 2 is not a path: no straight line leads from (0, 3) to (8, 2)",
         ),
         (
             zones(ONE, {**TWO, "segments": [path((0, 3), (0, 0))]}),
@@ -153,7 +153,7 @@ def test_a_point_is_in_one_zone_only() -> None:
 
 def test_more_zones_than_stations_are_refused() -> None:
     floor_plan, roads = drawn("1.2")
-    with pytest.raises(InputError, match="2 stations can have 1 zone each at most, found 3"):
+    with pytest.raises(InputError, match="2 stations allow at most as many zones, found 3"):
         read_design(floor_plan, roads, zones(*({"stations": [1]},) * 3))
 
 

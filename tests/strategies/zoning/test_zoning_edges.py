@@ -94,7 +94,7 @@ def test_as_many_robots_as_stations_serve_one_each(file: Path) -> None:
 def test_there_is_no_design_with_more_zones_than_stations() -> None:
     """The kernels say so; they do not look for a fifth seed for ever."""
     _, roads = drawn("1==2\n=##=\n3==4")
-    with pytest.raises(InputError, match="4 stations can have 1 zone each at most, found 5"):
+    with pytest.raises(InputError, match="4 stations allow at most as many zones, found 5"):
         design_arrays(roads, 5)
     flow = roads.between.astype(float)
     design, workspace, reach = empty_design(len(roads.cell), 4, 5), scratch(roads, 5), everyone(5)

@@ -113,7 +113,7 @@ def test_what_does_not_go_with_it_is_one_sentence(
 ) -> None:
     for arguments, sentence in (
         (["--record", "x.rec"], "argument --record: not allowed with argument --reload"),
-        (["--against", "seed=2"], "--reload shows one run: leave out --against"),
+        (["--against", "seed=2"], "--reload shows only one run: leave out --against"),
         ([], "--reload shows a floor while it is drawn, which needs a terminal"),
         (["--describe"], "--reload shows a floor while it is drawn, which needs a terminal"),
     ):

@@ -245,7 +245,10 @@ def test_how_much_room_a_run_has_does_not_depend_on_runs_before_it() -> None:
 
 def test_an_array_of_weights_may_have_few_distinct_costs() -> None:
     case = Case(draw_floor(CROSSING), "omni", [1], [1])
-    for weights, says in ((np.arange(196), "16 are allowed"), (np.zeros(196), "costs 1 or more")):
+    for weights, says in (
+        (np.arange(196), "16 are allowed"),
+        (np.zeros(196), "must cost at least 1"),
+    ):
         case.__dict__["steps"] = weights.reshape(1, 49, 4)
         with pytest.raises(ValueError, match=says):
             case.tables()

@@ -164,7 +164,7 @@ def test_a_strategy_has_tables_with_weights_of_its_own() -> None:
 
 @pytest.mark.parametrize(
     ("shape", "cost", "says"),
-    [((1, 4), 1, "cannot reshape"), (None, 0, "a step costs 1 or more")],
+    [((1, 4), 1, "cannot reshape"), (None, 0, "a step must cost at least 1")],
 )
 def test_weights_that_are_no_costs_of_this_floor_are_refused(
     shape: Any, cost: int, says: str

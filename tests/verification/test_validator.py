@@ -272,7 +272,7 @@ def test_a_move_that_is_too_short_is_named_and_where_it_arrives() -> None:
     head = unlike((1, 0), (0, 0))
     report = played(head, {0: E}, {1: E}, {}, {})
     assert rules(report) == ["move time", "capacity"]
-    text = "must take 3: a move takes 2, and a robot ahead still takes 3"
+    text = "must take 3: a move takes 2, and the robot ahead still takes 3"
     assert text in report.violations[0].text
     assert report.violations[1].tick == 3 and "has not yet left" in report.violations[1].text
 

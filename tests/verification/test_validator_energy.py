@@ -62,7 +62,7 @@ def test_moves_are_paid() -> None:
     assert played(head, {0: E}, {0: E}).valid
     report = played(head, {0: E}, {0: E}, {0: S})
     assert rules(report) == ["energy"]
-    assert "begins a move that takes 100000000 units of charge and has 50000000" in texts(report)
+    assert "begins a move that takes 100000000 units of charge, but has 50000000" in texts(report)
 
 
 def test_robots_charge_on_chargers_only() -> None:
@@ -147,11 +147,11 @@ def out(*later: tuple[int, int, int, int]) -> list[tuple[int, int, int, int]]:
         ),
         (
             out((7, CHANGE_STATUS, 0, STATUS_TOWED), (8, CHANGE_STATUS, 0, STATUS_UP)),
-            "comes back at another time",
+            "returns at the wrong time",
         ),
-        (out((5, CHANGE_STATUS, 0, STATUS_UP)), "comes back at another time"),
-        (out((4, CHANGE_STATUS, 0, 9)), "a change among faults"),
-        (out((4, CHANGE_STATUS, 0, 1)), "a change among faults"),
+        (out((5, CHANGE_STATUS, 0, STATUS_UP)), "returns at the wrong time"),
+        (out((4, CHANGE_STATUS, 0, 9)), "an invalid change among faults"),
+        (out((4, CHANGE_STATUS, 0, 1)), "an invalid change among faults"),
     ],
 )
 def test_robots_fail_are_towed_and_come_back_when_the_scenario_says(changes, says) -> None:
@@ -208,7 +208,7 @@ def test_a_load_lies_in_a_spare_slot_until_it_is_picked_up() -> None:
     station = [row if row[1] != CHANGE_LOAD_LEFT else (3, CHANGE_LOAD_LEFT, 0, 1) for row in LEFT]
     head = floor((3, 0), (1, 1), faults=FAULTS)
     report = played(head, {0: EXECUTED_PICK}, {0: W}, {}, changes=[*PICK_UP, *station])
-    assert "leaves no load, or in a slot that is not a spare one" in texts(report)
+    assert "leaves no load, or not in a spare slot" in texts(report)
     twice = left_load(
         {1: E}, {1: EXECUTED_PICK}, {1: EXECUTED_PICK}, changes=[*taken(5), *taken(6)]
     )

@@ -43,7 +43,7 @@ def test_a_robot_alone() -> None:
     report = played(slow((2, 1)), {0: E}, changes=lengths((1, 0, 2)))
     assert rules(report) == ["move time"]
     assert str(report.violations[0]) == (
-        "tick 1: move time: robot 0 at (2, 1): its move is recorded with 2 ticks and must take 1: "
+        "tick 1: move time: robot 0 at (2, 1): its move is recorded with 2 ticks but must take 1: "
         "zone 2 holds 1 robot when it starts"
     )
 
@@ -164,8 +164,8 @@ def test_a_tampered_length_is_named(good: Recording) -> None:
     ticks["changes"][moves[3], 3] += 1
     first = validate_stored(Recording(good.header, frames, complete=True)).violations[0]
     assert (first.tick, first.rule, first.robots) == (tick, "move time", (robot,))
-    assert f"is recorded with {length + 1} ticks and must take {length}: zone" in first.text
-    assert "when it starts and chance adds" in first.text
+    assert f"is recorded with {length + 1} ticks but must take {length}: zone" in first.text
+    assert "when it starts and a random delay adds" in first.text
 
 
 def test_a_scenario_that_claims_to_be_quick(good: Recording) -> None:

@@ -77,7 +77,7 @@ def broken(head: dict[str, Any], rows: list[Row], *ways: list[int]) -> list[str]
 
 def is_refused(head: dict[str, Any], rows: list[Row], *ways: list[int]) -> bool:
     """Whether the length of a visit is not what the rules give."""
-    return any("said to be served" in one.text for one in told(head, rows, *ways).violations)
+    return any("recorded as served" in one.text for one in told(head, rows, *ways).violations)
 
 
 def test_a_trip_by_the_rules() -> None:

@@ -89,7 +89,7 @@ def test_tabs_open_by_click_and_only_the_open_panel_works() -> None:
         )
         assert column.panels["why"].view is None and column.panels["robots"].view is None
         await click(pilot, column.tabs, "why")
-        assert column.name_open == "why" and "two robots never swap" in text(column.panels["why"])
+        assert column.name_open == "why" and "two robots cannot swap" in text(column.panels["why"])
         assert not column.panels["inspector"].display
         column.tabs.focus()
         await pilot.press("right")

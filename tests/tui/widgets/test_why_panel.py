@@ -61,7 +61,7 @@ def test_a_queue_is_told_back_to_the_robot_that_works(width: int) -> None:
 def test_head_on_names_the_rule_and_the_circle_is_shown_as_such() -> None:
     said_then = shown(Why(), of_robot(deadlocked(), 3))
     assert "robot 1 holds (8, 1) and wants to come the other way" in said_then
-    assert "rule: two robots never swap over one edge" in said_then
+    assert "rule: two robots cannot swap over one edge" in said_then
     assert "a wait cycle: robot 2 -> robot 1 -> robot 2; none of them can go first" in said_then
 
 

@@ -1,1 +1,1 @@
-"""The past of a run: keyframes, replays without strategies, what happened, branches."""
+"""The past of a run: keyframes, replays without strategies, events, and branches."""

@@ -1,12 +1,12 @@
-"""Breakpoints: conditions on the state after a tick at which a run is to be stopped.
+"""Breakpoints: conditions on the state after a tick at which a run stops.
 
-deadlock           a wait cycle has lasted too long
+deadlock           a wait cycle has lasted 64 ticks
 wait cycle         a wait cycle has closed
-delivered [7]      a load was delivered (load 7)
-zones redesigned   stations came into another service zone
+delivered [7]      a load (load 7) was delivered
+zones redesigned   stations moved to another service zone
 stalled > 50       a robot has waited for more than 50 ticks
-loaded and x > 3   any condition on one robot, of the names in FIELDS
-battery < 20       the same: queueing, charging, empty, broken
+loaded and x > 3   any condition on one robot, with the names in FIELDS
+battery < 20       likewise; also queueing, charging, empty, broken
 """
 
 from __future__ import annotations
@@ -45,14 +45,14 @@ from automaton.runs.simulation import Simulation
 WAIT_CAUSE_CODES: Final = {
     cause.name: code for code, cause in enumerate(CAUSES) if code != CAUSE_REDUCED_SPEED
 }
-FIELDS: Final = {  # name: what it is, of one robot
+FIELDS: Final = {  # name: meaning for a robot
     "robot": "its number",
     "x": "column of its cell",
     "y": "row of its cell",
     "loaded": "whether it carries a load",
     "load": "the load it carries, or -1",
     "order": "the order it works on, or -1",
-    "waiting": "ticks that it has waited; 0 if it does not",
+    "waiting": "ticks that it has waited; 0 if it does not wait",
     "slowdown_ticks": "extra ticks of its moves so far, in slow zones and by chance",
     "cause": "why it waits: " + ", ".join(f"'{name}'" for name in WAIT_CAUSE_CODES),
     "action": "what it does: " + ", ".join(f"'{name}'" for name in ACTION_NAMES),
@@ -60,14 +60,14 @@ FIELDS: Final = {  # name: what it is, of one robot
     "parked": "whether it is parked",
     "zone": "the zone it serves, counted from 1; 0 if it serves none",
     "priority": "its priority",
-    "steps": "cells of its route that are left",
-    "battery": "percent in its battery; 100 where there are no batteries",
+    "steps": "remaining cells of its route",
+    "battery": "battery charge in percent; 100 without batteries",
     "charging": "whether it charges",
     "queueing": "whether it queues before a charger",
     "empty": "whether it is down without charge",
     "broken": "whether it is down because of a fault",
-    "towed": "whether it was towed and is not back",
-    "ahead": "orders in the list that was announced to it",
+    "towed": "whether it was towed and is not back yet",
+    "ahead": "number of orders in its announced plan",
 }
 CONDITION_NAMES: Final = (*FIELDS, "deadlock", "delivered", "stalled", "zones redesigned")
 MAX_CONDITION_LENGTH: Final = 200  # characters
@@ -86,14 +86,14 @@ COMPARISONS: Final[Mapping[type[ast.cmpop], Callable[[Any, Any], Any]]] = {
 
 
 class Breakpoint(NamedTuple):
-    """One condition; `test` gives the robots it holds for now."""
+    """One condition; `test` returns the robots for which it holds now."""
 
     text: str
-    test: Callable[[Simulation, FloorPlan], Array]  # identities; empty: it does not hold
+    test: Callable[[Simulation, FloorPlan], Array]  # identities; empty if it does not hold
 
 
 def breakpoint_of(text: str) -> Breakpoint:
-    """Read a breakpoint. Raises InputError with what is allowed."""
+    """Read a breakpoint. Raises InputError that states what is allowed."""
     words = " ".join(text.split())
     if len(words) > MAX_CONDITION_LENGTH:
         raise InputError(_too_long(words))
@@ -157,7 +157,7 @@ def robots_where(text: str, snapshot: Snapshot, floor_plan: FloorPlan) -> Array:
 
 
 def _too_long(text: str) -> str:
-    return f"a condition has {MAX_CONDITION_LENGTH} characters at most, this one {len(text):,}"
+    return f"a condition has at most {MAX_CONDITION_LENGTH} characters; this one has {len(text):,}"
 
 
 def _condition(text: str) -> Callable[[Fields], Any]:
@@ -167,9 +167,8 @@ def _condition(text: str) -> Callable[[Fields], Any]:
         tree = ast.parse(text, mode="eval").body
     except (SyntaxError, ValueError):
         raise InputError(
-            f"'{text}' is not a condition; expected one such as deadlock, delivered 7, stalled > "
-            "50, "
-            "or waiting > 20 and loaded"
+            f"'{text}' is not a condition; valid are, for example, deadlock, delivered 7, "
+            "stalled > 50, and waiting > 20 and loaded"
         ) from None
     return _compiled(tree)
 
@@ -178,7 +177,7 @@ Fields = Mapping[str, Array]
 
 
 def _compiled(node: ast.expr) -> Callable[[Fields], Any]:
-    """A function of the robots' fields from an expression; only what FIELDS allows gets through."""
+    """Compile an expression to a function of the robots' fields; rejects everything else."""
     if isinstance(node, ast.BoolOp):
         parts = [_compiled(value) for value in node.values]
         combine = np.logical_and if isinstance(node.op, ast.And) else np.logical_or
@@ -220,7 +219,7 @@ def _operand(node: ast.expr, comparison: ast.Compare | None) -> Callable[[Fields
 
 
 def _code_of(word: str, comparison: ast.Compare | None) -> int:
-    """The number of a quoted cause or action."""
+    """The code of a quoted cause or action."""
     sides = [] if comparison is None else [comparison.left, *comparison.comparators]
     for side in sides:
         if isinstance(side, ast.Name) and side.id in NAMED_VALUES:
@@ -231,11 +230,11 @@ def _code_of(word: str, comparison: ast.Compare | None) -> int:
                     f"{', '.join(codes)}"
                 )
             return codes[word]
-    raise InputError(f"'{word}' can be compared with cause and action only")
+    raise InputError(f"'{word}' can only be compared with cause and action")
 
 
 def fields_of(run: Simulation, floor_plan: FloorPlan) -> Fields:
-    """The FIELDS of all robots, by storage."""
+    """The FIELDS of all robots, by storage index."""
     robots = run.world.robots
     return _fields(
         robots,

@@ -1,4 +1,4 @@
-"""Where two runs part, recorded or live: the first tick at which they did something else."""
+"""The divergence of two runs, recorded or live: the first tick in which their robots act differently."""
 
 from __future__ import annotations
 
@@ -12,30 +12,32 @@ from automaton.errors import InputError
 from automaton.recording.contents import Content
 from automaton.recording.frames import Recording, StoredFrames
 
-DIFFERENT_START = "the runs differ from the start: another fleet, floor or order list"
+DIFFERENT_START = (
+    "the runs differ from the start: they have different fleets, floors or order lists"
+)
 
 
 class Divergence(NamedTuple):
     """The outcome of a comparison."""
 
-    tick: int | None  # the first that differs; None: none does
+    tick: int | None  # the first different tick, or None
     text: str
 
 
 def first_difference(one: Recording, other: Recording) -> Divergence:
-    """Compare what the robots did, tick by tick; if that is equal, the states, as far as digests tell.
+    """Compare the actions of robots tick by tick; if they are equal, the digests of states.
 
-    Raises InputError for a recording in which ticks are missing.
+    Raises InputError if ticks are missing in a recording.
     """
     if not begin_alike(one.header, other.header):
         return Divergence(0, DIFFERENT_START)
-    # Frames of their own: the player decodes the others in its thread.
+    # Separate frame stores, since the player decodes the others in its own thread.
     mine, its = (StoredFrames(recording.stored().payloads) for recording in (one, other))
     return compared(mine, its)
 
 
 def compared(mine: StoredFrames, its: StoredFrames) -> Divergence:
-    """The first tick whose actions differ; if none does, the first whose digests do, and the ends."""
+    """The first tick with different actions, else with different digests, else the different ends."""
     state: int | None = None  # the first tick whose digests differ
     for begin, end, left, right in _common_stretches(mine, its, 1):
         acted = _first_action(left, right, begin, end)
@@ -43,8 +45,8 @@ def compared(mine: StoredFrames, its: StoredFrames) -> Divergence:
             return acted
         state = _first_state(left, right, begin, end) if state is None else state
     if state is not None:
-        text = "all robots do the same, and only state that shows in no action differs"
-        return Divergence(state, f"{text}, first by tick {state:,}")
+        text = "all robots act the same, but internal state that affects no action differs"
+        return Divergence(state, f"{text}, at the latest from tick {state:,}")
     ends = mine.last_tick, its.last_tick
     if ends[0] != ends[1]:
         tick = min(ends) + 1
@@ -53,7 +55,7 @@ def compared(mine: StoredFrames, its: StoredFrames) -> Divergence:
 
 
 def first_action(one: StoredFrames, other: StoredFrames, tick: int) -> Divergence | None:
-    """The first tick, from `tick` on, in which robots did something else, if any."""
+    """The first tick from `tick` on in which robots act differently, if any."""
     for begin, end, left, right in _common_stretches(one, other, tick):
         acted = _first_action(left, right, begin, end)
         if acted is not None:
@@ -75,7 +77,7 @@ def begin_alike(one: Content, other: Content) -> bool:
 def _common_stretches(
     one: StoredFrames, other: StoredFrames, tick: int
 ) -> Iterator[tuple[int, int, Content, Content]]:
-    """First and last tick of what a frame of the one shares with a frame of the other, from `tick`."""
+    """First and last tick that a frame of each run have in common, from `tick` on, and the frames."""
     while True:
         left, right = one.ticks_with(tick), other.ticks_with(tick)
         if left is None or right is None:
@@ -83,7 +85,7 @@ def _common_stretches(
         for name, frame in zip("AB", (left, right), strict=True):
             if frame["first"] > tick:
                 raise InputError(
-                    f"recording {name} has fewer ticks than it says: the file was altered"
+                    f"recording {name} has fewer ticks than it declares: the file was altered"
                 )
         end = min(frame["first"] + len(frame["executed"]) - 1 for frame in (left, right))
         yield tick, end, left, right
@@ -91,7 +93,7 @@ def _common_stretches(
 
 
 def _first_action(one: Content, other: Content, begin: int, end: int) -> Divergence | None:
-    """The first of some ticks in which robots did something else."""
+    """The first tick of a stretch in which robots act differently."""
     did = _rows(one, "executed", begin, end) != _rows(other, "executed", begin, end)
     acted = np.flatnonzero(did.any(axis=1))
     if not acted.size:
@@ -105,7 +107,7 @@ def _acted(tick: int, robots: NDArray[np.intp]) -> Divergence:
 
 
 def _first_state(one: Content, other: Content, begin: int, end: int) -> int | None:
-    """The first tick for which both have digests, and these differ."""
+    """The first tick for which both runs have digests that differ."""
     mine, its = _rows(one, "digests", begin, end), _rows(other, "digests", begin, end)
     both = mine.any(axis=1) & its.any(axis=1)
     differ = np.flatnonzero(both & (mine != its).any(axis=1))

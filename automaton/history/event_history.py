@@ -1,7 +1,7 @@
-"""What happened in a run, as far as it is known: its events, and a few metrics over time.
+"""The events of a run so far, and a few metrics over time.
 
-Both are bounded, however long a run gets: of the metrics, every second row is let go where there
-are too many, of the events the oldest ones.
+Both are limited in size: when they grow too long, every second row of the metrics and the oldest events
+are dropped.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from automaton.runs.simulation import Simulation
 
 EVENT_FIELDS = 5
 MAX_EVENTS: Final = 500_000  # 10 MB
-MAX_TICKS_KEPT: Final = 1000  # of deadlocks, of redesigns
-MAX_CURVE_ROWS: Final = 1 << 18  # of the curve: 3 MB, and every tick of a run of so many
+MAX_TICKS_KEPT: Final = 1000  # of deadlocks and of redesigns
+MAX_CURVE_ROWS: Final = 1 << 18  # 3 MB; shorter runs keep a row for every tick
 
 
 class Event(NamedTuple):
@@ -36,20 +36,20 @@ class Event(NamedTuple):
 
 
 class Log(NamedTuple):
-    """The rows that are kept; they do not change any more."""
+    """The stored rows, which are immutable."""
 
     rows: Array  # (N, columns) int32; the first column holds ticks, ascending
-    dropped: int  # rows before them that are not kept
+    dropped: int  # number of earlier rows that were dropped
 
     def index_at(self, tick: int) -> int:
-        """How many of the rows there are up to and with a tick."""
+        """The number of rows up to and including a tick."""
         return int(np.searchsorted(self.rows[:, 0], tick, side="right"))
 
 
 class AppendLog:
-    """An array that rows are appended to; readers in other threads see whole rows only.
+    """An array to which rows are appended; readers in other threads see complete rows only.
 
-    Beyond `most` rows, the oldest ones go, half of them at a time.
+    Beyond `most` rows, the older half is dropped.
     """
 
     def __init__(self, columns: int, most: int) -> None:
@@ -75,14 +75,14 @@ class AppendLog:
 
 
 class Curve(NamedTuple):
-    """Metrics over time: row k tells of tick (k + 1) * every."""
+    """Metrics over time: row k belongs to tick (k + 1) * every."""
 
-    rows: Array  # (N, CURVE_COLUMNS) int32; columns in world.waiting
-    every: int  # ticks, a power of two
-    ticks: int  # how far it tells
+    rows: Array  # (N, CURVE_COLUMNS) int32; columns as in automaton.engine.observation
+    every: int  # ticks between rows, a power of two
+    ticks: int  # the last tick covered
 
     def at(self, ticks: Array, column: int) -> Array:
-        """A metric at these ticks, or at the last ticks before them of which there is a row.
+        """A metric at these ticks, from the last row at or before each tick.
 
         0 before the first row.
         """
@@ -93,13 +93,13 @@ class Curve(NamedTuple):
         return found
 
     def until(self, tick: int) -> Curve:
-        """As it was known at a tick."""
+        """The curve as of a tick."""
         tick = min(tick, self.ticks)
         return Curve(self.rows[: tick // self.every], self.every, tick)
 
 
 class DownsampledSeries:
-    """A curve that rows are appended to, one for each tick; it keeps `most` rows at most."""
+    """A curve to which a row is appended for each tick; it stores at most `most` rows."""
 
     def __init__(self, columns: int, most: int) -> None:
         self._most = most
@@ -115,13 +115,13 @@ class DownsampledSeries:
             self._rows = AppendLog(thin.shape[1], self._most)
             self._rows.append(thin)
             every *= 2
-        first = every - 1 - ticks % every  # the first of the rows whose tick is a multiple
+        first = every - 1 - ticks % every  # the first row whose tick is a multiple of `every`
         self._rows.append(rows[first::every])
         self.curve = Curve(self._rows.log.rows, every, end)
 
 
 class EventHistory:
-    """Give it to a simulation as `on_observe`: it takes each tick once, however often it is played."""
+    """Events and metrics, to be passed to a simulation as `on_observe`; repeated ticks count once."""
 
     def __init__(self) -> None:
         self._events = AppendLog(EVENT_FIELDS, MAX_EVENTS)
@@ -130,7 +130,7 @@ class EventHistory:
         self._curve = DownsampledSeries(CURVE_COLUMNS, MAX_CURVE_ROWS)
 
     def __call__(self, simulation: Simulation) -> None:
-        """Take what the buffers of an observation hold, and empty them."""
+        """Take the contents of the observation buffers, and empty them."""
         observation, last = simulation.observation, int(simulation.world.clock.tick)
         rows = int(observation.count.curve_rows)
         fresh = min(rows, last - self.known)
@@ -145,12 +145,12 @@ class EventHistory:
 
     @property
     def known(self) -> int:
-        """The last tick of which it tells."""
+        """The last tick covered."""
         return self._curve.curve.ticks
 
     @property
     def log(self) -> Log:
-        """The events that are kept: (N, 5) int32, ascending ticks: tick, code, robot, subject, value."""
+        """The stored events by ascending tick: (N, 5) int32: tick, code, robot, subject, value."""
         return self._events.log
 
     @property
@@ -160,19 +160,19 @@ class EventHistory:
 
     @property
     def deadlocks(self) -> Array:
-        """(N,) int32: the last ticks at which a wait cycle had lasted too long."""
+        """(N,) int32: the latest ticks with deadlocks."""
         ticks: Array = self._deadlocks.log.rows[:, 0]
         return ticks
 
     @property
     def redesigns(self) -> Array:
-        """(N,) int32: the last ticks in which stations changed their zones."""
+        """(N,) int32: the latest ticks in which stations changed their zones."""
         ticks: Array = self._redesigns.log.rows[:, 0]
         return ticks
 
     @property
     def curve(self) -> Curve:
-        """Robots that wait and work, and deliveries, over time."""
+        """The numbers of waiting and working robots and of deliveries over time."""
         return self._curve.curve
 
     def event(self, index: int) -> Event:
@@ -180,7 +180,7 @@ class EventHistory:
         return event_of(self.events[index])
 
     def index_at(self, tick: int) -> int:
-        """How many of the kept events there are up to and with a tick."""
+        """The number of stored events up to and including a tick."""
         return self.log.index_at(tick)
 
 
@@ -189,10 +189,10 @@ def event_of(row: Array) -> Event:
     return Event(*(int(value) for value in row))
 
 
-# Events in a few words, and the groups in which they are picked.
+# Events in words, and the groups by which they are selected.
 
 
-EVENT_GROUPS: Final = {  # what can be picked in the list of events: name and codes
+EVENT_GROUPS: Final = {  # groups of the list of events: name and codes
     "deliveries": (codes.EVENT_DELIVERED,),
     "deadlocks": (codes.EVENT_WAIT_CYCLE, codes.EVENT_DEADLOCK),
     "retreats": (codes.EVENT_RETREATED,),
@@ -227,7 +227,7 @@ TEXTS: Final = {
     codes.EVENT_ZONES_REDESIGNED: "zones redesigned: {value} station{s}",
     codes.EVENT_VISITED: "does a stop of order {subject}",
 }
-TRIP_TEXTS: Final = TEXTS | {  # where orders are trips of pods
+TRIP_TEXTS: Final = TEXTS | {  # if orders are trips of pods
     codes.EVENT_ORDER_TAKEN: "takes trip {subject}",
     codes.EVENT_PICKED: "picks up the pod of trip {subject}",
     codes.EVENT_DELIVERED: "stores the pod of trip {subject}",

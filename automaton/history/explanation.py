@@ -1,4 +1,4 @@
-"""Why a robot waits: the one that it waits for, the reason, and the chain to where the wait begins."""
+"""Why a robot waits: its blocker, the reason, and the chain of blockers to the root cause."""
 
 from __future__ import annotations
 
@@ -53,16 +53,16 @@ class WaitingRobot(NamedTuple):
     """One robot of the chain."""
 
     robot: int
-    cause: str  # name of the cause; "" for the last one, which does not wait
-    cell: tuple[int, int] | None  # the cell it waits for, as a user counts
+    cause: str  # name of the cause; "" for the last robot, which does not wait
+    cell: tuple[int, int] | None  # (x, y) of the cell it waits for
     blocker: int  # or NIL
-    ticks: int  # since when it waits
+    ticks: int  # length of the wait so far
     text: str
-    rule: str  # the rule behind it; "" if there is none
+    rule: str  # the rule that causes the wait; "" if none does
 
 
 class Explanation(NamedTuple):
-    """The chain; with `cycle`, its last robot waits for the one at index `cycle` of the chain."""
+    """A chain of waiting robots; if `cycle` is set, the last robot waits for the one at this index."""
 
     chain: tuple[WaitingRobot, ...]
     cycle: int  # or NIL
@@ -79,13 +79,13 @@ class Explanation(NamedTuple):
 
 
 def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanation:
-    """Why a robot waits, what keeps the one that keeps it, and so on."""
+    """Explain why a robot waits, why its blocker waits, and so on."""
     fleet = snapshot.robots
     blocker = np.where(fleet.cause == CAUSE_NOT_WAITING, NIL, fleet.blocker).astype(np.int32)
     color, index = np.zeros(len(blocker), np.int32), np.arange(len(blocker), dtype=np.int32)
     member = int(walk_to_cycle(blocker, index, color, robot))
     chain: list[WaitingRobot] = []
-    for _ in range(np.count_nonzero(color) + (member == NIL)):  # the last one may wait for none
+    for _ in range(np.count_nonzero(color) + (member == NIL)):  # the last may not wait
         chain.append(link_of(snapshot, floor_plan, robot))
         robot = chain[-1].blocker
     names = [link.robot for link in chain]
@@ -133,7 +133,7 @@ def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> WaitingRob
 
 
 def out_of_order(snapshot: Snapshot, robot: int) -> str:
-    """What is wrong with a robot that is down, and what becomes of it; "" of others."""
+    """The condition of a robot that is down, and what happens next; "" for other robots."""
     fleet = snapshot.robots
     status = int(fleet.status[robot])
     status_until = int(fleet.status_until[robot])
@@ -141,10 +141,10 @@ def out_of_order(snapshot: Snapshot, robot: int) -> str:
     towing = "it is not towed" if status_until == NIL else f"it is towed in {left}"
     if status == STATUS_DEPLETED:
         charge = percent(float(fleet.charge[robot]) / BATTERY_FULL)
-        takes = "less than its next operation takes"
+        takes = "less than its next operation needs"
         return f"the battery of robot {robot} holds {charge}, {takes}; {towing}"
     if status == STATUS_FAILED and snapshot.repairs_in_place:
-        return f"robot {robot} has broken down; it goes on in {left}"
+        return f"robot {robot} has broken down; it continues in {left}"
     if status == STATUS_FAILED:
         return f"robot {robot} has broken down; {towing}"
     if status == STATUS_TOWED:
@@ -153,7 +153,7 @@ def out_of_order(snapshot: Snapshot, robot: int) -> str:
 
 
 def doing(snapshot: Snapshot, robot: int) -> str:
-    """What a robot that does not wait does, in words."""
+    """What a robot that does not wait is doing, in words."""
     fleet = snapshot.robots
     if fleet.status[robot] in (STATUS_TOWED, STATUS_REMOVED):
         return out_of_order(snapshot, robot).removeprefix(f"robot {robot} ")
@@ -174,7 +174,7 @@ def doing(snapshot: Snapshot, robot: int) -> str:
 
 
 def _at_work(snapshot: Snapshot, robot: int, state: RobotState) -> str:
-    """Return the phrase of its state, with what it picks up or drops, or where it is."""
+    """The phrase of a robot's state, with its load or station."""
     phrase, load = phrase_of(state), int(snapshot.robots.load[robot])
     if state == RobotState.CHARGING:
         return f"{phrase} {up_to(snapshot, robot)}"

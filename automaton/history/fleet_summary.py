@@ -1,4 +1,4 @@
-"""How a fleet does at a moment, in a few numbers."""
+"""The state of a fleet at a moment, in a few numbers."""
 
 from __future__ import annotations
 
@@ -11,25 +11,25 @@ from automaton.engine.observation import CAUSE_NOT_WAITING, is_waiting
 from automaton.engine.state import NIL, Array, Orders
 from automaton.runs.progress import done_count
 
-if TYPE_CHECKING:  # they need Numba
+if TYPE_CHECKING:  # these need Numba
     from automaton.history.snapshot import Snapshot
     from automaton.runs.simulation import Simulation
 
 
 class FleetSummary(NamedTuple):
-    """Robots that work, are held up, and form a wait cycle; orders, and lines of which they consist."""
+    """Numbers of robots that work, wait, and are in a wait cycle; numbers of orders and lines."""
 
     working: int
     waiting: int
-    circling: int  # some of those who wait
+    circling: int  # waiting robots in wait cycles
     delivered: int
     orders: int
     lines_done: int = 0
-    lines: int = 0  # 0: orders do not consist of lines
+    lines: int = 0  # 0 if orders have no lines
 
 
 def summarize(snapshot: Snapshot) -> FleetSummary:
-    """Count them. Who is parked or has no order neither works nor waits."""
+    """Summarize a snapshot. Robots that are parked or have no order neither work nor wait."""
     robots = snapshot.robots
     return _summary(
         robots.cause, robots.parked, robots.wait_cycle_ticks, snapshot.orders, snapshot.lines
@@ -37,7 +37,7 @@ def summarize(snapshot: Snapshot) -> FleetSummary:
 
 
 def summary_of(simulation: Simulation) -> FleetSummary:
-    """The same of an observed simulation."""
+    """Summarize an observed simulation."""
     world, observation = simulation.world, simulation.observation
     cycle = observation.wait_cycle_ticks
     return _summary(observation.cause, world.robots.parked, cycle, world.orders, world.lines)

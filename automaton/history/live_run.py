@@ -1,6 +1,6 @@
-"""A run that is computed while it is shown, and how one goes on from the past of another.
+"""A run that is computed while it is shown, and branches from the past of another run.
 
-Its frames are kept at hand, so that one can go back while it goes on, and branch off.
+Its frames are stored, so that one can go back and branch while the run continues.
 """
 
 from __future__ import annotations
@@ -44,10 +44,10 @@ ZONES = "service_zones."  # arrays of the state that change with the rules
 
 
 class LiveRun(WatchedRun):
-    """A simulation under way; with `path` it is recorded there as well."""
+    """A simulation in progress; `path`: a file to record it to."""
 
     def __init__(self, resolved: Resolved, seed: int, path: Path | None = None) -> None:
-        """Raises InputError if a strategy or the file does not do; no new file is there then."""
+        """Raises InputError if a strategy or the file fails; no new file is left then."""
         self.recorder = LiveRecorder(resolved, seed, path)
         super().__init__(self.recorder.header, self.recorder.frames, resolved)
         self._repeating = False
@@ -56,7 +56,7 @@ class LiveRun(WatchedRun):
             with attribute_strategy_errors(resolved):
                 self._front = self._observed(resolved, seed)
             self._keyframes = Keyframes(self._front.world, self._front.observation)
-            self.recorder(self._front)  # the rules of the first tick are there from the beginning
+            self.recorder(self._front)  # records the rules of the first tick at once
         except BaseException:
             self.recorder.discard()
             raise
@@ -109,13 +109,13 @@ class LiveRun(WatchedRun):
             self._end_before(str(error))
             raise
         except KeyboardInterrupt:
-            self._failed = "given up"  # the state is that of an unfinished tick
+            self._failed = "given up"  # the state belongs to an unfinished tick
             raise
         self._forget(self.recorder.first)
         self._end()
 
     def _forget(self, first: int) -> None:
-        """Ticks up to this one cannot be played any more: begin with a state after it."""
+        """Drop keyframes before `first`, since earlier ticks cannot be replayed any more."""
         if self._keyframes.ticks[-1] < first:
             self._keyframes.keep(self._front.world, self._front.observation)
         self._keyframes.forget_until(first)
@@ -125,12 +125,12 @@ class LiveRun(WatchedRun):
             self.recorder.end()
 
     def _end_before(self, failure: str) -> None:
-        """A strategy failed in the middle of a tick: the run ends with the tick before."""
+        """End the run with the tick before the one in which a strategy failed."""
         broken = self._front
         self.recorder(broken)
         self.recorder.flush()
         last = self.frames.last_tick
-        broken.world.clock.tick = last  # those of the failed tick are in none of the buffers
+        broken.world.clock.tick = last  # the buffers hold no events of the failed tick
         self.event_history(broken)
         broken.world.clock.tick = last + 1
         self._failed = failure
@@ -148,15 +148,15 @@ class LiveRun(WatchedRun):
         super()._look_back(max(tick, self.first))
 
     def _have(self, tick: int) -> None:
-        """Let frames hold the tick, which may cost the oldest ones their place."""
+        """Make sure that frames contain the tick; this may drop the oldest frames."""
         if tick > self.frames.last_tick:
             self.recorder.flush()
             self._forget(self.recorder.first)
 
     def repeat(self, frames: StoredFrames, header: Content, tick: int) -> None:
-        """Compute a recorded past again, its branches included, up to a tick."""
+        """Compute a recorded past again up to a tick, including its branches."""
         self._repeating = True
-        since = NIL  # the rules that hold were entered after this tick
+        since = NIL  # the tick after which the present rules apply
         while self._front.tick < tick:
             rules = frames.rules_at(self._front.tick)
             if rules["tick"] != since:
@@ -168,12 +168,12 @@ class LiveRun(WatchedRun):
             if self.give_up():
                 raise InputError("the branch was given up")
             if not self._advance(until - self._front.tick):
-                break  # the run ends sooner now
+                break  # the run ends earlier this time
         self._repeating = False
         self._at = self._front.tick
 
     def change(self, resolved: Resolved, settings: tuple[str, ...]) -> None:
-        """Go on under other rules from here."""
+        """Continue under other rules."""
         self.resolved = resolved
         with attribute_strategy_errors(resolved):
             self._front = self._front.continue_with(resolved)
@@ -185,15 +185,15 @@ class LiveRun(WatchedRun):
 
 
 def branch_of(run: WatchedRun, settings: tuple[str, ...], path: Path | None = None) -> LiveRun:
-    """A live run with the past of `run` up to the shown tick, and other settings from there on.
+    """A live run with the past of `run` up to the shown tick, and changed settings from there on.
 
-    The past is computed again with its strategies, so that they remember it. Raises InputError
-    when the settings do not fit, or when this version computes another past.
+    The past is computed again with its strategies, so that they have the right memory. Raises
+    InputError if the settings do not fit, or if this version computes a different past.
     """
     tick = run.tick
     other = branched(run.resolved_at(tick), settings)
     held = run.frames.rules_at(tick)
-    if held["tick"] == tick and held["settings"]:  # this past was branched off there as well
+    if held["tick"] == tick and held["settings"]:  # the past has a branch at this tick as well
         settings = (*held["settings"], *settings)
     branch = LiveRun(resolved_of(run.header), run.header["seed"], path)
     branch.give_up = run.give_up
@@ -201,7 +201,7 @@ def branch_of(run: WatchedRun, settings: tuple[str, ...], path: Path | None = No
         branch.repeat(run.frames, run.header, tick)
         if not _same_past(branch.leading_simulation, run.shown, held["tick"] == tick):
             raise InputError(
-                f"computed again with its strategies, the run is another one at tick {tick}: "
+                f"computed again with its strategies, the run differs at tick {tick}: "
                 "it was recorded by another version"
             )
         branch.change(other, settings)
@@ -212,23 +212,23 @@ def branch_of(run: WatchedRun, settings: tuple[str, ...], path: Path | None = No
 
 
 def _same_past(repeated: Simulation, shown: Simulation, branched_there: bool) -> bool:
-    """Whether two states are one; a run that was branched off there shows zones of its branch."""
+    """Whether two states are equal, except for zones that a branch at this tick has changed."""
     differ = np.flatnonzero(repeated.digests() != shown.digests())
     names = [DIGEST_NAMES[index] for index in differ]
     return not names or (branched_there and all(name.startswith(ZONES) for name in names))
 
 
-# A recorder that keeps its frames at hand: in memory, or in the file that it writes.
+# A recorder whose frames stay accessible: in memory, or in the file that it writes.
 
 
-# bytes of frames in memory: millions of ticks of a small fleet
+# Limit of frames in memory: millions of ticks of a small fleet.
 FRAME_STORE_BYTES: Final = 128 * 1024 * 1024
-NOWHERE: Final = -1  # place of a frame that is in memory, or not kept
+NOWHERE: Final = -1  # place of a frame that is in memory or dropped
 
 
 @dataclass(frozen=True, slots=True)
 class StoredFrame:
-    """One frame of a store; its bytes are fetched when they are asked for."""
+    """One frame of a store; its bytes are read on demand."""
 
     store: FrameStore
     index: int
@@ -239,36 +239,36 @@ class StoredFrame:
 
     @property
     def tick(self) -> int:
-        """The last one that it covers."""
+        """The last tick of the frame."""
         return self.store.ticks[self.index]
 
     @property
     def data(self) -> bytes:
-        """Compressed. Raises InputError if it is not kept, or not on the disk any more."""
+        """The compressed bytes. Raises InputError if they were dropped or are missing on disk."""
         return self.store.bytes_of(self.index)
 
 
 class FrameStore(Sequence[StoredFrame]):
     """Frames in their order.
 
-    In memory only those are kept that playing needs, FRAME_KIND_TICKS and FRAME_KIND_CONDITIONS;
-    when the former outgrow the budget, the oldest go: the past begins later then.
+    Memory holds only frames needed for playback, FRAME_KIND_TICKS and FRAME_KIND_CONDITIONS. When the
+    former exceed the budget, the oldest are dropped, and the past begins later.
     """
 
     def __init__(self) -> None:
         self.budget = FRAME_STORE_BYTES
         self.kinds = array("b")
         self.ticks = array("q")
-        self.first = 0  # what was before the ticks after this one is not kept
-        self._place = array("q")  # of its bytes in the file, or NOWHERE
+        self.first = 0  # ticks up to this one were dropped
+        self._place = array("q")  # offset of the bytes in the file, or NOWHERE
         self._size = array("q")
         self._memory: dict[int, bytes | memoryview] = {}
-        self._may_go: deque[int] = deque()  # FRAME_KIND_TICKS frames in memory
-        self._bytes = 0  # of them
+        self._may_go: deque[int] = deque()  # droppable frames in memory: FRAME_KIND_TICKS
+        self._bytes = 0  # total size of these frames
         self._file: BinaryIO | None = None
 
     def __len__(self) -> int:
-        return len(self._size)  # appended to last
+        return len(self._size)  # `append` extends this array last
 
     @overload
     def __getitem__(self, index: int) -> StoredFrame: ...
@@ -282,11 +282,11 @@ class FrameStore(Sequence[StoredFrame]):
         return StoredFrame(self, index)
 
     def read_from(self, path: Path) -> None:
-        """The file that the places of `append` refer to, even when it gets another name or none."""
+        """Open the file that the places of `append` refer to; it may be renamed or deleted later."""
         self._file = path.open("rb")
 
     def append(self, payload: Payload, place: int | None = None) -> None:
-        """Add a frame; `place`: where in the file its bytes begin, None if they are not there."""
+        """Add a frame; `place`: offset of its bytes in the file, or None if they are not there."""
         index = len(self)
         self.kinds.append(payload.kind)
         self.ticks.append(payload.tick)
@@ -311,11 +311,11 @@ class FrameStore(Sequence[StoredFrame]):
             return bytes(self._memory[index])
         place, size = self._place[index], self._size[index]
         if place == NOWHERE or self._file is None:
-            raise InputError(f"what happened before tick {self.first:,} is not kept any more")
+            raise InputError(f"the part of the run before tick {self.first:,} is no longer stored")
         self._file.seek(place)
         data = self._file.read(size)
         if len(data) < size:
-            raise InputError("the recording has become shorter while it was written", self._name)
+            raise InputError("the recording was truncated while it was written", self._name)
         return data
 
     @property
@@ -323,11 +323,11 @@ class FrameStore(Sequence[StoredFrame]):
         return "" if self._file is None else str(self._file.name)
 
 
-DIGEST_TICKS: Final = 64  # digests of every tick would be most of a small fleet's recording
+DIGEST_TICKS: Final = 64  # digests of every tick would fill most of a small fleet's recording
 
 
 class LiveRecorder(BaseRecorder):
-    """Keeps a run's frames: in a file if one is given, otherwise in memory within a budget."""
+    """Stores the frames of a run in a file, or in memory within a budget."""
 
     digest_every = DIGEST_TICKS
 
@@ -335,7 +335,7 @@ class LiveRecorder(BaseRecorder):
         """Raises InputError if the file cannot be written."""
         self._store = FrameStore()
         self.frames = StoredFrames(self._store)
-        self.write_error = ""  # why the file is not written any more
+        self.write_error = ""  # the error that stopped writing
         self.file = None if path is None else RecordingFile(path)
         self._size = PREAMBLE.size  # of the file
         if self.file is not None:
@@ -344,7 +344,7 @@ class LiveRecorder(BaseRecorder):
 
     @property
     def first(self) -> int:
-        """The ticks after this one can be played again."""
+        """Only ticks after this one can be replayed."""
         return self._store.first
 
     def write(self, kind: int, content: Content) -> None:
@@ -354,7 +354,7 @@ class LiveRecorder(BaseRecorder):
             self._store.append(payload, place)
 
     def _written(self, payload: Payload) -> int | None:
-        """Where in the file its bytes are; a full disk ends the file, not the run."""
+        """Write a frame; return the offset of its bytes. A full disk ends the file, not the run."""
         if self.file is None or self.write_error:
             return None
         place = self._size + FRAME.size
@@ -368,13 +368,13 @@ class LiveRecorder(BaseRecorder):
         return place
 
     def abandon(self) -> None:
-        """Write no more; what is there stays as FILE.part, an older FILE as it is."""
+        """Stop writing; the written part stays as FILE.part, and an older FILE is unchanged."""
         if self.file is not None:
-            with contextlib.suppress(OSError):  # what could not be written is tried once more
+            with contextlib.suppress(OSError):  # unwritten bytes are flushed once more
                 self.file.abandon()
 
     def discard(self) -> None:
-        """Nothing came of this run: leave no file, and an older one alone."""
+        """Delete the file of a failed run, but leave an older one unchanged."""
         self.abandon()
         if self.file is not None:
             self.file.part.unlink(missing_ok=True)
@@ -397,10 +397,10 @@ class LiveRecorder(BaseRecorder):
 
 
 class LiveDivergence:
-    """Looks for the tick at which two live runs part, as far as both are computed.
+    """Searches for the tick at which two live runs diverge, as far as both are computed.
 
-    As long as positions and operations are the same, no frame is compared, since that would write
-    short frames into the recordings.
+    Frames are compared only when positions or operations differ, since a comparison writes short
+    frames to the recordings.
     """
 
     def __init__(self, one: LiveRun, other: LiveRun) -> None:
@@ -411,7 +411,7 @@ class LiveDivergence:
         self._compared_until = 0
 
     def look(self) -> Divergence | None:
-        """Compare what is new; None as long as the runs are equal and one goes on."""
+        """Compare the new ticks; None as long as the runs are equal and one of them continues."""
         one, other = (run.leading_simulation for run in self._runs)
         ended = all(run.end is not None for run in self._runs)
         tick = min(one.tick, other.tick)
@@ -424,7 +424,7 @@ class LiveDivergence:
             new = self._compared_until + 1
             self.result = compared(mine, its) if ended else first_action(mine, its, new)
         except InputError:
-            text = "the runs differ, first in a tick that is not kept any more"
+            text = "the runs differ; the first different tick is no longer stored"
             self.result = Divergence(None, text)
         self._settled = self.result is not None
         self._compared_until = tick
@@ -432,7 +432,7 @@ class LiveDivergence:
 
 
 def _differ(one: Simulation, other: Simulation) -> bool:
-    """Whether robots are elsewhere, or have done something else so far."""
+    """Whether positions or numbers of operations differ at the same tick."""
     if one.tick != other.tick:
         return False
     first, second = (simulation.world for simulation in (one, other))

@@ -1,8 +1,9 @@
-"""Describe what happens in a run in sentences, one a line: for logs and for screen readers.
+"""Describe the events of a run in sentences, one per line, for logs and screen readers.
 
-The words are those of `explain` and of the list of events. A large fleet would flood a reader, so a
-run is described in stretches of STRETCH_TICKS, each in a limited number of sentences. Kinds take
-turns, the gravest first, and what is left out is counted. Nothing depends on time: one run has one text.
+The words are those of `explain` and of the list of events. To avoid flooding the reader, a run is
+described in stretches of STRETCH_TICKS with a limited number of sentences. Kinds of sentences take
+turns, the most serious first; omitted sentences are counted. The text does not depend on the speed of
+the computation.
 """
 
 from __future__ import annotations
@@ -31,11 +32,11 @@ from automaton.runs.run_diagnosis import describe_jam
 from automaton.runs.simulation import Simulation
 
 STRETCH_TICKS: Final = 100
-SENTENCES: Final = 20  # of a stretch, unless another number is asked for
-WAIT_TICKS: Final = 10  # a wait is reported when it has lasted so long: most are over before
-MAX_CYCLE_NAMED: Final = 8  # robots of a deadlock that are all named
+SENTENCES: Final = 20  # default limit for a stretch
+WAIT_TICKS: Final = 10  # a wait is reported after this time; most waits are shorter
+MAX_CYCLE_NAMED: Final = 8  # largest deadlock whose robots are all named
 
-KINDS: Final[tuple[str, ...]] = (  # what can be reported, the gravest first
+KINDS: Final[tuple[str, ...]] = (  # kinds of sentences, the most serious first
     *("faults", "illegal", "deadlocks", "jams", "zones", "gates", "breaks", "waits"),
     *("deliveries", "parts", "orders", "charging", "retreats", "waits over", "picks"),
     "parking bays",
@@ -46,22 +47,22 @@ for _name, _codes in EVENT_GROUPS.items():
 
 
 class Scope(NamedTuple):
-    """Which part of a run is described."""
+    """The part of a run to describe."""
 
     kinds: frozenset[str] = frozenset(KINDS)
-    sentences: int = SENTENCES  # of a stretch at most
-    first: int = 0  # the tick after which it begins
+    sentences: int = SENTENCES  # maximum for a stretch
+    first: int = 0  # the tick after which the description begins
 
 
 class Stretch(NamedTuple):
-    """The sentences about some ticks."""
+    """The sentences about a stretch of ticks."""
 
-    tick: int  # the last of them
+    tick: int  # the last tick
     lines: list[str]
 
 
 def kinds_named(names: Sequence[str]) -> frozenset[str]:
-    """The kinds that were asked for: words with blanks or hyphens; without names, all.
+    """The kinds with these names, written with blanks or hyphens; all kinds without names.
 
     Raises InputError.
     """
@@ -74,7 +75,7 @@ def kinds_named(names: Sequence[str]) -> frozenset[str]:
 
 
 def narrate(run: WatchedRun, scope: Scope) -> Iterator[Stretch]:
-    """Go through a run to its end, and yield the sentences about each stretch when it is over."""
+    """Play a run to its end, and yield the sentences about each stretch when it is over."""
     narration = Narration(run, scope)
     while run.tick < scope.first and _go_on(run, scope.first):
         pass
@@ -90,41 +91,41 @@ def narrate(run: WatchedRun, scope: Scope) -> Iterator[Stretch]:
 
 
 def _go_on(run: WatchedRun, tick: int) -> bool:
-    """Compute towards a tick; whether there was any."""
+    """Compute towards a tick; return whether the run has advanced."""
     before = run.tick
     return run.show(tick) > before
 
 
 @dataclass
 class Candidates:
-    """Sentences of one kind that may be chosen: the first ones, and how many there were."""
+    """Candidate sentences of one kind: the first ones, and the number of all."""
 
-    lines: list[tuple[int, str]] = field(default_factory=list)  # place in the stretch, and text
+    lines: list[tuple[int, str]] = field(default_factory=list)  # place in the stretch, text
     count: int = 0
 
 
 class Narration:
-    """Looks at a run after each tick, and collects sentences."""
+    """Inspects a run after each tick, and collects sentences."""
 
     def __init__(self, run: WatchedRun, scope: Scope) -> None:
         self._run, self._scope = run, scope
-        self._seen = 0  # events
-        self._place = 0  # of the next line in its stretch
+        self._seen = 0  # number of events seen so far
+        self._place = 0  # place of the next line in its stretch
         self._candidates: dict[str, Candidates] = {
             kind: Candidates() for kind in KINDS if kind in scope.kinds
         }
-        self._reported_waits = np.zeros((0, 2), np.int64)  # robot, and since when it waits
+        self._reported_waits = np.zeros((0, 2), np.int64)  # robot, first tick of its wait
         self._gates: Array = np.zeros(0, np.int64)
         self._jammed = False
         self._snapshot: Snapshot | None = None  # of the present tick
 
     def begin(self) -> None:
-        """Describe what comes from here on."""
+        """Start the description at the present tick."""
         log = self._run.event_history.log
         self._seen = log.dropped + log.index_at(self._run.tick)
 
     def look(self) -> None:
-        """Note what the tick brought that the run has just come to."""
+        """Note the events of the tick that was just computed."""
         self._snapshot = None
         simulation = self._run.shown
         self._note_events()
@@ -135,7 +136,7 @@ class Narration:
             self._note_jam(simulation)
 
     def take(self, begun: int) -> Stretch:
-        """Choose the sentences about the ticks after `begun`, and forget them."""
+        """Return the chosen sentences about the ticks after `begun`, and discard all candidates."""
         chosen: list[tuple[int, str]] = []
         for turn in range(self._scope.sentences):
             for one in self._candidates.values():
@@ -155,7 +156,7 @@ class Narration:
         return Stretch(self._run.tick, lines)
 
     def _room(self, kind: str, many: int) -> int:
-        """Count so many of a kind; return how many of them may have a sentence."""
+        """Count `many` events of a kind; return how many of them may get a sentence."""
         one = self._candidates.get(kind)
         if one is None:
             return 0
@@ -170,7 +171,7 @@ class Narration:
         self._place += 1
 
     def _moment(self) -> Snapshot:
-        """The present tick; copied only if words are wanted of it."""
+        """A snapshot of the present tick, taken only when needed."""
         if self._snapshot is None:
             self._snapshot = take_snapshot(self._run.shown)
         return self._snapshot
@@ -197,7 +198,7 @@ class Narration:
         return words
 
     def _note_waits(self, simulation: Simulation) -> None:
-        """Waits that have lasted WAIT_TICKS, and the end of those that were reported."""
+        """Report waits that have lasted WAIT_TICKS, and the ends of reported waits."""
         observation, identity = simulation.observation, simulation.world.robots.identity
         waiting = is_waiting(observation.cause)
         self._note_ended_waits(simulation, waiting)
@@ -226,7 +227,7 @@ class Narration:
         self._reported_waits = self._reported_waits[~over]
 
     def _note_gates(self, simulation: Simulation) -> None:
-        """Closings that begin or end, doors that open or shut, lifts that are called."""
+        """Report closings that begin or end, doors that open or shut, and lifts that are called."""
         states = gate_states(simulation.world)
         before = self._gates if len(self._gates) else np.zeros_like(states)
         self._gates = states
@@ -241,9 +242,9 @@ class Narration:
             self._add("breaks", break_begun_words(self._moment(), station))
 
     def _note_jam(self, simulation: Simulation) -> None:
-        """Report a jam when it is there, and when it has gone."""
+        """Report when a jam appears and when it has dissolved."""
         jam = largest_jam(simulation.world, self._run.floor_plan)
         if (jam is not None) != self._jammed and self._room("jams", 1):
             words = describe_jam(jam)
-            self._add("jams", words[0] if words else "the jam has gone")
+            self._add("jams", words[0] if words else "the jam has dissolved")
         self._jammed = jam is not None

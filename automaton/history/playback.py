@@ -1,7 +1,7 @@
-"""A recorded run played again from what its strategies had answered, and the states kept on the way.
+"""Replay of a recorded run from the recorded decisions, with keyframes in memory for going back.
 
-No strategy is needed. Keyframes are kept in memory to go back to, each as what differs from the state
-at tick 0, so that on a large floor only the cells count that were reached.
+No strategy is needed. Each keyframe is stored as its difference from the state at tick 0, so on a large
+floor only cells that robots have reached take space.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ FIRST_WORDS = 4096
 
 
 class ReplayStrategy(Strategy):
-    """Decides as recorded; the playback loads the stream into its memory."""
+    """Repeats recorded decisions; the playback loads them into its memory."""
 
     compiled = repeat
     layer: ClassVar[str] = ""
@@ -54,16 +54,16 @@ class ReplayStrategy(Strategy):
 
 
 def _last_digest(content: Content, tick: int, until: int) -> int:
-    """The last tick after `tick` and up to `until` of which a frame holds the digests, or `tick`."""
+    """The last tick after `tick` up to `until` for which a frame holds digests, or `tick`."""
     first = content["first"]
     rows = np.flatnonzero(content["digests"][tick + 1 - first : until + 1 - first].any(axis=1))
     return tick + 1 + int(rows[-1]) if len(rows) else tick
 
 
 class Playback:
-    """A run that can be brought to any tick of its recording, forwards and back.
+    """A run that can go to any tick of its recording, forwards and backwards.
 
-    `keyframes` may be shared with the run that made them. The frames may grow meanwhile.
+    `keyframes` may be shared with the run that makes them. More frames may be added meanwhile.
     """
 
     def __init__(
@@ -77,7 +77,7 @@ class Playback:
         self.frames = frames
         self._on_observe = on_observe or Simulation.empty_observation
         self._words = [np.zeros(FIRST_WORDS, np.int64)]
-        self._fault: tuple[int, str] | None = None  # tick at which it was found, and what
+        self._fault: tuple[int, str] | None = None  # tick and message of an error in the recording
         self._loaded: int | None = None  # first tick of the frame in memory
         self.simulation = self._simulation(self.frames.rules_at(0), None)
         world, observation = self.simulation.world, self.simulation.observation
@@ -85,11 +85,11 @@ class Playback:
 
     @property
     def tick(self) -> int:
-        """Ticks played."""
+        """The present tick."""
         return self.simulation.tick
 
     def go_to(self, tick: int) -> None:
-        """Bring the run to a tick; the last one recorded if there are not so many."""
+        """Go to a tick, or to the last recorded tick if that is earlier."""
         tick = min(tick, self.frames.last_tick)
         at = self.tick
         if tick == at:
@@ -100,22 +100,22 @@ class Playback:
             world, observation = self.simulation.world, self.simulation.observation
             if not self.keyframes.fits(
                 nearest, world, observation
-            ):  # it begins with zones of its own
+            ):  # a branch begins there with other zones
                 self.simulation = self._simulation(self.frames.rules_at(nearest), None)
                 world, observation = self.simulation.world, self.simulation.observation
             self.keyframes.restore(nearest, world, observation)
             self.simulation.update_finished()
         while self.tick < tick:
             self._advance(tick)
-        self._rebuild_for(tick)  # as a run shows it that was branched off there
+        self._rebuild_for(tick)  # a branch at this tick shows its own rules
 
     def _advance(self, tick: int) -> None:
-        """Play to a tick, or to the end of the frame that is in memory."""
+        """Play to a tick, or to the end of the loaded frame."""
         if self._fault is not None and self.tick >= self._fault[0]:
             raise InputError(self._fault[1])
         content = self.frames.ticks_with(self.tick + 1)
         if content is None or content["first"] > self.tick + 1:
-            raise InputError("the recording has fewer ticks than it says: the file was altered")
+            raise InputError("the recording has fewer ticks than it declares: the file was altered")
         self._rebuild_for(self.tick)
         self._load(content)
         last = min(tick, content["first"] + len(content["executed"]) - 1)
@@ -127,21 +127,23 @@ class Playback:
     def _play(self, tick: int) -> None:
         self.simulation.run(until=tick)
         if self.tick < tick:
-            self._fail(f"the run ends at tick {self.tick}, before its recording does")
+            self._fail(f"the run ends at tick {self.tick}, before its recording")
 
     def _check(self, recorded: Array) -> None:
-        """Raises InputError if the state has another digest than was recorded."""
+        """Raise InputError if the digest of the state differs from the recorded one."""
         if not recorded.any() or list(self.header["digest_names"]) != list(DIGEST_NAMES):
             return
         differs = np.flatnonzero(recorded != self.simulation.digests())
         if len(differs):
-            self._fail(f"{DIGEST_NAMES[differs[0]]} is not as recorded after tick {self.tick}")
+            self._fail(
+                f"{DIGEST_NAMES[differs[0]]} differs from the recording after tick {self.tick}"
+            )
 
     def _fail(self, what: str) -> None:
-        """From here on the recording tells of another run: it is not played any further."""
+        """Stop the playback: from here on the recording belongs to another run."""
         self._fault = (
             self.tick,
-            f"played again, {what}: the recording was made by another version, or altered",
+            f"in the replay {what}: the recording was made by another version, or altered",
         )
         raise InputError(self._fault[1])
 
@@ -158,7 +160,7 @@ class Playback:
                 state.cursor, state.end = 0, len(words)
 
     def _rebuild_for(self, tick: int) -> None:
-        """Change the rules where the run was branched off."""
+        """Change the rules where the run has a branch."""
         rules = self.frames.rules_at(tick)
         if rules["tick"] != self._since:
             self.simulation = self._simulation(rules, self.simulation)
@@ -180,27 +182,27 @@ class Playback:
         )
 
     def _resolved(self, rules: Content) -> Resolved:
-        """The scenario as it held; everything is seen, since only recorded decisions are given."""
+        """The scenario under these rules, with full information: decisions are recorded anyway."""
         resolved = resolved_of(changed(self.header, rules), with_strategies=False)
         scenario = msgspec.structs.replace(resolved.scenario, information="everything")
         return replace(resolved, scenario=scenario)
 
 
-# Keyframes in memory: states of a run to which one can go back.
+# Keyframes in memory: states of a run to which playback can return.
 
 
-KEYFRAME_BYTES: Final = 256 * 1024 * 1024  # bytes of all keyframes
-OBJECT_BYTES: Final = 200  # of an array besides its values: four fifths of a small fleet's keyframe
+KEYFRAME_BYTES: Final = 256 * 1024 * 1024  # limit for all keyframes
+OBJECT_BYTES: Final = 200  # overhead of an array: 80 % of a small fleet's keyframe
 
 
 class Delta(NamedTuple):
-    """An array as its difference from another, or itself if that is shorter."""
+    """An array as its difference from a base array, or in full if that is shorter."""
 
-    where: Array | None  # flat indices; None: values are all of it
+    where: Array | None  # flat indices; None: `values` is the full array
     values: Array
 
 
-NO_CHANGE: Final = Delta(np.zeros(0, np.int32), np.zeros(0, np.int32))  # one for all arrays
+NO_CHANGE: Final = Delta(np.zeros(0, np.int32), np.zeros(0, np.int32))  # shared by all arrays
 
 
 class Keyframe(NamedTuple):
@@ -208,8 +210,8 @@ class Keyframe(NamedTuple):
 
     tick: int
     arrays: dict[str, Delta]
-    routes: Array  # the steps of all routes, one after another
-    plans: Array  # likewise the orders of all plans
+    routes: Array  # the steps of all routes, concatenated
+    plans: Array  # the orders of all plans, concatenated
     clock: Clock
 
     @property
@@ -222,13 +224,13 @@ class Keyframe(NamedTuple):
 
 
 class Keyframes:
-    """The keyframes of one run, in the order of their ticks; the first is that of tick 0."""
+    """The keyframes of one run in the order of their ticks; the first one is usually of tick 0."""
 
     def __init__(
         self, world: World, observation: Observation, budget: int = KEYFRAME_BYTES
     ) -> None:
         self.budget = budget
-        self.ticks: list[int] = []  # those that can be gone back to at once, ascending
+        self.ticks: list[int] = []  # ticks of the keyframes, ascending
         arrays = arrays_of_run(world, observation)
         self._base = {name: array.copy() for name, array in arrays.items()}
         self._frames: list[Keyframe] = []
@@ -236,14 +238,16 @@ class Keyframes:
         self.keep(world, observation)
 
     def before(self, tick: int) -> int:
-        """The last of the ticks up to this one. Raises InputError if there is none any more."""
+        """The tick of the last keyframe up to `tick`. Raises InputError if it was dropped."""
         place = bisect_right(self.ticks, tick)
         if not place:
-            raise InputError(f"what happened before tick {self.ticks[0]:,} is not kept any more")
+            raise InputError(
+                f"the part of the run before tick {self.ticks[0]:,} is no longer stored"
+            )
         return self.ticks[place - 1]
 
     def keep(self, world: World, observation: Observation) -> None:
-        """Keep the state; when they outgrow the budget, those go that leave the smallest gaps."""
+        """Store the state; beyond the budget, drop the keyframes that leave the smallest gaps."""
         tick = int(world.clock.tick)
         if self.ticks and tick <= self.ticks[-1]:
             return
@@ -263,7 +267,7 @@ class Keyframes:
             self._drop(1 + int(np.argmin(ticks[2:] - ticks[:-2])))
 
     def forget_until(self, tick: int) -> None:
-        """States before this tick are of no use any more; the newest one stays."""
+        """Drop keyframes before `tick`, but keep the newest."""
         while len(self.ticks) > 1 and self.ticks[0] < tick:
             self._drop(0)
 
@@ -272,7 +276,7 @@ class Keyframes:
         del self.ticks[index]
 
     def fits(self, tick: int, world: World, observation: Observation) -> bool:
-        """Whether that keyframe has all arrays of a world: not if a branch there has other zones."""
+        """Whether a keyframe fits the arrays of a world; it does not if a branch has other zones."""
         frame = self._at(tick)
         return all(
             array.shape == self._shape(frame, name)
@@ -288,9 +292,9 @@ class Keyframes:
         return shape
 
     def restore(self, tick: int, world: World, observation: Observation) -> int:
-        """Bring a world to the last keyframe at or before `tick`; returns that keyframe's tick.
+        """Restore the last keyframe up to `tick` to a world; return its tick.
 
-        What the keyframe has otherwise (`fits`) stays as it is.
+        Arrays that do not fit (`fits`) stay unchanged.
         """
         frame = self._at(tick)
         for name, array in arrays_of_run(world, observation).items():

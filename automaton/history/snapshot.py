@@ -1,4 +1,4 @@
-"""What a viewer sees of a run after a tick: copies, by identity, that do not change any more."""
+"""Snapshots of a run after a tick for viewers: immutable copies, indexed by identity."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from automaton.engine.jit.structs import CARRIED, Struct
 from automaton.engine.observation import Observation
 from automaton.engine.state import GATE_CLOSING, GATE_DOOR, NIL, Array, Orders, Robots
 
-if TYPE_CHECKING:  # it needs Numba
+if TYPE_CHECKING:  # this needs Numba
     from automaton.runs.simulation import Simulation
 
 AnyStruct = TypeVar("AnyStruct", bound=Struct)
 
 
 def by_robot(struct: type[Struct]) -> list[str]:
-    """The arrays of a struct that go with its state, by robot; rows of different lengths aside."""
+    """The arrays by robot that belong to the state of a struct, without rows of different lengths."""
     return [
         name
         for name, declared in struct._declared.items()
@@ -45,7 +45,7 @@ _OBSERVED: Final = by_robot(Observation)
 class FleetSnapshot:
     """The robots, indexed by identity: the fields of world.robots and of the observation.
 
-    `route_length`: (n,) int32, steps left.
+    `route_length`: (n,) int32, remaining steps.
     """
 
     __annotations__ = dict.fromkeys([*_FIELDS, *_OBSERVED], "Array")
@@ -69,32 +69,32 @@ class Snapshot:
     robots: FleetSnapshot
     orders: Orders
     slots: Slots
-    stations: Stations  # that work on parts
+    stations: Stations  # stations that work on parts
     pods: Pods
     lines: Lines
     trips: Trips
     stops: Stops
-    pod_stations: PodStations  # to which pods are carried
+    pod_stations: PodStations
     gates: Gates
-    station_names: tuple[str, ...]  # of these
+    station_names: tuple[str, ...]  # of pod_stations
     pod_names: tuple[str, ...]
-    stride: int  # from a cell to the one below it
-    service_zones: ServiceZones  # that robots serve; its roads are those of the world
-    redesigns: int  # ticks so far in which stations changed their zones
-    selected: int  # the robot whose route and plan are given, or NIL
-    route: Array  # (k,) int32: cells that the selected robot has still to drive through
-    order_queue: Array  # (k,) int32: orders that the selected robot is to do, one after another
-    repairs_in_place: bool  # broken robots are not towed
-    delayed_until: Array  # (n,) int64: the last tick of a robot's delay; (0,): there are no delays
-    curve: Array  # (K, pieces, 2) int32: from this charge on, units that a tick at a charger gives
-    lost_in_zone: Array  # (Z,) int64: ticks that moves took longer because of each slow zone
-    layer: str  # of the map, that was asked for; whoever shows it brings its numbers
+    stride: int  # flat index difference of a cell and the cell below
+    service_zones: ServiceZones  # shares its roads with the world
+    redesigns: int  # number of ticks so far in which stations changed their zones
+    selected: int  # the robot whose route and plan are included, or NIL
+    route: Array  # (k,) int32: remaining cells of the selected robot's route
+    order_queue: Array  # (k,) int32: planned orders of the selected robot
+    repairs_in_place: bool  # whether broken robots are repaired in place, not towed
+    delayed_until: Array  # (n,) int64: last tick of a robot's delay; (0,) without delays
+    curve: Array  # (K, pieces, 2) int32: rows of a charge, and units per charging tick above it
+    lost_in_zone: Array  # (Z,) int64: extra ticks of moves because of each slow zone
+    layer: str  # requested map layer; the viewer adds its numbers
     heat: Array | None = None  # (C,) int32, or None
     flow: Array | None = None  # (C, 4) int32
 
 
 def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") -> Snapshot:
-    """Copy what a viewer needs from an observed simulation."""
+    """Copy the state of an observed simulation for a viewer."""
     world, observation = simulation.world, simulation.observation
     by_identity = world.robots.at_index
     fields = {name: getattr(world.robots, name)[by_identity] for name in _FIELDS}
@@ -125,14 +125,14 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         order_queue=_plan(simulation, selected),
         repairs_in_place=len(world.rules.repair_in_place) > 0,
         delayed_until=world.delays.until.copy(),
-        curve=world.rules.curve,  # it is never written to
+        curve=world.rules.curve,  # constant
         lost_in_zone=observation.lost_in_zone.copy(),
         layer=layer,
     )
 
 
 def _copied(struct: AnyStruct) -> AnyStruct:
-    """The same struct over copies of what may change."""
+    """A copy of a struct that shares the arrays that never change."""
     changing = [
         name for name, one in struct._declared.items() if one.role in CARRIED and one.is_array
     ]
@@ -142,7 +142,7 @@ def _copied(struct: AnyStruct) -> AnyStruct:
 def _route(simulation: Simulation, selected: int) -> Array:
     """(k,) int32: the cells of a robot's remaining route."""
     robots, grid = simulation.world.robots, simulation.world.grid
-    if not 0 <= selected < len(robots.cell):  # in a comparison the other fleet may be larger
+    if not 0 <= selected < len(robots.cell):  # in comparisons the other fleet may be larger
         return np.zeros(0, np.int32)
     i = robots.at_index[selected]
     start = robots.home[i] if robots.cell[i] == NIL else robots.cell[i]
@@ -153,7 +153,7 @@ def _route(simulation: Simulation, selected: int) -> Array:
 
 
 def _plan(simulation: Simulation, selected: int) -> Array:
-    """(k,) int32: the orders ahead of a robot."""
+    """(k,) int32: the planned orders of a robot."""
     robots = simulation.world.robots
     if not 0 <= selected < len(robots.cell):
         return np.zeros(0, np.int32)
@@ -162,11 +162,11 @@ def _plan(simulation: Simulation, selected: int) -> Array:
     return orders
 
 
-# Gates at that tick.
+# Gates in a snapshot.
 
 
 def closed_until(snapshot: Snapshot, gate: int) -> int:
-    """The tick from which a closing is over that lasts; NIL if it is open."""
+    """The first tick after a present closing; NIL if the gate is open."""
     gates = snapshot.gates
     row = int(gates.first_closing[gate] + gates.closing[gate])
     if gates.kind[gate] != GATE_CLOSING or row >= gates.first_closing[gate + 1]:
@@ -184,7 +184,7 @@ def cells_of(snapshot: Snapshot, gate: int) -> Array:
 
 
 def shut_cells(snapshot: Snapshot) -> tuple[Array, Array]:
-    """(k,) int32 flat cells that are closed now, and (d,) of doors that are not open."""
+    """(k,) int32 flat cells that are closed now, and (d,) flat cells of doors that are not open."""
     gates = snapshot.gates
     closed = [
         cells_of(snapshot, gate)

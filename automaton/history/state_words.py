@@ -1,4 +1,4 @@
-"""What is said of gates, stations with queues, chargers and due times, without Numba."""
+"""Gates, stations with queues, chargers and due times in words; imports without Numba."""
 
 from __future__ import annotations
 
@@ -35,12 +35,12 @@ if TYPE_CHECKING:
 
 
 def is_kept_by_gate(cause: int) -> bool:
-    """Whether a cause is that a gate keeps a robot."""
+    """Whether the cause of a wait is a gate."""
     return CAUSE_CLOSED <= cause <= CAUSE_LIFT
 
 
 def gate_words(snapshot: Snapshot, robot: int) -> str:
-    """Why a gate keeps a robot that waits for a cell, and until when as far as that is settled."""
+    """Why a gate stops a robot that waits for a cell, and until when, if that is known."""
     wanted = int(snapshot.robots.wanted[robot])
     kind = int(snapshot.robots.cause[robot]) - CAUSE_CLOSED
     x, y = wanted % snapshot.stride - 1, wanted // snapshot.stride - 1
@@ -49,7 +49,7 @@ def gate_words(snapshot: Snapshot, robot: int) -> str:
 
 
 def gates_in(snapshot: Snapshot, cell: int) -> list[int]:
-    """The gates that a flat cell has."""
+    """The gates of a flat cell."""
     gates = snapshot.gates
     if not len(gates.kind):
         return []
@@ -60,7 +60,7 @@ def gates_in(snapshot: Snapshot, cell: int) -> list[int]:
 
 
 def keeps(snapshot: Snapshot, gate: int, kind: int) -> bool:
-    """Whether a gate is of a kind, and may have kept a robot in the last tick."""
+    """Whether a gate is of a kind, and may have stopped a robot in the last tick."""
     if snapshot.gates.kind[gate] != kind:
         return False
     if kind == GATE_CLOSING:
@@ -71,7 +71,7 @@ def keeps(snapshot: Snapshot, gate: int, kind: int) -> bool:
 
 
 def robots_in(snapshot: Snapshot, gate: int) -> list[int]:
-    """The robots that are in a gate, or on their way into it."""
+    """The robots in a gate, or entering it."""
     cells = cells_of(snapshot, gate)
     robots = snapshot.robots
     inside = np.isin(robots.cell, cells) | np.isin(robots.claim, cells)
@@ -80,7 +80,7 @@ def robots_in(snapshot: Snapshot, gate: int) -> list[int]:
 
 
 def words_of(snapshot: Snapshot, gate: int, robot: int = NIL) -> str:
-    """What a gate is like: "closed until tick 60, for 12 more ticks"."""
+    """The state of a gate in words: "closed until tick 60, for 12 more ticks"."""
     gates, tick = snapshot.gates, snapshot.tick
     kind, opens = int(gates.kind[gate]), int(gates.open_from[gate])
     number = gate - int(np.argmax(gates.kind == kind)) + 1
@@ -110,7 +110,7 @@ def words_of(snapshot: Snapshot, gate: int, robot: int = NIL) -> str:
 
 
 def names_of(robots: list[int]) -> str:
-    """Robots behind a colon, three of them by name; "" without any."""
+    """Robots after a colon, at most three by name; "" without any."""
     if not robots:
         return ""
     names = ", ".join(f"robot {robot}" for robot in robots[:3])
@@ -118,10 +118,10 @@ def names_of(robots: list[int]) -> str:
 
 
 def gate_states(world: World) -> Array:
-    """(g,) int64: what is reported of gates when it changes; 0 for gates as they are at rest.
+    """(g,) int64: states of gates whose changes are reported; 0 for gates at rest.
 
-    1 for a closing that lasts and for a door that opens or is open, the number of the robot that called
-    a lift, from 1; always 0 for blocks.
+    1 for a present closing and for a door that opens or is open; for a called lift the number of the
+    calling robot, from 1; always 0 for blocks.
     """
     gates, tick = world.gates, int(world.clock.tick)
     states = np.zeros(len(gates.kind), np.int64)
@@ -135,43 +135,43 @@ def gate_states(world: World) -> Array:
 
 
 def gate_words_of(snapshot: Snapshot, gate: int) -> str:
-    """Where a gate is and what it is like: "(3, 0) is a door that is open"."""
+    """Place and state of a gate in words: "(3, 0) is a door that is open"."""
     cells = cells_of(snapshot, gate)
     x, y = int(cells[0]) % snapshot.stride - 1, int(cells[0]) // snapshot.stride - 1
     others = "" if len(cells) == 1 else f", one of {count(len(cells), 'cell')},"
     return f"({x}, {y}){others} is {words_of(snapshot, gate)}"
 
 
-# Stations to which pods are carried, in words: who is served, who queues, breaks and places.
+# Stations for pods in words: service, queues, breaks and free places.
 
 
 ORDINALS: Final = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth")
 
 
 def carries_pods(snapshot: Snapshot) -> bool:
-    """Whether orders of this run carry pods."""
+    """Whether robots of this run carry pods."""
     return len(snapshot.pods.slot) > 0
 
 
 def has_trips(snapshot: Snapshot) -> bool:
-    """Whether the orders of this run are trips, which are made of lines."""
+    """Whether the orders of this run are trips, which serve lines."""
     return len(snapshot.lines.order) > 0
 
 
 def load_words(snapshot: Snapshot, load: int) -> str:
-    """Say "load 7", or "pod 12" where loads are pods."""
+    """Say "load 7", or "pod 12" if loads are pods."""
     return (
         pod_name(snapshot, snapshot.trips.pod[load]) if carries_pods(snapshot) else f"load {load}"
     )
 
 
 def pod_name(snapshot: Snapshot, pod: int) -> str:
-    """Say "pod A-17-3", or "pod 12" of one without a name."""
+    """Say "pod A-17-3", or "pod 12" if the pod has no name."""
     return f"pod {snapshot.pod_names[pod]}"
 
 
 def station_name(snapshot: Snapshot, station: int) -> str:
-    """Say "station P1", or "station 3" of one without a name."""
+    """Say "station P1", or "station 3" if the station has no name."""
     return f"station {snapshot.station_names[station]}"
 
 
@@ -184,13 +184,13 @@ def station_of(snapshot: Snapshot, robot: int) -> int:
 
 
 def robot_at(snapshot: Snapshot, station: int) -> int:
-    """The robot that stands at a station, or NIL."""
+    """The robot at a station, or NIL."""
     there = np.flatnonzero(snapshot.robots.cell == snapshot.pod_stations.cell[station])
     return int(there[0]) if len(there) else NIL
 
 
 def station_queue(snapshot: Snapshot, station: int) -> list[int]:
-    """The robots that stand in the queue of a station, or wait to enter it, the next one first."""
+    """The robots in the queue of a station or waiting to enter it, in order of service."""
     fleet, stations = snapshot.robots, snapshot.pod_stations
     goes_there = (fleet.goal_type == GOAL_STOP) & (fleet.goal_cell == stations.cell[station])
     on_floor = goes_there & (fleet.cell != NIL) & (fleet.cell != stations.cell[station])
@@ -208,7 +208,7 @@ def station_queue(snapshot: Snapshot, station: int) -> list[int]:
 
 
 def _queue_cells(snapshot: Snapshot, station: int) -> list[int]:
-    """The cells of a queue, the one next to the station first."""
+    """The cells of a queue, starting next to the station."""
     stations, stride = snapshot.pod_stations, snapshot.stride
     steps = (1, stride, -1, -stride)
     following = {
@@ -223,14 +223,14 @@ def _queue_cells(snapshot: Snapshot, station: int) -> list[int]:
 
 
 def break_end(snapshot: Snapshot, station: int) -> int:
-    """The first tick after the break that a station has now, or NIL."""
+    """The first tick after the present break of a station, or NIL."""
     rows = snapshot.pod_stations.breaks
     now = (rows[:, 0] == station) & (rows[:, 1] <= snapshot.tick) & (snapshot.tick < rows[:, 2])
     return int(rows[now, 2].max()) if now.any() else NIL
 
 
 def break_begins(stations: PodStations, tick: int) -> Array:
-    """(k,) int64: the stations that have a break from this tick on."""
+    """(k,) int64: the stations whose break begins in this tick."""
     begun: Array = stations.breaks[stations.breaks[:, 1] == tick, 0]
     return begun
 
@@ -242,7 +242,7 @@ def break_begun_words(snapshot: Snapshot, station: int) -> str:
 
 
 def queue_words(snapshot: Snapshot, robot: int) -> str:
-    """Why a robot queues for a station: its place in the queue, and who is served there."""
+    """Why a robot queues for a station: its place in the queue, and the robot at the station."""
     station = station_of(snapshot, robot)
     name = station_name(snapshot, station)
     said = f"robot {robot} is queueing before {name}"
@@ -256,7 +256,7 @@ def queue_words(snapshot: Snapshot, robot: int) -> str:
 
 
 def _at_station(snapshot: Snapshot, robot: int, station: int) -> str:
-    """What the robot at a station does there."""
+    """What the robot at a station is doing."""
     fleet = snapshot.robots
     if fleet.action[robot] == ACTION_SERVE:
         return f"robot {robot} {served_words(snapshot, robot)}"
@@ -267,7 +267,7 @@ def _at_station(snapshot: Snapshot, robot: int, station: int) -> str:
 
 
 def served_words(snapshot: Snapshot, robot: int) -> str:
-    """Whether the robot at a station is served, or served for the last time in this tick."""
+    """Whether the robot at a station is being served, and for how long."""
     fleet = snapshot.robots
     if fleet.action[robot] != ACTION_SERVE:
         return "stands there"
@@ -288,7 +288,7 @@ def break_words(snapshot: Snapshot, robot: int) -> str:
 
 
 def next_stations(snapshot: Snapshot, trips: Array) -> Array:
-    """(k,) int32: the station of the next stop of each of these trips, NIL if none is left."""
+    """(k,) int32: the station of the next stop of each trip, NIL if no stop is left."""
     orders = snapshot.orders
     stop = orders.first_stop[trips] + orders.stops_done[trips]
     left = stop < orders.first_stop[trips + 1]
@@ -298,14 +298,14 @@ def next_stations(snapshot: Snapshot, trips: Array) -> Array:
 
 
 def full_stations(snapshot: Snapshot) -> Array:
-    """(k,) bool: stations that let no more trips come."""
+    """(k,) bool: stations that admit no more trips."""
     stations = snapshot.pod_stations
     full: Array = (stations.places != NIL) & (stations.taken >= stations.places)
     return full
 
 
 def no_place_words(snapshot: Snapshot, robot: int) -> str:
-    """Say that all trips that a robot could have are for stations without a free place, or ""."""
+    """Say that all trips open to a robot are for stations without a free place; "" if not."""
     if not carries_pods(snapshot):
         return ""
     orders = snapshot.orders
@@ -320,13 +320,13 @@ def no_place_words(snapshot: Snapshot, robot: int) -> str:
     return f"{wait}, but {where} no free place"
 
 
-# Charging: who is at a charger, who queues, and for how long.
+# Chargers: robots that charge or queue, and for how long.
 
 
 def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
-    """Ticks at a charger from one charge to another, or NIL if the curve never gets there.
+    """Ticks at a charger from one charge to another; NIL if the curve never reaches it.
 
-    `curve`: (K, 2) from this charge on, units that a tick gives; as in automaton.engine.energy.
+    `curve`: (K, 2) rows of a charge and the units per tick from it on, as in automaton.engine.energy.
     """
     ticks = 0
     ends = [*curve[1:, 0].tolist(), BATTERY_FULL]
@@ -341,7 +341,7 @@ def ticks_to_charge(charge: int, level: int, curve: Array) -> int:
 
 
 def charging_at(snapshot: Snapshot, cell: int) -> list[int]:
-    """The robots that charge in a cell."""
+    """The robots charging in a cell."""
     fleet = snapshot.robots
     robots: list[int] = np.flatnonzero(is_charging(fleet) & (fleet.cell == cell)).tolist()
     return robots
@@ -364,7 +364,7 @@ def sent_to(snapshot: Snapshot, cell: int) -> list[int]:
 
 
 def up_to(snapshot: Snapshot, robot: int) -> str:
-    """To which charge a robot charges, and how long that still takes."""
+    """The target charge of a robot, and the remaining time, in words."""
     fleet = snapshot.robots
     charge, charge_target = int(fleet.charge[robot]), int(fleet.charge_target[robot])
     ticks = ticks_to_charge(charge, charge_target, snapshot.curve[fleet.type[robot]])
@@ -398,13 +398,13 @@ def has_due_time(orders: Orders, order: int) -> bool:
 
 
 def ticks_late(orders: Orders, order: int, now: int) -> int:
-    """Ticks from when an order was due until it was delivered, or now; below 0: it is due later."""
+    """Ticks from the due time of an order to its delivery, or to now; negative if it is due later."""
     done = int(orders.state[order]) == ORDER_DELIVERED
     return (int(orders.delivered[order]) if done else now) - int(orders.due[order])
 
 
 def tick_in_words(tick: int, scale: Scale) -> str:
-    """What follows a tick: " (10 min, 06:10)" where a tick is a time and there is a clock, or nothing."""
+    """A suffix such as " (10 min, 06:10)" if ticks have a time unit and the scenario a clock, or ""."""
     unit = scale.unit
     if unit.seconds is None:
         return ""
@@ -426,7 +426,7 @@ def lateness_words(orders: Orders, order: int, now: int, scale: Scale) -> str:
 
 
 def due_words(orders: Orders, order: int, now: int, scale: Scale, what: str = "order") -> str:
-    """Say when an order, or a trip, is due, and how late it is: "order 3 is due in tick 40: now"."""
+    """Say when an order or trip is due, and how late it is: "order 3 is due in tick 40: now"."""
     due = int(orders.due[order])
     late = lateness_words(orders, order, now, scale)
     return f"{what} {order} is due in tick {due:,}{tick_in_words(due, scale)}: {late}"

@@ -1,4 +1,4 @@
-"""A run with its past: live or recorded, it can be shown at any tick, and branched off there."""
+"""A run with its past, live or recorded, which can be shown at any tick and branched there."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.world.resolved import Resolved
 
-COMPUTE_SLICE_S = 0.005  # of computing between two looks at the clock
-KEYFRAME_S = 0.03  # of computing between two keyframes: what going back may cost,
-KEYFRAME_TIME_RATIO = 10  # and at least so many times what the last one took
+COMPUTE_SLICE_S = 0.005  # computing time between two checks of the clock
+KEYFRAME_S = 0.03  # computing time between two keyframes; limits the cost of going back
+KEYFRAME_TIME_RATIO = 10  # least computing time between keyframes, in costs of the last keyframe
 
 
 class WatchedRun:
-    """What is known of a run, and the tick at which it is shown.
+    """A run and the tick at which it is shown.
 
-    The *front* is where new ticks are computed: the simulation itself, or the first pass over a
-    recording. Another playback shows the past. All of it belongs to one thread; only
-    `event_history` may be read by others.
+    New ticks are computed at the *front*: the simulation itself, or the first pass over a recording.
+    Another playback shows the past. The object belongs to one thread; other threads may only read
+    `event_history`.
     """
 
     def __init__(self, header: Content, frames: StoredFrames, resolved: Resolved) -> None:
@@ -33,9 +33,9 @@ class WatchedRun:
         self.frames = frames
         self.resolved = resolved
         self.event_history = EventHistory()
-        self.give_up: Callable[[], bool] = lambda: False  # looked at while a past is computed
+        self.give_up: Callable[[], bool] = lambda: False  # polled while a past is computed again
         self._past: Playback | None = None
-        # Ticks that take about COMPUTE_SLICE_S; of a large fleet the first ones take seconds each.
+        # Ticks that take about COMPUTE_SLICE_S. The first ticks of a large fleet take seconds each.
         self._slice = 1
         self._since_keyframe = 0.0
         self._keyframe_took = 0.0
@@ -48,58 +48,58 @@ class WatchedRun:
 
     @property
     def tick(self) -> int:
-        """The tick that is shown."""
+        """The shown tick."""
         return self._at
 
     @property
     def shown(self) -> Simulation:
-        """The simulation in the state of the tick that is shown; not to be run."""
+        """The simulation in the state of the shown tick; it must not be run."""
         if self._past is None or self._at == self.leading_simulation.tick:
             return self.leading_simulation
         return self._past.simulation
 
     @property
     def warning(self) -> str:
-        """What goes wrong without ending the run, or ""."""
+        """A problem that does not end the run, or ""."""
         return ""
 
     @property
     def failed(self) -> str:
-        """Why a strategy cannot go on, which ended the run, or ""."""
+        """The failure of a strategy that ended the run, or ""."""
         return ""
 
     @property
     def live(self) -> bool:
-        """Whether further ticks can be computed by strategies."""
+        """Whether strategies can compute further ticks."""
         return False
 
     @property
     def leading_simulation(self) -> Simulation:
-        """The simulation that is farthest."""
+        """The simulation at the front."""
         raise NotImplementedError
 
     @property
     def first(self) -> int:
-        """The first tick that can be shown: 0, unless a long past is not kept whole."""
+        """The first tick that can be shown: 0, unless the oldest part of a long past was dropped."""
         return self.keyframes.ticks[0]
 
     @property
     def head(self) -> int:
-        """The last tick that can be shown without computing new ones."""
+        """The last tick that can be shown without computing new ticks."""
         return self.frames.last_tick
 
     @property
     def end(self) -> int | None:
-        """The last tick that there will ever be, if that is known."""
+        """The last tick of the run, if it is known."""
         raise NotImplementedError
 
     @property
     def keyframes(self) -> Keyframes:
-        """The states that can be gone back to."""
+        """The stored states from which the past is replayed."""
         raise NotImplementedError
 
     def show(self, tick: int, budget_s: float = COMPUTE_SLICE_S) -> int:
-        """Show a tick, or get nearer to it within the budget; returns the tick that is shown."""
+        """Show a tick, or as near to it as the budget allows; return the shown tick."""
         until = time.perf_counter() + budget_s
         tick = max(self.first, tick if self.end is None else min(tick, self.end))
         while True:
@@ -118,14 +118,14 @@ class WatchedRun:
                 return self._at
 
     def extend(self) -> bool:
-        """Compute ticks ahead, some milliseconds of them; False when there are none."""
+        """Compute ticks ahead for some milliseconds; return whether any were left."""
         more = self._advance()
-        if self._at != self.leading_simulation.tick:  # it was the front that showed it
+        if self._at != self.leading_simulation.tick:  # the front itself showed the tick before
             self._look_back(max(self._at, self.first))
         return more
 
     def _advance(self, most: int | None = None) -> bool:
-        """Compute the next ticks, and keep a state from time to time."""
+        """Compute the next ticks, and store a keyframe from time to time."""
         before = self.leading_simulation.tick
         begun = time.perf_counter()
         self._compute(before + (self._slice if most is None else min(most, self._slice)))
@@ -153,19 +153,19 @@ class WatchedRun:
             self._at = self._past.tick
 
     def metrics(self) -> dict[str, float | int]:
-        """The metrics of the run up to the tick that is shown."""
+        """The metrics of the run up to the shown tick."""
         return metrics_of(self.shown)
 
     def resolved_at(self, tick: int) -> Resolved:
-        """The scenario that holds in the tick after `tick`, with its strategies."""
+        """The scenario with its strategies that applies in the tick after `tick`."""
         return resolved_of(changed(self.header, self.frames.rules_at(tick)))
 
     def close(self) -> None:
-        """Nothing more will be computed."""
+        """End the computation."""
 
 
 class ReplayedRun(WatchedRun):
-    """A recording, whole or cut short."""
+    """A recording, complete or truncated."""
 
     def __init__(self, recording: Recording) -> None:
         frames = recording.stored()

@@ -94,5 +94,5 @@ def test_a_scenario_is_not_replaced_by_a_workbook(
     file.write_text("name: mine\n")
     command = ["run", "tabletop-mini", "--format", "xlsx", "--out", str(file)]
     assert main(command) == 2 and file.read_text() == "name: mine\n"
-    assert "is not replaced" in capsys.readouterr().err
+    assert "is not overwritten" in capsys.readouterr().err
     assert main(["run", "tabletop-mini", "--json", "--format", "text"]) == 2

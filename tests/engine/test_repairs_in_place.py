@@ -48,7 +48,7 @@ def test_a_robot_goes_on_with_its_load_after_its_repair() -> None:
     assert (robots.status[0], robots.load[0], robots.order[0]) == (STATUS_FAILED, 0, 0)
     here = int(robots.cell[0])
     assert explain(take_snapshot(made), made.resolved.floor_plan, 0).lines == [
-        "robot 0 has been down for 2 ticks: robot 0 has broken down; it goes on in 5 ticks"
+        "robot 0 has been down for 2 ticks: robot 0 has broken down; it continues in 5 ticks"
     ]
     made.run(10)
     assert (robots.status[0], int(robots.cell[0])) == (STATUS_FAILED, here)

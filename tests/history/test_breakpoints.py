@@ -163,10 +163,10 @@ def test_conditions_are_read_as_in_python(text: str, plain, run: LiveRun) -> Non
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("", "is not a condition; expected one such as deadlock, delivered 7, stalled > 50"),
+        ("", "is not a condition; valid are, for example, deadlock, delivered 7, stalled > 50"),
         ("x >", "'x >' is not a condition"),
         ("delivered seven", "'delivered seven' is not a condition"),
-        ("(" * 5000, "a condition has 200 characters at most, this one 5,000"),
+        ("(" * 5000, "a condition has at most 200 characters; this one has 5,000"),
         ("(" * 150, "is not a condition"),
         ("\0", "is not a condition"),
         ("laoded", "a robot has no 'laoded' (did you mean 'loaded'?); there are robot, x, y"),
@@ -177,7 +177,7 @@ def test_conditions_are_read_as_in_python(text: str, plain, run: LiveRun) -> Non
             "'quue' is not a known cause (did you mean 'queue'?); there are none, queue",
         ),
         ("action != 'moove'", "'moove' is not a known action (did you mean 'move'?)"),
-        ("x == 'move'", "'move' can be compared with cause and action only"),
+        ("x == 'move'", "'move' can only be compared with cause and action"),
         ("x > 3 > y", "is not a condition on a robot; allowed are comparisons of robot"),
         ("x + 1", "is not a condition on a robot"),
         ("x > y + 1", "'y + 1' is neither a number nor one of robot"),

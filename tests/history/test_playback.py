@@ -242,7 +242,7 @@ def test_an_altered_decision_is_told_in_a_sentence(long: Recording) -> None:
     run = ReplayedRun(recording)
     found = []
     for _ in range(2):  # and again, if one tries again
-        with pytest.raises(InputError, match="is not as recorded after tick"):
+        with pytest.raises(InputError, match="differs from the recording after tick"):
             run.show(1500, 99)
         assert first <= run.tick <= last
         assert run.shown.tick == run.tick

@@ -343,7 +343,7 @@ def test_a_past_that_this_version_computes_otherwise_is_no_base(
     path.with_name("branch.rec").write_bytes(MAGIC + b"older")
     monkeypatch.setattr(Moody, "period", 3)
     recorded = go(ReplayedRun(read_recording(path)), 500)
-    with pytest.raises(InputError, match="the run is another one at tick 500"):
+    with pytest.raises(InputError, match="the run differs at tick 500"):
         branch_of(recorded, (), path.with_name("branch.rec"))
     assert path.with_name("branch.rec").read_bytes() == MAGIC + b"older"
 

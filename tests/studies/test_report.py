@@ -184,7 +184,7 @@ def test_what_is_no_table_is_not_replaced_by_one(folder: Path, capsys: Any, tmp_
     for option in ("--csv", "--parquet"):
         mine.write_text("name: mine")
         code, _, err = report(capsys, str(folder), option, str(mine))
-        assert code == 2 and "is not a table of results, so it is not replaced" in err
+        assert code == 2 and "is not a table of results, so it is not overwritten" in err
         assert mine.read_text() == "name: mine"
         mine.unlink()
         assert [report(capsys, str(folder), option, str(mine))[0] for _ in range(2)] == [0, 0]

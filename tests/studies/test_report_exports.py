@@ -169,7 +169,7 @@ def test_what_is_no_table_of_ours_is_not_replaced(
     mine = tmp_path / "mine.yaml"
     mine.write_text("name: mine")
     code, _, err = report(capsys, str(folder / "results"), option, str(mine))
-    assert code == 2 and "is not a table of results, so it is not replaced" in err
+    assert code == 2 and "is not a table of results, so it is not overwritten" in err
     assert mine.read_text() == "name: mine"
     mine.unlink()
     assert [report(capsys, str(folder / "results"), option, str(mine))[0] for _ in "ab"] == [0, 0]

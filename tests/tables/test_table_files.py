@@ -188,7 +188,7 @@ def test_a_folder_that_holds_another_run_is_left_alone(tmp_path: Path) -> None:
     written(tmp_path, "csv")
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     for form in table_files.FORMATS:
-        with pytest.raises(InputError, match=r"holds another run already \(cells\.csv\)"):
+        with pytest.raises(InputError, match=r"already holds another run \(cells\.csv\)"):
             simulate("tabletop-mini", tables=True, folder=tmp_path)
         assert main([*RUN, f"--{form}", str(tmp_path)]) == 2
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
@@ -242,8 +242,8 @@ def test_what_is_not_installed_is_named_with_its_extra(
     [
         ("10 m", "states: '10 m' is a length"),
         ("0.1 s", "units.tick is '1 cycle', which is not a time"),
-        (0, "states are taken every 0, which is less than a tick"),
-        (2.5, "states must be a period such as '10 s', or ticks; found 2.5"),
+        (0, "the period of states, 0, is less than a tick"),
+        (2.5, "states must be a period such as '10 s' or a number of ticks, not 2.5"),
     ],
 )
 def test_periods_that_are_none(states: Any, said: str) -> None:
@@ -261,7 +261,7 @@ def test_what_a_run_does_not_have_is_named() -> None:
     tables = simulate("tabletop-mini", tables=True).tables
     assert tables.names == ("orders", "lines", "trips", "robots", "stations")
     assert tables.lines.num_rows == 0
-    with pytest.raises(AttributeError, match=r"no table 'states' of this run; events=True and"):
+    with pytest.raises(AttributeError, match=r"this run has no table 'states'; events=True and"):
         tables["states"]
     with pytest.raises(InputError, match="set tables=True"):
         simulate("tabletop-mini", events=True)

@@ -142,7 +142,7 @@ def test_a_recording_that_cannot_be_compared_says_so(tmp_path: Path) -> None:
 
     async def story() -> None:
         async with viewing(opening) as user:
-            told = "recording B has fewer ticks than it says: the file was altered"
+            told = "recording B has fewer ticks than it declares: the file was altered"
             await user.until(lambda: told in said(user.display.info))
             assert user.session.divergence is None and user.session.broken == told
 

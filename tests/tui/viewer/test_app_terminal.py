@@ -169,7 +169,7 @@ def test_a_recording_that_was_altered_ends_with_a_sentence(tmp_path: Path) -> No
         with automaton(
             tmp_path, "replay", *map(str, paths), "--at", str(recording.ticks - 1)
         ) as session:
-            session.wait_for_text("is not as recorded")
+            session.wait_for_text("differs from the recording")
             session.press("q")
             assert session.host.wait_for_end() == 2
             output = session.host.output()

@@ -390,7 +390,7 @@ def test_zones_of_one_computer_need_to_see_everything(
     settings = ["--set", f"strategy.zoning={zoning}", "--set", f"information={information}"]
     assert main(["check", "factory-ddz", *settings]) == 2
     errors = capsys.readouterr().err
-    assert "one computer watches all zones, so it needs information: everything" in errors
+    assert "one computer monitors all zones, so it needs information: everything" in errors
     assert errors.count("\n") == 1
     assert main(["check", "factory-ddz", *settings[:2], "--set", "information=everything"]) == 0
 

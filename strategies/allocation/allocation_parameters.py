@@ -35,8 +35,8 @@ def refusal_of_pods(scenario: Scenario, floor_plan: FloorPlan) -> str | None:
     if not carries_pods(scenario, floor_plan):
         return None
     return (
-        "it does not know pods, which go to stations and back into storage; shortest-job, first-come, "
-        "independent and greedy do"
+        "it does not support pods, which go to stations and back into storage; use shortest-job, "
+        "first-come, independent or greedy"
     )
 
 
@@ -46,21 +46,21 @@ def refusal_of_tours(scenario: Scenario, floor_plan: FloorPlan) -> str | None:
         return refusal_of_pods(scenario, floor_plan)
     if not has_tours(scenario.orders):
         return None
-    return "it knows only orders with a load, and some have stops; greedy and first-come do those"
+    return "it supports only orders with a load, but some have stops; use greedy or first-come"
 
 
 def refusal_of_own_orders(scenario: Scenario) -> str | None:
     """Return why an allocation that gives any order to any robot cannot run this scenario, or None."""
     if scenario.orders.assign != "round-robin":
         return None
-    return "it gives any order to any robot, and orders.assign is round-robin; greedy does that"
+    return "it gives any order to any robot, but orders.assign is round-robin; use greedy"
 
 
 def refusal_of_priorities(scenario: Scenario) -> str | None:
     """Return why an allocation that ignores priorities cannot run this scenario, or None."""
     if len(priorities_of(scenario.orders)) == 1:
         return None
-    return "it knows no priorities, and orders have some; greedy and first-come do those"
+    return "it ignores priorities, but some orders have one; use greedy or first-come"
 
 
 def tuned_storage(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
@@ -78,7 +78,7 @@ class IndependentParameters(Storing, forbid_unknown_fields=True, frozen=True, kw
     """No further parameters."""
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return tuned_storage(scenario, floor_plan)
 
 
@@ -99,7 +99,7 @@ class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=Tru
         return refusal_of_own_orders(scenario)
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return tuned_storage(scenario, floor_plan)
 
 
@@ -122,12 +122,10 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         if not names:
             return None
         places = " and ".join(names)
-        return (
-            f"it finds loads on shelves alone, and orders begin at {places}; first-come takes those"
-        )
+        return f"it finds loads only on shelves, but orders begin at {places}; use first-come"
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return {}
 
 
@@ -148,7 +146,7 @@ class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=T
         return refusal_of_own_orders(scenario)
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return tuned_storage(scenario, floor_plan)
 
 
@@ -178,13 +176,13 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
     idle: Annotated[
         Literal["park", "stay"],
         Meta(
-            description="What robots without an order do; robots that have none because of `active` "
-            "stay."
+            description="Behavior of robots without an order. Robots without an order because of "
+            "`active` stay where they are."
         ),
     ] = "park"
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return {"rest": (0.0, 1.0), **tuned_storage(scenario, floor_plan)}
 
 
@@ -249,7 +247,7 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     auctioneer: Annotated[
         Literal["central", "fixed", "time", "token"],
         Meta(
-            description="Who sells. central: one auctioneer for all robots; fixed: `auctioneers` "
+            description="Auctioneer. central: one auctioneer for all robots; fixed: `auctioneers` "
             "robots, each of which sells the orders nearest to it; time: one robot at a time, for "
             "`auctioneer_term` ticks; token: one robot at a time, for one auction."
         ),

@@ -34,7 +34,7 @@ Length = Annotated[float, quantity(LENGTH, gt=0, le=1_000_000)]
 TipPairs = Annotated[
     Literal["last", "all"],
     Meta(
-        description="Tips to which a given tip may be joined. all: any tip within reach in the "
+        description="Tips to which a moved tip may be joined. all: any tip within reach in the "
         "receiving zone, tried in random order; last: only the tip with the largest number, as in "
         "the authors' code."
     ),

@@ -123,9 +123,7 @@ def auction_state(view: World, parameters: Auctions, charging: Strategy | None) 
     robots, most = view.robots.order_queue.shape
     limit = min(parameters.max_orders_per_robot, most, max(1, MAX_LISTED_ORDERS // robots))
     items, mechanism = parameters.max_items, parameters.mechanism
-    planned = (
-        view.robots.order_queue_length
-    )  # a branch may begin with the plans of another strategy
+    planned = view.robots.order_queue_length  # a branch may begin with other plans
     tasks = max(robots * limit, int(planned.sum())) + items
     longest = max(limit, int(planned.max())) + items
     policy = {"policy": POLICY_NO_CHARGING, "end_reach": 0, "threshold": 0, "target": BATTERY_FULL}

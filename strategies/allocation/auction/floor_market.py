@@ -172,9 +172,7 @@ def enter_task(view, workspace, market, robot_type, task, order):
     drops = slot != target or view.trips.pod.shape[0] > 0  # a visit ends where it begins
     if view.service_zones.queue.shape[0] and dropoff_cell(view, robot_type, target, NIL) == NIL:
         target = np.int64(view.service_zones.next_slot[order])  # the robot hands it over there
-    begin = pickup_cell(
-        view, robot_type, slot, NIL
-    )  # the robot's direction of arrival is still unknown
+    begin = pickup_cell(view, robot_type, slot, NIL)  # the robot's origin is still unknown
     end = begin
     if slot != target and target != NIL:
         end = dropoff_cell(view, robot_type, target, begin)

@@ -166,7 +166,7 @@ def add_output_arguments(parser: argparse.ArgumentParser, option: str = "--out")
     text = f"set the output format (default: by the extension of {option}, else text)"
     form.add_argument("--format", choices=FORMATS, help=text)
     add_json_argument(form)
-    text = "write the report to FILE, which is self-contained"
+    text = "write the report to one self-contained FILE"
     parser.add_argument(option, type=Path, metavar="FILE", help=text)
 
 

@@ -52,7 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_settings_argument(parser, f"change a value of the scenario, {such}; may be repeated")
     text = f"minimize this loss: {alternatives(LOSSES)} (default: {default.loss})"
     add("--loss", metavar="LOSS", help=text)
-    text = f"correct for rare zones by: {alternatives(WEIGHTINGS)} (default: {default.weighting})"
+    text = (
+        f"correct the class imbalance by: {alternatives(WEIGHTINGS)} (default: {default.weighting})"
+    )
     add("--weighting", metavar="W", help=text)
     for option, (name, _, text) in NUMBER_OPTIONS.items():
         value = f"{getattr(default, name):,}"

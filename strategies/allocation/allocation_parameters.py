@@ -14,9 +14,9 @@ from automaton.scenario.order_lines import has_tours, kinds_of_sources, prioriti
 from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
 from automaton.scenario.schema import Scenario
 
-DEFAULT_LIST_LENGTH = 8  # orders in a robot's list, unless the fleet is too large for so many
+DEFAULT_LIST_LENGTH = 8  # orders in a robot's list; fewer in a large fleet
 MAX_LISTED_ORDERS = 1000  # orders in all lists together: bounds the memory of a market
-MAX_BUNDLING_ROBOTS = 16  # robots whose bundles are all tried
+MAX_BUNDLING_ROBOTS = 16  # robots for which all bundles are tried
 Storage = Annotated[
     Literal["fixed", "nearest", "class", "random"],
     Meta(
@@ -31,45 +31,45 @@ Fraction = Annotated[float, Meta(ge=0, le=1)]
 
 
 def refusal_of_pods(scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-    """Return why a strategy that brings each load to a target does not fit, None if it does."""
+    """Return why a strategy that brings loads to targets cannot run this scenario, or None."""
     if not carries_pods(scenario, floor_plan):
         return None
     return (
-        "it does not know pods, which go to stations and back into storage; shortest-job, first-come, "
-        "independent and greedy do"
+        "it does not support pods, which go to stations and back into storage; use shortest-job, "
+        "first-come, independent or greedy"
     )
 
 
 def refusal_of_tours(scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-    """Return why an allocation that prices loads alone does not fit, None if it does."""
+    """Return why an allocation that prices only loads cannot run this scenario, or None."""
     if carries_pods(scenario, floor_plan):
         return refusal_of_pods(scenario, floor_plan)
     if not has_tours(scenario.orders):
         return None
-    return "it knows only orders with a load, and some have stops; greedy and first-come do those"
+    return "it supports only orders with a load, but some have stops; use greedy or first-come"
 
 
 def refusal_of_own_orders(scenario: Scenario) -> str | None:
-    """Return why an allocation that gives any order to any robot does not fit, None if it does."""
+    """Return why an allocation that gives any order to any robot cannot run this scenario, or None."""
     if scenario.orders.assign != "round-robin":
         return None
-    return "it gives any order to any robot, and orders.assign is round-robin; greedy does that"
+    return "it gives any order to any robot, but orders.assign is round-robin; use greedy"
 
 
 def refusal_of_priorities(scenario: Scenario) -> str | None:
-    """Return why an allocation that does not look at priorities does not fit, None if it does."""
+    """Return why an allocation that ignores priorities cannot run this scenario, or None."""
     if len(priorities_of(scenario.orders)) == 1:
         return None
-    return "it knows no priorities, and orders have some; greedy and first-come do those"
+    return "it ignores priorities, but some orders have one; use greedy or first-come"
 
 
 def tuned_storage(scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-    """Return the policies of storage that are worth trying: none where no pod is stored."""
+    """Return the storage policies to try in tuning; none without pods."""
     return {"storage": ("fixed", "nearest")} if carries_pods(scenario, floor_plan) else {}
 
 
 class Storing(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Where pods are stored."""
+    """The storage policy of pods."""
 
     storage: Storage = "fixed"
 
@@ -78,12 +78,12 @@ class IndependentParameters(Storing, forbid_unknown_fields=True, frozen=True, kw
     """No further parameters."""
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return tuned_storage(scenario, floor_plan)
 
 
 class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Which order comes first; but robots must not have orders of their own."""
+    """The order of the orders; it supports no pre-assigned orders."""
 
     by: Annotated[
         Literal["arrival", "due"],
@@ -95,19 +95,19 @@ class FirstComeParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=Tru
     storage: Storage = "fixed"
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """One cursor goes over the orders for all robots of a type."""
+        """Refuse pre-assigned orders, since one cursor serves all robots of a type."""
         return refusal_of_own_orders(scenario)
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return tuned_storage(scenario, floor_plan)
 
 
 class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
-    """No parameters; but loads are looked for on shelves alone."""
+    """No parameters; loads must be on shelves."""
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """Loads at docks and stations belong to no alley: no robot would ever fetch them.
+        """Refuse loads at docks and stations: they belong to no alley, so no robot would fetch them.
 
         An alley is the column from which its loads are picked up.
         """
@@ -122,38 +122,36 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
         if not names:
             return None
         places = " and ".join(names)
-        return (
-            f"it finds loads on shelves alone, and orders begin at {places}; first-come takes those"
-        )
+        return f"it finds loads only on shelves, but orders begin at {places}; use first-come"
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return {}
 
 
 class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The weights of a score: age * (how long it waited) - job * (how long it takes)."""
+    """The weights of a score: age * (waiting time) - job * (duration)."""
 
     age: Annotated[float, Meta(ge=0, le=1000, description="C_A: weight of the waiting time.")] = 0.5
     job: Annotated[float, Meta(ge=0, le=1000, description="C_D: weight of the driving time.")] = (
         10.0
     )
     idle: Annotated[
-        Literal["park", "stay"], Meta(description="What robots without an order do.")
+        Literal["park", "stay"], Meta(description="The behavior of robots without an order.")
     ] = "park"
     storage: Storage = "fixed"
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """The score of an order is the same rule for all robots."""
+        """Refuse pre-assigned orders, since the rule of the score is the same for all robots."""
         return refusal_of_own_orders(scenario)
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return tuned_storage(scenario, floor_plan)
 
 
 class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Which pairs of robots and orders are cheap, and which may be parted again."""
+    """The cost of pairs of robots and orders, and when pairs may be rematched."""
 
     rest: Annotated[
         float,
@@ -178,18 +176,18 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
     idle: Annotated[
         Literal["park", "stay"],
         Meta(
-            description="What robots without an order do; robots that have none because of `active` "
-            "stay."
+            description="Behavior of robots without an order. Robots without an order because of "
+            "`active` stay where they are."
         ),
     ] = "park"
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return {"rest": (0.0, 1.0), **tuned_storage(scenario, floor_plan)}
 
 
 class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """An epsilon that goes evenly from one value to another."""
+    """An epsilon that changes linearly from one value to another."""
 
     first: Annotated[Fraction, Meta(description="epsilon at the start")] = msgspec.field(
         name="from"
@@ -197,11 +195,11 @@ class EpsilonSchedule(msgspec.Struct, forbid_unknown_fields=True, frozen=True, k
     last: Annotated[Fraction, Meta(description="epsilon from tick `until` on")] = msgspec.field(
         name="to"
     )
-    until: Annotated[Tick, Meta(description="tick from which it stays")]
+    until: Annotated[Tick, Meta(description="tick from which it is constant")]
 
 
 class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """How orders are auctioned among the robots, and by which auctioneers."""
+    """The mechanism, bids and auctioneers of an auction."""
 
     mechanism: Annotated[
         Literal[
@@ -249,7 +247,7 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     auctioneer: Annotated[
         Literal["central", "fixed", "time", "token"],
         Meta(
-            description="Who sells. central: one auctioneer for all robots; fixed: `auctioneers` "
+            description="Auctioneer. central: one auctioneer for all robots; fixed: `auctioneers` "
             "robots, each of which sells the orders nearest to it; time: one robot at a time, for "
             "`auctioneer_term` ticks; token: one robot at a time, for one auction."
         ),
@@ -314,7 +312,7 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
                 raise ValueError(sentence)
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """The optimum is known for small fleets alone, and without charging."""
+        """Refuse sizes that are too large; the optimum supports only small fleets without charging."""
         refusal = (
             None if scenario.orders.lines is not None else refusal_of_tours(scenario, floor_plan)
         )

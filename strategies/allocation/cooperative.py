@@ -1,9 +1,9 @@
 """Bucket brigades across the tables (Grzejszczak & Nocon): cooperative and adaptive planning.
 
-An *alley* is a column of the floor from which loads are picked up to its left. In cooperative planning
+An *alley* is a column of the floor from which robots pick up loads on its left. In cooperative planning
 (Algorithm 2) a robot reserves an alley and moves the loads of its left table one table to the right,
-where the robot of the next alley finds them; only what finds no empty shelf goes to its destination.
-Alley reservations are kept here, in the strategy's state; everything else is read off the order list.
+where the robot of the next alley finds them. Only loads without an empty shelf there go to their
+destinations. The strategy's state holds the reservations of alleys; all else is in the order list.
 """
 
 import numpy as np
@@ -43,15 +43,15 @@ from automaton.strategy.api import (
 )
 from strategies.allocation.allocation_parameters import Alleys
 
-MOVES_PER_PASS = 4  # along the alley, from one load to the next
-PRIOR_TICKS = 200  # driven ticks that a robot starts with
+MOVES_PER_PASS = 4  # moves along the alley, from one load to the next
+PRIOR_TICKS = 200  # initial value of a robot's driven ticks
 
 
 class AlleyState(Struct):
-    """Who works in which alley, and what is there to do."""
+    """The alleys of robots, and the work in each column."""
 
-    alley: Array = field("(n,) int32", "the column of the alley that a robot has reserved, or 0")
-    picked_from: Array = field("(n,) int32", "the column of the shelf that it takes its load from")
+    alley: Array = field("(n,) int32", "the column of the alley reserved by a robot, or 0")
+    picked_from: Array = field("(n,) int32", "the column of the shelf from which it takes its load")
     # For each column of the grid:
     open_orders: Array = field("(w,) int32", "open orders to its left", role=SCRATCH)
     loads_left: Array = field("(w,) int32", "loads on its left table", role=SCRATCH)
@@ -90,7 +90,7 @@ class Cooperative(Strategy):
 
 @kernel(inline=True)
 def take_in_alley(view, out, state, workspace, k, i, released):
-    """Decision k: the first open order of the robot's alley, of a better one, or home."""
+    """Decision k: take the first open order of the robot's alley or of a better one, or go home."""
     width = view.grid.width
     count_tables(view, out, i, state)
     column = np.int64(state.alley[i])
@@ -131,7 +131,7 @@ def count_tables(view, out, i, state):
 
 @kernel(inline=True)
 def choose_alley(view, state, i):
-    """The free alley with open orders and the most loads left less right; NIL if there is none.
+    """The free alley with open orders and the largest surplus of loads (left minus right); or NIL.
 
     Ties: nearest in x, then the lowest.
     """
@@ -150,7 +150,7 @@ def choose_alley(view, state, i):
 
 @kernel(inline=True)
 def is_reserved(state, i, column):
-    """Whether another robot has this alley."""
+    """Whether another robot has reserved this alley."""
     for j in range(state.alley.shape[0]):
         if j != i and state.alley[j] == column:
             return True
@@ -159,7 +159,7 @@ def is_reserved(state, i, column):
 
 @kernel(inline=True)
 def first_order(view, out, workspace, i, column, around):
-    """The open order of lowest y in an alley; `around`: the first that is reachable now."""
+    """The open order of lowest y in an alley; `around`: only orders that are reachable now."""
     here, robot_type = position(view, i), view.robots.type[i]
     heading = np.int64(view.robots.heading[i])
     first = NIL
@@ -185,10 +185,10 @@ def first_order(view, out, workspace, i, column, around):
 
 @kernel(inline=True)
 def pass_right(view, out, state, k, i):
-    """Decision k: the empty shelf of the next table to the right, nearest in y; else deliver.
+    """Decision k: drop at the empty shelf of the next table to the right, nearest in y; else deliver.
 
-    A load is never passed beyond its own target, and always to the right of where it lay, on
-    whichever side of its shelf the robot stands: so it arrives after finitely many passes.
+    A load is never passed beyond its target, and always to the right of its shelf, regardless of the
+    side on which the robot is. So it arrives after finitely many passes.
     """
     width = view.grid.width
     here, robot_type = position(view, i), view.robots.type[i]
@@ -213,24 +213,24 @@ def pass_right(view, out, state, k, i):
     out.try_drop[k] = 1
 
 
-# Adaptive planning: carry or pass on, decided again for each load by what the robot itself observed.
+# Adaptive planning: carry a load or pass it on, decided for each load from the robot's observations.
 #
-# Grzejszczak & Nocon ask, as future work, for robots that switch between the two strategies by their
-# own observations. Here a robot works in an alley as in the cooperative strategy; one that can
-# reserve none stays home instead of adding to the traffic. With each load it picks up it takes what
-# costs it fewer ticks:
+# Grzejszczak & Nocon suggest, as future work, robots that switch between the two strategies by their
+# own observations. Here a robot works in an alley as in the cooperative strategy. A robot without an
+# alley stays at home and adds no traffic. With each load that it picks up, a robot takes the option of
+# fewer ticks:
 #
-#     carry (independent)  2 * way to the load's target * (1 + lost / driven)
+#     carry (independent)  2 * path length to the load's target * (1 + lost / driven)
 #     pass (cooperative)   tables before the target * (pick + try + drop + a few moves)
 #
-# Carrying means to drive there and back; passing means that the load is handled once more at every
-# table before its target, by whichever robot. `lost / driven` is the robot's own share of ticks lost
-# to others (waits, refused moves, retreats) over ticks driven (moves, turns) since the start, with
-# 200 driven ticks of benefit of the doubt. The robots need no communication beyond the order list.
+# Carrying means driving there and back. Passing means that a robot handles the load once more at each
+# table before its target. `lost / driven` is the ratio of the robot's ticks lost to others (waits,
+# refused moves, retreats) to its ticks driven (moves, turns) since the start; 200 driven ticks are
+# added as a prior. The robots need no communication except the order list.
 #
-# Why it helps: passing costs the same everywhere, carrying grows with the way. Far from the target
-# the brigade handles a load too often (this is why it needs 9,400 ticks for one robot and ten
-# tables), near the target carrying turns too often. The rule takes the better end of both.
+# Reason: passing costs the same for each table, while carrying has a cost per cell. Far from the target
+# the brigade handles a load too often (so it needs 9,400 ticks for one robot and ten tables); near the
+# target carrying turns too often. The rule combines the advantages of both.
 
 
 @kernel
@@ -250,7 +250,7 @@ def decide_adaptive(view, batch, decisions, memory, workspace):
 
 
 class Adaptive(Strategy):
-    """Each robot passes a load on or carries it, whichever costs less by its own experience."""
+    """Each robot carries a load or passes it on, whichever has cost it less so far."""
 
     layer = "allocation"
     Parameters = Alleys
@@ -288,7 +288,7 @@ def is_carrying_cheaper(view, workspace, i):
 
 @kernel
 def tables_between(view, x, target):
-    """Columns of shelves to the right of x and to the left of the target's column."""
+    """The number of shelf columns between x and the target's column."""
     width = view.grid.width
     count, last = 0, NIL
     for slot in range(view.slots.cell.shape[0]):
@@ -301,5 +301,5 @@ def tables_between(view, x, target):
 
 @kernel
 def ticks_of(view, i, action):
-    """Ticks that robot i spent in an action so far, with and without load."""
+    """Ticks that robot i has spent in an action, with and without load."""
     return view.tally.ticks[i, action, 0] + view.tally.ticks[i, action, 1]

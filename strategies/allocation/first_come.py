@@ -1,10 +1,10 @@
 """First come, first served: a free robot takes the order that has waited longest, or is due first.
 
-Orders are taken in the sequence in which they are released; ties: the lowest number. The robot
-carries it to its own target. A cursor goes over the orders once in a run: those before it were all
-taken. One that was given back is found by its robot, which remembers what it took last. With `by:
-due` a queue holds what was released, and what was given back comes into it again. (Where robots see
-only what is near, both are forgotten and every robot looks at all orders.)
+Robots take orders in the sequence of their release (ties: the lowest number) and carry each to its own
+target. A cursor passes over the orders once per run: all orders before it were taken. An order that was
+given back is found through its robot, since the state stores the last order of each robot. With `by:
+due` a queue holds the released orders, and orders that are given back re-enter it. (With limited
+sight, cursor and queue are not kept, and each robot searches all orders.)
 """
 
 import numpy as np
@@ -30,26 +30,28 @@ from strategies.allocation.allocation_parameters import FirstComeParameters
 
 
 class DueQueue(Struct):
-    """Orders that were released and may be open."""
+    """Released orders that may be open."""
 
-    order: Array = field("(K, q) int32", "by type: its heap; the first `size` are in use")
-    size: Array = field("(K,) int64", "how many orders that are")
+    order: Array = field("(K, q) int32", "heap of each type; the first `size` entries are in use")
+    size: Array = field("(K,) int64", "number of entries in use")
     place: Array = field("(K, q) int32", "by type and order: 1 + its place in the heap, or 0")
-    released: int = field("() int64", "entries of orders.release_sequence that were looked at")
-    looked: int = field("() int64", "orders entered and taken out: what the queue has cost")
+    released: int = field(
+        "() int64", "number of entries of orders.release_sequence already processed"
+    )
+    looked: int = field("() int64", "number of insertions and removals, the cost of the queue")
 
 
 class FirstComeState(Struct):
-    """How far the orders have been looked at, and who took which."""
+    """The cursors, and the last order of each robot."""
 
     took: Array = field("(n,) int32", "1 + the order that a robot took last, or 0")
     cursor: Array = field(
         "(K, p) int64",
-        "by type and priority: orders.release_sequence before it was taken, or is not for the type",
+        "by type and priority: entries of orders.release_sequence before it are taken or unsuitable",
     )
-    looked: int = field("() int64", "orders looked at so far: what the search has cost")
+    looked: int = field("() int64", "number of orders examined, the cost of the search")
     storage: int = field("int64", "where pods are stored: its place among STORAGE_POLICIES")
-    by_due: int = field("int64", "1: orders are taken from the queue, by when they are due")
+    by_due: int = field("int64", "1: orders are taken from the queue, by due time")
     queue: DueQueue
 
 
@@ -85,7 +87,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class FirstCome(Strategy):
-    """Every robot takes the oldest unreserved order, or the one due first, to its destination."""
+    """Every robot carries the oldest unreserved order, or the one due first, to its destination."""
 
     layer = "allocation"
     Parameters = FirstComeParameters
@@ -117,12 +119,12 @@ def has_returned_order(view, out, state):
 
 @kernel
 def order_for(view, out, state, i, again):
-    """The oldest open order of the highest priority for robot i; `again`: also one that came back."""
+    """The oldest open order of the highest priority for robot i; `again`: also a returned one."""
     for rank in range(view.rules.priorities.shape[0]):
         giver = robot_that_returned_order(view, out, state, i, rank) if again else NIL
         if giver != NIL:
             order = np.int64(state.took[giver]) - 1
-            state.took[giver] = state.took[i]  # that one may be open again, too
+            state.took[giver] = state.took[i]  # the robot's own order may be open again, too
             return order
         order = next_order(view, out, state, i, rank)
         if order != NIL:
@@ -132,13 +134,13 @@ def order_for(view, out, state, i, again):
 
 @kernel
 def robot_that_returned_order(view, out, state, i, rank):
-    """The robot whose order below the cursor is open again for robot i, that of the lowest one; NIL.
+    """The robot whose order before the cursor is open again for robot i, the lowest such order; or NIL.
 
-    Of orders of one priority: `rank` is its place among those that there are.
+    For orders of one priority: `rank` is its place among the priorities.
     """
     robot = NIL
     if state.cursor[view.robots.type[i], rank] == 0:
-        return robot  # what robots took is forgotten, with the cursor
+        return robot  # last orders are not kept, nor is the cursor
     lowest = view.orders.state.shape[0]
     for j in range(state.took.shape[0]):
         order = state.took[j] - 1
@@ -164,7 +166,7 @@ def next_order(view, out, state, i, rank):
         state.looked += 1
         state.cursor[robot_type, rank] = k + 1
         if order == NIL or view.orders.priority[order] != view.rules.priorities[rank]:
-            continue  # another zone's, out of sight
+            continue  # an order of another zone, out of sight
         if is_open(view, out, i, order) and can_do(view, i, order):
             return order
     return NIL
@@ -172,9 +174,9 @@ def next_order(view, out, state, i, rank):
 
 @kernel
 def first_trip(view, out, state, i):
-    """The trip for robot i that comes first, of those of the highest priority; NIL: none.
+    """The first trip of the highest priority for robot i, or NIL.
 
-    A trip may have to wait for a place at its station, so that no cursor passes it.
+    A trip may have to wait for a place at its station, so there is no cursor for trips.
     """
     orders = view.orders
     best, first, least = np.int64(NIL), np.int64(0), highest_priority(view, out, i)
@@ -187,20 +189,20 @@ def first_trip(view, out, state, i):
     return best
 
 
-# Orders by when they are due: a binary heap for each type of robots.
+# Orders by due time: a binary heap for each robot type.
 #
-# Of orders of the highest priority the one that is due first comes first, those without a due time
-# last; ties: the one released first, then the lowest number. An order is entered when it is released,
-# again when it has come back, and again when it is to come earlier than it was. One that is taken
-# stays in the heaps of other types until it is the first there, so each order is looked at a few
-# times for each type, and moved by log2 of those that wait.
+# The highest priority comes first, then the earliest due time; orders without a due time come last.
+# Ties: the first release, then the lowest number. An order is inserted when it is released, when it is
+# returned, and when it must come earlier than before. A taken order stays in the heaps of other types
+# until it is first there. So each order is examined a few times per type, and moved by log2 of the
+# number of waiting orders.
 
 
 @kernel
 def first_due(view, out, queue, i):
-    """The open order for robot i that comes before all others, or NIL.
+    """The first open order for robot i, or NIL.
 
-    It is taken out of the heap, with those before it that were taken or are not for the robot's type.
+    Removes it from the heap, with all orders before it that are taken or not for the robot's type.
     """
     robot_type = np.int64(view.robots.type[i])
     while queue.size[robot_type] > 0:
@@ -213,7 +215,7 @@ def first_due(view, out, queue, i):
 
 @kernel
 def fill_queue(view, out, state):
-    """Enter into the queue what was released, and what robots gave back."""
+    """Insert released and returned orders into the queue."""
     enter_released(view, state.queue)
     for j in range(state.took.shape[0]):
         order = np.int64(state.took[j]) - 1
@@ -224,17 +226,17 @@ def fill_queue(view, out, state):
 
 @kernel
 def enter_released(view, queue):
-    """Enter the orders that were released since the last time."""
+    """Insert the orders released since the last call."""
     for k in range(queue.released, view.clock.next_release):
         order = np.int64(view.orders.release_sequence[k])
-        if order != NIL:  # another zone's, out of sight
+        if order != NIL:  # an order of another zone, out of sight
             enter_order(view, queue, order)
     queue.released = view.clock.next_release
 
 
 @kernel
 def enter_order(view, queue, order):
-    """Enter an order into all heaps; in one in which it is, it may come forward."""
+    """Insert an order into all heaps; if a heap has it already, it may move forward."""
     for robot_type in range(queue.size.shape[0]):
         at = np.int64(queue.place[robot_type, order]) - 1
         if at == NIL:
@@ -252,7 +254,7 @@ def enter_order(view, queue, order):
 
 @kernel
 def drop_first(view, queue, robot_type):
-    """Take the first order out of a heap."""
+    """Remove the first order of a heap."""
     heap, last = queue.order[robot_type], queue.size[robot_type] - 1
     queue.size[robot_type] = last
     queue.looked += 1

@@ -1,9 +1,9 @@
-"""Cheapest pair first: the robot and the order that are nearest to each other, then those of the others.
+"""Cheapest pair first: the robot and the order that are nearest to each other, then the next pair.
 
-Exact ticks on the empty floor count, from where the robot is free to drive on to where the order
-begins. Orders without a load that are not begun may be given to other robots again: every `reassign`
-ticks all robots and orders that are not under way are matched again, and a robot keeps its order unless
-a cheaper pair parts them. A load that was picked up goes to its own target, a pod into storage.
+The cost is exact ticks on the empty floor, from where the robot becomes free to the start of the order.
+Orders without a load that are not begun may go to other robots: every `reassign` ticks all robots and
+orders that are not under way are rematched, and a robot keeps its order unless a cheaper pair separates
+them. A load that was picked up goes to its own target, a pod into storage.
 """
 
 import numpy as np
@@ -47,7 +47,7 @@ TAG_MASK = (1 << TAG_BITS) - 1
 
 
 class PairHeap(Struct, role=SCRATCH):
-    """A binary heap of pairs (key, tag): the least key first, of equal keys the least tag."""
+    """A binary heap of pairs (key, tag): the least key first, ties by the least tag."""
 
     key: Array = field("(h,) int64")
     tag: Array = field("(h,) int64")
@@ -55,21 +55,21 @@ class PairHeap(Struct, role=SCRATCH):
 
 
 class Pairs(Struct, role=SCRATCH):
-    """The pairs that have come out, and what searches have found."""
+    """The matched pairs, and the results of searches."""
 
     place: Array = field("(robots,) int32", "by storage index: of the robot's order, or NIL")
-    candidate: Array = field("(h,) int32", "by robot or place: what its search has found")
+    candidate: Array = field("(h,) int32", "result of the search, by robot or place")
 
 
 class GreedyState(Struct):
-    """Parameters, the open orders, and room for matching."""
+    """Parameters, open orders, and scratch for matching."""
 
-    rest: int = field("int64", "weight of what follows on a first stop, in thousandths")
-    active: int = field("int64", "robots that may have an order at once; NIL: all")
+    rest: int = field("int64", "weight of the drive after the first stop, in thousandths")
+    active: int = field("int64", "maximum number of robots with an order; NIL: all")
     parks: int = field("int64", "1: robots without an order drive home")
     storage: int = field("int64", "where pods are stored: its place among STORAGE_POLICIES")
     keeps_off: int = field(
-        "() uint8", "1 = `active` keeps robots from open orders now", role=SCRATCH
+        "() uint8", "1 = `active` now keeps open orders from robots", role=SCRATCH
     )
     open_orders: OpenOrders
     marks: OrderMarks
@@ -102,7 +102,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 @kernel
 def robots_allowed(view, state):
-    """How many robots that have no order may get one; NIL: all."""
+    """The number of robots without an order that may get one; NIL: all."""
     if state.active == NIL:
         return np.int64(NIL)
     have = 0
@@ -113,7 +113,7 @@ def robots_allowed(view, state):
 
 @kernel
 def is_kept_off(state, allowed):
-    """Whether `active` alone keeps robots from orders that are left; `allowed`: as for match."""
+    """Whether only `active` keeps robots from the remaining orders; `allowed`: as for match."""
     left = np.int64(state.marks.count[1])
     for k in range(state.seekers.count):
         i = np.int64(state.seekers.robot[k])
@@ -125,7 +125,7 @@ def is_kept_off(state, allowed):
 
 @kernel
 def enter_decision(view, out, state, batch, i):
-    """What robot i, which seeks, does: its new order, or nothing."""
+    """Write the decision of a robot that seeks an order: its new order, or none."""
     k, place = np.int64(state.seekers.entry[i]), np.int64(state.pairs.place[i])
     if place != NIL:
         order = np.int64(state.open_orders.order[place])
@@ -137,7 +137,7 @@ def enter_decision(view, out, state, batch, i):
 
 
 class Greedy(Strategy):
-    """The cheapest pair of a free robot and an open order first; `reassign` parts pairs again."""
+    """Match the cheapest pair of a free robot and an open order first; `reassign` rematches pairs."""
 
     layer = "allocation"
     Parameters = GreedyParameters
@@ -177,25 +177,25 @@ class Greedy(Strategy):
 
 
 def most_open_orders(view):
-    """How many orders can be known and not done at once."""
+    """The maximum number of known, unfinished orders at a time."""
     if view.rules.in_system:
         return int(view.rules.in_system)
     orders = len(view.orders.state)
     return min(orders, len(view.robots.cell)) if view.rules.assigned else orders
 
 
-# Matching: whoever is fewer searches, each robot its cheapest order or each order its cheapest robot.
+# Matching: the smaller side searches: each robot its cheapest order, or each order its cheapest robot.
 #
-# A pair costs 1000 x ticks to where the order begins, and what the parameter `rest` adds for its
-# stops; ties: the pair that is one already, then the lower identity, then the earlier order. The
-# results wait in a heap. If the candidate of the least one is gone when its turn comes, it searches
-# again among those that are left: its next result cannot be cheaper, so the pairs come out in the
-# sequence of their costs, as if all robots x orders had been sorted.
+# A pair costs 1000 x ticks to the start of the order, plus the share of its stops by the parameter
+# `rest`. Ties: an existing pair, then the lower identity, then the earlier order. The results wait in a
+# heap. If the candidate of the least result is already taken, its search is repeated among the rest. The
+# new result cannot be cheaper, so pairs come out in the sequence of their costs, as if all robots x
+# orders had been sorted.
 
 
 @kernel
 def match(view, stop, state, allowed):
-    """Enter pairs; `allowed`: how many robots without an order may get one, NIL: all."""
+    """Match pairs; `allowed`: number of robots without an order that may get one, NIL: all."""
     marks, seekers, pairs = state.marks, state.seekers, state.pairs
     for k in range(seekers.count):
         pairs.place[seekers.robot[k]] = NIL
@@ -210,7 +210,7 @@ def match(view, stop, state, allowed):
 
 @kernel
 def match_robots(view, stop, state, allowed):
-    """Each robot searches its order."""
+    """Let each robot search its cheapest order."""
     marks, seekers, pairs, heap = state.marks, state.seekers, state.pairs, state.heap
     for k in range(seekers.count):
         if allowed != 0 or seekers.place[seekers.robot[k]] != NIL:
@@ -233,7 +233,7 @@ def match_robots(view, stop, state, allowed):
 
 @kernel
 def search_order(view, stop, state, i):
-    """Robot i searches, and waits with what it found."""
+    """Search for robot i, and push the result."""
     search = state.search
     find_order(view, stop, search, state.open_orders, state.marks, state.seekers, i)
     if search.found[1] != NIL:
@@ -244,7 +244,7 @@ def search_order(view, stop, state, i):
 
 @kernel
 def match_orders(view, stop, state, allowed):
-    """Each order searches its robot."""
+    """Let each order search its cheapest robot."""
     marks, seekers, pairs, heap = state.marks, state.seekers, state.pairs, state.heap
     enter_poses(seekers)
     if allowed == 0:
@@ -269,7 +269,7 @@ def match_orders(view, stop, state, allowed):
 
 @kernel
 def leave_out_idle(seekers):
-    """Robots that have no order get none."""
+    """Exclude robots without an order."""
     for k in range(seekers.count):
         if seekers.place[seekers.robot[k]] == NIL:
             seekers.seeks[seekers.robot[k]] = 0
@@ -277,7 +277,7 @@ def leave_out_idle(seekers):
 
 @kernel
 def search_robot(view, stop, state, place):
-    """The order at a place searches, and waits with what it found."""
+    """Search for the order at a place, and push the result."""
     search = state.search
     find_robot(view, stop, search, state.open_orders, state.seekers, place)
     if search.found[1] != NIL:
@@ -310,7 +310,7 @@ def push_pair(heap, key, tag):
 
 @kernel
 def drop_least(heap):
-    """Take the least pair out."""
+    """Remove the least pair."""
     last = heap.size - 1
     heap.size = last
     swap(heap, 0, last)

@@ -1,13 +1,13 @@
 """Independent planning (Grzejszczak & Nocon, Algorithm 1): every robot carries its load all the way.
 
 A free robot takes the unreserved order of least path cost (ties: lowest order) and sets the load
-down at the order's own target. An empty robot that gave its order back before a retreat decides
-with the cells of the other robots removed, or as if they were free if nothing is reachable so.
+down at the order's own target. An empty robot that gave its order back before a retreat searches
+around the cells of the other robots, or through them if it then reaches no order.
 
-Each question costs a look at all orders from the first that is not done to the last that is known, and
-a search that ends at the nearest open one. `first-come` looks at each order once.
+Each decision examines all orders from the first unfinished to the last known one, and does a search
+that ends at the nearest open order. `first-come` examines each order once.
 
-The same strategy stands here twice: compiled, and in plain Python as a tutorial.
+This file has the strategy twice: compiled, and in plain Python as a tutorial.
 """
 
 import numpy as np
@@ -78,7 +78,7 @@ def take_nearest(view, out, workspace, k, i, released):
 
 @kernel
 def nearest_order(view, out, workspace, i, around):
-    """The open order of least path cost, of those of the highest priority, for robot i; NIL: none."""
+    """The open order of least path cost among those of the highest priority for robot i; or NIL."""
     least = highest_priority(view, out, i)
     search = begin_search(workspace)
     found = False
@@ -97,9 +97,9 @@ def nearest_order(view, out, workspace, i, around):
 
 # The tutorial: how to write a strategy in plain Python.
 #
-# It decides exactly as `independent` does (equal digests, tested), in tens of microseconds a
-# decision. The loop asks it with a batch of robots and goes on with its decisions; whatever is not
-# decided stays as it was. A compiled strategy has the same shape: replace `decide` by a kernel.
+# It decides exactly as `independent` does (equal digests, tested), in tens of microseconds per
+# decision. The loop calls it with a batch of robots and applies its decisions; robots without a decision
+# continue. A compiled strategy has the same shape: replace `decide` by a kernel.
 
 
 class IndependentPython(Strategy):
@@ -126,6 +126,6 @@ class IndependentPython(Strategy):
         found = [order for order in found if view.orders.priority[order] == highest]
         cells = [orders.begin_cell(view, robot, order) for order in found]
         first = paths.nearest(view, workspace, robot, cells, around) if around else None
-        if first is None:  # or if nothing is reachable around the other robots
+        if first is None:  # or if no order is reachable around the other robots
             first = paths.nearest(view, workspace, robot, cells)
         return None if first is None else found[first]

@@ -1,7 +1,7 @@
-"""The cheapest order for a robot, and the cheapest robot for an order, of those that may be matched.
+"""The cheapest order for a robot, and the cheapest robot for an order.
 
-Orders that wait are marked in the cells where they begin, robots that seek at their poses. An order is
-called by its place in the list of open orders, which is in the sequence of the releases.
+Waiting orders are marked in the cells where they begin, seeking robots at their poses. An order is
+identified by its place in the list of open orders, which is in the sequence of releases.
 """
 
 import numpy as np
@@ -35,60 +35,60 @@ from automaton.strategy.api import (
     types_of_robots,
 )
 
-TICK_COST = 1000  # the cost of a tick on the way to an order
-PRIORITY = 1 << 34  # what a priority of 1 more is worth: more than any way
+TICK_COST = 1000  # the cost of a tick to the start of an order
+PRIORITY = 1 << 34  # the value of 1 more in priority: more than any path
 MOST_PRIORITY = 100
-NO_CANDIDATE = 1 << 60  # the cost of no candidate
+NO_CANDIDATE = 1 << 60  # the cost without a candidate
 COST_BITS = 32
 COST_MASK = (1 << COST_BITS) - 1
-U = np.uint64  # unsigned where it indexes: saves the test for a negative index
+U = np.uint64  # unsigned as an index: avoids the test for negative values
 
 
 class OpenOrders(Struct):
-    """Orders that are known and not done."""
+    """Known, unfinished orders."""
 
-    order: Array = field("(p,) int32", "in the sequence of their releases")
-    count: int = field("() int64", "how many they are")
-    cursor: int = field("() int64", "entries of orders.release_sequence that were looked at")
+    order: Array = field("(p,) int32", "orders in the sequence of their releases")
+    count: int = field("() int64", "number of orders")
+    cursor: int = field(
+        "() int64", "number of entries of orders.release_sequence already processed"
+    )
     rest: Array = field(
         "(w,) int64",
-        "by order: the cost of what follows on its first stop, and of its priority; (0,): none",
+        "by order: the cost after its first stop and of its priority; shape (0,): none",
     )
 
 
 class OrderMarks(Struct, role=SCRATCH):
-    """The orders that robots may get now, in the cells where they begin."""
+    """The available orders, by the cells where they begin."""
 
-    taken: Array = field(
-        "(p,) uint8", "1 = the order at this place is not, or no longer, to be had"
-    )
+    taken: Array = field("(p,) uint8", "1 = the order at this place is not available")
     head: Array = field("(C,) int32", "the first mark of a cell; NIL between calls", default=NIL)
     following: Array = field("(k,) int32", "the next mark of the cell, or NIL")
     place: Array = field("(k,) int32", "of the order")
     cell: Array = field("(k,) int32")
     count: Array = field("(2,) int64", "marks; orders")
-    least_rest: int = field("() int64", "the least of what follows on a first stop")
+    least_rest: int = field("() int64", "the least cost after a first stop")
 
 
 class Seekers(Struct, role=SCRATCH):
-    """The robots that may get an order now; by storage index but for `robot`."""
+    """The robots that may get an order now; by storage index, except `robot`."""
 
     robot: Array = field("(robots,) int32", "storage indices")
     count: int = field("() int64")
     entry: Array = field("(robots,) int32", "its place in the batch")
-    seeks: Array = field("(robots,) uint8", "1 = it is one of them; zero between calls")
+    seeks: Array = field("(robots,) uint8", "1 = it may get an order; zero between calls")
     pose: Array = field(
-        "(robots,) int32", "where it is free to drive on: cell * headings + heading"
+        "(robots,) int32", "pose in which it becomes free: cell * headings + heading"
     )
     delay: Array = field("(robots,) int64", "ticks until then")
-    place: Array = field("(robots,) int32", "of the order that it has and may lose, or NIL")
+    place: Array = field("(robots,) int32", "place of the order that it has and may lose, or NIL")
     head: Array = field("(P,) int32", "the first robot at a pose; NIL between calls", default=NIL)
     following: Array = field("(robots,) int32", "the next robot at its pose, or NIL")
 
 
 @kernel
 def update_open_orders(view, open_orders):
-    """Leave out what is done, and add what was released; returns the first place of that."""
+    """Drop finished orders and add released ones; return the first place of the latter."""
     count = 0
     for place in range(open_orders.count):
         order = open_orders.order[place]
@@ -108,11 +108,11 @@ def update_open_orders(view, open_orders):
 
 @kernel
 def weigh_rest(view, workspace, open_orders, first, weight):
-    """Enter what the orders from place `first` on cost beside the way to their first stop.
+    """Set the costs of the orders from place `first` on, except the drive to their first stop.
 
-    What follows on it, in thousandths: from stop to stop as the first type of robots drives it, with
-    the heading that is best each time; of a pod from where it stands, and back there. And more for each
-    priority that is higher than theirs. Trips of pods change with their lines, so all are looked at.
+    The cost after the first stop, in thousandths, is the drive from stop to stop of the first robot
+    type, with the best heading at each stop; for a pod, from its cell and back there. A lower priority
+    adds to the cost. Trips of pods change with their lines, so all are computed again.
     """
     orders = view.orders
     carries_pods = view.trips.pod.shape[0] > 0
@@ -135,7 +135,7 @@ def weigh_rest(view, workspace, open_orders, first, weight):
 
 @kernel
 def leg_ticks(view, workspace, order, here, to):
-    """Ticks of a leg of an order with the heading that is best, 0 if there is no way."""
+    """Ticks of a leg of an order with the best heading, 0 without a path."""
     robot_type = view.rules.loaded_types if has_load(view.orders, order) else 0
     leg = np.int64(UNREACHABLE)
     for heading in range(view.grid.headings):
@@ -145,20 +145,20 @@ def leg_ticks(view, workspace, order, here, to):
 
 @kernel
 def visit_ticks(view, workspace, order, here, stop):
-    """Ticks from a cell to a stop, and of the visit there."""
+    """Ticks from a cell to a stop, plus the visit there."""
     leg = leg_ticks(view, workspace, order, here, np.int64(view.stops.cell[stop]))
     return max(leg + np.int64(view.stops.ticks[stop]), 1)
 
 
 @kernel
 def rest_of(open_orders, order):
-    """The cost of what follows on the first stop of an order."""
+    """The cost of an order after its first stop."""
     return np.int64(open_orders.rest[order]) if open_orders.rest.shape[0] else np.int64(0)
 
 
 @kernel
 def collect_seekers(view, batch, seekers, again):
-    """List the robots of a batch that may get an order; `again`: and those that have not begun theirs."""
+    """List the robots of a batch that may get an order; `again`: also those with an order not begun."""
     robots, headings = view.robots, view.grid.headings
     seekers.count = 0
     for k in range(batch.count):
@@ -176,7 +176,7 @@ def collect_seekers(view, batch, seekers, again):
 
 @kernel
 def may_seek(view, i, reason, again):
-    """Whether robot i, asked for a reason, may get an order."""
+    """Whether robot i may get an order, by the reason for which it is in the batch."""
     robots, order = view.robots, view.robots.order[i]
     if robots.load[i] != NIL:
         return False
@@ -191,11 +191,11 @@ def may_seek(view, i, reason, again):
 
 @kernel
 def mark_orders(view, out, open_orders, marks, seekers):
-    """Mark the orders that wait and are free, or are those of robots that seek."""
+    """Mark the waiting orders that are free or belong to seeking robots."""
     marks.count[:] = 0
     marks.least_rest = 1 << 50
     for back in range(open_orders.count):
-        place = open_orders.count - 1 - back  # the marks of a cell begin with the earliest
+        place = open_orders.count - 1 - back  # the first mark of a cell is the earliest order
         order = np.int64(open_orders.order[place])
         marks.taken[place] = 1
         if view.orders.state[order] != ORDER_WAITING or out.order_taken[order]:
@@ -220,7 +220,7 @@ def mark_orders(view, out, open_orders, marks, seekers):
 
 @kernel
 def mark_load(view, marks, order, place):
-    """Mark an order in the cells from which robots of any type pick up its load."""
+    """Mark an order in all cells from which a robot of any type can pick up its load."""
     slot = np.int64(view.orders.current_slot[order])
     if view.rules.nearest_access:
         for direction in range(4):
@@ -249,7 +249,7 @@ def mark(marks, cell, place):
 
 @kernel
 def enter_poses(seekers):
-    """Enter the robots that seek at their poses, of each pose the least identity first."""
+    """Mark the seeking robots at their poses; at each pose, the least identity is first."""
     for k in range(seekers.count):
         i = np.int64(seekers.robot[seekers.count - 1 - k])  # the batch is sorted by identity
         seekers.following[i] = seekers.head[seekers.pose[i]]
@@ -258,7 +258,7 @@ def enter_poses(seekers):
 
 @kernel
 def clear_candidates(marks, seekers):
-    """Leave nothing behind for the next call."""
+    """Clear all marks for the next call."""
     for k in range(marks.count[0]):
         marks.head[marks.cell[k]] = NIL
     for k in range(seekers.count):
@@ -267,38 +267,37 @@ def clear_candidates(marks, seekers):
         seekers.seeks[i] = 0
 
 
-# Searches on the empty floor that end with the first candidate.
+# Searches on the empty floor that end at the first candidate.
 #
-#     forwards    from the pose of a robot, until a cell with a mark is reached
-#     backwards   against the direction of travel, from where an order begins, until a robot is met
+#     forwards    from the pose of a robot to a cell with a mark
+#     backwards   against the direction of travel, from the start of an order to a robot
 #
-# Poses wait in buckets, one for each tick of cost, used in turn. So a search costs what lies nearer
-# than its result, however large the floor is, and needs no table of distances for the thousands of
-# cells in which orders begin. Results are in thousandths of ticks, and doubled: an even number for a
-# pair that is one already, the odd one above it for another, so that of equal ones the robot keeps
-# what it has.
+# Open poses are in buckets, one for each tick of cost, used cyclically. So a search expands only poses
+# nearer than its result, for any size of floor, and needs no distance tables for the thousands of cells
+# in which orders begin. Results are in thousandths of ticks, doubled: even for an existing pair, plus
+# one for a new pair, so that a robot keeps its order in a tie.
 
 
 class PairSearch(Struct, role=SCRATCH):
-    """Buckets, and what has been reached."""
+    """Buckets and labels."""
 
     reached: Array = field("(P,) int64", "by pose: number of the search << 32 | cost")
-    number: int = field("() int64", "searches so far")
-    poses: int = field("() int64", "poses expanded so far: what searches have cost")
+    number: int = field("() int64", "number of searches")
+    poses: int = field("() int64", "number of expanded poses, the cost of searches")
     bucket: Array = field(
         "(power of two,) int32",
-        "the first entry of a cost, modulo their number; NIL between searches",
+        "the first entry of a cost, modulo the number of buckets; NIL between searches",
         default=NIL,
     )
     pose: Array = field("(E,) int32", "of an entry")
     following: Array = field("(E,) int32", "the next entry of its bucket, or NIL")
     entries: int = field("() int64")
-    found: Array = field("(2,) int64", "cost, and place of the order or storage index of the robot")
+    found: Array = field("(2,) int64", "cost, and the order's place or the robot's storage index")
 
 
 @kernel
 def find_order(view, stop, search, open_orders, marks, seekers, i):
-    """search.found: the cheapest order for robot i that is to be had, of equal ones the earliest."""
+    """search.found: the cheapest available order for robot i, ties by the earliest."""
     begin(search)
     reach(search, np.int64(seekers.pose[i]), 0)
     robot_type, headings = np.int64(view.robots.type[i]), view.grid.headings
@@ -324,26 +323,26 @@ def find_order(view, stop, search, open_orders, marks, seekers, i):
 
 @kernel
 def look_at_marks(view, search, open_orders, marks, seekers, i, cell, cost):
-    """Robot i gets to a cell for so much: is an order that begins there the best so far?"""
+    """Keep the best order that begins in a cell which robot i reaches at this cost."""
     had = np.int64(seekers.place[i])
     weighed = open_orders.rest.shape[0] > 0
     k = marks.head[cell]
     while k != NIL and marks.taken[marks.place[k]]:
         k = marks.following[k]
-    marks.head[cell] = k  # those before it are taken, and looked at no more
+    marks.head[cell] = k  # taken orders before it are never examined again
     while k != NIL:
         place = np.int64(marks.place[k])
         order = np.int64(open_orders.order[place])
         if marks.taken[place] == 0 and begins_here(view, i, order, cell):
             offer(search, 2 * (cost + rest_of(open_orders, order)) + (place != had), place)
             if not weighed and had == NIL:
-                return  # the others of the cell cost the same, and came later
+                return  # the other orders of the cell cost the same and are later
         k = marks.following[k]
 
 
 @kernel
 def begins_here(view, i, order, cell):
-    """Whether robot i does an order, and begins it in this cell."""
+    """Whether robot i can do an order and begin it in this cell."""
     if not can_do(view, i, order) or is_offered_to_another(view, i, order):
         return False
     if not has_load(view.orders, order) or view.rules.nearest_access:
@@ -354,14 +353,14 @@ def begins_here(view, i, order, cell):
 
 @kernel
 def is_offered_to_another(view, i, order):
-    """Whether the trip of a pod is reserved for a robot beneath it that is not robot i."""
+    """Whether the trip of a pod is reserved for another robot under the pod."""
     holder = view.orders.reserved_by[order]
     return view.trips.pod.shape[0] > 0 and holder != NIL and holder != view.robots.identity[i]
 
 
 @kernel
 def offer(search, cost, candidate):
-    """Keep a candidate if it is cheaper than the one found, or comes before it at the same cost."""
+    """Keep a candidate if it is cheaper than the best one, or precedes it at the same cost."""
     if cost < search.found[0] or (cost == search.found[0] and candidate < search.found[1]):
         search.found[0] = cost
         search.found[1] = candidate
@@ -369,7 +368,7 @@ def offer(search, cost, candidate):
 
 @kernel
 def go_on(view, search, robot_type, cell, heading, cost):
-    """Reach the poses that follow on a pose."""
+    """Reach the successors of a pose."""
     grid, duration = view.grid, view.rules.duration
     flags = np.int64(grid.type_cell_flags[U(robot_type), U(cell)])
     headings, own = grid.headings, headings_of(grid, robot_type)
@@ -387,7 +386,7 @@ def go_on(view, search, robot_type, cell, heading, cost):
 
 @kernel
 def find_robot(view, stop, search, open_orders, seekers, place):
-    """search.found: the cheapest robot for the order at a place, of equal ones the least identity."""
+    """search.found: the cheapest robot for the order at a place, ties by the least identity."""
     order = np.int64(open_orders.order[place])
     search.found[0], search.found[1] = NO_CANDIDATE, NIL
     for robot_type in range(types_of_robots(view)):
@@ -401,7 +400,7 @@ def find_robot(view, stop, search, open_orders, seekers, place):
 
 @kernel
 def reach_begin(view, search, robot_type, order):
-    """Reach the cells where robots of a type begin an order, with any of their headings."""
+    """Reach the cells where robots of a type begin an order, in all headings."""
     headings, own = view.grid.headings, headings_of(view.grid, robot_type)
     for direction in range(4):
         if not has_load(view.orders, order):
@@ -418,7 +417,7 @@ def reach_begin(view, search, robot_type, order):
 
 @kernel
 def search_back(view, stop, search, open_orders, seekers, robot_type, order, place):
-    """Go back from what is reached until no robot can be cheaper than the one found."""
+    """Search backwards from the reached poses until no robot can be cheaper than the best one."""
     headings, rest = view.grid.headings, rest_of(open_orders, order)
     shift = headings >> 1
     cost = next_cost(search, 0)
@@ -442,7 +441,7 @@ def search_back(view, stop, search, open_orders, seekers, robot_type, order, pla
 
 @kernel
 def offer_robot(view, search, cost, i):
-    """Keep robot i if it is cheaper than the one found, or comes before it at the same cost."""
+    """Keep robot i if it is cheaper than the best one, or precedes it at the same cost."""
     identity, best = view.robots.identity, search.found[1]
     equal = cost == search.found[0] and best != NIL
     if cost < search.found[0] or (equal and identity[i] < identity[best]):
@@ -452,7 +451,7 @@ def offer_robot(view, search, cost, i):
 
 @kernel
 def go_back(view, search, robot_type, cell, heading, cost):
-    """Reach the poses from which a robot comes to a pose."""
+    """Reach the predecessors of a pose."""
     grid, duration, headings = view.grid, view.rules.duration, view.grid.headings
     flags, own = grid.type_cell_flags[robot_type], headings_of(grid, robot_type)
     for direction in range(heading, 4, own):
@@ -480,7 +479,7 @@ def begin(search):
 
 @kernel
 def reach(search, pose, cost):
-    """Enter a pose into the bucket of a cost unless it was reached cheaper."""
+    """Put a pose into the bucket of a cost unless it was reached at a lower cost."""
     before = search.reached[U(pose)]
     number = search.number
     if before >> COST_BITS == number and before & COST_MASK <= cost:
@@ -496,7 +495,7 @@ def reach(search, pose, cost):
 
 @kernel
 def next_cost(search, cost):
-    """The least cost from `cost` on of which poses wait; NIL if none does."""
+    """The least cost from `cost` on with open poses, or NIL."""
     size = search.bucket.shape[0]
     for more in range(size):
         if search.bucket[U((cost + more) & (size - 1))] != NIL:
@@ -506,7 +505,7 @@ def next_cost(search, cost):
 
 @kernel
 def next_pose(search, cost):
-    """The next pose that waits at a cost; NIL if none does."""
+    """The next open pose at a cost, or NIL."""
     at = U(cost & (search.bucket.shape[0] - 1))
     while search.bucket[at] != NIL:
         entry = U(search.bucket[at])

@@ -1,10 +1,10 @@
 """Shortest job first with aging (Keith & La, Algorithm 2).
 
-A free robot takes the order of highest score: C_A times its age minus C_D times how long it takes to
-drive to it and to carry it to where it is dropped next. The age counts from the tick in which the
-order was released, and is kept when it is dropped at a transfer station. Ties: the lowest number.
-With zones a robot takes orders from the queues of the zones that it serves, and sets each down where
-zoning says; without, any order, which it carries to its target.
+A free robot takes the order of highest score: C_A times its age minus C_D times the ticks to drive to it
+and to carry it to its next drop. The age counts from the release of the order, and continues when it is
+dropped at a transfer station. Ties: the lowest number. With zones a robot takes orders from the queues
+of its zones, and drops them where zoning decides. Without zones it takes any order and carries it to
+its target.
 """
 
 import numpy as np
@@ -40,10 +40,10 @@ WORST = -(1 << 62)
 
 
 class ShortestJobState(Struct):
-    """Parameters; it remembers nothing."""
+    """Parameters; nothing persists between calls."""
 
     age: int = field("int64", "weight of an order's age, in thousandths")
-    job: int = field("int64", "and of its job")
+    job: int = field("int64", "weight of its duration, in thousandths")
     parks: int = field("int64", "1: robots without an order drive home")
     storage: int = field("int64", "where pods are stored: its place among STORAGE_POLICIES")
 
@@ -66,7 +66,7 @@ def decide(view, batch, decisions, memory, workspace):
 
 
 class ShortestJob(Strategy):
-    """The order that is done soonest, unless another one has waited long."""
+    """Take the order with the shortest job, unless another one has waited long."""
 
     layer = "allocation"
     Parameters = ShortestJobParameters
@@ -84,7 +84,7 @@ class ShortestJob(Strategy):
 
 @kernel
 def best_order(view, out, state, workspace, i):
-    """The open order of highest score, of those of the highest priority, for robot i; NIL: none."""
+    """The open order of highest score among those of the highest priority for robot i; or NIL."""
     found, highest, first = NIL, WORST, LEAST_PRIORITY
     identity = view.robots.identity[i]
     for order in range(view.clock.first_open, view.clock.known_orders):
@@ -101,7 +101,7 @@ def best_order(view, out, state, workspace, i):
 
 @kernel
 def is_mine(view, order, identity):
-    """Whether an order is in a queue that this robot serves; without zones all are."""
+    """Whether an order is in a queue that this robot serves; always true without zones."""
     service_zones = view.service_zones
     if service_zones.queue.shape[0] == 0:
         return True
@@ -113,7 +113,7 @@ def is_mine(view, order, identity):
 def score(view, workspace, state, i, order, least):
     """The score of an order for robot i, in thousandths of ticks; WORST if it cannot do it.
 
-    WORST too if the way to where it begins leaves no more than `least`.
+    Also WORST if the drive to its start already lowers the score to `least` or less.
     """
     slot, robot_type = next_stop(view, order), view.robots.type[i]
     if not can_bring(view, robot_type, order, slot):
@@ -132,9 +132,9 @@ def score(view, workspace, state, i, order, least):
 
 @kernel
 def job_ticks(view, workspace, robot_type, order, slot, begin, heading):
-    """Ticks from where an order begins over its stops to a slot; UNREACHABLE or more: no way.
+    """Ticks from the start of an order over its stops to a slot; UNREACHABLE or more: no path.
 
-    Each leg from its first heading; without a load the last stop is the end.
+    Each leg is counted from its first heading; without a load the last stop is the end.
     """
     orders, stops = view.orders, view.stops
     if has_load(orders, order):
@@ -147,7 +147,7 @@ def job_ticks(view, workspace, robot_type, order, slot, begin, heading):
         ticks = min(ticks + way + stops.ticks[stop], 2 * UNREACHABLE)
         here = to
     if has_load(orders, order):
-        if slot == NIL:  # a pod goes back to where it stands, as far as is known
+        if slot == NIL:  # estimate: the pod returns to its current cell
             slot = np.int64(orders.current_slot[order])
         drop = dropoff_cell(view, robot_type, slot, here)
         ticks += distance(view, workspace, robot_type, here, heading, drop)
@@ -156,7 +156,7 @@ def job_ticks(view, workspace, robot_type, order, slot, begin, heading):
 
 @kernel
 def next_stop(view, order):
-    """The slot where an order is dropped next: where zoning says, or its target."""
+    """The slot of the next drop of an order, as decided by zoning, or its target."""
     if view.service_zones.queue.shape[0] and view.service_zones.next_slot[order] != NIL:
         return np.int64(view.service_zones.next_slot[order])
     return np.int64(view.orders.target[order])

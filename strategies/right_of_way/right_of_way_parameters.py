@@ -67,12 +67,12 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
     ] = False
 
     def tuned_values(self, scenario: Any, floor_plan: Any) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return {}
 
 
 class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """Of a right of way that says in each tick where robots go: it goes with no routes."""
+    """The parameters of a right of way that steers robots in each tick and uses no routes."""
 
     steers: ClassVar[bool] = True
 
@@ -88,7 +88,7 @@ class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
     ] = 64
 
     def check_scenario(self, scenario: Any, floor_plan: Any) -> str | None:
-        """What these do not go with, or None."""
+        """Return a conflict with the scenario, or None."""
         if scenario.information == "orders":
             return (
                 "robots make way for robots that they see, but with information: orders they see only "
@@ -118,7 +118,7 @@ class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tr
     ] = "none"
 
     def check_scenario(self, scenario: Any, floor_plan: Any) -> str | None:
-        """What these do not go with, or None."""
+        """Return a conflict with the scenario, or None."""
         if self.guidance != "none":
             if carries_pods(scenario, floor_plan):
                 return "its lattice weights do not support storage; with pods, leave guidance out"
@@ -129,7 +129,7 @@ class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tr
         return super().check_scenario(scenario, floor_plan)
 
     def tuned_values(self, scenario: Any, floor_plan: Any) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         pods = carries_pods(scenario, floor_plan)
         return {"guidance": ("none",) if pods else ("none", "lattice")}
 
@@ -170,7 +170,7 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
     ] = 100_000
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """Return what this scenario asks for that EPIBT does not plan, or None."""
+        """Return a feature of this scenario that EPIBT does not support, or None."""
         types = types_of(scenario)
         limit = int(floor_plan.min_move_ticks.max(initial=0))
         move = max(limit, *(ticks for one in types for ticks in one.moves))
@@ -191,14 +191,14 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
         return capacity_objection(floor_plan) or super().check_scenario(scenario, floor_plan)
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
-        """What is worth trying of each parameter."""
+        """Return the values of each parameter to try in tuning."""
         return {**super().tuned_values(scenario, floor_plan), "repair_tries": (0, 1)}
 
 
 def horizon_of(depth: int, longest: int, wait: int = 1) -> int:
-    """The ticks in which a plan is over that begins after the longest action.
+    """The ticks until the end of a plan that begins after the longest action.
 
-    `wait`: ticks until robots are asked again, which is when they see what such an action has left.
+    `wait`: ticks until robots decide again and see the result of such an action.
     """
     return depth * longest + longest - wait
 

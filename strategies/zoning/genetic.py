@@ -1,9 +1,9 @@
 """Zone repair by a genetic algorithm: designs are bred from whole zones.
 
-A child takes random zones of good designs that have nothing in common; stations left over join the
-zone of a random adjacent one; zones are matched to robots that serve them, one to one, and a child
-without a matching is dropped; then tips mutate. Fitness is 1 / SVp, here the smaller SVp, of the
-flow with all that drives past a tip; a balance of 0 or undefined counts as 1.
+A child takes random disjoint zones of good designs. Each remaining station joins the zone of a random
+adjacent station. Zones are matched one to one to robots that serve them; a child without a matching is
+dropped. Then tips mutate. Fitness is 1 / SVp (here, a smaller SVp is better) of the flow, including
+loads that pass a tip. A balance of 0 or undefined counts as 1.
 """
 
 from __future__ import annotations
@@ -25,17 +25,17 @@ from strategies.zoning.zone_workspace import (
     size,
 )
 
-MAX_FAILURES = 60  # zones that do not fit, until a child is restarted
+MAX_FAILURES = 60  # misfit zones before a child is restarted
 MAX_MUTATION_TRIES = 500  # tries to mutate a child
-MAX_CHILD_TRIES = 100  # times that a child may be restarted
-MAX_JOIN_TRIES = 20  # tries for each station that is left over
-MIN_ZONE_STATIONS = 2  # stations that a zone keeps
-# Cost of a station in a zone whose robot has no priority there, and another one has.
+MAX_CHILD_TRIES = 100  # restarts of a child
+MAX_JOIN_TRIES = 20  # tries per remaining station
+MIN_ZONE_STATIONS = 2  # minimum stations of a zone
+# Cost of a station in a zone whose robot has no priority there while another robot has.
 MISPLACED = 1 << 30
 
 
 class Individuals(Struct, role=SCRATCH):
-    """N designs in rows; the names are those of Design."""
+    """N designs in rows; fields as in Design."""
 
     zone: Array = field("(N, S) int32")
     segments: Array = field("(N,) int64")
@@ -45,7 +45,7 @@ class Individuals(Struct, role=SCRATCH):
     path: Array = field("(N, S, P) int32")
     held: Array = field("(N, P) int32")
     value: Array = field("(N,) float64", "balance; smaller is better")
-    tips: Array = field("(N,) int64", "how many tips it has; of equal designs the more the better")
+    tips: Array = field("(N,) int64", "number of tips; breaks ties of designs, more is better")
 
 
 class ZonePopulation(Struct, role=SCRATCH):
@@ -54,11 +54,11 @@ class ZonePopulation(Struct, role=SCRATCH):
     now: Individuals  # N + 1 rows
     next: Individuals  # N rows
     rank: Array = field("(N,) int32", "rows from the best to the worst")
-    pool: Array = field("(N + 1,) int32", "rows that zones are taken from")
+    pool: Array = field("(N + 1,) int32", "rows from which zones are taken")
 
 
 def population_for(roads: Roads, individuals: int = 60) -> ZonePopulation:
-    """Room for a population on these roads."""
+    """Scratch for a population on these roads."""
     points, stations = len(roads.cell), len(roads.point)
     return ZonePopulation.sized(
         {"N": individuals},
@@ -72,9 +72,9 @@ def evolve(
     roads, rules, flow, generations, selected, mutation, population, design, workspace, reach,
     seed, tick,
 ):  # fmt: skip
-    """The best design whose zones are not cut off: that of all generations, or one of the last.
+    """The best design without isolated zones: the best of all generations, or one of the last.
 
-    reach: (Z,) ones. Returns 0 if there is none; `design` is spoiled then.
+    reach: (Z,) ones. Returns 0 if there is none; `design` is then invalid.
     """
     workspace.drawn = DRAWS_GENETIC
     rows = population.rank.shape[0]
@@ -127,7 +127,7 @@ def judge(roads, rules, flow, population, design, workspace):
 
 @kernel
 def breed(roads, rules, selected, mutation, population, workspace, seed, tick):
-    """The next generation, of the zones of the best rows and of the best design so far."""
+    """The next generation, bred from the best rows and the best design so far."""
     rows = population.rank.shape[0]
     parents = min(selected, rows)
     for k in range(parents):
@@ -173,7 +173,7 @@ def make_child(roads, rules, mutation, population, parents, workspace, seed, tic
 
 @kernel
 def may_give(design):
-    """1 if some zone has more stations than it has to keep."""
+    """1 if a zone has more stations than the minimum."""
     for zone in range(design.transfer.shape[0]):
         if size(design, zone) > MIN_ZONE_STATIONS:
             return 1
@@ -182,7 +182,7 @@ def may_give(design):
 
 @kernel
 def combine(population, parents, workspace, seed, tick):
-    """Fill workspace.trial with random zones that have nothing in common; 0 if they do not fit."""
+    """Fill workspace.trial with random disjoint zones; 0 on failure."""
     design, individuals = workspace.trial, population.now
     zones = design.transfer.shape[0]
     clear_design(design)
@@ -203,7 +203,7 @@ def combine(population, parents, workspace, seed, tick):
 
 @kernel
 def attach_rest(roads, rules, design, workspace, seed, tick):
-    """Stations without a zone join those of random adjacent ones; 0 if one cannot."""
+    """Join each station without a zone to that of a random adjacent one; 0 on failure."""
     stations = design.zone.shape[0]
     for _ in range(MAX_JOIN_TRIES * stations):
         count = np.int64(0)
@@ -223,7 +223,7 @@ def attach_rest(roads, rules, design, workspace, seed, tick):
 
 @kernel
 def adjacent_to(roads, rules, design, workspace, station, but):
-    """workspace.listed: stations in zones other than `but` that are adjacent to one; how many."""
+    """workspace.listed: adjacent stations in zones other than `but`; return their number."""
     count = np.int64(0)
     for t in range(design.zone.shape[0]):
         zone = design.zone[t]
@@ -237,7 +237,7 @@ def adjacent_to(roads, rules, design, workspace, station, but):
 
 @kernel
 def mutate(roads, rules, workspace, seed, tick):
-    """workspace.now: the child with a random tip of a random zone given away; 0 if it cannot be."""
+    """workspace.now: the child after a random tip has moved to another zone; 0 on failure."""
     design = workspace.trial
     zone = below(workspace, design.transfer.shape[0], seed, tick)
     find_tips(roads, design, workspace)
@@ -259,12 +259,12 @@ def mutate(roads, rules, workspace, seed, tick):
     return give(roads, workspace.now, workspace, tip, through, rules.adjacent, MIN_ZONE_STATIONS)
 
 
-# Zones numbered after robots that serve them.
+# Assignment of zones to robots: zone numbers are robot numbers.
 
 
 @kernel
 def are_alike(workspace):
-    """Whether it does not matter which robot gets which zone."""
+    """Whether any robot may get any zone."""
     for z in range(workspace.serves.shape[0]):
         if workspace.move_time_factor[z] != workspace.move_time_factor[0]:
             return False
@@ -276,10 +276,10 @@ def are_alike(workspace):
 
 @kernel
 def match(design, workspace):
-    """Number the zones after robots that serve them, one to one; returns 0 if there is no such way.
+    """Match the zones one to one to robots that serve them; return 0 if there is no matching.
 
-    Of all matchings one with the fewest stations away from who has priority there; of these one that
-    gives the larger zones to the faster robots (linear sum assignment).
+    The matching has the fewest stations without the robots that have priority there; ties go to
+    larger zones for faster robots (linear sum assignment).
     """
     zones = workspace.serves.shape[0]
     cost = workspace.matching.cost
@@ -299,7 +299,7 @@ def match(design, workspace):
 
 @kernel
 def cost_of(design, workspace, zone, robot):
-    """What it costs to give a zone to a robot; INF_COST: it does not serve all of it."""
+    """The cost of a zone for a robot; INF_COST if the robot cannot serve all its stations."""
     cost = np.int64(0)
     for s in range(design.zone.shape[0]):
         if design.zone[s] != zone:
@@ -314,7 +314,7 @@ def cost_of(design, workspace, zone, robot):
 
 @kernel
 def rename(design, name):
-    """Zone z becomes zone name[z]; the design has no transfer stations yet."""
+    """Renumber zone z to name[z]; the design must not have transfer stations yet."""
     for s in range(design.zone.shape[0]):
         if design.zone[s] != NIL:
             design.zone[s] = name[design.zone[s]]
@@ -347,7 +347,7 @@ def keep(design, individuals, row):
 
 @kernel
 def take(individuals, row, design):
-    """Make a design of a row."""
+    """Read a design from a row."""
     design.transfer[:] = 0
     for s in range(design.zone.shape[0]):
         design.zone[s] = individuals.zone[row, s]
@@ -360,7 +360,7 @@ def take(individuals, row, design):
 
 @kernel
 def take_segment(individuals, row, m, design, owner):
-    """Append a segment of a row to a design."""
+    """Copy a segment of a row to the end of a design."""
     at = design.segments
     design.owner[at] = owner
     design.ends[at, 0] = individuals.ends[row, m, 0]
@@ -373,7 +373,7 @@ def take_segment(individuals, row, m, design, owner):
 
 @kernel
 def fits(individuals, row, zone, design):
-    """1 if a zone of a row has no station and no point that the design has already."""
+    """1 if a zone of a row shares no station and no point with the design."""
     for s in range(design.zone.shape[0]):
         if individuals.zone[row, s] == zone and design.zone[s] >= 0:
             return 0
@@ -417,5 +417,5 @@ def move_row(source, row, individuals, to):
 
 
 def individuals_of(rows: int, points: int, stations: int) -> Individuals:
-    """Room for some designs."""
+    """Scratch for a number of designs."""
     return Individuals.sized({"N": rows, "P": points, "S": stations})

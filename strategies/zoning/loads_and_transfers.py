@@ -1,9 +1,9 @@
-"""What follows from a design: tips, loads and balance, transfer stations, and how parts travel.
+"""Properties of a design: tips, loads and balance, transfer stations, and routes of parts.
 
 The load of a zone in minutes (eq. 1-4 of Keith & La):
 
     f_ij   loads from i to j        tot = base + sum f_ij        W the stations of the zone
-    g_ij   = (inflow of i) (outflow of j) / tot: empty trips; the paper prints the same sum twice
+    g_ij   = (inflow of i) (outflow of j) / tot: empty trips (the paper prints the same sum twice)
     L      = sum over i, j in W, i != j of (f_ij + g_ij) between_ij / V  +  tot (t_u + t_l), V by robot
     SVp    = sum over pairs of zones of |L_z - L_y| / ((zones - 1) sum L)
 """
@@ -13,12 +13,12 @@ import numpy as np
 from automaton.strategy.api import NIL, kernel
 from strategies.zoning.zone_workspace import UNREACHED, block_others, spread, whole_cells
 
-UNDEFINED = -1.0  # balance of zones without any load
+UNDEFINED = -1.0  # the balance of zones without any load
 ROUTING_CENTRAL = 0  # rule of SA and GA: through the nearest transfer station
-ROUTING_NEIGHBOURS = 1  # of DDZ: without a common one, through the one nearest to the target
+ROUTING_NEIGHBOURS = 1  # of DDZ: without a common station, through the one nearest to the target
 
 
-# Tip workstations: those that a single way joins to the rest of their zone.
+# Tip workstations: stations that a single path joins to the rest of their zone.
 #
 # A station at point p is a tip if exactly one neighbour of p shares a segment of the zone with p (by
 # membership, as in the authors' code, not by following the segment), or if it is alone in its zone.
@@ -51,7 +51,7 @@ def is_tip(roads, design, s):
 
 @kernel
 def passes(design, m, p):
-    """1 if a segment has a point."""
+    """1 if a segment contains a point."""
     for k in range(design.points[m]):
         if design.path[m, k] == p:
             return 1
@@ -60,7 +60,7 @@ def passes(design, m, p):
 
 @kernel
 def linked(roads, p, q):
-    """1 if a straight way leads from one point to the other, in either direction."""
+    """1 if a straight road joins the two points, in either direction."""
     for d in range(4):
         if roads.next[p, d] == q or roads.next[q, d] == p:
             return 1
@@ -72,9 +72,9 @@ def linked(roads, p, q):
 
 @kernel
 def find_loads(roads, rules, flow, through, design, workspace):
-    """workspace.load of all zones, from one flow (S, S) float64; returns the balance.
+    """workspace.load of all zones, from one flow (S, S) float64; return the balance.
 
-    through: 1 = what drives past a tip on its shortest way counts as the tip's (GA).
+    through: 1 = loads that pass a tip on their shortest path count as the tip's (GA).
     """
     if through == 1:
         flow_past_tips(roads, flow, design, workspace)
@@ -132,7 +132,7 @@ def load_of(roads, rules, flow, workspace, z):
 
 @kernel
 def flow_past_tips(roads, flow, design, workspace):
-    """workspace.legs: the flow, and for tips i all that drives past i and then j of the same zone."""
+    """workspace.legs: the flow; for tips i, also all loads that pass i and then j of the same zone."""
     stations = flow.shape[0]
     find_tips(roads, design, workspace)
     workspace.legs[:] = 0.0
@@ -152,7 +152,7 @@ def flow_past_tips(roads, flow, design, workspace):
 
 @kernel
 def stations_on_way(roads, workspace, a, b):
-    """workspace.listed: the stations on the shortest way from a to b, in its order; how many."""
+    """workspace.listed: the stations on the shortest path from a to b, in order; return their number."""
     end = np.int64(roads.point[b])
     p = np.int64(roads.point[a])
     count = np.int64(0)
@@ -168,7 +168,7 @@ def stations_on_way(roads, workspace, a, b):
 
 @kernel
 def balance(load):
-    """SVp, from 0 (equal) to 1 (one zone has it all), or UNDEFINED."""
+    """SVp, from 0 (equal) to 1 (one zone has all the load), or UNDEFINED."""
     zones = load.shape[0]
     total = 0.0
     apart = 0.0
@@ -183,17 +183,17 @@ def balance(load):
 
 # Transfer stations between zones (Algorithm 1, by the rules that gave the published numbers).
 #
-# For each pair of zones, tips that are near a station of the other zone are joined by union paths;
-# shortest first, the tip in the zone with more load becomes a transfer station, where the other
-# zone's robot fetches. A pair one of whose ends is a transfer station of this pair of zones already
-# is passed over (the paper removes both ends of a chosen pair).
+# For each pair of zones, union paths join tips that are near a station of the other zone. In the order
+# of path length, the tip in the zone with more load becomes a transfer station, where the other zone's
+# robot fetches. A pair is skipped if one of its ends is already a transfer station of these zones (the
+# paper removes both ends of a chosen pair).
 
 
 @kernel
 def find_transfers(roads, rules, design, workspace, reach):
     """design.transfer between all zones with reach[z] = 1, from workspace.load.
 
-    Between others it stays, but for stations that are in neither of the two zones any more.
+    Other pairs of zones keep their transfer stations, except stations that have left both zones.
     """
     forget_moved(design)
     find_tips(roads, design, workspace)
@@ -206,7 +206,7 @@ def find_transfers(roads, rules, design, workspace, reach):
 
 @kernel
 def forget_moved(design):
-    """A transfer station of two zones is a station of one of them."""
+    """Drop the transfer stations of two zones that are in neither of them."""
     for a in range(design.transfer.shape[0]):
         for b in range(design.transfer.shape[0]):
             for s in range(design.zone.shape[0]):
@@ -238,14 +238,14 @@ def between_two(roads, rules, design, workspace, a, b):
 
 @kernel
 def share_station(design, a, b, station):
-    """It becomes a transfer station of two zones."""
+    """Make a station a transfer station of two zones."""
     design.transfer[a, b, station] = 1
     design.transfer[b, a, station] = 1
 
 
 @kernel
 def close_to_two(design, workspace, a, b):
-    """Close what other zones hold or have claimed."""
+    """Close points that other zones hold or have claimed."""
     block_others(design, workspace, a, b)
     for p in range(design.held.shape[0]):
         for z in range(design.transfer.shape[0]):
@@ -255,7 +255,7 @@ def close_to_two(design, workspace, a, b):
 
 @kernel
 def joined_tips(roads, rules, design, workspace, a, b):
-    """workspace.pair: tips x of a and y of b with a union path, the shortest first; how many."""
+    """workspace.pair: tips x of a and y of b with a union path, shortest first; return their number."""
     bound = whole_cells(rules.limit)
     count = np.int64(0)
     for x in range(design.zone.shape[0]):
@@ -292,7 +292,7 @@ def faces(roads, rules, design, workspace, s, own, other):
 
 @kernel
 def claim(roads, workspace, x, y, zone):
-    """The inner points of the path between two stations are in the way of later pairs of zones."""
+    """Claim the inner points of the path between two stations: later pairs of zones must avoid them."""
     spread(roads, workspace, roads.point[x], roads.point[y], UNREACHED)
     p = np.int64(workspace.back[roads.point[y]])
     while p != NIL and p != roads.point[x]:
@@ -311,7 +311,7 @@ def joined(design, a, b):
 
 @kernel
 def find_levels(design, workspace, zone):
-    """workspace.level: transfers from each zone to this one, NIL where none leads there."""
+    """workspace.level: number of transfers from each zone to this one, or NIL."""
     workspace.level[:] = NIL
     workspace.level[zone] = 0
     workspace.frontier[0] = zone
@@ -329,7 +329,7 @@ def find_levels(design, workspace, zone):
 
 @kernel
 def reach_connected(design, workspace, reach):
-    """1 if a part can get between all zones with reach[z] = 1."""
+    """1 if parts can travel between all zones with reach[z] = 1."""
     begun = False
     for z in range(reach.shape[0]):
         if reach[z] == 1 and not begun:
@@ -342,15 +342,15 @@ def reach_connected(design, workspace, reach):
 
 @kernel
 def connected(design, workspace):
-    """1 if a part can get from every zone to every other one."""
+    """1 if parts can travel between all zones."""
     return 1 if find_levels(design, workspace, 0) == design.transfer.shape[0] else 0
 
 
 @kernel
 def connect_cut_off(roads, design, workspace):
-    """Join zones that are cut off, from workspace.load; returns 1 if all are connected then.
+    """Join isolated zones, from workspace.load; return 1 if all zones are then connected.
 
-    Here tips may be any way apart, and no transfer path is in the way of another (as in DDZ).
+    Tips may be any distance apart, and transfer paths may share points (as in DDZ).
     """
     find_tips(roads, design, workspace)
     while connected(design, workspace) == 0:
@@ -361,10 +361,10 @@ def connect_cut_off(roads, design, workspace):
 
 @kernel
 def join_nearest(roads, design, workspace):
-    """A transfer station between a zone that parts reach by workspace.level and one that they do not.
+    """Add a transfer station between a zone that parts reach by workspace.level and one that they do not.
 
-    Of all such pairs of zones that with the shortest union path between two tips; the zone with more
-    load gives the station. Returns 0 if there is none.
+    Chooses the pair of zones with the shortest union path between two tips; the zone with more load
+    gives the station. Returns 0 if there is no pair.
     """
     best = np.int64(UNREACHED)
     x, y = np.int64(NIL), np.int64(NIL)
@@ -389,17 +389,17 @@ def join_nearest(roads, design, workspace):
     return 1
 
 
-# Who takes a part, and where to: section "part transfers" of Keith & La, as their code does it.
+# The robot that takes a part, and its stop: section "part transfers" of Keith & La, as in their code.
 
 
 @kernel
 def route(roads, design, workspace, rule, zone, at, to):
-    """(zone in whose queue it is, station where it is dropped, 1 = that is the target).
+    """(zone of the queue, station of the drop, 1 if that is the target) of a part.
 
-    zone: whose part it is: that of the station where it was processed, or after a transfer that of
-    the robot that dropped it. at, to: the station where it is, the next one of its route. A part
-    that waits at the transfer station to which it would be brought is the next robot's already.
-    Where no transfers lead to the target, its own robot delivers: zones do not bind robots.
+    zone: the owner of the part: the zone of the station that processed it, or after a transfer the
+    zone of the robot that dropped it. at, to: the station where it is, and the next one of its route.
+    A part that already waits at its transfer station belongs to the next robot. If no transfers lead
+    to the target, its own robot delivers it: robots may leave their zones.
     """
     target = np.int64(design.zone[to])
     if zone != target:
@@ -416,10 +416,10 @@ def route(roads, design, workspace, rule, zone, at, to):
 
 @kernel
 def way_out(roads, design, workspace, rule, zone, at, to):
-    """The transfer station by which a part leaves, and the zone that fetches it there.
+    """The transfer station through which a part leaves, and the zone that fetches it there.
 
-    Zones with the fewest transfers left; of their transfer stations the nearest to where the part
-    is, or by the rule of DDZ, when transfers remain after it, to its target; then the lowest.
+    Prefers zones with the fewest remaining transfers; then the transfer station nearest to the part, or
+    by the rule of DDZ, if transfers remain after it, nearest to its target; then the lowest.
     """
     best = np.int64(UNREACHED)
     station, other = np.int64(NIL), np.int64(NIL)

@@ -1,10 +1,10 @@
-"""Zones of one central computer: watched, shared when out of balance, and perhaps redesigned.
+"""Zones of one central computer: monitored, shared when out of balance, and optionally redesigned.
 
-Keith & La's modes: the balance SVp of the zones on the flow of the last minutes is looked at every
-minute, every third minute when it has been good for a while. Out of balance, robots share orders
-from time to time; out of balance for long, new zones are made from the flow of that moment, by
-simulated annealing or a genetic algorithm, and take effect when a computer would be done with them.
-All that waits is queued again then.
+Keith & La's modes: the balance SVp of the zones for the flow of the last minutes is measured every
+minute, or every third minute after a time of balance. Out of balance, robots share orders periodically.
+After a long imbalance, simulated annealing or a genetic algorithm makes new zones from the current
+flow. They take effect after the time that a computer would need, and all waiting orders are queued
+again.
 """
 
 from __future__ import annotations
@@ -57,8 +57,8 @@ from strategies.zoning.zoning_parameters import Annealing, Genetic, Monitoring
 
 FIRST_LOOK: Final = 30.0  # seconds after the start
 AFTER_REPAIR: Final = 60.0  # and after a redesign
-EVER: Final = 1 << 40  # ticks: more than any run has
-# How first zones are annealed where the scenario has no parameters for it.
+EVER: Final = 1 << 40  # ticks: longer than any run
+# Annealing parameters of the first zones if the scenario has none.
 PUBLISHED_ANNEALING: Final = Annealing()
 INITIAL_TEMPERATURE: Final = PUBLISHED_ANNEALING.hot
 FINAL_TEMPERATURE: Final = PUBLISHED_ANNEALING.cold
@@ -66,34 +66,32 @@ ANNEALING_STEPS: Final = PUBLISHED_ANNEALING.steps
 
 
 class MonitoredState(Struct):
-    """What is counted, when something is due next, and the flow for a redesign."""
+    """Counters, times of the next actions, and the flow for a redesign."""
 
     # Counted in the row of robot 0:
     redesigns: Array = field("(n,) int64")
     shared_orders: Array = field("(n,) int64")
-    ticks_in_balance: Array = field(
-        "(n,) int64", "between two looks, the first of which saw the zones balanced"
-    )
-    ticks_watched: Array = field("(n,) int64", "between looks")
-    # Ticks, 0 where there is none:
-    begun: int = field("() int64", "1: the first zones are made")
+    ticks_in_balance: Array = field("(n,) int64", "ticks between measurements, from one in balance")
+    ticks_watched: Array = field("(n,) int64", "ticks between measurements")
+    # Ticks; 0: none:
+    begun: int = field("() int64", "1: the first zones exist")
     next_look: int = field("() int64")
     last_look: int = field("() int64")
-    was_good: int = field("() int64", "the last look: 1 balanced, 0 not, NIL without flow")
+    was_good: int = field("() int64", "the last measurement: 1 balanced, 0 not, NIL without flow")
     good_since: int = field("() int64")
-    bad_since: int = field("() int64", "the look that saw them out of balance")
+    bad_since: int = field("() int64", "tick of the first measurement out of balance")
     next_share: int = field("() int64")
     new_zones_at: int = field("() int64")
-    flow: Array = field("(k, k) int64", "between stations, of which they are made")
-    recent_flow: Array = field("(k, k) float64", "that is looked at", role=SCRATCH)
+    flow: Array = field("(k, k) int64", "between stations, for a redesign")
+    recent_flow: Array = field("(k, k) float64", "between stations, as measured", role=SCRATCH)
     rules: ZoneRules
-    age: int = field("int64", "weights of orders that are shared, in thousandths")
+    age: int = field("int64", "weights of shared orders, in thousandths")
     job: int = field("int64")
     zones: ZoneSpace
 
 
 class MonitoredZones(Strategy):
-    """Zones that stay; robots may share orders when they are out of balance."""
+    """Zones that stay; robots may share orders while the zones are out of balance."""
 
     layer = "zoning"
     Parameters = Monitoring
@@ -103,7 +101,7 @@ class MonitoredZones(Strategy):
     }
 
     def reset(self, view: World) -> Struct:
-        """Nothing is counted yet, and the first zones are due."""
+        """Return the state at the start of a run, in which the first zones are due."""
         return self._first_state(view, MonitoredState)
 
     def _first_state(self, view: World, kind: type[MonitoredState], **more: Any) -> Struct:
@@ -118,7 +116,7 @@ class MonitoredZones(Strategy):
     def decide(
         self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
     ) -> None:
-        """Queue what is new, look at the balance, share, or bring new zones into effect."""
+        """Queue new orders, measure the balance, share orders, or switch to new zones."""
         out, state = decisions.zoning, MonitoredState.of(memory)
         now = int(view.clock.tick)
         copy_design(view.service_zones.design, out.design)
@@ -144,7 +142,7 @@ class MonitoredZones(Strategy):
         out.again[: int(batch.count)] = max(1, min(self._due(view, state)) - now)
 
     def _due(self, view: World, state: MonitoredState) -> list[int]:
-        """The ticks in which something is to be done next."""
+        """The ticks of the next actions."""
         sharing = self.parameters.sharing and state.bad_since
         return [int(state.next_look), *([int(state.next_share)] if sharing else [])]
 
@@ -165,7 +163,7 @@ class MonitoredZones(Strategy):
         state.next_look = int(view.clock.tick) + ticks(view, FIRST_LOOK)
 
     def _anneal_first(self, view: World, design: Any, state: MonitoredState) -> bool:
-        """The first zones, where the scenario gives none; False if none are found."""
+        """Make first zones if the scenario has none; return False if none are found."""
         given = self._annealing()
         has_zones = first_zones(
             view.service_zones.roads, state.rules, float(given.hot), float(given.cold), given.steps,
@@ -175,11 +173,11 @@ class MonitoredZones(Strategy):
         return bool(has_zones)
 
     def _annealing(self) -> Annealing:
-        """How the first zones are annealed; here as published."""
+        """The annealing parameters of the first zones; here as published."""
         return PUBLISHED_ANNEALING
 
     def _check_balance(self, view: World, out: Any, state: MonitoredState) -> None:
-        """How balanced the zones are now, and what follows from it."""
+        """Measure the balance of the zones, and set the next actions."""
         now, robot = int(view.clock.tick), view.robots.at_index[0]
         if state.last_look:
             passed = now - state.last_look
@@ -192,7 +190,7 @@ class MonitoredZones(Strategy):
             find_loads(view.service_zones.roads, state.rules, flow, 0, out.design, zones)
             add_charging(view, zones, state.rules)
             value = balance(zones.load)
-            if len(zones.load) > 1:  # one zone is out of balance with no robot
+            if len(zones.load) > 1:  # a single zone has no balance
                 good = int(0.0 < value <= self.parameters.tolerance)
         state.last_look, state.was_good = now, good
         often = ticks(view, self.parameters.often)
@@ -209,14 +207,14 @@ class MonitoredZones(Strategy):
                 state.bad_since, state.next_share = now, now
 
     def _check_redesign(self, view: World, state: MonitoredState) -> None:
-        """Called after every look, and when `_due` says: are new zones needed? Here never."""
+        """Hook after measurements and at times of `_due`: begin a redesign if needed; here never."""
 
     def _shares(self, state: MonitoredState) -> bool:
-        """Whether orders are shared at a time of sharing; here always."""
+        """Whether to share orders at a time of sharing; here always."""
         return True
 
     def _apply_redesign(self, view: World, out: Any, state: MonitoredState) -> None:
-        """Called in every tick but the first, before orders are queued; here nothing, zones stay."""
+        """Hook in every tick except the first, before orders are queued. Here zones never change."""
 
 
 class StaticZones(MonitoredZones):
@@ -226,10 +224,10 @@ class StaticZones(MonitoredZones):
 
 
 class RedesignedZones(MonitoredZones, ABC):
-    """Zones that are redesigned when they have been out of balance for long."""
+    """Zones that are redesigned after a long imbalance."""
 
     def _check_redesign(self, view: World, state: MonitoredState) -> None:
-        """Out of balance for longer than patience: new zones are made of the flow of this moment."""
+        """Make new zones from the current flow after an imbalance longer than patience."""
         now = int(view.clock.tick)
         if not state.bad_since or state.new_zones_at:
             return
@@ -245,7 +243,7 @@ class RedesignedZones(MonitoredZones, ABC):
         return int(state.bad_since) + patience + 1
 
     def _due(self, view: World, state: MonitoredState) -> list[int]:
-        """As for zones that stay, and when new ones are begun or take effect."""
+        """As for zones that stay, plus the times when a redesign begins or takes effect."""
         times = super()._due(view, state)
         if state.new_zones_at:
             times.append(int(state.new_zones_at))
@@ -254,11 +252,11 @@ class RedesignedZones(MonitoredZones, ABC):
         return times
 
     def _shares(self, state: MonitoredState) -> bool:
-        """Not while new zones are computed, if the scenario says so."""
+        """Not during the computation of new zones, if the scenario forbids it."""
         return self.parameters.share_while_computing or not state.new_zones_at
 
     def _apply_redesign(self, view: World, out: Any, state: MonitoredState) -> None:
-        """New zones of the flow that was recorded take effect when they are due."""
+        """Switch to new zones, made from the stored flow, when they are due."""
         now = int(view.clock.tick)
         if not state.new_zones_at or now < state.new_zones_at:
             return
@@ -273,7 +271,7 @@ class RedesignedZones(MonitoredZones, ABC):
 
     @abstractmethod
     def _design(self, view: World, design: Any, state: Any) -> bool:
-        """Make new zones of the recent flow; False if none are found, and the design is spoiled then."""
+        """Make new zones from the recent flow; False if none are found; the design is then invalid."""
 
 
 class AnnealedZones(RedesignedZones):
@@ -282,7 +280,7 @@ class AnnealedZones(RedesignedZones):
     Parameters = Annealing
 
     def _annealing(self) -> Annealing:
-        """As the scenario says, the first zones and all others."""
+        """The scenario's parameters, for the first zones and all others."""
         parameters: Annealing = self.parameters
         return parameters
 
@@ -297,23 +295,23 @@ class AnnealedZones(RedesignedZones):
 
 
 class GeneticState(MonitoredState):
-    """And what zones are bred in."""
+    """The state of monitored zones, plus scratch of the genetic algorithm."""
 
     poses: Array = field(
         "(n, 2) int64",
-        "by identity: columns and rows of the grid, from where robots look for their zones",
+        "by identity: columns and rows of the grid, the reference cells of robots",
         role=CONSTANT,
     )
     population: ZonePopulation
 
 
 class GeneticZones(RedesignedZones):
-    """Zones repaired by a genetic algorithm; each goes to the robot whose pose is nearest to it."""
+    """Zones repaired by a genetic algorithm; each goes to the robot with the nearest reference cell."""
 
     Parameters = Genetic
 
     def reset(self, view: World) -> Struct:
-        """The poses, and room for the population besides."""
+        """Add the reference cells and scratch for the population."""
         population = population_for(view.service_zones.roads, self.parameters.population)
         return self._first_state(
             view, GeneticState, poses=self._poses_of(view), population=population
@@ -331,7 +329,7 @@ class GeneticZones(RedesignedZones):
         return bool(found)
 
     def _poses_of(self, view: World) -> Array:
-        """Those of GeneticState. Raises InputError."""
+        """The reference cells of GeneticState. Raises InputError."""
         given, robots = self.parameters.poses, len(view.service_zones.server)
         if given is None:
             homes = view.robots.home[view.robots.at_index]
@@ -345,9 +343,9 @@ class GeneticZones(RedesignedZones):
         return np.array(given) + 1  # the border of the grid
 
     def _assign_zones(self, view: World, design: Any, poses: Array) -> None:
-        """Name each zone after the robot whose pose is nearest to its middle; robots choose in order.
+        """Give each zone to the robot with the nearest reference cell; robots choose in order.
 
-        Robots of a type choose among the zones that were bred for their type.
+        Robots of a type choose among the zones bred for their type.
         """
         cells = view.service_zones.roads.cell[view.service_zones.roads.point]
         across, down = cells % view.grid.width, cells // view.grid.width
@@ -376,7 +374,7 @@ class GeneticZones(RedesignedZones):
                 design.transfer[name[a], name[b]] = transfer[a, b]
 
 
-# The zones with which a run begins, where the scenario gives none.
+# The zones at the start of a run if the scenario has none.
 
 
 def space_of(view: World) -> ZoneSpace:
@@ -388,9 +386,10 @@ def space_of(view: World) -> ZoneSpace:
 
 
 def try_first_zones(view: World, rules: ZoneRules) -> int:
-    """How many tries fail before those zones are found that a compiled strategy is going to find.
+    """The number of tries that fail before a compiled strategy will find its first zones.
 
-    It could not say that there are none, and need not fail again. Raises InputError.
+    The strategy cannot report a failure itself, and with this number it skips the failing tries.
+    Raises InputError.
     """
     roads, zones = view.service_zones.roads, len(view.service_zones.server)
     workspace = space_of(view)
@@ -407,8 +406,8 @@ def try_first_zones(view: World, rules: ZoneRules) -> int:
 
 
 def no_first_zones(view: World) -> InputError:
-    """What is said when none are found."""
+    """The error message if no zones are found."""
     return InputError(
         f"zoning found no zones for {count(len(view.service_zones.server), 'robot')} on this floor; "
-        "strategy.zoning.design gives them, and fewer robots or more groups are easier"
+        "set strategy.zoning.design, or use fewer robots or more groups"
     )

@@ -1,7 +1,7 @@
-"""A turn of a negotiation about zones (Algorithm 4): a leader tries exchanges with whom it can reach.
+"""A turn of a negotiation about zones (Algorithm 4): a leader tries exchanges with robots in range.
 
-Zones stand for their robots. `reach` (Z,) uint8 marks the leader's zone and those of its
-neighbours. Parts outside these zones are not known to it.
+Zones stand for their robots. `reach` (Z,) uint8 marks the zones of the leader and its neighbours. The
+leader does not know parts outside these zones.
 """
 
 from __future__ import annotations
@@ -31,21 +31,21 @@ from strategies.zoning.zone_workspace import DRAWS_NEGOTIATION, below, chance, c
 
 
 class NegotiatedParts(Struct, role=SCRATCH):
-    """Parts in the queues or hands of robots; room for K."""
+    """Parts in queues or on robots; K: capacity."""
 
-    count: int = field("() int64", "how many there are")
-    order: Array = field("(K,) int32", "the order of each, whatever that is to the caller")
-    at: Array = field("(K,) int32", "the station where it is, or was picked up")
+    count: int = field("() int64", "number of parts")
+    order: Array = field("(K,) int32", "the order of each part, as defined by the caller")
+    at: Array = field("(K,) int32", "the station where the part is or was picked up")
     to: Array = field("(K,) int32", "the next station of its route")
-    carried: Array = field("(K,) uint8", "1 = in a robot's hands; it keeps its zone and stop")
-    zone: Array = field("(K,) int32", "the zone in whose queue it is")
+    carried: Array = field("(K,) uint8", "1 = on a robot; the part keeps its zone and stop")
+    zone: Array = field("(K,) int32", "the zone whose queue it is in")
     stop: Array = field("(K,) int32", "the station where it is dropped")
-    proposed_zone: Array = field("(K,) int32", "what they would be in another design")
+    proposed_zone: Array = field("(K,) int32", "its zone in the proposed design")
     proposed_slot: Array = field("(K,) int32")
 
 
 def parts_for(room: int) -> NegotiatedParts:
-    """No parts, and room for some."""
+    """An empty list with this capacity."""
     return NegotiatedParts.sized({"K": room})
 
 
@@ -54,9 +54,9 @@ def lead(
     roads, rules, parts, hot, cold, steps, scale, before, iterations, design, workspace, leader, reach,
     mean, seed, tick,
 ):  # fmt: skip
-    """A turn of the leader: `iterations` exchanges about its consensus `mean` (minutes).
+    """A turn of the leader: `iterations` exchanges for its consensus `mean` (minutes).
 
-    Leaves the best design of the turn, that at its start included, and the parts queued by it;
+    Leaves the best design of the turn, or the initial one if that is best, with its queues of parts;
     returns its sigma. before: iterations that this robot led in earlier turns.
     """
     workspace.drawn = DRAWS_NEGOTIATION + (leader << 32)
@@ -83,10 +83,10 @@ def lead(
 
 @kernel
 def exchange(roads, rules, parts, heat, sigma, design, workspace, leader, reach, mean, seed, tick):
-    """One iteration: changes design, parts and workspace.load if it is accepted.
+    """One iteration: try an exchange; if accepted, update design, parts and workspace.load.
 
-    Returns the new sigma, or -1 when there was nothing to exchange or it was refused. Refused are
-    also designs that leave the leader without a transfer station, or zones cut off.
+    Returns the new sigma, or -1 if there is nothing to exchange or the design is rejected. Designs
+    that leave the leader without a transfer station, or zones isolated, are always rejected.
     """
     if propose(roads, rules, design, workspace, leader, reach, seed, tick) == 0:
         return -1.0
@@ -109,9 +109,9 @@ def exchange(roads, rules, parts, heat, sigma, design, workspace, leader, reach,
 
 @kernel
 def sigma_about(load, reach, mean):
-    """Eq. 5: spread of the loads with reach[z] = 1 about `mean`.
+    """Eq. 5: deviation of the loads with reach[z] = 1 from `mean`.
 
-    The paper prints (L_i + x_i)^2 for the robot's own load; the authors' code has the minus.
+    The paper prints (L_i + x_i)^2 for the robot's own load; the authors' code has a minus sign.
     """
     count = np.int64(0)
     total = 0.0
@@ -124,7 +124,7 @@ def sigma_about(load, reach, mean):
 
 @kernel
 def propose(roads, rules, design, workspace, leader, reach, seed, tick):
-    """workspace.trial: the busier of leader and random neighbour gives the other a tip; or 0."""
+    """workspace.trial: the busier of the leader and a random neighbour gives a tip to the other; or 0."""
     count = np.int64(0)
     for z in range(reach.shape[0]):
         if z != leader and reach[z] == 1:
@@ -152,7 +152,7 @@ def has_transfer(design, zone):
 
 @kernel
 def requeue(roads, design, workspace, parts, reach):
-    """parts.proposed_zone and proposed_slot: queued parts of zones in reach, from where they are."""
+    """parts.proposed_zone and proposed_slot, for queued parts of zones in reach."""
     for k in range(parts.count):
         parts.proposed_zone[k] = parts.zone[k]
         parts.proposed_slot[k] = parts.stop[k]
@@ -168,7 +168,7 @@ def requeue(roads, design, workspace, parts, reach):
 
 @kernel
 def adopt(parts):
-    """What was tried becomes what is."""
+    """Accept the trial."""
     for k in range(parts.count):
         parts.zone[k] = parts.proposed_zone[k]
         parts.stop[k] = parts.proposed_slot[k]
@@ -176,7 +176,7 @@ def adopt(parts):
 
 @kernel
 def loads_of_queues(roads, rules, design, workspace, parts, zone, stop, reach):
-    """workspace.load of the zones in reach, each from the legs in its own queue; others stay."""
+    """workspace.load of the zones in reach, from the legs in their queues; others stay."""
     workspace.leg_flow[:] = 0.0
     for k in range(parts.count):
         if parts.at[k] != stop[k]:

@@ -1,6 +1,6 @@
-"""Service zones as people see them: their cells, a picture, the work in them, and lines on stations.
+"""Service zones for display: their cells, a picture, their work, and lines about stations.
 
-zone 1 (d): 3* 6 7 9* 10 15*; robot 0, 4.2 minutes of work          * a transfer station
+zone 1 (d): 3* 6 7 9* 10 15*; robot 0, 4.2 minutes of work          *: a transfer station
 station 9, zone 1, to zone 3: part 12, 45 ticks left; queue 14, 17; 8 done
 """
 
@@ -26,16 +26,16 @@ from automaton.engine.state import (
 from automaton.floor.floor_plan import FloorPlan
 from automaton.units import SECONDS_PER_UNIT, count
 
-# The first six as in the viewer, where a to c are signs.
+# The first six are those of the viewer, where a to c have other meanings.
 ZONE_LETTERS: Final = "defghijklmnopqrstuvwxyzabc"
-PICTURE_KEY: Final = "small letters: ways of zones; capitals: their stations; *: transfer stations"
+PICTURE_KEY: Final = "small letters: paths of zones; capitals: their stations; *: transfer stations"
 MAX_NAMED_PARTS: Final = 8  # parts of a line
-# Told apart with all three kinds of colour blindness (Okabe & Ito); the letters say the same.
+# Distinguishable with all three kinds of color blindness (Okabe & Ito); letters repeat the information.
 ZONE_COLOURS: Final = ("#56b4e9", "#e69f00", "#009e73", "#f0e442", "#cc79a7", "#d55e00")
 
 
 def partition_picture(world: World, floor_plan: FloorPlan) -> str:
-    """The zones over their floor and a line on each, a line on each station; "" without either."""
+    """The floor with its zones, a line for each zone and each station; "" without zones and stations."""
     lines: list[str] = []
     if len(world.service_zones.roads.cell):
         zones = world.service_zones
@@ -48,10 +48,10 @@ def partition_picture(world: World, floor_plan: FloorPlan) -> str:
 
 
 def design_picture(floor_plan: FloorPlan, roads: Roads, design: Design) -> str:
-    """One character for each cell, and a line on each zone.
+    """One character for each cell, and a line for each zone.
 
-    Ways of zones are small letters, other ways dots; a station is the letter of its zone as a
-    capital, or * where it is a transfer station.
+    Paths of zones are small letters, other roads are dots. A station is the capital letter of its zone,
+    or * if it is a transfer station.
     """
     driven = floor_plan.drivable[1:-1, 1:-1].tolist()
     rows = [["." if cell else "#" for cell in row] for row in driven]
@@ -85,7 +85,7 @@ def _listed(design: Design, zone: int) -> str:
 
 
 def zones_told(world: World, lines: list[str]) -> list[str]:
-    """The lines on zones with who serves each and how much there is to do, and how uneven that is."""
+    """The lines about zones with their robots and work, and the balance of the work."""
     work = work_of_each(world)
     told = []
     for line in lines:
@@ -96,11 +96,11 @@ def zones_told(world: World, lines: list[str]) -> list[str]:
             line += f"; {who}, {work[zone]:.1f} minutes of work"
         told.append(line)
     uneven = unevenness(work)
-    return told + ([] if uneven is None else [f"SVp {uneven:.2f}: how uneven that is, 0 to 1"])
+    return told + ([] if uneven is None else [f"SVp {uneven:.2f}: imbalance of the work, 0 to 1"])
 
 
 def station_line(world: World, station: int) -> str:
-    """What a station works on, who waits there, and how much it has done."""
+    """The work of a station, its queue, and the number of parts done."""
     stations = world.stations
     name = ", ".join([f"station {station + 1}", *_zones(world, station)])
     works, work = [], int(stations.in_service[station])
@@ -121,7 +121,7 @@ def station_line(world: World, station: int) -> str:
 
 
 def _zones(world: World, station: int) -> list[str]:
-    """Its zone, and those with which it changes parts."""
+    """The zone of a station, and the zones with which it exchanges parts."""
     design = world.service_zones.design
     if not len(design.zone) or design.zone[station] == NIL:
         return []
@@ -131,7 +131,7 @@ def _zones(world: World, station: int) -> list[str]:
 
 
 def coloured(picture: str) -> list[list[tuple[str, str]]]:
-    """The lines of such a picture as (text, style): zones in their colours, and the lines on them."""
+    """The lines of such a picture as (text, style): zones and their lines have the colors of zones."""
     letters = {
         letter: ZONE_COLOURS[at % len(ZONE_COLOURS)] for at, letter in enumerate(ZONE_LETTERS)
     }
@@ -149,13 +149,13 @@ def coloured(picture: str) -> list[list[tuple[str, str]]]:
     return rows
 
 
-# Where zones are.
+# The cells of zones.
 
 
 def ways_of(roads: Roads, design: Design, stride: int) -> tuple[Array, Array]:
-    """(k,) each: flat cells on the straight ways between the points of segments, and their zones.
+    """(k,) each: flat cells on the straight lines between the points of segments, and their zones.
 
-    A cell comes as often as segments lead through it; it is in one zone, as points are.
+    A cell appears once for each segment that crosses it; it is in one zone, like its points.
     """
     used = int(design.segments)
     path, follows = design.path[:used], np.arange(1, design.path.shape[1])
@@ -174,18 +174,18 @@ def stations_of(roads: Roads, design: Design) -> tuple[Array, Array, Array]:
     return roads.cell[roads.point], design.zone, shared
 
 
-# The work of zones at a moment: minutes of driving and handling for what lies in their queues.
+# The current work of zones: minutes of driving and handling for the orders in their queues.
 
 
 def work_of_each(world: World) -> Array:
     """(Z,) minutes of work of each zone, at the speed of the robot that serves it.
 
-    A tick is a second where the scenario does not say.
+    A tick counts as a second if the scenario does not define it.
     """
     tick_s = world.rules.tick_us / 1e6 if world.rules.tick_us else 1.0
     kinds = world.robots.type[world.robots.at_index[world.service_zones.server]].astype(np.int64)
     if loaded := world.rules.loaded_types:
-        kinds = loaded + kinds % loaded  # work is to carry loads
+        kinds = loaded + kinds % loaded  # only carrying loads is work
     return np.array(
         [
             minutes_of_zones(
@@ -199,9 +199,9 @@ def work_of_each(world: World) -> Array:
 def minutes_of_zones(
     service_zones: ServiceZones, orders: Any, zones: Sequence[int], tick_s: float, duration: Array
 ) -> float:
-    """Minutes (eq. 1-4) for orders that wait in the queues of zones, are fetched and carried.
+    """Minutes (eq. 1-4) for orders that wait in the queues of zones, or are fetched or carried.
 
-    tick_s: seconds in a tick; duration: ticks by action.
+    tick_s: seconds per tick; duration: ticks by action.
     """
     mine = np.flatnonzero(np.isin(service_zones.queue, zones) & (service_zones.next_slot != NIL))
     mine = mine[mine < len(orders.state)]
@@ -221,10 +221,10 @@ def minutes_of_zones(
 
 
 def work_minutes(flow: Array, between: Array, speed: float, handling: float) -> float:
-    """Minutes of work of a flow between any stations, as the kernel `load_of` finds them without a base.
+    """Minutes of work of a flow between any stations, equal to the kernel `load_of` without a base.
 
-    In NumPy: who looks at a run does not wait until a kernel is compiled. speed: cells per minute;
-    handling: minutes to load and to unload.
+    In NumPy, so that a viewer does not wait for a kernel to compile. speed: cells per minute; handling:
+    minutes to load and to unload.
     """
     total = float(flow.sum())
     if total == 0.0:
@@ -234,7 +234,7 @@ def work_minutes(flow: Array, between: Array, speed: float, handling: float) -> 
 
 
 def unevenness(work: Array) -> float | None:
-    """SVp, from 0 (all zones have as much to do) to 1 (one has it all); None without any work."""
+    """SVp, from 0 (all zones have equal work) to 1 (one zone has all); None without any work."""
     total = float(work.sum())
     if total == 0.0 or len(work) < 2:
         return None

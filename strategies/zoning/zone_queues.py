@@ -1,7 +1,7 @@
-"""Which robot's queue an order comes into, and how queues share orders.
+"""The assignment of orders to the queues of robots, and sharing between queues.
 
-An order that waits at a station belongs to the zone of that station; one that was dropped on its
-way still belongs to the zone whose robot brought it, and is routed on from there (Keith & La).
+An order that waits at a station belongs to the zone of this station. An order dropped on its way still
+belongs to the zone whose robot brought it, and is routed on from there (Keith & La).
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ from strategies.zoning.zone_workspace import ZoneRules, typical_distance, zone_r
 
 MILLION: Final = 1_000_000
 ALL_PAIRS: Final = "all"  # tip_pairs of annealing and decentralized
-FORMER = -2  # queue: FORMER - zone, of a part that a robot of that zone dropped on its way
+FORMER = -2  # queue = FORMER - zone: a part that a robot of this zone dropped on its way
 
 
 @kernel
 def queue_orders(view, design, workspace, out, rule, again):
-    """Queue all orders that are in no queue; again = 1: all that wait, from where they are."""
+    """Queue all orders without a queue; again = 1: all waiting orders, from where they are."""
     for order in range(view.orders.state.shape[0]):
         if not is_free(view, order) or (view.service_zones.queue[order] >= 0 and again == 0):
             continue
@@ -55,9 +55,9 @@ def queue_orders(view, design, workspace, out, rule, again):
 
 @kernel
 def queue_orders_of(view, design, workspace, out, rule, robot, near):
-    """Queue the orders that are in no queue and belong to the zones that a robot serves.
+    """Queue the orders without a queue that belong to the zones of a robot.
 
-    near: cells; an order whose next station is so near a transfer station is brought there directly.
+    near: cells; an order whose next station is this near its transfer station goes there directly.
     """
     for order in range(view.orders.state.shape[0]):
         if not is_free(view, order) or view.service_zones.queue[order] >= 0:
@@ -73,7 +73,7 @@ def queue_orders_of(view, design, workspace, out, rule, robot, near):
 
 @kernel
 def is_near_transfer(view, design, order, zone, near):
-    """Whether the next station of an order lies near one where it would leave the zone."""
+    """Whether the next station of an order is near the transfer station where it would leave the zone."""
     to = np.int64(view.service_zones.station_of[view.orders.target[order]])
     if to == NIL or design.zone[to] == NIL or design.zone[to] == zone:
         return False
@@ -86,7 +86,7 @@ def is_near_transfer(view, design, order, zone, near):
 
 @kernel
 def owner_of(view, design, order, again):
-    """The zone that has to say where an order goes; NIL: none. again: forget who brought it."""
+    """The zone that routes an order, or NIL. again: ignore the zone whose robot brought it."""
     slot = np.int64(view.orders.current_slot[order])
     if slot == NIL:
         return np.int64(NIL)
@@ -99,7 +99,7 @@ def owner_of(view, design, order, again):
 
 @kernel
 def queue_order(view, design, workspace, out, rule, order, zone):
-    """Route an order of a zone; enters its queue and its next stop."""
+    """Route an order of a zone: set its queue and its next stop."""
     at = np.int64(view.service_zones.station_of[view.orders.current_slot[order]])
     target = np.int64(view.orders.target[order])
     to = np.int64(view.service_zones.station_of[target])
@@ -113,7 +113,7 @@ def queue_order(view, design, workspace, out, rule, order, zone):
 
 @kernel
 def slot_at(view, station):
-    """Where a load may lie at a station on its way: the station itself, or a free shelf; NIL: nowhere."""
+    """The place for a load at a station on its way: the station itself, or a free shelf; or NIL."""
     if view.stations.slot.shape[0]:
         return np.int64(view.stations.slot[station])
     for slot in range(view.slots.first_spare):
@@ -126,7 +126,7 @@ def slot_at(view, station):
 
 @kernel
 def enter(out, order, queue, stop, direct):
-    """One more decision: an order comes into a queue."""
+    """Add a decision that puts an order into a queue."""
     k = out.queued
     if k < out.order.shape[0]:
         out.order[k] = order
@@ -138,19 +138,19 @@ def enter(out, order, queue, stop, direct):
 
 @kernel
 def is_free(view, order):
-    """Whether an order waits and no robot has it."""
+    """Whether an order waits and is not reserved by a robot."""
     return view.orders.state[order] == ORDER_WAITING and view.orders.reserved_by[order] == NIL
 
 
 @kernel
 def is_running(view, i):
-    """Whether robot i is in order, or still does what it began."""
+    """Whether robot i is not down, or still finishes its action."""
     return view.robots.status[i] <= STATUS_EXHAUSTED
 
 
 @kernel
 def queue_length(view, zone):
-    """How many orders wait in the queue of a zone."""
+    """The number of waiting orders in the queue of a zone."""
     count = 0
     for order in range(view.orders.state.shape[0]):
         if is_free(view, order) and view.service_zones.queue[order] == zone:
@@ -160,7 +160,7 @@ def queue_length(view, zone):
 
 @kernel
 def length_then(view, out, zone):
-    """The same after the decisions of this batch so far."""
+    """The same number, including the decisions of this batch so far."""
     count = queue_length(view, zone)
     for k in range(out.queued):
         count += out.queue[k] == zone
@@ -170,9 +170,9 @@ def length_then(view, out, zone):
 
 @kernel
 def take_over(view, out):
-    """Who is down is replaced by a running robot until it is back.
+    """Replace a robot that is down by a running robot until it is back.
 
-    By one that serves all its stations if there is any, then by that with the shortest queue.
+    Prefers a robot that serves all its stations, then the one with the shortest queue.
     """
     zones = view.service_zones.server.shape[0]
     for zone in range(zones):
@@ -197,12 +197,12 @@ def serves_all(view, robot, zone):
     return True
 
 
-# Orders that the robot of their zone cannot do, too heavy or out of its reach, go to one that can.
+# Orders that the robot of their zone cannot do (too heavy or out of reach) go to a robot that can.
 
 
 @kernel
 def reassign_orders(view, out, robot):
-    """Orders in queues whose robot cannot do them go to one that can; robot: whose queues, NIL: all."""
+    """Move orders from robots that cannot do them to others; robot: only its queues, NIL: all."""
     if not are_several(view):
         return
     for order in range(view.orders.state.shape[0]):
@@ -232,7 +232,7 @@ def is_entered(out, order):
 
 @kernel
 def enqueue_with_capable_zone(view, out, order, queue, stop, direct):
-    """An order comes into a queue, or if its robot cannot bring it to its stop, into an able one's."""
+    """Put an order into a queue, or that of an able robot if the queue's own robot cannot do it."""
     if are_several(view) and not can_zone_deliver(view, out, queue, order, stop):
         other = capable_zone(view, out, order)
         if other != NIL:
@@ -243,7 +243,7 @@ def enqueue_with_capable_zone(view, out, order, queue, stop, direct):
 
 @kernel
 def capable_zone(view, out, order):
-    """The zone whose running robot can bring an order all the way; NIL if there is none.
+    """The zone whose running robot can bring an order to its target, or NIL.
 
     Priority at its station comes first, then the shortest queue, then the lowest number.
     """
@@ -272,7 +272,7 @@ def can_zone_deliver(view, out, zone, order, slot):
 
 @kernel
 def server_of(view, out, zone):
-    """The robot that serves a zone from now on, NIL if it is not known."""
+    """The robot that serves a zone from now on, or NIL if unknown."""
     server = np.int64(
         view.service_zones.server[zone] if out.server[zone] == KEEP else out.server[zone]
     )
@@ -290,10 +290,10 @@ def are_several(view):
 
 @kernel
 def share(view, workspace, out, age, job):
-    """Load sharing, once: at most two orders for each pair of zones; returns how many.
+    """One round of load sharing: at most two orders per pair of zones; return their number.
 
-    The first order of the longer queue that goes into the other zone moves to that zone's robot; the
-    first one of the shorter queue that goes into the busy zone skips the transfer station.
+    The first order of the longer queue with a target in the other zone moves to that zone's robot. The
+    first order of the shorter queue with a target in the busier zone skips the transfer station.
     """
     zones = view.service_zones.server.shape[0]
     shared = 0
@@ -316,11 +316,11 @@ def share(view, workspace, out, age, job):
 
 @kernel
 def first_for(view, out, workspace, zone, other, taker, direct, near, age, job):
-    """The first order in the queue of a zone, by its score, whose next station is in the other zone.
+    """The first order in the queue of a zone, by score, whose next station is in the other zone; or NIL.
 
-    It is one that the robot of the zone `taker` can bring to its target, and the robot of its own zone
-    to its next stop. Of those not direct yet, if direct = 0; of those that lie within `near` cells of
-    a station of the other zone, if near > 0. NIL if there is none.
+    The robot of the zone `taker` must be able to bring it to its target, and the robot of its own zone
+    to its next stop. With direct = 0, only orders that are not direct yet; with near > 0, only orders
+    within `near` cells of a station of the other zone.
     """
     design, found, highest = view.service_zones.design, NIL, -(1 << 62)
     server = np.int64(view.service_zones.server[zone])
@@ -359,7 +359,7 @@ def first_for(view, out, workspace, zone, other, taker, direct, near, age, job):
 
 @kernel
 def lies_near(view, order, zone, near):
-    """Whether an order waits within so many cells of a station of a zone."""
+    """Whether an order waits within this many cells of a station of a zone."""
     at = np.int64(view.service_zones.station_of[view.orders.current_slot[order]])
     for station in range(view.service_zones.design.zone.shape[0]):
         if view.service_zones.design.zone[station] == zone and at != NIL:
@@ -368,15 +368,15 @@ def lies_near(view, order, zone, near):
     return False
 
 
-# The flow between stations, and how fast robots are. Charging counts as work: what is missing in a
-# battery is time that its zone has not.
+# The flow between stations, and the speeds of robots. Charging counts as work: a robot that must charge
+# has less time for its zone.
 
 
 @kernel
 def record_flow(view, window, now, flow):
-    """flow[i, j] = orders from i to j that are known and not delivered longer than `window` ticks ago.
+    """flow[i, j] = known orders from i to j, open or delivered within the last `window` ticks.
 
-    Returns how many there are. An order that begins and ends at one station is not a flow.
+    Returns their number. An order that begins and ends at the same station is not a flow.
     """
     flow[:] = 0.0
     total = 0
@@ -396,7 +396,7 @@ def record_flow(view, window, now, flow):
 
 @kernel
 def set_zone_move_time_factors(view, workspace):
-    """workspace.move_time_factor: how many times as long moves take as those of the first type."""
+    """workspace.move_time_factor: duration of a move relative to the first robot type."""
     for zone in range(workspace.move_time_factor.shape[0]):
         server = np.int64(view.service_zones.server[zone])
         i = np.int64(view.robots.at_index[zone if server == NIL else server])
@@ -408,7 +408,7 @@ def set_zone_move_time_factors(view, workspace):
 
 @kernel
 def charging_minutes(view, rules, i):
-    """Minutes that robot i needs at a charger until its battery is full; 0 without batteries."""
+    """Minutes for robot i to charge its battery fully; 0 without batteries."""
     if view.rules.battery == 0:
         return 0.0
     curve = view.rules.curve[view.robots.type[i]]
@@ -418,7 +418,7 @@ def charging_minutes(view, rules, i):
 
 @kernel
 def add_charging(view, workspace, rules):
-    """Add the minutes that the server of each zone charges to the zone's workspace.load."""
+    """Add the charging minutes of each zone's robot to workspace.load."""
     for zone in range(workspace.load.shape[0]):
         server = view.service_zones.server[zone]
         if server != NIL:
@@ -430,12 +430,12 @@ def add_charging(view, workspace, rules):
 
 
 def seconds_of_tick(view: World) -> float:
-    """Seconds in a tick; 1 where the scenario does not say."""
+    """Seconds per tick; 1 if the scenario does not define it."""
     return view.rules.tick_us / 1e6 if view.rules.tick_us else 1.0
 
 
 def ticks(view: World, seconds: float) -> int:
-    """Seconds in ticks, at least 1 if they are any."""
+    """Seconds in ticks, at least 1 unless 0."""
     found = round(seconds / seconds_of_tick(view))
     return max(1, found) if seconds > 0 else 0
 
@@ -451,8 +451,8 @@ def cells(view: World, length: float) -> float:
 
 
 def order_weights(allocation: Strategy | None) -> dict[str, int]:
-    """`age` and `job` of shortest job first, in thousandths: as the allocation has them, if it does."""
-    # Not above: after an edit there the kernels of zones would be compiled again, too.
+    """`age` and `job` of shortest job first, in thousandths; those of the allocation if it has them."""
+    # Local import: otherwise an edit there would also recompile the kernels of zones.
     from strategies.allocation.allocation_parameters import ShortestJobParameters
 
     own, usual = getattr(allocation, "parameters", None), ShortestJobParameters()
@@ -465,7 +465,7 @@ def order_weights(allocation: Strategy | None) -> dict[str, int]:
 def rules_of_zones(
     view: World, adjacency: float | None, tip_pairs: str, decentralized: bool = False
 ) -> ZoneRules:
-    """The numbers by which zones are made; those of robots that negotiate are whole millionths."""
+    """The numbers for making zones; for negotiating robots they are whole millionths."""
     all_pairs = tip_pairs == ALL_PAIRS
     tick = seconds_of_tick(view)
     duration = view.rules.duration[view.rules.loaded_types]  # of the first type, with its loads

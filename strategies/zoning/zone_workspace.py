@@ -1,8 +1,8 @@
-"""Zone designs as kernels hold them: the numbers they are judged by, scratch, and shortest ways.
+"""Zone designs in kernels: evaluation parameters, scratch, and shortest paths.
 
-Feasible path of a zone: over points that no other zone holds. Union path of two zones: over points
-that no third zone holds. A zone holds the points of its segments and of its stations (the authors'
-code forgets the station of a zone that has only one).
+A feasible path of a zone uses points that no other zone holds. A union path of two zones uses points
+that no third zone holds. A zone holds the points of its segments and stations (the authors' code
+omits the station of a zone with a single station).
 """
 
 from __future__ import annotations
@@ -27,34 +27,32 @@ from automaton.strategy.api import (
 )
 from strategies.linear_sum_assignment import Assignment, assignment_for
 
-UNREACHED = 1 << 60  # cells to a point that a search did not come to, and no limit
+UNREACHED = 1 << 60  # distance of a point that a search did not reach; as a limit: none
 
 STREAM_ZONES = 0  # of random draws; each stream has a number of its own
 
-# Where the counter of each method begins.
+# First counter value of each method.
 DRAWS_ANNEALING = 1 << 40
 DRAWS_GENETIC = 2 << 40
 DRAWS_NEGOTIATION = 3 << 40
 
 
 class ZoneRules(Struct):
-    """The numbers by which designs are made and judged."""
+    """Parameters for making and evaluating designs."""
 
     base: float = field(
-        "float64", "loads that a zone has besides its flow: 1 for SA and GA, 0 for DDZ"
+        "float64", "loads of a zone in addition to its flow: 1 for SA and GA, 0 for DDZ"
     )
     speed: float = field("float64", "cells per minute")
     handling: float = field("float64", "minutes to load and to unload")
-    adjacent: float = field("float64", "cells: stations that are nearer are adjacent")
+    adjacent: float = field("float64", "cells: stations nearer than this are adjacent")
     limit: float = field(
-        "float64", "cells: the longest path between a transfer station and who fetches from it"
+        "float64", "cells: longest path between a transfer station and the tip that fetches from it"
     )
-    blocks: int = field("int64", "1: these paths are in the way of other zones (SA, GA)")
-    shared: int = field(
-        "int64", "1: transfer stations belong to the stations of a zone's load (DDZ)"
-    )
+    blocks: int = field("int64", "1: other zones must avoid these paths (SA, GA)")
+    shared: int = field("int64", "1: a zone's load includes its transfer stations (DDZ)")
     all_pairs: int = field(
-        "int64", "1: a tip that is given is joined to any tip in reach, 0: to the last one alone"
+        "int64", "1: a moved tip may join any tip in reach, 0: only the last one"
     )
 
 
@@ -85,9 +83,9 @@ def zone_rules(
 
 
 def typical_distance(between: ArrayLike) -> float:
-    """Cells below which stations are adjacent; the authors' 243.64 ft on their floor.
+    """Distance in cells below which stations are adjacent; the authors' 243.64 ft on their floor.
 
-    For n of them: the n - 2 nearest of each, summed up, over n (n - 1).
+    For n stations: the sum of the n - 2 shortest distances of each, divided by n (n - 1).
     """
     table = np.asarray(between, np.int64)
     count = len(table)
@@ -100,54 +98,52 @@ def typical_distance(between: ArrayLike) -> float:
 class ZoneSpace(Struct, role=SCRATCH):
     """P points, S stations, Z zones."""
 
-    distance: Array = field("(P,) int64", "cells from where a search began")
-    back: Array = field("(P,) int32", "the point before")
-    open: Array = field("(P,) int32", "points reached and not settled")
+    distance: Array = field("(P,) int64", "cells from the start of a search")
+    back: Array = field("(P,) int32", "the previous point")
+    open: Array = field("(P,) int32", "reached points that are not settled")
     done: Array = field("(P,) uint8", "1 = settled")
-    blocked: Array = field("(P,) uint8", "1 = a search may not pass")
-    claimed: Array = field(
-        "(P, Z) uint8", "1 = on a path from a transfer station that is the zone's"
-    )
+    blocked: Array = field("(P,) uint8", "1 = closed to searches")
+    claimed: Array = field("(P, Z) uint8", "1 = on a path of a transfer station of the zone")
     tip: Array = field("(S,) uint8", "1 = a tip of its zone")
-    part: Array = field("(S,) int32", "the lowest station that it is joined with")
-    listed: Array = field("(S,) int32", "stations of some kind, the first ones")
+    part: Array = field("(S,) int32", "the lowest station of its piece")
+    listed: Array = field("(S,) int32", "a list of stations")
     member: Array = field("(S,) uint8")
     via_station: Array = field(
         "(Z, Z, S) int32", "the tip of the second zone near a tip of the first, or NIL"
     )
-    fresh: Array = field("(Z, Z) uint8", "1 = `via_station` holds for the present design")
-    legs: Array = field("(S, S) float64", "the flow that a load is made of")
+    fresh: Array = field("(Z, Z) uint8", "1 = `via_station` is valid for the current design")
+    legs: Array = field("(S, S) float64", "the flow of a load")
     leg_flow: Array = field("(Z, S, S) float64", "the legs in each robot's queue")
     into: Array = field("(S,) float64")
     out: Array = field("(S,) float64")
     load: Array = field("(Z,) float64", "minutes")
-    reach: Array = field("(Z,) uint8", "1 = a zone that a negotiation is about")
+    reach: Array = field("(Z,) uint8", "1 = a zone of the negotiation")
     # Between any two stations:
     least_distance: float = field("() float64", "cells")
     largest_distance: float = field("() float64")
     least_flow: float = field("() float64", "loads")
     largest_flow: float = field("() float64")
-    level: Array = field("(Z,) int32", "transfers to some zone, or NIL")
+    level: Array = field("(Z,) int32", "number of transfers to a zone, or NIL")
     frontier: Array = field("(Z,) int32")
     zones: Array = field("(Z * Z, 2) int32", "pairs of zones")
-    length: Array = field("(S * S,) int64", "of pairs of stations")
+    length: Array = field("(S * S,) int64", "sort keys of pairs of stations")
     pair: Array = field("(S * S, 2) int32")
-    drawn: int = field("() int64", "draws so far")
+    drawn: int = field("() int64", "number of draws")
     serves: Array = field(
-        "(Z, S) uint8", "1 = the robot of the zone gets to the station", default=1, role=CONSTANT
+        "(Z, S) uint8", "1 = the robot of the zone can reach the station", default=1, role=CONSTANT
     )
     first: Array = field("(Z, S) uint8", "1 = its type has priority there", role=CONSTANT)
     move_time_factor: Array = field(
-        "(Z,) float64", "how many times as long its moves take", default=1
+        "(Z,) float64", "duration of its moves relative to the first type", default=1
     )
     matching: Assignment  # of zones to robots
-    trial: Design  # what an exchange makes
-    now: Design  # where a search is
+    trial: Design  # the result of an exchange
+    now: Design  # state of a search
     best: Design
 
 
 def space_for(roads: Roads, zones: int) -> ZoneSpace:
-    """Scratch for so many zones on these roads."""
+    """Scratch for this number of zones on these roads."""
     points, stations = len(roads.cell), len(roads.point)
     return ZoneSpace.sized(
         {"P": points, "S": stations, "Z": zones, "Z * Z": zones**2, "S * S": stations**2},
@@ -160,7 +156,7 @@ def space_for(roads: Roads, zones: int) -> ZoneSpace:
 
 @kernel
 def block_others(design, workspace, a, b):
-    """Close what a zone other than a and b holds (a = b: feasible paths of a zone)."""
+    """Close points that a zone other than a and b holds (a = b: feasible paths of a zone)."""
     for p in range(design.held.shape[0]):
         zone = design.held[p]
         workspace.blocked[p] = 1 if zone != NIL and zone != a and zone != b else 0
@@ -168,10 +164,10 @@ def block_others(design, workspace, a, b):
 
 @kernel
 def spread(roads, workspace, start, target, bound):
-    """Distances from a point over points that are not closed, up to `bound` cells (Dijkstra).
+    """Distances from a point over open points, up to `bound` cells (Dijkstra).
 
-    Ends when `target` is settled (NIL: never). Writes workspace.back, and workspace.distance,
-    UNREACHED where it did not come to. Ties: the lowest point.
+    Ends when `target` is settled (NIL: never). Writes workspace.back and workspace.distance, which is
+    UNREACHED for points that were not reached. Ties: the lowest point.
     """
     workspace.distance[:] = UNREACHED
     workspace.done[:] = 0
@@ -208,11 +204,11 @@ def spread(roads, workspace, start, target, bound):
 
 @kernel
 def whole_cells(limit):
-    """A limit in cells as an integer: nothing longer than it passes."""
+    """A limit in cells, rounded down to an integer."""
     return np.int64(UNREACHED) if limit >= 1e15 else np.int64(limit)
 
 
-# What a design holds.
+# The points held by the zones of a design.
 
 
 @kernel
@@ -238,7 +234,7 @@ def add_segment(roads, design, workspace, zone, first, last):
 
 @kernel
 def hold(roads, design):
-    """design.held from the stations and segments; what is held by a robot out of sight stays so."""
+    """design.held from the stations and segments; points held by robots out of sight stay held."""
     for p in range(design.held.shape[0]):
         if design.held[p] >= 0:
             design.held[p] = NIL
@@ -252,7 +248,7 @@ def hold(roads, design):
 
 @kernel
 def clear_design(design):
-    """No station has a zone."""
+    """Clear a design."""
     design.zone[:] = NIL
     design.segments = 0
     design.held[:] = NIL
@@ -261,7 +257,7 @@ def clear_design(design):
 
 @kernel
 def copy_design(source, design):
-    """Copy what is in use."""
+    """Copy the used part of a design."""
     stations = source.zone.shape[0]
     zones = source.transfer.shape[0]
     for s in range(stations):
@@ -279,7 +275,7 @@ def copy_design(source, design):
 
 @kernel
 def size(design, zone):
-    """How many stations a zone has."""
+    """The number of stations of a zone."""
     count = np.int64(0)
     for s in range(design.zone.shape[0]):
         if design.zone[s] == zone:
@@ -287,7 +283,7 @@ def size(design, zone):
     return count
 
 
-# Random draws of the methods of zoning, addressed by (seed, tick, method and how many came before).
+# Random draws of the zoning methods, addressed by (seed, tick, method and number of earlier draws).
 
 
 @kernel
@@ -299,22 +295,22 @@ def below(workspace, count, seed, tick):
 
 @kernel
 def chance(workspace, seed, tick):
-    """A uniform number from 0 to below 1."""
+    """A uniform number in [0, 1)."""
     workspace.drawn += 1
     bits = random_bits(seed, STREAM_ZONES, tick, workspace.drawn) >> np.uint64(11)
     return np.float64(np.int64(bits)) / 9007199254740992.0
 
 
-# What the robots of zones can do.
+# The abilities of the robots of zones.
 #
-# A zone has the number of its robot. `serves` and `first` (Z, S) are given for a run: 1 = the robot
-# gets to the station, and 1 = its type has priority there. Where all robots are alike, all robots
-# serve everything and none has priority.
+# A zone has the number of its robot. `serves` and `first` (Z, S) are constant in a run: 1 = the robot
+# can reach the station, and 1 = its type has priority there. If all robots are equal, all robots serve
+# all stations and none has priority.
 
 
 @kernel
 def may_take(workspace, a, b, s):
-    """Whether zone a may give a station to zone b: its robot gets there, and loses no priority."""
+    """Whether zone a may give a station to zone b: b's robot can reach it, and no priority is lost."""
     return workspace.serves[b, s] == 1 and (
         workspace.first[a, s] == 0 or workspace.first[b, s] == 1
     )

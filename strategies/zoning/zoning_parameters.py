@@ -1,7 +1,7 @@
 """Parameters of zoning. Times are in seconds and minutes, lengths in the scenario's unit of length.
 
-Where a scenario does not say what a tick stands for (`units.tick`), a tick counts as a second; where it
-does not say what a cell is (`units.cell`), lengths are in cells.
+If a scenario does not define `units.tick`, a tick counts as a second; if it does not define
+`units.cell`, lengths are in cells.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ Length = Annotated[float, quantity(LENGTH, gt=0, le=1_000_000)]
 TipPairs = Annotated[
     Literal["last", "all"],
     Meta(
-        description="Tips to which a given tip may be joined. all: any tip within reach in the "
+        description="Tips to which a moved tip may be joined. all: any tip within reach in the "
         "receiving zone, tried in random order; last: only the tip with the largest number, as in "
         "the authors' code."
     ),
@@ -42,7 +42,7 @@ TipPairs = Annotated[
 
 
 class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """What zones are made of."""
+    """The common parameters of zones."""
 
     adjacency: Annotated[
         Length | None,
@@ -56,7 +56,7 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
     )
 
     def resolve_paths(self, folder: Path) -> Self:
-        """The same with the design read from its file. Raises InputError."""
+        """The same parameters, with the design read from its file. Raises InputError."""
         if not isinstance(self.design, str):
             return self
         return msgspec.structs.replace(self, design=read_zones(self.design, folder))
@@ -76,16 +76,16 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
         return None
 
     def stations(self, floor_plan: FloorPlan) -> int:
-        """The stations that zones are made of; without any, the groups of slots that count as such."""
+        """The stations in zones; without stations, the groups of slots that count as stations."""
         served = slot_access(floor_plan).max(axis=1, initial=NIL)
         stands = int(np.unique(served[served != NIL]).size)
         return len(floor_plan.stations) or min(self.groups, stands)
 
     def flaw(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """What is wrong with the design on this floor."""
+        """Return an error of the design on this floor, or None."""
         if self.design is None:
             return None
-        # Only a design needs Numba.
+        # Local import: only a design needs Numba.
         from automaton.engine.facilities import Roads
         from strategies.zoning.design_files import read_design
 
@@ -125,7 +125,7 @@ class Zones(ZoningParameters, forbid_unknown_fields=True, frozen=True, kw_only=T
 
 
 class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """When zones count as out of balance, and what is done about it (Keith & La; Ho & Liao)."""
+    """The balance of zones, and the reaction to an imbalance (Keith & La; Ho & Liao)."""
 
     sharing: Annotated[
         bool,
@@ -150,17 +150,17 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
     ] = 5.0
 
     def check_scenario(self, scenario: Scenario, floor_plan: FloorPlan) -> str | None:
-        """As of all zones; and one computer makes them, of what all robots do."""
+        """The checks of all zones; one computer makes these zones from the work of all robots."""
         if scenario.information != "everything":
             return (
-                "one computer watches all zones, so it needs information: everything; with less, "
-                "robots make zones by decentralized"
+                "one computer monitors all zones, so it needs information: everything; with less, "
+                "use decentralized"
             )
         return super().check_scenario(scenario, floor_plan)
 
 
 class Repairing(Monitoring, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """When zones are redesigned."""
+    """The conditions of a redesign."""
 
     patience: Annotated[
         Minutes, Meta(description="Minutes of imbalance before zones are redesigned.")
@@ -185,7 +185,7 @@ class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True
         Meta(
             ge=1,
             le=100_000,
-            description="M: steps of the annealing, and its greatest number of moves.",
+            description="M: number of annealing steps, and maximum number of moves.",
         ),
     ] = 500
     hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: initial temperature.")] = 4.5

@@ -362,9 +362,7 @@ def test_an_allocation_that_passes_loads_on_is_refused_at_stations(
     for name in WITH_STATIONS:
         assert main(["check", name, "--set", f"strategy.allocation={allocation}"]) == 2
         errors = capsys.readouterr().err
-        told = (
-            "it finds loads on shelves alone, and orders begin at stations; first-come takes those"
-        )
+        told = "it finds loads only on shelves, but orders begin at stations; use first-come"
         assert told in errors.splitlines()[-1]  # above it, that zones are compiled, once
 
 
@@ -390,7 +388,7 @@ def test_zones_of_one_computer_need_to_see_everything(
     settings = ["--set", f"strategy.zoning={zoning}", "--set", f"information={information}"]
     assert main(["check", "factory-ddz", *settings]) == 2
     errors = capsys.readouterr().err
-    assert "one computer watches all zones, so it needs information: everything" in errors
+    assert "one computer monitors all zones, so it needs information: everything" in errors
     assert errors.count("\n") == 1
     assert main(["check", "factory-ddz", *settings[:2], "--set", "information=everything"]) == 0
 
@@ -411,7 +409,7 @@ def test_an_allocation_that_sees_no_docks_is_refused(
     for path in (drawn, racks):
         assert main(["check", str(path)]) == 2
         errors = capsys.readouterr().err
-        assert "it finds loads on shelves alone, and orders begin at docks" in errors
+        assert "it finds loads only on shelves, but orders begin at docks" in errors
         assert errors.count("\n") == 1 and f"{path}:" in errors
     drawn.write_text(drawn.read_text().replace(", {from: [0, 0], to: [1, 1]}", ""))
     assert main(["check", str(drawn)]) == 0

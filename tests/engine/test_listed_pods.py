@@ -185,5 +185,5 @@ def test_a_pod_without_a_way_over_aisles() -> None:
 
 @pytest.mark.parametrize("allocation", ["auction", "cooperative"])
 def test_an_allocation_that_does_not_know_pods(allocation: str) -> None:
-    with pytest.raises(InputError, match="it does not know pods"):
+    with pytest.raises(InputError, match="it does not support pods"):
         scene({"from": POD_1}, strategy={"allocation": allocation, "right_of_way": "wait"})

@@ -113,5 +113,5 @@ def test_distributions_that_cannot_be(line: str, sentence: str, tmp_path: Path) 
 
 @pytest.mark.parametrize("allocation", ["cooperative", "adaptive"])
 def test_who_does_not_know_pods_says_so_and_what_goes_instead(allocation: str) -> None:
-    with pytest.raises(InputError, match=r"does not know pods.*shortest-job"):
+    with pytest.raises(InputError, match=r"does not support pods.*shortest-job"):
         resolve("goods-mini", (f"strategy.allocation={allocation}",))

@@ -1,13 +1,13 @@
-"""Auctions (De Ryck et al.): orders are sold to the robots that do them at the least cost.
+"""Auctions (De Ryck et al.): orders are sold to the robots that can do them at the least cost.
 
-A robot bids what its list of orders costs with one more, charging included, as the scenario's
-charging strategy quotes it. Whoever is free takes the first order of its list. There is an auction
-when an order is for sale - it came in, was given back, or its robot failed - and a robot has
-nothing ahead of it, or orders have come since the last one. The loop leaves compiled code for it;
-all that is done for each bid is compiled.
+A robot bids the cost of its list of orders with one more order, including charging, as quoted by the
+scenario's charging strategy. A free robot takes the first order of its list. There is an auction if an
+order is for sale (it is new or returned, or its robot failed), and if a robot has no orders ahead or
+new orders have come since the last auction. The loop returns to Python for an auction; all code that
+runs per bid is compiled.
 
-Lists are those of the world (robots.order_queue). `out` are allocation's decisions, which take new
-lists; what an earlier session of the same tick has put there counts.
+Lists are those of the world (robots.order_queue). `out` is allocation's decisions, which receive new
+lists; lists written earlier in the same tick count.
 """
 
 from __future__ import annotations
@@ -81,8 +81,8 @@ from strategies.allocation.auction.sequential import (
 )
 from strategies.linear_sum_assignment import Assignment, assignment_for
 
-MAX_BUNDLED: Final = 10  # items of a combinatorial auction, or of an exact allotment
-MAX_BRED: Final = 12  # and of a genetic one
+MAX_BUNDLED: Final = 10  # maximum items of a combinatorial auction, or of an exact allotment
+MAX_BRED: Final = 12  # maximum items of a genetic one
 MAX_SOLD: Final = {"combinatorial": MAX_BUNDLED, "exact": MAX_BUNDLED, "genetic": MAX_BRED}
 BID_RULES: Final = {"mixed": BID_MIXED, "average": BID_AVERAGE_ADDED, "average-paper": BID_AVERAGE}
 WINNER_RULES: Final = {
@@ -91,37 +91,39 @@ WINNER_RULES: Final = {
     "fewest": WINNER_FEWEST_BIDDERS,
     "regret": WINNER_REGRET,
 }
-BUSY: Final = 3  # open orders for each robot at which epsilon "load" is 1
-ORDER_PLANNED = 2  # in order_taken of the decisions: it is in a robot's plan
+BUSY: Final = 3  # open orders per robot at which epsilon "load" is 1
+ORDER_PLANNED = 2  # mark in order_taken of the decisions: the order is in a robot's plan
 
 
 class AuctionState(Struct):
-    """Counts, when lists are due, and who sells; n robots, an auction of at most S orders."""
+    """Counters, expected ends of lists, and the auctioneer; n robots, at most S orders per auction."""
 
-    # Counted in the row of a robot that was asked when the auctions were held:
+    # Counted in the row of a robot of the batch:
     auctions: Array = field("(n,) int64")
     bids: Array = field("(n,) int64")
     messages: Array = field("(n,) int64")
-    due: Array = field("(n,) int64", "tick at which a robot's list was to be done, or 0")
-    delivered: int = field("() int64", "orders.release_sequence is delivered before this entry")
-    unsold: int = field("() int64", "orders that the last auction left")
-    auctioneer: int = field("() int64", "the robot that sells now")
-    rounds: int = field("() int64", "auctions so far")
+    due: Array = field("(n,) int64", "tick at which a robot's list is expected to be done, or 0")
+    delivered: int = field(
+        "() int64", "all entries of orders.release_sequence before it are delivered"
+    )
+    unsold: int = field("() int64", "orders left unsold by the last auction")
+    auctioneer: int = field("() int64", "the current auctioneer")
+    rounds: int = field("() int64", "number of auctions")
     limit: int = field("int64", "orders in a robot's list")
     sellable: Array = field("(S,) int32", "the orders for sale", role=SCRATCH)
     market: FloorMarket
-    # What the mechanism works in besides the market; others have no room.
+    # Scratch of the mechanism besides the market; empty for other mechanisms.
     bundles: Bundles
     population: AllotmentPopulation
     assignment: Assignment
 
 
 def auction_state(view: World, parameters: Auctions, charging: Strategy | None) -> AuctionState:
-    """Room for a market of all robots, their lists, and the orders of an auction."""
+    """Scratch for a market of all robots, their lists, and the orders of an auction."""
     robots, most = view.robots.order_queue.shape
     limit = min(parameters.max_orders_per_robot, most, max(1, MAX_LISTED_ORDERS // robots))
     items, mechanism = parameters.max_items, parameters.mechanism
-    planned = view.robots.order_queue_length  # a branch brings the plans of another strategy
+    planned = view.robots.order_queue_length  # a branch may begin with other plans
     tasks = max(robots * limit, int(planned.sum())) + items
     longest = max(limit, int(planned.max())) + items
     policy = {"policy": POLICY_NO_CHARGING, "end_reach": 0, "threshold": 0, "target": BATTERY_FULL}
@@ -143,7 +145,7 @@ def auction_state(view: World, parameters: Auctions, charging: Strategy | None) 
 
 
 class Auction(Strategy):
-    """Orders go to robots by auctions, with a central auctioneer or without one."""
+    """Auctions assign orders to robots, with or without a central auctioneer."""
 
     layer = "allocation"
     Parameters = Auctions
@@ -151,13 +153,13 @@ class Auction(Strategy):
     counters: ClassVar = {name: name for name in ("auctions", "bids", "messages")}
 
     def reset(self, view: World) -> AuctionState:
-        """Nothing is sold yet."""
+        """Return the state before the first auction."""
         return auction_state(view, self.parameters, self.other_layers.get("charging"))
 
     def decide(
         self, view: World, batch: Batch, decisions: Decisions, memory: Memory, workspace: Workspace
     ) -> None:
-        """Hold an auction if there is reason to, and give out what robots do next."""
+        """Hold an auction if needed, and decide the next order of each robot."""
         out, state = decisions.allocation, AuctionState.of(memory)
         drop_lost_orders(view, out, int(batch.strategy))
         if self.parameters.reauction_after is not None:
@@ -171,7 +173,7 @@ class Auction(Strategy):
         count, delivered = find_items(view, out, state.delivered, state.sellable)
         state.delivered = delivered
         if count and (count != state.unsold or has_empty_list(view, batch, out)):
-            if self.parameters.mechanism == "exact":  # it knows no lists to begin with
+            if self.parameters.mechanism == "exact":  # its search starts without lists
                 count = self._take_back(view, out, state, own)
             for center, items in self._auctioneers(view, state, int(count)):
                 self._sell(view, batch, out, state, workspace, center, items)
@@ -182,7 +184,7 @@ class Auction(Strategy):
     def _take_back_late(
         self, view: World, batch: Batch, out: Any, state: AuctionState, workspace: Workspace
     ) -> None:
-        """Lists that will be done so much later than was predicted are for sale again."""
+        """Put lists up for sale again if their delay exceeds the limit."""
         if not (state.due > 0).any():
             return
         market, tolerance = state.market, self.parameters.reauction_after or 0
@@ -196,7 +198,7 @@ class Auction(Strategy):
                 out.order_queue_length[i] = state.due[i] = 0
 
     def _take_back(self, view: World, out: Any, state: AuctionState, own: Any) -> int:
-        """Put all that its own robots plan up for sale again; returns how many orders are."""
+        """Put all planned orders of the strategy's robots up for sale; return the number for sale."""
         out.order_queue_length[own] = 0
         out.order_taken[out.order_taken == ORDER_PLANNED] = 0
         mark_planned(view, out)
@@ -206,7 +208,7 @@ class Auction(Strategy):
     def _auctioneers(
         self, view: World, state: AuctionState, count: int
     ) -> list[tuple[int, np.ndarray[Any, Any]]]:
-        """Who sells which orders: the cell where the auctioneer is, and what it sells."""
+        """The cell of each auctioneer, and the orders that it sells."""
         robot_type, items = self.parameters.auctioneer, state.sellable[:count].copy()
         if robot_type == "central":
             return [(NIL, items)]
@@ -223,13 +225,13 @@ class Auction(Strategy):
         return [(self._cell(view, int(state.auctioneer)), items)]
 
     def _cell(self, view: World, identity: int) -> int:
-        """Where the robot with this number is."""
+        """The cell of the robot with this identity."""
         i = view.robots.at_index[identity]
         cell = int(view.robots.cell[i])
         return int(view.robots.home[i]) if cell == NIL else cell
 
     def _nearest(self, view: World, seats: list[int], items: Any) -> Any:
-        """(k,) the seat nearest to where each order lies; ties: the first."""
+        """(k,) the auctioneer nearest to each order; ties: the first."""
         width = view.grid.width
         at = view.slots.cell[view.orders.current_slot[items]]
         seat = np.array(seats)[:, None]
@@ -246,8 +248,8 @@ class Auction(Strategy):
         center: int,
         items: Any,
     ) -> None:
-        """One auctioneer's auction; its region is doubled while orders are left unsold."""
-        asked, strategy = int(batch.robot[0]), int(batch.strategy)  # it is counted in that row
+        """The auction of one auctioneer; its region is doubled while orders stay unsold."""
+        asked, strategy = int(batch.robot[0]), int(batch.strategy)  # the row of the counters
         bidders = int((view.rules.allocation[view.robots.type] == strategy).sum())
         parameters, market = self.parameters, state.market
         most = MAX_SOLD.get(parameters.mechanism)
@@ -271,7 +273,7 @@ class Auction(Strategy):
             radius *= 2
 
     def _hold(self, view: World, state: AuctionState, bidders: int, count: int) -> None:
-        """Sell so many items of the market to its robots by the rules of the scenario."""
+        """Sell this number of items of the market to its robots by the rules of the scenario."""
         given, market = self.parameters, state.market
         market_parts = (market.costs, market.battery, market.fleet, market.scratch)
         rule, epsilon = BID_RULES[given.bid_rule], self._epsilon(view, bidders, count)
@@ -298,7 +300,7 @@ class Auction(Strategy):
         count: int,
         epsilon: int,
     ) -> bool:
-        """Look at whole allotments; False, with the lists as before, if none does every item."""
+        """Search complete allotments; False, with unchanged lists, if none does every item."""
         fleet, item = state.market.fleet, state.market.item
         before = fleet.order.copy(), fleet.length.copy()
         if self.parameters.mechanism == "combinatorial":
@@ -317,7 +319,7 @@ class Auction(Strategy):
         return False
 
     def _epsilon(self, view: World, bidders: int, count: int) -> int:
-        """Thousandths of MiniSum in the bids of this auction."""
+        """The weight of MiniSum in the bids of this auction, in thousandths."""
         given = self.parameters.epsilon
         if isinstance(given, EpsilonSchedule):
             share = min(1.0, int(view.clock.tick) / given.until)
@@ -327,12 +329,12 @@ class Auction(Strategy):
         return round(1000 * given)
 
 
-# Lists: which orders are for sale, and what robots have.
+# Lists: orders for sale, and orders of robots.
 
 
 @kernel
 def planned_count(view, out, i):
-    """How many orders robot i has ahead of it, by the decisions if they say so."""
+    """The number of orders in the list of robot i, from the decisions if these set the list."""
     return np.int64(
         view.robots.order_queue_length[i]
         if out.order_queue_length[i] == KEEP
@@ -342,7 +344,7 @@ def planned_count(view, out, i):
 
 @kernel
 def planned_order(view, out, i, k):
-    """The order at place k of the list of robot i, by the decisions if they say so."""
+    """The order at place k of the list of robot i, from the decisions if these set the list."""
     if out.order_queue_length[i] != KEEP:
         return np.int64(out.order_queue[i, k])
     return np.int64(view.robots.order_queue[i, k])
@@ -350,7 +352,7 @@ def planned_order(view, out, i, k):
 
 @kernel
 def copy_plan(view, out, i):
-    """Let the decisions begin with the plan that robot i has."""
+    """Initialize the decisions with the plan of robot i."""
     if out.order_queue_length[i] != KEEP:
         return
     out.order_queue_length[i] = view.robots.order_queue_length[i]
@@ -368,7 +370,7 @@ def mark_planned(view, out):
 
 @kernel
 def drop_lost_orders(view, out, strategy):
-    """Strike off the lists of a strategy's robots what robots of other strategies have taken."""
+    """Remove orders taken by robots of other strategies from the lists of the strategy's robots."""
     if view.rules.allocations == 1:
         return
     orders = view.orders
@@ -387,7 +389,7 @@ def drop_lost_orders(view, out, strategy):
 
 @kernel
 def is_for_sale(view, out, order):
-    """Whether an order waits, and no robot has it or plans to do it."""
+    """Whether an order waits and is in no robot's hands or plan."""
     orders = view.orders
     return (
         orders.state[order] == ORDER_WAITING
@@ -398,9 +400,9 @@ def is_for_sale(view, out, order):
 
 @kernel
 def find_items(view, allocation, since, out):
-    """Orders for sale, in release order, into out; returns (how many, where to begin next time).
+    """Write orders for sale to `out`, in release order; return (their number, the next `since`).
 
-    `since`: entries of orders.release_sequence before it are all delivered.
+    `since`: all entries of orders.release_sequence before it are delivered.
     """
     found = np.int64(0)
     first = np.int64(since)
@@ -419,7 +421,7 @@ def find_items(view, allocation, since, out):
 
 @kernel
 def has_empty_list(view, batch, out):
-    """Whether a robot that is asked what to do next has nothing ahead of it."""
+    """Whether a robot of the batch has no orders ahead."""
     for k in range(batch.count):
         i = np.int64(batch.robot[k])
         if not places_load(batch.reason[k]) and batch.reason[k] != REASON_PERIODIC:
@@ -428,21 +430,21 @@ def has_empty_list(view, batch, out):
     return False
 
 
-# One auction: the market is filled, items are announced, and the lists that robots get are written.
+# One auction: fill the market, announce items, and write the resulting lists.
 
 
 @kernel
 def open_auction(view, out, workspace, market, strategy, sellable, count):
     """Fill the market: the strategy's robots in order, their plans as lists, sellable[:count] as items.
 
-    Returns how many robots take part.
+    Returns the number of robots in the market.
     """
     robots, fleet = view.robots, market.fleet
     taking_part = np.int64(0)
     tasks = np.int64(0)
     for identity in range(robots.cell.shape[0]):
         i = np.int64(robots.at_index[identity])
-        hidden = robots.cell[i] == NIL and robots.home[i] == NIL  # beyond what may be seen
+        hidden = robots.cell[i] == NIL and robots.home[i] == NIL  # beyond the visible orders
         if robots.status[i] != STATUS_UP or hidden or allocation_of(view, i) != strategy:
             continue
         r = taking_part
@@ -478,9 +480,9 @@ def open_auction(view, out, workspace, market, strategy, sellable, count):
 
 @kernel
 def announce_items(view, market, robots, count, center, radius):
-    """Announce each item to robots within so many cells of its center; NIL: of where it lies.
+    """Announce each item to robots within this radius in cells of its center; NIL: of its own cell.
 
-    radius NIL: all robots. Distances are Chebyshev's, from where robots are.
+    radius NIL: all robots. Distances are Chebyshev distances from the cells of robots.
     """
     width = view.grid.width
     for r in range(robots):
@@ -500,7 +502,7 @@ def announce_items(view, market, robots, count, center, radius):
 
 @kernel
 def enter_plans(view, out, market, robots, due):
-    """Write the lists of the market into the plans, and when each is to be done; due: (n,) int64."""
+    """Write the lists of the market to the plans, and their expected ends to `due`: (n,) int64."""
     fleet = market.fleet
     for r in range(robots):
         i = np.int64(market.robot[r])
@@ -514,14 +516,14 @@ def enter_plans(view, out, market, robots, due):
         due[i] = view.clock.tick + fleet.cost[r] if known else 0
 
 
-# What robots do next.
+# Next orders of robots.
 
 
 @kernel
 def serve(view, batch, out, workspace, due, policy):
     """Decide for a batch: loads go to their targets, free robots take the next order of their lists.
 
-    due[i] = 0 where robot i's list is done; (n,) int64. `policy`: its place in STORAGE_POLICIES.
+    due[i] = 0 if robot i's list is done; (n,) int64. `policy`: an index of STORAGE_POLICIES.
     """
     carries_pods = view.trips.pod.shape[0] > 0
     for k in range(batch.count):
@@ -538,7 +540,7 @@ def serve(view, batch, out, workspace, due, policy):
 
 @kernel
 def take_next(view, out, k, i):
-    """Decision k: robot i takes the first order of its list that still waits; False if none does."""
+    """Decision k: robot i takes the first waiting order of its list; False if there is none."""
     copy_plan(view, out, i)
     count = np.int64(out.order_queue_length[i])
     for p in range(count):
@@ -556,10 +558,10 @@ def take_next(view, out, k, i):
 
 @kernel
 def take_next_trip(view, out, k, i):
-    """Decision k, where orders are trips of pods: robot i takes one, or waits; False if it has none.
+    """Decision k, if orders are trips of pods: robot i takes a trip, or waits; False if it has none.
 
-    The one of the pod above it is reserved for it, and comes first. Then the first one of its list to
-    whose station it may come; those before it stay in the list.
+    The next trip of the pod above the robot is reserved for it and comes first. Then follows the first
+    trip of its list whose station has a place; earlier trips stay in the list.
     """
     offered = np.int64(view.trips.offered[view.robots.identity[i]])
     if offered != NIL and is_open(view, out, i, offered):

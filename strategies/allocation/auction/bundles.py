@@ -1,8 +1,8 @@
 """Combinatorial auctions: every robot bids for every bundle of tasks, and the best split wins.
 
-Bids for bundles come from insertion in the order of items (the best of all m^n allotments then) or
-from Held & Karp's shortest paths (the optimum over all sequences then, without charging). Splitting
-takes O(m 3^n).
+Bids for bundles come from insertion in the order of items (the result is then the best of all m^n
+allotments) or from Held & Karp's shortest paths (the result is then the optimum over all sequences,
+without charging). Splitting takes O(m 3^n).
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ from automaton.strategy.api import NIL, SCRATCH, Array, InputError, Struct, fiel
 from strategies.allocation.auction.market import BID_SCALE, INF_COST, cheapest_insertion, insert
 from strategies.allocation.auction.quotes import clear_counts, quote_list, settle
 
-MAX_BUNDLE_TASKS: Final = 12  # 2^12 bundles for each robot, 3^12 ways to split them between two
+MAX_BUNDLE_TASKS: Final = 12  # 2^12 bundles per robot, 3^12 splits between two robots
 MAX_BUNDLE_ROBOTS: Final = 16
-INFEASIBLE = (1 << 31) - 1  # ticks of a path that there is not
+INFEASIBLE = (1 << 31) - 1  # ticks of a path that does not exist
 
 
 class Bundles(Struct, role=SCRATCH):
     """Every subset S of n tasks, as a number with bit k for item k, and every one of R robots."""
 
     cost: Array = field("(R, 2^n) int64", "ticks of the bundle; INF_COST: not feasible")
-    best: Array = field("(R, 2^n) int64", "the best that robots 0..r make of S, by the objective")
-    part: Array = field("(R, 2^n) int32", "what robot r takes of S then")
+    best: Array = field("(R, 2^n) int64", "the best objective of robots 0..r for S")
+    part: Array = field("(R, 2^n) int32", "the part of S that robot r then takes")
     ends: Array = field(
-        "(2^n, n) int32", "ticks of the shortest way through S that ends with item k"
+        "(2^n, n) int32", "ticks of the shortest path through S that ends with item k"
     )
     chosen: Array = field("(R,) int32", "the bundle that each robot gets")
     trying: Array = field("(R,) int32", "scratch of the search")
@@ -37,7 +37,7 @@ class Bundles(Struct, role=SCRATCH):
 
 
 def bundles_for(robots: int, tasks: int) -> Bundles:
-    """Raises InputError for sizes that cannot be done."""
+    """Raise InputError for sizes that are too large."""
     if tasks > MAX_BUNDLE_TASKS or robots > MAX_BUNDLE_ROBOTS:
         raise InputError(
             f"bundles of {tasks} tasks for {robots} robots are too many: "
@@ -48,7 +48,7 @@ def bundles_for(robots: int, tasks: int) -> Bundles:
 
 @kernel
 def combinatorial(costs, battery, fleet, scratch, bundles, items, count, epsilon):
-    """Bids by insertion for all bundles, split at the best, and awarded; the objective, or INF_COST."""
+    """Bid by insertion for all bundles, and award the best split; return the objective or INF_COST."""
     clear_counts(scratch)
     robots = fleet.place.shape[0]
     bid_by_insertion(costs, battery, fleet, scratch, bundles, items, count)
@@ -84,7 +84,7 @@ def bid_by_insertion(costs, battery, fleet, scratch, bundles, items, count):
 
 @kernel
 def build_list(costs, fleet, scratch, items, count, r, subset):
-    """scratch.order = robot r's list with the items of the subset; its length, NIL: not at all."""
+    """scratch.order = robot r's list with the items of the subset; return its length, NIL: infeasible."""
     length = np.int64(fleet.length[r])
     for i in range(length):
         scratch.order[i] = fleet.order[r, i]
@@ -106,7 +106,7 @@ def build_list(costs, fleet, scratch, items, count, r, subset):
 
 @kernel
 def determine_winners(bundles, robots, count, epsilon):
-    """bundles.chosen = the split of all items with the least objective; returns it, or INF_COST."""
+    """bundles.chosen = the split of all items with the least objective; return it or INF_COST."""
     if epsilon == 0 or epsilon == BID_SCALE:
         return winners_by_subsets(bundles, robots, count, epsilon)
     return winners_by_search(bundles, robots, count, epsilon)
@@ -114,7 +114,7 @@ def determine_winners(bundles, robots, count, epsilon):
 
 @kernel
 def winners_by_subsets(bundles, robots, count, epsilon):
-    """Dynamic programming, for the largest cost alone (epsilon 0) or the sum alone (1000)."""
+    """Dynamic programming, for only the largest cost (epsilon 0) or only the sum (1000)."""
     everything = (1 << count) - 1
     for subset in range(everything + 1):
         bundles.best[0, subset] = bundles.cost[0, subset]
@@ -183,7 +183,7 @@ def winners_by_search(bundles, robots, count, epsilon):
 
 @kernel
 def tried_bundle(bundles, r, robots):
-    """The bundle of robot r on the branch that is being tried."""
+    """The bundle of robot r on the current branch."""
     if r == robots - 1:
         return np.int64(bundles.rest[r])
     return np.int64(bundles.rest[r] ^ bundles.rest[r + 1])
@@ -191,7 +191,7 @@ def tried_bundle(bundles, r, robots):
 
 @kernel
 def record_sales(bundles, scratch, robots, count):
-    """scratch.sold by the bundles that are chosen."""
+    """scratch.sold from the chosen bundles."""
     for k in range(count):
         for r in range(robots):
             if (bundles.chosen[r] >> k) & 1 == 1:
@@ -200,12 +200,12 @@ def record_sales(bundles, scratch, robots, count):
 
 # The optimum without charging: Held & Karp's shortest path for each bundle, then the best split.
 #
-# A path starts where the robot is and ends at any of its tasks; robots begin with empty lists.
+# A path starts at the robot and ends at any of its tasks; robots start with empty lists.
 
 
 @kernel
 def exact(costs, battery, fleet, scratch, bundles, items, count, epsilon):
-    """Give every robot the list of the optimum, from empty lists; returns the objective, or INF_COST."""
+    """Give every robot its optimal list, from empty lists; return the objective or INF_COST."""
     robots = fleet.place.shape[0]
     clear_counts(scratch)
     bid_by_shortest_paths(costs, fleet, bundles, items, count)
@@ -268,7 +268,7 @@ def shortest_paths(costs, bundles, place, items, count):
 
 @kernel
 def write_path(costs, bundles, items, count, subset, order):
-    """order = the tasks of the subset by its shortest path; returns how many."""
+    """order = the tasks of the subset along its shortest path; return their number."""
     length = np.int64(0)
     left = np.int64(subset)
     while left != 0:

@@ -1,9 +1,9 @@
-"""The floor of a run as a market: where robots will be free, and how far everything is from there.
+"""The floor of a run as a market: the places where robots will be free, and all distances.
 
-Places, in this order: one for each robot, where it is free next; the chargers; for each task the cells
-where it begins and ends. Ways are those of the empty floor. A way between two tasks begins in the
-worst heading, so that energy is never counted too low; every tick of it is paid as the dearest of
-driving and turning.
+Places, in this order: for each robot the cell where it is free next; the chargers; for each task the
+cells where it begins and ends. Paths are those on the empty floor. A path between two tasks starts in
+the worst heading, and each of its ticks costs the maximum energy of driving and turning, so energy is
+never underestimated.
 """
 
 from __future__ import annotations
@@ -50,8 +50,8 @@ from strategies.allocation.auction.market import (
     scratch_for,
 )
 
-CAPPED = 1 << 29  # ticks to what cannot be reached: two of them still fit an int32
-CAPPED_ENERGY = 1 << 50  # units of charge for it
+CAPPED = 1 << 29  # ticks to an unreachable place; the sum of two fits an int32
+CAPPED_ENERGY = 1 << 50  # units of charge to an unreachable place
 
 
 class FloorMarket(Struct, role=SCRATCH):
@@ -63,21 +63,23 @@ class FloorMarket(Struct, role=SCRATCH):
     scratch: AuctionScratch
     robot: Array = field("(R,) int32", "storage index of each robot")
     cell: Array = field(
-        "(K, P) int32", "places are served from other cells by other types of robots", role=DERIVED
+        "(K, P) int32", "cells of the places, which differ between robot types", role=DERIVED
     )
     order: Array = field("(T,) int32", "the order of each task")
     item: Array = field("(T,) int32", "tasks that are for sale")
-    queues: int = field("int64", "1: robots wait for those that were sent to a charger before")
-    # Of each charger:
-    sent: Array = field("(C,) int32", "robots that were sent there, whatever they do")
-    before: Array = field("(C,) int32", "those of them that do not leave for an order")
-    ticks: Array = field("(C,) int64", "ticks in which these have charged")
+    queues: int = field(
+        "int64", "1: robots wait for robots that were sent to a charger before them"
+    )
+    # For each charger:
+    sent: Array = field("(C,) int32", "all robots that were sent there")
+    before: Array = field("(C,) int32", "those of them that will not leave for an order")
+    ticks: Array = field("(C,) int64", "charging ticks of the latter")
 
 
 def make_floor_market(
     view: Any, robots: int, tasks: int, longest: int, policy: dict[str, int], queues: bool = True
 ) -> FloorMarket:
-    """Room for so many robots and tasks; `policy`: policy, end_reach, threshold and target."""
+    """Scratch for this number of robots and tasks; `policy`: policy, end_reach, threshold and target."""
     chargers = view.chargers.cell
     places = robots + len(chargers) + 2 * tasks
     types = len(view.grid.type_cell_flags)
@@ -111,7 +113,7 @@ def make_floor_market(
 
 @kernel
 def enter_robot(view, workspace, market, r, i):
-    """Robot i, stored at that index, is number r of the site: where it is free next, and then."""
+    """Make robot i (storage index) number r of the site: set the place and tick where it is free next."""
     robots, fleet, rules = view.robots, market.fleet, view.rules
     robot_type = without_load(view, np.int64(robots.type[i]))
     carrying = with_load(view, robot_type)
@@ -156,21 +158,21 @@ def enter_robot(view, workspace, market, r, i):
     fleet.robot_type[r] = robot_type
     market.cell[robot_type, r] = place
     fleet.ready[r] = min(ready, CAPPED)
-    fleet.charge[r] = max(charge, -BATTERY_FULL)  # a way that there is not may take any number
+    fleet.charge[r] = max(charge, -BATTERY_FULL)  # any value, since the path does not exist
     fleet.first[r] = 0
     fleet.length[r] = 0
 
 
 @kernel
 def enter_task(view, workspace, market, robot_type, task, order):
-    """Task number `task` of the site is to carry this order to its target, by robots of a type."""
+    """Define task `task` of the site: carry this order to its target, by robots of a type."""
     costs = market.costs
     duration, drain = view.rules.duration[robot_type], view.rules.drain[robot_type]
     slot, target = np.int64(view.orders.current_slot[order]), destination(view, order)
-    drops = slot != target or view.trips.pod.shape[0] > 0  # a visit ends where it is picked up
+    drops = slot != target or view.trips.pod.shape[0] > 0  # a visit ends where it begins
     if view.service_zones.queue.shape[0] and dropoff_cell(view, robot_type, target, NIL) == NIL:
         target = np.int64(view.service_zones.next_slot[order])  # the robot hands it over there
-    begin = pickup_cell(view, robot_type, slot, NIL)  # it is not known yet from where a robot comes
+    begin = pickup_cell(view, robot_type, slot, NIL)  # the robot's origin is still unknown
     end = begin
     if slot != target and target != NIL:
         end = dropoff_cell(view, robot_type, target, begin)
@@ -194,7 +196,7 @@ def enter_task(view, workspace, market, robot_type, task, order):
 
 @kernel
 def destination(view, order):
-    """The slot to which an order is brought; a pod goes back to where it stands, or stood first."""
+    """The target slot of an order; a pod returns to its current or first cell."""
     target = np.int64(view.orders.target[order])
     if view.trips.pod.shape[0] == 0:
         return target
@@ -204,21 +206,21 @@ def destination(view, order):
 
 @kernel
 def rate_of_driving(view, robot_type, loaded):
-    """Units that a tick on the way takes robots of a type at most."""
+    """The maximum energy, in units, of a driving tick of a robot type."""
     rate = np.int64(view.rules.drain[robot_type, ACTION_MOVE, loaded])
     if headings_of(view.grid, robot_type) > 1:
         rate = max(rate, np.int64(view.rules.drain[robot_type, ACTION_TURN, loaded]))
     return rate
 
 
-# Ways.
+# Paths.
 
 
 @kernel
 def measure_distances(view, workspace, market, robot_type, robots, tasks):
-    """Measure a type's ways between the first so many robots' places, the chargers, and so many tasks'.
+    """Measure a type's paths between the places of the first robots, the chargers, and the first tasks.
 
-    Places that robots of the type do not get to are out of reach.
+    Places that robots of the type cannot reach are unreachable.
     """
     costs, battery = market.costs, market.battery
     chargers = view.chargers.cell.shape[0]
@@ -228,7 +230,7 @@ def measure_distances(view, workspace, market, robot_type, robots, tasks):
     cell, ticks, energy = market.cell[robot_type], costs.ticks[robot_type], costs.energy[robot_type]
     for b in range(market.fleet.place.shape[0], places):  # one distance field after another
         end = np.int64(cell[b])
-        # From a charger a robot must also get home.
+        # From a charger a robot must also reach its home.
         served = end != NIL and (b >= first_task or view.slots.reachable[robot_type, end] != 0)
         for a in range(places):
             if a < robots or a >= market.fleet.place.shape[0]:
@@ -250,7 +252,7 @@ def measure_distances(view, workspace, market, robot_type, robots, tasks):
 
 @kernel
 def way_from(view, workspace, i, end):
-    """Ticks from where robot i is, as it stands there."""
+    """Ticks from the current pose of robot i."""
     robots = view.robots
     start, heading = first_cell(robots, i), np.int64(robots.heading[i])
     return min(distance(view, workspace, robots.type[i], start, heading, end), CAPPED)
@@ -258,7 +260,7 @@ def way_from(view, workspace, i, end):
 
 @kernel
 def way_with_load(view, workspace, robot_type, order, start, end):
-    """Ticks of robots of a type, with the load of an order, over the stops that are left to a cell."""
+    """Ticks of a robot type, with the load of an order, over the remaining stops to a cell."""
     ticks, here = np.int64(0), start
     if view.trips.pod.shape[0]:
         first = np.int64(view.orders.first_stop[order]) + np.int64(view.orders.stops_done[order])
@@ -271,7 +273,7 @@ def way_with_load(view, workspace, robot_type, order, start, end):
 
 @kernel
 def longest_way(view, workspace, robot_type, start, end):
-    """Ticks of robots of a type from one cell to another in the worst heading at the start."""
+    """Ticks of a robot type from one cell to another, from the worst initial heading."""
     most = 0
     for heading in range(view.grid.headings):
         most = max(most, distance(view, workspace, robot_type, start, heading, end))
@@ -283,7 +285,7 @@ def longest_way(view, workspace, robot_type, start, end):
 
 @kernel
 def count_queues(view, market):
-    """Count who was sent to each charger before, and the ticks that they need there."""
+    """Count the robots already sent to each charger, and their charging ticks."""
     robots = view.robots
     market.sent[:] = 0
     market.before[:] = 0
@@ -299,7 +301,7 @@ def count_queues(view, market):
 
 @kernel
 def count_before(market, charger, ticks):
-    """One more robot charges there before those that are sent now, for so many ticks."""
+    """Add a robot that will charge there for this number of ticks before robots that are sent now."""
     if market.queues:
         market.before[charger] += 1
         market.ticks[charger] += ticks
@@ -307,7 +309,7 @@ def count_before(market, charger, ticks):
 
 @kernel
 def enter_waits(view, market):
-    """How long a robot waits at each charger for those that were sent there before."""
+    """Set the wait at each charger for robots that were sent there before."""
     for c in range(market.battery.wait.shape[0]):
         places = np.int64(view.chargers.places[c])
         market.battery.wait[c] = shared_wait(market.ticks[c], market.before[c], places)
@@ -315,13 +317,13 @@ def enter_waits(view, market):
 
 @kernel
 def shared_wait(ticks, robots, places):
-    """How long a robot waits for so many others that need these ticks in all, sharing places."""
+    """The wait for this number of robots, which need these ticks in total and share places."""
     return np.int64(0) if robots < places else ticks // places
 
 
 @kernel
 def charging_queue_ticks(view, i):
-    """How long robot i waits for those that charge at its charger, or queue before it."""
+    """The wait of robot i for robots that charge at its charger or queue ahead of it."""
     robots = view.robots
     charger = view.chargers.charger_at[robots.goal_cell[i]]
     ticks, before = np.int64(0), 0
@@ -342,7 +344,7 @@ def charging_queue_ticks(view, i):
 
 @kernel
 def ticks_to_level(view, j):
-    """Ticks at a charger until robot j has the charge that it was sent there for."""
+    """Ticks at a charger until robot j reaches its target charge."""
     robots = view.robots
     return charging_ticks(
         view.rules.curve[robots.type[j]],

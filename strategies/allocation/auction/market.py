@@ -1,8 +1,8 @@
-"""What an auction works on: tasks and how far apart they lie, batteries, and the robots' lists.
+"""The data of an auction: tasks with their distances, batteries, and the lists of robots.
 
-A *place* is anything that a robot drives to or from: where a robot is, a stop, a charger. A task
-begins at one place and ends at another (pick-up and delivery; a robot holds one load, so nothing comes
-between), or begins and ends at the same one (a visit). A list is an open path: no way back.
+A *place* is the start or end of a drive: the cell of a robot, a stop, a charger. A task begins at one
+place and ends at another (pick-up and delivery without a stop between, since a robot holds one load),
+or begins and ends at the same place (a visit). A list is an open path, without a return.
 
 Times are whole ticks. Energy is counted in units: BATTERY_FULL units are 100 %.
 """
@@ -25,22 +25,22 @@ from automaton.strategy.api import (
     kernel,
 )
 
-INF_COST: Final = 1 << 60  # a cost or bid that stands for "not at all"
-BID_SCALE: Final = 1000  # epsilon is counted in thousandths; so are bids: 1000 of them are a tick
+INF_COST: Final = 1 << 60  # the cost or bid of an infeasible list
+BID_SCALE: Final = 1000  # epsilon and bids are in thousandths: a bid of 1000 is a tick
 
-# What a list costs beyond driving: the charging policy.
+# Charging policies: the cost of a list beyond driving.
 POLICY_NO_CHARGING: Final = 0  # batteries never run empty
 POLICY_HIERARCHICAL: Final = 1  # insert the task where it is cheapest, then plan the charging
 POLICY_JOINT: Final = 2  # insert the task where it is cheapest with its charging
 POLICY_FILL_UP: Final = 3  # as hierarchical, but charge up to the target
 POLICY_THRESHOLD: Final = 4  # charge fully before a task that would end below the threshold
-POLICY_THRESHOLD_REACHABLE: Final = 5  # and before one from whose end no charger could be reached
+POLICY_THRESHOLD_REACHABLE: Final = 5  # also before one that ends out of reach
 
 
 class TaskCosts(Struct, role=SCRATCH):
-    """T tasks and P places, as robots of each of K types find them."""
+    """T tasks and P places, for each of K robot types."""
 
-    robot_type: int = field("() int64", "the robot type whose rows count")
+    robot_type: int = field("() int64", "the selected robot type")
     ticks: Array = field("(K, P, P) int32", "from place to place")
     energy: Array = field("(K, P, P) int64", "units: from place to place")
     begin: Array = field("(T,) int32", "place at which a task begins", role=CONSTANT)
@@ -52,21 +52,19 @@ class TaskCosts(Struct, role=SCRATCH):
 class BatteryRules(Struct, role=SCRATCH):
     """The rules of energy, the same for all robots; C chargers."""
 
-    robot_type: int = field("() int64", "the robot type whose rows count")
+    robot_type: int = field("() int64", "the selected robot type")
     charger: Array = field("(C,) int32", "its place", role=CONSTANT)
-    wait: Array = field("(C,) int32", "ticks until it is free of the robots that come before")
-    nearest: Array = field(
-        "(K, P) int32", "the charger that takes least energy to reach; NIL: none"
-    )
+    wait: Array = field("(C,) int32", "ticks until it is free of earlier robots")
+    nearest: Array = field("(K, P) int32", "the charger with the least energy to reach; NIL: none")
     reach: Array = field("(K, P) int64", "units to it; INF_COST: none")
     curve: Array = field(
         "(K, pieces, 2) int32",
-        "of each piece the level from which it holds, and units per tick",
+        "for each piece its lowest level, and units per tick",
         role=CONSTANT,
     )
-    reserve: Array = field("(K,) int64", "units that are left on every arrival", role=CONSTANT)
+    reserve: Array = field("(K,) int64", "minimum units on every arrival", role=CONSTANT)
     end_reach: int = field(
-        "int64", "1: at the end of a list a charger can still be reached (never strand)"
+        "int64", "1: a charger must be within reach at the end of a list (never strand)"
     )
     policy: int = field("int64")
     threshold: int = field("int64", "units, of POLICY_THRESHOLD and POLICY_THRESHOLD_REACHABLE")
@@ -79,16 +77,18 @@ class FleetLists(Struct, role=SCRATCH):
     robot_type: Array = field("(R,) uint8", "the robot's type")
     place: Array = field("(R,) int32", "where the list starts", role=CONSTANT)
     ready: Array = field("(R,) int32", "ticks until the robot is there")
-    charge: Array = field("(R,) int32", "units that it has then")
-    first: Array = field("(R,) int32", "1 = it drives to its first task, which stays the first")
-    capacity: Array = field("(R,) int32", "most tasks in its list")
+    charge: Array = field("(R,) int32", "units of charge then")
+    first: Array = field(
+        "(R,) int32", "1 = it already drives to its first task, which must stay first"
+    )
+    capacity: Array = field("(R,) int32", "maximum tasks in its list")
     may_bid: Array = field("(R, T) uint8", "1 = it may bid on the task")
     order: Array = field("(R, L) int32", "its tasks in sequence")
     length: Array = field("(R,) int32")
     travel: Array = field("(R,) int64", "ticks of the list without charging")
     energy: Array = field("(R,) int64", "units of the list without charging")
     cost: Array = field(
-        "(R,) int64", "ticks until the list is done, charging included; INF_COST: it cannot be"
+        "(R,) int64", "ticks until the list is done, including charging; INF_COST: infeasible"
     )
 
 
@@ -96,50 +96,50 @@ class ChargingPlan(Struct, role=SCRATCH):
     """The charging stops of one list."""
 
     stops: int = field("() int64", "how many")
-    position: Array = field("(S,) int32", "before which task of the list")
+    position: Array = field("(S,) int32", "the task of the list before which it charges")
     charger: Array = field("(S,) int32")
     arrival: Array = field("(S,) int64", "units on arrival")
     level: Array = field("(S,) int64", "units on leaving")
     duration: Array = field("(S,) int64", "ticks of charging")
-    waited: Array = field("(S,) int64", "ticks in the queue before it")
-    cost: int = field("() int64", "ticks until the list is done; INF_COST: no plan")
+    waited: Array = field("(S,) int64", "ticks in the queue before charging")
+    cost: int = field("() int64", "ticks until the list is done; INF_COST: infeasible")
     charging: int = field("() int64", "ticks of charging")
     charger_wait: int = field("() int64", "ticks at busy chargers")
-    gross: int = field("() int64", "ticks to chargers, at them, and on to the next task")
-    net: int = field("() int64", "gross less the legs that were replaced")
+    gross: int = field("() int64", "ticks to chargers, at chargers, and to the next task")
+    net: int = field("() int64", "gross minus the replaced legs")
     end_charge: int = field("() int64", "units at the end")
-    lowest_charge: int = field("() int64", "units: the least on any arrival")
+    lowest_charge: int = field("() int64", "minimum units on any arrival")
 
 
 class PathSearch(Struct, role=SCRATCH):
     """A search for the stops of a list (strategies.allocation.auction.quotes)."""
 
-    ready: int = field("() int64", "ticks until the robot sets out: set by the quote")
-    nodes: int = field("() int64", "stops to go on from: scratch.node[:nodes]")
+    ready: int = field("() int64", "ticks until the robot departs; set by the quote")
+    nodes: int = field("() int64", "number of stops to continue from: scratch.node[:nodes]")
     last: int = field("() int64", "the last stop of the best path so far, or NIL")
     best: int = field("() int64", "its weight")
-    ticks_to_stop: int = field("() int64", "ticks from the task before to that stop")
+    ticks_to_stop: int = field("() int64", "ticks from the previous task to that stop")
     position: int = field("() int64", "the position of that stop")
-    rest_ticks: int = field("() int64", "of the whole list")
-    rest_energy: int = field("() int64", "and of the way to a charger at its end")
+    rest_ticks: int = field("() int64", "energy of the whole list")
+    rest_energy: int = field("() int64", "energy of the path to a charger at its end")
 
 
 class AuctionCounts(Struct, role=SCRATCH):
-    """What an auction has taken."""
+    """The effort of an auction."""
 
     bids: int = field("() int64", "bids computed")
-    positions: int = field("() int64", "places in lists that were tried")
+    positions: int = field("() int64", "tried positions in lists")
     plans: int = field("() int64", "charging plans made")
     messages: int = field("() int64", "announcements, bids sent, awards")
     states: int = field(
-        "() int64", "what plans looked at: chargers before tasks, or legs for a threshold"
+        "() int64", "steps of plans: chargers before tasks, or legs for a threshold"
     )
 
 
 class AuctionScratch(Struct, role=SCRATCH):
-    """What bids are computed in; contents never decide anything between calls, except `sold`."""
+    """Scratch of bids; its contents never matter between calls, except `sold`."""
 
-    order: Array = field("(L + 1,) int32", "a list that is tried")
+    order: Array = field("(L + 1,) int32", "a tried list")
     done_ticks: Array = field(
         "(L + 2,) int64", "from the start until task i - 1 of the list is done"
     )
@@ -148,29 +148,29 @@ class AuctionScratch(Struct, role=SCRATCH):
         "(L + 2,) int64", "from the start until task i begins, driven directly"
     )
     begun_energy: Array = field("(L + 2,) int64")
-    weight: Array = field("(L + 1, C) int64", "best way to a charger before task i")
-    parent: Array = field("(L + 1, C) int32", "the stop before that one, as i * C + c, or NIL")
-    node: Array = field("(S,) int32", "stops from which a better path may go on")
+    weight: Array = field("(L + 1, C) int64", "cost of the best path to a charger before task i")
+    parent: Array = field("(L + 1, C) int32", "the previous stop, as i * C + c, or NIL")
+    node: Array = field("(S,) int32", "stops from which a better path may continue")
     path: PathSearch
-    bid: Array = field("(R, T) int64", "by robot and number of the item")
+    bid: Array = field("(R, T) int64", "bids by robot and item")
     best: Array = field("(R,) int32", "the item of the robot's lowest bid, or NIL")
-    left: Array = field("(T,) int32", "items that are not sold, by arrival")
+    left: Array = field("(T,) int32", "unsold items, by arrival")
     low: Array = field("(T,) int64")
     second: Array = field("(T,) int64")
     high: Array = field("(T,) int64")
     bidders: Array = field("(T,) int32", "robots with a finite bid")
-    lowest_bidder: Array = field("(T,) int32", "the robot with the lowest")
-    needs_update: Array = field("(T,) uint8", "1 = the five above are to be found again")
-    sold: Array = field("(T,) int32", "who won the item, or NIL")
+    lowest_bidder: Array = field("(T,) int32", "the robot with the lowest bid")
+    needs_update: Array = field("(T,) uint8", "1 = the five fields above are outdated")
+    sold: Array = field("(T,) int32", "the robot that won the item, or NIL")
     count: AuctionCounts
     plan: ChargingPlan
 
 
-# Markets made ready for the kernels: arrays of the right shapes, from what a caller knows.
+# Construction of markets for the kernels from the data of a caller.
 
 
 def visits(ticks: ArrayLike, energy: ArrayLike, places: ArrayLike) -> TaskCosts:
-    """Tasks that are done by being at these places."""
+    """Tasks that are visits of these places."""
     at = np.asarray(places, np.int32)
     nothing = np.zeros(len(at), np.int32)
     return deliveries(ticks, energy, at, at, nothing, nothing)
@@ -249,7 +249,7 @@ def fleet_of(
 
 
 def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> AuctionScratch:
-    """Room for auctions of so many tasks among so many robots with lists of at most `longest`."""
+    """Scratch for auctions of `tasks` among `robots` with lists of at most `longest` tasks."""
     stops = (longest + 1) * max(chargers, 1) + longest + 2
     sizes = {"R": robots, "T": tasks, "L": longest, "C": chargers, "S": stops}
     return AuctionScratch.sized(
@@ -257,8 +257,8 @@ def scratch_for(robots: int, tasks: int, longest: int, chargers: int) -> Auction
     )
 
 
-# Cheapest insertion into an open path: where a task adds the fewest ticks to a list. A task is inserted
-# as a whole: its inner way comes along, because a robot carries one load.
+# Cheapest insertion into an open path: the position where a task adds the fewest ticks to a list. A task
+# is inserted with its inner path, since a robot carries one load.
 
 
 @kernel
@@ -273,7 +273,7 @@ def place_before(costs, place, order, i):
 def cheapest_insertion(costs, place, order, length, task, first):
     """(position, ticks added) of `task` in order[:length]; ties: the latest position.
 
-    Positions below `first` stay as they are (1: the robot is on its way to its first task).
+    Positions below `first` must not change (1: the robot already drives to its first task).
     """
     ticks = costs.ticks[costs.robot_type]
     enter, leave = np.int64(costs.begin[task]), np.int64(costs.end[task])

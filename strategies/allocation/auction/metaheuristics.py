@@ -1,4 +1,4 @@
-"""Lists made better than an auction leaves them: local search, and the genetic algorithm.
+"""Improvement of the lists of an auction: local search, and the genetic algorithm.
 
 The objective is epsilon x the sum of the robots' costs + (1 - epsilon) x the largest of them.
 """
@@ -20,8 +20,8 @@ from strategies.allocation.auction.market import (
 from strategies.allocation.auction.quotes import clear_counts, quote_list, settle
 
 STREAM_GENES = 15  # of random draws; each stream has a number of its own
-CHILD_ADDRESSES = 8  # addresses of a child besides those of its genes
-# addresses of an auction: one for each generation, of which there are fewer
+CHILD_ADDRESSES = 8  # draws of a child besides those of its genes
+# draw addresses of an auction: one per generation, of which there are fewer
 AUCTION_ADDRESSES = 1 << 20
 MAX_GENERATIONS: Final = 1000
 
@@ -38,13 +38,13 @@ def objective(fleet, epsilon):
     return epsilon * total + (1000 - epsilon) * most
 
 
-# Local search: relocate a task, swap two, reverse a stretch (2-opt). A move is taken as soon as it
-# makes the objective smaller, or leaves it equal and makes the sum of all costs smaller.
+# Local search: relocate a task, swap two tasks, reverse a stretch (2-opt). The search takes the first
+# move that lowers the objective, or keeps it and lowers the sum of all costs.
 
 
 @kernel
 def improve(costs, battery, fleet, scratch, epsilon):
-    """Improve settled, feasible lists until no move helps; returns the number of moves taken."""
+    """Improve settled, feasible lists until no move helps; return the number of moves."""
     robots = fleet.place.shape[0]
     moves = np.int64(0)
     found = True
@@ -86,7 +86,7 @@ def better(fleet, epsilon, r, cost_r, s, cost_s):
 
 @kernel
 def two_opt(costs, battery, fleet, scratch, epsilon, r):
-    """Reverse one stretch of robot r's list, if that is better."""
+    """Reverse one stretch of robot r's list if this is an improvement."""
     length = np.int64(fleet.length[r])
     order = fleet.order[r]
     for i in range(min(np.int64(fleet.first[r]), length), length):
@@ -104,7 +104,7 @@ def two_opt(costs, battery, fleet, scratch, epsilon, r):
 
 @kernel
 def cost_without(costs, battery, fleet, scratch, r, position):
-    """The quote of robot r's list without the task at this position; the list is in scratch.order."""
+    """The quote of robot r's list without the task at this position; leaves the list in scratch.order."""
     length = np.int64(fleet.length[r])
     for k in range(length):
         scratch.order[k] = fleet.order[r, k]
@@ -114,7 +114,7 @@ def cost_without(costs, battery, fleet, scratch, r, position):
 
 @kernel
 def cost_inserted(costs, battery, fleet, scratch, r, length, task):
-    """(position, quote) of scratch.order[:length] with the task inserted; the list is left there."""
+    """(position, quote) of scratch.order[:length] with the task inserted; leaves the list there."""
     first = min(np.int64(fleet.first[r]), length)
     place = np.int64(fleet.place[r])
     costs.robot_type = fleet.robot_type[r]
@@ -125,7 +125,7 @@ def cost_inserted(costs, battery, fleet, scratch, r, length, task):
 
 @kernel
 def relocate(costs, battery, fleet, scratch, epsilon, r, s):
-    """Move one task of robot r to where it is cheapest in robot s's list, if that is better."""
+    """Move one task of robot r to its cheapest position in robot s's list if this is an improvement."""
     if s != r and fleet.length[s] >= fleet.capacity[s]:
         return False
     length = np.int64(fleet.length[r])
@@ -152,7 +152,7 @@ def relocate(costs, battery, fleet, scratch, epsilon, r, s):
 
 @kernel
 def move(fleet, r, i, s, position):
-    """Take the task at i from robot r and insert it at `position` of robot s's list."""
+    """Move the task at i of robot r to `position` of robot s's list."""
     task = np.int64(fleet.order[r, i])
     remove(fleet.order[r], fleet.length[r], i)
     fleet.length[r] -= 1
@@ -184,7 +184,7 @@ def swap(costs, battery, fleet, scratch, epsilon, r, s):
 
 @kernel
 def exchanged(costs, battery, fleet, scratch, r, i, task):
-    """(position, quote) of robot r's list with the task at i taken out and another inserted."""
+    """(position, quote) of robot r's list with the task at i replaced by another one."""
     length = np.int64(fleet.length[r])
     for k in range(length):
         scratch.order[k] = fleet.order[r, k]
@@ -194,21 +194,21 @@ def exchanged(costs, battery, fleet, scratch, r, i, task):
 
 @kernel
 def replace(fleet, r, i, task, position):
-    """Take the task at i out of robot r's list and insert another at `position`."""
+    """Remove the task at i from robot r's list and insert another one at `position`."""
     remove(fleet.order[r], fleet.length[r], i)
     insert(fleet.order[r], fleet.length[r] - 1, task, position)
 
 
-# The genetic algorithm that De Ryck et al. compare with: a gene for each item names its robot.
+# The genetic algorithm in the comparison of De Ryck et al.: the gene of an item is its robot.
 #
-# Population of ten for each robot, as many elite as robots, roulette by rank, one-point crossover,
-# and mutation with probability 1/2: of one gene of a child, or (`each_gene`) of each gene. A robot's
-# list is made by inserting its items in the order of arrival. Draws are addressed by the seed, the
-# number of the auction with the generation, and the child.
+# Ten individuals per robot, one elite individual per robot, roulette by rank, one-point crossover, and
+# mutation with probability 1/2: of one gene of a child, or (`each_gene`) of each gene. A robot's list is
+# made by inserting its items in the order of arrival. Draws are addressed by the seed, the number of the
+# auction with the generation, and the child.
 
 
 class AllotmentPopulation(Struct, role=SCRATCH):
-    """N individuals: which of R robots does each of n items; and the lists to begin with."""
+    """N individuals, which assign n items to R robots; and the initial lists."""
 
     genes: Array = field("(N, n) int32")
     children: Array = field("(N, n) int32")
@@ -219,7 +219,7 @@ class AllotmentPopulation(Struct, role=SCRATCH):
 
 
 def population_for(robots: int, tasks: int, longest: int) -> AllotmentPopulation:
-    """Ten individuals for each robot."""
+    """Ten individuals per robot."""
     return AllotmentPopulation.sized({"N": 10 * robots, "n": tasks, "R": robots, "L": longest})
 
 
@@ -234,10 +234,10 @@ def genetic(
     costs, battery, fleet, scratch, population, items, count, epsilon, generations, each_gene, seed,
     auction,
 ):  # fmt: skip
-    """Leave the best individual's lists in the fleet; returns its objective, or INF_COST.
+    """Leave the best individual's lists in the fleet; return its objective or INF_COST.
 
     population: for this fleet and `count` items; each_gene: 1 = a coin for each gene; auction: the
-    number by which the draws of this seed are told from those of its other auctions.
+    number of the auction, so that each auction of a seed has its own draws.
     """
     clear_counts(scratch)
     turn = np.int64(auction) * AUCTION_ADDRESSES
@@ -262,7 +262,7 @@ def genetic(
 
 @kernel
 def keep_lists(fleet, population):
-    """Remember the lists that every individual begins with."""
+    """Store the initial lists of all individuals."""
     for r in range(fleet.place.shape[0]):
         population.length[r] = fleet.length[r]
         for i in range(fleet.length[r]):
@@ -271,7 +271,7 @@ def keep_lists(fleet, population):
 
 @kernel
 def decode(costs, battery, fleet, scratch, population, items, count, individual):
-    """Make the lists of an individual; where a list cannot take an item, the cost is INF_COST."""
+    """Make the lists of an individual; a list that cannot take an item costs INF_COST."""
     for r in range(fleet.place.shape[0]):
         fleet.length[r] = population.length[r]
         for i in range(population.length[r]):
@@ -299,7 +299,7 @@ def decode(costs, battery, fleet, scratch, population, items, count, individual)
 
 @kernel
 def judge(costs, battery, fleet, scratch, population, items, count, epsilon):
-    """fitness of all individuals, and their rank; ties: the lower number."""
+    """Set fitness and rank of all individuals; ties: the lower number."""
     size = population.fitness.shape[0]
     for i in range(size):
         decode(costs, battery, fleet, scratch, population, items, count, i)
@@ -313,7 +313,7 @@ def judge(costs, battery, fleet, scratch, population, items, count, epsilon):
 
 @kernel
 def breed(population, robots, count, each_gene, seed, turn):
-    """The next generation: the elite, and children of two parents each."""
+    """Breed the next generation: the elite, and children of two parents each."""
     size = population.fitness.shape[0]
     stride = count + CHILD_ADDRESSES
     for i in range(size):

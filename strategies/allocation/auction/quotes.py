@@ -1,7 +1,7 @@
-"""What a list costs with its charging, and where the robot charges: the quote that a bid rests on.
+"""Quotes: the cost of a list with its charging stops, on which bids are based.
 
-A list is feasible without a stop if the level never falls below the reserve. Otherwise its policy
-says where the robot charges; ways are shortest ways, so a detour never saves time or energy.
+A list is feasible without a stop if the level never falls below the reserve. Otherwise the policy
+decides where the robot charges. All paths are shortest paths, so a detour never saves time or energy.
 """
 
 import numpy as np
@@ -31,9 +31,9 @@ from strategies.allocation.auction.market import (
 
 @kernel
 def quote(costs, battery, scratch, place, ready, charge, order, length):
-    """Ticks until order[:length] is done, charging included, or INF_COST; the plan is in scratch.plan.
+    """Ticks until order[:length] is done, including charging, or INF_COST; scratch.plan is the plan.
 
-    A robot that is at `place` in `ready` ticks, then with `charge` units.
+    The robot is at `place` in `ready` ticks, then with `charge` units.
     """
     measure(costs, scratch, place, order, length)
     scratch.path.ready = ready
@@ -56,7 +56,7 @@ def quote(costs, battery, scratch, place, ready, charge, order, length):
 
 @kernel
 def select_robot_type(costs, battery, robot_type):
-    """Select the type of robots whose ticks and energy count from now on."""
+    """Select the robot type for ticks and energy."""
     costs.robot_type = robot_type
     battery.robot_type = robot_type
 
@@ -72,7 +72,7 @@ def quote_list(costs, battery, fleet, scratch, r, order, length):
 
 @kernel
 def settle(costs, battery, fleet, scratch, r):
-    """Make travel, energy and cost of robot r those of its list."""
+    """Set travel, energy and cost of robot r from its list."""
     length = fleet.length[r]
     fleet.cost[r] = quote_list(costs, battery, fleet, scratch, r, fleet.order[r], length)
     fleet.travel[r] = scratch.done_ticks[length]
@@ -88,9 +88,9 @@ def settle_all(costs, battery, fleet, scratch):
 
 @kernel
 def insertion_quote(costs, battery, fleet, scratch, r, task):
-    """(position, ticks) of robot r's list with the task inserted; (NIL, INF_COST): not at all.
+    """(position, ticks) of robot r's list with the task inserted; (NIL, INF_COST) if infeasible.
 
-    The robot's own list is settled.
+    The robot's own list must be settled.
     """
     length = np.int64(fleet.length[r])
     if length >= fleet.capacity[r] or fleet.cost[r] >= INF_COST:
@@ -119,7 +119,7 @@ def insertion_quote(costs, battery, fleet, scratch, r, task):
 
 @kernel
 def joint_insertion(costs, battery, fleet, scratch, r, task, first):
-    """The position that is cheapest with its charging; ties: the latest."""
+    """The cheapest position including charging; ties: the latest."""
     length = np.int64(fleet.length[r])
     best, least = np.int64(NIL), np.int64(INF_COST)
     for position in range(first, length + 1):
@@ -132,7 +132,7 @@ def joint_insertion(costs, battery, fleet, scratch, r, task, first):
 
 @kernel
 def clear_counts(scratch):
-    """Count what is done from now on."""
+    """Reset the counters of effort."""
     count = scratch.count
     count.bids = 0
     count.positions = 0
@@ -150,7 +150,7 @@ def fits(battery, charge, energy, last):
 
 @kernel
 def energy_to_charger(battery, place):
-    """Units that must be left at the end of a list for the way to a charger; INF_COST: none is there."""
+    """Units that must remain at the end of a list to reach a charger; INF_COST: no charger in reach."""
     if battery.end_reach == 0:
         return np.int64(0)
     return np.int64(battery.reach[battery.robot_type, place])
@@ -158,16 +158,16 @@ def energy_to_charger(battery, place):
 
 @kernel
 def waiting_at(battery, scratch, c, ticks):
-    """Ticks that a robot waits at charger c when it comes there `ticks` after setting out.
+    """Ticks that a robot waits at charger c if it arrives `ticks` after its departure.
 
-    Charging before that, which makes it come later, is not counted: the wait is never too short.
+    Earlier charging, which delays the arrival, is ignored, so the wait is never underestimated.
     """
     return max(np.int64(0), np.int64(battery.wait[c]) - scratch.path.ready - ticks)
 
 
 @kernel
 def clear(scratch, charge, length):
-    """A plan without stops, of the list that was measured last."""
+    """A plan without stops for the last measured list."""
     plan = scratch.plan
     plan.stops = 0
     plan.charging = 0
@@ -181,7 +181,7 @@ def clear(scratch, charge, length):
 
 @kernel
 def stop_at(battery, plan, k, level, goal, wait):
-    """Charge from `level` to `goal` at stop k of the plan, after a wait; returns the level then."""
+    """Charge from `level` to `goal` at stop k of the plan, after a wait; return the new level."""
     duration = charging_ticks(battery.curve[battery.robot_type], level, goal)
     plan.waited[k] = wait
     plan.arrival[k] = level
@@ -196,7 +196,7 @@ def stop_at(battery, plan, k, level, goal, wait):
 
 @kernel
 def add_detours(costs, battery, scratch, place, order):
-    """Gross: to the charger, charging, and on; net: less the leg that this replaces."""
+    """Add the ticks of a stop: gross, to the charger, charging, and on; net, minus the replaced leg."""
     plan = scratch.plan
     for k in range(plan.stops):
         i = plan.position[k]
@@ -217,17 +217,17 @@ def add_detours(costs, battery, scratch, place, order):
 # Optimal insertion of charging: the shortest path over states (position i, charger c).
 #
 # In state (i, c) the robot drives to charger c between tasks i - 1 and i of its list. The first
-# stretch must fit into what the robot has, each later one into a full battery. With a linear curve
-# the charging time depends on the energy of the whole way alone, so the path that minimises rate x
-# ticks + energy is exact with any number of stops. Each stop then charges as much as the stretch to
-# the next one needs, in whole ticks.
+# stretch must fit the robot's charge, each later one a full battery. With a linear curve the charging
+# time depends only on the energy of the whole path, so the path that minimizes rate x ticks + energy is
+# exact with any number of stops. Each stop then charges what the stretch to the next stop needs, in
+# whole ticks.
 #
-# Ties: fewer ticks from the task before to the charger, then the later position.
+# Ties: fewer ticks from the previous task to the charger, then the later position.
 
 
 @kernel
 def plan_charging(costs, battery, scratch, place, charge, order, length):
-    """Leave the cheapest plan for the measured list in scratch.plan; returns its ticks or INF_COST."""
+    """Leave the cheapest plan for the measured list in scratch.plan; return its ticks or INF_COST."""
     clear(scratch, charge, length)
     if length == 0 or fits(
         battery, charge, scratch.done_energy[length], np.int64(costs.end[order[length - 1]])
@@ -246,7 +246,7 @@ def plan_charging(costs, battery, scratch, place, charge, order, length):
 
 @kernel
 def find_stops(costs, battery, scratch, place, charge, order, length):
-    """The last stop, i * C + c, of the best way through chargers; NIL if there is none."""
+    """The last stop, i * C + c, of the best path through chargers, or NIL."""
     chargers = battery.charger.shape[0]
     path = scratch.path
     path.nodes = 0
@@ -273,7 +273,7 @@ def find_stops(costs, battery, scratch, place, charge, order, length):
 
 @kernel
 def reach_chargers(costs, battery, scratch, place, charge, order, i):
-    """weight[i], parent[i]: the best ways to the chargers before task i, from the start or a stop."""
+    """weight[i], parent[i]: the best paths to the chargers before task i, from the start or a stop."""
     rate = np.int64(battery.curve[battery.robot_type, 0, CURVE_RATE])
     before = place_before(costs, place, order, i)
     for c in range(battery.charger.shape[0]):
@@ -292,7 +292,7 @@ def reach_chargers(costs, battery, scratch, place, charge, order, i):
 
 @kernel
 def relax_from_stops(costs, battery, scratch, before, order, i, c):
-    """Improve weight[i, c], parent[i, c] by ways from the stops that are noted."""
+    """Improve weight[i, c], parent[i, c] by paths from the listed stops."""
     chargers = battery.charger.shape[0]
     rate = np.int64(battery.curve[battery.robot_type, 0, CURVE_RATE])
     at = np.int64(battery.charger[c])
@@ -320,7 +320,7 @@ def relax_from_stops(costs, battery, scratch, before, order, i, c):
 
 @kernel
 def relax_to_end(costs, battery, scratch, place, order, i):
-    """Drive on to the end from each charger before task i, or note it as one to go on from."""
+    """Complete the list from each charger before task i, or store the charger as a stop."""
     chargers = battery.charger.shape[0]
     rate = np.int64(battery.curve[battery.robot_type, 0, CURVE_RATE])
     path = scratch.path
@@ -334,12 +334,12 @@ def relax_to_end(costs, battery, scratch, place, order, i):
         energy = costs.energy[costs.robot_type, at, after] + rest_energy
         total = so_far + rate * (costs.ticks[costs.robot_type, at, after] + rest_ticks) + energy
         if so_far >= INF_COST or total > path.best:
-            continue  # what goes on from here is no better than the best that is known
+            continue  # no path from here improves the best known one
         if energy > BATTERY_FULL - battery.reserve[battery.robot_type]:
             scratch.node[path.nodes] = i * chargers + c
             path.nodes += 1
             continue
-        # The end is in reach: another stop would only make the way longer.
+        # The end is in reach: another stop would only lengthen the path.
         detour = np.int64(costs.ticks[costs.robot_type, before, at])
         later = detour == path.ticks_to_stop and path.position != i
         if total < path.best or detour < path.ticks_to_stop or later:
@@ -350,7 +350,7 @@ def relax_to_end(costs, battery, scratch, place, order, i):
 
 @kernel
 def relax_charger_to_charger(costs, battery, scratch, i):
-    """Ways from one charger straight to another, where the way between tasks is long; found any?"""
+    """Add paths directly between chargers, for long paths between tasks; return whether any was found."""
     chargers = battery.charger.shape[0]
     rate = np.int64(battery.curve[battery.robot_type, 0, CURVE_RATE])
     most = BATTERY_FULL - battery.reserve[battery.robot_type]
@@ -377,7 +377,7 @@ def relax_charger_to_charger(costs, battery, scratch, i):
 
 @kernel
 def note_stops(battery, scratch, last):
-    """Write the way to the last stop into the plan, in the order of driving."""
+    """Write the stops of the path to the last stop to the plan, in driving order."""
     chargers = battery.charger.shape[0]
     stops = 0
     node = np.int64(last)
@@ -395,7 +395,7 @@ def note_stops(battery, scratch, last):
 
 @kernel
 def charge_just_enough(costs, battery, scratch, place, charge, order, length):
-    """At each stop of the plan, charge what the next stretch needs; returns the ticks of the list."""
+    """At each stop of the plan, charge what the next stretch needs; return the ticks of the list."""
     plan = scratch.plan
     tail = energy_to_charger(battery, costs.end[order[length - 1]])
     ticks, energy = stretch(costs, battery, scratch, place, order, length, 0)
@@ -440,10 +440,10 @@ def stretch(costs, battery, scratch, place, order, length, k):
     return ticks, energy
 
 
-# One charging stop, found by trying every position and charger: for tapering curves and fill-up.
+# A single charging stop, by trying all positions and chargers: for tapering curves and fill-up.
 #
-# With a taper the time to charge depends on the level at which it begins, so each candidate's time is
-# read off the curve. Fill-up charges to the target and credits what is left at the end:
+# With a taper the charging time depends on the initial level, so each candidate's time is computed from
+# the curve. Fill-up charges to the target and credits the charge left at the end:
 #
 #     score = ticks - (level at the end - reserve) / rate of the curve's first piece
 #
@@ -452,7 +452,7 @@ def stretch(costs, battery, scratch, place, order, length, k):
 
 @kernel
 def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill):
-    """Leave the best plan with at most one stop in scratch.plan; several stops where one cannot do.
+    """Leave the best plan with at most one stop in scratch.plan; several stops if one is not enough.
 
     fill: 1 = fill up to battery.target. Returns the ticks of the list, or INF_COST.
     """
@@ -490,7 +490,7 @@ def plan_single_stop(costs, battery, scratch, place, charge, order, length, fill
 
 @kernel
 def goal_of(battery, arrival, rest, fill):
-    """The level to charge to: what the rest needs, and when filling up at least the target."""
+    """The target level of charging: the need of the rest; for fill-up, at least the target."""
     goal = max(np.int64(arrival), rest + battery.reserve[battery.robot_type])
     return max(goal, np.int64(battery.target)) if fill == 1 else goal
 
@@ -537,16 +537,16 @@ def find_stop(costs, battery, scratch, place, charge, order, length, fill):
 #     POLICY_THRESHOLD            before a task at whose end the level would be below the threshold
 #     POLICY_THRESHOLD_REACHABLE  also before a task from whose end no charger could be reached
 #
-# The rule looks no farther ahead, so with POLICY_THRESHOLD a robot can come to less than nothing on
-# its way to a charger; the plan then says so in its lowest level.
+# The rule has no further lookahead, so with POLICY_THRESHOLD a robot may run empty on its path to a
+# charger; the lowest level of the plan is then negative.
 
 
 @kernel
 def plan_threshold(costs, battery, scratch, place, charge, order, length):
-    """Leave the stops of the rule in scratch.plan; returns the ticks of the measured list.
+    """Leave the stops of the rule in scratch.plan; return the ticks of the measured list.
 
-    INF_COST where the rule asks for a charger and none is there. A level below 0 is for the caller to
-    judge (scratch.plan.lowest_charge).
+    INF_COST if the rule needs a charger and none is reachable. The caller must check for a level below
+    0 (scratch.plan.lowest_charge).
     """
     clear(scratch, charge, length)
     plan = scratch.plan
@@ -587,7 +587,7 @@ def plan_threshold(costs, battery, scratch, place, charge, order, length):
 
 @kernel
 def is_low(battery, level, place):
-    """Whether a robot that would be at this place with this level charges first."""
+    """Whether a robot must charge first if it would be at this place with this level."""
     if level < battery.threshold:
         return True
     return (

@@ -1,9 +1,9 @@
 """Auctions of single items: sequential (SSI), by order of arrival, parallel, and one-shot assignment.
 
-Items are tasks: items[:count] by arrival. Robots keep the lists that they have, which are settled
-before (settle_all). Who won an item is in scratch.sold, by number of the item; NIL: no robot can do
-it. Messages are counted as the architecture would send them: an announcement for each robot that
-hears of an item, each bid once, and an award for each item sold.
+Items are tasks: items[:count] by arrival. Robots keep their current lists, which must be settled
+(settle_all). scratch.sold has the winner by number of the item; NIL: no robot can do it. Messages are
+counted as in the architecture: an announcement per item and receiving robot, each bid once, and an
+award per sold item.
 """
 
 import numpy as np
@@ -17,19 +17,19 @@ BID_MIXED = 0  # rules of bidding
 BID_AVERAGE_ADDED = 1
 BID_AVERAGE = 2
 
-# rules of who is sold next, from all bids:
-WINNER_LOWEST_BID = 0  # LB: the item of the lowest bid of all
-WINNER_DIFFERENCE = 1  # BD: whose highest and lowest finite bid lie farthest apart
-WINNER_FEWEST_BIDDERS = 2  # FB: with the fewest finite bids
-WINNER_REGRET = 3  # regret-2: whose second lowest and lowest bid lie farthest apart
+# rules for the next item to sell, from all bids:
+WINNER_LOWEST_BID = 0  # LB: the item with the lowest bid
+WINNER_DIFFERENCE = 1  # BD: the largest difference of highest and lowest finite bid
+WINNER_FEWEST_BIDDERS = 2  # FB: the fewest finite bids
+WINNER_REGRET = 3  # regret-2: the largest difference of second lowest and lowest bid
 
 
 @kernel
 def sequential(costs, battery, fleet, scratch, items, count, rule, epsilon, winner, everybody):
-    """Sell item by item by the rule `winner`; returns how many were sold.
+    """Sell item by item by the rule `winner`; return the number of sold items.
 
-    After a sale only the winner's list has changed, so only it bids again. With everybody = 1 all
-    robots do, with the same result.
+    A sale changes only the winner's list, so only the winner bids again. With everybody = 1 all robots
+    bid again, with the same result.
     """
     robots = fleet.place.shape[0]
     begin(fleet, scratch, items, count)
@@ -57,7 +57,7 @@ def sequential(costs, battery, fleet, scratch, items, count, rule, epsilon, winn
 
 @kernel
 def by_arrival(costs, battery, fleet, scratch, items, count, rule, epsilon):
-    """Each item on its own, as it comes, to the lowest bid (Algorithm 2 of De Ryck et al.)."""
+    """Sell each item separately, by arrival, to the lowest bid (Algorithm 2 of De Ryck et al.)."""
     begin(fleet, scratch, items, count)
     sold = np.int64(0)
     for k in range(count):
@@ -77,9 +77,9 @@ def by_arrival(costs, battery, fleet, scratch, items, count, rule, epsilon):
 
 @kernel
 def parallel(costs, battery, fleet, scratch, items, count, rule, epsilon):
-    """All items at once, by the lists as they are: each to its lowest bid, then inserted in turn.
+    """Sell all items at once for the current lists: each to its lowest bid; then insert them in sequence.
 
-    A robot whose list has no room left for what it won refuses it.
+    A robot whose list has no room for an item that it won refuses the item.
     """
     begin(fleet, scratch, items, count)
     for k in range(count):
@@ -105,7 +105,7 @@ def parallel(costs, battery, fleet, scratch, items, count, rule, epsilon):
 
 @kernel
 def assign_once(costs, battery, fleet, scratch, workspace, items, count, rule, epsilon):
-    """Give each robot at most one of the items, with the least sum of bids; returns how many.
+    """Give each robot at most one item, with the least sum of bids; return the number of sold items.
 
     workspace: for at least max(robots, count) rows and columns.
     """
@@ -137,7 +137,7 @@ def assign_once(costs, battery, fleet, scratch, workspace, items, count, rule, e
 
 @kernel
 def begin(fleet, scratch, items, count):
-    """Announce all items; nothing is counted yet and nothing sold."""
+    """Announce all items, and reset counters and sales."""
     clear_counts(scratch)
     for k in range(count):
         scratch.left[k] = k
@@ -160,7 +160,7 @@ def bid_for_all(costs, battery, fleet, scratch, items, open_items, r, rule, epsi
 
 @kernel
 def award(costs, battery, fleet, scratch, r, task):
-    """Insert the task into robot r's list as its bid predicted; returns the position, NIL: not at all."""
+    """Insert the task into robot r's list as in its bid; return the position, NIL: infeasible."""
     position, cost = insertion_quote(costs, battery, fleet, scratch, r, task)
     if cost >= INF_COST:
         return np.int64(NIL)
@@ -172,7 +172,7 @@ def award(costs, battery, fleet, scratch, r, task):
 
 @kernel
 def award_item(scratch, open_items, item, robot):
-    """Take the item off the open ones; returns how many are left."""
+    """Remove the item from the open ones; return the number left."""
     scratch.sold[item] = robot
     at = 0
     while scratch.left[at] != item:
@@ -184,18 +184,18 @@ def award_item(scratch, open_items, item, robot):
 
 # Bids of one robot for one task, in thousandths of a tick; c1, c2: its costs without and with it.
 #
-#     MiniSum    c2 - c1: the ticks that the fleet drives in all
-#     MiniMax    c2: until the last robot is done
+#     MiniSum    c2 - c1: for the total ticks of the fleet
+#     MiniMax    c2: for the time when the last robot is done
 #     mixed      epsilon x MiniSum + (1 - epsilon) x MiniMax
-#     MiniAve    the sum of arrival times with the task less that without (Lagoudakis et al. 2005),
-#                or, as De Ryck et al. word it, the mean arrival time with it
+#     MiniAve    the increase of the sum of arrival times by the task (Lagoudakis et al. 2005),
+#                or, in De Ryck et al., the mean arrival time with the task
 #
-# A robot that has no feasible plan bids nothing (INF_COST), before anything is mixed.
+# A robot without a feasible plan does not bid (INF_COST), whatever the rule.
 
 
 @kernel
 def bid(costs, battery, fleet, scratch, r, task, rule, epsilon):
-    """The bid of robot r; INF_COST where it cannot or may not do the task."""
+    """The bid of robot r; INF_COST if it cannot or must not do the task."""
     if fleet.may_bid[r, task] == 0:
         return np.int64(INF_COST)
     scratch.count.bids += 1
@@ -217,7 +217,7 @@ def bid(costs, battery, fleet, scratch, r, task, rule, epsilon):
 
 @kernel
 def sum_of_arrivals(costs, battery, fleet, scratch, r, order, length):
-    """Ticks until each task of a feasible list is done, added up."""
+    """The sum of the ticks until each task of a feasible list is done."""
     quote_list(costs, battery, fleet, scratch, r, order, length)
     plan = scratch.plan
     ticks, inside = costs.ticks[costs.robot_type], costs.inside[costs.robot_type]
@@ -237,15 +237,15 @@ def sum_of_arrivals(costs, battery, fleet, scratch, r, order, length):
     return total
 
 
-# Which item is sold next, and to whom: of all bids, a row for each robot, INF_COST for no bid.
+# The next item and its winner, from all bids: a row for each robot, INF_COST for no bid.
 #
-# Ties: the lower bid, then the earlier item, then the robot of lower number. An item that only one
-# of several robots can do differs without bound.
+# Ties: the lower bid, then the earlier item, then the robot of lower number. An item that only one of
+# several robots can do has an infinite difference.
 
 
 @kernel
 def note_best(scratch, r, open_items):
-    """scratch.best[r] = the open item for which robot r bids lowest; NIL if it bids for none."""
+    """scratch.best[r] = the open item with the lowest bid of robot r, or NIL."""
     best, least = np.int64(NIL), np.int64(INF_COST)
     for i in range(open_items):
         k = scratch.left[i]
@@ -256,7 +256,7 @@ def note_best(scratch, r, open_items):
 
 @kernel
 def lowest(scratch, robots):
-    """(item, robot) of the lowest bid, from each robot's best; (NIL, NIL) if there is none."""
+    """(item, robot) of the lowest bid, from the best item of each robot; (NIL, NIL) without bids."""
     item, robot, least = np.int64(NIL), np.int64(NIL), np.int64(INF_COST)
     for r in range(robots):
         k = np.int64(scratch.best[r])
@@ -269,7 +269,7 @@ def lowest(scratch, robots):
 
 @kernel
 def note_bid(scratch, r, k, bid):
-    """Enter robot r's bid for item k; the item is surveyed again only if that can matter."""
+    """Store robot r's bid for item k; mark the item as outdated only if its figures may change."""
     old = scratch.bid[r, k]
     scratch.bid[r, k] = bid
     among = min(old, bid) <= scratch.second[k] or scratch.lowest_bidder[k] == r
@@ -280,7 +280,7 @@ def note_bid(scratch, r, k, bid):
 
 @kernel
 def summarize_bids(scratch, robots, k):
-    """Set lowest, second and highest finite bid, the bidders and the lowest bidder of an item."""
+    """Set lowest, second and highest finite bid, number of bidders and lowest bidder of an item."""
     low, second, high = np.int64(INF_COST), np.int64(INF_COST), np.int64(-INF_COST)
     bidders, lowest_bidder = 0, np.int64(NIL)
     for r in range(robots):
@@ -301,7 +301,7 @@ def summarize_bids(scratch, robots, k):
 
 @kernel
 def urgency(scratch, robots, k, winner):
-    """How much a surveyed item is to be preferred, by the rule; larger is sooner."""
+    """The preference of an item by the rule; larger is sold sooner."""
     if winner == WINNER_FEWEST_BIDDERS:
         return np.int64(-scratch.bidders[k])
     if scratch.bidders[k] == 1:
@@ -313,9 +313,7 @@ def urgency(scratch, robots, k, winner):
 
 @kernel
 def most_urgent(scratch, robots, open_items, winner):
-    """(item, robot) by WINNER_DIFFERENCE, WINNER_FEWEST_BIDDERS or WINNER_REGRET; (NIL, NIL) if no
-    robot bids.
-    """
+    """(item, robot) by WINNER_DIFFERENCE, WINNER_FEWEST_BIDDERS or WINNER_REGRET; or (NIL, NIL)."""
     item, most = np.int64(NIL), np.int64(-INF_COST)
     for i in range(open_items):
         k = np.int64(scratch.left[i])

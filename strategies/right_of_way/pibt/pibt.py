@@ -172,9 +172,8 @@ def look_at_robots(view, batch, state):
     empty_dead_ends(state)
     count_callers(view, state.service_areas)
     for i in range(robots.cell.shape[0]):
-        sees_plans = (
-            not limited or i == batch.robot[0]
-        )  # the choices of other robots are not visible
+        # With limited sight the choices of other robots are not visible.
+        sees_plans = not limited or i == batch.robot[0]
         state.mode[i] = MODE_FIXED
         state.begun[i] = state.turning[i] if sees_plans else 0
         state.departs[i] = NOT_ASKED

@@ -80,7 +80,7 @@ def test_an_order_that_comes_back_goes_by_its_priority(
 
 @pytest.mark.parametrize("allocation", ["auction", "cooperative", "adaptive"])
 def test_allocations_that_know_no_priorities_say_so(allocation: str) -> None:
-    with pytest.raises(InputError, match=r"knows no priorities|shelves alone|access_cell"):
+    with pytest.raises(InputError, match=r"ignores priorities|only on shelves|access_cell"):
         corridor(allocation, EAST, EAST | {"priority": 1})
 
 

@@ -166,7 +166,7 @@ def test_the_picture_of_a_design() -> None:
         ".###.####",
         ".###.....",
         "EeeeeeeeE",
-        "small letters: ways of zones; capitals: their stations; *: transfer stations",
+        "small letters: paths of zones; capitals: their stations; *: transfer stations",
         "zone 1 (d): 1 2* 3",
         "zone 2 (e): 4 5",
         "",

@@ -169,11 +169,7 @@ def test_of_a_past_beyond_the_budget_the_beginning_goes(monkeypatch: pytest.Monk
         assert run.show(tick, 99) == tick == whole.show(tick, 99)
         assert run.shown.digest == whole.shown.digest
     assert run.show(3, 99) == run.first
-<<<<<<< HEAD
-    with pytest.raises(InputError, match="are not kept any more"):
-=======
     with pytest.raises(InputError, match="is no longer stored"):
->>>>>>> 8c4ee987389a06af8eacb780f42656513c7f4ca2
         run.frames.ticks_with(5)
     branch = branch_of(run, ())  # it is computed again from the beginning
     assert branch.tick == run.first and branch.shown.digest == run.shown.digest

@@ -15,9 +15,10 @@ from automaton.engine.blockers import (
     hold,
     walk_to_cycle,
 )
+from automaton.engine.events import event
 from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.motion import direction_between
-from automaton.engine.observation import DEADLOCK_TICKS
+from automaton.engine.observation import DEADLOCK_TICKS, EVENT_DEADLOCK
 from automaton.engine.observe import find_wait
 from automaton.engine.record_codes import ACTION_MASK
 from automaton.engine.state import GOAL_NONE, NIL
@@ -28,8 +29,11 @@ NO_TICK = np.int64(1) << 62
 
 
 @kernel
-def find_deadlocks(world, watch):
-    """Count the deadlocks of this tick; `watch`: an observation whose arrays serve as scratch."""
+def find_deadlocks(world, watch, observed):
+    """Count the deadlocks of this tick; `watch`: an observation whose arrays serve as scratch.
+
+    An observed run gets the event, and for robots in deadlocks how long these have lasted.
+    """
     robots, waiters = world.robots, watch.scratch.waiters
     end_deadlocks(world)
     listed = list_standing(world, watch)
@@ -50,11 +54,11 @@ def find_deadlocks(world, watch):
             continue
         member = walk_to_cycle(watch.blocker, robots.at_index, watch.scratch.color, start)
         if member != NIL:
-            begin_deadlock(world, watch, member)
+            begin_deadlock(world, watch, observed, member)
     for k in range(listed):
         watch.blocker[U(waiters[U(k)])] = NIL
     if world.deadlocks.count.robots:
-        count_time(world)
+        count_time(world, observed)
 
 
 @kernel
@@ -132,14 +136,16 @@ def enter_cells(world, watch, i):
 
 
 @kernel
-def begin_deadlock(world, watch, first):
+def begin_deadlock(world, watch, observed, first):
     """The wait cycle through robot `first` is a deadlock: its time counts from its beginning."""
     deadlocks, count, at_index = world.deadlocks, world.deadlocks.count, world.robots.at_index
     begin, members = np.int64(0), 0
+    name = np.int64(world.robots.identity[U(first)])
     i = first
     while watch.scratch.color[U(i)] != IN_DEADLOCK:
         watch.scratch.color[U(i)] = IN_DEADLOCK
         begin = max(begin, last_activity(world, i) + 1)
+        name = min(name, np.int64(world.robots.identity[U(i)]))
         members += 1
         i = np.int64(at_index[U(watch.blocker[U(i)])])
     count.found += 1
@@ -148,12 +154,15 @@ def begin_deadlock(world, watch, first):
     for _ in range(members):
         deadlocks.number[U(i)] = count.found
         deadlocks.since[U(i)] = begin
+        deadlocks.found_at[U(i)] = world.clock.tick
         count.robot_ticks += world.clock.tick - begin + 1 - world.rules.stride
         i = np.int64(at_index[U(watch.blocker[U(i)])])
+    if world.clock.observing:
+        event(world, observed, EVENT_DEADLOCK, name, NIL, members)
 
 
 @kernel
-def count_time(world):
+def count_time(world, observed):
     """Count this tick for the robots in deadlocks, and enter the longest deadlock."""
     deadlocks, count, robots = world.deadlocks, world.deadlocks.count, world.robots
     count.next_look = world.clock.tick + 1
@@ -163,6 +172,8 @@ def count_time(world):
             continue
         begin, identity = np.int64(deadlocks.since[U(i)]), np.int64(robots.identity[U(i)])
         lasted = world.clock.tick - begin + 1
+        if world.clock.observing:
+            observed.wait_cycle_ticks[U(i)] = lasted // world.rules.stride
         is_first = begin == count.longest_begin and identity < count.longest_robot
         if lasted > count.longest or (lasted == count.longest and is_first):
             count.longest, count.longest_begin = lasted, begin

@@ -5,10 +5,8 @@ import numpy as np
 from automaton.engine.blockers import walk_to_cycle
 from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.observation import (
-    DEADLOCK_TICKS,
     EVENT_BACK,
     EVENT_CHARGING,
-    EVENT_DEADLOCK,
     EVENT_DELIVERED,
     EVENT_DEPLETED,
     EVENT_DROPPED,
@@ -230,7 +228,7 @@ def find_cycles(world, observation):
 
 @kernel
 def close_cycle(world, observation, first):
-    """Mark the cycle through `first`, and report when it closes or has lasted too long."""
+    """Mark the cycle through `first`, and report when it closes."""
     robots = world.robots
     members = 0
     youngest = np.int64(observation.wait_cycle_ticks[first])
@@ -248,5 +246,3 @@ def close_cycle(world, observation, first):
         i = np.int64(robots.at_index[observation.blocker[i]])
     if youngest == 0:
         event(world, observation, EVENT_WAIT_CYCLE, name, NIL, members)
-    elif youngest + 1 == DEADLOCK_TICKS:
-        event(world, observation, EVENT_DEADLOCK, name, NIL, members)

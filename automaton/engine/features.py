@@ -197,7 +197,11 @@ FEATURES = (
         (World, Observation, "int64"),
         lambda world, mode: world.clock.observing,
     ),
-    Feature(find_deadlocks, (World, Observation), lambda world, mode: len(world.deadlocks.number)),
+    Feature(
+        find_deadlocks,
+        (World, Observation, Observation),
+        lambda world, mode: len(world.deadlocks.number),
+    ),
 )
 (
     FAULTS, DELAYS, GATES, TRIPS, STATIONS, VISITS, MOVE_TICKS, BATTERY, SIGHT, ZONING, CHARGING,

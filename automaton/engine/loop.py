@@ -210,7 +210,7 @@ def ticks(
         if used[OBSERVATION]:
             observation(world, observed, np.int64(begins))
         if used[DEADLOCKS] and begins and clock.tick >= world.deadlocks.count.next_look:
-            find_deadlocks(world, watch)
+            find_deadlocks(world, watch, observed)
         clock.finished = is_finished(world)
 
 

@@ -523,6 +523,7 @@ class Deadlocks(Struct, role=MEASURED):
     count: DeadlockCounts = field(DeadlockCounts)
     number: Array = field("(n,) int64", "number from 1 of the deadlock that it is in, or 0")
     since: Array = field("(n,) int64", "first tick of that deadlock")
+    found_at: Array = field("(n,) int64", "tick in which it was found to be one")
 
 
 class Clock(NamedNumbers):

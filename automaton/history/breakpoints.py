@@ -97,10 +97,11 @@ def breakpoint_of(text: str) -> Breakpoint:
     words = " ".join(text.split())
     if len(words) > MAX_CONDITION_LENGTH:
         raise InputError(_too_long(words))
-    if words in ("deadlock", "wait cycle"):
-        ticks = DEADLOCK_TICKS if words == "deadlock" else 1
+    if words == "deadlock":
+        return Breakpoint(words, lambda run, plan: _members(run, _new_deadlocks(run)))
+    if words == "wait cycle":
         return Breakpoint(
-            words, lambda run, plan: _members(run, run.observation.wait_cycle_ticks == ticks)
+            words, lambda run, plan: _members(run, run.observation.wait_cycle_ticks == 1)
         )
     if words == "zones redesigned":
         return Breakpoint(words, lambda run, plan: _redesigned(run))
@@ -114,6 +115,13 @@ def breakpoint_of(text: str) -> Breakpoint:
 
 def _members(run: Simulation, mask: Array) -> Array:
     found: Array = run.world.robots.identity[np.flatnonzero(mask)]
+    return found
+
+
+def _new_deadlocks(run: Simulation) -> Array:
+    """(n,) bool: robots whose deadlock was found in the last tick."""
+    deadlocks = run.world.deadlocks
+    found: Array = (deadlocks.number > 0) & (deadlocks.found_at == run.world.clock.tick)
     return found
 
 

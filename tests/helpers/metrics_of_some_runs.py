@@ -18,7 +18,10 @@ OF_OTHER_RUNS = (
         *OF_LINES,
     ),
     *(
-        "lost_queueing",
+        "lost_charger_queue",
+        "charger_queue_share",
+        "station_queue_share",
+        "longest_standstill",
         "lost_held_back",
         "lost_station_queue",
         "lost_following",

@@ -101,7 +101,8 @@ def test_looking_at_lines_changes_no_run() -> None:
     figures = with_lines(watched)
     assert watched.digest == plain.digest
     assert figures["delivered"] == 30 and 0 <= figures["in_line"] <= 1
-    assert figures["lost_queueing"] == pytest.approx(figures["wait"] * figures["stays"])
+    in_line = figures["wait"] * figures["stays"]
+    assert figures["lost_charger_queue"] >= in_line * (1 - 1e-9), "who stands behind the line, too"
 
 
 def test_jobs_come_back_in_their_order_whoever_does_them() -> None:

@@ -235,7 +235,7 @@ def test_who_charges_for_long_or_stands_in_line_does_not_just_wait() -> None:
         stop={"when": "delivered", "max_duration": 2500},
     )
     outcome = run_once(resolved)
-    assert outcome.metrics["lost_queueing"] > 1000, "one charges, the other is next"
+    assert outcome.metrics["lost_charger_queue"] > 1000, "one charges, the other is next"
     assert not outcome.finished and "only waited" not in outcome.diagnosis
 
 

@@ -1,0 +1,90 @@
+"""Where the time of robots went: each tick of each robot is used for one thing."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import msgspec
+import pytest
+from small_runs import SmallRun
+from whole_floors import drawn_whole, resolved_whole
+
+from automaton.engine.state import GOAL_STOP
+from automaton.errors import InputError
+from automaton.runs.metrics import metrics_by_robot, metrics_of, uses_of_run
+from automaton.runs.simulation import Simulation
+from automaton.scenario.schema import Durations
+from automaton.world.resolve import resolve
+from automaton.world.resolved import Resolved
+
+SCENARIOS = [
+    ("tabletop-1", []),
+    ("tabletop-mini", ["strategy.right_of_way=pibt"]),
+    ("goods-mini", []),
+    ("bad-day", []),
+    ("depots", []),
+]
+
+
+@pytest.mark.parametrize("until", [1, 10, 333, 1000])
+@pytest.mark.parametrize("name, settings", SCENARIOS)
+def test_all_uses_together_are_the_time_of_the_fleet(
+    name: str, settings: list[str], until: int
+) -> None:
+    check_uses(resolve(name, settings), until)
+
+
+@pytest.mark.parametrize("seed", range(15))
+def test_so_they_are_on_floors_that_nobody_drew(seed: int) -> None:
+    for until in (1, 77, 400):
+        check_uses(whole(seed), until)
+
+
+def check_uses(resolved: Resolved, until: int) -> None:
+    run = Simulation(resolved)
+    run.run(until)
+    uses = uses_of_run(run)
+    assert sum(uses.values()) == run.tick * resolved.scenario.fleet.robots
+    assert all(ticks >= 0 for ticks in uses.values()), uses
+    figures, robots = metrics_of(run), metrics_by_robot(run)
+    for name in (name for name in figures if name.startswith("lost_")):
+        assert figures[name] == sum(row[name] for row in robots) == uses[name]
+    shares = (row["utilization"] for row in robots)
+    assert sum(shares) * run.tick == pytest.approx(uses["on_orders"])
+
+
+def whole(seed: int) -> Resolved:
+    """A drawn scenario with everything on that `check` accepts."""
+    for attempt in range(50):
+        with suppress(InputError, msgspec.ValidationError):
+            return resolved_whole(drawn_whole(100 * seed + attempt))
+    raise AssertionError("no scenario could be drawn")
+
+
+def driver(picture: str, way: str, durations: Durations | None = None) -> SmallRun:
+    """One robot that drives a way for an order."""
+    floor = SmallRun(picture, durations=durations, kinematics="differential")
+    floor.send("A", way)
+    floor.world.robots.goal_type[:] = GOAL_STOP
+    floor.world.robots.goal_cell[:] = 0  # nowhere on its way
+    return floor
+
+
+def making_way(floor: SmallRun) -> int:
+    return int(floor.world.time_use.making_way.sum())
+
+
+def test_a_move_there_and_back_is_made_for_others() -> None:
+    floor = driver("A...", "EE").tick(2)
+    assert making_way(floor) == 0
+    floor = driver("A...", "EWE").tick(7)
+    # east, two turns, west, two turns, east: of the moves two are undone; no turn is needed for them
+    assert making_way(floor) >= 2
+
+
+def test_turns_that_a_move_does_not_need_lead_nowhere() -> None:
+    floor = driver("A..", "E", Durations(turn=3))
+    heading = floor.world.robots.heading
+    heading[:] = 0
+    floor.tick()
+    assert making_way(floor) == 0

@@ -19,7 +19,7 @@ from automaton.runs.metrics import Counted, counted
 from automaton.runs.progress import asked_orders, has_lines
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import summed
-from automaton.scenario.quantities import clock_text
+from automaton.scenario.quantities import TIME, Dimension, clock_text, read_amount
 from automaton.units import exact_time
 from automaton.world.resolved import Resolved
 
@@ -94,22 +94,19 @@ def ticks_of_period(resolved: Resolved, text: str | None) -> int:
 
     Raises InputError for a text that is neither a time nor a number of ticks.
     """
-    seconds = exact_time(resolved.scenario.units.tick)
+    scale = resolved.scenario.units.scale
     if text is None:
+        seconds = exact_time(scale.tick)
         return 0 if seconds is None else max(1, round(HOUR_S / seconds))
-    if text.isdecimal() and int(text):
-        return int(text) * resolved.scenario.refine
-    wanted = exact_time(text)
-    if wanted is None or not wanted:
-        raise InputError(f"--every takes ticks or a time, such as 500 or 15min, not '{text}'")
-    if seconds is None:
-        raise InputError(
-            f"--every {text} is a time, and units.tick is '{resolved.scenario.units.tick}'; "
-            "give a number of ticks"
-        )
-    ticks = wanted / seconds
+    if text.strip().isdecimal():
+        ticks = Fraction(int(text) * resolved.scenario.refine)
+    else:
+        try:
+            ticks = TIME.number(read_amount(text, (Dimension.TIME,)), scale)
+        except InputError as error:
+            raise InputError(f"--every: {error.message}") from None
     if ticks < 1:
-        raise InputError(f"--every {text} is less than a tick ({resolved.scenario.units.tick})")
+        raise InputError(f"--every {text} is less than a tick")
     return round(ticks)
 
 

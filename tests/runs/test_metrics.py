@@ -114,7 +114,7 @@ def test_a_robot_alone_never_waits() -> None:
     for allocation in ("independent", "cooperative"):
         figures = metrics_of(simulation := ran("tabletop-1", 1, allocation))
         lost = [figures[name] for name in figures if name.startswith("lost_")]
-        assert (lost, figures["retreats"], figures["blocked_share"]) == ([0] * 5, 0, 0)
+        assert (lost, figures["retreats"], figures["blocked_share"]) == ([0] * 6, 0, 0)
         assert metrics_by_robot(simulation)[0]["waits"] == 0
 
 
@@ -147,13 +147,15 @@ def test_time_at_stops_is_active_and_in_the_queue_of_a_station_lost() -> None:
     assert first["utilization"] == (2 * 52 - 2) / 122, "its second pod is home as its drop begins"
     assert second["utilization"] == 52 / 122
     figures = metrics_of(simulation)
-    assert figures["blocked_share"] == 20 / (102 + 52 + 20)
+    assert figures["station_queue_share"] == 20 / (102 + 52 + 20)
+    assert figures["blocked_share"] == 0, "that is traffic alone"
 
 
 def test_a_run_of_no_ticks_has_figures() -> None:
     simulation = Simulation(resolve("tabletop-mini"))
     figures = metrics_of(simulation)
-    assert figures["makespan"] == figures["throughput"] == figures["utilization"] == 0
+    assert figures["throughput"] == figures["utilization"] == 0
+    assert "makespan" not in figures, "it has not ended"
     assert len(metrics_by_robot(simulation)) == 3
 
 

@@ -71,7 +71,7 @@ def moves(world: World) -> int:
 
 
 def give_routes(world: World, width: int, steps: int) -> None:
-    """Set routes of so many steps round the rings, from where the robots stand."""
+    """Set routes with a number of steps round the rings, from the robots' cells."""
     robots = world.robots
     y, x = np.divmod(robots.cell, world.grid.width)
     row, column = y - 1, x - 1

@@ -350,7 +350,7 @@ class Gates(Struct, role=STATIC):
         "(g,) int32", "first entry in the list of its entrants", default=NIL, role=SCRATCH
     )
     entrant: Array = field("(y,) int32", "storage index of a robot", role=SCRATCH)
-    entrant_cell: Array = field("(y,) int32", "the cell that it wants to enter", role=SCRATCH)
+    entrant_cell: Array = field("(y,) int32", "the cell that it tries to enter", role=SCRATCH)
     next_entrant: Array = field("(y,) int32", "the next entry of the same gate", role=SCRATCH)
 
 

@@ -59,7 +59,7 @@ INTENT_ROBOT = 2
 INTENT_STATE = 3  # 0 undecided, MOVED or REFUSED
 INTENT_CELL = 4  # where it stands
 INTENT_DIRECTION = 5
-INTENT_FREED = 6  # room that it gives up at once when it moves
+INTENT_FREED = 6  # room that it releases at once when it moves
 INTENT_TICKS = 7  # under convoy: its own ticks, then the ticks that it takes
 
 

@@ -82,7 +82,7 @@ STATUS_FAILING: Final = 1  # it breaks down as soon as its current operation end
 STATUS_EXHAUSTED: Final = 2  # its battery lacks the charge for its next operation
 STATUS_DEPLETED: Final = 3  # down on the floor, without charge
 STATUS_FAILED: Final = 4  # down on the floor because of a fault
-STATUS_TOWED: Final = 5  # off the floor, until it comes back
+STATUS_TOWED: Final = 5  # off the floor, until it returns
 STATUS_REMOVED: Final = 6  # off the floor for good
 
 # Goals: the task of a robot at its goal cell.
@@ -625,7 +625,7 @@ class ZoningDecisions(Struct):
     design: Design
     queued: int = field("() int64", "number of entries in use in the next four arrays", role=CALL)
     order: Array = field("(m,) int32", "this order")
-    queue: Array = field("(m,) int32", "comes into the queue of this zone")
+    queue: Array = field("(m,) int32", "enters the queue of this zone")
     next_slot: Array = field("(m,) int32", "and is to be dropped at this slot")
     skips_transfer: Array = field("(m,) uint8", "1 = past transfer stations")
     refused: int = field(

@@ -69,7 +69,7 @@ def test_robots_charge_on_chargers_only() -> None:
     head = floor(battery=BATTERY)
     assert played(head, {0: EXECUTED_CHARGE}, {0: EXECUTED_CHARGE}, {0: E}, {0: E}, {0: S}).valid
     assert rules(played(head, {0: E}, {0: EXECUTED_CHARGE})) == ["energy"]
-    assert "no charger" in texts(played(head, {0: E}, {0: EXECUTED_CHARGE}))
+    assert "without a charger" in texts(played(head, {0: E}, {0: EXECUTED_CHARGE}))
 
 
 def test_waits_and_standing_still_are_paid_too() -> None:

@@ -533,7 +533,7 @@ def _kinds(row: list[str], y: int) -> list[int]:
 
 
 def _number(text: str) -> float:
-    """The number of a text; NaN if it is none."""
+    """The number of a text; NaN for other texts."""
     plain = text.strip().replace(",", ".")
     return float(plain) if CAPACITY_NUMBER.fullmatch(plain) else math.nan
 

@@ -154,7 +154,7 @@ def unreadable(
 ) -> str:
     """Describe a text that is not a time, and suggest a format.
 
-    `others`: further texts of the column that are no times; `good`: a text that is a time.
+    `others`: further texts of the column that are not times; `good`: a text that is a time.
     """
     if _SERIAL.fullmatch(text):
         days = f"{text!r} is a number of days, as spreadsheets store dates"

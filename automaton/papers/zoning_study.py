@@ -60,8 +60,8 @@ WHY_THEY_DIFFER: Final = (
     "on a grid. Here a tick is the 0.635 s that a cell takes, and a pick or a drop takes 4 to 12 ticks. "
     "With fixed zones and without sharing this makes about half a second for each leg of the busiest "
     "robot. Redesigned zones are a random walk in which any second can lead to other zones, so only "
-    "means over many runs can be compared, and that program's means come from few runs (+-: 95 % interval of "
-    "the difference). SA and GA drive slightly less here, for an unknown reason."
+    "means over many runs can be compared, and that program's means come from few runs (+-: 95 % "
+    "interval of the difference). SA and GA drive slightly less here, for an unknown reason."
 )
 METRIC_WORDS: Final = {
     "hours": "hours",

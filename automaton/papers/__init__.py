@@ -1,1 +1,1 @@
-"""Published tables beside ours."""
+"""Reproductions of published studies: their tables beside ours."""

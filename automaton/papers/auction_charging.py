@@ -1,11 +1,11 @@
-"""Section 5.2 of De Ryck et al. and what follows it: one robot that charges by several rules.
+"""Section 5.2 of De Ryck et al. and extensions: one robot that charges by several rules.
 
-A robot starts at depot 1, 2 or 3 with a full battery, drives its tour (the sequential auction's,
-without regard to charging) and charges at position 2 or at positions 1, 2 and 3.
+A robot starts at depot 1, 2 or 3 with a full battery, drives its tour (from the sequential auction
+without charging) and charges at position 2 or at positions 1, 2 and 3.
 
-Figures 5 and 6c show computing time. The printed curves are lost and the text gives no seconds, so none
-stand beside ours; what the text says of the curves is judged. Times are CPU times of this process: they
-differ from machine to machine and from run to run, and nothing else of the reproduction does.
+Figures 5 and 6c show computing time. The printed curves are lost and the text gives no seconds, so our
+times have no printed counterparts; the statements of the text about the curves are judged. Times are CPU
+times of this process. They are the only part of the reproduction that varies by machine and by run.
 """
 
 from __future__ import annotations
@@ -52,8 +52,8 @@ from strategies.allocation.auction.market import (
 from strategies.allocation.auction.sequential import BID_MIXED
 from strategies.allocation.auction.sequential import WINNER_LOWEST_BID as LOWEST_BID
 
-TOUR_DRAIN: Final = 3 * CHARGE_PERCENT // 10  # a second
-TOUR_RATE: Final = CHARGE_PERCENT  # a second
+TOUR_DRAIN: Final = 3 * CHARGE_PERCENT // 10  # per second
+TOUR_RATE: Final = CHARGE_PERCENT  # per second
 TAPER: Final = (
     (0, CHARGE_PERCENT),
     (80 * CHARGE_PERCENT, CHARGE_PERCENT // 2),
@@ -72,20 +72,20 @@ CHARGING_POLICIES: Final[Mapping[str, Mapping[str, Any]]] = {
     "fill-up": {"policy": POLICY_FILL_UP, "end_reach": True},
     "fill to 80": {"policy": POLICY_FILL_UP, "end_reach": True, "target": 80 * CHARGE_PERCENT},
 }
-BATCHES: Final = 200  # driven back to back
+BATCHES: Final = 200  # consecutive batches
 FIGURE_5: Final = "Figure 5"
 FIGURE_6C: Final = "Figure 6c"
 SOLVERS: Final = {"optimum ms": OPTIMUM, "m^n ms": "m^n", "GA ms": "GA", "auction ms": "LB"}
 TIMED_CHARGERS: Final = (1, 2, 3)
 RULES: Final = {"as needed us": "r20", "threshold us": "look"}
-QUOTES: Final = 100  # of a quote, which takes microseconds
-TIMED_TRIES: Final = 3  # the shortest counts: other processes only add
-PRINTED_SEEDS: Final = 5  # as many as in print
+QUOTES: Final = 100  # repetitions of a quote, which takes only microseconds
+TIMED_TRIES: Final = 3  # the shortest time counts, since other processes only add to it
+PRINTED_SEEDS: Final = 5  # as in the paper
 
 
 @cache
 def battery(name: str, chargers: tuple[int, ...] = (2,), taper: bool = False) -> BatteryRules:
-    """The rules of a policy."""
+    """The battery rules of a policy."""
     curve = TAPER if taper else TOUR_RATE
     return rules(seconds(), TOUR_DRAIN, curve, chargers, **CHARGING_POLICIES[name])
 
@@ -94,17 +94,17 @@ class Driven(NamedTuple):
     """A tour with its charging."""
 
     cost: float  # seconds
-    gross: float  # seconds spent on charging, with the ways there and on
-    net: float  # less the legs that were replaced
-    end: int  # units at the end
-    lowest: int  # units, the least on the way
+    gross: float  # seconds for charging, including the ways to the charger and on
+    net: float  # gross minus the replaced legs
+    end: int  # charge at the end in units
+    lowest: int  # lowest charge on the way in units
     stops: int
     feasible: bool
-    states: int  # looked at by the plan
+    states: int  # states examined by the planner
 
 
 def lone_robot(stations: tuple[int, ...], start: int, rule: BatteryRules) -> Instance:
-    """One robot with an empty list, and tasks at these stations."""
+    """An instance of one robot with an empty list, and tasks at these stations."""
     n = len(stations)
     fleet = fleet_at((start,), n)
     scratch, items = scratch_of(fleet, n), np.arange(n, dtype=np.int32)
@@ -116,7 +116,7 @@ def lone_robot(stations: tuple[int, ...], start: int, rule: BatteryRules) -> Ins
 
 @cache
 def tour(stations: tuple[int, ...], start: int) -> tuple[int, ...]:
-    """The stations in the order in which the sequential auction puts them into one list."""
+    """The stations in the order of the sequential auction with one robot."""
     one = lone_robot(stations, start, NO_BATTERY["full"])
     sequential.sequential(*one.market, one.items, one.tasks, BID_MIXED, 0, LOWEST_BID, 0)
     return tuple(stations[task] for task in listed(one.fleet, 0))
@@ -124,7 +124,7 @@ def tour(stations: tuple[int, ...], start: int) -> tuple[int, ...]:
 
 @cache
 def driven_work(stations: tuple[int, ...]) -> TaskCosts:
-    """Stations to be driven to."""
+    """The tasks of visiting these stations."""
     return work_of(stations, seconds(), TOUR_DRAIN)
 
 
@@ -135,7 +135,7 @@ def single_scratch(tasks: int, chargers: int) -> AuctionScratch:
 
 
 def drive(stations: tuple[int, ...], start: int, charge: int, rule: BatteryRules) -> Driven:
-    """Drive these stations in this order."""
+    """Drive to these stations in this order."""
     task_costs = driven_work(stations)
     scratch = single_scratch(len(stations), len(rule.charger))
     quotes.clear_counts(scratch)
@@ -155,13 +155,13 @@ def drive(stations: tuple[int, ...], start: int, charge: int, rule: BatteryRules
 
 
 def start_of(seed: int, n: int, number: int) -> int:
-    """A depot, drawn from 1 to 3."""
+    """A random depot from 1 to 3."""
     with np.errstate(over="ignore"):
         return int(random_between(1, 3, np.uint64(seed), STREAM_STARTS, n, number))
 
 
 def charging_costs(seed: int, n: int, number: int, chargers: tuple[int, ...]) -> dict[str, float]:
-    """The figures of one tour of n tasks by the four rules of the comparison."""
+    """The metrics of one tour of n tasks by the four compared rules."""
     start = start_of(seed, n, number)
     stations = tour(task_set(seed, n, number), start)
     by = {
@@ -180,7 +180,7 @@ def charging_costs(seed: int, n: int, number: int, chargers: tuple[int, ...]) ->
     found["end r20"], found["end look"], found["end safe"] = (
         by[name].end / BATTERY_FULL for name in ("r20", "look", "safe")
     )
-    # Per instance: where anything is charged, is the plan dearer than the threshold's?
+    # Per instance with charging: does the plan cost more than the threshold rule?
     found["gross worse"] = float(by["r20"].gross > by["look"].gross)
     found["time worse"] = float(by["r20"].cost > by["look"].cost)
     keeps = by["look"].lowest >= THRESHOLD
@@ -190,7 +190,7 @@ def charging_costs(seed: int, n: int, number: int, chargers: tuple[int, ...]) ->
 
 
 def whole_objective(seed: int, n: int, number: int) -> dict[str, float]:
-    """One robot: charging in the bids of the auction, or the threshold after the genetic tour."""
+    """One robot: charging in the bids of the auction, or by threshold after the genetic tour."""
     start = start_of(seed, n, number)
     stations = task_set(seed, n, number)
     found = {}
@@ -206,16 +206,16 @@ def whole_objective(seed: int, n: int, number: int) -> dict[str, float]:
 
 
 def inserted_by_arrival(stations: tuple[int, ...], start: int) -> tuple[int, ...]:
-    """The only list that the genetic algorithm can make for a single robot."""
+    """The only list that the genetic algorithm can create for a single robot."""
     one = lone_robot(stations, start, NO_BATTERY["full"])
     sequential.by_arrival(*one.market, one.items, one.tasks, BID_MIXED, 0)
     return tuple(stations[task] for task in listed(one.fleet, 0))
 
 
 def rolling(seed: int, size: int, name: str, taper: bool) -> tuple[float, float]:
-    """(seconds per task, share of batches without a plan) of batches driven back to back.
+    """(seconds per task, share of batches without a plan) of consecutive batches.
 
-    Where there is no plan the robot is towed to the charger, at driving speed, and charged fully.
+    Without a plan the robot is towed to the charger at driving speed and charged fully.
     """
     rule = battery(name, (2,), taper)
     charger = 2
@@ -249,7 +249,7 @@ def full_charge(level: int, taper: bool) -> float:
 
 
 def cpu_seconds(work: Callable[[], object]) -> float:
-    """The least CPU time of some tries."""
+    """The least CPU time of TIMED_TRIES tries."""
     spent = []
     for _ in range(TIMED_TRIES):
         begun = time.process_time_ns()
@@ -297,7 +297,7 @@ def charging_times(case: Case, seed: int) -> list[Mapping[str, float]]:
 TIME_TABLES: Final = (
     PublishedTable(
         title="Figure 5: milliseconds for two robots, on this machine (optimum: an exact search; m^n: "
-        "all allotments; no printed seconds are left)",
+        "all allotments; no times are printed)",
         cases=crossed(computing=(FIGURE_5,), tasks=range(1, 11)),
         panels=(tuple(SOLVERS),),
         run=each_seed(solving_times),
@@ -307,7 +307,7 @@ TIME_TABLES: Final = (
     ),
     PublishedTable(
         title="Figure 6c: microseconds of one robot's charging plan, on this machine, chargers 1, 2, 3 "
-        "(a call from Python included; no printed seconds are left)",
+        "(including a call from Python; no times are printed)",
         cases=crossed(computing=(FIGURE_6C,), tasks=range(1, 11)),
         panels=((*RULES, "no battery us"),),
         run=each_seed(charging_times),
@@ -319,12 +319,12 @@ TIME_TABLES: Final = (
 
 
 def spent(name: str, tasks: int, computing: str = FIGURE_5) -> MeanQuantity:
-    """The mean time of a method for so many tasks."""
+    """The mean time of a method for a number of tasks."""
     return mean_of(name, computing, tasks)
 
 
 def about_times() -> Iterator[Claim]:
-    """What the text says of the curves of Figures 5 and 6c."""
+    """The statements of the text about the curves of Figures 5 and 6c."""
     for name in ("optimum ms", "m^n ms"):
         yield claim(
             f"Figure 5: the computing time of the optimum grows exponentially ({name[:-3]})",

@@ -1,8 +1,8 @@
 """De Ryck et al., sections 4 and 5: sequential auctions with the cost of charging in the bids.
 
 M. De Ryck, D. Pissoort, T. Holvoet, E. Demeester: Decentral task allocation for industrial AGV-systems
-with resource constraints. Its figures hold curves, no numbers: only the worked example stands beside
-printed ones. What it concludes is read as figures that runs decide.
+with resource constraints. Its figures show curves without numbers, so only the worked example can be
+compared with printed numbers. Its conclusions are read as quantities that runs decide.
 """
 
 from __future__ import annotations
@@ -60,10 +60,10 @@ SCALES: Final = (
 )
 COMPARED_METHODS: Final = tuple(method for method in METHODS if method not in (OPTIMUM, AGAIN))
 POOLED: Final = tuple(range(2, MOST_TASKS + 1))
-FLOORS: Final = (("full", 6), ("comb", 4))  # and the most robots there
+FLOORS: Final = (("full", 6), ("comb", 4))  # floor, largest fleet
 SHOWN_METHODS: Final = (OPTIMUM, "LB", "LB+search", "GA", "GA each gene")
 TOURS_PER_SEED: Final = 10
-TOUR_CHARGERS: Final = (("2", 1), ("1,2,3", 8))  # and the fewest tasks of a tour
+TOUR_CHARGERS: Final = (("2", 1), ("1,2,3", 8))  # chargers, least number of tasks in a tour
 CHARGING_SHARES: Final = (
     ("charges r0", "charges r20", "empty look", "end r20", "end look", "end safe"),
     ("gross worse", "time worse", "time worse, floor kept"),
@@ -85,7 +85,7 @@ PRINTED_EXAMPLE: Final[Mapping[Key, Figures]] = {
 
 
 def example_figures(case: Case, seed: int) -> list[Figures]:
-    """The bids of section 4; nothing about it is random."""
+    """The bids of section 4, which are deterministic."""
     one = bids_for(str(case.labels["setting"]))[int(case.labels["robot"]) - 1]
     found: dict[str, float] = {} if one.before is None else {"c1": one.before}
     if one.cost is not None and one.added is not None and one.mixed is not None:
@@ -119,7 +119,7 @@ def ratio_table(
 
 
 def epsilon_table(name: str, epsilon: int, tasks: Sequence[int]) -> PublishedTable:
-    """Ratios of the objective that mixes the sum into it."""
+    """Ratios of the objective with a share of the sum."""
     title = f"Section 5.1 with {name}: objective as a multiple of the optimum"
     cases = crossed(objective=(name,), robots=(2, 3))
     return ratio_table(title, cases, ("LB", "BD", "regret", "GA"), tasks, epsilon)
@@ -134,7 +134,7 @@ def makespans(case: Case, seed: int) -> list[Figures]:
 
 
 def efforts(case: Case, seed: int) -> list[Figures]:
-    """What is computed for two robots: bids, and places in lists that are tried."""
+    """The work for two robots: bids, and tried places in lists."""
     n = int(case.labels["tasks"])
     by = {method: solve("full", 2, n, seed, method, 0) for method in ("LB", "arrival", "GA")}
     return [
@@ -150,7 +150,7 @@ def efforts(case: Case, seed: int) -> list[Figures]:
 
 
 def efforts_by_robots(case: Case, seed: int) -> list[Figures]:
-    """What is computed for ten tasks: if only the winner bids again after a sale, or everybody does."""
+    """The work for ten tasks, if only the winner or every robot bids again after a sale."""
     robots = int(case.labels["robots"])
     by = {
         name: solve("full", robots, MOST_TASKS, seed, method, 0)
@@ -176,7 +176,7 @@ def objectives(case: Case, seed: int) -> list[Figures]:
 
 
 def horizon(case: Case, seed: int) -> list[Figures]:
-    """Batches back to back, by each policy."""
+    """Consecutive batches with each policy."""
     size, taper = int(case.labels["batch"]), case.labels["curve"] == "taper"
     found: dict[str, float] = {}
     for name in ROLLING:
@@ -348,8 +348,10 @@ def about_quality() -> Iterator[Claim]:
 
 
 def about_work() -> Iterator[Claim]:
-    """Section 5.1: computing. Bids are counted: of 10 tasks and m robots 55 m if everybody bids again,
-    10 m + 45 if the winner does. Places depend on the tours.
+    """Section 5.1: computing effort.
+
+    For 10 tasks and m robots, the number of bids is 55 m if every robot bids again after a sale, and
+    10 m + 45 if only the winner does. Tried places depend on the tours.
     """
     yield claim(
         "The auction's work grows linearly with the tasks",
@@ -394,12 +396,12 @@ def about_work() -> Iterator[Claim]:
 
 
 def saving(label: str, ours: str, theirs: str) -> Figure:
-    """How much less a cost of ten tasks is than another, as a share of the other."""
+    """A figure: the relative saving of one cost of ten tasks against another."""
     return above(label, 1 - mean_of(ours, "2", 10) / mean_of(theirs, "2", 10), unit="%")
 
 
 def never(what: str, name: str, tasks: int = 10) -> Figure:
-    """A figure: the share of tours of so many tasks, which must be none."""
+    """A figure: the share of tours with a number of tasks, which must be 0."""
     label = f"share of tours of {tasks} tasks {what}"
     return Figure(label, mean_of(name, "2", tasks), at_most=0, unit="%")
 
@@ -443,7 +445,7 @@ def about_charging() -> Iterator[Claim]:
 
 
 def about_the_horizon() -> Iterator[Claim]:
-    """What changes when batch follows on batch."""
+    """The results for consecutive batches."""
     for curve in ("linear", "taper"):
         for size in (2, 4, 8):
             yield claim(
@@ -466,27 +468,27 @@ AUCTION_CLAIMS: Final = (
 )
 
 AUCTION_REMARKS: Final = (
-    "The figures with the layout and the curves are lost, and the text gives no seconds: the floor has "
-    "every length of the text, and ratios, Figure 5 and Figure 6c stand beside no printed number. Nine "
-    "lanes are needed for those lengths, eight may be there or not (`comb` leaves out four of them).",
-    "Only position 2 may charge in the worked example. Section 3.2.1 puts chargers at the depots: then "
-    "robot 2 charges for a second where it stands, bids 66 and wins.",
-    "Among the places for the charger with equal cost, [2, 5, 4, 9, 14] and [5, 2, 4, 9, 14] tie; the "
-    "printed one is nearer to the charger when it leaves its route.",
-    "The winner of the example ends 120 m from the charger with 10 % left and needs 60 %. If a charger "
-    "must stay in reach (never strand), neither robot can bid.",
-    "Equation 7 prints an intersection where the charging stop is inserted.",
+    "The figures with the layout and the curves are lost, and the text gives no seconds: our floor has "
+    "all lengths that the text states, and ratios, Figure 5 and Figure 6c have no printed counterparts. "
+    "These lengths need nine lanes; eight more may exist or not (`comb` omits four of them).",
+    "In the worked example robots can charge only at position 2. Section 3.2.1 places chargers at the "
+    "depots: then robot 2 charges for a second at its place, bids 66 and wins.",
+    "[2, 5, 4, 9, 14] and [5, 2, 4, 9, 14] are charging stops with equal cost; in the printed one the "
+    "robot is nearer to the charger when it leaves its route.",
+    "The winner of the example ends 120 m from the charger with 10 % left and would need 60 % to reach "
+    "it. If a charger must stay in reach (never strand), neither robot can bid.",
+    "Equation 7 prints an intersection instead of the insertion of the charging stop.",
     "With one robot `only one solution is possible` if every method inserts tasks in the same order; "
     "the auction picks the order itself.",
-    "For two robots, m^n allotments are fewer than what the genetic algorithm tries; that the optimum is "
-    "slower (Figure 5) needs all (n + m - 1)! / (m - 1)! sequences.",
+    "For two robots, the m^n allotments are fewer than the solutions that the genetic algorithm tries; "
+    "the optimum is slower (Figure 5) only if it tries all (n + m - 1)! / (m - 1)! sequences.",
     "Robots 5 and 6 share depots 1 and 2 with robots 1 and 2; robot 4 starts at an added depot 17.",
-    "Ratios of 20 seeds differ by about 0.02 from those of others; the standard error is beside each. "
-    "100 seeds are 900 task sets for each number of robots.",
-    "In the last table a robot without a plan is towed to the charger, at driving speed, and charged "
-    "fully, which is a rosy view of a rescue.",
-    "With a tapering curve single stops are exact; where one stop cannot do, several are placed as for a "
-    "linear curve.",
+    "Ratios from different sets of 20 seeds differ by about 0.02; the standard error is beside each. "
+    "100 seeds give 900 task sets for each number of robots.",
+    "In the last table a robot without a plan is towed to the charger at driving speed and charged "
+    "fully, which is an optimistic model of a rescue.",
+    "With a tapering curve single stops are exact; if one stop is not enough, several are planned as for "
+    "a linear curve.",
 )
 
 AUCTION_HEADLINES: Final = (

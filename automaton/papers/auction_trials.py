@@ -1,9 +1,9 @@
 """The trials of De Ryck et al.: their floor and fleets, task sets, assigned routes, the worked example.
 
-Places are the positions 1..17 of the paper's figure less one; one tick is a second, robots drive 1 m/s,
-and makespans are in seconds. A task set of a seed (section 5.1) has stations without repetition, the
-first n of a shuffle that is drawn for each n; it is the same for every method, number of robots and
-floor. With epsilon the objective is epsilon x sum + (1 - epsilon) x longest.
+Places are the positions 1..17 of the paper's figure minus one. A tick is a second, robots drive 1 m/s,
+and makespans are in seconds. A task set of a seed (section 5.1) has n distinct stations, the first of a
+shuffle drawn for each n; it is the same for every method, number of robots and floor. With epsilon the
+objective is epsilon x sum + (1 - epsilon) x longest.
 """
 
 from __future__ import annotations
@@ -50,25 +50,25 @@ from strategies.allocation.auction.sequential import (
 )
 
 CHARGE_PERCENT: Final = BATTERY_FULL // 100
-DEPOT_POSITIONS: Final = (1, 2, 3, 17, 1, 2)  # where robots 1..6 start; five and six share a depot
+DEPOT_POSITIONS: Final = (1, 2, 3, 17, 1, 2)  # starts of robots 1..6; robots 5 and 6 share a depot
 STATION_POSITIONS: Final = tuple(range(4, 17))
-STREAM_TASK_SETS: Final = 14  # of random draws; each stream has a number of its own
+STREAM_TASK_SETS: Final = 14  # number of the stream of random draws
 MOST_TASKS: Final = 10
 OPTIMUM: Final = "optimum"
-AGAIN: Final = "LB, all bid again"  # the same lists, with more work
+AGAIN: Final = "LB, all bid again"  # the same lists as LB, with more work
 PICTURE_ROBOTS: Final = 3
 PICTURE_TASKS: Final = 10
-PICTURE_SEED: Final = 12  # of the first twenty, the one with the largest difference
+PICTURE_SEED: Final = 12  # the seed of the first twenty with the largest difference
 PICTURE_CELL_WIDTH: Final = 7  # characters of a cell
 
-# Section 4: robot 1 is at 3 with 100 %, robot 2 at 1 with 45 %; driving takes 0.5 % a second, charging
-# gives 5 %.
+# Section 4: robot 1 is at position 3 with 100 % charge, robot 2 at position 1 with 45 %; driving takes
+# 0.5 % per second, charging adds 5 % per second.
 EXAMPLE_STARTS: Final = (3, 1)
 EXAMPLE_CHARGES: Final = (BATTERY_FULL, 45 * CHARGE_PERCENT)
 EXAMPLE_LISTS: Final = ((7, 8, 13), (5, 4, 9))
 EXAMPLE_NEW_TASK: Final = 14
-EXAMPLE_DRAIN: Final = CHARGE_PERCENT // 2  # a second
-EXAMPLE_RATE: Final = 5 * CHARGE_PERCENT  # a second
+EXAMPLE_DRAIN: Final = CHARGE_PERCENT // 2  # per second
+EXAMPLE_RATE: Final = 5 * CHARGE_PERCENT  # per second
 HALF: Final = BID_SCALE // 2  # epsilon
 
 EXAMPLE_SETTINGS: Final[Mapping[str, Mapping[str, Any]]] = {
@@ -92,7 +92,7 @@ def seconds(lanes: str = "full") -> Array:
 
 
 def place(position: int) -> int:
-    """The place of a position of the paper."""
+    """The place of a position in the paper."""
     return position - 1
 
 
@@ -109,7 +109,7 @@ def rules(
     policy: int = POLICY_NO_CHARGING,
     **settings: Any,
 ) -> BatteryRules:
-    """A battery; rate: units per second of charging, or the pieces of a curve."""
+    """The rules of a battery; rate: units per second of charging, or the pieces of a curve."""
     curve = ((0, rate),) if isinstance(rate, int) else tuple(rate)
     places = [place(charger) for charger in chargers]
     return battery_of(between.astype(np.int64) * drain, places, curve, policy=policy, **settings)
@@ -128,13 +128,13 @@ def fleet_at(
 
 
 def scratch_of(fleet: FleetLists, tasks: int, chargers: int = 1) -> AuctionScratch:
-    """Scratch for auctions of so many tasks among this fleet."""
+    """Scratch memory for auctions of a number of tasks among this fleet."""
     robots, longest = fleet.order.shape
     return scratch_for(robots, tasks, longest, chargers)
 
 
 def give(fleet: FleetLists, robot: int, tasks: Sequence[int]) -> None:
-    """Make these tasks, by number, the robot's list."""
+    """Set the list of a robot to these tasks, given by number."""
     fleet.order[robot, : len(tasks)] = tasks
     fleet.length[robot] = len(tasks)
 
@@ -142,7 +142,7 @@ def give(fleet: FleetLists, robot: int, tasks: Sequence[int]) -> None:
 def empty(
     task_costs: TaskCosts, battery: BatteryRules, fleet: FleetLists, scratch: AuctionScratch
 ) -> None:
-    """Take all tasks off all lists."""
+    """Empty all lists."""
     fleet.length[:] = 0
     settle_all(task_costs, battery, fleet, scratch)
 
@@ -153,12 +153,12 @@ def listed(fleet: FleetLists, robot: int) -> list[int]:
     return found
 
 
-# Section 5.1: task sets, and what each method makes of them.
+# Section 5.1: task sets, and their solutions by each method.
 
 
 @cache
 def task_set(seed: int, n: int, number: int = 0) -> tuple[int, ...]:
-    """n stations, drawn without repetition: the first n of a Fisher-Yates shuffle."""
+    """n distinct random stations: the first n of a Fisher-Yates shuffle."""
     left = list(STATION_POSITIONS)
     address = number * (MOST_TASKS + 1) + n
     with np.errstate(over="ignore"):
@@ -194,7 +194,7 @@ class Instance:
 
 
 def instance(lanes: str, robots: int, n: int, seed: int, epsilon: int = 0) -> Instance:
-    """The task set of a seed and so many robots, each at its depot."""
+    """The task set of a seed, and a number of robots at their depots."""
     task_costs = work_of(task_set(seed, n), seconds(lanes))
     fleet = fleet_at(DEPOT_POSITIONS[:robots], n)
     items = np.arange(n, dtype=np.int32)
@@ -203,7 +203,7 @@ def instance(lanes: str, robots: int, n: int, seed: int, epsilon: int = 0) -> In
 
 
 def auction(one: Instance, winner: int, everybody: int = 0) -> None:
-    """The sequential auction with this rule for the winner; everybody = 1: all bid again."""
+    """The sequential auction with this winner rule; everybody = 1: all robots bid again."""
     rules = BID_MIXED, one.epsilon, winner, everybody
     sequential.sequential(*one.market, one.items, one.tasks, *rules)
 
@@ -215,13 +215,13 @@ def auction_and_search(one: Instance) -> None:
 
 
 def optimum(one: Instance) -> None:
-    """The best lists of all."""
+    """The optimal lists."""
     workspace = bundles_for(one.robots, one.tasks)
     bundles.exact(*one.market, workspace, one.items, one.tasks, one.epsilon)
 
 
 def best_allotment(one: Instance) -> None:
-    """The best of all m^n allotments, each robot inserting its tasks in the order of arrival."""
+    """The best of all m^n allotments, if each robot inserts its tasks in the order of arrival."""
     workspace = bundles_for(one.robots, one.tasks)
     bundles.combinatorial(*one.market, workspace, one.items, one.tasks, one.epsilon)
 
@@ -260,7 +260,7 @@ METHODS: Final[dict[str, Method]] = {
 
 @dataclass(frozen=True)
 class Solved:
-    """What a method made of an instance."""
+    """The solution of an instance by a method."""
 
     objective: float  # seconds
     bids: int
@@ -270,7 +270,7 @@ class Solved:
 
 @cache
 def solve(lanes: str, robots: int, n: int, seed: int, method: str, epsilon: int) -> Solved:
-    """Let a method allot the task set of a seed."""
+    """Solve the task set of a seed with a method."""
     one = instance(lanes, robots, n, seed, epsilon)
     empty(*one.market)
     clear_counts(one.scratch)
@@ -291,7 +291,7 @@ def ratio(lanes: str, robots: int, n: int, seed: int, method: str, epsilon: int 
 
 
 def sequences(robots: int, n: int) -> int:
-    """Ways to put n tasks into the lists of so many robots: (n + m - 1)! / (m - 1)!."""
+    """The number of ways to put n tasks into the lists of m robots: (n + m - 1)! / (m - 1)!."""
     return factorial(n + robots - 1) // factorial(robots - 1)
 
 
@@ -299,7 +299,7 @@ def sequences(robots: int, n: int) -> int:
 
 
 def pictures() -> list[tuple[str, str]]:
-    """(title, drawing) of one task set, by the auction and by the optimum."""
+    """(title, drawing) of one task set, solved by the auction and optimally."""
     return [
         (
             f"{title}: {PICTURE_TASKS} tasks, {PICTURE_ROBOTS} robots (seed {PICTURE_SEED})",
@@ -329,12 +329,12 @@ def name(r: int) -> str:
 
 
 def way_length(solved: Solved, r: int) -> int:
-    """Seconds of robot r's route: a cell takes ten."""
+    """Seconds of robot r's route; a cell takes ten seconds."""
     return 10 * (len(route((DEPOT_POSITIONS[r], *solved.lists[r]))) - 1)
 
 
 def drawing(lists: Sequence[Sequence[int]]) -> str:
-    """The floor; a cell shows who drives over it, a station its number, * where a task is."""
+    """The floor; a cell shows the robots that cross it, a station its number and * for a task."""
     floor = generator_type("depots")()
     floor_plan: FloorPlan = floor.build()  # type: ignore[attr-defined]
     at = {cell: position for position, cell in floor.places().items()}  # type: ignore[attr-defined]
@@ -358,7 +358,7 @@ def drawing(lists: Sequence[Sequence[int]]) -> str:
 
 
 def route(positions: Sequence[int]) -> list[Cell]:
-    """The cells of the shortest ways from position to position."""
+    """The cells of the shortest ways between consecutive positions."""
     floor = generator_type("depots")()
     floor_plan: FloorPlan = floor.build()  # type: ignore[attr-defined]
     places: dict[int, Cell] = floor.places()  # type: ignore[attr-defined]
@@ -369,7 +369,7 @@ def route(positions: Sequence[int]) -> list[Cell]:
 
 
 def way(floor_plan: FloorPlan, start: Cell, target: Cell) -> list[Cell]:
-    """A shortest way over cells, both ends included."""
+    """A shortest way over cells, including both ends."""
     begin, goal = floor_plan.cell(*start), floor_plan.cell(*target)
     exits = floor_plan.exits.reshape(-1)
     before, queue = {begin: begin}, deque([begin])
@@ -390,10 +390,10 @@ def way(floor_plan: FloorPlan, start: Cell, target: Cell) -> list[Cell]:
 
 @dataclass(frozen=True)
 class Bid:
-    """What one robot computes for the new task; costs in seconds, levels in units."""
+    """The bid of one robot for the new task; costs in seconds, levels in units."""
 
-    before: int | None  # c1; None: its own list is not feasible
-    cost: float | None  # c2 and the MiniMax bid; None: there is no feasible plan
+    before: int | None  # c1; None if its own list is infeasible
+    cost: float | None  # c2 and the MiniMax bid; None without a feasible plan
     added: float | None  # the MiniSum bid
     mixed: float | None
     order: tuple[int, ...]  # positions in the order of driving, chargers included
@@ -439,7 +439,7 @@ def bids_for(setting: str) -> list[Bid]:
 
 
 def stops_of(scratch: AuctionScratch) -> list[tuple[int, int]]:
-    """(position in the list, number of the charger) of the plan's stops."""
+    """(position in the list, charger number) of the charging stops of the plan."""
     plan = scratch.plan
     return [(int(plan.position[k]), int(plan.charger[k])) for k in range(plan.stops)]
 
@@ -485,7 +485,7 @@ def named_path(path: tuple[int, ...]) -> str:
 
 
 def legs(path: tuple[int, ...]) -> str:
-    """The seconds of each leg, added up."""
+    """The seconds of the legs as a sum in words."""
     return " + ".join(str(driven(path[i : i + 2])) for i in range(len(path) - 1))
 
 

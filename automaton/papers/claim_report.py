@@ -1,7 +1,7 @@
 """The report of a reproduction: a first screen, or all tables beside ours with claims and remarks.
 
-The first screen has printed numbers, ours and verdicts in 24 lines of 80 columns; everything else is
-behind `--tables`.
+The first screen shows printed numbers, ours and verdicts in 24 lines of 80 columns; `--tables` prints
+everything.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ STYLES = {
 SHORT_LABELS = {"configuration": "cfg", "robots": "N"}
 PRINTED_SD = "(sd)"
 EXPLANATION = (
-    "A claim holds if the 95 % interval of each of its figures lies in the range, and does not "
-    "hold if one lies outside; else it is undecided. What came out alike in all runs is not "
-    "contradicted, or does not hold, and how many runs may be otherwise is said "
-    "(Clopper-Pearson). Shown is the figure that decides."
+    "A claim holds if the 95 % interval of each of its quantities lies in the range. It does not hold "
+    "if one interval lies outside; otherwise it is undecided. If all runs agree, the claim is not "
+    "contradicted or does not hold, and a 95 % bound on exceptions is given (Clopper-Pearson). The "
+    "deciding quantity is shown."
 )
 SHORTENED_TO = 150  # characters on the first screen: two lines of 80 columns
-UNITS = {"%": " %", "points": " pt"}  # pt: points of per cent
+UNITS = {"%": " %", "points": " pt"}  # pt: percentage points
 COUNTED: dict[Verdict, tuple[str, str]] = {
     "holds": ("holds", "hold"),
     "not contradicted": ("is not contradicted", "are not contradicted"),
@@ -51,11 +51,11 @@ COUNTED: dict[Verdict, tuple[str, str]] = {
     "does not hold": ("does not hold", "do not hold"),
 }
 
-Line = tuple[str, str, str, str, str]  # label, printed, ours, ours by the other premise, verdict
+Line = tuple[str, str, str, str, str]  # label, printed, ours, ours under the other premise, verdict
 
 
 def first_screen(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> ReportDocument:
-    """The first screen: what was run, a line for each headline, and how many claims hold."""
+    """The first screen: effort, a line for each headline, and the numbers of verdicts."""
     reproduction = reproduced.reproduction
     document = ReportDocument(reproduction.title, [Heading(reproduction.title, 3)])
     lines = [shortened(reproduction.source), effort_of_all(reproduced), *set_lines(reproduced)]
@@ -73,12 +73,12 @@ def first_screen(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> Repor
 
 
 def shortened(text: str) -> str:
-    """The beginning of a text that is too long."""
+    """The text, cut off if it is too long for the first screen."""
     return textwrap.shorten(text, SHORTENED_TO, placeholder=" ...")
 
 
 def effort_of_all(reproduced: Reproduced) -> str:
-    """How much was run."""
+    """The numbers of runs and seeds."""
     seeds = sorted({one.seeds for one in reproduced.tables if one.table.stored is None})
     many = count(seeds[0], "seed") if len(seeds) == 1 else f"{seeds[0]:,} to {seeds[-1]:,} seeds"
     begin = f" from {reproduced.first_seed:,}" if reproduced.first_seed > 1 else ""
@@ -130,7 +130,7 @@ def named(judged: Sequence[JudgedClaim], headline: Headline) -> JudgedClaim | No
 
 
 def of_cell(headline: Headline, row: FigureRow) -> Line:
-    """The line of a cell of a table; in place of a verdict how far ours is from print."""
+    """The line of a cell of a table, with the relative error instead of a verdict."""
 
     def shown(value: float) -> str:
         scaled = 100 * value if headline.unit == "%" else value
@@ -148,9 +148,9 @@ def of_cell(headline: Headline, row: FigureRow) -> Line:
 def with_ends(
     shown: Callable[[float], str], value: float, ends: tuple[float | None, float | None] | None
 ) -> str:
-    """A value with its 95 % interval: half of it where both halves are alike, else its ends.
+    """A value with its 95 % interval: the half-width if it is symmetric, else its ends.
 
-    Ends are whole numbers, for they are those of a share of runs.
+    Ends are whole numbers, since they belong to a share of runs.
     """
     low, high = ends if ends is not None else (None, None)
     if low is None or high is None or low == high:
@@ -174,25 +174,25 @@ def number(figure: Judged, value: float) -> str:
 
 
 def interval_around(figure: Judged) -> str:
-    """Our value and its interval, where it has one with a width."""
+    """Our value with its interval, if this has a width."""
     ends = figure.low, figure.high
     unit = UNITS.get(figure.figure.unit, "")
     return with_ends(lambda value: bare(figure, value), figure.value, ends) + unit
 
 
 def table_of(reproduced: Reproduced, lines: Sequence[Line]) -> Table:
-    """The table of the first screen; with a column for another premise where there is one."""
+    """The table of the first screen, with a column for another premise if there is one."""
     premises = reproduced.premises
     if not premises:
         head = ["figure", "printed", "ours", "verdict"]
         return Table(head, [[*line[:3], line[4]] for line in lines], also_left=(3,))
-    # `orders` of `information: orders`.
+    # For example `orders`, from `information: orders`.
     own = [premise.partition(": ")[2] for premise in (reproduced.reproduction.premise, premises[0])]
     return Table(["figure", "printed", *own, "verdict"], lines, also_left=(4,))
 
 
 def tally(judged: Sequence[JudgedClaim]) -> str:
-    """How many claims hold and do not."""
+    """The number of claims with each verdict, in a sentence."""
     if not judged:
         return "No claim rests on these tables."
     counts = Counter(claim.verdict for claim in judged)
@@ -210,7 +210,7 @@ def changed_verdicts(
     others: Sequence[JudgedClaim],
     premise: str,
 ) -> str:
-    """Which headlines come to another verdict by another premise."""
+    """The headlines whose verdicts differ under another premise, in a sentence."""
     verdicts = {one.claim.text: one.verdict for one in others}
     changed = []
     for headline in headlines:
@@ -230,7 +230,7 @@ def whole_report(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> Repor
     document = ReportDocument(reproduction.title, [Heading(reproduction.title, 3)])
     document.add(Listed([reproduction.source, *set_lines(reproduced)], mark=""))
     for made in reproduced.tables:
-        if made.cases:  # none where its strategy was not asked for
+        if made.cases:  # empty if its strategy was not chosen
             document.add(*made_blocks(made))
     if reproduction.further is not None:
         for one in reproduction.further(reproduced):
@@ -247,7 +247,7 @@ def whole_report(reproduced: Reproduced, judged: Sequence[JudgedClaim]) -> Repor
 
 
 def set_lines(reproduced: Reproduced) -> list[str]:
-    """Say that scenarios were changed, and how."""
+    """A warning that states changed settings of the scenarios, if any."""
     if not reproduced.settings:
         return []
     settings = " ".join(f"--set {setting}" for setting in reproduced.settings)
@@ -255,7 +255,7 @@ def set_lines(reproduced: Reproduced) -> list[str]:
 
 
 def made_blocks(made: MadeTable) -> Iterator[Block]:
-    """A table: what was run for it, then its panels."""
+    """A table: its effort, then its panels."""
     if made.table.title:
         yield Heading(made.table.title, 3)
     yield Text(effort(made))
@@ -265,7 +265,7 @@ def made_blocks(made: MadeTable) -> Iterator[Block]:
 
 
 def effort(made: MadeTable) -> str:
-    """How much was run, and what means and spreads are taken over."""
+    """The numbers of runs and seeds of a table, and the basis of means and spreads."""
     if made.table.stored is not None:
         return made.table.stored()
     what, each, spread = made.table.repetition, made.table.per_seed, made.table.spread
@@ -282,7 +282,7 @@ def panel_table(
     metrics: Sequence[str], rows: Sequence[FigureRow], made_of: PublishedTable
 ) -> Table:
     """A line for each case; for each metric the printed figure, ours, sd and relative error."""
-    end = -1 if made_of.premise else None  # the title says it
+    end = -1 if made_of.premise else None  # the title states the premise
     labels = dict(list(rows[0].case.items())[:end])
     printed = {row.metric for row in rows if row.paper is not None}
     exact = {row.metric for row in rows if row.exact is not None}
@@ -309,9 +309,9 @@ def panel_table(
 
 
 def heads_of(table: PublishedTable, printed: bool, exact: bool, deviation: bool) -> list[str]:
-    """The columns of a metric; a stored figure has no spread, an exact share its interval.
+    """The columns of a metric: a stored figure has no spread, an exact share has its interval.
 
-    `deviation`: a standard deviation is printed beside the printed mean.
+    `deviation`: whether the paper prints a standard deviation with the mean.
     """
     spread = "95 %" if exact else table.spread
     heads = ["paper", "ours", spread, "error"] if printed else ["ours", spread]
@@ -332,7 +332,7 @@ def cases_of(rows: Sequence[FigureRow]) -> Iterator[dict[str, FigureRow]]:
 
 
 def figures(row: FigureRow | None, heads: Sequence[str], table: PublishedTable) -> list[str]:
-    """The cells of a metric; blank where a case does not have it."""
+    """The cells of a metric; blank if the case does not have it."""
     if row is None:
         return [""] * len(heads)
     error = "-" if row.error is None else f"{100 * row.error:+.1f} %"
@@ -375,11 +375,11 @@ def error_lines(reproduced: Reproduced) -> list[str]:
 def premise_blocks(
     reproduced: Reproduced, judged: Sequence[JudgedClaim], premise: str
 ) -> tuple[Heading, Listed]:
-    """The claims that come to another verdict by another premise."""
+    """The claims whose verdicts differ under another premise."""
     own = {claim.claim.text: claim.verdict for claim in judged}
     changed = [one for one in reproduced.judged(premise) if own.get(one.claim.text) != one.verdict]
     lines = [f"{one.verdict}: {one.claim.text}; {evidence(one)}" for one in changed]
-    title = Heading(f"Claims with another verdict by {premise}", 3)
+    title = Heading(f"Claims with another verdict under {premise}", 3)
     return title, Listed(lines) if lines else Listed(["none"], mark="")
 
 
@@ -398,7 +398,7 @@ def claim_blocks(title: str, judged: Sequence[JudgedClaim]) -> Iterator[Block]:
 
 
 def evidence(claim: JudgedClaim) -> str:
-    """The deciding figure of a claim, its range, and what the publication's own table says."""
+    """The deciding figure of a claim, its range, and the value from the publication's own table."""
     figure = deciding(claim)
     most = len(claim.figures)
     good = sum(one.verdict == "holds" for one in claim.figures)
@@ -419,7 +419,7 @@ def evidence(claim: JudgedClaim) -> str:
 
 
 def deciding(claim: JudgedClaim) -> Judged:
-    """The figure on which the verdict hangs: of the worst verdict, the farthest from its range."""
+    """The deciding figure: of those with the worst verdict, the one farthest from its range."""
     worst = [figure for figure in claim.figures if figure.verdict == claim.verdict]
     return min(worst, key=lambda figure: (figure.margin, figure.runs))
 
@@ -439,7 +439,7 @@ def valued(figure: Judged) -> str:
 
 
 def reason(figure: Judged) -> str:
-    """Why the range ends where it does."""
+    """The reason for the bounds of the range, in brackets."""
     return f" ({figure.figure.why})" if figure.figure.why else ""
 
 
@@ -454,5 +454,5 @@ def bounds(figure: Judged) -> str:
 
 
 def end(figure: Judged, value: float) -> str:
-    """The end of a range; 0 needs neither digits nor unit, unless it is a share."""
+    """The end of a range in words; 0 has neither digits nor unit, unless it is a share."""
     return "0" if value == 0 and figure.figure.unit != "%" else shown(figure, value)

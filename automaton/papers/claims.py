@@ -1,14 +1,14 @@
-"""Claims of a publication, judged by runs: each is one or more figures that must lie in a range.
+"""Claims of a publication, judged by runs: each claim is one or more figures with required ranges.
 
-A figure is any smooth function of the means of metrics. Its 95 % interval is Student's, with the
-jackknife's standard error over the seeds: leaving out one seed in all cases at once keeps what the
-cases have in common (the same seed is the same demand), and a difference of means gets exactly the
-paired interval. A share of runs has Clopper and Pearson's.
+A figure is a smooth function of the means of metrics. Its 95 % interval is Student's, with the jackknife
+standard error over the seeds: leaving out one seed in all cases at once preserves the correlation
+between cases (the same seed gives the same demand), so a difference of means has exactly the paired
+interval. A share of runs has the interval of Clopper and Pearson.
 
-What came out alike in all n runs has no spread, and an interval without width would say that nothing
-else can happen. Such a claim is "not contradicted" inside the range and does not hold outside: with
-95 % certainty at most a share 1 - 0.025^(1 / n) of runs are otherwise. Only what is not drawn at all
-holds by being so every time.
+If all n runs agree, the variance is 0, and an interval without width would exclude any exception. Such a
+claim is "not contradicted" if the value is inside the range and does not hold if it is outside: with 95 %
+confidence, at most a share 1 - 0.025^(1 / n) of runs are exceptions. Only figures without random draws
+hold from agreement alone.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from automaton.studies.inference.proportions import exact_share
 
 Verdict = Literal["holds", "not contradicted", "undecided", "does not hold"]
 WORST_FIRST: Final[tuple[Verdict, ...]] = ("does not hold", "undecided", "not contradicted")
-OUR_BOUND: Final = "a bound of ours"  # why a range ends where it does, if nothing of it is printed
+OUR_BOUND: Final = "a bound of ours"  # reason for a range that does not follow from the paper
 Sample = tuple[str, tuple[Any, ...]]  # metric and key of a case
 Mean = Callable[..., float]  # mean(metric, *labels of the case)
 
 
 class MeanQuantity:
-    """A number that follows from the means of metrics; arithmetic makes others of it."""
+    """A function of the means of metrics; arithmetic operations give further such functions."""
 
     def __init__(self, of: Callable[[Mean], float]) -> None:
         self._of = of
@@ -80,32 +80,32 @@ def least(quantities: Iterable[MeanQuantity]) -> MeanQuantity:
 
 
 def exponent(large: MeanQuantity, small: MeanQuantity, high: float, low: float) -> MeanQuantity:
-    """The exponent with which a quantity grows from a size `low` to a size `high`."""
+    """The growth exponent of a quantity from size `low` to size `high`."""
     return MeanQuantity(lambda mean: math.log(large(mean) / small(mean)) / math.log(high / low))
 
 
 @dataclass(frozen=True)
 class Figure:
-    """A number that a claim rests on, and the range in which it must lie."""
+    """A number on which a claim is based, and the range that it must lie in."""
 
     label: str
     of: Callable[[Mean], float]
     at_least: float = -math.inf
     at_most: float = math.inf
-    strict: bool = False  # the ends of the range do not belong to it: "more" is not "as many"
+    strict: bool = False  # whether the range excludes its ends ("more" is not "as many")
     unit: str = ""  # "%" and "points" show shares times 100
-    digits: int = 0  # shown after the decimal point of what is no share
-    certain: bool = False  # nothing about it is drawn: one run tells it
-    why: str = ""  # the range ends there, if it is neither "more" nor "the same"
+    digits: int = 0  # decimals, except for shares
+    certain: bool = False  # without random draws, so that one run is enough
+    why: str = ""  # reason for the range, unless it means "more" or "the same"
 
     def holds(self, low: float, high: float) -> bool:
-        """Whether everything from low to high lies in the range."""
+        """Whether the interval from low to high lies in the range."""
         if self.strict:
             return low > self.at_least and high < self.at_most
         return low >= self.at_least and high <= self.at_most
 
     def fails(self, low: float, high: float) -> bool:
-        """Whether nothing from low to high does."""
+        """Whether the interval from low to high lies outside the range."""
         if self.strict:
             return high <= self.at_least or low >= self.at_most
         return high < self.at_least or low > self.at_most
@@ -113,15 +113,15 @@ class Figure:
 
 @dataclass(frozen=True)
 class Claim:
-    """What the publication says, in our words, and how it is read as figures."""
+    """A statement of the publication in our words, and its interpretation as figures."""
 
     text: str
     figures: tuple[Figure, ...]
-    source: str = ""  # the publication's own sentence, where the claim is not plain from it
+    source: str = ""  # the publication's own sentence, if our words differ much from it
 
 
 def above(label: str, of: Callable[[Mean], float], bound: float = 0, **shown: Any) -> Figure:
-    """A figure that must be more than a bound; `shown`: other fields of a Figure."""
+    """A figure that must be greater than a bound; `shown`: other fields of the figure."""
     return Figure(label, of, at_least=bound, strict=True, **shown)
 
 
@@ -131,13 +131,13 @@ def below(label: str, of: Callable[[Mean], float], bound: float = 0, **shown: An
 
 
 def claim(text: str, *figures: Figure, source: str = "") -> Claim:
-    """A claim that rests on these figures."""
+    """A claim based on these figures."""
     return Claim(text, figures, source)
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A figure with its interval; low and high are None where the runs give none."""
+    """A figure with its interval; low and high are None if the runs give no interval."""
 
     figure: Figure
     value: float
@@ -145,12 +145,12 @@ class Judged:
     high: float | None
     printed: float | None  # the same figure from the publication's own table
     runs: int = 1
-    alike: bool = False  # all runs gave the same, though they need not have
-    what: str = "run"  # is repeated: a run, a tour, a training
+    alike: bool = False  # whether all runs agree although they involve random draws
+    what: str = "run"  # the kind of repetition: run, tour, training
 
     @property
     def verdict(self) -> Verdict:
-        """holds if the whole interval lies in the range, does not hold if none of it does."""
+        """`holds` if the interval lies inside the range, `does not hold` if it lies outside."""
         if self.low is not None and self.high is not None:
             if self.figure.holds(self.low, self.high):
                 return "holds"
@@ -159,10 +159,10 @@ class Judged:
         return self._of_alike() if self.alike else "undecided"
 
     def _of_alike(self) -> Verdict:
-        """Without spread: no run speaks against it, or none speaks for it.
+        """The verdict if all runs agree: no run contradicts the claim, or none supports it.
 
-        A share that must be 0 or 1 is a claim of never or always, which no number of runs can show;
-        any other share has its interval.
+        A share that must be 0 or 1 is a claim of never or always, which no number of runs can prove;
+        for any other share the interval decides.
         """
         never_or_always = self.value in (self.figure.at_least, self.figure.at_most)
         if self.low is not None and not never_or_always:
@@ -172,19 +172,19 @@ class Judged:
 
     @property
     def otherwise(self) -> float | None:
-        """The largest share of runs that may be otherwise (95 %); None where some are."""
+        """The upper 95 % bound on the share of exceptions if all runs agree; else None."""
         return exact_share(0, self.runs).high if self.alike else None
 
     @property
     def in_print(self) -> bool | None:
-        """Whether the publication's own table bears the figure out; None if it prints none."""
+        """Whether the publication's own table confirms the figure; None if it prints no value."""
         if self.printed is None:
             return None
         return self.figure.holds(self.printed, self.printed)
 
     @property
     def margin(self) -> float:
-        """How far inside the range the value is; negative outside."""
+        """The distance of the value from the ends of the range; negative outside."""
         return min(self.value - self.figure.at_least, self.figure.at_most - self.value)
 
 
@@ -219,9 +219,9 @@ def judge(
 ) -> JudgedClaim | None:
     """Judge a claim by the values of each case over the seeds; None if a case was not run.
 
-    None too where nothing is to be divided by: changed scenarios may leave a metric at zero.
+    Also None after a division by zero: with changed scenarios a metric may be zero.
 
-    `repeated`: what a value of a sample is of, unless it is a run.
+    `repeated`: the kind of repetition of a sample, by default a run.
     """
     try:
         found = [_judged(figure, samples, printed, repeated) for figure in claim.figures]
@@ -258,7 +258,7 @@ def _judged(
 def _interval(
     figure: Figure, value: float, samples: Mapping[Sample, Sequence[float]]
 ) -> tuple[float | None, float | None, bool]:
-    """The ends of the 95 % interval, and whether all runs gave the same though they need not have."""
+    """The ends of the 95 % interval, and whether all runs agree although they involve random draws."""
     if _is_share(figure, samples):
         [values] = samples.values()
         share = exact_share(round(math.fsum(values)), len(values))
@@ -275,7 +275,7 @@ def _interval(
 
 
 def _is_share(figure: Figure, samples: Mapping[Sample, Sequence[float]]) -> bool:
-    """Whether a figure is the plain share of runs in which something happens."""
+    """Whether a figure is simply the share of runs with some property."""
     if figure.unit != "%" or len(samples) != 1:
         return False
     [values] = samples.values()
@@ -283,7 +283,7 @@ def _is_share(figure: Figure, samples: Mapping[Sample, Sequence[float]]) -> bool
 
 
 def _half_width(figure: Figure, samples: Mapping[Sample, Sequence[float]]) -> float | None:
-    """Half of the 95 % interval; None for a single seed."""
+    """The half-width of the 95 % interval; None for a single seed."""
     n = min(map(len, samples.values()))
     if n < 2:
         return None

@@ -1,8 +1,8 @@
 """Tasks that large fleets finish on grids of 32 x 32 cells: pibt and epibt beside printed results.
 
 A. Yukhnevich, A. Andreychuk: Enhancing PIBT via Multi-Action Operations, AAAI-26. The project ships no
-problem of others: `--data FOLDER` reads those of the authors and of the League of Robot Runners where
-they lie, in FOLDER or in a folder of it. Without, floors of the same sizes are generated.
+third-party problems: `--data FOLDER` reads those of the authors and of the League of Robot Runners from
+FOLDER and its subfolders. Without it, floors of the same sizes are generated.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ PIBT: Final = "pibt"
 FLEET_STRATEGIES: Final = (EPIBT, PIBT)
 RUN_TICKS: Final = 1000
 
-# Tasks in 1,000 ticks by robots, EPIBT with operations of three actions.
+# Tasks in 1,000 ticks by number of robots, for EPIBT with operations of three actions.
 PRINTED_TASKS: Final = {
     100: 2788,
     200: 3823,
@@ -60,7 +60,7 @@ PRINTED_TASKS: Final = {
 BEST_KNOWN: Final = {"random_32_32_20_100": 1186}  # with 32 cores and a second for each tick
 LEAGUE_TICKS: Final = {"random_32_32_20_100": 500}
 
-MAX_HEADLINES: Final = 12  # of the first screen
+MAX_HEADLINES: Final = 12  # on the first screen
 
 GENERATED: Final = "generated"
 GENERATED_ROBOTS: Final = (100, 200, 400, 800)
@@ -68,18 +68,18 @@ GRID_SIDE: Final = 32  # cells
 BLOCKED_SHARE: Final = 0.2
 
 WHERE_PROBLEMS_ARE: Final = (
-    "The problems are those of others and not part of the project: the authors of EPIBT publish theirs "
-    "on GitHub (user Straple), the League of Robot Runners in the examples of its start kit of 2024 "
-    "(github.com/MAPF-Competition/Start-Kit). `automaton reproduce fleets --data FOLDER` reads them."
+    "The problems belong to third parties and are not part of the project: the authors of EPIBT publish "
+    "theirs on GitHub (user Straple), the League of Robot Runners in the examples of its start kit of "
+    "2024 (github.com/MAPF-Competition/Start-Kit). `automaton reproduce fleets --data FOLDER` reads them."
 )
 
-MAP_KEY: Final = '"mapFile"'  # what problems of the league have, and outputs do not
+MAP_KEY: Final = '"mapFile"'  # distinguishes problems of the league from outputs
 
 ProblemOf = Callable[[Key], Problem]
 
 
 class FleetCase(RunCase):
-    """A strategy with a problem and so many robots."""
+    """A strategy with a problem and a number of robots."""
 
     @property
     def own_settings(self) -> tuple[str, ...]:
@@ -87,7 +87,7 @@ class FleetCase(RunCase):
 
 
 def tasks_in(problem_of: ProblemOf) -> Runner:
-    """A table's runner: the tasks that each case finishes; a case is strategy, problem and robots."""
+    """A table's runner: the finished tasks of each case (strategy, problem and number of robots)."""
 
     def run(
         cases: Sequence[FleetCase],
@@ -104,7 +104,7 @@ def tasks_in(problem_of: ProblemOf) -> Runner:
 
 
 def scenario_of(case: FleetCase, problem: Problem, folder: Path) -> Resolved:
-    """The scenario of a case, by way of the files that `automaton import` would write."""
+    """The scenario of a case, from the files that `automaton import` would write."""
     ticks = LEAGUE_TICKS.get(problem.name, RUN_TICKS)
     for name, text in imported_files(problem, "floor", ticks).items():
         (folder / name).write_text(text, encoding="utf-8")
@@ -112,12 +112,12 @@ def scenario_of(case: FleetCase, problem: Problem, folder: Path) -> Resolved:
 
 
 def with_tasks(result: RunResult) -> RunResult:
-    """The result of a run with the number of finished tasks alone."""
+    """The result of a run with the number of finished tasks as its only metric."""
     return result._replace(metrics={"tasks": result.metrics["delivered"]})
 
 
 def crossed_with(problems: Sequence[tuple[str, int]]) -> Cases:
-    """Cases for each strategy with each problem, by name and robots."""
+    """Cases for each strategy with each problem, given by name and number of robots."""
 
     def cases(strategies: Sequence[str]) -> list[Case]:
         for strategy in strategies:
@@ -135,7 +135,7 @@ def crossed_with(problems: Sequence[tuple[str, int]]) -> Cases:
 
 
 def generated_map() -> GridMap:
-    """The map of the generator `random`: 32 x 32 cells, a fifth of them blocked."""
+    """The map of the generator `random`: 32 x 32 cells, 20 % of them blocked."""
     floor_plan = RandomFloor(columns=GRID_SIDE, rows=GRID_SIDE, obstacles=BLOCKED_SHARE).build()
     return GridMap(GENERATED, floor_plan.drivable[1:-1, 1:-1])
 
@@ -147,13 +147,13 @@ def generated_problem(robots: int) -> Problem:
 
 
 def printed(key: Key, metric: str) -> float | None:
-    """What EPIBT's authors print; they ran no other strategy."""
+    """The number printed by the authors of EPIBT, who ran no other strategy."""
     strategy, _, robots = key
     return PRINTED_TASKS.get(int(robots)) if strategy == EPIBT else None
 
 
 def best_known(key: Key, metric: str) -> float | None:
-    """The best result of the league that is known, with whatever strategy."""
+    """The best known result of the league, with any strategy."""
     return BEST_KNOWN.get(str(key[1]))
 
 
@@ -171,7 +171,7 @@ def table_of(
 
 
 def headlines_of(problems: Sequence[tuple[str, int]]) -> tuple[Headline, ...]:
-    """A line for the tasks of both strategies with each problem, the first ones."""
+    """A headline for the tasks of each strategy with each problem, up to MAX_HEADLINES."""
     return tuple(
         Headline(f"{strategy}, {robots} robots: tasks", cell=("tasks", (strategy, name, robots)))
         for strategy in FLEET_STRATEGIES
@@ -180,7 +180,7 @@ def headlines_of(problems: Sequence[tuple[str, int]]) -> tuple[Headline, ...]:
 
 
 def more_tasks(name: str, fleets: Sequence[int]) -> Claim:
-    """The publication's claim, for the fleets of a problem."""
+    """The publication's claim about the fleets of a problem."""
     return claim(
         "Operations of several actions finish more tasks than single steps",
         *(
@@ -194,7 +194,7 @@ def more_tasks(name: str, fleets: Sequence[int]) -> Claim:
 
 
 def as_printed(name: str, fleets: Sequence[int]) -> Claim:
-    """The printed numbers come out again."""
+    """The claim that the printed numbers are reproduced."""
     return claim(
         "EPIBT finishes as many tasks as its authors print",
         *(
@@ -214,7 +214,7 @@ def as_printed(name: str, fleets: Sequence[int]) -> Claim:
 
 
 def from_data(folder: Path) -> Reproduction:
-    """The reproduction with the problems of a folder, and of the folders in it. Raises InputError."""
+    """The reproduction with the problems of a folder and its subfolders. Raises InputError."""
     if not folder.is_dir():
         raise InputError("is not a folder", str(folder))
     places = [folder, *sorted(path for path in folder.iterdir() if path.is_dir())]
@@ -225,7 +225,7 @@ def from_data(folder: Path) -> Reproduction:
             fleets = fleets_of(place)
             problems = {(place.name, robots): fleet_reader(place) for robots in fleets}
             claims += [as_printed(place.name, fleets), more_tasks(place.name, fleets)]
-            title = f"{place.name}: tasks in {RUN_TICKS:,} ticks, dealt out in turn"
+            title = f"{place.name}: tasks in {RUN_TICKS:,} ticks, pre-assigned round-robin"
             tables.append(table_of(title, problems, published=printed, name=place.name))
         files = [path for path in sorted(place.glob("*.json")) if is_league_problem(path)]
         league = [read_league_problem(path) for path in files]
@@ -234,7 +234,7 @@ def from_data(folder: Path) -> Reproduction:
             title = "Problems of the League of Robot Runners: tasks from a pool"
             tables.append(table_of(title, pool, published=best_known, name="league"))
     if not tables:
-        raise InputError("holds no problem: neither map.txt nor a problem's .json", str(folder))
+        raise InputError("has no problem: neither map.txt nor a .json of a problem", str(folder))
     keys = [case.key for table in tables for case in table.cases(FLEET_STRATEGIES)]
     of_all = list(dict.fromkeys((str(name), int(robots)) for _, name, robots in keys))
     return replace(
@@ -247,12 +247,12 @@ def from_data(folder: Path) -> Reproduction:
 
 
 def is_league_problem(path: Path) -> bool:
-    """Whether a file, not a folder or a pipe, is a problem of the league. Raises InputError."""
+    """Whether a path is a regular file with a problem of the league. Raises InputError."""
     return path.is_file() and MAP_KEY in read_text(path)
 
 
 def fleet_reader(folder: Path) -> ProblemOf:
-    """Reads the problem of a folder for the robots of a case."""
+    """A function that reads the problem of a folder for the number of robots of a case."""
     return lambda key: _read(folder, int(key[2]))
 
 
@@ -262,9 +262,9 @@ def _read(folder: Path, robots: int) -> Problem:
 
 
 FLEET_REMARKS: Final = (
-    f"The floors are generated: nothing printed can stand beside them. {WHERE_PROBLEMS_ARE}",
-    "The printed numbers are the authors' own, by their code and with its order of robots and of "
-    "operations; a robot that begins on the cell of its task passes over it.",
+    f"The floors are generated, so they have no printed results. {WHERE_PROBLEMS_ARE}",
+    "The printed numbers come from the authors' code, with its order of robots and of operations; a "
+    "robot that starts on the cell of its task skips this task.",
     "The best known result of the league took 32 cores and up to a second for each tick.",
 )
 

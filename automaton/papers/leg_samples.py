@@ -1,9 +1,9 @@
-"""Legs to learn from: drives between racks and docks, and the zones that A* takes them through.
+"""Samples of legs for training: drives between racks and docks, and the zones on their A* routes.
 
-A network learns which zones a leg touches from the zones in which it starts and ends. A leg touches
-the zone of every cell that its moves leave; ties of A* are settled first in, first out. Legs of a
-training, others to judge it by, and the network that comes of it make a study. Nothing here needs torch:
-what was trained is judged and reported without it.
+A network learns to predict the zones that a leg touches from the zones of its start and its end. A leg
+touches the zone of every cell that its moves leave; A* breaks ties first in, first out. A study consists
+of training legs, test legs and the trained network. This module does not need torch, so trained networks
+can be judged and reported without it.
 """
 
 from __future__ import annotations
@@ -54,19 +54,19 @@ class Legs(NamedTuple):
 
 
 class Site(NamedTuple):
-    """Where legs are driven: a floor, its robots' ticks, and the cells between which they drive."""
+    """A site of legs: a floor, the durations of its robots, and the end cells of legs."""
 
     floor: PreparedFloor
     duration: npt.NDArray[np.int32]  # ticks of each action
-    racks: Cells  # (r,) flat cells from which a rack is served, one for each
+    racks: Cells  # (r,) flat cells, one for each rack, from which it is served
     docks: Cells  # (d,)
 
 
 def site_of(resolved: Resolved) -> Site:
-    """The site of a scenario: racks and docks, or else whatever holds loads and wherever they go.
+    """The site of a scenario: racks and docks, or else storage slots and destinations.
 
-    On a floor with neither, legs lead from any cell to any other. Raises InputError for a floor
-    without zones: nothing could be learnt there.
+    On a floor without them, legs lead from any cell to any other. Raises InputError if the floor has no
+    zones to learn.
     """
     kinematics = types_of(resolved.scenario)[0].kinematics
     all_alike = RobotType(durations=resolved.scenario.durations, kinematics=kinematics)
@@ -80,12 +80,12 @@ def site_of(resolved: Resolved) -> Site:
     racks, docks = _access(floor, inner), _access(floor, outer)
     if not racks.size or not docks.size:
         racks = docks = np.flatnonzero(resolved.floor_plan.drivable).astype(np.int32)
-    duration = frozen(duration_table(all_alike))  # as strategies see it: the same compiled search
+    duration = frozen(duration_table(all_alike))  # read-only as in strategies: same compiled search
     return Site(floor, duration, racks, docks)
 
 
 def _access(floor: PreparedFloor, mask: npt.NDArray[np.bool_]) -> Cells:
-    """The first access cell of each slot of a mask that has one."""
+    """The first access cell of each slot in a mask, without slots that have none."""
     access = floor.slot_access[mask]
     served = access[(access != NIL).any(axis=1)]
     first: Cells = served[np.arange(len(served)), (served != NIL).argmax(axis=1)]
@@ -93,9 +93,9 @@ def _access(floor: PreparedFloor, mask: npt.NDArray[np.bool_]) -> Cells:
 
 
 def legs_of(site: Site, count: int, seed: int) -> Legs:
-    """`count` legs, rack to dock and dock to rack by turns, drawn uniformly by (seed, leg).
+    """`count` random legs, alternately rack to dock and dock to rack, uniform by (seed, leg).
 
-    Raises InputError if robots cannot drive one of them.
+    Raises InputError if robots cannot drive one of the legs.
     """
     start, end = np.zeros(count, np.int32), np.zeros(count, np.int32)
     grid = site.floor.grid
@@ -106,19 +106,19 @@ def legs_of(site: Site, count: int, seed: int) -> Legs:
         poses = start.astype(np.int64) * grid.headings + first_headings(grid, start)
         driven = predicted_paths.trace_legs(grid, site.duration, workspace, FIFO, poses, end, used)
     if driven < count:
-        raise InputError("robots cannot drive from everywhere to everywhere on this floor")
+        raise InputError("robots cannot drive between all cells of this floor")
     zone = grid.traffic_zone[:, 0].astype(np.int64)
     return Legs(start, end, zone[start], zone[end], members(used, grid.traffic_zone_count))
 
 
 def members(used: npt.NDArray[np.int64], zones: int) -> npt.NDArray[np.bool_]:
-    """(n, zones) bool of sets (n, words) with a bit for each zone."""
+    """(n, zones) bool from bit sets (n, words) with a bit for each zone."""
     octets: Any = used.astype("<i8").view(np.uint8)
     return np.unpackbits(octets, axis=1, count=zones, bitorder="little").astype(np.bool_)
 
 
 def unseen(new: Legs, known: Legs) -> npt.NDArray[np.bool_]:
-    """(n,) mask of the legs between zones that none of the known legs connects in that direction."""
+    """(n,) mask of legs whose pair of zones (with direction) does not occur in the known legs."""
     zones = np.int64(new.touched.shape[1] + 1)
 
     def pair(some: Legs) -> npt.NDArray[np.int64]:
@@ -129,24 +129,24 @@ def unseen(new: Legs, known: Legs) -> npt.NDArray[np.bool_]:
 
 
 class Data(NamedTuple):
-    """The legs of a study, by what they are for."""
+    """The legs of a study by purpose."""
 
     training: Legs
-    unused: Legs  # as many, drawn with the next seed
-    unseen: Legs  # those of them between zones that no leg of training connects
+    unused: Legs  # equally many test legs, drawn with the next seed
+    unseen: Legs  # test legs between pairs of zones that do not occur in training
 
     def by_name(self) -> Mapping[str, Legs]:
         return {TRAINING: self.training, UNUSED: self.unused, UNSEEN: self.unseen}
 
 
 def data_of(site: Site, legs: int, seed: int) -> Data:
-    """Legs of `seed` to train with, and of `seed + 1` to judge by. Raises InputError."""
+    """Training legs from `seed`, and test legs from `seed + 1`. Raises InputError."""
     training, unused = legs_of(site, legs, seed), legs_of(site, legs, seed + 1)
     return Data(training, unused, unused.some(unseen(unused, training)))
 
 
 def network_of(layers: Any, site: Site, scenario: str, mode: str, about: Any) -> ZoneNetwork:
-    """A network as it is kept in a file: float16, with what it was trained for and how."""
+    """A network in the form of files: float16, with its scenario, floor and training."""
     kept = tuple((weights.astype(np.float16), bias.astype(np.float16)) for weights, bias in layers)
     origin = {
         "scenario": scenario,
@@ -157,7 +157,7 @@ def network_of(layers: Any, site: Site, scenario: str, mode: str, about: Any) ->
 
 
 def judged(network: ZoneNetwork, data: Data) -> dict[str, dict[str, float]]:
-    """All measures of a network's own answers on each kind of legs; an empty kind is left out."""
+    """All measures of a network's answers on each kind of legs; empty kinds are omitted."""
     return {
         name: measured(predicted_zones(network, legs.start_zone, legs.end_zone), legs.touched)
         for name, legs in data.by_name().items()

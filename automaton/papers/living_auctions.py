@@ -1,8 +1,8 @@
-"""Auctions, batteries, lines and failures in the living world: beyond De Ryck et al.
+"""Auctions, batteries, queues and failures in full simulation: beyond De Ryck et al.
 
-Robots drive cell by cell on the floor of the paper, batteries drain, orders come in, chargers have
-lines, robots fail. Nothing of this is printed in the paper. Every strategy faces the same orders and
-the same failures: they depend on the seed alone.
+Robots drive cell by cell on the floor of the paper, batteries drain, orders arrive over time, chargers
+have queues, and robots fail. The paper has no such results. Every strategy faces the same orders and
+failures, which depend on the seed only.
 """
 
 from __future__ import annotations
@@ -37,13 +37,13 @@ from automaton.scenario.schema import Fault
 from automaton.studies.process_pool import OnDone, RunResult, run_and_measure
 from automaton.world.resolved import Resolved
 
-SATURATED: Final = "orders={generator: stations, count: 100}"  # all known at the start
+SATURATED: Final = "orders={generator: stations, count: 100}"  # all orders known at the start
 COMING: Final = "orders={generator: stations, count: 100, mean_interarrival_time: 45}"
 FAILING: Final = "orders={generator: stations, count: 60, mean_interarrival_time: 20}"
-WAITS: Final = ("0.01", "0.05", "0.1")  # percent in a tick
+WAITS: Final = ("0.01", "0.05", "0.1")  # percent per tick
 RESERVES: Final = (0, 5, 10, 20)  # percent
 
-CHARGING_STRATEGIES: Final = {  # what strategy.charging is set to, and whether batteries are infinite
+CHARGING_STRATEGIES: Final = {  # settings of strategy.charging and of infinite batteries
     "infinite batteries": ("strategy.charging=none", "battery=null", "faults.charge=kept"),
     "insertion": ("strategy.charging=insertion",),
     "insertion, joint": ("strategy.charging={name: insertion, mode: joint}",),
@@ -54,10 +54,10 @@ CHARGING_STRATEGIES: Final = {  # what strategy.charging is set to, and whether 
     "insertion, may strand": ("strategy.charging={name: insertion, never_strand: false}",),
 }
 KEEP_LISTS: Final = (
-    "while_charging: keep"  # lists stay with robots that charge, as the figures were made
+    "while_charging: keep"  # charging robots keep their lists, as in the recorded results
 )
 KEPT: Final = f"strategy.allocation={{name: auction, {KEEP_LISTS}}}"
-FULLY: Final = "faults.charge=100"  # who was towed comes back full, likewise
+FULLY: Final = "faults.charge=100"  # towed robots return fully charged, as in the recorded results
 QUEUES_IN_BIDS: Final = {"in the bids": "true", "left out": "false"}
 REPAIRS: Final = {"gone for good": "null", "back after 600 ticks": "600"}
 AUCTION_KINDS: Final = {  # further parameters of strategy.allocation
@@ -75,27 +75,27 @@ AUCTION_KINDS: Final = {  # further parameters of strategy.allocation
     "around the order, radius 4": ", region: order, announcement_radius: 4",
 }
 
-# Nothing is gained by more robots than energy can be bought for: 80 % of kr / (kc + kr), with the
-# percent that a tick of charging gives (1) and one of driving takes (0.3).
+# The energy balance limits throughput to kr / (kc + kr) of infinite batteries, with the percent that a
+# tick of charging adds (kr = 1) and a tick of driving takes (kc = 0.3). The claim requires 80 % of this.
 LEAST_SHARE: Final = 0.8 * 1 / (0.3 + 1)
 LEAST: Final = "0.8 kr / (kc + kr)"
 SAFE: Final = ("insertion", "insertion, joint", "fill-up", "opportunity")  # never strand
 FIXED_AUCTIONEERS: Final = "two fixed auctioneers"
 NEAR_AUCTIONEERS: Final = "two fixed auctioneers, radius 4"
-LOOK_EVERY: Final = 5  # ticks between two looks at the line before a charger; a move takes 10
-LAST_FAILURE: Final = 2500  # tick until which a robot fails
+LOOK_EVERY: Final = 5  # ticks between two counts of the charger queue; a move takes 10 ticks
+LAST_FAILURE: Final = 2500  # latest tick of a failure
 TOW_AFTER: Final = 200  # ticks
 
 Figures = dict[str, float | int]
 
 
 def to_the_end(simulation: Simulation) -> Figures:
-    """A run, and whether somebody was stranded, everything was delivered, loads were recovered."""
+    """The metrics of a run, with its outcome: stranding, complete delivery, recovered loads."""
     return run_and_measure(simulation) | outcome_of(simulation.world)
 
 
 def outcome_of(world: World) -> Figures:
-    """Shares of runs (0 or 1 in a single one), and the loads that were picked up twice."""
+    """Shares of runs (0 or 1 for one run), and the number of loads picked up more than once."""
     return {
         "stranded": float(world.tally.failures[:, FAILURE_DEPLETED].any()),
         "all_delivered": float((world.orders.state == ORDER_DELIVERED).all()),
@@ -104,9 +104,10 @@ def outcome_of(world: World) -> Figures:
 
 
 def with_lines(simulation: Simulation) -> Figures:
-    """A run with a look at the line before the charger every few ticks.
+    """The metrics of a run in which the charger queue is counted every LOOK_EVERY ticks.
 
-    `in_line`: share of looks at which two or more stand in line; `wait`: ticks in line per stay.
+    `in_line`: share of counts with two or more robots in the queue; `wait`: ticks in the queue per
+    charge.
     """
     limit, looks, lines = simulation.resolved.scenario.stop.max_duration, 0, 0
     while not simulation.finished and simulation.tick < limit:
@@ -125,7 +126,7 @@ def with_lines(simulation: Simulation) -> Figures:
 
 
 def with_failure(resolved: Resolved, seed: int) -> Resolved:
-    """The same scenario in which one robot, drawn by the seed, fails at a tick drawn by it."""
+    """The scenario with one failure, of a random robot at a random tick that depend on the seed."""
     with np.errstate(over="ignore"):
         address = np.uint64(seed), STREAM_BREAKDOWNS, 0
         robot = random_between(0, resolved.scenario.fleet.robots - 1, *address, 0)
@@ -143,7 +144,7 @@ def beside_infinite(
     workers: int | None = None,
     on_done: OnDone | None = None,
 ) -> list[list[RunResult]]:
-    """Runs with `share`: throughput as a share of that of the first case with the same seed."""
+    """Runs with `share`: throughput relative to the first case with the same seed."""
     results = scenario_runs(to_the_end)(cases, seeds, workers, on_done)
     most = [result.metrics["throughput"] for result in results[0]]
     return [
@@ -253,19 +254,19 @@ LIVING_TABLES: Final = (
 
 
 def empty(wait: str, reserve: int, **bounds: Any) -> Figure:
-    """A figure: the share of runs with an empty robot, by what waits take and plans keep."""
+    """A figure: the share of runs with an empty robot, by energy of waits and reserve of plans."""
     label = f"runs with an empty robot, {wait} % a tick, reserve {reserve} %"
     return Figure(label, mean_of("stranded", wait, reserve), unit="%", **bounds)
 
 
 def slower(one: str, other: str) -> Figure:
-    """A figure: one kind of auction has longer lead times than another."""
+    """A figure: the lead time of one kind of auction is longer than that of another."""
     longer = mean_of("lead_time", one) - mean_of("lead_time", other)
     return above(f"ticks of lead time, {one} beyond {other}", longer)
 
 
 def all_delivered(name: str) -> Figure:
-    """A figure: the share of runs in which everything is delivered, which must be all."""
+    """A figure: the share of runs in which everything is delivered, which must be 100 %."""
     return Figure(f"runs, {name}", mean_of("all_delivered", name), at_least=1, unit="%")
 
 
@@ -325,9 +326,10 @@ LIVING_CLAIMS: Final = (
 )
 
 LIVING_REMARKS: Final = (
-    "Here opportunity charging is insertion: no robot is ever idle. Every station is within 20 % of "
-    "a charger, so both readings of the threshold agree, too.",
-    "A reserve is what plans keep. What a robot spends in line, or behind others, no plan foresees.",
+    "Here opportunity charging equals insertion because no robot is ever idle. Every station is within "
+    "20 % of a charger, so both readings of the threshold agree, too.",
+    "Plans keep the reserve, but they do not foresee the energy that a robot uses in queues or behind "
+    "other robots.",
 )
 
 LIVING_HEADLINES: Final = (
@@ -346,7 +348,7 @@ LIVING_HEADLINES: Final = (
 
 REPRODUCTION: Final = Reproduction(
     name="auctions-floor",
-    title="Auctions and batteries in the living world",
+    title="Auctions and batteries in full simulation",
     source="beyond De Ryck et al. (sequential auctions with charging): no printed figures",
     tables=LIVING_TABLES,
     claims=LIVING_CLAIMS,

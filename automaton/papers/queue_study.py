@@ -1,9 +1,9 @@
 """One robot that serves lines one by one is an M/G/1 queue, whose mean wait is known exactly.
 
-Lines arrive one by one, in a tick with probability p; each is a trip of 32 ticks and its handling. In
-whole ticks the mean wait from release to taken is p E[S (S - 1)] / (2 (1 - p E[S])) for trips of S ticks
-(Pollaczek and Khinchine in discrete time), and each wait follows from the one before: the larger of 0
-and W + S - A, where A ticks lie between the releases (Lindley).
+Lines arrive singly, in each tick with probability p; each needs a trip of 32 ticks plus its handling. The
+mean wait from release to start in whole ticks is p E[S (S - 1)] / (2 (1 - p E[S])) for trips of S ticks
+(Pollaczek and Khinchine in discrete time). Each wait follows from the previous wait W as the larger of 0
+and W + S - A, with A ticks between the releases (Lindley).
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ HANDLING_TIMES: Final = {
 ONE_RUN_SD: Final = {FIXED: 4.9, EXPONENTIAL: 6.6, LOGNORMAL: 5.2}  # of the mean wait, in ticks
 QUEUE_RUNS: Final = 24
 
-# Second moments of the handling in whole ticks; of the rounded lognormal one a twelfth is added.
+# Second moments of the handling in whole ticks; rounding the lognormal one adds 1/12.
 VARIANCE: Final = {FIXED: 0.0, EXPONENTIAL: MEAN * (MEAN - 1), LOGNORMAL: SD * SD + 1 / 12}
 
 PICTURE: Final = """\
@@ -55,7 +55,7 @@ PICTURE: Final = """\
 
 
 def scenario_of(handling: str) -> dict[str, object]:
-    """The scenario of one robot and one pod with so much handling."""
+    """The scenario of one robot and one pod with this handling."""
     return {
         "name": "queue",
         "layout": {"picture": PICTURE},
@@ -76,7 +76,7 @@ def exact_wait(handling: str) -> float:
 
 
 class QueueCase(RunCase):
-    """A distribution of the handling."""
+    """A case with a distribution of the handling time."""
 
     @property
     def own_settings(self) -> tuple[str, ...]:
@@ -87,14 +87,14 @@ class QueueCase(RunCase):
 
 
 def queue_scenario(case: RunCase) -> Scenario:
-    """The scenario of a case, without further settings."""
+    """The scenario of a case without further settings."""
     import msgspec
 
     return msgspec.convert(scenario_of(str(case.key[0])), Scenario)
 
 
 def waits(case: RunCase, seed: int) -> Sequence[Mapping[str, float]]:
-    """The mean wait of a run, and how many lines waited otherwise than the one before them says."""
+    """The mean wait of a run, and the number of lines whose wait violates Lindley's recursion."""
     simulation = Simulation(resolve(queue_scenario(case), case.settings, seed))
     simulation.run()
     released, taken, service = times_of(simulation.world)
@@ -104,7 +104,7 @@ def waits(case: RunCase, seed: int) -> Sequence[Mapping[str, float]]:
 
 
 def times_of(world: World) -> tuple[Array, Array, Array]:
-    """When each line was released and taken, and the ticks of its trip."""
+    """The ticks in which each line was released and taken, and the ticks of its trip."""
     orders = world.orders
     first = orders.first_stop[:-1]
     service = DRIVE + world.stops.ticks[first].astype(np.int64)
@@ -112,12 +112,12 @@ def times_of(world: World) -> tuple[Array, Array, Array]:
 
 
 def published(key: Key, metric: str) -> float | None:
-    """What theory says."""
+    """The theoretical values."""
     return exact_wait(str(key[0])) if metric == "wait" else 0.0
 
 
 def as_computed() -> Claim:
-    """Mean waits are those of the formula."""
+    """The claim that mean waits agree with the formula."""
     return claim(
         "The mean wait is that of an M/G/1 queue",
         *(
@@ -135,7 +135,7 @@ def as_computed() -> Claim:
 
 
 def line_by_line() -> Claim:
-    """Waits follow from each other."""
+    """The claim that each wait follows from the one before."""
     return claim(
         "Each wait follows from the one before",
         *(
@@ -173,7 +173,8 @@ REPRODUCTION: Final = Reproduction(
     seeds=QUEUE_RUNS,
     claims=(as_computed(), line_by_line()),
     remarks=(
-        "The handling is rounded to whole ticks, the lognormal one by a twelfth of a tick squared more.",
+        "The handling is rounded to whole ticks, which adds a variance of 1/12 tick squared to the "
+        "lognormal one.",
     ),
     remarks_title="What is computed",
 )

@@ -1,7 +1,7 @@
-"""What a reproduction consists of: tables with cases to run, printed figures, claims to judge.
+"""The parts of a reproduction: tables with cases to run, printed figures, and claims to judge.
 
-A case is a line or a cell of a printed table. How its figures are found is the table's own affair:
-by runs of scenarios, or by whatever else gives a `Measured` for each repetition.
+A case is a line or a cell of a printed table. Each table has a runner that computes the figures of its
+cases, from runs of scenarios or from any other `MeasuredRepetition`.
 """
 
 from __future__ import annotations
@@ -33,16 +33,16 @@ class MeasuredRepetition(Protocol):
 
     @property
     def finished(self) -> bool:
-        """Whether it came to its end."""
+        """Whether the repetition finished."""
 
     @property
     def metrics(self) -> Mapping[str, float]:
-        """Its figures; one that does not apply to it is left out."""
+        """The metrics of the repetition, without those that do not apply to it."""
 
 
 @dataclass(frozen=True)
 class Repetition:
-    """A trial, a training, or whatever else gives figures without a run of a scenario."""
+    """A repetition that is no run of a scenario, such as a trial or a training."""
 
     metrics: Mapping[str, float]
     finished: bool = True
@@ -50,7 +50,7 @@ class Repetition:
 
 @dataclass(frozen=True)
 class Case:
-    """One column or cell of a published table, and what it is called."""
+    """One line or cell of a published table, with its labels."""
 
     labels: Mapping[str, Label]
 
@@ -61,13 +61,13 @@ class Case:
 
 @dataclass(frozen=True)
 class RunCase(Case):
-    """A case for which a scenario is run; `settings` are those of `--set`, the last ones to apply."""
+    """A case that runs a scenario; `settings`: settings of `--set`, which apply last."""
 
     settings: Settings = field(default=(), kw_only=True)
 
     @property
     def own_settings(self) -> tuple[str, ...]:
-        """What makes this case differ from others: no `--set` may replace it."""
+        """The settings that distinguish this case, which `--set` must not replace."""
         return ()
 
     def check(self) -> None:
@@ -76,7 +76,7 @@ class RunCase(Case):
 
 @dataclass(frozen=True)
 class ScenarioCase(RunCase):
-    """A case for which a scenario that has a name is run."""
+    """A case that runs a scenario given by name."""
 
     scenario: str
     overrides: tuple[str, ...]
@@ -89,29 +89,29 @@ class ScenarioCase(RunCase):
         self.resolved()
 
     def resolved(self) -> Resolved:
-        """Return the scenario with all that changes in it. Raises InputError."""
+        """Return the scenario with all changes. Raises InputError."""
         return resolve(self.scenario, (*self.overrides, *self.settings))
 
 
-# for these strategies, the cases of a table
+# The cases of a table for these strategies.
 Cases = Callable[[Sequence[str]], Sequence[Case]]
-# cases, seeds, workers, on_done -> by case, the repetitions of all seeds
+# (cases, seeds, workers, on_done) -> the repetitions of all seeds, by case.
 Runner = Callable[[Sequence[Any], Sequence[int], int | None, OnDone | None], list[list[Any]]]
 
 
 def fixed(cases: Sequence[Case | Mapping[str, Label]]) -> Cases:
-    """The same cases, or cases with these labels, whatever the strategies."""
+    """These cases, or cases with these labels, for all strategies."""
     found = [case if isinstance(case, Case) else Case(case) for case in cases]
     return lambda strategies: found
 
 
 def crossed(**levels: Iterable[Label]) -> Cases:
-    """Cases for all combinations of these labels, whatever the strategies; the last runs fastest."""
+    """Cases for all combinations of these labels, for all strategies; the last label varies fastest."""
     combinations = itertools.product(*levels.values())
     return fixed([dict(zip(levels, labels, strict=True)) for labels in combinations])
 
 
-# Metrics that have the symbols of the papers, or older names, in the rows of a reproduction.
+# Metrics that have other names in reproductions: symbols of the papers, or older names.
 PUBLISHED_NAMES: Final = {
     "makespan": "T_total",
     "operations_per_robot": "T_R",
@@ -125,7 +125,7 @@ PUBLISHED_NAMES: Final = {
 
 
 def with_published_names(result: RunResult) -> RunResult:
-    """Return the result of a run with the metric names that reproductions print."""
+    """Return the result of a run with the metric names of reproductions."""
     metrics = {PUBLISHED_NAMES.get(name, name): value for name, value in result.metrics.items()}
     return result._replace(metrics=metrics)
 
@@ -134,9 +134,9 @@ def scenario_runs(
     conduct: RunFunction = run_and_measure,
     change: Callable[[Resolved, int], Resolved] = lambda resolved, seed: resolved,
 ) -> Runner:
-    """A table's runner: the scenario of each case with each seed, conducted like this.
+    """A table's runner that runs the scenario of each case with each seed by `conduct`.
 
-    `change`: what a seed changes in a scenario, besides what is drawn by it.
+    `change`: changes a scenario for a seed, beyond the random numbers.
     """
 
     def run(
@@ -153,7 +153,7 @@ def scenario_runs(
 
 
 def each_seed(of: Callable[[Any, int], Sequence[Mapping[str, float]]]) -> Runner:
-    """A table's runner: some repetitions of each case for each seed, in this process."""
+    """A table's runner that computes some repetitions of each case for each seed in this process."""
 
     def run(
         cases: Sequence[Case],
@@ -174,7 +174,7 @@ def each_seed(of: Callable[[Any, int], Sequence[Mapping[str, float]]]) -> Runner
 
 
 def read_once(of: Callable[[Key], Mapping[str, float]]) -> Runner:
-    """A table's runner: the figures of each case are stored, and no seed matters to them."""
+    """A table's runner that reads the stored figures of each case, independent of seeds."""
     return lambda cases, *_: [[Repetition(of(case.key))] for case in cases]
 
 
@@ -183,7 +183,7 @@ def unpublished(key: Key, metric: str) -> float | None:
     return None
 
 
-# by the key of a case, its repetitions -> (metric, key) and values, one for each repetition
+# Repetitions by key of a case -> (metric, key) and its values, one for each repetition.
 Together = Callable[
     [Mapping[Key, Sequence[MeasuredRepetition]]], Iterator[tuple[tuple[str, Key], list[float]]]
 ]
@@ -191,29 +191,27 @@ Together = Callable[
 
 @dataclass(frozen=True)
 class PublishedTable:
-    """A published table, and how it is made again."""
+    """A published table, and how to reproduce it."""
 
     cases: Cases
-    panels: tuple[tuple[str, ...], ...]  # metrics, grouped as they are printed
-    published: Callable[[Key, str], float | None] = unpublished  # the figure of a case and metric
-    title: str = ""  # where a reproduction has several tables
-    name: str = ""  # by which it can be chosen
+    panels: tuple[tuple[str, ...], ...]  # metrics, grouped as printed
+    published: Callable[[Key, str], float | None] = unpublished  # printed figure by case, metric
+    title: str = ""  # if a reproduction has several tables
+    name: str = ""  # for the choice of tables
     run: Runner = field(default_factory=scenario_runs)
-    repetition: str = "run"  # what is repeated
-    per_seed: int = 1  # repetitions
-    shares: tuple[str, ...] = ()  # metrics that are shown in per cent
-    digits: int = 0  # of the other metrics, after the decimal point
-    seeds: int = 0  # unless another number is asked for; 0: as many as the reproduction
-    usual: bool = True  # made when no table is chosen
-    ranked: bool = False  # shown: 95 % intervals, and where printed figures lie among our runs
-    together: Together | None = None  # figures for claims that rest on the runs of several cases
-    grouped: int = -1  # lines with the same labels[:grouped] stand together
-    spread: Literal["sd", "se"] = "sd"  # shown: of single repetitions, or of their mean
-    printed_sd: Callable[[Key, str], float | None] = (
-        unpublished  # the printed sd of a case and metric
-    )
-    premise: str = ""  # where this differs between tables; the last label of its cases names it
-    stored: Callable[[], str] | None = None  # how figures were made that are read, not run for
+    repetition: str = "run"  # the kind of repetition
+    per_seed: int = 1  # number of repetitions per seed
+    shares: tuple[str, ...] = ()  # metrics shown in percent
+    digits: int = 0  # decimals of the other metrics
+    seeds: int = 0  # default number of seeds; 0: that of the reproduction
+    usual: bool = True  # whether it is made when no table is chosen
+    ranked: bool = False  # whether to show 95 % intervals and ranks of printed figures in our runs
+    together: Together | None = None  # figures for claims that combine the runs of several cases
+    grouped: int = -1  # lines with equal labels[:grouped] form a group
+    spread: Literal["sd", "se"] = "sd"  # shown spread: of single repetitions, or of their mean
+    printed_sd: Callable[[Key, str], float | None] = unpublished  # printed sd by case, metric
+    premise: str = ""  # the table's premise if tables differ in it; the last label of its cases
+    stored: Callable[[], str] | None = None  # origin of figures that are read, not computed
 
     @property
     def metrics(self) -> tuple[str, ...]:
@@ -222,7 +220,7 @@ class PublishedTable:
 
 @dataclass(frozen=True)
 class Further:
-    """What is read off all runs besides tables: a text under a title, and the data behind it."""
+    """A further result of all runs besides tables: a text with a title, and its data."""
 
     name: str
     title: str
@@ -232,20 +230,20 @@ class Further:
 
 @dataclass(frozen=True)
 class Headline:
-    """A line of the first screen: a claim that begins with these words, or a cell of a table."""
+    """A line of the first screen: the claim that begins with `claim`, or a cell of a table."""
 
     label: str
     claim: str = ""
-    figure: int = 0  # of the claim: the one that is shown
-    printed: float | None = None  # where no row of a table has the printed number
-    cell: tuple[str, Key] | None = None  # metric, and key of the case
+    figure: int = 0  # index of the shown figure of the claim
+    printed: float | None = None  # the printed number, if no row of a table has it
+    cell: tuple[str, Key] | None = None  # metric and key of the case
     unit: str = ""  # of a cell: "%" shows shares times 100
     digits: int = 0
 
 
 @dataclass(frozen=True)
 class Reproduction:
-    """What is made again of a publication."""
+    """The reproduction of a publication."""
 
     name: str
     title: str
@@ -253,21 +251,21 @@ class Reproduction:
     tables: tuple[PublishedTable, ...]
     claims: tuple[Claim, ...]
     remarks: tuple[str, ...]
-    strategies: tuple[str, ...] = ()  # those of the publication; () where there is no choice
+    strategies: tuple[str, ...] = ()  # strategies of the publication; () if there is no choice
     averaged: tuple[str, ...] = ()  # metrics whose mean |error| is reported
-    premise: str = ""  # of its claims, where tables differ in a premise
+    premise: str = ""  # premise of the claims, if tables differ in it
     headlines: tuple[Headline, ...] = ()  # of the first screen
-    seeds: int = 60  # unless another number is asked for
+    seeds: int = 60  # default number of seeds
     texts: Callable[[], Sequence[tuple[str, str]]] | None = None  # (title, text), shown at the end
     further: Callable[[Reproduced], Sequence[Further]] | None = None
-    from_data: Callable[[Path], Reproduction] | None = None  # with problems of a folder of others
+    from_data: Callable[[Path], Reproduction] | None = None  # with problems from another folder
     claims_title: str = "The publication's claims"
     remarks_title: str = "Where the publication contradicts itself or leaves things open"
 
 
 @dataclass(frozen=True)
 class FigureRow:
-    """A metric of a case: the printed figure (None if there is none) and ours."""
+    """A metric of a case: the printed figure (None without one) and ours."""
 
     case: Mapping[str, Label]
     metric: str
@@ -275,11 +273,11 @@ class FigureRow:
     mean: float
     sd: float | None  # of single repetitions, n - 1 in the denominator; None for a single one
     repetitions: int
-    ranked: bool = False  # its interval and rank are reported
-    rank: float | None = None  # share of repetitions below the printed figure, ties by half
-    exact: Interval | None = None  # Clopper and Pearson's, of a share of repetitions
-    stored: bool = False  # read from a file, not computed in this run
-    paper_sd: float | None = None  # printed beside the printed mean
+    ranked: bool = False  # whether interval and rank are reported
+    rank: float | None = None  # share of repetitions below the printed figure; ties count half
+    exact: Interval | None = None  # Clopper and Pearson's interval of a share of repetitions
+    stored: bool = False  # whether it was read from a file
+    paper_sd: float | None = None  # printed standard deviation
 
     @property
     def se(self) -> float | None:
@@ -288,7 +286,7 @@ class FigureRow:
 
     @property
     def half_width(self) -> float | None:
-        """Half of the 95 % interval of the mean; None for a single repetition."""
+        """The half-width of the 95 % interval of the mean; None for a single repetition."""
         return None if self.se is None else student(self.repetitions - 1) * self.se
 
     @property
@@ -299,7 +297,7 @@ class FigureRow:
 
 @dataclass(frozen=True)
 class MadeTable:
-    """A table made again. Runs that did not finish count with the ticks they were given."""
+    """A reproduced table. Unfinished runs count with their maximum number of ticks."""
 
     table: PublishedTable
     cases: Sequence[Case]
@@ -319,7 +317,7 @@ class MadeTable:
         return sum(not result.finished for batch in self.results for result in batch)
 
     def rows(self) -> list[FigureRow]:
-        """One for each case and each metric that it has, in the order of the cases."""
+        """One row for each case and each of its metrics, in the order of the cases."""
         of_runs = {metric for metric in self.table.shares if self._counts_runs(metric)}
         return [
             self._row(case, metric, values, metric in of_runs)
@@ -329,13 +327,13 @@ class MadeTable:
         ]
 
     def _counts_runs(self, metric: str) -> bool:
-        """Whether a metric is 0 or 1 in each repetition: its mean is a share of them."""
+        """Whether a metric is 0 or 1 in each repetition, so that its mean is a share."""
         every = (one.metrics.get(metric, 0) for batch in self.results for one in batch)
         return set(every) <= {0, 1}
 
     def _row(self, case: Case, metric: str, values: Sequence[float], of_runs: bool) -> FigureRow:
         paper = self.table.published(case.key, metric)
-        # fsum is exact: the figures do not depend on how a processor orders a sum.
+        # fsum is exact, so the figures do not depend on the order of summation.
         mean = math.fsum(values) / len(values)
         spread = math.fsum((value - mean) ** 2 for value in values)
         sd = math.sqrt(spread / (len(values) - 1)) if len(values) > 1 else None
@@ -356,7 +354,7 @@ class MadeTable:
         )
 
     def samples(self) -> Iterator[tuple[tuple[str, Key], list[float]]]:
-        """(metric, key of a case) and its values, of the metrics that every repetition has."""
+        """(metric, key of a case) and its values, for metrics that every repetition has."""
         for case, batch in zip(self.cases, self.results, strict=True):
             for metric in batch[0].metrics:
                 if all(metric in one.metrics for one in batch):
@@ -366,7 +364,7 @@ class MadeTable:
             yield from self.table.together(dict(zip(keys, self.results, strict=True)))
 
     def published(self) -> Iterator[tuple[tuple[str, Key], float]]:
-        """(metric, key of a case) and the printed figure, where there is one."""
+        """(metric, key of a case) and the printed figure, if there is one."""
         for case in self.cases:
             for metric in self.table.metrics:
                 value = self.table.published(case.key, metric)
@@ -383,7 +381,7 @@ def _rank(paper: float | None, values: Sequence[float]) -> float | None:
 
 @dataclass(frozen=True)
 class Reproduced:
-    """All tables of a reproduction, made again."""
+    """All reproduced tables of a reproduction."""
 
     reproduction: Reproduction
     seeds: int
@@ -393,7 +391,7 @@ class Reproduced:
 
     @property
     def repetitions(self) -> int:
-        """Those that were run for this reproduction."""
+        """The number of repetitions that were computed."""
         return sum(made.repetitions for made in self.tables if made.table.stored is None)
 
     @property
@@ -406,11 +404,11 @@ class Reproduced:
 
     @property
     def premises(self) -> list[str]:
-        """The other premises of which a table was made, in their order."""
+        """The other premises for which a table was made, in their order."""
         return list(dict.fromkeys(one.table.premise for one in self.tables if one.table.premise))
 
     def mean_errors(self, premise: str = "") -> dict[str, float | None]:
-        """Mean |error| over the cases with a printed value, by metric; of the tables of a premise."""
+        """Mean |error| by metric over the cases with a printed value, in the tables of a premise."""
         rows = [row for one in self._under(premise) for row in one.rows()]
         means: dict[str, float | None] = {}
         for metric in self.reproduction.averaged:
@@ -420,21 +418,21 @@ class Reproduced:
         return means
 
     def samples(self, premise: str = "") -> dict[tuple[str, Key], list[float]]:
-        """(metric, key of a case) -> its values, what claims are judged by."""
+        """(metric, key of a case) -> the values by which claims are judged."""
         return self._by_case(premise, lambda one: one.samples())
 
     def repeated(self, premise: str = "") -> dict[tuple[str, Key], str]:
-        """(metric, key of a case) -> what its values are of: runs, tours, trainings."""
+        """(metric, key of a case) -> the kind of its repetitions: run, tour, training."""
         return self._by_case(
             premise, lambda one: ((sample, one.table.repetition) for sample, _ in one.samples())
         )
 
     def published(self, premise: str = "") -> dict[tuple[str, Key], float]:
-        """(metric, key of a case) -> the printed figure, where there is one."""
+        """(metric, key of a case) -> the printed figure, if there is one."""
         return self._by_case(premise, lambda one: one.published())
 
     def judged(self, premise: str = "") -> list[JudgedClaim]:
-        """The claims whose cases were run, by the tables of a premise."""
+        """The verdicts on the claims whose cases were run, from the tables of a premise."""
         facts = self.samples(premise), self.published(premise), self.repeated(premise)
         verdicts = [judge(claim, *facts) for claim in self.reproduction.claims]
         return [claim for claim in verdicts if claim is not None]
@@ -445,7 +443,7 @@ class Reproduced:
     def _by_case(
         self, premise: str, of: Callable[[MadeTable], Iterable[tuple[tuple[str, Key], T]]]
     ) -> dict[tuple[str, Key], T]:
-        """By metric and key of a case, as claims name them: without the label of another premise."""
+        """Values by metric and key of a case as in claims: without the label of another premise."""
         end = -1 if premise else None
         return {
             (metric, key[:end]): value
@@ -455,17 +453,17 @@ class Reproduced:
 
 
 def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[PublishedTable, ...]:
-    """The tables with these names, the usual ones without names. Raises InputError for an unknown one."""
+    """The tables with these names, or the usual ones without names. Raises InputError."""
     known = {table.name: table for table in reproduction.tables if table.name}
     for name in names:
         if not known:
             raise InputError(
-                f"{reproduction.name} has no tables to choose: write --tables without names"
+                f"{reproduction.name} has no tables to choose from: use --tables without names"
             )
         if name not in known:
             raise InputError(
                 f"{reproduction.name} has no table '{name}'{nearest(name, known)}; "
-                f"there is {alternatives(known)}"
+                f"known are {alternatives(known)}"
             )
     usual = tuple(table for table in reproduction.tables if table.usual)
     return tuple(known[name] for name in names) or usual
@@ -474,9 +472,9 @@ def tables_named(reproduction: Reproduction, names: Sequence[str]) -> tuple[Publ
 def with_settings(
     name: str, cases: Sequence[Sequence[Case]], settings: Settings
 ) -> list[list[Case]]:
-    """The cases of all tables, each scenario with these settings. Raises InputError before any run."""
+    """The cases of all tables with these settings of their scenarios. Raises InputError."""
     if settings and not any(isinstance(case, RunCase) for of_table in cases for case in of_table):
-        raise InputError(f"{name} runs no scenarios: leave out --set")
+        raise InputError(f"{name} runs no scenarios: omit --set")
     changed = [[_with_settings(name, case, settings) for case in of_table] for of_table in cases]
     for case in (one for of_table in changed for one in of_table if settings):
         if isinstance(case, RunCase):
@@ -485,22 +483,22 @@ def with_settings(
 
 
 def _with_settings(name: str, case: Case, settings: Settings) -> Case:
-    """The case with these settings, none of which may replace what makes it this case."""
+    """The case with these settings, which must not replace its own settings."""
     if not isinstance(case, RunCase):
         return case
     own = [parse_setting(text).keys for text in case.own_settings] if settings else []
     for setting in settings:
         one = parse_setting(setting) if isinstance(setting, str) else setting
         if one.keys == ("seed",):
-            raise InputError("seeds are counted: --seed-from N --seeds M", one.argument)
+            raise InputError("set seeds with --seed-from N --seeds M", one.argument)
         replaced = any(keys[: len(one.keys)] == one.keys[: len(keys)] for keys in own)
         if replaced or (_gives_types_allocations(one) and ("strategy", "allocation") in own):
-            raise InputError(f"the cases of {name} set this themselves; leave it out", one.argument)
+            raise InputError(f"the cases of {name} set this themselves; omit it", one.argument)
     return replace(case, settings=settings)
 
 
 def _gives_types_allocations(setting: Override) -> bool:
-    """Whether a setting gives types of robots strategies of their own."""
+    """Whether a setting gives robot types their own strategies."""
     of_types = setting.keys[:2] == ("fleet", "types")
     return of_types and ("strategy" in setting.keys or "strategy" in str(setting.value))
 
@@ -516,15 +514,15 @@ def reproduce(
     first_seed: int = 1,
     settings: Settings = (),
 ) -> Reproduced:
-    """Make the usual tables, or those with these names, with so many seeds from `first_seed` on (None:
-    as many as each table needs).
+    """Reproduce the usual tables, or the tables with these names.
 
-    `strategies` instead of the published ones; `on_start` gets the number of repetitions; `settings`
-    change the scenarios. Raises InputError before anything runs for an unknown strategy or setting,
-    and where there is none to choose.
+    `seeds`: number of seeds from `first_seed` on; None: the default of each table. `strategies` replace
+    the published ones. `on_start` is called with the number of repetitions. `settings` change the
+    scenarios. Raises InputError before any run for an unknown strategy or setting, and if the
+    reproduction has no choice of strategies.
     """
     if strategies and not reproduction.strategies:
-        raise InputError(f"{reproduction.name} compares no strategies: leave out --strategies")
+        raise InputError(f"{reproduction.name} compares no strategies: omit --strategies")
     reproduction = replace(reproduction, tables=tables_named(reproduction, tables))
     chosen = tuple(strategies) or reproduction.strategies
     cases = with_settings(
@@ -553,10 +551,10 @@ def reproduce(
     return Reproduced(reproduction, seeds or reproduction.seeds, made, first_seed, typed)
 
 
-# Published tables and how to reproduce them, by name. A new one is a module and a line here.
+# The reproductions by name. A new one needs a module and an entry here.
 
 
-REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
+REPRODUCTIONS = {  # name: (module with REPRODUCTION, summary)
     "tabletop": (
         "automaton.papers.tabletop_study",
         "table-top warehouse: independent and cooperative robots (Grzejszczak & Nocoń, Table 3)",
@@ -575,7 +573,7 @@ REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
     ),
     "auctions-floor": (
         "automaton.papers.living_auctions",
-        "auctions, batteries, lines and failures in the living world: beyond the paper",
+        "auctions, batteries, queues and failures in full simulation: beyond the paper",
     ),
     "fleets": (
         "automaton.papers.fleet_study",
@@ -593,7 +591,7 @@ REPRODUCTIONS = {  # name: (module with REPRODUCTION, what it holds)
 
 
 def find(name: str) -> Reproduction:
-    """The reproduction of a name. Raises InputError for an unknown one."""
+    """The reproduction with this name. Raises InputError for an unknown name."""
     if name not in REPRODUCTIONS:
         raise InputError(
             f"nothing called '{name}' to reproduce{nearest(name, REPRODUCTIONS)}; "

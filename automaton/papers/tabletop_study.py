@@ -1,14 +1,14 @@
 """Table 3 of Grzejszczak & Nocoń: two warehouses, two strategies, one to five robots.
 
 T. Grzejszczak, W. Nocoń: Cooperative and individual planning strategies for autonomous robots in
-warehouse parcel transportation. The figures are the printed ones; those of empty runs (Figure 11)
-are lost, so E_U has no printed figure, and its definition is open: all three readings are reported.
+warehouse parcel transportation. The figures are the printed ones. Those of empty runs (Figure 11) are
+lost, so E_U has no printed figure, and its definition is open: all three readings are reported.
 
-The paper forbids robots to communicate: each knows where it is, and the list of orders. So they are
-run with `information: orders`; beside it stands the same with robots that see the whole state.
+The paper forbids robots to communicate: each knows its own position and the list of orders. The runs
+therefore use `information: orders`; a second table has robots that see the whole state.
 
-A claim about "less" is a difference above zero, one with a number is compared with that number. Where
-a word needs a range ("the same", "rapidly"), the range is ours and the figure says so.
+A claim about "less" means a difference above zero; a claim with a number is compared with this number.
+If a word needs a range ("the same", "rapidly"), the range is ours, and the figure says so.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ COOPERATIVE: Final = "cooperative"
 TABLETOP_STRATEGIES: Final = (INDEPENDENT, COOPERATIVE)
 TABLETOP_ROBOTS: Final = (1, 2, 3, 4, 5)
 
-# (configuration, strategy): one figure for each number of robots, as printed.
+# (configuration, strategy): the printed figure for each number of robots.
 T_TOTAL: Final = {
     (1, INDEPENDENT): (5145, 3441, 3000, 2756, 2820),
     (1, COOPERATIVE): (4621, 2961, 2364, 1853, 1957),
@@ -68,33 +68,33 @@ SEE_EVERYTHING: Final = "everything"
 E_U: Final = {"E_U_moves": "moves", "E_U_operations": "operations", "E_U_cycles": "cycles"}
 
 SAME: Final = 0.02  # shares this close count as the same
-FROM_TWO: Final = "from 2 robots on, for one alone meets nobody; the paper names no first number"
+FROM_TWO: Final = "from 2 robots on, since a single robot meets none; the paper gives no start"
 
 TABLETOP_REMARKS: Final = (
-    "Robots know the list of orders and the cells next to them (information: orders), for the paper has "
-    "them neither communicate nor see each other from afar. With information: everything they plan "
-    "around all robots after a retreat, wherever these are; then the crossover of configuration 2 "
-    "comes one robot earlier than in print.",
-    "A robot that still finds its next cell held after a wait keeps its plan for one more try. The "
+    "Robots know the list of orders and the adjacent cells (information: orders), because in the paper "
+    "they neither communicate nor see each other from afar. With information: everything they plan "
+    "around all robots after a retreat; the crossover of configuration 2 then comes one robot earlier "
+    "than in the paper.",
+    "If the next cell is still occupied after a wait, a robot keeps its plan for one more try. The "
     "printed `Go to: 1` is `--set strategy.right_of_way.after_wait=replan`.",
-    "T_Rtotal is N times T_R in every printed cell, to the unit: it was computed from a rounded "
-    "T_R and is no figure of its own.",
-    "The text credits the independent strategy with the shorter T_total for few robots in "
-    "configuration 1; the table shows that for configuration 2, and the opposite for 1.",
-    "The text has independent robots finish earlier with five robots in configuration 2; the "
-    "table has them finish later, there and in configuration 1.",
+    "T_Rtotal equals N times T_R in every printed cell: it was computed from the rounded T_R and is not "
+    "an independent figure.",
+    "The text states a shorter T_total of the independent strategy for few robots in configuration 1; "
+    "the table shows this for configuration 2, and the opposite for configuration 1.",
+    "According to the text, independent robots finish earlier with five robots in configuration 2; "
+    "according to the table they finish later in both configurations.",
     "The reduction of 30 % at four robots is 32.8 % in the table.",
-    "Cooperation is said to need four robots before its T_Rtotal is the smaller one in "
-    "configuration 2; in the table three are enough.",
-    "The floor's printed size leaves no column for the destinations, and configuration 2 has 6 "
-    "destinations beside 7 rows.",
-    "After a wait the pseudo-code always plans anew, the text only if the cell is still held; "
-    "without a withdrawal neither resolves a head-on meeting.",
-    "Nothing says when a robot begins to withdraw, nor what ends the search for a free shelf to "
-    "the right (x_a + 2).",
-    "Empty runs are introduced as moves without cargo and then discussed as cycles and as time.",
-    "Unexplained by any reading tried: T_Rtotal at five robots in configuration 1 (5990 and "
-    "3355), and the cooperative T_total that rises there from four robots to five.",
+    "According to the text, cooperation needs four robots for a smaller T_Rtotal in configuration 2; in "
+    "the table three robots are enough.",
+    "The printed size of the floor leaves no column for the destinations, and configuration 2 has 6 "
+    "destinations for 7 rows.",
+    "After a wait the pseudo-code always replans, the text only if the cell is still occupied; without "
+    "a retreat neither resolves a head-on meeting.",
+    "The paper does not state when a robot begins to retreat, or what ends the search for a free shelf "
+    "to the right (x_a + 2).",
+    "Empty runs are introduced as moves without cargo, and then discussed as cycles and as time.",
+    "No reading that we tried explains T_Rtotal at five robots in configuration 1 (5990 and 3355), or "
+    "the rise of the cooperative T_total there from four robots to five.",
 )
 
 
@@ -133,7 +133,7 @@ def sixth(strategies: Sequence[str]) -> list[ScenarioCase]:
 
 
 def seeing_everything(cases: Cases) -> Cases:
-    """The same cases with robots that see the whole state."""
+    """The cases of Table 3 with robots that see the whole state."""
 
     def changed(strategies: Sequence[str]) -> list[ScenarioCase]:
         return [
@@ -150,14 +150,14 @@ def seeing_everything(cases: Cases) -> Cases:
 
 
 def with_least_busy(simulation: Simulation) -> dict[str, float | int]:
-    """A run to its end: how often its least busy robot picked up something, and whether it never did."""
+    """The metrics of a run: number of picks of its least busy robot, and whether it never picked."""
     figures = run_and_measure(simulation)
     picks = int(simulation.world.tally.operations[:, ACTION_PICK].sum(1).min())
     return figures | {"least_picks": picks, "sixth_idle": float(picks == 0)}
 
 
 def published(key: Key, metric: str) -> float | None:
-    """The printed figure of (configuration, strategy, robots, ...); None where there is none."""
+    """The printed figure of (configuration, strategy, robots, ...), or None."""
     configuration, strategy, robots = key[:3]
     table = TABLE_3.get(metric, {})
     line = table.get((int(configuration), str(strategy)))
@@ -169,7 +169,7 @@ def published(key: Key, metric: str) -> float | None:
 
 
 def saved(name: str, configuration: int, robots: int) -> MeanQuantity:
-    """How much less cooperative robots need than independent ones."""
+    """The relative saving of cooperative robots against independent ones."""
     alone, together = (
         mean_of(name, configuration, strategy, robots) for strategy in TABLETOP_STRATEGIES
     )
@@ -177,39 +177,39 @@ def saved(name: str, configuration: int, robots: int) -> MeanQuantity:
 
 
 def rises(name: str, configuration: int, strategy: str) -> list[MeanQuantity]:
-    """What each robot after the first adds to a metric."""
+    """The change of a metric by each robot after the first."""
     by_robots = [mean_of(name, configuration, strategy, robots) for robots in TABLETOP_ROBOTS]
     return [after - before for before, after in pairwise(by_robots)]
 
 
 def congestion(configuration: int, strategy: str, robots: int) -> MeanQuantity:
-    """Robot cycles that a fleet takes beyond those of a lone robot, as a share of these."""
+    """The robot cycles of a fleet beyond those of a single robot, relative to the latter."""
     alone = mean_of("T_total", configuration, strategy, 1)
     return robots * mean_of("T_total", configuration, strategy, robots) / alone - 1
 
 
 def later_congestion(configuration: int, strategy: str) -> MeanQuantity:
-    """Rise of the congestion from two robots to five."""
+    """The rise of congestion from two robots to five."""
     return congestion(configuration, strategy, 5) - congestion(configuration, strategy, 2)
 
 
 def signed(
     name: str, configuration: int, fewer: tuple[int, ...] = (), more: tuple[int, ...] = ()
 ) -> Iterator[Figure]:
-    """Cooperation needs less than independence for these `fewer` N, and more for these `more` N."""
+    """Figures: cooperation needs less than independence for N in `fewer`, and more for N in `more`."""
     for robots in sorted((*fewer, *more)):
         label = f"{name} saved by cooperation, N = {robots}"
         yield (above if robots in fewer else below)(label, saved(name, configuration, robots))
 
 
 def by_curve(what: str, make: Callable[[int, str], MeanQuantity]) -> Iterator[Figure]:
-    """A figure for each strategy and configuration, which must be above zero."""
+    """Figures for each strategy and configuration, which must be above zero."""
     for c, s in product(CONFIGURATIONS, TABLETOP_STRATEGIES):
         yield above(f"{what}, {s}, cfg {c}", make(c, s))
 
 
 def empty_runs() -> Iterator[Claim]:
-    """The claims about empty runs, by each reading of their definition."""
+    """The claims about empty runs, for each reading of their definition."""
     same = "read as within 2 points, for Figure 11 is lost"
     for name, reading in E_U.items():
         yield claim(
@@ -366,14 +366,14 @@ SIXTH_ROBOT: Final = PublishedTable(
 
 
 def with_everything(table: PublishedTable, title: str) -> PublishedTable:
-    """The same table with robots that see the whole state."""
+    """A table with robots that see the whole state."""
     cases = seeing_everything(table.cases)
     return replace(
         table, title=title, cases=cases, premise=f"information: {SEE_EVERYTHING}", grouped=2
     )
 
 
-TABLETOP_HEADLINES: Final = (  # "saved" and "cut" are what cooperation makes less
+TABLETOP_HEADLINES: Final = (  # "saved" and "cut" denote reductions by cooperation.
     Headline("cfg 1: T_total cut, N = 4", "Configuration 1: cooperation cuts T_total"),
     Headline("cfg 1: change by a fifth", "Configuration 1: 4 cooperative"),
     Headline("cfg 1: T_total saved, N = 1", "Configuration 1: few robots"),

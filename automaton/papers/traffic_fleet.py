@@ -1,8 +1,8 @@
-"""What happens when every robot of the warehouse avoids traffic: beyond Bhattathiri, Li & Kuhl.
+"""Traffic avoidance by every robot of the warehouse: beyond Bhattathiri, Li & Kuhl.
 
-The paper dispatches one robot among five that do not react. Here all of a fleet follow one policy,
-under the dynamic rule of slow zones, with a task after the other; nothing of this is printed there.
-All policies face the same orders: dock and rack of order k depend on the seed and on k alone.
+The paper dispatches one robot among five that do not react. Here the whole fleet follows one policy
+under the dynamic rule of slow zones, one task after another; the paper prints no such results. All
+policies face the same orders: dock and rack of order k depend only on the seed and on k.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from automaton.papers.reproduction_study import Headline, PublishedTable, Reprod
 WAREHOUSE_SCENARIO: Final = "warehouse-100"
 FLEET_SIZES: Final = (6, 20, 50, 100)
 LARGEST_FLEET: Final = FLEET_SIZES[-1]
-TICKS_BY_ROBOTS: Final = {6: 6900}  # so that a small fleet finishes enough tasks, too
+TICKS_BY_ROBOTS: Final = {6: 6900}  # long enough for small fleets to finish enough tasks
 USUAL_TICKS: Final = 2300
 CHANCE: Final = "10 %"  # of a tick more for a move
 
@@ -39,7 +39,7 @@ FLEET_METRICS: Final = ("task_time", "delay", "completions")
 
 
 def scenario_of(policy: str, robots: int) -> tuple[str, ...]:
-    """The overrides of warehouse-100 for a fleet with a policy."""
+    """The settings of warehouse-100 for a fleet with a policy."""
     routing = ROUTING_POLICIES.get(policy, policy)
     ticks = TICKS_BY_ROBOTS.get(robots, USUAL_TICKS)
     return f"strategy.routing={routing}", f"fleet.robots={robots}", f"stop.max_duration={ticks}"
@@ -57,7 +57,7 @@ def fleets(policies: Sequence[str]) -> list[ScenarioCase]:
 
 
 def delayed_fleets(policies: Sequence[str]) -> list[ScenarioCase]:
-    """The largest fleet with each policy, its moves taking longer by chance."""
+    """The largest fleet with each policy, with moves that randomly take longer."""
     return [
         ScenarioCase(
             {"policy": policy, "extra tick": CHANCE},
@@ -69,12 +69,12 @@ def delayed_fleets(policies: Sequence[str]) -> list[ScenarioCase]:
 
 
 def delay(policy: str, of: int | str = LARGEST_FLEET) -> MeanQuantity:
-    """The mean delay with a policy; `of`: robots, or CHANCE."""
+    """The mean delay with a policy; `of`: number of robots, or CHANCE."""
     return mean_of("delay", policy, of)
 
 
 def beyond_a_star(policy: str, robots: int, **bounds: Any) -> Figure:
-    """A figure: by how much a policy has the greater delay."""
+    """A figure: the additional delay with a policy."""
     more = delay(policy, robots) - delay(A_STAR, robots)
     return Figure(f"delay beyond A*, N = {robots}", more, digits=1, **bounds)
 
@@ -119,14 +119,14 @@ TRAFFIC_FLEET_CLAIMS: Final = (
 )
 
 TRAFFIC_FLEET_REMARKS: Final = (
-    "The paper judges one robot that avoids five others which drive plain A*; what happens when all "
-    "avoid each other it leaves to further work.",
-    "Counts of who will ever use a zone send everybody round the same busy zones at once, and into "
-    "each other; what helps is when they will be there, and that by the plans that they really drive.",
-    "time average: a zone costs what share of their tasks the others spend there on their A* paths; "
-    "undelayed: the same paths, searched in time as if nobody delayed anybody; shared plans: the "
-    "routes of all, replayed with the slow zones.",
-    "Extra ticks count as delay, though nobody is in the way then.",
+    "The paper studies one robot that avoids five others with plain A*, and leaves mutual avoidance to "
+    "further work.",
+    "Counts of all future users of a zone make all robots avoid the same busy zones at the same time, so "
+    "that they meet elsewhere; it helps to know when robots will be in a zone, from their real plans.",
+    "time average: a zone costs the share of their tasks that other robots spend there on their A* "
+    "paths; undelayed: the same paths, searched in time as if no robot delayed another; shared plans: "
+    "the routes of all robots, replayed with the slow zones.",
+    "Extra ticks count as delay, although no robot is in the way.",
 )
 
 FLEET_HEADLINES: Final = (

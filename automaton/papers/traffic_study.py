@@ -1,12 +1,12 @@
 """Bhattathiri, Li & Kuhl, Tables 1 to 5: a network, and a robot dispatched among five others.
 
 S. Shaji Bhattathiri, M. P. Li, M. E. Kuhl: A Traffic Avoidance Path Planning Method for Autonomous
-Vehicles in a Warehouse Environment. The paper leaves open how a slow zone is read and what its
-network really foresees, so the printed rows stand beside several readings. The same trials (start,
-pick-up and drop-off of all robots) serve every line.
+Vehicles in a Warehouse Environment. The paper does not define the effect of slow zones and the
+predictions of its network completely, so the printed rows are compared with several readings. All lines
+use the same trials (start, pick-up and drop-off of all robots).
 
 Each claim is judged for each reading of the experiment. A printed mean over 100 trials is itself an
-estimate: the range is two standard errors about it; "less" is a difference above zero.
+estimate, so the range is two standard errors around it; "less" means a difference above zero.
 """
 
 from __future__ import annotations
@@ -58,14 +58,14 @@ AS_TESTED: Final = noisy(precision=0.05, recall=0.75)
 
 @dataclass(frozen=True)
 class TrialCase(Case):
-    """A line of the table: the robot of these trials, by plain A* or by the path it chose."""
+    """A line of the table: the dispatched robot, with plain A* or with the path that it chooses."""
 
     setting: Setting
     plain: bool = False
 
 
 def line(slowdown: str, path: str, counts: str, setting: Setting) -> TrialCase:
-    """A case with its labels; `counts` is what the dispatched robot foresees."""
+    """A case with its labels; `counts`: the predictions of the dispatched robot."""
     labels = {"slowdown": slowdown, "path": path, "counts": counts}
     return TrialCase(labels, setting, plain=path == A_STAR)
 
@@ -84,18 +84,18 @@ TRIAL_LINES: Final = (
 
 
 def trials(case: TrialCase, seed: int) -> list[Mapping[str, float]]:
-    """The trials of a line with a seed."""
+    """The trials of a line for a seed."""
     return [one.plain if case.plain else one.chosen for one in run_seed(case.setting, seed)]
 
 
 def published(key: Key, metric: str) -> float | None:
-    """The printed figure; each reading stands beside the same printed row."""
+    """The printed figure; all readings are compared with the same printed row."""
     path = A_STAR if key[1] == A_STAR else AVOIDANCE
     return PRINTED_TIMES[path].get(metric)
 
 
 def published_sd(key: Key, metric: str) -> float | None:
-    """The printed standard deviation over trials, of the same rows."""
+    """The printed standard deviation over trials in these rows."""
     path = A_STAR if key[1] == A_STAR else AVOIDANCE
     return PRINTED_TIMES_SD[path].get(metric)
 
@@ -104,10 +104,10 @@ Reading = tuple[str, str, str]  # the labels of a case
 
 PLAIN_A_STAR: Final = (A_STAR, "-")  # path and counts
 PRINTED_TRIALS: Final = 100
-# Of the saving over all trials: 126.76 +- 70.35 in 39 of 100, nothing in the others.
+# Standard deviation of the saving over all trials: 126.76 +- 70.35 in 39 of 100, else 0.
 SAVING_SD: Final = (0.39 * (126.76**2 + 70.35**2) - (0.39 * 126.76) ** 2) ** 0.5
 
-READINGS: Final = {  # slowdown, path, counts: how it is called
+READINGS: Final = {  # (slowdown, path, counts): name
     ("static", AVOIDANCE, "exact"): "static, exact counts",
     ("static", MORE_THAN, "exact"): "static, exact counts, zones with more than A",
     ("static", AVOIDANCE, ".40/.84"): "static, counts with precision .40 and recall .84",
@@ -119,12 +119,12 @@ READINGS: Final = {  # slowdown, path, counts: how it is called
 
 
 def saved(name: str, reading: Reading) -> Callable[[Mean], float]:
-    """How much less of a metric the avoiding robot has."""
+    """The reduction of a metric by avoidance."""
     return mean_of(name, reading[0], *PLAIN_A_STAR) - mean_of(name, *reading)
 
 
 def per_alternative(reading: Reading) -> Callable[[Mean], float]:
-    """Ticks saved in a trial in which the alternative was taken; none if it never was."""
+    """Ticks saved per trial with an alternative route; 0 without such trials."""
 
     def ticks(mean: Mean) -> float:
         taken = mean("taken", *reading)
@@ -136,12 +136,12 @@ def per_alternative(reading: Reading) -> Callable[[Mean], float]:
 def around(label: str, of: Callable[[Mean], float], printed: float, sd: float) -> Figure:
     """A figure that agrees with a printed mean over 100 trials."""
     margin = 2 * sd / PRINTED_TRIALS**0.5
-    why = f"the printed {printed}, give or take two standard errors of {PRINTED_TRIALS} trials"
+    why = f"the printed {printed} +- two standard errors of {PRINTED_TRIALS} trials"
     return Figure(label, of, printed - margin, printed + margin, digits=1, why=why)
 
 
 def about_plain_a_star() -> Iterator[Claim]:
-    """The printed line of plain A*, by both readings of a slow zone."""
+    """The claims about the printed line of plain A*, for both readings of slow zones."""
     for slowdown in ("static", "dynamic"):
         yield claim(
             f"Plain A* takes 229.97 steps over 160.25 cells ({slowdown})",
@@ -179,7 +179,7 @@ def spread(name: str, *key: str) -> MeanQuantity:
 
 
 def about_spreads() -> Iterator[Claim]:
-    """The printed standard deviations; one of 100 trials has a standard error of about 7 %."""
+    """The claims about the printed standard deviations, whose standard errors are about 7 %."""
     error = 1 / (2 * (PRINTED_TRIALS - 1)) ** 0.5
     readings: dict[Reading, str] = {
         (slowdown, *PLAIN_A_STAR): f"plain A*, {slowdown}" for slowdown in ("static", "dynamic")
@@ -195,7 +195,7 @@ def about_spreads() -> Iterator[Claim]:
                     printed[metric] * (1 - 2 * error),
                     printed[metric] * (1 + 2 * error),
                     digits=1,
-                    why=f"the printed {printed[metric]:.2f}, give or take two of its standard errors",
+                    why=f"the printed {printed[metric]:.2f} +- two of its standard errors",
                 )
                 for metric in ("time", "distance")
             ),
@@ -203,15 +203,17 @@ def about_spreads() -> Iterator[Claim]:
 
 
 def about_avoidance() -> Iterator[Claim]:
-    """What the paper says of traffic avoidance, for each reading."""
+    """The claims about traffic avoidance, for each reading."""
     for statement, figure in STATEMENTS.items():
         for reading, name in READINGS.items():
             yield claim(f"{statement} ({name})", figure(reading))
 
 
 def about_depth() -> Iterator[Claim]:
-    """Why the paper's network has three hidden layers. One training each, stored: other draws of the
-    weights and of the order of legs may come to something else, so that one decides nothing.
+    """The claims about the number of hidden layers.
+
+    They rest on one stored training each. Other initial weights and orders of legs may give other
+    results, so a single training decides nothing.
     """
     for loss, name in (("hinge", "the printed hinge loss"), ("cross-entropy", "cross-entropy")):
         yield claim(
@@ -230,31 +232,33 @@ def about_depth() -> Iterator[Claim]:
 
 
 TRAFFIC_REMARKS: Final = (
-    "Traffic avoidance is said to take 180.53 steps over 214.34 cells, yet every cell takes at "
+    "The paper reports 180.53 steps over 214.34 cells for traffic avoidance, but every cell takes at "
     "least one step. 180.53 = 229.97 - 0.39 x 126.76, so it is the mean over all trials.",
-    "The network that is reported (precision 0.05, recall 0.75 in testing) foresees nearly "
-    "everything everywhere: with such counts next to nothing is gained.",
+    "The reported network (precision 0.05, recall 0.75 in testing) predicts robots in nearly all zones: "
+    "with such counts avoidance gains next to nothing.",
     "The biases start at log(N1/N0), which favours empty zones; the text says the opposite.",
     "Equation 7 (Matthews' correlation) lacks the factor TN + FP and its parentheses.",
-    "Zones with more than A robots are obstacles, A = 1 to 6, and A = 6 is to equal plain A*; with five "
-    "others A = 5 would, too. Here zones with A or more are closed, and plain A* is a candidate besides; "
-    "the line `more than A` closes those with more (in a scenario `closed_from: more than A`).",
-    "All cells that are not zero are obstacles: that would close the intersections.",
-    "At most two robots pass in an aisle, yet m robots in a zone slow it down, up to six.",
-    "The hinge loss as printed, with y of 0 or 1, is constant where y is 0: nothing lowers an output, "
-    "so training ends with every zone predicted (Tables 1 to 4: loss hinge).",
-    "Hamming loss is 1 - accuracy, so the rows that monitor accuracy, and both, must be equal. They "
-    "are printed as different ones.",
-    "Other classifiers are said to have no training accuracy at all. On single legs each has some "
-    "(`automaton train traffic --classifiers`), if accuracy is that every zone is right.",
+    "Zones with more than A robots are obstacles, with A = 1 to 6, and A = 6 is meant to equal plain A*; "
+    "with five other robots A = 5 would, too. Here zones with A or more robots are closed, and plain A* "
+    "is an additional candidate; the line `more than A` closes zones with more than A (in a scenario "
+    "`closed_from: more than A`).",
+    "All cells that are not zero are obstacles: this would close the intersections.",
+    "At most two robots can pass in an aisle, but up to six robots in a zone slow it down.",
+    "The hinge loss as printed, with y of 0 or 1, is constant for y = 0: nothing lowers an output, so "
+    "training ends with every zone predicted (Tables 1 to 4: loss hinge).",
+    "Hamming loss is 1 - accuracy, so the rows that monitor accuracy, Hamming loss, or both must be "
+    "equal, but they are printed with different values.",
+    "The paper reports zero training accuracy of other classifiers. On single legs each has some "
+    "(`automaton train traffic --classifiers`), if accuracy means that every zone is right.",
     "Tables 2 to 4 have impossible lines, such as accuracy 1.00 with precision and recall 0.",
-    "With the printed loss three hidden layers come to the constant answer, as six and twelve do; with "
-    "cross-entropy six and twelve layers learn, more slowly (one training each, five epochs).",
-    "How long the other robots stay in a zone is left open. Read as the plans ever using a zone "
-    "(static), the printed A* time comes out; when they really meet (dynamic), A* loses next to "
-    "nothing to others, and there is nothing to be gained.",
-    "The printed share of alternatives together with the printed saving in each came out of no "
-    "reading tried.",
+    "With the printed loss, networks with three, six and twelve hidden layers all converge to the "
+    "constant answer; with cross-entropy six and twelve layers learn more slowly than three (one "
+    "training each, five epochs).",
+    "The paper does not state how long other robots stay in a zone. If every planned use of a zone "
+    "counts (static), we reproduce the printed A* time; if only robots that are there at the time count "
+    "(dynamic), A* loses next to nothing, and avoidance has nothing to gain.",
+    "No reading that we tried reproduces both the printed share of alternatives and the printed saving "
+    "per alternative.",
 )
 
 TRAFFIC_CLAIMS: Final = (

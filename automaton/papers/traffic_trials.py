@@ -1,10 +1,10 @@
-"""The trials of Bhattathiri, Li & Kuhl on their warehouse, and what their network learns.
+"""The trials of Bhattathiri, Li & Kuhl on their warehouse, and the results of their network.
 
-From a seed follow the figures of each trial. A *predictor* says how many of the other robots use each
-zone, from where they start, pick up and drop off; what really happens is decided by their paths.
+A seed determines the figures of each trial. A *predictor* estimates the number of other robots that use
+each zone from their start, pick-up and drop-off cells; their actual paths determine the real number.
 
-Training takes minutes, so it is no part of a reproduction: the network and the figures of Tables 1 to 4
-are read from files that `automaton train traffic` wrote, and that it writes anew on request.
+Training takes minutes, so it is not part of a reproduction: the network and the figures of Tables 1 to
+4 are read from files that `automaton train traffic` wrote and can write again.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from strategies.routing.traffic_avoidance import LEAST_TIME, MOST_CAUTIOUS
 
 WAREHOUSE_SIDE: Final = 100  # cells
 TRIAL_ROBOTS: Final = 6  # five are active, one is dispatched
-TRIALS: Final = 100  # of a seed
+TRIALS: Final = 100  # per seed
 MOST_THRESHOLD: Final = 6  # A = 1..6
 WAREHOUSE_SCENARIO: Final = "warehouse-100"
 COMMAND: Final = "automaton train traffic --tables --out FILE"
@@ -60,13 +60,13 @@ class Setting:
 
     predictor: Predictor
     slowdown: Literal["static", "dynamic"] = "static"
-    cautious: bool = False  # take the feasible path of least A, whatever its time
-    more_than: bool = False  # zones with more than A others are closed, not those with A
+    cautious: bool = False  # whether to take the feasible path of least A regardless of its time
+    more_than: bool = False  # whether zones close with more than A other robots instead of with A
 
 
 @cache
 def warehouse(side: int = WAREHOUSE_SIDE) -> Warehouse:
-    """The warehouse E1, or one of another size like it; undirected zones, a move takes a tick."""
+    """The warehouse E1, or one like it of another size; undirected zones, moves of one tick."""
     plan = generator_type("racks")(preset="E1", rows=side, columns=side).build()  # type: ignore[attr-defined]
     floor = floor_for(plan, "undirected", (RobotType(kinematics="omni"),))
     duration = np.ones(ACTION_COUNT, np.int32)
@@ -85,7 +85,7 @@ def warehouse(side: int = WAREHOUSE_SIDE) -> Warehouse:
 
 
 def stands(floor: PreparedFloor, kind: int) -> Array:
-    """(k,) the cells from which the slots of a kind are served: docks from the east."""
+    """(k,) the cells from which the slots of a kind are served; docks are served from the east."""
     access = floor.slot_access[floor.grid.kind[floor.slot_cell] == kind]
     found: Array = np.where(access[:, EAST] != NIL, access[:, EAST], access.max(1))
     return found.astype(np.int32)
@@ -100,7 +100,7 @@ def tasks_of(where: Warehouse, seed: int, trials: int = TRIALS) -> Array:
 
 
 def noisy(precision: float, recall: float) -> Predictor:
-    """Exact predictions with errors of this precision and recall, drawn for each zone and robot."""
+    """A predictor with random errors of this precision and recall, for each zone and robot."""
     add = false_alarms(precision, recall, USED_SHARE)
 
     def predict(where: Warehouse, seed: int, tasks: Array) -> Array:
@@ -118,14 +118,14 @@ exact: Final = noisy(precision=1, recall=1)
 
 
 class Trial(NamedTuple):
-    """The dispatched robot in one trial: by plain A*, and by the path that it chose."""
+    """The dispatched robot in one trial: with plain A*, and with the path that it chose."""
 
     plain: Mapping[str, float]
     chosen: Mapping[str, float]
 
 
 def run_seed(setting: Setting, seed: int) -> list[Trial]:
-    """The TRIALS trials of a seed; the same tasks for every setting."""
+    """The TRIALS trials of a seed, with the same tasks for every setting."""
     where = warehouse()
     tasks = tasks_of(where, seed)
     out = np.zeros((TRIALS, monte_carlo.TRIAL_COLUMNS), np.int64)
@@ -149,7 +149,7 @@ def run_seed(setting: Setting, seed: int) -> list[Trial]:
 
 
 def _figures(row: Sequence[int]) -> Trial:
-    """Saving is known only of trials in which the path is another one than that of plain A*."""
+    """The metrics of a trial; `saving` exists only if the path differs from that of plain A*."""
     plain, chosen = (
         row[: monte_carlo.TRIAL_CHOSEN],
         row[monte_carlo.TRIAL_CHOSEN : monte_carlo.TRIAL_ALTERNATIVE],
@@ -166,21 +166,21 @@ def _figures(row: Sequence[int]) -> Trial:
 
 
 def with_squares(metrics: dict[str, int]) -> dict[str, int]:
-    """The metrics of a trial with the squares from which standard deviations follow."""
+    """The metrics of a trial with the squares needed for standard deviations."""
     return metrics | {f"{name}_squared": metrics[name] ** 2 for name in ("time", "distance")}
 
 
-# The shipped network, and what was stored of its trainings.
+# The shipped network, and the stored results of its trainings.
 
 
 def network(where: Warehouse, seed: int, tasks: Array) -> Array:
-    """(trials, Z) int32: the other robots that the shipped network predicts in each zone.
+    """(trials, Z) int32: number of other robots that the shipped network predicts in each zone.
 
-    A robot uses the zones of either of its two legs.
+    A robot uses the zones of both of its legs.
     """
     trained = network_for(where.grid, where.duration, shipped(WAREHOUSE_SCENARIO))
     zones = where.grid.traffic_zone[tasks[:, 1:], 0].astype(np.int64)  # (trials, others, 3)
-    start, pick, drop = zones.reshape(-1, 3).T  # of all robots, in one call of the network
+    start, pick, drop = zones.reshape(-1, 3).T  # all robots in one call of the network
     used = predicted_zones(trained, start, pick) | predicted_zones(trained, pick, drop)
     foreseen: Array = used.reshape(*zones.shape[:2], -1).sum(axis=1, dtype=np.int32)
     return foreseen
@@ -188,14 +188,14 @@ def network(where: Warehouse, seed: int, tasks: Array) -> Array:
 
 @cache
 def stored(what: str = "tables") -> dict[str, Any]:
-    """A file of results, of Tables 1 to 4 or of `depths`: how they were made, and the rows."""
+    """A file with the results of Tables 1 to 4 or of `depths`: settings and rows."""
     path = shipped(WAREHOUSE_SCENARIO).with_name(f"{WAREHOUSE_SCENARIO}-{what}.json")
     found: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
     return found
 
 
 def rows() -> dict[Key, TrainingRow]:
-    """The rows by their labels, in the order of print; the printed loss first."""
+    """The rows by their labels, in printed order; the printed loss comes first."""
     in_print = [(table, keep) for table, figures in PRINTED_TABLES.items() for keep in figures]
     found = sorted(
         from_json(stored()["rows"]), key=lambda row: in_print.index((row.table, row.monitored))
@@ -204,46 +204,46 @@ def rows() -> dict[Key, TrainingRow]:
 
 
 def labels(row: TrainingRow) -> dict[str, str | int]:
-    """What a row is called, short enough for a line."""
+    """The labels of a row, short enough for a line."""
     return {"table": row.table, "monitored": row.short, "loss": row.loss}
 
 
 def published(key: Key, metric: str) -> float | None:
-    """The printed figure: the paper prints one for each row, whatever the loss."""
+    """The printed figure; the paper prints one for each row, regardless of the loss."""
     return rows()[key].paper.get(metric)
 
 
 def origin() -> str:
-    """How the stored figures were made."""
+    """The origin of the stored figures, in words."""
     found = stored()
     settings = found["settings"]
     return (
         f"From a file that `{COMMAND}` wrote: {settings['legs']:,} legs, batches of "
         f"{settings['batch']}, at most {settings['epochs']} epochs, seed {settings['seed']}; Tables 1 "
-        "and 2 with output bias, 3 and 4 with sample weights; 1 and 3 on the legs of the training, "
-        "2 and 4 on others. A row keeps the weights of the epoch that last improved all that it "
-        "monitors."
+        "and 2 with output bias, 3 and 4 with sample weights; 1 and 3 on the training legs, 2 and 4 on "
+        "other legs. A row uses the weights of the last epoch that improved all of its monitored "
+        "metrics."
     )
 
 
 def depths() -> dict[Key, dict[str, Any]]:
-    """The trainings by loss and hidden layers."""
+    """The trainings by loss and number of hidden layers."""
     return {("depth", row["loss"], row["hidden"]): row for row in stored("depths")["rows"]}
 
 
 def depth_figures(key: Key) -> dict[str, float]:
-    """One training; beyond: by how much the loss stays above that of a constant answer."""
+    """The figures of one training; `beyond`: its loss minus the loss of a constant answer."""
     row = depths()[key]
     return {name: row[name] for name in DEPTH_FIGURES} | {"beyond": row["least"] - row["constant"]}
 
 
 def origin_of_depths() -> str:
-    """How the stored trainings were made."""
+    """The origin of the stored trainings, in words."""
     settings = stored("depths")["settings"]
     return (
         f"From a file that `{DEPTHS_COMMAND}` wrote: {settings['legs']:,} legs, batches of "
         f"{settings['batch']}, at most {settings['epochs']} epochs, seed {settings['seed']}; the least "
-        "loss of an epoch, beside the least of a constant answer."
+        "loss of an epoch, compared with the least loss of a constant answer."
     )
 
 

@@ -2,9 +2,9 @@
 
     one-hot start and end zone -> 256 -> 256 -> 256 -> a sigmoid for each zone      (3 hidden layers)
 
-Adam, weights from Glorot's uniform distribution, biases 0. One thread, and draws from a generator
-of the seed's own: equal on equal machines. After each epoch the network answers all legs that it is
-trained on; weights are kept when everything that is monitored has improved.
+Adam; initial weights from Glorot's uniform distribution, biases 0. One thread and a separate random
+generator make results reproducible on equal machines. After each epoch the network answers all training
+legs; weights are stored when all monitored metrics have improved.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from automaton.papers.training_settings import (
     sample_weights,
 )
 
-HIDDEN_WIDTH: Final = 256  # of a hidden layer
-AT_ONCE: Final = 3000  # legs that are answered in one go
+HIDDEN_WIDTH: Final = 256  # width of a hidden layer
+AT_ONCE: Final = 3000  # legs answered in one batch
 NO_ANSWERS: Final = AnswerCounts(0, 0, 0, 0)
 
-Keep = tuple[str, ...]  # metrics that must all improve; () = the loss
-Layers = tuple[tuple[Any, Any], ...]  # (weights, bias) float32, as ZoneNetwork's
+Keep = tuple[str, ...]  # metrics that must all improve; (): the loss
+Layers = tuple[tuple[Any, Any], ...]  # (weights, bias) float32, as in ZoneNetwork
 
 
 @dataclass
 class Checkpoint:
-    """The weights of the best epoch so far, by what is monitored."""
+    """The weights of the best epoch so far, by the monitored metrics."""
 
     epoch: int = 0
     loss: float = math.inf
@@ -47,7 +47,7 @@ class Checkpoint:
     layers: Layers = ()
 
     def improved(self, keep: Keep, loss: float, now: AnswerCounts) -> bool:
-        """Whether an epoch is better in all that is monitored; the first one is."""
+        """Whether an epoch is better in all monitored metrics; the first epoch always is."""
         if self.epoch == 0:
             return True
         if not keep:
@@ -57,7 +57,7 @@ class Checkpoint:
 
 @dataclass
 class Trained:
-    """What a training gave: kept weights by what was monitored, and the loss of each epoch."""
+    """The result of a training: stored weights by monitored metrics, and the loss of each epoch."""
 
     kept: dict[Keep, Checkpoint]
     losses: list[float] = field(default_factory=list)
@@ -71,13 +71,13 @@ OnEpoch = Callable[
 def train(
     legs: Legs, settings: Settings, keeps: Sequence[Keep] = ((),), on_epoch: OnEpoch | None = None
 ) -> Trained:
-    """Train once; each of `keeps` keeps weights of its own.
+    """Train once, and store weights for each of `keeps`.
 
-    Ends after `settings.epochs`, or when the mean loss over `settings.patience` epochs in a row was
-    not lower than before.
+    Ends after `settings.epochs`, or when the mean loss has not reached a new minimum for
+    `settings.patience` epochs.
     """
     threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # sums in one order
+    torch.set_num_threads(1)  # fixes the order of summation
     try:
         return _train(legs, settings, keeps, on_epoch)
     finally:
@@ -116,14 +116,14 @@ def _train(
 
 
 def step(optimizer: Any, value: Any) -> None:
-    """Go down the slope of a loss."""
+    """Do one gradient step."""
     optimizer.zero_grad()
     value.backward()
     optimizer.step()
 
 
 def enter(trained: Trained, epoch: int, loss: float, now: AnswerCounts, network: Any) -> None:
-    """Note the loss of an epoch, and its weights where all that is monitored has improved."""
+    """Store the loss of an epoch, and its weights where all monitored metrics have improved."""
     trained.losses.append(loss)
     for keep, kept in trained.kept.items():
         if kept.improved(keep, loss, now):
@@ -131,7 +131,7 @@ def enter(trained: Trained, epoch: int, loss: float, now: AnswerCounts, network:
 
 
 def input_rows(legs: Legs) -> Any:
-    """(n, 2) rows of the first layer's weights: the product with a one-hot input is their sum."""
+    """(n, 2) rows of the first layer's weights; their sum is the product with the one-hot input."""
     zones = legs.touched.shape[1]
     start = np.where(legs.start_zone == NIL, 2 * zones, legs.start_zone)
     end = np.where(legs.end_zone == NIL, 2 * zones, legs.end_zone + zones)
@@ -139,7 +139,7 @@ def input_rows(legs: Legs) -> Any:
 
 
 def first_layers(zones: int, bias: float, generator: Any, hidden: int) -> list[tuple[Any, Any]]:
-    """Layers before training; the first one has a last row of zeros, for a cell in no zone."""
+    """The initial layers; the first layer has a last row of zeros, for cells without a zone."""
     layers = []
     inputs = 2 * zones
     for outputs in (*[HIDDEN_WIDTH] * hidden, zones):
@@ -167,7 +167,7 @@ def logits(network: Sequence[tuple[Any, Any]], rows: Any) -> Any:
 
 
 def mean_loss(name: str, logit: Any, y: Any, weights: tuple[float, float]) -> Any:
-    """The mean over legs and zones; `weights` of y = 0 and y = 1 (see training_settings)."""
+    """The mean loss over legs and zones; `weights`: of y = 0 and y = 1 (see training_settings)."""
     if name == "cross-entropy":
         each = functional.binary_cross_entropy_with_logits(logit, y, reduction="none")
     elif name == "hinge":
@@ -182,14 +182,14 @@ def mean_loss(name: str, logit: Any, y: Any, weights: tuple[float, float]) -> An
 
 
 def answers(network: Sequence[tuple[Any, Any]], rows: Any) -> Any:
-    """(n, zones) bool array: the zones of probability above 1/2."""
+    """(n, zones) bool array: the zones with a probability above 1/2."""
     with torch.no_grad():
         parts = [logits(network, some) > 0 for some in rows.split(AT_ONCE)]
     return torch.cat(parts).numpy()
 
 
 def as_arrays(network: Sequence[tuple[Any, Any]]) -> Layers:
-    """Copies of the weights; without the row of zeros."""
+    """Copies of the weights, without the row of zeros."""
     layers = [tuple(part.detach().numpy().copy() for part in layer) for layer in network]
     first, bias = layers[0]
     return ((first[:-1], bias), *((weights, bias) for weights, bias in layers[1:]))

@@ -1,9 +1,9 @@
-"""Tables 1 to 4 of Bhattathiri, Li & Kuhl: what the network learns, by loss and by monitored metrics.
+"""Tables 1 to 4 of Bhattathiri, Li & Kuhl: results of the network, by loss and by monitored metrics.
 
-Tables 1 and 2 start the output bias at log(N1 / N0), Tables 3 and 4 weigh samples; 1 and 3 are
-measured on the legs of the training, 2 and 4 on others. The rows of a table differ only in the metrics
-that must all improve for weights to be kept, so one training makes all rows of two tables. Below stands
-what any training gave, as text.
+Tables 1 and 2 start the output bias at log(N1 / N0), Tables 3 and 4 weight samples; 1 and 3 are measured
+on the training legs, 2 and 4 on other legs. The rows of a table differ only in the metrics that must
+improve for weights to be stored, so one training gives all rows of two tables. This module also prints
+the outcome of a training.
 """
 
 from __future__ import annotations
@@ -70,8 +70,8 @@ class TrainingRow(NamedTuple):
     table: int
     loss: str
     monitored: Keep
-    epoch: int  # after which the weights were kept
-    epochs: int  # of the whole training
+    epoch: int  # the epoch whose weights were stored
+    epochs: int  # number of epochs of the training
     paper: dict[str, float]  # by COLUMNS
     ours: dict[str, float]  # by COLUMNS and MORE
 
@@ -82,7 +82,7 @@ class TrainingRow(NamedTuple):
 
 
 def monitored(weighting: str) -> list[Keep]:
-    """What the rows of a weighting's two tables monitor, in the order of print."""
+    """The monitored metrics in the rows of a weighting's two tables, in printed order."""
     return list(
         dict.fromkeys(
             keep for table in TABLES_BY_WEIGHTING[weighting] for keep in PRINTED_TABLES[table]
@@ -91,7 +91,7 @@ def monitored(weighting: str) -> list[Keep]:
 
 
 def as_json(rows: Sequence[TrainingRow]) -> list[dict[str, Any]]:
-    """Rows for a file of results, figures with four digits."""
+    """Rows for a results file, with figures rounded to four decimals."""
     return [
         row._asdict() | {"ours": {name: round(value, 4) for name, value in row.ours.items()}}
         for row in rows
@@ -99,15 +99,15 @@ def as_json(rows: Sequence[TrainingRow]) -> list[dict[str, Any]]:
 
 
 def from_json(rows: Sequence[dict[str, Any]]) -> list[TrainingRow]:
-    """Rows from a file of results."""
+    """Rows from a results file."""
     return [TrainingRow(**{**row, "monitored": tuple(row["monitored"])}) for row in rows]
 
 
-# What a training gave, as text.
+# The outcome of a training as text.
 
 
 def print_outcome(mode: str, outcome: Mapping[str, Any]) -> None:
-    """Print what `automaton train` gave in one of its modes."""
+    """Print the outcome of `automaton train` in one of its modes."""
     blocks = {
         "network": network_blocks,
         "tables": table_blocks,
@@ -122,7 +122,7 @@ def title(outcome: Mapping[str, Any]) -> str:
 
 
 def effort(outcome: Mapping[str, Any]) -> str:
-    """How much was learnt from."""
+    """The amount of training data, in words."""
     settings = outcome["settings"]
     return (
         f"{title(outcome)}: {settings['legs']:,} legs, batches of {settings['batch']}, "
@@ -131,7 +131,7 @@ def effort(outcome: Mapping[str, Any]) -> str:
 
 
 def network_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
-    """How it was trained, how well it predicts which legs, and where it is."""
+    """The training of a network, its measures by kind of legs, and its file."""
     settings = outcome["settings"]
     first = f"{title(outcome)}: {settings['loss']}, weighting {settings['weighting']}"
     monitored = " and ".join(
@@ -139,7 +139,7 @@ def network_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
     )
     epochs = (
         f"{outcome['epochs']} epochs of {settings['legs']:,} legs, "
-        f"weights of epoch {outcome['epoch']} kept by {monitored}"
+        f"weights of epoch {outcome['epoch']} chosen by {monitored}"
     )
     yield Listed([first, epochs], mark="")
     rows = [
@@ -151,9 +151,9 @@ def network_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def table_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
-    """Tables 1 to 4, the printed figures beside ours for each loss.
+    """Tables 1 to 4, with printed figures beside ours for each loss.
 
-    One block for each table: a row for each set of monitored metrics and loss.
+    Each table is a block with a row for each set of monitored metrics and loss.
     """
     yield Text(effort(outcome))
     rows = from_json(outcome["rows"])
@@ -174,7 +174,7 @@ def table_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def depth_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
-    """The least loss of each network beside that of a constant answer."""
+    """The least loss of each network, compared with the least loss of a constant answer."""
     what = "least: the loss of the best epoch; constant: of the best constant answer"
     yield Listed([effort(outcome), what], mark="")
     figures = ("least", "constant", "precision", "recall")
@@ -186,7 +186,7 @@ def depth_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
 
 
 def classifier_blocks(outcome: Mapping[str, Any]) -> Iterator[Block]:
-    """The share of wholly right legs first: the measure by which the paper discards them."""
+    """The classifiers; the first measure is the share of completely right legs, as in the paper."""
     yield Text(
         f"{title(outcome)}: judged by {outcome['judged_by']:,} legs of the training and as many of "
         "an unused seed"

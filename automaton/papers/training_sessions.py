@@ -1,6 +1,6 @@
-"""What `automaton train` does on the floor of one scenario: networks, tables, depths, classifiers.
+"""The modes of `automaton train` on the floor of one scenario: networks, tables, depths, classifiers.
 
-torch and scikit-learn are imported where they are used: each mode needs one of them.
+torch and scikit-learn are imported where they are used, since each mode needs only one of them.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ from automaton.papers.training_settings import (
 from automaton.world.resolve import resolve
 from strategies.routing.routing_parameters import floor_fingerprint, predicted_zones, save_network
 
-RESULTS: Final = "automaton traffic tables 1"  # format of a file of results
-HIDDEN_LAYERS: Final = (3, 6, 12)  # of networks of several depths; the paper has 3
-DEPTH_LOSSES: Final = ("hinge", "cross-entropy")  # the printed one; one with which 3 layers learn
-NEIGHBOURS: Final = (1, 5)  # the paper names none; 5 is scikit-learn's default
-TREES: Final = 20  # of its 100: more take longer and change little
-EVALUATED: Final = 2_000  # legs by which a classifier is judged
+RESULTS: Final = "automaton traffic tables 1"  # format of a results file
+HIDDEN_LAYERS: Final = (3, 6, 12)  # depths of networks; the paper has 3
+DEPTH_LOSSES: Final = ("hinge", "cross-entropy")  # printed; with this 3 layers learn
+NEIGHBOURS: Final = (1, 5)  # the paper states no number; 5 is scikit-learn's default
+TREES: Final = 20  # instead of the default 100, which take longer and change little
+EVALUATED: Final = 2_000  # legs for judging a classifier
 
 ProgressCallback = Callable[[str], None]
 OnEpoch = Callable[[str, str, int], None]  # loss, weighting, epoch from 1
@@ -52,17 +52,17 @@ OnEpoch = Callable[[str, str, int], None]  # loss, weighting, epoch from 1
 
 @dataclass(frozen=True)
 class TrainingSession:
-    """A floor with its legs, drawn once."""
+    """A floor with legs that are drawn once."""
 
     name: str  # of the scenario
-    mode: str  # of its zones
+    mode: str  # mode of its zones
     site: Site
     data: Data
     settings: Settings
 
     @classmethod
     def of(cls, scenario: str, overrides: Sequence[str], settings: Settings) -> TrainingSession:
-        """Raises InputError for a bad scenario, or a floor without zones."""
+        """Raises InputError for an invalid scenario, or a floor without zones."""
         resolved = resolve(scenario, overrides)
         site = site_of(resolved)
         data = data_of(site, settings.legs, settings.seed)
@@ -73,7 +73,7 @@ class TrainingSession:
     def train_network(
         self, keep: tuple[str, ...], out: Path, told: ProgressCallback | None = None
     ) -> dict[str, Any]:
-        """Train, write the network to `out`, and say how well it predicts."""
+        """Train a network, write it to `out`, and measure its predictions."""
         from automaton.papers.training import train  # needs torch
 
         def tell(epoch: int, loss: float, now: AnswerCounts) -> None:
@@ -100,7 +100,7 @@ class TrainingSession:
     def train_tables(
         self, out: Path | None, told: ProgressCallback | None = None
     ) -> dict[str, Any]:
-        """Train for Tables 1 to 4, with each loss; written to `out` if there is one."""
+        """Train for Tables 1 to 4 with each loss; write the results to `out` if given."""
 
         def tell(loss: str, weighting: str, epoch: int) -> None:
             if told is not None:
@@ -117,14 +117,14 @@ class TrainingSession:
     def train_depths(
         self, out: Path | None, told: ProgressCallback | None = None
     ) -> dict[str, Any]:
-        """Train networks of several depths; written to `out` if there is one."""
+        """Train networks of several depths; write the results to `out` if given."""
         rows = [depth._asdict() for depth in train_depths(self.data.training, self.settings, told)]
         shared = self._settings_but("loss", "weighting", "hidden")
         results = {**self._origin(), "settings": shared, "rows": rows}
         return written(results, out)
 
     def try_classifiers(self, told: ProgressCallback | None = None) -> dict[str, Any]:
-        """Let other classifiers learn the same legs, or as many as they manage."""
+        """Train other classifiers on the same legs, or on as many as they can handle."""
         results = try_classifiers(self.data, self.settings.seed, told)
         return {
             **self._origin(),
@@ -147,7 +147,7 @@ class TrainingSession:
 
 
 def written(results: dict[str, Any], out: Path | None) -> dict[str, Any]:
-    """Results, in a file if there is to be one."""
+    """Write results to a file if one is given; return them."""
     if out is not None:
         with atomic_writer(out) as file:
             file.write((json.dumps(results, indent=1, ensure_ascii=False) + "\n").encode())
@@ -155,7 +155,7 @@ def written(results: dict[str, Any], out: Path | None) -> dict[str, Any]:
 
 
 def train_rows(data: Data, site: Site, settings: Settings, on_epoch: OnEpoch) -> list[TrainingRow]:
-    """Train with the loss of `settings` once for each weighting; the rows of its tables."""
+    """Train with the loss of `settings` once for each weighting; return the rows of its tables."""
     rows = []
     for weighting in TABLES_BY_WEIGHTING:
         rows += _rows(data, site, settings, weighting, on_epoch)
@@ -193,12 +193,12 @@ def _rows(
 
 # Do deeper networks learn? "The deeper neural networks did not converge" (Bhattathiri, Li & Kuhl, 4).
 #
-# What they come to stands beside the least loss of a constant answer, the same for every leg and zone: a
-# network that does not get below it has learnt nothing of where its legs lead.
+# Their loss is compared with the least loss of a constant answer, which is the same for every leg and
+# zone: a network that does not get below it has learnt nothing about the routes of its legs.
 
 
 class TrainedDepth(NamedTuple):
-    """A training, as it was when its loss was least."""
+    """A training at the epoch with its least loss."""
 
     loss: str
     hidden: int
@@ -248,13 +248,13 @@ def train_depths(
 
 # The classifiers that Bhattathiri, Li & Kuhl tried before networks, with scikit-learn's defaults.
 #
-# They report zero training accuracy; of many zones at once scikit-learn's accuracy is the share of
-# legs of which every zone is right (subset accuracy). Input is the one-hot start and end zone, as for
-# the network. Time grows with legs x zones, so they learn from some of the legs only.
+# They report zero training accuracy; for many zones at once, scikit-learn's accuracy is the share of legs
+# with every zone right (subset accuracy). The input is the one-hot start and end zone, as for the
+# network. Training time grows with legs x zones, so they learn from a part of the legs.
 
 
 class ClassifierResult(NamedTuple):
-    """How well a classifier does on the legs it learnt from and on legs of an unused seed."""
+    """The measures of a classifier on its training legs and on legs of an unused seed."""
 
     classifier: str
     learnt_from: int  # legs
@@ -263,7 +263,7 @@ class ClassifierResult(NamedTuple):
 
 
 def one_hot(legs: Legs) -> Any:
-    """(n, 2Z) sparse: a one for the start zone and one for the end zone, none for NIL."""
+    """(n, 2Z) sparse: 1 for the start zone and 1 for the end zone; nothing for NIL."""
     from scipy import sparse
 
     zones = legs.touched.shape[1]
@@ -277,14 +277,14 @@ def one_hot(legs: Legs) -> Any:
 
 
 class EachZone:
-    """One binary classifier for each zone; a zone with one answer only always gets that answer."""
+    """One binary classifier for each zone; a zone whose answers are all equal gets a constant answer."""
 
     def __init__(self, make: Callable[[], Any]) -> None:
         self._make = make
         self._zones: list[Any] = []
 
     def fit(self, inputs: Any, truth: Answers) -> EachZone:
-        """Learn every zone for itself."""
+        """Train a classifier for each zone."""
         self._zones = [
             self._make().fit(inputs, zone) if zone.any() and not zone.all() else bool(zone.all())
             for zone in truth.T
@@ -302,7 +302,7 @@ class EachZone:
 
 
 def classifiers(seed: int) -> dict[str, tuple[int, Any]]:
-    """name: (legs it learns from at most, classifier)."""
+    """Name -> (maximum number of training legs, classifier)."""
     from sklearn.ensemble import RandomForestClassifier
     from sklearn.neighbors import KNeighborsClassifier
     from sklearn.svm import SVC, LinearSVC
@@ -324,7 +324,7 @@ def classifiers(seed: int) -> dict[str, tuple[int, Any]]:
 def try_classifiers(
     data: Data, seed: int, on_done: Callable[[str], None] | None = None, at_most: int = 15_000
 ) -> list[ClassifierResult]:
-    """Each classifier, judged on the first 2,000 legs that it learnt from and of an unused seed."""
+    """Each classifier, judged on its first 2,000 training legs and on 2,000 legs of an unused seed."""
     results = []
     for name, (most, classifier) in classifiers(seed).items():
         legs = min(most, at_most, len(data.training.touched))
@@ -345,6 +345,6 @@ def _first(legs: Legs) -> Legs:
 
 
 def predictions_of(classifier: Any, legs: Legs) -> Answers:
-    """(n, Z) bool: what a classifier says about legs."""
+    """(n, Z) bool: the answers of a classifier about legs."""
     found: Answers = np.asarray(classifier.predict(one_hot(legs))).astype(np.bool_)
     return found

@@ -1,13 +1,13 @@
-"""How a network is trained; the defaults are those of Bhattathiri, Li & Kuhl where they print them.
+"""Settings of the training of a network; defaults are those of Bhattathiri, Li & Kuhl where printed.
 
 Losses, by the logit:
 
     a  logit, one for each zone        z = 1 / (1 + exp(-a))  the network's output
     y  1 where the leg touches the zone, else 0
 
-hinge          max(0, 1 - y z), as printed (Bhattathiri, Li & Kuhl, equation 1). Where y = 0 it is 1
-               whatever z is: no slope, so nothing ever lowers an output, and all end at 1.
-signed-hinge   max(0, 1 - s z) with s = 1 or -1: what a hinge loss is defined on
+hinge          max(0, 1 - y z), as printed (Bhattathiri, Li & Kuhl, equation 1). For y = 0 it is
+               constant 1 without a gradient, so nothing lowers an output, and all outputs become 1.
+signed-hinge   max(0, 1 - s z) with s = 1 or -1, the usual definition of the hinge loss
 cross-entropy  -y log z - (1 - y) log(1 - z)
 """
 
@@ -24,7 +24,7 @@ import numpy.typing as npt
 
 @dataclass(frozen=True)
 class Settings:
-    """All that a training follows from, its legs aside."""
+    """Everything that determines a training, except its legs."""
 
     loss: str = "cross-entropy"  # of LOSSES
     weighting: str = "none"  # of WEIGHTINGS
@@ -43,31 +43,31 @@ WEIGHTINGS: Final = ("none", "bias", "samples")
 
 
 def first_bias(touched: npt.NDArray[np.bool_]) -> float:
-    """log(N1 / N0), N1 touched zones of all legs and N0 others (equation 3); below 0 here.
+    """log(N1 / N0), with N1 touched and N0 untouched zones of all legs (equation 3); negative here.
 
-    A network that starts there predicts "empty", although the text wants the opposite of it.
+    A network that starts with this bias predicts "empty", although the text intends the opposite.
     """
     ones = int(np.count_nonzero(touched))
     return float(np.log(ones / (touched.size - ones)))
 
 
 def sample_weights(touched: npt.NDArray[np.bool_]) -> tuple[float, float]:
-    """(weight of a zone that is not touched, weight of one that is): N / N_i (equation 2)."""
+    """(weight of an untouched zone, weight of a touched zone): N / N_i (equation 2)."""
     ones = int(np.count_nonzero(touched))
     return touched.size / (touched.size - ones), touched.size / ones
 
 
-# How well a set of zones is predicted: counts of yes and no, and the measures made of them.
+# Measures of predicted sets of zones, from the counts of answers.
 #
-# Every (leg, zone) is one answer; the counts of all answers are pooled (micro average). A measure
-# that divides by nothing is 0: a network that predicts no zone has precision 0, not 1.
+# Every (leg, zone) is one answer; the counts of all answers are pooled (micro average). A measure with a
+# zero denominator is 0: a network that predicts no zone has precision 0, not 1.
 
 
 Answers = npt.NDArray[np.bool_]  # (legs, zones)
 
 
 class AnswerCounts(NamedTuple):
-    """Answers by what was predicted and what is true."""
+    """Numbers of answers by prediction and truth."""
 
     true_positive: int
     false_positive: int
@@ -90,7 +90,7 @@ def accuracy(c: AnswerCounts) -> float:
 
 
 def hamming_loss(c: AnswerCounts) -> float:
-    """Share of wrong answers, 1 - accuracy: less is better."""
+    """Share of wrong answers, 1 - accuracy; lower is better."""
     return _share(c.false_positive + c.false_negative, sum(c))
 
 
@@ -120,7 +120,7 @@ def mcc(c: AnswerCounts) -> float:
 
 
 def subset_accuracy(predicted: Answers, truth: Answers) -> float:
-    """Share of the legs of which every zone is right."""
+    """Share of the legs with every zone right."""
     return _share(int(np.count_nonzero((predicted == truth).all(axis=1))), len(truth))
 
 
@@ -151,7 +151,7 @@ MEASURES: Final[dict[str, Metric]] = {
 
 
 def measured(predicted: Answers, truth: Answers) -> dict[str, Any]:
-    """All measures by name, the share of wholly right legs included."""
+    """All measures by name, including the share of completely right legs."""
     found = counts(predicted, truth)
     values = {name: metric.of(found) for name, metric in MEASURES.items()}
     return values | {"subset": subset_accuracy(predicted, truth)}

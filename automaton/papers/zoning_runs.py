@@ -1,17 +1,17 @@
-"""Runs of the factory of Keith & La: configurations, printed figures, what is read off a run.
+"""Runs of the factory of Keith & La: configurations, printed figures, and metrics of a run.
 
-Travel is what robots drive between the stations to which they are sent; the first leg of each, from
-where it starts to the station of its first order, does not count (it does not in the publication).
-The time to complete ends with the last work at a station.
+Travel is the distance that robots drive between stations. The first leg of each robot, from its start to
+the station of its first order, does not count, as in the publication. The time to complete ends with the
+last work at a station.
 
-A share of time in balance is printed for SA and GA, and "NA" for DDZ, whose robots compare loads of
-their own. Here a bystander looks once a minute at the zones that DDZ has made, and computes the same
-SVp from the same flow of the last 20 minutes: 0 < SVp <= 0.2 is in balance, as in SA and GA. A look
-counts up to the next one. Nothing of a run depends on it.
+The paper prints a share of time in balance for SA and GA, and "NA" for DDZ, whose robots compare their
+own loads. Here an observer examines the zones of DDZ once a minute and computes the same SVp from the
+same flow of the last 20 minutes: 0 < SVp <= 0.2 is in balance, as in SA and GA. Each observation counts
+up to the next one. The observer does not affect the run.
 
-Figure 5 shows finished parts over time, the printed curves beside ours. The printed ones are read off
-the authors' series every quarter of an hour, the last sample before it. That of DDZ ends at 8.36 h with
-98 parts; the last two are told in Table 5 alone.
+Figure 5 compares finished parts over time with the printed curves. The latter are the authors' series,
+sampled every quarter of an hour (the last value before it). The series of DDZ ends at 8.36 h with 98
+parts; only Table 5 includes the last two parts.
 """
 
 from __future__ import annotations
@@ -61,10 +61,10 @@ FACTORY: Final = "factory"
 LOGGED: Final = "design: factory-logged, adjacency: 243.6437908496732"
 NEGOTIATED_ZONING: Final = "strategy.zoning={{name: decentralized, design: {}, adjacency: 300{}}}"
 GENETIC: Final = "strategy.zoning={{name: genetic, " + LOGGED + ", {}}}"
-QUICK: Final = "generations: 12, population: 30"  # to save time: a run in a third of the time
+QUICK: Final = "generations: 12, population: 30"  # reduces the time of a run to a third
 PUBLISHED_SIZE: Final = "generations: 100, population: 60"
-# (72, 10), (30, 276) and (230, 10) ft from the lower left: where the authors' robots are put. They lie
-# on no aisle, so robots start at stations 11, 1 and 18.
+# The authors' robots start at (72, 10), (30, 276) and (230, 10) ft from the lower left. These points lie
+# on no aisle, so our robots start at stations 11, 1 and 18.
 POSES: Final = "[[29, 152], [12, 46], [92, 152]]"
 DESIGN_STOPS: Final = ", pause: 862"
 DROP_NEAR: Final = ", drop_near: 150"  # feet: half of what is adjacent
@@ -125,7 +125,7 @@ PRINTED_FIGURES: Final[Mapping[str, Mapping[str, float]]] = {
 
 
 class Reference(NamedTuple):
-    """What a program of events, written from the same rules, comes to: means and sds over runs."""
+    """Results of an independent event-driven program with the same rules: means and sds over runs."""
 
     runs: int
     hours: tuple[float, float]
@@ -150,7 +150,7 @@ REFERENCE_MEANS: Final[Mapping[str, Reference]] = {
 LOOK_S: Final = 60.0
 WINDOW_MIN: Final = 20.0
 IN_BALANCE: Final = 0.2
-ADJACENCY_FT: Final = 243.6437908496732  # of SA and GA; loads depend on neither this nor tip_pairs
+ADJACENCY_FT: Final = 243.6437908496732  # of SA and GA; loads do not depend on this or on tip_pairs
 CURVE_EVERY: Final = 0.25  # hours between two points of a throughput curve
 CURVE_UNTIL: Final = 12.0
 PUBLISHED_CURVES: Final[Mapping[str, str]] = {  # parts at 0 h, 0.25 h, 0.5 h ...
@@ -161,16 +161,16 @@ PUBLISHED_CURVES: Final[Mapping[str, str]] = {  # parts at 0 h, 0.25 h, 0.5 h ..
 DRAWN_CURVES: Final = (SA, GA, DDZ, DDZ_FREE)
 BAND: Final = (5, 95)  # percent of our runs
 ALL: Final = 100  # parts
-LINES_EVERY: Final = 2  # points of time
-CURVE: Final = "parts at "  # and the hour: how a point is called
+LINES_EVERY: Final = 2  # points of time per line
+CURVE: Final = "parts at "  # prefix of a point's name, before the hour
 
 SIGMA: Final = "sigma_ft"
 SMALLER: Final = "P(sigma smaller)"
 BOOTSTRAPS: Final = 2000
-WIDEST: Final = 0.05  # of half an interval that is called decided
+WIDEST: Final = 0.05  # largest half-width of an interval that counts as precise
 
-PAIRS: Final = (  # is the first one's sigma the smaller?
-    (DDZ_FREE, NO_SHARING),  # neither shares load, nobody stands still
+PAIRS: Final = (  # pairs whose sigmas are compared
+    (DDZ_FREE, NO_SHARING),  # without load sharing and without stops
     (DDZ, SA),  # as published
     (DDZ_FREE, SA),
     (DDZ_NEAR, NO_SHARING),
@@ -199,7 +199,7 @@ def printed(key: Key, metric: str) -> float | None:
     return PRINTED_FIGURES.get(str(key[0]), {}).get(metric)
 
 
-# What is read off a run.
+# The metrics of a run.
 
 
 def run_watched(simulation: Simulation) -> float:
@@ -224,14 +224,14 @@ def run_watched(simulation: Simulation) -> float:
 
 
 def hours_of(simulation: Simulation, ticks: float) -> float:
-    """Ticks in hours; a scenario's ticks are in seconds."""
+    """Convert ticks to hours; a tick of the scenario is in seconds."""
     return unit(simulation.resolved.scenario.units.tick).of(ticks) / SECONDS_PER_UNIT["h"]
 
 
 def first_legs(simulation: Simulation) -> Array:
-    """(n,) cells that each stored robot drives until it picks up its first load.
+    """(n,) cells that each stored robot drives until its first pick; 0 for robots that never pick.
 
-    Runs the simulation up to the last of these. A robot that never picks anything up has none.
+    Runs the simulation up to the last of these picks.
     """
     limit = simulation.resolved.scenario.stop.max_duration
     operations = simulation.world.tally.operations
@@ -247,7 +247,7 @@ def first_legs(simulation: Simulation) -> Array:
 def feet_by_robot(simulation: Simulation, legs: Array) -> Array:
     """(n,) feet that each robot drove, by identity, without its first leg."""
     cell = simulation.resolved.scenario.units.cell
-    assert cell is not None, "the scenario says what a cell is"
+    assert cell is not None, "the scenario gives the size of a cell"
     moves = simulation.world.tally.operations[:, ACTION_MOVE].sum(1) - legs
     feet: Array = unit(cell).size * moves[simulation.world.robots.at_index]
     return feet
@@ -264,7 +264,7 @@ def finished_parts(simulation: Simulation) -> Array:
 
 
 def completed(simulation: Simulation) -> Figures:
-    """A run to its end: the columns of Table 5, the curve of Figure 5, and what zoning did."""
+    """The metrics of a completed run: columns of Table 5, curve of Figure 5, and counts of zoning."""
     legs = first_legs(simulation)
     watched = None
     if "ticks_watched" in simulation.counted:
@@ -311,7 +311,7 @@ def point(hour: float) -> str:
 
 
 def travelled(simulation: Simulation) -> Figures:
-    """A run to its end: only how evenly its robots drove."""
+    """The spread of travel in a completed run only."""
     figures = completed(simulation)
     return {"sigma_ft": figures["sigma_ft"]}
 
@@ -320,7 +320,7 @@ def travelled(simulation: Simulation) -> Figures:
 
 
 class ThroughputCurve(NamedTuple):
-    """A throughput curve: at each point of time the printed parts, and our runs'."""
+    """A throughput curve: finished parts at each point of time, printed and in our runs."""
 
     name: str
     hours: Sequence[float]
@@ -330,9 +330,9 @@ class ThroughputCurve(NamedTuple):
     high: Sequence[float]
 
     def within(self) -> tuple[int, int]:
-        """At how many points of time the printed curve lies in our band, and of how many.
+        """Number of points at which the printed curve lies in our band, and number of all points.
 
-        Points at which nothing is finished yet, or everything, in print and in ours do not count.
+        Points at which nothing or everything is finished, both in print and in ours, do not count.
         """
         points = [
             (low <= printed <= high)
@@ -343,7 +343,7 @@ class ThroughputCurve(NamedTuple):
 
 
 def curves(made: Reproduced) -> list[ThroughputCurve]:
-    """The curves of all drawn configurations that were run."""
+    """The curves of all configurations in DRAWN_CURVES that were run."""
     return [
         curve(str(case.key[0]), [run.metrics for run in batch])
         for table in made.tables
@@ -353,7 +353,7 @@ def curves(made: Reproduced) -> list[ThroughputCurve]:
 
 
 def curve(name: str, runs: Sequence[Mapping[str, float]]) -> ThroughputCurve:
-    """The curve of a configuration from its runs."""
+    """The curve of a configuration, from its runs."""
     hours = curve_hours()
     parts = np.array([[run[point(hour)] for hour in hours] for run in runs])
     low, median, high = np.percentile(parts, (BAND[0], 50, BAND[1]), axis=0).tolist()
@@ -386,12 +386,12 @@ def curve_text(one: ThroughputCurve) -> str:
     return "\n".join(lines)
 
 
-# Who drives more evenly? The probability that one method's sigma of travel is the smaller one.
+# Comparison of spread: the probability that the sigma of travel of one method is smaller than another's.
 #
-# Of all pairs of a run of one method and a run of the other: in what share has the first the smaller
-# sigma (ties count half)? The interval is the bootstrap's, over seeds; claims are judged by the
-# jackknife's, of placements: for each seed, the share of the other's runs that it beats, and the
-# share of the first's that beat it. Both take a seed for both runs that have it.
+# It is estimated by the share of pairs, of a run of one method and a run of the other, in which the first
+# has the smaller sigma (ties count half). The interval is a bootstrap interval over seeds. Claims use the
+# jackknife on placements: for each seed, the share of the other method's runs that it beats, and the
+# share of the first method's runs that beat it. Both resample a seed for both methods together.
 
 
 class Evenness(NamedTuple):
@@ -424,7 +424,7 @@ def placements(one: Sequence[float], other: Sequence[float]) -> list[float]:
 
 
 def pairs_run(sigmas: Mapping[str, Sequence[float]]) -> Iterator[Pair]:
-    """Both names and the sigmas of both, of each pair of which both were run."""
+    """Names and sigmas of each pair of configurations that were both run."""
     for one, other in PAIRS:
         if one in sigmas and other in sigmas:
             yield one, other, (sigmas[one], sigmas[other])
@@ -433,7 +433,7 @@ def pairs_run(sigmas: Mapping[str, Sequence[float]]) -> Iterator[Pair]:
 def together(
     found: Mapping[Key, Sequence[MeasuredRepetition]],
 ) -> Iterator[tuple[tuple[str, Key], Any]]:
-    """The placements of all pairs, as samples that claims rest on."""
+    """The placements of all pairs, as samples for claims."""
     sigmas = {
         str(key[0]): [run.metrics[SIGMA] for run in batch]
         for key, batch in found.items()
@@ -444,11 +444,11 @@ def together(
 
 
 def evenness(one: str, other: str, values: Sequence[Sequence[float]]) -> Evenness:
-    """The share of all pairs of runs, with the bootstrap's interval over seeds."""
+    """The share of all pairs of runs, with a bootstrap interval over seeds."""
     beats = wins(*values)
     n = len(beats)
     rng = np.random.default_rng(1)
-    # How often each seed is drawn, so that sums are of whole and half numbers: exact anywhere.
+    # Counts of seeds, so that sums consist of whole and half numbers and are exact on any machine.
     drawn = rng.multinomial(n, np.full(n, 1 / n), size=BOOTSTRAPS).astype(np.float64)
     shares = ((drawn @ beats) * drawn).sum(1) / n**2
     low, high = np.percentile(shares, (2.5, 97.5)).tolist()
@@ -456,7 +456,7 @@ def evenness(one: str, other: str, values: Sequence[Sequence[float]]) -> Evennes
 
 
 def all_evenness(made: Reproduced) -> list[Evenness]:
-    """All pairs of which both were run."""
+    """The comparisons of all pairs of configurations that were both run."""
     sigmas = {
         str(key[0]): values
         for (metric, key), values in made.samples().items()

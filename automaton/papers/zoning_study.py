@@ -1,4 +1,4 @@
-"""Table 5 and Figure 5 of Keith & La: zones of a factory that are redesigned, centrally or not."""
+"""Table 5 and Figure 5 of Keith & La: central and decentralized redesign of factory zones."""
 
 from __future__ import annotations
 
@@ -56,12 +56,12 @@ ZONING_PANELS: Final = (
 )
 COMPARED_DIGITS: Final = {"hours": 2, "mean_ft": 0, "sigma_ft": 0, "redesigns": 1}  # digits
 WHY_THEY_DIFFER: Final = (
-    "That program goes by seconds and events: legs are rounded to whole seconds, and nobody is on a "
-    "grid; here a tick is the 0.635 s of a cell, a pick or a drop 4 ticks and up to 8 more. Where zones "
-    "are fixed without sharing that makes about half a second for each leg of the busiest robot. Zones "
-    "that are redesigned are a random walk in which any second leads to other zones: only means over "
-    "many runs can be compared, and its means are from few runs (+-: 95 % interval of the difference). "
-    "SA and GA drive a little less here, for which we know no cause."
+    "That program advances in seconds and events: legs are rounded to whole seconds, and robots are not "
+    "on a grid. Here a tick is the 0.635 s that a cell takes, and a pick or a drop takes 4 to 12 ticks. "
+    "With fixed zones and without sharing this makes about half a second for each leg of the busiest "
+    "robot. Redesigned zones are a random walk in which any second can lead to other zones, so only "
+    "means over many runs can be compared, and that program's means come from few runs (+-: 95 % "
+    "interval of the difference). SA and GA drive slightly less here, for an unknown reason."
 )
 METRIC_WORDS: Final = {
     "hours": "hours",
@@ -117,7 +117,7 @@ def reference_text(found: list[dict[str, Any]]) -> str:
 
 
 def further(made: Reproduced) -> list[Further]:
-    """Figure 5, how evenly robots drive in pairs of runs, and the other program."""
+    """Figure 5, the comparison of spread in pairs of runs, and the independent program."""
     drawn, pairs, beside = curves(made), all_evenness(made), beside_reference(made)
     found = [
         Further(
@@ -143,41 +143,41 @@ def further(made: Reproduced) -> list[Further]:
 
 
 def more(name: str, one: str, other: str) -> MeanQuantity:
-    """By how much one configuration's mean is above another's."""
+    """The difference of the means of two configurations."""
     return mean_of(name, one) - mean_of(name, other)
 
 
 def beyond(name: str, one: str, other: str, **bounds: Any) -> Figure:
-    """A figure: by how much one configuration's mean is above another's."""
+    """A figure: the difference of the means of two configurations."""
     what = f"{METRIC_WORDS[name]}, {one} beyond {other}"
     unit, digits = "points" if name == "in_balance" else "", 2 if name == "hours" else 0
     return Figure(what, more(name, one, other), unit=unit, digits=digits, **bounds)
 
 
 def greater(name: str, one: str, other: str) -> Figure:
-    """A figure: one configuration's mean is greater than another's."""
+    """A figure: the mean of one configuration is greater than that of another."""
     return beyond(name, one, other, at_least=0, strict=True)
 
 
 def less(name: str, one: str, other: str) -> Figure:
-    """A figure: one configuration's mean is less than another's."""
+    """A figure: the mean of one configuration is less than that of another."""
     return beyond(name, one, other, at_most=0, strict=True)
 
 
 def smaller(one: str, other: str) -> Figure:
-    """A figure: of all pairs of runs, the first one's sigma is the smaller in more than half."""
+    """A figure: the first configuration has the smaller sigma in more than half of all pairs of runs."""
     label = f"pairs in which sigma of {one} is below that of {other}"
     return above(label, mean_of(SMALLER, one, other), bound=0.5, unit="%")
 
 
 def part_of_gap(label: str, one: str, other: str) -> Figure:
-    """Hours between two configurations as a share of those between DDZ as published and SA."""
+    """The difference in hours of two configurations, relative to that of published DDZ and SA."""
     share = more("hours", one, other) / more("hours", DDZ, SA)
     return Figure(label, share, at_least=0.5, unit="%", why=LARGER)
 
 
 def about_genetic(name: str, begin: str = "") -> Iterator[Claim]:
-    """What the paper says of GA beside SA, by a size of the genetic algorithm."""
+    """The claims about GA compared with SA, for a size of the genetic algorithm."""
     yield claim(
         f"{begin}Results: SA is done sooner than GA (12 minutes)", greater("hours", name, SA)
     )
@@ -286,22 +286,24 @@ ZONING_CLAIMS: Final = (
 )
 
 ZONING_REMARKS: Final = (
-    "Every figure of Table 5 is one run for each method; sigma is that of three robots of it "
-    "(population sd). rank: share of our runs below the printed figure.",
+    "Every figure of Table 5 comes from one run per method; sigma is the population sd of its three "
+    "robots. rank: share of our runs below the printed figure.",
     "The abstract's 2874.7 ft are not the difference of Table 5, 4145.01 - 1295.22 = 2849.79 ft; the "
     "68.7 % are.",
-    "Eq. 5 prints (L_i + x_i)^2 where the deviation from the mean, (L_i - x_i)^2, is meant and computed.",
+    "Eq. 5 prints (L_i + x_i)^2; the deviation from the mean, (L_i - x_i)^2, is meant and computed.",
     "Eq. 4 prints the same sum twice; the loads brought to i and those taken from j are meant.",
-    "In the authors' log of DDZ all robots stand still in each of its 9 redesigns, 862 s on average, "
-    "2.16 h of 8.62 h. The paper does not mention it and explains the low throughput otherwise.",
+    "In the authors' log of DDZ all robots stand still in each of its 9 redesigns, for 862 s on average, "
+    "in total 2.16 h of 8.62 h. The paper does not mention this and gives another reason for the low "
+    "throughput.",
     "The shipped series of DDZ ends at 8.36 h with 98 parts: 8.62 h cannot be checked.",
-    "The formula of the time in balance is not published: here each look counts up to the next one. "
-    "From the authors' series it is 42.4 % for SA and 24.2 % for GA so, not 39.32 % and 23.71 %.",
-    "GA has 12 generations of 30 here, to save time, and beside it the paper's 100 of 60.",
-    "For DDZ the paper prints no time in balance (NA). Here it is that of its zones by the measure of SA "
-    "and GA, SVp of the flow of 20 minutes at most 0.2, looked at every minute by a bystander.",
-    "Limits of this floor: robots pass each other and legs are those of the graph (the aisles are 9.5 "
-    "to 30 ft wide); `--tables lanes` puts one robot in a cell.",
+    "The formula of the time in balance is not published: here each observation counts up to the next "
+    "one. Applied to the authors' series, this gives 42.4 % for SA and 24.2 % for GA instead of 39.32 % "
+    "and 23.71 %.",
+    "GA has 12 generations of 30 here to save time; a second line has the paper's 100 of 60.",
+    "For DDZ the paper prints no time in balance (NA). Here an observer measures its zones every minute "
+    "as in SA and GA: SVp of the flow of the last 20 minutes must be at most 0.2.",
+    "Limits of this floor: robots can pass each other, and legs are those of the graph (the aisles are "
+    "9.5 to 30 ft wide); `--tables lanes` allows one robot per cell.",
 )
 
 ZONING_HEADLINES: Final = (

@@ -138,8 +138,8 @@ EVENT_COLUMNS: Final = (
     TableColumn(
         "value",
         NUMBER,
-        "amount: moves of `retreated`, robots of a wait cycle, charge from 0 to 1 of `charges`, station "
-        "(from 0) of parts, number of stations with a new zone of `zones redesigned`",
+        "amount: moves (`retreated`), robots (wait cycles), charge from 0 to 1 (`charges`), station from "
+        "0 (parts), or stations with a new zone (`zones redesigned`)",
     ),
     TableColumn(
         "x", INTEGER, "column of the robot's cell, for events of loads and of robots that go down"

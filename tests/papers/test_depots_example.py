@@ -1,4 +1,4 @@
-"""The worked example of De Ryck et al. (section 4) in the living world, as far as the world allows.
+"""The worked example of De Ryck et al. (section 4) in full simulation, as far as the world allows.
 
 Robots with 100 % at position 3 and 45 % at position 1 have lists 7, 8, 13 and 5, 4, 9; then the task at
 position 14 is announced. kc = 0.5 %/s, kr = 5 %/s, the only charger at position 2, epsilon = 0.5. Robot

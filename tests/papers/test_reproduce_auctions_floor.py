@@ -1,4 +1,4 @@
-"""`automaton reproduce auctions-floor`: auctions, batteries, lines and failures in the living world."""
+"""`automaton reproduce auctions-floor`: auctions, batteries, queues and failures in full simulation."""
 
 from __future__ import annotations
 
@@ -166,5 +166,5 @@ def test_tables_may_be_chosen(capsys: pytest.CaptureFixture[str]) -> None:
 def test_an_unknown_table_is_named_with_the_nearest() -> None:
     with pytest.raises(InputError, match=r"no table 'line' \(did you mean 'lines'"):
         reproduce(find("auctions-floor"), 1, tables=["line"])
-    with pytest.raises(InputError, match="write --tables without names"):
+    with pytest.raises(InputError, match="use --tables without names"):
         reproduce(find("tabletop"), 1, tables=["lines"])

@@ -79,8 +79,8 @@ def test_printed_numbers_stand_beside_the_runs_that_they_are_of() -> None:
     ("arguments", "sentence"),
     [
         (["fleets", "--data", "none"], "none: is not a folder"),
-        (["fleets", "--data", "."], "holds no problem: neither map.txt nor a problem's .json"),
-        (["tabletop", "--data", "."], "tabletop needs no published problems: leave out --data"),
+        (["fleets", "--data", "."], "has no problem: neither map.txt nor a .json of a problem"),
+        (["tabletop", "--data", "."], "tabletop needs no data of others: leave out --data"),
         (["fleets", "--strategies", "epibd"], "--strategies: right_of_way strategy 'epibd'"),
     ],
 )

@@ -340,7 +340,7 @@ def test_the_report_fits_the_terminal(
     cells = [line for line in lines if re.match(r" +[12] +(independent|cooperative) +[1-5] ", line)]
     assert len(cells) == 2 * 20 * (3 if columns == 80 else 2)
     assert "mean |error|: T_total" in text and "(information: everything)" in text
-    assert "Claims with another verdict by information: everything" in text
+    assert "Claims with another verdict under information: everything" in text
     assert "40 runs, 0 unfinished" in text
     assert "DISAGREES" in text and "mean |error|: T_total " in text
 
@@ -360,10 +360,10 @@ def test_the_report_fits_the_terminal(
             ["tabletop", "--set", "fleet.types=[{name: a, strategy: {allocation: adaptive}}]"],
             "the cases of tabletop set this themselves",
         ),
-        (["tabletop", "--set", "seed=5"], "--set seed=5: seeds are counted: --seed-from N"),
+        (["tabletop", "--set", "seed=5"], "--set seed=5: set seeds with --seed-from N"),
         (["tabletop", "--set", "durations.turn=x"], "--set durations.turn=x: durations.turn must"),
         (["tabletop", "--set", "nonsense"], "--set nonsense: expected KEY=VALUE"),
-        (["traffic", "--set", "durations.turn=3"], "traffic runs no scenarios: leave out --set"),
+        (["traffic", "--set", "durations.turn=3"], "traffic runs no scenarios: omit --set"),
         (["fleets", "--set", "strategy={}"], "the cases of fleets set this themselves"),
         (["queues", "--set", "orders.lines.count=-1"], "--set orders.lines.count=-1: orders.lines"),
         (["tabletop", "--strategies", "adaptiv"], "did you mean 'adaptive'?"),

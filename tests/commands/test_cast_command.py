@@ -292,7 +292,7 @@ STILL = ("--picture", "still.svg")
         (("run.rec", *MADE, "--layer", "heat"), "unknown layer 'heat': allowed are visits, "),
         (
             ("run.rec", *MADE, "--layer", "explored"),
-            "explored shows the search for one robot: --fo",
+            "explored shows the search for one robot: choose",
         ),
         (
             ("run.rec", *MADE, "--zoom", "4x1"),

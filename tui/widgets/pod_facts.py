@@ -105,7 +105,7 @@ def storage_facts(view: View, cell: int) -> Facts:
         ("pod", _pod(view, pod) if pod != NIL else ["none"]),
         *(_pod_facts(view, pod) if pod != NIL else []),
         ("cell class", [own_class] if own_class else []),
-        ("home of", several([Span(pod_name(snapshot, one)) for one in away])),
+        ("stood here", several([Span(pod_name(snapshot, one)) for one in away])),
         ("reserved", [] if keeper == NIL else [robot_link(keeper)]),
     ]
 

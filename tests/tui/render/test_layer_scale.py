@@ -94,7 +94,7 @@ def test_zones_show_their_tints() -> None:
     scene = make_scene(FLOOR, zones=floor, layer="traffic-zones")
     words, signs, differ = scale_line(scene, UNICODE)
     assert words.endswith("zones") and differ == "touching ones differ" and len(signs) >= 1
-    assert said(make_scene(FLOOR, layer="service-zones")).startswith("zones: robots have none")
+    assert said(make_scene(FLOOR, layer="service-zones")).startswith("zones: robots serve none")
 
 
 def test_the_plain_floor_has_no_scale_and_no_layer_is_without_one() -> None:

@@ -34,7 +34,7 @@ def test_a_storage_cell_tells_of_its_pod_by_its_name() -> None:
     full = shown(Inspector(), of_cell(waiting(), 2, 1), WIDE)
     for words in ("pod A-1", "order order 0", "fetched by robot 0", "waiting 1 order after it"):
         assert words in full, full
-    assert "home of pod A-1" in shown(Inspector(), of_cell(listed(30), 2, 1), WIDE)
+    assert "stood here pod A-1" in shown(Inspector(), of_cell(listed(30), 2, 1), WIDE)
 
 
 def test_a_robot_and_a_station_tell_of_orders_not_trips() -> None:

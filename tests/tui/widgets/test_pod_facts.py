@@ -22,7 +22,7 @@ def goods(tick: int) -> View:
 
 def test_a_storage_cell_tells_of_its_pod() -> None:
     empty = shown(Inspector(), of_cell(goods(30), 2, 1), WIDE)
-    assert "pod none" in empty and "home of pod 1" in empty
+    assert "pod none" in empty and "stood here pod 1" in empty
     full = shown(Inspector(), of_cell(goods(30), 4, 1), WIDE)
     assert "pod 3" in full and "trip none" in full
 

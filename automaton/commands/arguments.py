@@ -92,7 +92,7 @@ def add_refinement_arguments(parser: argparse.ArgumentParser) -> None:
         "--refine",
         type=whole("a refinement", 1, MAX_REFINEMENT),
         metavar="K",
-        help="divide each tick into K: every number of ticks in the scenario is multiplied by K",
+        help="divide each tick into K shorter ones: every number of ticks is multiplied by K",
     )
     parser.add_argument(
         "--decide",

@@ -80,7 +80,7 @@ def test_printed_numbers_stand_beside_the_runs_that_they_are_of() -> None:
     [
         (["fleets", "--data", "none"], "none: is not a folder"),
         (["fleets", "--data", "."], "has no problem: neither map.txt nor a .json of a problem"),
-        (["tabletop", "--data", "."], "tabletop needs no data of others: leave out --data"),
+        (["tabletop", "--data", "."], "tabletop needs no published problems: leave out --data"),
         (["fleets", "--strategies", "epibd"], "--strategies: right_of_way strategy 'epibd'"),
     ],
 )

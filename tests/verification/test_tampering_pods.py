@@ -132,9 +132,7 @@ def test_orders_of_a_list_carry_pods_that_there_are(
         path.write_bytes(encoded(header, run.frames))
         assert main(["verify", str(path)]) == (2 if says else 1), array
         said = capsys.readouterr()
-        assert (
-            says in said.err if says else "orders.target does not follow" in said.out
-        ), said
+        assert says in said.err if says else "orders.target does not follow" in said.out, said
     for part in ("pods", "pod_stations"):
         header = {name: value for name, value in run.header.items() if name != part}
         path.write_bytes(encoded(header, run.frames))

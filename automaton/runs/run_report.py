@@ -183,7 +183,7 @@ def uses_table(outcome: Outcome) -> Table:
     total, robots = max(sum(outcome.uses.values()), 1), len(outcome.robots)
     rows = []
     for name, ticks in outcome.uses.items():
-        if not ticks and not name.startswith(LOST_METRIC_PREFIX):
+        if not ticks:
             continue
         meaning = OTHER_USES.get(name) or METRIC_CATALOGUE[name][1]
         mean = robots * ticks / total

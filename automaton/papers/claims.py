@@ -7,7 +7,7 @@ interval. A share of runs has the interval of Clopper and Pearson.
 
 If all n runs agree, the variance is 0, and an interval without width would exclude any exception. Such a
 claim is "not contradicted" if the value is inside the range and does not hold if it is outside: with 95 %
-confidence, at most a share 1 - 0.025^(1 / n) of runs are exceptions. Only figures without random draws
+confidence, at most a share 1 - 0.025^(1 / n) of runs are exceptions. Only results without random draws
 hold from agreement alone.
 """
 
@@ -121,7 +121,7 @@ class Claim:
 
 
 def above(label: str, of: Callable[[Mean], float], bound: float = 0, **shown: Any) -> Figure:
-    """A figure that must be greater than a bound; `shown`: other fields of the figure."""
+    """A figure that must be greater than a bound; `shown`: its other fields."""
     return Figure(label, of, at_least=bound, strict=True, **shown)
 
 

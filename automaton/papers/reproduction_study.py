@@ -42,7 +42,7 @@ class MeasuredRepetition(Protocol):
 
 @dataclass(frozen=True)
 class Repetition:
-    """A repetition that is no run of a scenario, such as a trial or a training."""
+    """A repetition without a run of a scenario, such as a trial or a training."""
 
     metrics: Mapping[str, float]
     finished: bool = True

@@ -232,7 +232,7 @@ def depths() -> dict[Key, dict[str, Any]]:
 
 
 def depth_figures(key: Key) -> dict[str, float]:
-    """The figures of one training; `beyond`: its loss minus the loss of a constant answer."""
+    """The results of one training; `beyond`: its loss minus the loss of a constant answer."""
     row = depths()[key]
     return {name: row[name] for name in DEPTH_FIGURES} | {"beyond": row["least"] - row["constant"]}
 

@@ -473,7 +473,7 @@ class Simulation:
     def picture(self, theme: Theme = "light", follow: int = NIL) -> FloorPicture:
         """Draw the floor and its robots now; `follow`: number of a robot to mark. Raises InputError.
 
-        The picture tells waiting robots from driving ones only if the run is observed (`on_observe`).
+        The picture distinguishes waiting from driving robots only if the run is observed (`on_observe`).
         """
         return floor_picture(self.resolved, self.world, self.observation, theme, follow)
 

@@ -90,7 +90,7 @@ def summed(ticks: Array, values: Array, borders: Array) -> Array:
 def quantile(values: Array, share: int) -> float:
     """The percentile `share` of at least one value: the least value that `share` percent do not exceed.
 
-    It describes one run only: its orders are not independent, so it is no estimate with an error.
+    It describes one run only, since the orders of a run are not independent of each other.
     """
     return float(np.sort(values)[-(-share * len(values) // 100) - 1])
 

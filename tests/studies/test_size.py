@@ -513,7 +513,7 @@ def test_a_steady_state_without_a_warm_up_is_no_target(measure: str, capsys: Any
         capsys, "warehouse-100", "--target", "throughput>=100", "--robots", "17", "--set", measure
     )  # fmt: skip
     assert (code, out, err.count("\n")) == (2, "", 1)
-    assert "would count the start-up" in err and "--set measure.warm_up=N" in err
+    assert "would include the start-up" in err and "--set measure.warm_up=N" in err
 
 
 def test_shorter_durations_say_what_becomes_of_moves() -> None:

@@ -168,7 +168,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
     ("seed: 7", "seed: -1", 10, ["seed must be", "found -1"]),
     ("seed: 7", "seed: 7\nseed: 8", 11, ["'seed' appears twice"]),
     ("seed: 7", "design: steady", 10, ["did you mean 'steady-state'?"]),
-    ("seed: 7", "design: steady-state", 10, ["stop.when never", "point 0:"]),
+    ("seed: 7", "design: steady-state", 10, ["set stop.when: never", "point 0:"]),
     ("seed: 7", "warm_up: 100", 10, ["warm_up needs design: steady-state"]),
     ("seed: 7", "window: 100", 10, ["window needs design: steady-state"]),
     ("seed: 7", "common_random_numbers: false", 10, ["common_random_numbers must be true"]),

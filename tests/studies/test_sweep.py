@@ -203,7 +203,7 @@ def test_another_study_seed_point_or_floor_is_refused(
     study.write_text(text)
     floor.write_text("b.$.d\nb....\n#...s\n")
     with pytest.raises(
-        InputError, match=r"own.yaml, fleet.robots 1 changed \(the file, or its floor"
+        InputError, match=r"own.yaml, fleet.robots 1 has changed \(its file or its floor"
     ):
         swept_here(study, out)
 

@@ -195,7 +195,7 @@ def test_a_folder_that_holds_another_run_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_too_many_rows_are_refused_before_the_run(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"tables of [\d,]+ rows are expected.*give folder="):
+    with pytest.raises(InputError, match=r"tables of [\d,]+ rows are expected.*set folder="):
         simulate("tabletop-mini", tables=True, states=1, **{"stop.max_duration": 10_000_000})
     with pytest.raises(InputError, match=r"the table states may have [\d,]+ rows"):
         options = WantedTables(states=1, folder=tmp_path / "out", form="xlsx")
@@ -212,7 +212,7 @@ def test_buffers_are_small() -> None:
 
 def test_events_that_fill_the_memory_end_the_run(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(table_files, "MAX_ROWS_IN_MEMORY", 3)
-    with pytest.raises(InputError, match="give folder="):
+    with pytest.raises(InputError, match="set folder="):
         simulate("tabletop-mini", tables=True, events=True)
 
 

@@ -192,7 +192,7 @@ def read_route(text: str) -> tuple[list[int], int]:
 #
 # order 8 under way; stops in ticks 12 31
 #
-# The line of a robot names its order. A carried order has a line only if it was set down on its way
+# The line of a robot names its order. A carried order has a line only if it was dropped on its way
 # before. An order without a load has a line as soon as a stop is done.
 
 

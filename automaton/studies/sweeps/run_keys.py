@@ -23,7 +23,6 @@ from automaton.scenario.order_lines import plain_data
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.strategy import lookup
 from automaton.studies.sweeps.study import Levels, Study
-from automaton.units import count
 from automaton.world.resolved import Resolved
 
 DATA_SUFFIXES: Final = (".yaml", ".json")  # files of automaton's packages that their code may read
@@ -279,7 +278,7 @@ def changed_sources(before: Sources, now: Sources) -> str:
         if before.get(file) != now.get(file)
     ]
     more = len(changes) - 3
-    return ", ".join([*changes[:3], *([f"and {count(more, 'more file')}"] if more > 0 else [])])
+    return ", ".join([*changes[:3], *([f"and {more} more"] if more > 0 else [])])
 
 
 def read_manifest(folder: Path) -> Manifest | None:

@@ -90,7 +90,7 @@ def measurements(parts: Sequence[str]) -> list[Measurement]:
 
 
 def measure(wanted: Sequence[Measurement], repeat: int, figures: list[MeasuredFigure]) -> int:
-    """Append the figures; note each failed measurement and return how many failed."""
+    """Append the results; note each failed measurement and return how many failed."""
     from automaton.bench.measurement import NotMeasuredError, take
 
     unmeasured = 0

@@ -1,7 +1,7 @@
 """Verify a recorded run: check the rules, run it again, and report the first tick that differs.
 
 With --problem, check the output of another program for a problem of the League of Robot Runners.
-Exit code 0: all recorded ticks (even of an incomplete recording) obey the rules and are reproduced;
+Exit code 0: all recorded ticks (even of an incomplete recording) follow the rules and are reproduced;
 1: a rule is broken or a tick differs; 2: the file is damaged or not a recording.
 """
 

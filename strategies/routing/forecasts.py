@@ -69,7 +69,7 @@ class CongestionState(Struct):
     )
     in_bay: Array = field(
         "(n,) int64",
-        "1: its first step begins in a parking bay; k > 1: its step out of the bay ends in k ticks",
+        "1: its first step begins in a parking bay; k > 1: its step out of it ends in k ticks",
         role=SCRATCH,
     )
     zone: Array = field("(n,) int64", "where it is counted, or NIL", role=SCRATCH)

@@ -159,7 +159,7 @@ def count_predicted(view, workspace, ties, besides, steps, marked, field):
 
 @kernel
 def next_goal_cell(view, i):
-    """The drop-off or first stop of the load that robot i drives to pick up; NIL if there is none."""
+    """The drop-off or first stop of the load that robot i drives to pick up; or NIL."""
     order = np.int64(view.robots.order[i])
     if order == NIL or view.robots.goal_type[i] != GOAL_PICK:
         return np.int64(NIL)

@@ -169,7 +169,7 @@ def _read_segment(
     for end, p in zip(ends, (path[0], path[-1]), strict=True):
         if end == NIL or design.zone[end] != zone:
             raise InputError(
-                f"{where} ends at {floor_plan.xy(roads.cell[p])}, which is no station of the zone"
+                f"{where} ends at {floor_plan.xy(roads.cell[p])}, not a station of the zone"
             )
     if design.segments == len(design.owner):
         raise InputError(f"{where} is one too many: a zone has one segment fewer than stations")

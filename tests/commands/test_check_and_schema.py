@@ -180,7 +180,7 @@ def test_check_warns_of_the_points_of_a_study_once(
     assert out == "all: 3 points x 1 replication, 3 runs, ok\n"
     assert err.startswith("automaton: all: warning: the last of 1 part comes after about 5 ticks")
     assert "(point 0: yard.yaml, stop.max_duration 2, " in err
-    assert err.endswith("; 1 more point likewise)\n") and err.count("\n") == 1
+    assert err.endswith("; and 1 more point)\n") and err.count("\n") == 1
 
 
 @pytest.mark.parametrize("key", ["precision", "recall"])

@@ -247,5 +247,5 @@ def test_the_command_says_what_is_not_in_the_file(
     assert main(["export", "goods-mini", "--lif", str(out), "--version", "1.0.0"]) == 0
     printed = capsys.readouterr().out
     assert "VDMA LIF 1.0.0, 15 nodes, 26 edges, cells of 1 m" in printed
-    assert "not in it: storage (ways over it are kept) 5" in printed
+    assert "left out: storage (ways over it are kept) 5" in printed
     assert json.loads(out.read_text())["metaInformation"]["exportTimestamp"].endswith("Z")

@@ -540,7 +540,7 @@ def serve(view, batch, out, workspace, due, policy):
 
 @kernel
 def take_next(view, out, k, i):
-    """Decision k: robot i takes the first waiting order of its list; False if there is none."""
+    """Decision k: robot i takes the first waiting order of its list; False without one."""
     copy_plan(view, out, i)
     count = np.int64(out.order_queue_length[i])
     for p in range(count):

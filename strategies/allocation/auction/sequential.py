@@ -269,7 +269,7 @@ def lowest(scratch, robots):
 
 @kernel
 def note_bid(scratch, r, k, bid):
-    """Store robot r's bid for item k; mark the item as outdated only if its figures may change."""
+    """Store robot r's bid for item k; mark the item as outdated only if its surveyed bids may change."""
     old = scratch.bid[r, k]
     scratch.bid[r, k] = bid
     among = min(old, bid) <= scratch.second[k] or scratch.lowest_bidder[k] == r

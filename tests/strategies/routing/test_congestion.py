@@ -180,6 +180,4 @@ def test_what_is_predicted_from_tasks_alone_knows_no_trips(
 ) -> None:
     routing = "strategy.routing={name: congestion, forecast: tasks}"
     assert main(["check", "goods-mini", "--set", routing]) == 2
-    assert (
-        "forecast tasks knows the whole way of a load, and none of a pod" in capsys.readouterr().err
-    )
+    assert "forecast tasks supports loads, but not pods" in capsys.readouterr().err

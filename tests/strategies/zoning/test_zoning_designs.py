@@ -110,7 +110,7 @@ def path(*cells: Any) -> list[list[int]]:
         ),
         (
             zones(ONE, {**TWO, "segments": [path((0, 3), (0, 0))]}),
-            "segment 1 of zone 2 ends at (0, 0), no station of the zone",
+            "segment 1 of zone 2 ends at (0, 0), not a station of the zone",
         ),
         (
             zones({**ONE, "segments": [path((0, 0), (4, 0))]}, TWO),

@@ -335,7 +335,7 @@ def test_a_picture_of_a_recording_shows_the_zones_that_robots_serve(tmp_path: Pa
 
 def test_the_list_says_what_methods_of_zoning_are_for(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["list"]) == 0
-    table = capsys.readouterr().out.split("what zoning is for")[1].partition("\n---")[2]
+    table = capsys.readouterr().out.split("uses of zoning methods")[1].partition("\n---")[2]
     rows = {line.split()[0]: line.split()[1:] for line in table.splitlines()[1:]}
     assert rows == {
         "annealing": ["no", "yes", "yes", "no", "no"],

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from automaton.engine.decisions import Decisions
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
+from automaton.engine.state import Batch, Memory, Workspace, World
 from automaton.strategy.contract import Strategy
 
 

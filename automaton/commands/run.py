@@ -256,7 +256,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         **({"priorities": list(outcome.priorities)} if outcome.priorities else {}),
         "deadlock": None if outcome.deadlock is None else outcome.deadlock._asdict(),
         "robot_time": dict(outcome.uses),
-        "bottleneck": bottleneck_sentences(resolved, outcome),
+        "bottleneck": bottleneck_sentences(resolved, outcome.periods, outcome.stations),
         **({"periods": [one.as_json() for one in outcome.periods]} if outcome.by_period else {}),
         **({"metrics_in_units": told} if told else {}),
     }

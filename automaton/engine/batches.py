@@ -3,6 +3,14 @@
 import numpy as np
 from numba import types
 
+from automaton.engine.decisions import (
+    AllocationDecisions,
+    ChargingDecisions,
+    Decisions,
+    RightOfWayDecisions,
+    RoutingDecisions,
+    ZoningDecisions,
+)
 from automaton.engine.jit.field_kernels import clearing
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.struct_types import declared_type
@@ -28,16 +36,10 @@ from automaton.engine.state import (
     RETRY_EXHAUSTED,
     STATUS_EXHAUSTED,
     STATUS_UP,
-    AllocationDecisions,
     Batch,
-    ChargingDecisions,
-    Decisions,
     Memory,
-    RightOfWayDecisions,
-    RoutingDecisions,
     Workspace,
     World,
-    ZoningDecisions,
 )
 
 

@@ -11,26 +11,40 @@ from automaton.engine.jit.kernel import U, kernel, prefetch
 from automaton.engine.motion import (
     CAPACITY_SHIFT,
     HELD,
+    LIVE,
     MOVED,
+    NO_TURN,
     REFUSED,
+    TOWARDS,
     direction_between,
+    has_room,
     own_resource,
     resource_of,
 )
 from automaton.engine.observation import (
     CAUSE_BAY_HELD,
     CAUSE_CHARGER_QUEUE,
+    CAUSE_CLOSED,
+    CAUSE_DELAYED,
     CAUSE_DRIVING_AHEAD,
+    CAUSE_FAULT,
     CAUSE_FOLLOWING_CONFLICT,
     CAUSE_HEAD_ON,
     CAUSE_HELD_BACK,
     CAUSE_IDLE_AHEAD,
+    CAUSE_ILLEGAL_DECISION,
     CAUSE_LANE,
+    CAUSE_NO_DROP_OFF_SLOT,
+    CAUSE_NO_ENERGY,
     CAUSE_NO_ORDER,
+    CAUSE_NO_ROUTE,
     CAUSE_NOT_WAITING,
     CAUSE_POD_AHEAD,
     CAUSE_QUEUE,
     CAUSE_RANDOM_WAIT,
+    CAUSE_REDESIGN,
+    CAUSE_RETREAT,
+    CAUSE_STATION_BREAK,
     CAUSE_STATION_QUEUE,
     CAUSE_UNDECIDED,
     CAUSE_VERTEX_CONFLICT,
@@ -41,8 +55,30 @@ from automaton.engine.observation import (
     LOST_LATELY,
     MEMORY_TICKS,
 )
+from automaton.engine.operations import is_facing, is_held_up
 from automaton.engine.random_numbers import is_begin
-from automaton.engine.state import ACTION_MOVE, FOLLOWING_CONVOY, GOAL_NONE, NIL
+from automaton.engine.record_codes import (
+    EXECUTED_BAY_BLOCKED,
+    EXECUTED_BLOCKED,
+    EXECUTED_ILLEGAL,
+    EXECUTED_RETREAT,
+    EXECUTED_WAIT,
+    LEFT_PARKING_BAY,
+)
+from automaton.engine.state import (
+    ACTION_MOVE,
+    ACTION_QUEUE,
+    ACTION_STATION_QUEUE,
+    ACTION_WAIT,
+    FOLLOWING_CONVOY,
+    GOAL_NONE,
+    GOAL_STOP,
+    MAY_TURN,
+    NIL,
+    STATUS_DEPLETED,
+    STATUS_EXHAUSTED,
+)
+from automaton.engine.trips import has_break, has_trips
 
 REQUESTED = -2  # value of scratch.holder: a robot waits for it
 
@@ -289,3 +325,171 @@ def walk_to_cycle(blocker, at_index, color, start):
     if blocker[U(i)] != NIL and color[U(i)] == start + 1:
         return i
     return np.int64(NIL)
+
+
+# Why one robot waits, and for which cell: its cause, until its blocker decides it.
+
+
+@kernel
+def wait_for(world, observation, i, cell, direction, cause):
+    """Robot i waits for a cell; CAUSE_UNDECIDED is replaced once all robots have been scanned."""
+    word = np.int64(world.traffic.occupancy[U(cell)])
+    entry = resource_of(word, cell, direction, world.grid.cell_flags.shape[0])
+    prefetch(observation.scratch.holder, U(entry))
+    observation.scratch.entry[U(i)] = entry
+    observation.wanted[U(i)] = cell
+    return cause
+
+
+@kernel
+def find_wait(world, observation, i, want, did):
+    """Why robot i did not move; enters the cell that it waits for."""
+    robots = world.robots
+    observation.blocker[U(i)] = NIL
+    observation.wanted[U(i)] = NIL
+    observation.scratch.entry[U(i)] = NIL
+    if robots.status[U(i)] >= STATUS_EXHAUSTED:
+        return CAUSE_NO_ENERGY if robots.status[U(i)] <= STATUS_DEPLETED else CAUSE_FAULT
+    if is_held_up(world, i):
+        return CAUSE_DELAYED
+    if (
+        world.clock.halted_until >= world.clock.tick
+        and world.service_zones.halt[U(i)] >= world.clock.tick
+    ):
+        if robots.action[U(i)] == ACTION_WAIT and robots.parked[U(i)] == 0:
+            return CAUSE_REDESIGN
+    if robots.action[U(i)] == ACTION_QUEUE and robots.ticket[U(i)] and did == EXECUTED_BLOCKED:
+        charger = np.int64(robots.goal_cell[U(i)])
+        direction = direction_between(world.grid, np.int64(robots.cell[U(i)]), charger)
+        return wait_for(world, observation, i, charger, direction, CAUSE_CHARGER_QUEUE)
+    if has_gates(world) and world.gates.held[U(i)] != NIL and did:
+        return note_gate(world, observation, i, want)
+    if want & HELD:
+        return note_held_back(world, observation, i, want)
+    if want & REFUSED and did == EXECUTED_BLOCKED and has_trips(world):
+        direction = want & 3
+        cell = np.int64(robots.cell[U(i)]) + world.grid.offset[U(direction)]
+        if want & LIVE == 0:
+            observation.wanted[U(i)] = cell
+            return CAUSE_POD_AHEAD
+        if robots.action[U(i)] == ACTION_STATION_QUEUE:
+            return wait_for(world, observation, i, cell, direction, CAUSE_STATION_QUEUE)
+    if did == EXECUTED_RETREAT:
+        return CAUSE_RETREAT
+    if did == EXECUTED_ILLEGAL:
+        return CAUSE_ILLEGAL_DECISION
+    if did == EXECUTED_BAY_BLOCKED:
+        home = np.int64(robots.home[U(i)])
+        return wait_for(world, observation, i, home, np.int64(robots.heading[U(i)]), CAUSE_BAY_HELD)
+    if want == NO_TURN:
+        return wait_to_turn(world, observation, i)
+    if want & LIVE and want & REFUSED:
+        direction = want & 3
+        cell = np.int64(robots.cell[U(i)]) + world.grid.offset[U(direction)]
+        return wait_for(world, observation, i, cell, direction, CAUSE_UNDECIDED)
+    if did == EXECUTED_WAIT or did == EXECUTED_BLOCKED:
+        return find_next_cell(world, observation, i)
+    if observation.busy_before[U(i)] > 0:
+        return (
+            find_next_cell(world, observation, i)
+            if robots.action[U(i)] == ACTION_WAIT
+            else CAUSE_NOT_WAITING
+        )
+    if did == 0 and robots.parked[U(i)] == 0:
+        return find_idleness(world, observation, i)
+    return CAUSE_NOT_WAITING
+
+
+@kernel
+def note_gate(world, observation, i, want):
+    """A gate blocks robot i, on the floor or in its parking bay."""
+    cell = np.int64(world.robots.cell[U(i)])
+    to = cell + world.grid.offset[U(want & 3)]
+    observation.wanted[U(i)] = world.robots.home[U(i)] if cell == NIL else to
+    return CAUSE_CLOSED + np.int64(world.gates.kind[world.gates.held[U(i)]])
+
+
+@kernel
+def note_held_back(world, observation, i, want):
+    """Right of way tells robot i to wait; find the holder of its preferred cell, if any."""
+    if want & TOWARDS == 0:
+        return CAUSE_HELD_BACK
+    direction = want & 3
+    cell = np.int64(world.robots.cell[U(i)]) + world.grid.offset[U(direction)]
+    return wait_for(world, observation, i, cell, direction, CAUSE_UNDECIDED)
+
+
+@kernel
+def find_next_cell(world, observation, i):
+    """Robot i waits before the next cell of its route, or before the turn towards it."""
+    robots, grid = world.robots, world.grid
+    cell = np.int64(robots.cell[U(i)])
+    if robots.route_index[U(i)] >= robots.route_length[U(i)]:
+        return find_held_way_out(world, observation, i)
+    direction = np.int64(robots.route[U(i), U(robots.route_index[U(i)])])
+    if not is_facing(world, i, direction):
+        return wait_to_turn(world, observation, i)
+    return wait_for(
+        world, observation, i, cell + grid.offset[U(direction)], direction, CAUSE_UNDECIDED
+    )
+
+
+@kernel
+def find_held_way_out(world, observation, i):
+    """Robot i waits without a route after a failed retreat: find the cell for which it waits.
+
+    Among adjacent cells without room, it is the one nearest to its goal; ties: lowest direction.
+    """
+    robots, grid = world.robots, world.grid
+    cell = np.int64(robots.cell[U(i)])
+    flags = np.int64(grid.type_cell_flags[U(robots.type[U(i)]), U(cell)])
+    goal = np.int64(robots.goal_cell[U(i)])
+    if goal == NIL:
+        goal = np.int64(robots.home[U(i)])
+    best, least = np.int64(NIL), np.int64(0)
+    for direction in range(4):
+        may_go = flags & MAY_TURN != 0 or is_facing(world, i, direction)
+        if (flags >> direction) & 1 == 0 or not may_go:
+            continue
+        to = cell + grid.offset[U(direction)]
+        if has_room(world.traffic.occupancy, to, direction):
+            continue
+        columns = to % grid.width - goal % grid.width
+        rows = to // grid.width - goal // grid.width
+        if best == NIL or abs(columns) + abs(rows) < least:
+            best, least = np.int64(direction), abs(columns) + abs(rows)
+    if best == NIL:
+        return CAUSE_RANDOM_WAIT
+    return wait_for(world, observation, i, cell + grid.offset[U(best)], best, CAUSE_UNDECIDED)
+
+
+@kernel
+def wait_to_turn(world, observation, i):
+    """Robot i is about to turn: another robot can block it only in a passing aisle."""
+    cell = np.int64(world.robots.cell[U(i)])
+    observation.wanted[U(i)] = cell
+    if (np.int64(world.traffic.occupancy[U(cell)]) >> CAPACITY_SHIFT) & 3 == 2:
+        return wait_for(
+            world, observation, i, cell, np.int64(world.robots.travel[U(i)]) ^ 2, CAUSE_LANE
+        )
+    return CAUSE_RANDOM_WAIT
+
+
+@kernel
+def find_idleness(world, observation, i):
+    """Why robot i, free and on the floor, did nothing."""
+    robots = world.robots
+    if robots.goal_type[U(i)] == GOAL_NONE:
+        return CAUSE_NO_ORDER if robots.load[U(i)] == NIL else CAUSE_NO_DROP_OFF_SLOT
+    if (
+        robots.route_index[U(i)] >= robots.route_length[U(i)]
+        and robots.goal_cell[U(i)] != robots.cell[U(i)]
+    ):
+        if world.rules.steered[0] and np.int64(robots.executed[U(i)]) & LEFT_PARKING_BAY:
+            return CAUSE_NOT_WAITING
+        observation.wanted[U(i)] = robots.goal_cell[U(i)]
+        return CAUSE_HELD_BACK if world.rules.steered[0] else CAUSE_NO_ROUTE
+    if robots.goal_type[U(i)] == GOAL_STOP and robots.busy[U(i)] == 0 and has_trips(world):
+        if has_break(world, np.int64(robots.order[U(i)])):
+            return CAUSE_STATION_BREAK
+    return CAUSE_NOT_WAITING

@@ -4,6 +4,16 @@ counted."""
 import numpy as np
 
 from automaton.engine.batches import may_set_order_queue
+from automaton.engine.decisions import (
+    CMD_DROP_AT,
+    CMD_GO,
+    CMD_HOLD,
+    CMD_PARK,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_TAKE_ORDER,
+    CMD_WAIT,
+)
 from automaton.engine.energy import end_charging, offer_charger
 from automaton.engine.fulfilment import (
     begin_leg,
@@ -49,14 +59,6 @@ from automaton.engine.state import (
     ACTION_RETREAT,
     ACTION_WAIT,
     BATTERY_FULL,
-    CMD_DROP_AT,
-    CMD_GO,
-    CMD_HOLD,
-    CMD_PARK,
-    CMD_RETREAT,
-    CMD_STEP,
-    CMD_TAKE_ORDER,
-    CMD_WAIT,
     GOAL_CHARGE,
     GOAL_DROP,
     GOAL_NONE,

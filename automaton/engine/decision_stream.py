@@ -15,6 +15,12 @@ robots at once, and the last design of a tick counts: recorded designs are compl
 import numpy as np
 
 from automaton.engine.batches import allocation_of, may_set_order_queue
+from automaton.engine.decisions import (
+    AllocationDecisions,
+    ChargingDecisions,
+    RightOfWayDecisions,
+    ZoningDecisions,
+)
 from automaton.engine.facilities import MESSAGE_WORDS
 from automaton.engine.jit.field_kernels import appending, decision_values, reading
 from automaton.engine.jit.kernel import kernel
@@ -28,11 +34,7 @@ from automaton.engine.state import (
     LAYER_ROUTING,
     LAYER_ZONING,
     NIL,
-    AllocationDecisions,
     Array,
-    ChargingDecisions,
-    RightOfWayDecisions,
-    ZoningDecisions,
 )
 
 PHASE_BITS = 3

@@ -44,6 +44,8 @@ from automaton.engine.operations import (
     headings_of,
     is_facing,
     limited_ticks,
+    note_move,
+    note_turn,
     record_change,
     replan,
     request_allocation,
@@ -106,7 +108,6 @@ from automaton.engine.state import (
     RETRY_WAITED,
     STATUS_EXHAUSTED,
 )
-from automaton.engine.time_use import count_in_station_queue, note_move, note_turn
 from automaton.engine.trips import has_trips, is_in_own_queue, is_queueing_at_station
 
 
@@ -483,6 +484,23 @@ def stands_in_queue(world, i):
         return True
     direction = np.int64(world.traffic.intent[i]) & 3
     return is_queueing_at_station(world, i, world.robots.cell[i] + world.grid.offset[direction])
+
+
+@kernel
+def count_in_station_queue(world, i):
+    """Robot i loses this tick in the queue of its station."""
+    stations, tick = world.pod_stations, world.clock.tick
+    station = np.int64(stations.station_at[world.robots.goal_cell[i]])
+    if station == NIL:
+        return
+    if stations.waiting_at[station] != tick:
+        stations.waiting_at[station] = tick
+        stations.waiting[station] = 0
+    stations.waiting[station] += 1
+    stations.queue_ticks[station] += world.rules.stride
+    stations.longest_queue[station] = max(
+        stations.longest_queue[station], stations.waiting[station]
+    )
 
 
 @kernel

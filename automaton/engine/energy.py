@@ -27,12 +27,12 @@ from automaton.engine.state import (
     BATTERY_FULL,
     GOAL_CHARGE,
     GOAL_NONE,
+    LOST_ACTIONS,
     NIL,
     REASON_IDLE,
     STATUS_EXHAUSTED,
     STATUS_UP,
 )
-from automaton.engine.time_use import count_waiting_for_chargers
 
 
 @kernel
@@ -203,6 +203,20 @@ def block_unless_first(world, i):
     world.traffic.intent[i] = 0
     count_lost_tick(world, i, ACTION_QUEUE)
     robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_BLOCKED
+
+
+@kernel
+def count_waiting_for_chargers(world):
+    """Enter the longest queue of each charger: robots that stand on the way to it, wherever."""
+    robots, chargers = world.robots, world.chargers
+    chargers.waiting[:] = 0
+    for i in range(robots.cell.shape[0]):
+        if robots.goal_type[U(i)] == GOAL_CHARGE and robots.cell[U(i)] != robots.goal_cell[U(i)]:
+            if (LOST_ACTIONS >> np.int64(robots.action[U(i)])) & 1:
+                chargers.waiting[chargers.charger_at[U(robots.goal_cell[U(i)])]] += 1
+    for charger in range(chargers.cell.shape[0]):
+        longest = max(chargers.longest_queue[charger], chargers.waiting[charger])
+        chargers.longest_queue[charger] = longest
 
 
 # The charging curve, a step function: units per tick by the level at the start of the tick.

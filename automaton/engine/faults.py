@@ -31,6 +31,7 @@ from automaton.engine.operations import (
     drop_route,
     entry_heading,
     next_stop,
+    note_delay,
     put_off,
     record_change,
     request_allocation,
@@ -73,7 +74,6 @@ from automaton.engine.state import (
     STATUS_TOWED,
     STATUS_UP,
 )
-from automaton.engine.time_use import note_delay
 from automaton.engine.trips import give_place_back, has_trips, offer, store_pod
 
 

@@ -15,12 +15,12 @@ from numba import types
 
 from automaton.engine.batches import batch_all_robots, batch_charging
 from automaton.engine.commit import commit_charging
-from automaton.engine.deadlocks import find_deadlocks
 from automaton.engine.decision_stream import keep_decisions
+from automaton.engine.decisions import Decisions
 from automaton.engine.digest import digest_world
 from automaton.engine.drive import count_robots, set_move_ticks
 from automaton.engine.energy import cancel_infeasible_moves
-from automaton.engine.events import find_cycles, note_events
+from automaton.engine.events import find_cycles, find_deadlocks, note_events
 from automaton.engine.faults import break_down_and_repair, delay_robots
 from automaton.engine.fulfilment import complete_visits, work_at_stations
 from automaton.engine.gates import hold_at_gates, set_cabin_ticks, update_gates
@@ -35,7 +35,6 @@ from automaton.engine.state import (
     NIL,
     Array,
     Batch,
-    Decisions,
     Record,
     Workspace,
     World,

@@ -21,6 +21,7 @@ from automaton.engine.batches import (
 )
 from automaton.engine.commit import commit_allocation, commit_right_of_way, commit_routing
 from automaton.engine.decision_stream import max_words, max_zoning_words
+from automaton.engine.decisions import Decisions
 from automaton.engine.drive import apply_move_outcomes, drive, halt_robots, leave_parking_bays
 from automaton.engine.events import max_events
 from automaton.engine.features import (
@@ -69,7 +70,6 @@ from automaton.engine.state import (
     STOP_PARKED,
     STRATEGY_COUNT,
     Batch,
-    Decisions,
     Memory,
     Record,
     Workspace,

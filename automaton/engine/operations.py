@@ -12,18 +12,24 @@ from automaton.engine.state import (
     ACTION_DELAYED,
     ACTION_FOLLOWING,
     ACTION_ILLEGAL,
+    ACTION_MOVE,
     ACTION_TURN,
     ACTION_WAIT,
     GOAL_CHARGE,
     GOAL_NONE,
     GOAL_PARK,
     GOAL_STOP,
+    LOST_ACTIONS,
     MAY_TURN,
     NEED_ALLOCATION,
     NEED_CHARGING,
     NEED_RIGHT_OF_WAY,
     NEED_ROUTE,
     NIL,
+    PURPOSE_ASIDE,
+    PURPOSE_CHARGER,
+    PURPOSE_MAKING_WAY,
+    PURPOSE_ORDER,
     REASON_AROUND_ROBOTS,
     REASON_IDLE,
     REASON_NEW_GOAL,
@@ -31,8 +37,8 @@ from automaton.engine.state import (
     REASON_REPLAN,
     STATUS_EXHAUSTED,
     STATUS_UP,
+    TRAIL_MOVES,
 )
-from automaton.engine.time_use import note_goal, note_time
 
 
 @kernel
@@ -426,3 +432,99 @@ def record_change(clock, record, code, subject, value):
         record.changes[row, 2] = subject
         record.changes[row, 3] = value
         clock.change_rows = row + 1
+
+
+# What robots use their time for: orders, the way to chargers, other ways, and making way for others.
+#
+# A move that leads back to the cell that the last moves came from undoes them, and a turn that the next
+# move does not need leads nowhere: both are driven to make way, whatever right of way calls them. They
+# are looked for among the last moves for one goal.
+
+
+@kernel
+def note_time(world, i, action, ticks):
+    """Enter what ticks of an action are for; moves and turns for an order are not entered here."""
+    goal, use = world.robots.goal_type[U(i)], world.time_use
+    purpose = PURPOSE_ORDER
+    if goal == GOAL_CHARGE:
+        purpose = PURPOSE_CHARGER
+        use.to_charger[U(i), U(action)] += ticks
+        if (LOST_ACTIONS >> action) & 1:
+            charger = world.chargers.charger_at[U(world.robots.goal_cell[U(i)])]
+            world.chargers.queue_ticks[charger] += ticks
+    elif (goal == GOAL_NONE or goal == GOAL_PARK) and (
+        action == ACTION_MOVE or action == ACTION_TURN
+    ):
+        purpose = PURPOSE_ASIDE
+        use.aside[U(i)] += ticks
+    use.purpose[U(i)] = purpose
+
+
+@kernel
+def note_move(world, i, direction, ticks):
+    """Enter what a move of robot i is for, which has begun or, of one tick, is over."""
+    robots, use = world.robots, world.time_use
+    goal = robots.goal_type[U(i)]
+    if goal == GOAL_CHARGE or goal == GOAL_NONE or goal == GOAL_PARK:
+        note_time(world, i, ACTION_MOVE, ticks)
+        return
+    if use.turned[U(i)]:
+        settle_turns(world, i)
+    entered = np.int64(robots.cell[U(i)] if robots.claim[U(i)] == NIL else robots.claim[U(i)])
+    top, depth = np.int64(use.trail_top[U(i)]), np.int64(use.trail_depth[U(i)])
+    if depth and use.trail[U(i), U(top)] == entered:
+        use.making_way[U(i)] += 2 * ticks  # there and back
+        use.purpose[U(i)] = PURPOSE_MAKING_WAY
+        use.trail_top[U(i)] = (top - 1) & (TRAIL_MOVES - 1)
+        use.trail_depth[U(i)] = depth - 1
+        return
+    top = (top + 1) & (TRAIL_MOVES - 1)
+    use.purpose[U(i)] = PURPOSE_ORDER
+    use.trail[U(i), U(top)] = entered - world.grid.offset[U(direction)]
+    use.trail_top[U(i)] = top
+    use.trail_depth[U(i)] = min(depth + 1, TRAIL_MOVES)
+
+
+@kernel
+def note_turn(world, i, ticks):
+    """Enter what a turn of robot i is for; call before it has another heading."""
+    note_time(world, i, ACTION_TURN, ticks)
+    use = world.time_use
+    if use.purpose[U(i)] == PURPOSE_ORDER:
+        if use.turned[U(i)] == 0:
+            use.turned_from[U(i)] = world.robots.heading[U(i)]
+        use.turned[U(i)] += ticks
+
+
+@kernel
+def settle_turns(world, i):
+    """Of the turns since the last move, those beyond the change of heading were made to make way."""
+    robots, use = world.robots, world.time_use
+    if use.turned[U(i)] == 0:
+        return
+    headings = np.int64(world.grid.type_headings[U(robots.type[U(i)])])
+    change = (np.int64(robots.heading[U(i)]) - np.int64(use.turned_from[U(i)])) & (headings - 1)
+    turns = min(change, headings - change)
+    needed = turns * np.int64(world.rules.duration[U(robots.type[U(i)]), U(ACTION_TURN)])
+    use.making_way[U(i)] += max(np.int64(use.turned[U(i)]) - needed, 0)
+    use.turned[U(i)] = 0
+
+
+@kernel
+def note_goal(world, i):
+    """Robot i gets another goal: no move for it undoes one for the goal before."""
+    settle_turns(world, i)
+    world.time_use.trail_depth[U(i)] = 0
+
+
+@kernel
+def note_delay(world, i, ticks):
+    """What robot i is doing takes longer, for the same purpose."""
+    use, purpose = world.time_use, world.time_use.purpose[U(i)]
+    if purpose == PURPOSE_CHARGER:
+        use.to_charger[U(i), U(world.robots.action[U(i)])] += ticks
+    elif purpose == PURPOSE_ASIDE:
+        use.aside[U(i)] += ticks
+    elif purpose == PURPOSE_MAKING_WAY:
+        use.making_way[U(i)] += ticks
+    world.tally.active[U(i)] += ticks

@@ -8,15 +8,14 @@ as the view that strategies get (the same memory, read-only).
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Final
 
 from automaton.engine.distance_tables import Workspace as Workspace
 from automaton.engine.facilities import ACTION_COUNT as ACTION_COUNT
+from automaton.engine.facilities import STRATEGY_COUNT as STRATEGY_COUNT
 from automaton.engine.facilities import (
-    MESSAGE_WORDS,
     Chargers,
     Delays,
-    Design,
     Gates,
     Lines,
     Pods,
@@ -28,13 +27,10 @@ from automaton.engine.facilities import (
     Stops,
     Trips,
 )
-from automaton.engine.facilities import STRATEGY_COUNT as STRATEGY_COUNT
 from automaton.engine.facilities import Grid as Grid
 from automaton.engine.jit.structs import (
     BY_ENTRY,
-    CALL,
     CONSTANT,
-    DECISION,
     DERIVED,
     MEASURED,
     SCRATCH,
@@ -76,6 +72,14 @@ ACTION_NAMES: Final = (
     *("serve", "station_queue", "delayed", "gate", "following"),
 )
 
+# Actions in which a robot loses time, as bits.
+LOST_ACTIONS: Final = sum(
+    1 << action
+    for action in (
+        *(ACTION_WAIT, ACTION_BLOCKED, ACTION_RETREAT, ACTION_BAY_BLOCKED, ACTION_ILLEGAL),
+        *(ACTION_QUEUE, ACTION_HELD_BACK, ACTION_STATION_QUEUE, ACTION_GATE),
+    )
+)
 # States of a robot: robots.status.
 STATUS_UP: Final = 0
 STATUS_FAILING: Final = 1  # it breaks down as soon as its current operation ends
@@ -437,6 +441,15 @@ class Traffic(Struct, role=SCRATCH):
     )
 
 
+# What an operation is for: time_use.purpose.
+PURPOSE_ORDER: Final = 0
+PURPOSE_CHARGER: Final = 1  # to get to a charger
+PURPOSE_ASIDE: Final = 2  # to park, or pushed aside without anything to do
+PURPOSE_MAKING_WAY: Final = 3  # it undoes what was driven for an order
+
+TRAIL_MOVES: Final = 4  # moves that may be undone; a power of two
+
+
 class Tally(Struct, role=MEASURED):
     """Counters for the metrics; [.., 0] empty, [.., 1] loaded."""
 
@@ -469,25 +482,8 @@ class Tally(Struct, role=MEASURED):
     leg_queued: Array = field("(n,) int64", "its ticks in queues of stations before that leg")
 
 
-# What an operation is for: time_use.purpose.
-PURPOSE_ORDER: Final = 0
-PURPOSE_CHARGER: Final = 1  # to get to a charger
-PURPOSE_ASIDE: Final = 2  # to park, or pushed aside without anything to do
-PURPOSE_MAKING_WAY: Final = 3  # it undoes what was driven for an order
-
-# Actions in which a robot loses time, as bits.
-LOST_ACTIONS: Final = sum(
-    1 << action
-    for action in (
-        *(ACTION_WAIT, ACTION_BLOCKED, ACTION_RETREAT, ACTION_BAY_BLOCKED, ACTION_ILLEGAL),
-        *(ACTION_QUEUE, ACTION_HELD_BACK, ACTION_STATION_QUEUE, ACTION_GATE),
-    )
-)
-TRAIL_MOVES: Final = 4  # moves that may be undone; a power of two
-
-
 class TimeUse(Struct, role=MEASURED):
-    """What robots use their time for, besides their orders (automaton.engine.time_use)."""
+    """What robots use their time for, besides their orders (automaton.engine.operations)."""
 
     to_charger: Array = field(
         f"(n, {ACTION_COUNT}) int64", "of tally.ticks, those on the way to a charger"
@@ -517,8 +513,8 @@ class DeadlockCounts(NamedNumbers):
     next_look: int = number("no deadlock begins or ends before this tick")
 
 
-class Deadlocks(Struct, role=MEASURED):
-    """Wait cycles in which all robots have waited for DEADLOCK_TICKS (automaton.engine.deadlocks)."""
+class DeadlockTally(Struct, role=MEASURED):
+    """Wait cycles in which all robots have waited for DEADLOCK_TICKS (automaton.engine.events)."""
 
     count: DeadlockCounts = field(DeadlockCounts)
     number: Array = field("(n,) int64", "number from 1 of the deadlock that it is in, or 0")
@@ -588,7 +584,7 @@ class World(Struct):
     traffic: Traffic
     tally: Tally
     time_use: TimeUse
-    deadlocks: Deadlocks
+    deadlocks: DeadlockTally
     delays: Delays
     clock: Clock = field(Clock, role=BY_ENTRY, digest=59, by="hash_of_tick")
 
@@ -600,99 +596,6 @@ class Batch(Struct):
     robot: Array = field("(n,) int32", "storage indices; the first `count` are valid")
     reason: Array = field("(n,) uint8", "why the layer is asked about each robot: REASON_*")
     strategy: int = field("() uint8", "number of the strategy: a layer, or a further allocation")
-
-
-def decided(meaning: str, default: int = 0, dtype: str = "int32") -> Any:
-    """A field of the decision about each robot."""
-    return field(f"(n,) {dtype}", meaning, default=default, role=DECISION)
-
-
-class ZoningDecisions(Struct):
-    service_zone: Array = decided("the service zone of the robot", KEEP)
-    halt: Array = decided("ticks for which it is halted from now on", KEEP)
-    again: Array = decided(
-        "ticks after which zoning is asked about it again; NIL: on events only", KEEP
-    )
-    sends_message: Array = decided("1 = its message changes, to this row of", dtype="uint8")
-    messages: Array = field(f"(n, {MESSAGE_WORDS}) int64")
-    server: Array = field(
-        "(Z,) int32",
-        "by zone: KEEP, or the identity of the robot that serves it",
-        default=KEEP,
-        role=CALL,
-    )
-    redesigned: int = field("() int64", "1 = the design changes, to", role=CALL)
-    design: Design
-    queued: int = field("() int64", "number of entries in use in the next four arrays", role=CALL)
-    order: Array = field("(m,) int32", "this order")
-    queue: Array = field("(m,) int32", "enters the queue of this zone")
-    next_slot: Array = field("(m,) int32", "and is to be dropped at this slot")
-    skips_transfer: Array = field("(m,) uint8", "1 = past transfer stations")
-    refused: int = field(
-        "() int64", "number of illegal decisions in a recording; not set by strategies", role=CALL
-    )
-
-
-class ChargingDecisions(Struct):
-    goal_cell: Array = decided("KEEP; the charger cell to drive to; or NIL: stop charging", KEEP)
-    charge_target: Array = decided("charge at which it leaves the charger")
-    charging_interruptible: Array = decided("1 = it may get an order while it charges")
-
-
-class AllocationDecisions(Struct):
-    command: Array = decided("KEEP, CMD_TAKE_ORDER, CMD_DROP_AT or CMD_PARK", KEEP)
-    order: Array = decided("CMD_TAKE_ORDER: the order to pick up", NIL)
-    slot: Array = decided("CMD_DROP_AT: the slot for the load", NIL)
-    goal_cell: Array = decided("the cell from which to pick up or drop", NIL)
-    try_drop: Array = decided("CMD_DROP_AT: 1 = a TRY_DROP operation follows the pick")
-    ask_again: Array = decided("1 = ask again in the next tick in any case", dtype="uint8")
-    order_queue_length: Array = field(
-        "(n,) int32",
-        "by storage index: KEEP, or the number of planned orders",
-        default=KEEP,
-        role=CALL,
-    )
-    order_queue: Array = field("(n, L) int32", "by storage index: the planned orders of a robot")
-    order_taken: Array = field(
-        "(m,) uint8",
-        "1 = reserved by an earlier decision of this batch; zero for all released orders when "
-        "a call begins",
-        role=SCRATCH,
-    )
-    slot_taken: Array = field("(s,) uint8", "likewise", role=CALL)
-
-
-class RoutingDecisions(Struct):
-    route_length: Array = decided("KEEP or the number of steps", KEEP)
-    steps: Array = field("(n, R) uint8", "directions")
-
-
-class RightOfWayDecisions(Struct):
-    command: Array = decided("KEEP, CMD_STEP, CMD_WAIT, CMD_RETREAT, CMD_HOLD or CMD_GO", KEEP)
-    value: Array = decided("direction, ticks, or moves; CMD_HOLD: its preferred direction, or NIL")
-    return_order: Array = decided("1 = an empty robot returns its order")
-    priority: Array = decided("KEEP or the robot's new priority", KEEP)
-
-
-class Decisions(Struct):
-    """Preallocated outputs, indexed like the batch."""
-
-    zoning: ZoningDecisions
-    charging: ChargingDecisions
-    allocation: AllocationDecisions
-    routing: RoutingDecisions
-    right_of_way: RightOfWayDecisions
-
-
-CMD_TAKE_ORDER: Final = 1  # commands of allocation
-CMD_DROP_AT: Final = 2
-CMD_PARK: Final = 3
-CMD_STEP: Final = 1  # commands of right of way
-CMD_WAIT: Final = 2
-CMD_RETREAT: Final = 3
-CMD_HOLD: Final = 4  # from a steering right of way: wait for this tick
-# From a steering right of way: turn towards a direction or move in it; leave a parking bay.
-CMD_GO: Final = 5
 
 
 class Memory(Struct):

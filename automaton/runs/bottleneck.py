@@ -8,20 +8,19 @@ these counts, since what comes later follows from it: who waits for a charger is
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final, NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, Final, NamedTuple
 
-from automaton.runs.headless import Outcome
 from automaton.runs.metric_catalogue import units_of
 from automaton.runs.periods import HOUR_S, Period, moment
 from automaton.units import count, number, percent
 from automaton.world.resolved import Resolved
 
-BUSY: Final = 0.9  # share of time from which a station or the chargers are saturated
+BUSY_SHARE: Final = 0.9  # share of time from which a station or the chargers are saturated
 LINED_UP: Final = 0.5  # robots that stand on the way to full chargers
-MOST_STATIONS: Final = 0.5  # share of saturated stations from which it is the stations
+STATIONS_SHARE: Final = 0.5  # share of saturated stations from which it is the stations
 LOST: Final = 1 / 3  # share of the time of robots at work, lost in traffic
-IDLE: Final = 0.05  # share of robots
+IDLE_SHARE: Final = 0.05  # share of robots
 FALL: Final = 0.1  # of a rate, from which it is said to fall
 MENTIONED: Final = 0.05  # share of the run in which something else has to be saturated
 SINGLE: Final = ("chargers", "stations", "traffic", "robots")
@@ -38,12 +37,12 @@ class Bottleneck(NamedTuple):
 
 def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
     """What is saturated in a period; "" if nothing is."""
-    taken = sum(period.chargers) >= BUSY * len(period.chargers)
+    taken = sum(period.chargers) >= BUSY_SHARE * len(period.chargers)
     if period.chargers and taken and sum(period.charger_queues) >= LINED_UP:
         return "chargers"
-    busy = [k for k, share in enumerate(period.stations) if share >= BUSY]
+    busy = [k for k, share in enumerate(period.stations) if share >= BUSY_SHARE]
     if busy:
-        if len(busy) > 1 and len(busy) >= MOST_STATIONS * len(period.stations):
+        if len(busy) > 1 and len(busy) >= STATIONS_SHARE * len(period.stations):
             return "stations"
         most = max(busy, key=lambda k: period.station_queues[k])
         return f"station {stations[most]}"
@@ -52,7 +51,7 @@ def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
         return "traffic"
     idle = robots - at_work - period.in_station_queues
     idle -= energy_of(period) + period.down
-    return "robots" if period.backlog and idle <= IDLE * robots else ""
+    return "robots" if period.backlog and idle <= IDLE_SHARE * robots else ""
 
 
 def bottlenecks_of(
@@ -85,12 +84,17 @@ def longest_stretch(periods: Sequence[Period], is_in: Sequence[bool]) -> tuple[i
     return best
 
 
-def bottleneck_sentences(resolved: Resolved, outcome: Outcome) -> list[str]:
-    """The paragraph about the bottleneck: what was saturated, when, and what the others did."""
-    periods, robots = outcome.periods, resolved.scenario.fleet.robots
+def bottleneck_sentences(
+    resolved: Resolved, periods: Sequence[Period], stations: Sequence[Mapping[str, Any]]
+) -> list[str]:
+    """The paragraph about the bottleneck: what was saturated, when, and what the others did.
+
+    `stations`: the rows of metrics_by_station.
+    """
+    robots = resolved.scenario.fleet.robots
     if not periods:
         return []
-    found = bottlenecks_of(periods, robots, station_names(resolved, outcome))
+    found = bottlenecks_of(periods, robots, station_names(periods, stations))
     if not found:
         return [f"No resource was saturated: {'; '.join(others('', joined(periods), robots))}."]
     first, *more = found
@@ -124,10 +128,10 @@ def stretch_text(resolved: Resolved, stretch: Period) -> str:
     return f"{moment(resolved, stretch.begin)} to {moment(resolved, stretch.end)}"
 
 
-def station_names(resolved: Resolved, outcome: Outcome) -> list[str]:
+def station_names(periods: Sequence[Period], stations: Sequence[Mapping[str, Any]]) -> list[str]:
     """The stations of a period, by name or number."""
-    known = [str(row["station"]) for row in outcome.stations]
-    number_of = len(outcome.periods[0].stations)
+    known = [str(row["station"]) for row in stations]
+    number_of = len(periods[0].stations)
     return known if len(known) == number_of else [str(k + 1) for k in range(number_of)]
 
 

@@ -81,7 +81,7 @@ LOST_IN = {  # metric: action
 LOST_TO_CHARGERS = [*LOST_IN.values(), ACTION_QUEUE]
 ENGAGED = [*ACTIVE, ACTION_STATION_QUEUE, ACTION_HELD_BACK, ACTION_GATE, ACTION_FOLLOWING]
 WORK = [ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_SERVE]
-WAYS = [ACTION_MOVE, ACTION_TURN]
+DRIVES = [ACTION_MOVE, ACTION_TURN]
 SHARES = (
     "empty_moves_share",
     "empty_operations_share",
@@ -145,7 +145,7 @@ def uses_of_time(world: World) -> Uses:
             (PURPOSE_ASIDE, uses.aside),
             (PURPOSE_MAKING_WAY, uses.making_way),
         ):
-            mine = (purpose == number) & np.isin(actions, WAYS)
+            mine = (purpose == number) & np.isin(actions, DRIVES)
             total[robots[mine]] -= remaining[mine]
         mine = purpose == PURPOSE_CHARGER
         uses.to_charger[robots[mine], actions[mine]] -= remaining[mine]
@@ -463,7 +463,7 @@ def _of_actions(times: Array, ticks: Array, uses: Uses) -> dict[str, int]:
         "active": int(ticks[ACTIVE].sum()),
         "engaged": int(ticks[ENGAGED].sum()),
         "on_orders": on_orders_of(ticks, uses),
-        "driving_to_chargers": int(uses.to_charger[WAYS].sum()),
+        "driving_to_chargers": int(uses.to_charger[DRIVES].sum()),
         "driving_aside": int(uses.aside),
         **lost,
         "lost_charger_queue": int(uses.to_charger[LOST_TO_CHARGERS].sum()),
@@ -473,7 +473,7 @@ def _of_actions(times: Array, ticks: Array, uses: Uses) -> dict[str, int]:
 
 def on_orders_of(ticks: Array, uses: Uses) -> int:
     """Of (A, 2) ticks those spent on orders: work, and ways that are not undone."""
-    ways = ticks[WAYS].sum() - uses.to_charger[WAYS].sum() - uses.aside - uses.making_way
+    ways = ticks[DRIVES].sum() - uses.to_charger[DRIVES].sum() - uses.aside - uses.making_way
     return int(ticks[WORK].sum() + ways)
 
 

@@ -17,8 +17,7 @@ from automaton.errors import InputError
 from automaton.runs.metric_sums import TRAFFIC_SUMS
 from automaton.runs.metrics import Counted, counted
 from automaton.runs.progress import asked_orders, has_lines
-from automaton.runs.simulation import Simulation
-from automaton.runs.task_metrics import summed
+from automaton.runs.task_metrics import Measured, summed
 from automaton.scenario.quantities import TIME, Dimension, clock_text, read_amount
 from automaton.units import exact_time
 from automaton.world.resolved import Resolved
@@ -74,19 +73,20 @@ class PeriodMarks:
         """The tick of the next mark after a tick."""
         return (tick // self._ticks + 1) * self._ticks
 
-    def look(self, simulation: Simulation) -> None:
+    def look(self, run: Measured) -> None:
         """Keep what a run has counted by now, if a period ends."""
-        if simulation.tick % self._ticks or not simulation.tick:
+        tick = int(run.world.clock.tick)
+        if tick % self._ticks or not tick:
             return
-        self._marks.append(counted(simulation))
+        self._marks.append(counted(run))
         if not self.is_fixed and len(self._marks) > MAX_LOOKS:
             self._ticks *= 2
             self._marks = [one for one in self._marks if one.tick % self._ticks == 0]
 
-    def periods(self, simulation: Simulation) -> list[Period]:
+    def periods(self, run: Measured) -> list[Period]:
         """The periods of a run up to now; the last one may be shorter."""
-        marks = [one for one in self._marks if one.tick < simulation.tick]
-        return periods_of(simulation, [*marks, counted(simulation)])
+        now = counted(run)
+        return periods_of(run, [*(one for one in self._marks if one.tick < now.tick), now])
 
 
 def ticks_of_period(resolved: Resolved, text: str | None) -> int:
@@ -118,9 +118,9 @@ def moment(resolved: Resolved, tick: int) -> str:
     return clock_text(scale.clock, Fraction(tick) * scale.tick_seconds)
 
 
-def periods_of(simulation: Simulation, marks: list[Counted]) -> list[Period]:
+def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
     """The stretches between marks; the first one begins with tick 0."""
-    world, resolved = simulation.world, simulation.resolved
+    world, resolved = run.world, run.resolved
     borders = np.array([0, *(mark.tick for mark in marks)])
     done, backlog = flow(world, borders)
     late = late_orders(world, borders)

@@ -68,7 +68,9 @@ def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
     document = ReportDocument(f"{resolved.scenario.name}, seed {resolved.scenario.seed}")
     document.add(Listed(heading(resolved, outcome, tick), mark=""))
     document.add(headline_table(resolved, outcome, tick))
-    document.add(*[Text(text) for text in bottleneck_sentences(resolved, outcome)])
+    document.add(
+        *[Text(text) for text in bottleneck_sentences(resolved, outcome.periods, outcome.stations)]
+    )
     document.add(*([periods_table(resolved, outcome, tick)] if outcome.by_period else []))
     document.add(uses_table(outcome))
     document.add(Heading("All metrics", 3), metrics_table(outcome, tick, cell))

@@ -11,6 +11,17 @@ from __future__ import annotations
 
 from automaton.engine.batches import allocation_of
 from automaton.engine.blockers import walk_to_cycle
+from automaton.engine.decisions import (
+    CMD_DROP_AT,
+    CMD_GO,
+    CMD_HOLD,
+    CMD_PARK,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_TAKE_ORDER,
+    CMD_WAIT,
+    Decisions,
+)
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.energy import CURVE_RATE, charging_ticks, level_after
 from automaton.engine.facilities import Design, Roads, ServiceZones, design_for, empty_design
@@ -110,14 +121,6 @@ from automaton.engine.state import (
     ACTION_WAIT,
     BATTERY_FULL,
     BATTERY_PERCENT,
-    CMD_DROP_AT,
-    CMD_GO,
-    CMD_HOLD,
-    CMD_PARK,
-    CMD_RETREAT,
-    CMD_STEP,
-    CMD_TAKE_ORDER,
-    CMD_WAIT,
     FOLLOWING_CONVOY,
     FOLLOWING_HANDOVER,
     FOLLOWING_NONE,
@@ -168,7 +171,6 @@ from automaton.engine.state import (
     STATUS_UP,
     Array,
     Batch,
-    Decisions,
     Grid,
     Memory,
     Workspace,

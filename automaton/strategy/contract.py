@@ -39,10 +39,11 @@ from typing import Any, ClassVar
 
 import msgspec
 
+from automaton.engine.decisions import Decisions
 from automaton.engine.jit.compile_progress import COMPILING
 from automaton.engine.jit.kernel import first_class, jit_is_on
 from automaton.engine.jit.structs import Struct
-from automaton.engine.state import Batch, Decisions, Memory, Workspace, World
+from automaton.engine.state import Batch, Memory, Workspace, World
 from automaton.errors import InputError, nearest
 from automaton.strategy.lookup import NoParameters
 

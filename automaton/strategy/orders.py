@@ -7,10 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from automaton.engine.decisions import AllocationDecisions
 from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
-    AllocationDecisions,
     Workspace,
     World,
 )

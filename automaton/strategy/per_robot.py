@@ -11,7 +11,15 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from automaton.engine import state
+from automaton.engine.decisions import (
+    CMD_DROP_AT,
+    CMD_PARK,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_TAKE_ORDER,
+    CMD_WAIT,
+    AllocationDecisions,
+)
 from automaton.engine.jit.structs import Struct, field
 from automaton.engine.state import NIL, Array, Workspace, World
 from automaton.strategy import orders, paths
@@ -39,32 +47,32 @@ class Decision:
 
 def take(order: Order | int) -> Decision:
     """Allocation: reserve an order and pick it up."""
-    return Decision(state.CMD_TAKE_ORDER, order.index if isinstance(order, Order) else order)
+    return Decision(CMD_TAKE_ORDER, order.index if isinstance(order, Order) else order)
 
 
 def drop_at(slot: int) -> Decision:
     """Allocation: drop the load at a slot."""
-    return Decision(state.CMD_DROP_AT, slot)
+    return Decision(CMD_DROP_AT, slot)
 
 
 def deliver() -> Decision:
     """Allocation: drop the load at its order's target, or a pod at its initial storage cell."""
-    return Decision(state.CMD_DROP_AT)
+    return Decision(CMD_DROP_AT)
 
 
 def park() -> Decision:
     """Allocation: drive home."""
-    return Decision(state.CMD_PARK)
+    return Decision(CMD_PARK)
 
 
 def step(direction: int) -> Decision:
     """Right of way: one move (or the turn before it), 0 east, 1 south, 2 west, 3 north."""
-    return Decision(state.CMD_STEP, direction)
+    return Decision(CMD_STEP, direction)
 
 
 def wait(ticks: int) -> Decision:
     """Right of way: wait."""
-    return Decision(state.CMD_WAIT, ticks)
+    return Decision(CMD_WAIT, ticks)
 
 
 def retreat(moves: int, return_order: bool = True) -> Decision:
@@ -72,12 +80,12 @@ def retreat(moves: int, return_order: bool = True) -> Decision:
 
     With 0 moves: plan again where the robot stands.
     """
-    return Decision(state.CMD_RETREAT, moves, return_order)
+    return Decision(CMD_RETREAT, moves, return_order)
 
 
 def drive(directions: Sequence[int]) -> Decision:
     """Routing: the moves to the robot's goal cell; turns are implied."""
-    return Decision(state.CMD_STEP, list(directions))
+    return Decision(CMD_STEP, list(directions))
 
 
 def next_stop(view: World, order: int) -> int:
@@ -90,7 +98,7 @@ def next_stop(view: World, order: int) -> int:
 class LocalView:
     """The knowledge of one robot: the order list, and the robots in its sight."""
 
-    def __init__(self, view: World, out: state.AllocationDecisions, robot: int) -> None:
+    def __init__(self, view: World, out: AllocationDecisions, robot: int) -> None:
         self.view = view  # everything visible, as arrays
         self._out = out
         self._robot = robot
@@ -238,16 +246,16 @@ def per_robot(
 def _enter_allocation(decisions: Any, k: int, decision: Decision, me: Me, view: World) -> None:
     out = decisions.allocation
     out.command[k] = decision.command
-    if decision.command == state.CMD_TAKE_ORDER:
+    if decision.command == CMD_TAKE_ORDER:
         out.order[k] = decision.value
         if not 0 <= decision.value < len(view.orders.current_slot):
             return
         slot, stop = view.orders.current_slot[decision.value], next_stop(view, decision.value)
         if slot != NIL or stop != NIL:
             orders.take(view, out, k, me.index, decision.value)
-    elif decision.command == state.CMD_DROP_AT and decision.value is None:
+    elif decision.command == CMD_DROP_AT and decision.value is None:
         orders.place_load(view, out, me.workspace, k, me.index)
-    elif decision.command == state.CMD_DROP_AT:
+    elif decision.command == CMD_DROP_AT:
         out.slot[k] = decision.value
         if 0 <= decision.value < len(view.slots.cell):
             out.goal_cell[k] = me.access_cell_for(decision.value)

@@ -20,6 +20,7 @@ Except with `fixed`, cells in which a robot still stands come last.
 
 import numpy as np
 
+from automaton.engine.decisions import CMD_DROP_AT, CMD_TAKE_ORDER
 from automaton.engine.distance_tables import UNREACHABLE
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import Struct, field
@@ -36,8 +37,6 @@ from automaton.engine.random_numbers import STREAM_STORAGE, random_between
 from automaton.engine.search import begin_search, distance, mark_goal, nearest_mark
 from automaton.engine.state import (
     ACTION_MOVE,
-    CMD_DROP_AT,
-    CMD_TAKE_ORDER,
     NIL,
     ORDER_WAITING,
     REASON_PICKED,

@@ -8,6 +8,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from automaton.engine.decision_stream import max_words, max_zoning_words
+from automaton.engine.decisions import (
+    AllocationDecisions,
+    ChargingDecisions,
+    Decisions,
+    RightOfWayDecisions,
+    RoutingDecisions,
+    ZoningDecisions,
+)
 from automaton.engine.events import max_events
 from automaton.engine.facilities import (
     Chargers,
@@ -28,22 +36,16 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
     REASON_IDLE,
-    AllocationDecisions,
     Array,
     Batch,
-    ChargingDecisions,
     Clock,
-    Deadlocks,
-    Decisions,
+    DeadlockTally,
     Record,
-    RightOfWayDecisions,
     Robots,
-    RoutingDecisions,
     Tally,
     TimeUse,
     Traffic,
     World,
-    ZoningDecisions,
 )
 from automaton.engine.visibility import hide_all
 from automaton.errors import InputError
@@ -157,7 +159,7 @@ def _build_coarse(
         traffic=traffic,
         tally=Tally.sized({"n": n}),
         time_use=TimeUse.sized({"n": n}),
-        deadlocks=Deadlocks.sized({"n": n}),
+        deadlocks=DeadlockTally.sized({"n": n}),
         delays=build_delays(scenario.faults.delays, n),
         clock=clock,
     )
@@ -270,7 +272,7 @@ def build_sight(world: World, floor: PreparedFloor) -> World:
         ),
         tally=world.tally.copied(),
         time_use=TimeUse.sized({"n": len(world.robots.cell)}),
-        deadlocks=Deadlocks.sized({"n": len(world.robots.cell)}),
+        deadlocks=DeadlockTally.sized({"n": len(world.robots.cell)}),
         delays=world.delays.copied(),  # without the delayed robots
         chargers=world.chargers.copied(),
         service_zones=service_zones.replaced(

@@ -12,7 +12,8 @@ from types import ModuleType
 
 import pytest
 
-from automaton.engine.state import Decisions, World
+from automaton.engine.decisions import Decisions
+from automaton.engine.state import World
 from automaton.strategy import api
 
 DOCS = Path(__file__).parents[2] / "docs"

@@ -23,7 +23,6 @@ PLUG_IN = """from pathlib import Path
 import msgspec
 
 from automaton.strategy.contract import Strategy
-from automaton.engine.state import CMD_PARK
 
 
 class Parameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True):

@@ -22,7 +22,7 @@ from typing import Any, Final
 import automaton
 from automaton import python_api
 from automaton.commands import COMMANDS
-from automaton.engine import facilities, state, visibility
+from automaton.engine import decisions, facilities, state, visibility
 from automaton.engine.jit import structs
 from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.structs import SCRATCH, Struct
@@ -463,11 +463,11 @@ SEEN: Final = {
     "service_zones.design": facilities.Design,
 }
 DECIDED: Final = {
-    "zoning": state.ZoningDecisions,
-    "charging": state.ChargingDecisions,
-    "allocation": state.AllocationDecisions,
-    "routing": state.RoutingDecisions,
-    "right_of_way": state.RightOfWayDecisions,
+    "zoning": decisions.ZoningDecisions,
+    "charging": decisions.ChargingDecisions,
+    "allocation": decisions.AllocationDecisions,
+    "routing": decisions.RoutingDecisions,
+    "right_of_way": decisions.RightOfWayDecisions,
 }
 PUBLIC_SCRATCH: Final = ("holder", "order_taken")
 HIDDEN_EXTENTS: Final = {  # along which limited sight hides rows (automaton.engine.visibility)
@@ -560,7 +560,7 @@ def contract_page() -> str:
         *(f"### decisions.{name}\n\n{_decided_section(one)}" for name, one in DECIDED.items()),
         "### Commands\n",
         table(
-            ("command", "meaning"), ((code(n), COMMAND_MEANINGS[n]) for n in _names(state, "CMD_"))
+            ("command", "meaning"), ((code(n), COMMAND_MEANINGS[n]) for n in _names(decisions, "CMD_"))
         ),
         "## What it remembers\n",
         "Declare a state in the same way as the world: `field(kind, meaning, role=CONSTANT)`. Declare a "
@@ -632,7 +632,7 @@ def _seen_section(struct: type[Struct]) -> str:
 def _decided_section(struct: type[Struct]) -> str:
     defaults = {name: one.default for name, one in struct._declared.items()}
     text = _fields_table(struct, "initially", defaults)
-    return f"{text}\n{FULL_SHELF}" if struct is state.AllocationDecisions else text
+    return f"{text}\n{FULL_SHELF}" if struct is decisions.AllocationDecisions else text
 
 
 def _names(module: Any, prefix: str) -> list[str]:

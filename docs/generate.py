@@ -560,7 +560,8 @@ def contract_page() -> str:
         *(f"### decisions.{name}\n\n{_decided_section(one)}" for name, one in DECIDED.items()),
         "### Commands\n",
         table(
-            ("command", "meaning"), ((code(n), COMMAND_MEANINGS[n]) for n in _names(decisions, "CMD_"))
+            ("command", "meaning"),
+            ((code(n), COMMAND_MEANINGS[n]) for n in _names(decisions, "CMD_")),
         ),
         "## What it remembers\n",
         "Declare a state in the same way as the world: `field(kind, meaning, role=CONSTANT)`. Declare a "

@@ -228,7 +228,7 @@ def enter_blocker(world, observation, i):
 
 @kernel
 def forget(observation, i):
-    """Withdraw the request of robot i."""
+    """Delete the request of robot i."""
     scratch = observation.scratch
     entry = np.int64(scratch.entry[U(i)])
     if entry != NIL:

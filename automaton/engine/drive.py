@@ -256,7 +256,7 @@ def move_up(world, i):
 
 @kernel
 def hold_back(world, i, direction):
-    """Right of way tells robot i to stay."""
+    """Right of way holds robot i back for this tick."""
     count_lost_tick(world, i, ACTION_HELD_BACK)
     world.robots.executed[i] = np.int64(world.robots.executed[i]) | EXECUTED_BLOCKED
     world.traffic.intent[i] = HELD if direction == NO_STEP else HELD | TOWARDS | direction

@@ -391,11 +391,11 @@ def begin_deadlock(world, watch, observed, first):
         name = min(name, np.int64(world.robots.identity[U(i)]))
         members += 1
         i = np.int64(at_index[U(watch.blocker[U(i)])])
-    count.found += 1
+    count.total += 1
     count.robots += members
     count.next_look = world.clock.tick + 1
     for _ in range(members):
-        deadlocks.number[U(i)] = count.found
+        deadlocks.number[U(i)] = count.total
         deadlocks.since[U(i)] = begin
         deadlocks.found_at[U(i)] = world.clock.tick
         count.robot_ticks += world.clock.tick - begin + 1 - world.rules.stride

@@ -222,7 +222,7 @@ def hold_at_gates(world):
 
 @kernel
 def ask_gates_of_bays(world):
-    """Find which robots in parking bays are held by gates; bays come before all moves."""
+    """Find the robots that gates hold in their parking bay; they are checked before all moves."""
     gates, robots, tick = world.gates, world.robots, world.clock.tick
     entrants = 0
     for i in range(robots.cell.shape[0]):

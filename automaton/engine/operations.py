@@ -261,7 +261,7 @@ def drop_route(robots, i):
 @kernel
 def first_cell(robots, i):
     """First cell of a new route of robot i: the cell that it enters, stands in, or through which it
-    leaves its bay."""
+    leaves its parking bay."""
     if robots.claim[i] != NIL:
         return np.int64(robots.claim[i])
     return np.int64(robots.home[i] if robots.cell[i] == NIL else robots.cell[i])

@@ -67,7 +67,7 @@ class Motion(IntEnum):
     STUCK = 3  # its retries are used up: right of way decides
     RETREATING = 4
     HALTED = 5  # zoning halts it
-    HELD_BACK = 6  # a steering right of way tells it to wait on its way
+    HELD_BACK = 6  # a steering right of way makes it wait on its way
 
 
 def is_charging(robots: Any) -> Array:

@@ -503,7 +503,7 @@ class TimeUse(Struct, role=MEASURED):
 class DeadlockCounts(NamedNumbers):
     """The deadlocks of a run."""
 
-    found: int = number("deadlocks so far")
+    total: int = number("deadlocks so far")
     robots: int = number("robots that are in one now")
     robot_ticks: int = number("robot ticks spent in deadlocks")
     longest: int = number("ticks that the longest deadlock has lasted")

@@ -364,7 +364,7 @@ def write_mp4(frames: Iterable[bytes], width: int, height: int, fps: int, path: 
 
 
 def _send(process: subprocess.Popen[bytes], frames: Iterable[bytes]) -> None:
-    """Send the frames to ffmpeg; if it ends early, its exit status tells."""
+    """Send the frames to ffmpeg; if it ends early, its exit status says why."""
     assert process.stdin is not None
     with suppress(BrokenPipeError), process.stdin:
         for frame in frames:

@@ -114,15 +114,15 @@ def breakpoint_of(text: str) -> Breakpoint:
 
 
 def _members(run: Simulation, mask: Array) -> Array:
-    found: Array = run.world.robots.identity[np.flatnonzero(mask)]
-    return found
+    identities: Array = run.world.robots.identity[np.flatnonzero(mask)]
+    return identities
 
 
 def _new_deadlocks(run: Simulation) -> Array:
     """(n,) bool: robots whose deadlock was found in the last tick."""
     deadlocks = run.world.deadlocks
-    found: Array = (deadlocks.number > 0) & (deadlocks.found_at == run.world.clock.tick)
-    return found
+    is_new: Array = (deadlocks.number > 0) & (deadlocks.found_at == run.world.clock.tick)
+    return is_new
 
 
 def _redesigned(run: Simulation) -> Array:

@@ -113,7 +113,7 @@ class StoredFrames:
         return found[-1]
 
     def next_rules(self, tick: int) -> int | None:
-        """The first tick after `tick` from which other rules apply; None if there is none."""
+        """The first tick after `tick` from which other rules apply; None if the rules stay."""
         self._index()
         return min((r["tick"] for r in self._rules if r["tick"] > tick), default=None)
 

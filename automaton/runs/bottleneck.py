@@ -58,16 +58,16 @@ def bottlenecks_of(
     periods: Sequence[Period], robots: int, stations: Sequence[str]
 ) -> list[Bottleneck]:
     """What was saturated, for longest first; nothing if no resource was."""
-    found = [saturated(period, robots, stations) for period in periods]
+    resources = [saturated(period, robots, stations) for period in periods]
     ticks: dict[str, int] = {}
-    for name, period in zip(found, periods, strict=True):
+    for name, period in zip(resources, periods, strict=True):
         ticks[name] = ticks.get(name, 0) + period.ticks
     ticks.pop("", None)
     return [
         Bottleneck(
             name,
             ticks[name] / max(periods[-1].end, 1),
-            *longest_stretch(periods, [one == name for one in found]),
+            *longest_stretch(periods, [one == name for one in resources]),
         )
         for name in sorted(ticks, key=lambda one: -ticks[one])
     ]
@@ -94,10 +94,10 @@ def bottleneck_sentences(
     robots = resolved.scenario.fleet.robots
     if not periods:
         return []
-    found = bottlenecks_of(periods, robots, station_names(periods, stations))
-    if not found:
+    bottlenecks = bottlenecks_of(periods, robots, station_names(periods, stations))
+    if not bottlenecks:
         return [f"No resource was saturated: {'; '.join(others('', joined(periods), robots))}."]
-    first, *more = found
+    first, *more = bottlenecks
     stretch = joined(periods[first.first : first.last + 1])
     share = percent(first.share, 0)
     sentences = [
@@ -187,9 +187,9 @@ def facts(resource: str, period: Period, robots: int) -> list[str]:
         share = percent(period.in_traffic / at_work if at_work else 0.0, 0)
         return [f"{share} of the time of robots at work was lost in traffic"]
     if resource == "robots":
-        found = [f"{number(round(period.on_orders, 1))} of {count(robots, 'robot')} on orders"]
+        texts = [f"{number(round(period.on_orders, 1))} of {count(robots, 'robot')} on orders"]
         energy = energy_of(period)
-        return found + ([f"{number(round(energy, 1))} for energy"] if energy else [])
+        return texts + ([f"{number(round(energy, 1))} for energy"] if energy else [])
     busy = max(period.stations, default=0.0)
     mean = sum(period.stations) / max(len(period.stations), 1)
     queue = sum(period.station_queues)
@@ -200,26 +200,26 @@ def facts(resource: str, period: Period, robots: int) -> list[str]:
 
 def others(resource: str, period: Period, robots: int) -> list[str]:
     """How the other resources were used in a period."""
-    found = []
+    texts = []
     if resource != "robots":
-        found += facts("robots", period, robots)
+        texts += facts("robots", period, robots)
     if period.stations and not resource.startswith("station"):
         mean = sum(period.stations) / len(period.stations)
-        found.append(f"stations {percent(mean, 0)} busy")
+        texts.append(f"stations {percent(mean, 0)} busy")
     if resource != "traffic":
-        found += [fact for fact in facts("traffic", period, robots) if period.on_orders]
+        texts += [fact for fact in facts("traffic", period, robots) if period.on_orders]
     if period.chargers and resource != "chargers":
         share = sum(period.chargers) / len(period.chargers)
-        found.append(f"chargers {percent(share, 0)} busy")
-    return found
+        texts.append(f"chargers {percent(share, 0)} busy")
+    return texts
 
 
-def rate_fall(resolved: Resolved, periods: Sequence[Period], found: Bottleneck) -> str:
+def rate_fall(resolved: Resolved, periods: Sequence[Period], bottleneck: Bottleneck) -> str:
     """How the flow fell as a resource came to be saturated, if it did."""
-    if not found.first:
+    if not bottleneck.first:
         return ""
-    stretch = joined(periods[found.first : found.last + 1])
-    before, during = rate(resolved, periods[found.first - 1]), rate(resolved, stretch)
+    stretch = joined(periods[bottleneck.first : bottleneck.last + 1])
+    before, during = rate(resolved, periods[bottleneck.first - 1]), rate(resolved, stretch)
     if during > (1 - FALL) * before:
         return ""
     values = f"from {number(round(before))} to {number(round(during))}"

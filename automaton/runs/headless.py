@@ -115,7 +115,7 @@ class Outcome(NamedTuple):
     uses: Mapping[str, int] = {}  # robot ticks by what they were used for
     periods: Sequence[Period] = ()  # the run by hour, or by other stretches
     by_period: bool = False  # whether they are what was asked for, and two at least
-    deadlock: LongestDeadlock | None = None  # None: there was none
+    deadlock: LongestDeadlock | None = None  # None: the run had no deadlock
     tables: Any = None  # of `simulate(tables=True)`: automaton.tables.table_files.Tables
     picture: FloorPicture | None = None  # the floor at the end, of `simulate`
     recording: Any = None  # of `simulate(record=FILE)`: automaton.python_api.RecordedRun
@@ -286,11 +286,13 @@ def run_once(
 
 def longest_deadlock(simulation: Simulation) -> LongestDeadlock | None:
     """The longest deadlock of a run, or None; of several that lasted as long, the first one."""
-    found = simulation.world.deadlocks.count
-    if not found.found:
+    deadlocks = simulation.world.deadlocks.count
+    if not deadlocks.total:
         return None
-    cell = simulation.resolved.floor_plan.xy(int(found.longest_cell))
-    return LongestDeadlock(int(found.found), int(found.longest), int(found.longest_begin), cell)
+    cell = simulation.resolved.floor_plan.xy(int(deadlocks.longest_cell))
+    return LongestDeadlock(
+        int(deadlocks.total), int(deadlocks.longest), int(deadlocks.longest_begin), cell
+    )
 
 
 def is_finished(simulation: Simulation) -> bool:

@@ -182,7 +182,7 @@ def counted(run: Measured) -> Counted:
     uses = uses_of_time(world)
     sums = _of_actions(times, ticks, Uses(*(use.sum(0) for use in uses)))
     sums |= {
-        "deadlocks": int(world.deadlocks.count.found),
+        "deadlocks": int(world.deadlocks.count.total),
         "deadlock_time": int(world.deadlocks.count.robot_ticks),
     }
     for name in _not_lost(world):

@@ -1,8 +1,8 @@
 """A run by hour, or by any other period: flow, what robots did, and how busy stations and chargers were.
 
-Counts are read off between two ticks, where a period ends; orders know their ticks themselves. A run
-that nobody wants by period is looked at as well, at intervals that grow with it, since its bottleneck
-is known by when something was saturated, not by how busy it was over all.
+Counts are read between two ticks, at the end of each period; orders store their ticks. A run whose
+report is not split into periods has them as well, with a length that grows with the run: the
+bottleneck depends on when a resource was saturated, which means over the whole run do not show.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ class Period(NamedTuple):
 class PeriodMarks:
     """Keeps what a run has counted at the ends of periods.
 
-    `ticks`: of a period; 0: whatever is short enough to tell when something was saturated.
+    `ticks`: of a period; 0: short enough to show when a resource was saturated.
     """
 
     def __init__(self, ticks: int = 0) -> None:
@@ -126,7 +126,7 @@ def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
     late = late_orders(world, borders)
     places = world.chargers.places.astype(np.int64)
     places = np.where(places < 1, len(world.robots.cell), places)
-    found = []
+    periods = []
     for k, mark in enumerate(marks):
         before = marks[k - 1] if k else mark.none()
         ticks = max(mark.tick - before.tick, 1)
@@ -136,7 +136,7 @@ def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
         ) -> float:
             return sum(mark.sums.get(one, 0) - since.sums.get(one, 0) for one in names) / of
 
-        found.append(
+        periods.append(
             Period(
                 before.tick,
                 mark.tick,
@@ -157,7 +157,7 @@ def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
                 tuple(((mark.charger_queue - before.charger_queue) / ticks).tolist()),
             )
         )
-    return found
+    return periods
 
 
 def flow(world: World, borders: Array) -> tuple[Array, Array]:

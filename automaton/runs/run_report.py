@@ -1,4 +1,4 @@
-"""The report of a run: what matters first, its bottleneck, the run by hour, and all figures."""
+"""The report of a run: what matters first, its bottleneck, the run by hour, and all metrics."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
 
 
 def headline_table(resolved: Resolved, outcome: Outcome, tick: Unit) -> Table:
-    """The six figures that matter first."""
+    """The six metrics that matter first."""
     metrics = outcome.metrics
     rows = [["delivered", f"{outcome.delivered:,} of {count(outcome.orders, 'order')}"]]
     rows += [["throughput", throughput_text(metrics["throughput"], tick)]]
@@ -105,7 +105,7 @@ def headline_table(resolved: Resolved, outcome: Outcome, tick: Unit) -> Table:
         else []
     )
     return Table(
-        ("figure", "value"), [*rows, *deadlock_row(resolved, outcome, tick)], also_left=(1,)
+        ("metric", "value"), [*rows, *deadlock_row(resolved, outcome, tick)], also_left=(1,)
     )
 
 
@@ -126,7 +126,7 @@ def deadlock_text(resolved: Resolved, deadlock: LongestDeadlock, tick: Unit) -> 
 
 
 def time_text(ticks: float, tick: Unit) -> str:
-    """Ticks in the unit in which they are told."""
+    """Ticks in the unit in which they are printed."""
     value, name = duration(ticks, tick)
     return f"{number(value)} {name}"
 

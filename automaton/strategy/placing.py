@@ -50,8 +50,8 @@ PICK_DIRECTIONS = (0, 2, 1, 3)  # neighbours E, W, S, N of the slot; for drops, 
 
 @kernel
 def position(view, i):
-    """The cell from which a robot drives on: in a long move the cell that it enters; in its parking
-    bay its home."""
+    """The cell from which a robot drives on: in a long move the cell that it enters; in its
+    parking bay its home."""
     return first_cell(view.robots, i)
 
 

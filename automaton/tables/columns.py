@@ -104,7 +104,7 @@ LINE_COLUMNS: Final = (
     TableColumn("lifted", TICKS, "first tick in which the pod is on the robot"),
     TableColumn("arrived", TICKS, "tick in which the robot arrived at the station"),
     TableColumn("begun", TICKS, "first tick of the visit in which it is served"),
-    TableColumn("done", TICKS, "last tick of this visit; empty: open at the end"),
+    TableColumn("done", TICKS, "the last tick of this visit; empty: the visit is open at the end"),
 )
 TRIP_COLUMNS: Final = (
     TableColumn("trip", INTEGER, "number of the trip, or of the order if orders have no lines"),

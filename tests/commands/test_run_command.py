@@ -199,7 +199,7 @@ def test_a_time_is_the_same_to_reports_zoning_and_sizes(tick: str, seconds: floa
 def test_zoning_says_that_it_counts_a_tick_as_a_second(capsys: pytest.CaptureFixture[str]) -> None:
     for tick, told in (("1 hop", True), ("0.6 seconds", False), ("1 tick", False)):
         assert main(["check", "factory", "--set", f"units.tick={tick}"]) == 0
-        assert ("a tick counts as a second" in "".join(capsys.readouterr())) == told
+        assert ("zoning counts a tick as a second" in "".join(capsys.readouterr())) == told
 
 
 def test_numbers_in_a_row_as_text() -> None:

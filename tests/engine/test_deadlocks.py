@@ -24,8 +24,8 @@ LONG_WAITS = (500, 500, 500, 500, 255)
 
 def counts(run: Simulation) -> tuple[int, int, int, int]:
     """How many, robot ticks in them, the longest one, and its first tick."""
-    found = run.world.deadlocks.count
-    return int(found.found), int(found.robot_ticks), int(found.longest), int(found.longest_begin)
+    count = run.world.deadlocks.count
+    return int(count.total), int(count.robot_ticks), int(count.longest), int(count.longest_begin)
 
 
 def test_two_robots_head_on_are_a_deadlock_after_64_ticks() -> None:

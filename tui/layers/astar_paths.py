@@ -55,7 +55,7 @@ class Paths:
         return field
 
     def _search(self, kind: int, pose: int, target: int) -> Array:
-        """(k,) the cells of the path; () if there is none."""
+        """(k,) the cells of the path; () without a path."""
         grid, steps, duration = self._grid, self._steps, self._duration[kind]
         arguments = (self._space, self._ties, self._seed, pose, target, False, steps)
         length = astar(grid, kind, duration, *arguments)

@@ -105,7 +105,7 @@ class ClockActions:
             self._session.ordered()
 
     def _has_ended(self) -> bool:
-        """Whether the end has been reached; if so, tell the user."""
+        """Whether the end has been reached; if so, notify the user."""
         session = self._session
         playback = session.playback
         if playback is None or playback.playing or playback.tick != playback.end:

@@ -210,13 +210,13 @@ class Session:
     # The selection.
 
     def ready(self) -> bool:
-        """Whether there is a run; if not yet, tell the user."""
+        """Whether there is a run; if not yet, notify the user."""
         if self.player is None:
             self.notify(self.error or "the world is not built yet")
         return self.player is not None
 
     def is_alone(self) -> bool:
-        """Whether only one run is open; if so, tell the user how to compare two."""
+        """Whether only one run is open; if so, a notice says how to compare two."""
         if not self.opening.comparing:
             self.notify("two recordings are compared by: automaton replay A B")
         return not self.opening.comparing
@@ -362,7 +362,7 @@ class Display:
         self.changed()
 
     def draw(self) -> bool:
-        """Present all changes; returns False if there were none and nothing was written."""
+        """Present all changes; returns False if nothing changed and nothing was written."""
         session = self._session
         before = session.playback
         if session.player is not None:

@@ -167,7 +167,7 @@ _FIXED: Final = (
         (
             Action("help", "question_mark,f1", "Help", "this page", True),
             Action("theme", "T", "Dark or light"),
-            Action("link_figures", "D", "Link", "figures of the connection"),
+            Action("link_figures", "D", "Link", "measurements of the connection"),
             Action("quit", "q", "Quit", "", True),
         ),
     ),

@@ -511,7 +511,7 @@ class TextPanel(Rows, PanelWidget):
         self.cursor = self._place()[0]
 
     def action_move(self, rows: int) -> None:
-        """Move to another link, or scroll if there is none."""
+        """Move to another link, or scroll if there is no other."""
         before = self._link
         self._link += rows
         self._place_cursor()

@@ -214,7 +214,7 @@ def _ignored(array: Any, index: Any) -> None:
 prefetch = _prefetch if jit_is_on() else _ignored
 
 
-# Without this, Numba infers the type of each `a + b` anew: it tries dozens of templates, each of
+# Without this, Numba infers the type of each `a + b` again: it tries dozens of templates, each of
 # which checks all compiler options. This takes 20 % of a first run.
 REMEMBERED_OPERATORS = frozenset(getattr(operator, name) for name in operator.__all__) - {
     operator.contains

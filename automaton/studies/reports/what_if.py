@@ -1,0 +1,344 @@
+"""Named points of a study against the baseline: one table, one picture, and a verdict for each metric.
+
+    better, worse    the interval of the difference excludes 0
+    higher, lower    the same for a metric of which neither is better
+    identical runs   all runs of the two points have equal digests: the change has no effect
+
+The intervals are those of the declared comparisons, so all verdicts hold simultaneously. If all runs of
+a comparison differ by the same amount, its interval has no width, and its adjusted p value decides.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, Final, NamedTuple
+
+from automaton.documents.report_document import (
+    Block,
+    Curves,
+    Heading,
+    Listed,
+    NumberText,
+    ReportCurve,
+    Table,
+    Text,
+)
+from automaton.studies.inference.intervals import NO_SPREAD_WARNING, STUDENT_MIN_RUNS
+from automaton.studies.reports.comparison_tables import difference_cells
+from automaton.studies.reports.comparisons import (
+    Comparison,
+    declared_pairs,
+    factor_cells,
+    factor_heads,
+    pairing_remark,
+    point_name,
+    precision_remark,
+    setting_text,
+)
+from automaton.studies.reports.first_page import direction_of, mean_of
+from automaton.studies.reports.metric_tables import MAX_CURVES, figure
+from automaton.studies.reports.study_results import Results, described
+from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point, Study
+from automaton.units import count, percent
+
+BASELINE: Final = "baseline"
+BETTER: Final = "better"
+WORSE: Final = "worse"
+HIGHER: Final = "higher"
+LOWER: Final = "lower"
+NO_DIFFERENCE: Final = "No statistically significant difference"
+IDENTICAL: Final = "identical runs"
+NOT_COMPARED: Final = "not compared: fewer than two pairs of complete runs"
+AS_IT_IS: Final = "the scenario as it is"
+
+
+class WhatIf(NamedTuple):
+    """A metric of a named point against the baseline."""
+
+    metric: str
+    point: Point
+    base: Point
+    comparison: Comparison | None  # None: identical runs, or too few of them
+    verdict: str
+
+
+def is_what_if(results: Results) -> bool:
+    """Whether the points of a study have names and are compared with one of them."""
+    return results.study.is_named and results.analysis.comparisons == BASELINE
+
+
+def what_ifs(results: Results, compared: Sequence[Comparison]) -> list[WhatIf]:
+    """Each named point against its baseline, for each metric of the analysis that runs have."""
+    found = []
+    for metric in filter(results.has, results.analysis.metrics):
+        first = results.identical(metric)
+        by_runs = {
+            (first[one.a.number], first[one.b.number]): one
+            for one in compared
+            if one.metric == metric
+        }
+        for point, base in declared_pairs(results):
+            one = by_runs.get((first[point.number], first[base.number]))
+            verdict = NOT_COMPARED if one is None else verdict_of(one, results.analysis.error)
+            if one is None and results.same(point, base, metric):
+                verdict = IDENTICAL
+            found.append(WhatIf(metric, point, base, one, verdict))
+    return found
+
+
+def verdict_of(one: Comparison, error: float) -> str:
+    """Whether a change makes a metric better or worse."""
+    difference = one.effect.difference
+    low, high = difference.low, difference.high
+    is_apart = low is not None and high is not None and (low > 0 or high < 0)
+    if difference.warning == NO_SPREAD_WARNING:
+        is_apart = one.adjusted < error
+    if not is_apart:
+        return NO_DIFFERENCE
+    is_higher = difference.value > 0
+    better = direction_of(one.metric)
+    if better is None:
+        return HIGHER if is_higher else LOWER
+    return BETTER if is_higher == (better == "highest") else WORSE
+
+
+# The first page.
+
+
+def what_if_page(
+    results: Results, compared: Sequence[Comparison], notes: Sequence[str]
+) -> Iterator[Block]:
+    """Question, answer, the table of all comparisons, a picture, caveats, and what was changed."""
+    found = what_ifs(results, compared)
+    yield Heading("Question")
+    yield Text(what_if_question(results))
+    yield Heading("Answer")
+    if not found:
+        yield Text(no_answer(results), strong=True)
+    else:
+        yield Listed([sentence(results, found, pair) for pair in pairs_of(found)], strong=True)
+        yield what_if_table(results, found)
+        yield from (Text(line) for line in reading_lines(results, found))
+        drawn = what_if_picture(results, found)
+        yield from [] if drawn is None else [drawn]
+    if notes:
+        yield Text("Caveats:")
+        yield Listed(notes)
+    yield from changes_section(results.study)
+
+
+def no_answer(results: Results) -> str:
+    """Why no point can be compared with the baseline."""
+    if not results.analysis.metrics:
+        return "No answer: no run has any of the metrics."
+    return "No answer: the study has no point beside the baseline."
+
+
+def pairs_of(found: Sequence[WhatIf]) -> list[tuple[Point, Point]]:
+    """The compared points with their baselines, each once."""
+    pairs = {one.point.number: (one.point, one.base) for one in found}
+    return list(pairs.values())
+
+
+def what_if_question(results: Results) -> str:
+    """The question of a study with named points, in a sentence."""
+    study, analysis = results.study, results.analysis
+    metrics, base = ", ".join(analysis.metrics), analysis.baseline
+    changes = count(len(study.points) // len(study.scenarios) - 1, "change")
+    each = f", in each of {count(len(study.scenarios), 'scenario')}" if several(study) else ""
+    paired = "pairs of runs with the same seed" if study.paired else "runs of each point"
+    return (
+        f"What do {changes} do to {metrics}, compared with {base}{each}? "
+        f"{study.max_replications:,} {paired}."
+    )
+
+
+def several(study: Study) -> bool:
+    """Whether a study has several scenarios."""
+    return len(study.scenarios) > 1
+
+
+def sentence(results: Results, found: Sequence[WhatIf], pair: tuple[Point, Point]) -> str:
+    """What a change does to all metrics: "one more robot: better: makespan -14.1 % (...)."."""
+    point, base = pair
+    own = [one for one in found if one.point.number == point.number]
+    verdicts = dict.fromkeys(one.verdict for one in sorted(own, key=lambda one: order(one.verdict)))
+    parts = []
+    for verdict in verdicts:
+        same = [one for one in own if one.verdict == verdict]
+        is_apart = verdict in (BETTER, WORSE, HIGHER, LOWER)
+        names = [change_text(results, one) if is_apart else one.metric for one in same]
+        word = f"{IDENTICAL} as {base.name}" if verdict == IDENTICAL else verdict
+        if verdict == NO_DIFFERENCE and parts:
+            word = NO_DIFFERENCE[0].lower() + NO_DIFFERENCE[1:]
+        parts.append(f"{word}: {', '.join(names)}")
+    return f"{point_name(results.study, point)}: {'; '.join(parts)}."
+
+
+def order(verdict: str) -> int:
+    """The rank of a verdict in a sentence: differences come first."""
+    ranks = (BETTER, WORSE, HIGHER, LOWER, NO_DIFFERENCE, IDENTICAL, NOT_COMPARED)
+    return ranks.index(verdict)
+
+
+def change_text(results: Results, one: WhatIf) -> str:
+    """A significant difference: "lead_time -12.3 %", or in the unit of the metric."""
+    assert one.comparison is not None
+    effect, scale = one.comparison.effect, results.scale(one.metric)
+    if effect.relative is not None:
+        return f"{one.metric} {100 * effect.relative.value:+.1f} %"
+    value = effect.difference.value * scale.factor
+    return f"{one.metric} {value:+,.4g} {scale.unit}"
+
+
+def what_if_table(results: Results, found: Sequence[WhatIf]) -> Table:
+    """Each metric of each named point: mean, difference from the baseline, interval and verdict."""
+    level = percent(1 - results.analysis.error, 0)
+    heads = ["metric", *factor_heads(results.study), "mean", "difference", f"{level} low", "high"]
+    rows: list[list[str]] = []
+    for metric in dict.fromkeys(one.metric for one in found):
+        of_metric = [one for one in found if one.metric == metric]
+        unit = results.scale(metric).unit
+        rows += [[]] if rows else []
+        for base in {one.base.number: one.base for one in of_metric}.values():
+            own = [one for one in of_metric if one.base.number == base.number]
+            start = [f"{metric}, {unit}", *factor_cells(results.study, base)]
+            rows.append([*start, mean_cell(results, base, metric), "-", "-", "-", "-", BASELINE])
+            rows += [what_if_row(results, one) for one in own]
+    left = 1 + len(factor_heads(results.study))
+    return Table([*heads, "relative", "verdict"], rows, left=left, also_left=(len(heads) + 1,))
+
+
+def what_if_row(results: Results, one: WhatIf) -> list[str]:
+    """The line of a comparison."""
+    cells, relative = ["-"] * 3, "-"
+    if one.comparison is not None:
+        effect = one.comparison.effect
+        cells = difference_cells(effect.difference, results.scale(one.metric))
+        if effect.relative is not None:
+            share = 100 * effect.relative.value
+            relative = NumberText(f"{share:+.1f} %", share)
+    names = factor_cells(results.study, one.point)
+    mean = mean_cell(results, one.point, one.metric)
+    return ["", *names, mean, *cells, relative, one.verdict + left_out_text(results, one)]
+
+
+def mean_cell(results: Results, point: Point, metric: str) -> str:
+    """The mean of a metric over the runs of a point."""
+    if not results.values(point, metric):
+        return "-"
+    return figure(mean_of(results, point, metric) * results.scale(metric).factor)
+
+
+def left_out_text(results: Results, one: WhatIf) -> str:
+    """The number of planned runs that a comparison cannot use; "" if it uses all."""
+    if one.comparison is None:
+        return ""
+    planned = results.study.max_replications
+    lacking = planned - min(one.comparison.runs)
+    what = "pair" if results.study.paired else "run"
+    return f" ({lacking:,} of {count(planned, what)} left out)" if lacking else ""
+
+
+def reading_lines(results: Results, found: Sequence[WhatIf]) -> Iterator[str]:
+    """How to read the table, and the limits of its intervals."""
+    compared = list(
+        {id(one.comparison): one.comparison for one in found if one.comparison}.values()
+    )
+    level = percent(1 - results.analysis.error, 0)
+    base = results.analysis.baseline
+    if compared:
+        paired = " of runs with the same seed" if results.study.paired else ""
+        family = max(one.family for one in compared)
+        yield (
+            f"difference: mean difference{paired} from {base}. better, worse: the interval of the "
+            f"difference excludes 0. The {count(family, 'interval')} hold simultaneously with {level} "
+            "confidence (Bonferroni)."
+        )
+    few = min((min(one.runs) for one in compared), default=STUDENT_MIN_RUNS)
+    if few < STUDENT_MIN_RUNS:
+        what = count(few, "pair" if results.study.paired else "run")
+        yield (
+            f"With {what}, fewer than {STUDENT_MIN_RUNS}, the confidence of a skewed metric may be lower."
+        )
+    remarks = pairing_remark(compared, results.study.paired)
+    remarks = f"{remarks} {precision_remark(compared, results.analysis.precision)}".strip()
+    yield from [remarks] if remarks else []
+    yield from (f"{name}: {described(name)[1]}." for name in dict.fromkeys(o.metric for o in found))
+
+
+# The picture: relative differences with their intervals, one mark for each point at each metric.
+
+
+def what_if_picture(results: Results, found: Sequence[WhatIf]) -> Curves | None:
+    """The relative differences of all points; None if no mean can be related to the baseline."""
+    metrics = list(dict.fromkeys(one.metric for one in found))
+    pairs = pairs_of(found)
+    lines = [picture_line(results, found, point, metrics) for point, _ in pairs[:MAX_CURVES]]
+    if not any(math.isfinite(value) for line in lines for value in line.value):
+        return None
+    hidden = len(pairs) - len(lines)
+    title = f"difference from {results.analysis.baseline}"
+    title += f", {hidden} more not shown" if hidden else ""
+    return Curves(title, "metric", "%", lines, x_names=metrics, from_zero=True)
+
+
+def picture_line(
+    results: Results, found: Sequence[WhatIf], point: Point, metrics: Sequence[str]
+) -> ReportCurve:
+    """The relative differences of a point, by metric."""
+    x, value, low, high = [], [], [], []
+    for one in found:
+        if one.point.number != point.number:
+            continue
+        share = None if one.comparison is None else one.comparison.effect.relative
+        if one.verdict == IDENTICAL:
+            ends: tuple[float | None, ...] = (0.0, 0.0, 0.0)
+        else:
+            ends = (None,) * 3 if share is None else (share.value, share.low, share.high)
+        x.append(float(metrics.index(one.metric)))
+        for part, end in zip((value, low, high), ends, strict=True):
+            part.append(math.nan if end is None else 100 * end)
+    return ReportCurve(point_name(results.study, point), x, value, low, high)
+
+
+# What was changed.
+
+
+def changes_section(study: Study) -> Iterator[Block]:
+    """The settings of each named point, once."""
+    rows = []
+    for point in study.points[: len(study.points) // len(study.scenarios)]:
+        settings = [[key, setting_text(value)] for key, value in point.settings.items()]
+        for place, cells in enumerate(settings or [[AS_IT_IS, ""]]):
+            rows.append([point.name if place == 0 else "", *cells])
+    yield Heading("What was changed")
+    yield Table(("point", "setting", "value"), rows, left=3)
+
+
+def what_if_records(results: Results, compared: Sequence[Comparison]) -> Iterator[dict[str, Any]]:
+    """One record for each metric and named point, in the units of the runs."""
+    for one in what_ifs(results, compared):
+        effect = None if one.comparison is None else one.comparison.effect
+        difference, relative = (effect.difference, effect.relative) if effect else (None, None)
+        yield {
+            "metric": one.metric,
+            "unit": described(one.metric)[0],
+            SCENARIO_FACTOR: one.point.scenario,
+            "point": one.point.name,
+            "against": one.base.name,
+            "mean": mean_or_none(results, one.point, one.metric),
+            "mean_against": mean_or_none(results, one.base, one.metric),
+            "difference": difference.value if difference else None,
+            "low": difference.low if difference else None,
+            "high": difference.high if difference else None,
+            "relative": relative.value if relative else None,
+            "verdict": one.verdict,
+            "runs": min(one.comparison.runs) if one.comparison else 0,
+        }
+
+
+def mean_or_none(results: Results, point: Point, metric: str) -> float | None:
+    """The mean of a metric in the unit of the runs; None without runs."""
+    return mean_of(results, point, metric) if results.values(point, metric) else None

@@ -21,6 +21,7 @@ from automaton.documents.report_document import (
     Listed,
     NumberText,
     ReportCurve,
+    StyledText,
     Table,
     Text,
 )
@@ -29,8 +30,6 @@ from automaton.studies.reports.comparison_tables import difference_cells
 from automaton.studies.reports.comparisons import (
     Comparison,
     declared_pairs,
-    factor_cells,
-    factor_heads,
     pairing_remark,
     point_name,
     precision_remark,
@@ -50,6 +49,7 @@ LOWER: Final = "lower"
 NO_DIFFERENCE: Final = "No statistically significant difference"
 IDENTICAL: Final = "identical runs"
 NOT_COMPARED: Final = "not compared: fewer than two pairs of complete runs"
+ALL_POINTS: Final = "all points"
 AS_IT_IS: Final = "the scenario as it is"
 
 
@@ -119,7 +119,7 @@ def what_if_page(
     else:
         yield Listed([sentence(results, found, pair) for pair in pairs_of(found)], strong=True)
         yield what_if_table(results, found)
-        yield from (Text(line) for line in reading_lines(results, found))
+        yield Listed(list(reading_lines(results, found)), mark="")
         drawn = what_if_picture(results, found)
         yield from [] if drawn is None else [drawn]
     if notes:
@@ -195,19 +195,21 @@ def change_text(results: Results, one: WhatIf) -> str:
 def what_if_table(results: Results, found: Sequence[WhatIf]) -> Table:
     """Each metric of each named point: mean, difference from the baseline, interval and verdict."""
     level = percent(1 - results.analysis.error, 0)
-    heads = ["metric", *factor_heads(results.study), "mean", "difference", f"{level} low", "high"]
+    heads = ["point", "mean", "difference", f"{level} low", "high", "relative", "verdict"]
     rows: list[list[str]] = []
-    for metric in dict.fromkeys(one.metric for one in found):
-        of_metric = [one for one in found if one.metric == metric]
-        unit = results.scale(metric).unit
+    for metric, number in dict.fromkeys((one.metric, one.base.number) for one in found):
+        base, unit = results.points[number], results.scale(metric).unit
+        where = f" in {base.scenario}" if several(results.study) else ""
+        title = StyledText(f"{metric}{where}, {unit}", "bold")
+        mean = mean_cell(results, base, metric)
         rows += [[]] if rows else []
-        for base in {one.base.number: one.base for one in of_metric}.values():
-            own = [one for one in of_metric if one.base.number == base.number]
-            start = [f"{metric}, {unit}", *factor_cells(results.study, base)]
-            rows.append([*start, mean_cell(results, base, metric), "-", "-", "-", "-", BASELINE])
-            rows += [what_if_row(results, one) for one in own]
-    left = 1 + len(factor_heads(results.study))
-    return Table([*heads, "relative", "verdict"], rows, left=left, also_left=(len(heads) + 1,))
+        rows += [[title, *[""] * (len(heads) - 1)], [base.name, mean, *"----", BASELINE]]
+        rows += [
+            what_if_row(results, one)
+            for one in found
+            if (one.metric, one.base.number) == (metric, number)
+        ]
+    return Table(heads, rows, left=1, also_left=(len(heads) - 1,))
 
 
 def what_if_row(results: Results, one: WhatIf) -> list[str]:
@@ -219,9 +221,8 @@ def what_if_row(results: Results, one: WhatIf) -> list[str]:
         if effect.relative is not None:
             share = 100 * effect.relative.value
             relative = NumberText(f"{share:+.1f} %", share)
-    names = factor_cells(results.study, one.point)
     mean = mean_cell(results, one.point, one.metric)
-    return ["", *names, mean, *cells, relative, one.verdict + left_out_text(results, one)]
+    return [one.point.name, mean, *cells, relative, one.verdict + left_out_text(results, one)]
 
 
 def mean_cell(results: Results, point: Point, metric: str) -> str:
@@ -307,8 +308,11 @@ def picture_line(
 
 
 def changes_section(study: Study) -> Iterator[Block]:
-    """The settings of each named point, once."""
-    rows = []
+    """The settings of each named point, once, after those of all points."""
+    rows = [
+        [ALL_POINTS if place == 0 else "", key, setting_text(value)]
+        for place, (key, value) in enumerate((study.settings or {}).items())
+    ]
     for point in study.points[: len(study.points) // len(study.scenarios)]:
         settings = [[key, setting_text(value)] for key, value in point.settings.items()]
         for place, cells in enumerate(settings or [[AS_IT_IS, ""]]):

@@ -10,7 +10,8 @@ refuse unknown keys and equal names; `sweep_plan.resolve_changes` refuses a chan
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any, Final, NamedTuple
 
@@ -27,6 +28,7 @@ from automaton.scenario.validation import shown, validated
 Levels = dict[str, Any]  # key of a scenario, such as "fleet.robots" -> its value
 FIXED_KEYS: Final = ("name", "summary", "seed")  # keys of a scenario that no run depends on
 ENTRY_EXAMPLE: Final = "{name: one more robot, set: {fleet.robots: 4}}"
+BASE_NAMES: Final = ("today", "as it is")  # of the scenario as it is, if no entry names it
 LIST_KEYS: Final = ("points",)  # of the entries in the document of a file of changes
 
 
@@ -151,6 +153,37 @@ def changes_document(file: str | Path) -> Document:
         text = f"must be a list of changes, such as - {ENTRY_EXAMPLE}; found {shown(entries)}"
         raise InputError(text, name, root.start_mark.line + 1)
     return Document({LIST_KEYS[0]: entries}, file=name, root=under(LIST_KEYS[0], root))
+
+
+def what_if_study(
+    file: str | Path, study: Mapping[str, Any], overrides: Sequence[Override] = ()
+) -> Document:
+    """A study of the changes in a file against the scenario as it is, its first point if none is.
+
+    `study`: all other keys; `overrides`: the arguments that gave some of them. Raises InputError.
+    """
+    document = changes_document(file)
+    entries = document.data[LIST_KEYS[0]]
+    changes = checked_changes(document, entries)
+    names = [change.name for change in changes]
+    base = next((change.name for change in changes if change.settings is None), None)
+    if all(change.settings is None for change in changes):
+        raise document.error((*LIST_KEYS, 0), "no entry has `set`, so there is nothing to compare")
+    root = document.root
+    if base is None:
+        base = next((name for name in BASE_NAMES if name not in names), BASE_NAMES[-1])
+        entries, root = [{"name": base}, *entries], with_first(root)
+    analysis = {**study.get("analysis", {}), "baseline": base}
+    data = {**study, LIST_KEYS[0]: entries, "analysis": analysis}
+    return replace(document, data=data, root=root, overrides=tuple(overrides))
+
+
+def with_first(root: Any) -> yaml.Node:
+    """A document of changes with an empty entry before the others, which keep their lines."""
+    (name, entries), start = root.value[0], root.start_mark
+    empty = yaml.MappingNode("tag:yaml.org,2002:map", [], start, start)
+    longer = yaml.SequenceNode(entries.tag, [empty, *entries.value], start, entries.end_mark)
+    return yaml.MappingNode(root.tag, [(name, longer)], start, root.end_mark)
 
 
 def under(key: str, node: yaml.Node) -> yaml.Node:

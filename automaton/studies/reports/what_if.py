@@ -164,7 +164,7 @@ def sentence(results: Results, found: Sequence[WhatIf], pair: tuple[Point, Point
     point, base = pair
     own = [one for one in found if one.point.number == point.number]
     verdicts = dict.fromkeys(one.verdict for one in sorted(own, key=lambda one: order(one.verdict)))
-    parts = []
+    parts: list[str] = []
     for verdict in verdicts:
         same = [one for one in own if one.verdict == verdict]
         is_apart = verdict in (BETTER, WORSE, HIGHER, LOWER)
@@ -289,19 +289,21 @@ def picture_line(
     results: Results, found: Sequence[WhatIf], point: Point, metrics: Sequence[str]
 ) -> ReportCurve:
     """The relative differences of a point, by metric."""
-    x, value, low, high = [], [], [], []
-    for one in found:
-        if one.point.number != point.number:
-            continue
-        share = None if one.comparison is None else one.comparison.effect.relative
-        if one.verdict == IDENTICAL:
-            ends: tuple[float | None, ...] = (0.0, 0.0, 0.0)
-        else:
-            ends = (None,) * 3 if share is None else (share.value, share.low, share.high)
-        x.append(float(metrics.index(one.metric)))
-        for part, end in zip((value, low, high), ends, strict=True):
-            part.append(math.nan if end is None else 100 * end)
-    return ReportCurve(point_name(results.study, point), x, value, low, high)
+    own = [one for one in found if one.point.number == point.number]
+    x = [float(metrics.index(one.metric)) for one in own]
+    ends = zip(*map(percent_ends, own), strict=True)
+    return ReportCurve(point_name(results.study, point), x, *map(list, ends))
+
+
+def percent_ends(one: WhatIf) -> tuple[float, float, float]:
+    """A relative difference and the ends of its interval in percent; NaN where unknown."""
+    if one.verdict == IDENTICAL:
+        return 0.0, 0.0, 0.0
+    share = None if one.comparison is None else one.comparison.effect.relative
+    if share is None:
+        return math.nan, math.nan, math.nan
+    low, high = (math.nan if end is None else 100 * end for end in (share.low, share.high))
+    return 100 * share.value, low, high
 
 
 # What was changed.

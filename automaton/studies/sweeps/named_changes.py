@@ -103,9 +103,9 @@ def checked_changes(
 
 def _checked(document: Document, keys: Keys, entry: Any) -> NamedChange:
     if not is_named(entry):
-        found = (
-            f"the keys {', '.join(entry)}" if isinstance(entry, dict) and entry else shown(entry)
-        )
+        found = shown(entry)
+        if isinstance(entry, dict):
+            found = f"the keys {', '.join(entry)}" if entry else "no keys"
         text = f"an entry has a name and the settings to change, such as {ENTRY_EXAMPLE}; found {found}"
         raise document.error(keys, text)
     if "name" not in entry:

@@ -27,9 +27,9 @@ from automaton.scenario.reading import STUDY_KEYS
 from automaton.scenario.schema import ConfigSection, NonEmptyText, SingleLine
 from automaton.scenario.text_files import SHIPPED_FOLDER, read_text, shipped
 from automaton.scenario.validation import MSER_OR_TIME, TIME_PATTERN, shown, validated
+from automaton.studies.sweeps.named_changes import Levels as Levels
 from automaton.studies.sweeps.named_changes import (
     FIXED_KEYS,
-    Levels,
     NamedPoint,
     check_key,
     check_settings,

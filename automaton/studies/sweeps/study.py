@@ -27,7 +27,6 @@ from automaton.scenario.reading import STUDY_KEYS
 from automaton.scenario.schema import ConfigSection, NonEmptyText, SingleLine
 from automaton.scenario.text_files import SHIPPED_FOLDER, read_text, shipped
 from automaton.scenario.validation import MSER_OR_TIME, TIME_PATTERN, shown, validated
-from automaton.studies.sweeps.named_changes import Levels as Levels
 from automaton.studies.sweeps.named_changes import (
     FIXED_KEYS,
     NamedPoint,
@@ -36,6 +35,7 @@ from automaton.studies.sweeps.named_changes import (
     checked_changes,
     is_named,
 )
+from automaton.studies.sweeps.named_changes import Levels as Levels
 from automaton.units import count
 
 # The columns of every row, before the factors and the metrics, with their types.

@@ -35,7 +35,7 @@ def made_up(*points: str, metrics: tuple[str, ...] = ("makespan",), **more: Any)
     return Study(
         name="made up",
         scenario="tabletop-mini",
-        points=tuple(
+        listed=tuple(
             {"name": name, "set": {"fleet.robots": n}} for n, name in enumerate(points, 1)
         ),
         replications=len(WAVE),
@@ -103,7 +103,7 @@ def made_up_keys(study: Study) -> dict[str, Any]:
     return {
         "name": study.name,
         "scenario": study.scenario,
-        "points": study.listed,
+        "listed": study.listed,
         "analysis": study.analysis,
     }
 
@@ -141,7 +141,7 @@ def test_each_scenario_has_its_own_baseline() -> None:
     study = Study(
         name="made up",
         scenario=("tabletop-1", "tabletop-2"),
-        points=({"name": "today"}, {"name": "slower", "set": {"fleet.robots": 2}}),
+        listed=({"name": "today"}, {"name": "slower", "set": {"fleet.robots": 2}}),
         replications=len(WAVE),
         analysis=Analysis(metrics=("makespan",)),
     )
@@ -153,10 +153,10 @@ def test_each_scenario_has_its_own_baseline() -> None:
     ]
     table = what_if_table(results, found)
     assert [row[0] for row in table.rows if row] == [
-        "makespan in tabletop-1, cycles",
+        "makespan in tabletop-1, ticks",
         "today",
         "slower",
-        "makespan in tabletop-2, cycles",
+        "makespan in tabletop-2, ticks",
         "today",
         "slower",
     ]

@@ -169,7 +169,7 @@ def sentence(results: Results, found: Sequence[WhatIf], pair: tuple[Point, Point
         same = [one for one in own if one.verdict == verdict]
         is_apart = verdict in (BETTER, WORSE, HIGHER, LOWER)
         names = [change_text(results, one) if is_apart else one.metric for one in same]
-        word = f"{IDENTICAL} as {base.name}" if verdict == IDENTICAL else verdict
+        word = f"same runs as {base.name}" if verdict == IDENTICAL else verdict
         if verdict == NO_DIFFERENCE and parts:
             word = NO_DIFFERENCE[0].lower() + NO_DIFFERENCE[1:]
         parts.append(f"{word}: {', '.join(names)}")

@@ -114,7 +114,7 @@ def test_a_change_is_one_sentence_with_differences_first() -> None:
     results = synthetic_store(study, runs(0, 5), throughput=runs(0, 0))
     found = what_ifs(results, comparisons(results))
     assert sentence(results, found, (results.points[1], results.points[0])) == (
-        "slower: worse: makespan +5.0 %; no statistically significant difference: throughput."
+        "slower: worse: makespan +5.0 %; no statistically significant difference in throughput."
     )
 
 

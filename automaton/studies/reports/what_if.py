@@ -29,6 +29,7 @@ from automaton.studies.inference.intervals import NO_SPREAD_WARNING, STUDENT_MIN
 from automaton.studies.reports.comparison_tables import difference_cells
 from automaton.studies.reports.comparisons import (
     Comparison,
+    compared_runs,
     declared_pairs,
     pairing_remark,
     point_name,
@@ -172,7 +173,8 @@ def sentence(results: Results, found: Sequence[WhatIf], pair: tuple[Point, Point
         word = f"same runs as {base.name}" if verdict == IDENTICAL else verdict
         if verdict == NO_DIFFERENCE and parts:
             word = NO_DIFFERENCE[0].lower() + NO_DIFFERENCE[1:]
-        parts.append(f"{word}: {', '.join(names)}")
+        joint = " in" if verdict in (NO_DIFFERENCE, IDENTICAL) else ":"
+        parts.append(f"{word}{joint} {', '.join(names)}")
     return f"{point_name(results.study, point)}: {'; '.join(parts)}."
 
 
@@ -185,10 +187,10 @@ def order(verdict: str) -> int:
 def change_text(results: Results, one: WhatIf) -> str:
     """A significant difference: "lead_time -12.3 %", or in the unit of the metric."""
     assert one.comparison is not None
-    effect, scale = one.comparison.effect, results.scale(one.metric)
-    if effect.relative is not None:
-        return f"{one.metric} {100 * effect.relative.value:+.1f} %"
-    value = effect.difference.value * scale.factor
+    share, scale = relative_ends(results, one)[0], results.scale(one.metric)
+    if not math.isnan(share):
+        return f"{one.metric} {share:+.1f} %"
+    value = one.comparison.effect.difference.value * scale.factor
     return f"{one.metric} {value:+,.4g} {scale.unit}"
 
 
@@ -216,11 +218,9 @@ def what_if_row(results: Results, one: WhatIf) -> list[str]:
     """The line of a comparison."""
     cells, relative = ["-"] * 3, "-"
     if one.comparison is not None:
-        effect = one.comparison.effect
-        cells = difference_cells(effect.difference, results.scale(one.metric))
-        if effect.relative is not None:
-            share = 100 * effect.relative.value
-            relative = NumberText(f"{share:+.1f} %", share)
+        cells = difference_cells(one.comparison.effect.difference, results.scale(one.metric))
+        share, *_ = relative_ends(results, one)
+        relative = "-" if math.isnan(share) else NumberText(f"{share:+.1f} %", share)
     mean = mean_cell(results, one.point, one.metric)
     return [one.point.name, mean, *cells, relative, one.verdict + left_out_text(results, one)]
 
@@ -291,19 +291,25 @@ def picture_line(
     """The relative differences of a point, by metric."""
     own = [one for one in found if one.point.number == point.number]
     x = [float(metrics.index(one.metric)) for one in own]
-    ends = zip(*map(percent_ends, own), strict=True)
+    ends = zip(*(relative_ends(results, one) for one in own), strict=True)
     return ReportCurve(point_name(results.study, point), x, *map(list, ends))
 
 
-def percent_ends(one: WhatIf) -> tuple[float, float, float]:
-    """A relative difference and the ends of its interval in percent; NaN where unknown."""
+def relative_ends(results: Results, one: WhatIf) -> tuple[float, float, float]:
+    """A difference and the ends of its interval in percent of the baseline's mean; NaN if unknown."""
     if one.verdict == IDENTICAL:
         return 0.0, 0.0, 0.0
-    share = None if one.comparison is None else one.comparison.effect.relative
-    if share is None:
-        return math.nan, math.nan, math.nan
-    low, high = (math.nan if end is None else 100 * end for end in (share.low, share.high))
-    return 100 * share.value, low, high
+    unknown = (math.nan, math.nan, math.nan)
+    if one.comparison is None:
+        return unknown
+    _, base = compared_runs(results, one.point, one.base, one.metric)
+    mean = math.fsum(base.values()) / len(base)
+    if mean <= 0:
+        return unknown
+    difference = one.comparison.effect.difference
+    ends = (difference.value, difference.low, difference.high)
+    value, low, high = (math.nan if end is None else 100 * end / mean for end in ends)
+    return value, low, high
 
 
 # What was changed.
@@ -327,7 +333,8 @@ def what_if_records(results: Results, compared: Sequence[Comparison]) -> Iterato
     """One record for each metric and named point, in the units of the runs."""
     for one in what_ifs(results, compared):
         effect = None if one.comparison is None else one.comparison.effect
-        difference, relative = (effect.difference, effect.relative) if effect else (None, None)
+        difference = effect.difference if effect else None
+        share, *_ = relative_ends(results, one)
         yield {
             "metric": one.metric,
             "unit": described(one.metric)[0],
@@ -339,7 +346,7 @@ def what_if_records(results: Results, compared: Sequence[Comparison]) -> Iterato
             "difference": difference.value if difference else None,
             "low": difference.low if difference else None,
             "high": difference.high if difference else None,
-            "relative": relative.value if relative else None,
+            "relative": None if math.isnan(share) else share / 100,
             "verdict": one.verdict,
             "runs": min(one.comparison.runs) if one.comparison else 0,
         }

@@ -90,6 +90,19 @@ def test_pairs_that_are_left_out_are_counted_in_the_verdict() -> None:
     assert table.rows[-1][-1] == "worse (1 of 8 pairs left out)"
 
 
+def test_a_point_that_lost_runs_is_never_called_better() -> None:
+    study = made_up("today", "jams")
+    lost = {"finished": lambda p, r: (p, r) != (1, 3)}
+    results = synthetic_store(study, runs(0, -5), **lost)
+    assert verdicts(results) == ["unclear"]
+    assert "unclear: makespan -5" in sentence(
+        results, what_ifs(results, comparisons(results)), (results.points[1], results.points[0])
+    )
+    lost = {"finished": lambda p, r: (p, r) != (0, 3)}
+    assert verdicts(synthetic_store(study, runs(0, -5), **lost)) == ["better"]
+    assert verdicts(synthetic_store(study, runs(0, 5), **lost)) == ["unclear"]
+
+
 def test_runs_that_all_differ_alike_are_judged_by_their_p_value() -> None:
     study = made_up("today", "slower")
     results = synthetic_store(study, lambda p, r: 100 + WAVE[r] + 5 * p)

@@ -1,7 +1,8 @@
 """Named points of a study against the baseline: one table, one picture, and a verdict for each metric.
 
     better, worse    the interval of the difference excludes 0
-    higher, lower    the same for a metric of which neither is better
+    unclear          the same, but runs of the point that seems better did not finish or failed
+    higher, lower    as better and worse, for a metric of which neither is better
     identical runs   all runs of the two points have equal digests: the change has no effect
 
 The intervals are those of the declared comparisons, so all verdicts hold simultaneously. If all runs of
@@ -45,11 +46,12 @@ from automaton.units import count, percent
 BASELINE: Final = "baseline"
 BETTER: Final = "better"
 WORSE: Final = "worse"
+UNCLEAR: Final = "unclear"
 HIGHER: Final = "higher"
 LOWER: Final = "lower"
 NO_DIFFERENCE: Final = "No statistically significant difference"
 IDENTICAL: Final = "identical runs"
-NOT_COMPARED: Final = "not compared: fewer than two pairs of complete runs"
+TOO_FEW_PAIRS: Final = "not compared: fewer than two pairs of complete runs"
 ALL_POINTS: Final = "all points"
 AS_IT_IS: Final = "the scenario as it is"
 
@@ -71,7 +73,7 @@ def is_what_if(results: Results) -> bool:
 
 def what_ifs(results: Results, compared: Sequence[Comparison]) -> list[WhatIf]:
     """Each named point against its baseline, for each metric of the analysis that runs have."""
-    found = []
+    outcomes = []
     for metric in filter(results.has, results.analysis.metrics):
         first = results.identical(metric)
         by_runs = {
@@ -81,11 +83,21 @@ def what_ifs(results: Results, compared: Sequence[Comparison]) -> list[WhatIf]:
         }
         for point, base in declared_pairs(results):
             one = by_runs.get((first[point.number], first[base.number]))
-            verdict = NOT_COMPARED if one is None else verdict_of(one, results.analysis.error)
-            if one is None and results.same(point, base, metric):
-                verdict = IDENTICAL
-            found.append(WhatIf(metric, point, base, one, verdict))
-    return found
+            if one is not None:
+                verdict = sure_verdict(results, one, point, base)
+            else:
+                verdict = IDENTICAL if results.same(point, base, metric) else TOO_FEW_PAIRS
+            outcomes.append(WhatIf(metric, point, base, one, verdict))
+    return outcomes
+
+
+def sure_verdict(results: Results, one: Comparison, point: Point, base: Point) -> str:
+    """The verdict on a comparison; unclear if the point that seems better has lost runs."""
+    verdict = verdict_of(one, results.analysis.error)
+    seems_better = {BETTER: point, WORSE: base}.get(verdict)
+    if seems_better is not None and has_lost_runs(results, seems_better):
+        return UNCLEAR
+    return verdict
 
 
 def verdict_of(one: Comparison, error: float) -> str:
@@ -104,6 +116,12 @@ def verdict_of(one: Comparison, error: float) -> str:
     return BETTER if is_higher == (better == "highest") else WORSE
 
 
+def has_lost_runs(results: Results, point: Point) -> bool:
+    """Whether runs of a point did not finish or failed; without them its means look too good."""
+    counts = results.counts(point)
+    return counts.censored + counts.failed > 0
+
+
 # The first page.
 
 
@@ -111,17 +129,19 @@ def what_if_page(
     results: Results, compared: Sequence[Comparison], notes: Sequence[str]
 ) -> Iterator[Block]:
     """Question, answer, the table of all comparisons, a picture, caveats, and what was changed."""
-    found = what_ifs(results, compared)
+    outcomes = what_ifs(results, compared)
     yield Heading("Question")
     yield Text(what_if_question(results))
     yield Heading("Answer")
-    if not found:
+    if not outcomes:
         yield Text(no_answer(results), strong=True)
     else:
-        yield Listed([sentence(results, found, pair) for pair in pairs_of(found)], strong=True)
-        yield what_if_table(results, found)
-        yield Listed(list(reading_lines(results, found)), mark="")
-        drawn = what_if_picture(results, found)
+        yield Listed(
+            [sentence(results, outcomes, pair) for pair in pairs_of(outcomes)], strong=True
+        )
+        yield what_if_table(results, outcomes)
+        yield Listed(list(reading_lines(results, outcomes)), mark="")
+        drawn = what_if_picture(results, outcomes)
         yield from [] if drawn is None else [drawn]
     if notes:
         yield Text("Caveats:")
@@ -136,9 +156,9 @@ def no_answer(results: Results) -> str:
     return "No answer: the study has no point beside the baseline."
 
 
-def pairs_of(found: Sequence[WhatIf]) -> list[tuple[Point, Point]]:
+def pairs_of(outcomes: Sequence[WhatIf]) -> list[tuple[Point, Point]]:
     """The compared points with their baselines, each once."""
-    pairs = {one.point.number: (one.point, one.base) for one in found}
+    pairs = {one.point.number: (one.point, one.base) for one in outcomes}
     return list(pairs.values())
 
 
@@ -160,27 +180,26 @@ def several(study: Study) -> bool:
     return len(study.scenarios) > 1
 
 
-def sentence(results: Results, found: Sequence[WhatIf], pair: tuple[Point, Point]) -> str:
+def sentence(results: Results, outcomes: Sequence[WhatIf], pair: tuple[Point, Point]) -> str:
     """What a change does to all metrics: "one more robot: better: makespan -14.1 % (...)."."""
     point, base = pair
-    own = [one for one in found if one.point.number == point.number]
+    own = [one for one in outcomes if one.point.number == point.number]
     verdicts = dict.fromkeys(one.verdict for one in sorted(own, key=lambda one: order(one.verdict)))
     parts: list[str] = []
     for verdict in verdicts:
         same = [one for one in own if one.verdict == verdict]
-        is_apart = verdict in (BETTER, WORSE, HIGHER, LOWER)
+        is_apart = verdict in (BETTER, WORSE, UNCLEAR, HIGHER, LOWER)
         names = [change_text(results, one) if is_apart else one.metric for one in same]
         word = f"same runs as {base.name}" if verdict == IDENTICAL else verdict
         if verdict == NO_DIFFERENCE and parts:
             word = NO_DIFFERENCE[0].lower() + NO_DIFFERENCE[1:]
-        joint = " in" if verdict in (NO_DIFFERENCE, IDENTICAL) else ":"
-        parts.append(f"{word}{joint} {', '.join(names)}")
+        parts.append(f"{word}{':' if is_apart else ' in'} {', '.join(names)}")
     return f"{point_name(results.study, point)}: {'; '.join(parts)}."
 
 
 def order(verdict: str) -> int:
     """The rank of a verdict in a sentence: differences come first."""
-    ranks = (BETTER, WORSE, HIGHER, LOWER, NO_DIFFERENCE, IDENTICAL, NOT_COMPARED)
+    ranks = (BETTER, WORSE, UNCLEAR, HIGHER, LOWER, NO_DIFFERENCE, IDENTICAL, TOO_FEW_PAIRS)
     return ranks.index(verdict)
 
 
@@ -194,12 +213,12 @@ def change_text(results: Results, one: WhatIf) -> str:
     return f"{one.metric} {value:+,.4g} {scale.unit}"
 
 
-def what_if_table(results: Results, found: Sequence[WhatIf]) -> Table:
+def what_if_table(results: Results, outcomes: Sequence[WhatIf]) -> Table:
     """Each metric of each named point: mean, difference from the baseline, interval and verdict."""
     level = percent(1 - results.analysis.error, 0)
     heads = ["point", "mean", "difference", f"{level} low", "high", "relative", "verdict"]
     rows: list[list[str]] = []
-    for metric, number in dict.fromkeys((one.metric, one.base.number) for one in found):
+    for metric, number in dict.fromkeys((one.metric, one.base.number) for one in outcomes):
         base, unit = results.points[number], results.scale(metric).unit
         where = f" in {base.scenario}" if several(results.study) else ""
         title = StyledText(f"{metric}{where}, {unit}", "bold")
@@ -208,7 +227,7 @@ def what_if_table(results: Results, found: Sequence[WhatIf]) -> Table:
         rows += [[title, *[""] * (len(heads) - 1)], [base.name, mean, *"----", BASELINE]]
         rows += [
             what_if_row(results, one)
-            for one in found
+            for one in outcomes
             if (one.metric, one.base.number) == (metric, number)
         ]
     return Table(heads, rows, left=1, also_left=(len(heads) - 1,))
@@ -242,10 +261,10 @@ def left_out_text(results: Results, one: WhatIf) -> str:
     return f" ({lacking:,} of {count(planned, what)} left out)" if lacking else ""
 
 
-def reading_lines(results: Results, found: Sequence[WhatIf]) -> Iterator[str]:
+def reading_lines(results: Results, outcomes: Sequence[WhatIf]) -> Iterator[str]:
     """How to read the table, and the limits of its intervals."""
     compared = list(
-        {id(one.comparison): one.comparison for one in found if one.comparison}.values()
+        {id(one.comparison): one.comparison for one in outcomes if one.comparison}.values()
     )
     level = percent(1 - results.analysis.error, 0)
     base = results.analysis.baseline
@@ -257,6 +276,11 @@ def reading_lines(results: Results, found: Sequence[WhatIf]) -> Iterator[str]:
             f"difference excludes 0. The {count(family, 'interval')} hold simultaneously with {level} "
             "confidence (Bonferroni)."
         )
+    if any(one.verdict == UNCLEAR for one in outcomes):
+        yield (
+            f"{UNCLEAR}: runs of the point that seems better failed or did not finish; they may be its "
+            "worst."
+        )
     few = min((min(one.runs) for one in compared), default=STUDENT_MIN_RUNS)
     if few < STUDENT_MIN_RUNS:
         what = count(few, "pair" if results.study.paired else "run")
@@ -266,17 +290,19 @@ def reading_lines(results: Results, found: Sequence[WhatIf]) -> Iterator[str]:
     remarks = pairing_remark(compared, results.study.paired)
     remarks = f"{remarks} {precision_remark(compared, results.analysis.precision)}".strip()
     yield from [remarks] if remarks else []
-    yield from (f"{name}: {described(name)[1]}." for name in dict.fromkeys(o.metric for o in found))
+    yield from (
+        f"{name}: {described(name)[1]}." for name in dict.fromkeys(o.metric for o in outcomes)
+    )
 
 
 # The picture: relative differences with their intervals, one mark for each point at each metric.
 
 
-def what_if_picture(results: Results, found: Sequence[WhatIf]) -> Curves | None:
+def what_if_picture(results: Results, outcomes: Sequence[WhatIf]) -> Curves | None:
     """The relative differences of all points; None if no mean can be related to the baseline."""
-    metrics = list(dict.fromkeys(one.metric for one in found))
-    pairs = pairs_of(found)
-    lines = [picture_line(results, found, point, metrics) for point, _ in pairs[:MAX_CURVES]]
+    metrics = list(dict.fromkeys(one.metric for one in outcomes))
+    pairs = pairs_of(outcomes)
+    lines = [picture_line(results, outcomes, point, metrics) for point, _ in pairs[:MAX_CURVES]]
     if not any(math.isfinite(value) for line in lines for value in line.value):
         return None
     hidden = len(pairs) - len(lines)
@@ -286,10 +312,10 @@ def what_if_picture(results: Results, found: Sequence[WhatIf]) -> Curves | None:
 
 
 def picture_line(
-    results: Results, found: Sequence[WhatIf], point: Point, metrics: Sequence[str]
+    results: Results, outcomes: Sequence[WhatIf], point: Point, metrics: Sequence[str]
 ) -> ReportCurve:
     """The relative differences of a point, by metric."""
-    own = [one for one in found if one.point.number == point.number]
+    own = [one for one in outcomes if one.point.number == point.number]
     x = [float(metrics.index(one.metric)) for one in own]
     ends = zip(*(relative_ends(results, one) for one in own), strict=True)
     return ReportCurve(point_name(results.study, point), x, *map(list, ends))

@@ -103,10 +103,10 @@ def checked_changes(
 
 def _checked(document: Document, keys: Keys, entry: Any) -> NamedChange:
     if not is_named(entry):
-        found = shown(entry)
+        content = shown(entry)
         if isinstance(entry, dict):
-            found = f"the keys {', '.join(entry)}" if entry else "no keys"
-        text = f"an entry has a name and the settings to change, such as {ENTRY_EXAMPLE}; found {found}"
+            content = f"the keys {', '.join(entry)}" if entry else "no keys"
+        text = f"an entry has a name and the settings to change, such as {ENTRY_EXAMPLE}; found {content}"
         raise document.error(keys, text)
     if "name" not in entry:
         text = f"this entry has no name; write it as in {ENTRY_EXAMPLE}"

@@ -142,13 +142,13 @@ def resolve_changes(
     Refuses a change without effect, with its file and line.
     """
     as_it_is = resolve(scenario, settings)
-    found = []
+    scenarios = []
     for change in changes:
         changed = resolve(scenario, (*settings, *change.overrides)) if change.settings else as_it_is
         if change.settings is not None and fingerprint(changed) == fingerprint(as_it_is):
             raise InputError(without_effect(change.name, str(scenario)), *change.place)
-        found.append(changed)
-    return found
+        scenarios.append(changed)
+    return scenarios
 
 
 def _document(study: str | Path | Study | Document) -> Document:

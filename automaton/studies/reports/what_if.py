@@ -166,11 +166,12 @@ def what_if_question(results: Results) -> str:
     """The question of a study with named points, in a sentence."""
     study, analysis = results.study, results.analysis
     metrics, base = ", ".join(analysis.metrics), analysis.baseline
-    changes = count(len(study.points) // len(study.scenarios) - 1, "change")
+    many = len(study.points) // len(study.scenarios) - 1
+    changes = "does 1 change" if many == 1 else f"do {many:,} changes"
     each = f", in each of {count(len(study.scenarios), 'scenario')}" if several(study) else ""
     paired = "pairs of runs with the same seed" if study.paired else "runs of each point"
     return (
-        f"What do {changes} do to {metrics}, compared with {base}{each}? "
+        f"What {changes} do to {metrics}, compared with {base}{each}? "
         f"{study.max_replications:,} {paired}."
     )
 
@@ -181,7 +182,7 @@ def several(study: Study) -> bool:
 
 
 def sentence(results: Results, outcomes: Sequence[WhatIf], pair: tuple[Point, Point]) -> str:
-    """What a change does to all metrics: "one more robot: better: makespan -14.1 % (...)."."""
+    """What a change does to all metrics: "one more robot: better: makespan -14.1 %."."""
     point, base = pair
     own = [one for one in outcomes if one.point.number == point.number]
     verdicts = dict.fromkeys(one.verdict for one in sorted(own, key=lambda one: order(one.verdict)))
@@ -271,10 +272,12 @@ def reading_lines(results: Results, outcomes: Sequence[WhatIf]) -> Iterator[str]
     if compared:
         paired = " of runs with the same seed" if results.study.paired else ""
         family = max(one.family for one in compared)
+        each = " of a metric" if results.analysis.family == "metric" else ""
+        intervals = f"{count(family, 'interval')}{each}"
         yield (
             f"difference: mean difference{paired} from {base}. better, worse: the interval of the "
-            f"difference excludes 0. The {count(family, 'interval')} hold simultaneously with {level} "
-            "confidence (Bonferroni)."
+            f"difference excludes 0. The {intervals} hold simultaneously with {level} confidence "
+            "(Bonferroni)."
         )
     if any(one.verdict == UNCLEAR for one in outcomes):
         yield (

@@ -361,9 +361,10 @@ def changes_section(study: Study) -> Iterator[Block]:
 def what_if_records(results: Results, compared: Sequence[Comparison]) -> Iterator[dict[str, Any]]:
     """One record for each metric and named point, in the units of the runs."""
     for one in what_ifs(results, compared):
-        effect = None if one.comparison is None else one.comparison.effect
-        difference = effect.difference if effect else None
+        difference = None if one.comparison is None else one.comparison.effect.difference
+        value = 0.0 if one.verdict == IDENTICAL else None
         share, *_ = relative_ends(results, one)
+        used = compared_runs(results, one.point, one.base, one.metric)
         yield {
             "metric": one.metric,
             "unit": described(one.metric)[0],
@@ -372,12 +373,12 @@ def what_if_records(results: Results, compared: Sequence[Comparison]) -> Iterato
             "against": one.base.name,
             "mean": mean_or_none(results, one.point, one.metric),
             "mean_against": mean_or_none(results, one.base, one.metric),
-            "difference": difference.value if difference else None,
+            "difference": difference.value if difference else value,
             "low": difference.low if difference else None,
             "high": difference.high if difference else None,
             "relative": None if math.isnan(share) else share / 100,
             "verdict": one.verdict,
-            "runs": min(one.comparison.runs) if one.comparison else 0,
+            "runs": min(map(len, used)),
         }
 
 

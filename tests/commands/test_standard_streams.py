@@ -126,7 +126,9 @@ def standard_output(stream: str) -> Iterator[Any]:
 def rows_of_the_page() -> dict[str, tuple[str, ...]]:
     """The codes of each command on the page, in the order of STREAMS."""
     text = page("docs/reference/json.md").text
-    rows = re.findall(r"^\| ((?:`[\w-]+`(?:, )?)+) \| (\d+) \| (\d+) \| (\d+) \|$", text, re.MULTILINE)
+    rows = re.findall(
+        r"^\| ((?:`[\w-]+`(?:, )?)+) \| (\d+) \| (\d+) \| (\d+) \|$", text, re.MULTILINE
+    )
     return {name: codes for names, *codes in rows for name in re.findall(r"[\w-]+", names)}
 
 

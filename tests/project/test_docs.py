@@ -239,7 +239,9 @@ def test_the_phases_of_a_tick_are_those_of_the_loop() -> None:
 
 
 def test_the_page_on_json_names_the_keys_that_are_printed(tmp_path: Path) -> None:
-    rows = dict(re.findall(r"^\| `([\w-]+)` \| (.+) \|$", page("docs/reference/json.md").text, re.M))
+    rows = dict(
+        re.findall(r"^\| `([\w-]+)` \| (.+) \|$", page("docs/reference/json.md").text, re.M)
+    )
     recorded = "run tabletop-mini --until 200 --record a.rec"
     study = {"name": "small", "scenario": "tabletop-mini", "points": [{}], "replications": 2}
     (tmp_path / "small.yaml").write_text(json.dumps(study))

@@ -8,6 +8,7 @@ from typing import Any
 from example_counts import examples
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from statistics_trials import false_verdicts
 from synthetic_results import synthetic_store
 
 from automaton.documents.report_document import Curves, ReportDocument
@@ -173,6 +174,10 @@ def test_each_scenario_has_its_own_baseline() -> None:
         "today",
         "slower",
     ]
+
+
+def test_changes_without_effect_seldom_get_a_verdict() -> None:
+    assert false_verdicts(20, 100) <= 0.05 + 0.044  # 2 standard errors
 
 
 @settings(max_examples=examples(60), deadline=None)

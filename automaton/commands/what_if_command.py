@@ -30,11 +30,14 @@ from automaton.commands.sweep_command import progress
 from automaton.documents.report_document import Heading, ReportDocument, Text
 from automaton.scenario.document import Override, parse_setting
 from automaton.units import count
+from automaton.world.scenario_warnings import scenario_warnings
 
 if TYPE_CHECKING:
     from automaton.scenario.schema import Scenario
     from automaton.studies.reports.build_report import StudyReport
+    from automaton.studies.sweeps.sweep_plan import SweepPlan
     from automaton.studies.sweeps.sweep_session import SweepResult
+    from automaton.world.resolved import Resolved
 
 FIXED_KEYS: Final = ("name", "summary", "seed")  # settings that are part of the study itself
 MAX_PAIRS: Final = 1_000_000
@@ -90,6 +93,7 @@ def run(args: argparse.Namespace) -> int:
     keys = study_keys(args, base.scenario, levels_of(settings))
     study = what_if_study(args.changes, keys, asked_metrics(args))
     plan = make_sweep_plan(study)
+    warn_of_changes(plan, base)
     with folder_of(args.out) as folder:
         with progress(args.out) as listener:
             swept = sweep_into(
@@ -110,6 +114,15 @@ def run(args: argparse.Namespace) -> int:
     if swept.failed:
         note(f"{count(swept.failed, 'run')} failed; the caveats say why")
     return 1 if swept.failed else 0
+
+
+def warn_of_changes(plan: SweepPlan, base: Resolved) -> None:
+    """Print the warnings that a change adds to those of the scenario."""
+    known = set(scenario_warnings(base))
+    for point, resolved in zip(plan.points, plan.scenarios, strict=True):
+        for warning in scenario_warnings(resolved.unrefined):
+            if warning not in known:
+                note(f"{point.name}: warning: {warning}")
 
 
 def study_keys(

@@ -123,10 +123,8 @@ def curves_svg(curves: Curves) -> str:
     parts.append(svg_text(middle, HEIGHT - BOTTOM + 34, curves.x_label, "middle"))
     for index, line in enumerate(curves.lines):
         style, y = line_style(index), HEIGHT + LEGEND_LINE * index + 2
-        shift = MARK_STEP * curves.shift(index)
-        parts += line_parts(
-            line, lambda x, by=shift: x_at(x) + by, y_at, style, bool(curves.x_names)
-        )
+        place = beside(x_at, MARK_STEP * curves.shift(index))
+        parts += line_parts(line, place, y_at, style, bool(curves.x_names))
         parts.append(
             f'<line x1="{LEFT}" x2="{LEFT + 34}" y1="{y}" y2="{y}" {stroke(style)}/>'
             f'<path d="{style.path}" transform="translate({LEFT + 17},{y})" fill="{style.colour}"/>'
@@ -134,6 +132,11 @@ def curves_svg(curves: Curves) -> str:
         parts.append(svg_text(LEFT + 42, y + 4, line.name or curves.y_label, "start"))
     title = f"{curves.title} ({curves.y_label})"
     return f"<h4>{escape(title)}</h4>\n{''.join(parts)}</svg>"
+
+
+def beside(x_at: Callable[[float], float], shift: float) -> Callable[[float], float]:
+    """The positions of a curve that is drawn beside others."""
+    return lambda value: x_at(value) + shift
 
 
 def round_marks(low: float, high: float) -> list[float]:

@@ -104,6 +104,14 @@ def test_a_refined_tick_does_not_change_what_is_asked(capsys: pytest.CaptureFixt
         assert one["mean"] == pytest.approx(other["mean"], rel=0.3)
 
 
+def test_a_warning_of_a_change_names_it(capsys: pytest.CaptureFixture[str], here: Path) -> None:
+    (here / "changes.yaml").write_text("- {name: slower, set: {durations.turn: 1.3 s}}\n")
+    capsys.readouterr()
+    assert main(["what-if", "crossing", "changes.yaml", "--pairs", "2", "--metric=makespan"]) == 0
+    noted = capsys.readouterr().err
+    assert "automaton: slower: warning: durations.turn 1.3 s: 2.6 ticks -> 3" in noted
+
+
 def test_a_metric_that_no_run_has_is_refused_before_anything_runs(
     capsys: pytest.CaptureFixture[str],
 ) -> None:

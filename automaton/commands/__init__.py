@@ -33,6 +33,10 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, s
     "cast": ("automaton.commands.cast_command", "make a film or a picture of a recording"),
     "serve": ("automaton.commands.serve", "serve the viewer to browsers"),
     "report": ("automaton.commands.report_command", "report on the results of a sweep"),
+    "what-if": (
+        "automaton.commands.what_if_command",
+        "compare changes of a scenario with the scenario as it is",
+    ),
     "size": ("automaton.commands.size_command", "find the smallest fleet that meets a target"),
     "tune": ("automaton.commands.tune", "find the best strategies for a scenario"),
     "reproduce": ("automaton.commands.reproduce", "reproduce a published table"),

@@ -162,7 +162,7 @@ def size_text(size: int) -> str:
 class Listener:
     """Follows the progress of a sweep and writes notes to stderr; in a pipe, a line a minute."""
 
-    def __init__(self, out: Path, period_s: float = LINE_EVERY_S) -> None:
+    def __init__(self, out: Path | None, period_s: float = LINE_EVERY_S) -> None:
         self.out = out
         self.total = self.done = self.before = 0
         self.since = self.said = time.monotonic()
@@ -213,7 +213,7 @@ class Listener:
 class Bar(Listener):
     """Shows on a terminal's stderr the finished runs, their rate and the remaining time."""
 
-    def __init__(self, out: Path) -> None:
+    def __init__(self, out: Path | None) -> None:
         super().__init__(out, math.inf)
         from rich.console import Console
         from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
@@ -235,16 +235,20 @@ class Bar(Listener):
 
 
 @contextlib.contextmanager
-def progress(out: Path) -> Iterator[Listener]:
-    """A progress bar on a terminal, a line a minute in a pipe; after Ctrl-C, a note on how to resume."""
+def progress(out: Path | None) -> Iterator[Listener]:
+    """A progress bar on a terminal, a line a minute in a pipe; after Ctrl-C, a note on how to resume.
+
+    `out`: the results folder; None: the results are not kept.
+    """
     listener = Bar(out) if sys.stderr.isatty() else Listener(out)
     try:
         with listener.bar if isinstance(listener, Bar) else contextlib.nullcontext():
             yield listener
     except KeyboardInterrupt:
         if listener.total:
-            kept = f"{listener.done:,} of {count(listener.total, 'run')} are stored in {out}"
-            note(f"stopped; {kept}; repeat the command to resume")
+            runs = f"{listener.done:,} of {count(listener.total, 'run')} are"
+            stored = f"stored in {out}; repeat the command to resume"
+            note(f"stopped; {runs} {stored if out else 'done; with --out DIR they are stored'}")
         raise
 
 

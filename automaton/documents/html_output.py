@@ -60,6 +60,8 @@ FONT_SIZES = {  # points; suit the text of half a slide
     "legend.fontsize": 9,
 }
 WIDEST_TITLE = 50
+MARK_STEP: Final = 9  # px between curves at a name
+PLOT_STEP: Final = 0.06  # of the distance between two names
 WIDEST_LEGEND = 60  # characters in a line of the legend
 
 
@@ -121,7 +123,8 @@ def curves_svg(curves: Curves) -> str:
     parts.append(svg_text(middle, HEIGHT - BOTTOM + 34, curves.x_label, "middle"))
     for index, line in enumerate(curves.lines):
         style, y = line_style(index), HEIGHT + LEGEND_LINE * index + 2
-        parts += line_parts(line, x_at, y_at, style, bool(curves.x_names))
+        place = beside(x_at, MARK_STEP * curves.shift(index))
+        parts += line_parts(line, place, y_at, style, bool(curves.x_names))
         parts.append(
             f'<line x1="{LEFT}" x2="{LEFT + 34}" y1="{y}" y2="{y}" {stroke(style)}/>'
             f'<path d="{style.path}" transform="translate({LEFT + 17},{y})" fill="{style.colour}"/>'
@@ -129,6 +132,11 @@ def curves_svg(curves: Curves) -> str:
         parts.append(svg_text(LEFT + 42, y + 4, line.name or curves.y_label, "start"))
     title = f"{curves.title} ({curves.y_label})"
     return f"<h4>{escape(title)}</h4>\n{''.join(parts)}</svg>"
+
+
+def beside(x_at: Callable[[float], float], shift: float) -> Callable[[float], float]:
+    """The positions of a curve that is drawn beside others."""
+    return lambda value: x_at(value) + shift
 
 
 def round_marks(low: float, high: float) -> list[float]:
@@ -447,7 +455,7 @@ def draw_curves(figure: Any, axes: Any, curves: Curves) -> None:
         style = line_style(index)
         dashes = "none" if curves.x_names else (0, style.dashes) if style.dashes else "solid"
         axes.errorbar(
-            line.x,
+            [x + PLOT_STEP * curves.shift(index) for x in line.x],
             line.value,
             yerr=[down, up],
             capsize=3,
@@ -459,7 +467,7 @@ def draw_curves(figure: Any, axes: Any, curves: Curves) -> None:
     axes.set_xticks(curves.x)
     if curves.x_names:
         axes.set_xticklabels([curves.x_names[int(x)] for x in curves.x])
-    if curves.from_zero:
+    if curves.from_zero and min(curves.values, default=0.0) >= 0:
         axes.set_ylim(bottom=0)
     axes.set(title=curves.title, xlabel=curves.x_label, ylabel=curves.y_label)
     axes.grid(alpha=0.3)

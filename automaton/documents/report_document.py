@@ -154,6 +154,10 @@ class Curves:
         """All distinct x in ascending order."""
         return sorted({x for line in self.lines for x in line.x})
 
+    def shift(self, line: int) -> float:
+        """The place of a curve beside its x, in steps from the middle; 0 where x are numbers."""
+        return line - (len(self.lines) - 1) / 2 if self.x_names else 0.0
+
     @property
     def values(self) -> list[float]:
         """All finite values and ends of intervals, which the scale must contain."""

@@ -397,11 +397,12 @@ def chart(
     )
     margin = max(map(len, labels))
     width = max(MIN_CHART_WIDTH, min(WIDEST_CHART, columns - margin - 2))
+    edge = len(curves.lines) - 1 if curves.x_names else 0  # columns for curves beside each other
     grid = [[" "] * width for _ in range(height)]
     for bars in (True, False):  # draws marks over bars
         for index, line in enumerate(curves.lines):
             for x, value, least, most in zip(line.x, line.value, line.low, line.high, strict=True):
-                column = at(x, x_scale, width)
+                column = edge + at(x, x_scale, width - 2 * edge) + int(2 * curves.shift(index))
                 if bars and math.isfinite(least) and math.isfinite(most):
                     ends = (at(end, (low, high), height) for end in (least, most))
                     first, last = sorted(ends)
@@ -412,7 +413,7 @@ def chart(
     for label, cells in zip(labels, grid, strict=True):
         yield f"{label:>{margin}} |{''.join(cells)}".rstrip()
     yield f"{'':>{margin}} +{'-' * width}"
-    yield f"{'':>{margin}}  {ticks(curves, x_scale, width)}".rstrip()
+    yield f"{'':>{margin}}  {ticks(curves, x_scale, width - 2 * edge, edge)}".rstrip()
     yield f"{'':>{margin}}  {curves.x_label}"
     for index, line in enumerate(curves.lines):
         if len(curves.lines) > 1 or line.name:
@@ -432,13 +433,13 @@ def at(value: float, ends: tuple[float, float], cells: int) -> int:
     return min(cells - 1, max(0, round((value - low) / (high - low) * (cells - 1))))
 
 
-def ticks(curves: Curves, ends: tuple[float, float], width: int) -> str:
-    """The x values or names below their columns, as far as they fit."""
-    line = [" "] * (width + 12)
+def ticks(curves: Curves, ends: tuple[float, float], width: int, edge: int = 0) -> str:
+    """The x values or names below their columns, which begin at `edge`, as far as they fit."""
+    line = [" "] * (width + 2 * edge + 12)
     free = 0
     for x in curves.x:
         text = curves.x_names[int(x)] if curves.x_names else number(x)
-        start = max(0, at(x, ends, width) - len(text) // 2)
+        start = max(0, edge + at(x, ends, width) - len(text) // 2)
         if start + len(text) > len(line):
             start = max(0, len(line) - len(text))
         if start >= free:

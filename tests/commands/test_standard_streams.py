@@ -70,6 +70,7 @@ LINES = {
     "cast": "cast a.rec --out a.gif --to 4",
     "serve": "serve crossing --port 0 --no-token",
     "report": "report results",
+    "what-if": "what-if crossing changes.yaml --pairs 2 --workers 1",
     "size": "size crossing --target makespan<=5000 --robots 2 --budget 70 --workers 1",
     "tune": "tune crossing --budget 63 --workers 1 --set stop.max_duration=5",
     "reproduce": "reproduce tabletop --seeds 1 --strategies cooperative --workers 1",
@@ -85,6 +86,7 @@ LINES = {
 }
 LACKS_EXTRA = {"train": "torch"}
 STUDY = "name: small\nscenario: crossing\npoints: [{}]\nreplications: 2\n"
+CHANGES = "- {name: one robot fewer, set: {fleet.robots: 2}}\n"
 MAP = "type octile\nheight 2\nwidth 3\nmap\n..@\n...\n"
 RECORDED = "run crossing --record a.rec --set units.cell=1m"
 # In the order of the columns of the table on the page.
@@ -97,6 +99,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
     path = tmp_path_factory.mktemp("streams")
     with in_this_process(path):
         (path / "small.yaml").write_text(STUDY)
+        (path / "changes.yaml").write_text(CHANGES)
         (path / "a.map").write_text(MAP)
         with contextlib.redirect_stdout(io.StringIO()):
             assert main(RECORDED.split()) == 0
@@ -123,8 +126,10 @@ def standard_output(stream: str) -> Iterator[Any]:
 def rows_of_the_page() -> dict[str, tuple[str, ...]]:
     """The codes of each command on the page, in the order of STREAMS."""
     text = page("docs/reference/json.md").text
-    rows = re.findall(r"^\| ((?:`\w+`(?:, )?)+) \| (\d+) \| (\d+) \| (\d+) \|$", text, re.MULTILINE)
-    return {name: codes for names, *codes in rows for name in re.findall(r"\w+", names)}
+    rows = re.findall(
+        r"^\| ((?:`[\w-]+`(?:, )?)+) \| (\d+) \| (\d+) \| (\d+) \|$", text, re.MULTILINE
+    )
+    return {name: codes for names, *codes in rows for name in re.findall(r"[\w-]+", names)}
 
 
 def test_every_command_has_its_row() -> None:

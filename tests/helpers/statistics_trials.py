@@ -2,7 +2,7 @@
 
     python tests/helpers/statistics_trials.py TRIAL [STUDIES]
 
-TRIAL is one of coverage, rounds, families, answers, steady, batches, search, pairing.
+TRIAL is one of coverage, rounds, families, answers, changes, steady, batches, search, pairing.
 
 Each prints what it measured and exits with 1 if a promise is broken. The tests run them in small.
 """
@@ -39,7 +39,9 @@ from automaton.studies.inference.steady_state import (
     mser5,
     replication_deletion,
 )
+from automaton.studies.reports.comparisons import comparisons
 from automaton.studies.reports.first_page import answers
+from automaton.studies.reports.what_if import NO_DIFFERENCE, what_ifs
 from automaton.studies.sizing.fleet_search import (
     FleetConfig,
     FleetRun,
@@ -49,6 +51,7 @@ from automaton.studies.sizing.fleet_search import (
     make_question,
 )
 from automaton.studies.sweeps.run_keys import replication_seeds
+from automaton.studies.sweeps.study import Analysis, Study
 
 Values = Any
 STUDIES = 2000
@@ -176,9 +179,9 @@ def families(studies: int = STUDIES) -> bool:
     """Families of intervals of which any misses; at most 5 %, and 2 standard errors, is promised."""
     kept = True
     most = 0.05 + 2 * np.sqrt(0.05 * 0.95 / studies)
-    for n, comparisons in ((5, 1), (5, 10), (10, 2), (10, 20), (20, 20), (30, 20)):
-        found = false_families(n, comparisons, studies)
-        shown(f"normal, n = {n}: families of {comparisons} with a miss", found, studies)
+    for n, many in ((5, 1), (5, 10), (10, 2), (10, 20), (20, 20), (30, 20)):
+        found = false_families(n, many, studies)
+        shown(f"normal, n = {n}: families of {many} with a miss", found, studies)
         kept &= found <= most
     return kept
 
@@ -210,6 +213,41 @@ def lost_answers(studies: int = STUDIES) -> bool:
         shares[is_skewed, n] = lost_best(n, studies, is_skewed)
         kind = "exponential (skew 2)" if is_skewed else "normal"
         shown(f"{kind}, n = {n}: the best of five points left out", shares[is_skewed, n], studies)
+    return max(shares.values()) <= most
+
+
+def false_verdicts(n: int, studies: int, changes: int = 4) -> float:
+    """The share of studies in which any of some changes without effect gets a verdict.
+
+    All points share noise with the baseline, as runs with the same seed do.
+    """
+    from synthetic_results import synthetic_store
+
+    metrics = ("makespan", "throughput", "lead_time", "late_share")
+    points = [{"name": f"point {number}"} for number in range(changes + 1)]
+    analysis = Analysis(metrics=metrics)
+    study = Study(name="n", scenario="n", listed=points, replications=n, analysis=analysis)
+    false = 0
+    for number in range(studies):
+        rng = np.random.default_rng(number)
+        own = rng.normal(0, 6, (len(metrics), changes + 1, n))
+        runs = 100 + 8 * rng.normal(size=n) + own
+        columns = {
+            name: lambda point, r, runs=one: float(runs[point, r])
+            for name, one in zip(metrics, runs, strict=True)
+        }
+        results = synthetic_store(study, columns["makespan"], **columns)
+        outcomes = what_ifs(results, comparisons(results))
+        false += any(one.verdict != NO_DIFFERENCE for one in outcomes)
+    return false / studies
+
+
+def verdicts(studies: int = STUDIES) -> bool:
+    """Studies with a verdict on a change without effect; at most 5 %, and 2 standard errors."""
+    most = 0.05 + 2 * np.sqrt(0.05 * 0.95 / studies)
+    shares = {n: false_verdicts(n, studies) for n in (5, 20)}
+    for n, share in shares.items():
+        shown(f"{n} pairs: 4 changes without effect on 4 metrics, any verdict", share, studies)
     return max(shares.values()) <= most
 
 
@@ -434,6 +472,7 @@ def parts() -> Iterator[tuple[str, Callable[..., bool]]]:
         "rounds": round_coverages,
         "families": families,
         "answers": lost_answers,
+        "changes": verdicts,
         "steady": steady_coverages,
         "batches": batch_coverages,
         "search": searches,

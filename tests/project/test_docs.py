@@ -239,10 +239,14 @@ def test_the_phases_of_a_tick_are_those_of_the_loop() -> None:
 
 
 def test_the_page_on_json_names_the_keys_that_are_printed(tmp_path: Path) -> None:
-    rows = dict(re.findall(r"^\| `(\w+)` \| (.+) \|$", page("docs/reference/json.md").text, re.M))
+    rows = dict(
+        re.findall(r"^\| `([\w-]+)` \| (.+) \|$", page("docs/reference/json.md").text, re.M)
+    )
     recorded = "run tabletop-mini --until 200 --record a.rec"
     study = {"name": "small", "scenario": "tabletop-mini", "points": [{}], "replications": 2}
     (tmp_path / "small.yaml").write_text(json.dumps(study))
+    changes = [{"name": "fewer", "set": {"fleet.robots": 2}}]
+    (tmp_path / "changes.yaml").write_text(json.dumps(changes))
     with in_this_process(tmp_path):
         for command in (
             recorded,
@@ -252,6 +256,7 @@ def test_the_page_on_json_names_the_keys_that_are_printed(tmp_path: Path) -> Non
             "list",
             "sweep small.yaml --out out",
             "report out",
+            "what-if tabletop-mini changes.yaml --pairs 2",
             "size tabletop-mini --target makespan<=5000 --robots 2 --budget 70 --workers 1",
             "tune random-400 --budget 63 --workers 1 --set stop.max_duration=5 --set fleet.robots=20",
             "reproduce tabletop --seeds 1 --strategies cooperative --workers 1",

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import re
 
 import pytest
 from synthetic_results import study_of, synthetic_store
 
-from automaton.documents.html_output import LINE_STYLES
-from automaton.documents.text_output import CURVE_MARKS
+from automaton.documents.html_output import LINE_STYLES, curves_svg
+from automaton.documents.report_document import Curves, ReportCurve
+from automaton.documents.text_output import CURVE_MARKS, chart
 from automaton.studies.reports.comparisons import point_name
 from automaton.studies.reports.metric_tables import curves
 
@@ -75,3 +77,15 @@ def test_numbers_have_as_many_digits_as_tell_them_apart() -> None:
     ):
         study = study_of({"strategy.gain": levels})
         assert [point_name(study, point) for point in study.points] == [f"gain {n}" for n in names]
+
+
+def test_curves_over_names_stand_beside_each_other() -> None:
+    one, other = (ReportCurve(name, [0, 1], [1, 2], [0, 1], [2, 3]) for name in "ab")
+    over_names = Curves("t", "metric", "%", [one, other], x_names=["first", "second"])
+    over_numbers = Curves("t", "robots", "%", [one, other])
+    marks = [re.findall(r'translate\(([\d.]+),[\d.]+\)"', curves_svg(curves))
+             for curves in (over_names, over_numbers)]  # fmt: skip
+    assert len(set(marks[0][:2] + marks[0][3:5])) == 4
+    assert marks[1][:2] == marks[1][3:5]
+    bars = [line.count(":") for line in chart(over_names, 40) if ":" in line]
+    assert max(bars) == 4  # two intervals at each name, none hidden behind another

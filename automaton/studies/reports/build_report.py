@@ -47,6 +47,7 @@ from automaton.studies.reports.metric_tables import (
     steady_section,
 )
 from automaton.studies.reports.study_results import LENGTHS, Results, read_results, units_of_points
+from automaton.studies.reports.what_if import is_what_if, what_if_page
 from automaton.studies.sweeps.result_store import STUDY_FILE, Store, content_of, study_document_in
 from automaton.studies.sweeps.run_keys import fingerprint
 from automaton.studies.sweeps.study import Study
@@ -76,8 +77,14 @@ def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -
     document.add(Heading(study.name, 1))
     if study.summary:
         document.add(Text(study.summary))
-    document.add(*first_page(results, report.answers, report.compared, report.notes), PageBreak())
-    document.add(*effects_section(results), Heading("Metrics"))
+    if is_what_if(results):
+        first = what_if_page(results, report.compared, report.notes)
+    else:
+        first = first_page(results, report.answers, report.compared, report.notes)
+    document.add(*first, PageBreak())
+    if not study.is_named:
+        document.add(*effects_section(results))
+    document.add(Heading("Metrics"))
     for metric in results.analysis.metrics:
         if results.has(metric):
             document.add(*metric_section(results, scenarios, metric))
@@ -85,7 +92,9 @@ def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -
             document.add(Heading(metric, 3), Text(without(results, metric)))
     for metric in results.quantiles:
         document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
-    document.add(*steady_section(results), *comparison_section(results, report.compared))
+    document.add(*steady_section(results))
+    if not is_what_if(results):
+        document.add(*comparison_section(results, report.compared))
     # The first page may show one of the curves already.
     drawn = [one for one in curves(results) if one not in document.blocks]
     if drawn:
@@ -101,7 +110,7 @@ class StudyReport(NamedTuple):
 
     results: Results
     scenarios: Scenarios
-    answers: list[Answer]
+    answers: list[Answer]  # none about named points, which are compared with their baseline
     compared: list[Comparison]
     notes: list[str]
     lacking: str  # why scenarios are missing, or ""
@@ -119,7 +128,8 @@ def read_report(store: Store) -> StudyReport:
     scenarios, lacking = scenarios_of(store)
     results = replace(results, units=units_of_points(scenarios.values(), len(results.points)))
     notes = [*remarks(results), *started_cold(results, scenarios), *([lacking] if lacking else [])]
-    return StudyReport(results, scenarios, answers(results), comparisons(results), notes, lacking)
+    best = [] if is_what_if(results) else answers(results)
+    return StudyReport(results, scenarios, best, comparisons(results), notes, lacking)
 
 
 def numbered_points(study: Study) -> str:

@@ -33,6 +33,7 @@ from automaton.studies.reports.comparisons import (
     pairing_remark,
     point_name,
     precision_remark,
+    setting_text,
     stopping_text,
     varied_factors,
 )
@@ -59,7 +60,8 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     common = (
         "the same for every point" if study.common_random_numbers else "different for each point"
     )
-    varied = [name for name in study.factor_names if name.startswith("durations.")]
+    keys = dict.fromkeys(key for point in study.points for key in point.settings)
+    varied = [name for name in keys if name.startswith("durations.")]
     rows = [
         ["estimand", "mean of each metric over independent runs that finished"],
         ["design", f"{endings}; {count(len(study.points), 'point')}, {runs_planned(results)}"],
@@ -83,7 +85,9 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     ]
     yield Heading("Design")
     yield Table(("what", "how"), rows, left=2)
-    for name in study.factor_names:
+    for key, value in (study.settings or {}).items():
+        yield Text(f"Fixed {key}: {setting_text(value)}")
+    for name in () if study.is_named else study.factor_names:
         levels = ", ".join(level_text(study, name, level) for level in study.levels(name))
         yield Text(f"{'Factor' if name in varied_factors(study) else 'Fixed'} {name}: {levels}")
 
@@ -139,8 +143,10 @@ def family(results: Results) -> str:
         return "none declared"
     what = "all pairs of points"
     if analysis.comparisons == "baseline" and analysis.baseline:
-        levels = analysis.baseline.items()
+        levels = analysis.baseline_levels.items()
         what = "against " + ", ".join(f"{k} {level_text(results.study, k, v)}" for k, v in levels)
+        if isinstance(analysis.baseline, str):
+            what = f"against {analysis.baseline}"
     pairs = "paired by replication" if results.study.paired else "not paired"
     scope = "each metric" if analysis.family == "metric" else "the whole study"
     wanted = (
@@ -367,7 +373,7 @@ def crossed(results: Results) -> Crossed | None:
 
 
 def _baseline_level(results: Results, factor: str) -> str | None:
-    baseline = results.analysis.baseline or {}
+    baseline = results.analysis.baseline_levels
     if factor not in baseline:
         return None
     return level_text(results.study, factor, baseline[factor])

@@ -15,6 +15,7 @@ without comparisons the intervals of all means.
 from __future__ import annotations
 
 import itertools
+import json
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
@@ -31,7 +32,7 @@ from automaton.studies.inference.intervals import (
     unpaired_runs,
 )
 from automaton.studies.reports.study_results import Results, read_results
-from automaton.studies.sweeps.study import SCENARIO_FACTOR, Levels, Point, Study
+from automaton.studies.sweeps.study import POINT_NAME, SCENARIO_FACTOR, Levels, Point, Study
 from automaton.units import count, percent
 
 if TYPE_CHECKING:
@@ -70,15 +71,21 @@ def _in_full(level: Any) -> str:
     return " ".join(str(v) if key == "name" else f"{key} {v}" for key, v in level.items())
 
 
+def setting_text(value: Any) -> str:
+    """The value of a setting as in a file: "1.2 m/s", [3, 4]."""
+    return value if isinstance(value, str) else json.dumps(value, ensure_ascii=False)
+
+
 def varied_factors(study: Study) -> list[str]:
     """The factors with several levels, or that only some points have.
 
     All factors if none varies, so that a single point has a name.
     """
+    listed = () if study.is_named else study.listed or ()
     varied = [
         name
         for name in study.factor_names
-        if len(study.levels(name)) > 1 or any(name not in one for one in study.listed or ())
+        if len(study.levels(name)) > 1 or any(name not in one for one in listed)
     ]
     return varied or ([] if len(study.scenarios) > 1 else list(study.factor_names))
 
@@ -91,6 +98,8 @@ def varied_columns(study: Study) -> list[str]:
 
 def heads_by_factor(study: Study) -> dict[str, str]:
     """A short name of each factor: its last part, unless another factor has the same."""
+    if study.is_named:
+        return {POINT_NAME: "point"}
     names = list(study.factor_names)
     short = [name.rpartition(".")[2] for name in names]
     return {
@@ -125,15 +134,14 @@ def levels_beside(point: Point, factors: Collection[str]) -> str:
 
 def levels_named(study: Study, point: Point, factors: Sequence[str]) -> str:
     """The levels of some factors in one phrase: "robots 4, allocation cooperative"."""
-    heads = heads_by_factor(study)
-    return ", ".join(
-        f"{heads[name]} {level_of(study, point, name)}" if name in heads else point.scenario
-        for name in factors
-    )
+    heads = {SCENARIO_FACTOR: "", **heads_by_factor(study), POINT_NAME: ""}
+    return ", ".join(f"{heads[name]} {level_of(study, point, name)}".strip() for name in factors)
 
 
 def point_name(study: Study, point: Point) -> str:
-    """The levels of a point in one phrase: "robots 4, allocation cooperative"."""
+    """The name of a point, else its levels in one phrase: "robots 4, allocation cooperative"."""
+    if point.name:
+        return ", ".join(factor_cells(study, point))
     pairs = zip(factor_heads(study), factor_cells(study, point), strict=True)
     return ", ".join(f"{head} {cell}" for head, cell in pairs) or point.scenario
 
@@ -182,10 +190,11 @@ def declared_pairs(results: Results) -> Iterator[tuple[Point, Point]]:
     if analysis.comparisons == "pairs":
         for earlier, later in itertools.combinations(points, 2):
             yield later, earlier
-    if analysis.comparisons != "baseline" or not analysis.baseline:
+    baseline = analysis.baseline_levels
+    if analysis.comparisons != "baseline" or not baseline:
         return
-    varied = set(analysis.baseline)
-    bases = {levels_beside(p, varied): p for p in points if _is(p, analysis.baseline)}
+    varied = set(baseline)
+    bases = {levels_beside(p, varied): p for p in points if _is(p, baseline)}
     for point in points:
         base = bases.get(levels_beside(point, varied))
         if base is not None and base is not point:

@@ -25,6 +25,7 @@ from automaton.studies.reports.comparisons import Comparison, point_name
 from automaton.studies.reports.first_page import Answer, answer_sentence, mean_of, question
 from automaton.studies.reports.metric_tables import Scenarios, summary
 from automaton.studies.reports.study_results import Results, described
+from automaton.studies.reports.what_if import is_what_if, what_if_question, what_if_records
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, SERIES_COLUMN, SUMS_COLUMN, Point
 from automaton.tables.table_files import MAX_SHEET_ROWS, too_many_in_sheet
 
@@ -278,11 +279,13 @@ def as_json(report: StudyReport) -> dict[str, Any]:
     """The report as printed by `automaton report --json`; missing values are null."""
     results = report.results
     study, analysis = results.study, results.analysis
+    is_compared = is_what_if(results)
+    asked = (what_if_question if is_compared else question)(results) if analysis.metrics else None
     sentences = [answer_sentence(results, answer) for answer in report.answers]
     return {
         "study": study.name,
         "summary": study.summary,
-        "question": question(results) if analysis.metrics else None,
+        "question": asked,
         "answers": list(answer_records(results, report.answers, sentences)),
         "remarks": list(report.notes),
         "design": {
@@ -296,18 +299,25 @@ def as_json(report: StudyReport) -> dict[str, Any]:
             "code": results.version,
         },
         "points": [
-            {"point": point.number, "scenario": point.scenario, "levels": point.levels}
+            {"point": point.number, "scenario": point.scenario, **point_keys(point)}
             for point in results.points
         ],
         "metrics": list(summary_records(results, report.scenarios)),
         "effects": list(effect_records(results)),
         "comparisons": list(comparison_records(results, report.compared)),
+        "what_if": list(what_if_records(results, report.compared)) if is_compared else [],
     }
+
+
+def point_keys(point: Point) -> Record:
+    """The name of a point and what it sets, or its levels."""
+    return {"name": point.name, "set": point.settings} if point.name else {"levels": point.levels}
 
 
 def effect_records(results: Results) -> Iterator[dict[str, Any]]:
     """The effects of the factors on each metric; empty if factors are not crossed."""
-    for metric in results.analysis.metrics:
+    metrics = () if results.study.is_named else results.analysis.metrics
+    for metric in metrics:
         effects = factor_effects(results, metric) if results.has(metric) else None
         if effects is None:
             continue

@@ -382,7 +382,7 @@ def _limits(results: Results, answer: Answer) -> Iterator[str]:
 def table_words(results: Results, table: Table) -> Iterator[str]:
     """The meanings of headings in the table of answers."""
     if results.analysis.baseline:
-        levels = results.analysis.baseline.items()
+        levels = results.analysis.baseline_levels.items()
         what = ", ".join(f"{key} {level_text(results.study, key, one)}" for key, one in levels)
         yield f"baseline: {what}, as the study declares."
     if "p Holm" in table.head:

@@ -215,19 +215,24 @@ def same_heads(results: Results) -> list[str]:
 
 
 def same_cells(results: Results, point: Point) -> list[str]:
-    """The cell under `same_heads`: the number of the first point with the same runs."""
-    first = results.first_same[point.number]
-    cell = "-" if first == point.number else f"point {first}"
+    """The cell under `same_heads`: the name or number of the first point with the same runs."""
+    first = results.points[results.first_same[point.number]]
+    cell = "-" if first.number == point.number else same_name(first)
     return [cell for _ in same_heads(results)]
+
+
+def same_name(point: Point) -> str:
+    """The name of a point with the same runs as another one, else its number."""
+    return point.name or f"point {point.number}"
 
 
 def same_remarks(results: Results) -> Iterator[str]:
     """Sentences about factors without effect, or without any, about points with identical runs."""
-    inert = list(inert_factors(results)) if results.repeats else []
+    inert = list(inert_factors(results)) if results.repeats and not results.study.is_named else []
     yield from inert
     if results.repeats and not inert:
         named = [
-            f"point {p.number} and point {results.first_same[p.number]}"
+            f"{same_name(p)} and {same_name(results.points[results.first_same[p.number]])}"
             for p in results.repeats[:MAX_SAME_RUNS_NAMED]
         ]
         more = len(results.repeats) - len(named)

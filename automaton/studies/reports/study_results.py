@@ -19,6 +19,7 @@ from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
+import msgspec
 import numpy as np
 import numpy.typing as npt
 
@@ -63,6 +64,7 @@ Lists = Sequence["npt.NDArray[np.int64] | None"]  # by row
 ORDER_QUANTILES = ("lead_time_p95", "delay_p95", "tardiness_p95")  # of the orders of a run
 MIN_SHARED_SEEDS = 2  # least number of common seeds of points that count as the same runs
 Runs = Mapping[int, tuple[str, object]]  # seed -> digest and value
+WHAT_IF_METRICS = ("throughput", "lead_time", "lead_time_p95", "late_share")
 USUAL_METRICS = ("makespan", "throughput", "utilization", "blocked_share", "delay", "lead_time")
 
 
@@ -402,13 +404,15 @@ class Results:
         """Number of rows."""
         return len(self.columns["key"])
 
-    @property
+    @cached_property
     def analysis(self) -> Analysis:
-        """The declared analysis; by default the usual metrics without comparisons."""
-        declared = self.study.analysis
-        if declared is not None:
+        """The declared analysis; by default the usual metrics that runs have, without comparisons."""
+        declared = self.study.analysis or Analysis()
+        if declared.metrics:
             return declared
-        return Analysis(metrics=tuple(name for name in USUAL_METRICS if self.has(name)))
+        usual = WHAT_IF_METRICS if self.study.is_named else USUAL_METRICS
+        measured = tuple(name for name in usual if self.has(name))
+        return msgspec.structs.replace(declared, metrics=measured)
 
     @property
     def quantiles(self) -> tuple[str, ...]:

@@ -132,7 +132,7 @@ class Store:
             if key in expected and better:
                 taken[key] = index
         chosen = table.take(pa.array(list(taken.values()), pa.int64()))
-        columns = point_columns(self.study, self.manifest, [expected[key] for key in taken])
+        columns = point_columns(self.study, [expected[key] for key in taken])
         for name, values in columns.items():
             field = schema.field(name)
             at = schema.get_field_index(name)
@@ -214,16 +214,17 @@ def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
     return pa.schema(fields)
 
 
-def point_columns(study: Study, manifest: Manifest, points: Sequence[int]) -> dict[str, list[Any]]:
+def point_columns(study: Study, points: Sequence[int]) -> dict[str, list[Any]]:
     """The columns that are determined by the design points of rows, given by number."""
-    planned = [manifest.points[point] for point in points]
+    declared = study.points
+    own = [declared[point] for point in points]
     factors = {
-        name: [column_value(one.levels.get(name), kind) for one in planned]
+        name: [column_value(one.levels.get(name), kind) for one in own]
         for name, kind in study.column_types().items()
     }
     return {
         "study": [study.name] * len(points),
-        "scenario": [one.scenario for one in planned],
+        "scenario": [one.scenario for one in own],
         "point": list(points),
         **factors,
     }
@@ -524,7 +525,7 @@ def holds(path: Path, content: bytes) -> bool:
 def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
     """Rows as an Arrow table with the schema's columns."""
     pa = arrow()
-    known = point_columns(store.study, store.manifest, [row["point"] for row in rows])
+    known = point_columns(store.study, [row["point"] for row in rows])
     arrays = []
     for field in schema:
         if field.name in known:

@@ -346,7 +346,7 @@ def manifest_of(
         points=tuple(
             PlannedPoint(
                 point.scenario,
-                point.levels,
+                point.settings,
                 fingerprint(resolved, windows),
                 windows,
                 warm_up_of(resolved.unrefined.scenario),

@@ -1,7 +1,8 @@
 """Study files: the design points, the number of runs, and the declared analysis.
 
 A study varies keys of one or several scenarios: `factors` crosses their levels, `points` lists the
-combinations one by one. The study also defines the columns of its results and the permitted factors.
+combinations one by one. Points with names have one factor, the name: `point_name`. The study also
+defines the columns of its results and the permitted factors.
 This module imports without Numba and Arrow.
 """
 
@@ -23,9 +24,18 @@ from automaton.runs.metric_sums import SUMS
 from automaton.scenario.document import Document, parse
 from automaton.scenario.floor_section import SCHEMA_REFERENCE
 from automaton.scenario.reading import STUDY_KEYS
-from automaton.scenario.schema import ConfigSection, NonEmptyText, Scenario, SingleLine
+from automaton.scenario.schema import ConfigSection, NonEmptyText, SingleLine
 from automaton.scenario.text_files import SHIPPED_FOLDER, read_text, shipped
 from automaton.scenario.validation import MSER_OR_TIME, TIME_PATTERN, shown, validated
+from automaton.studies.sweeps.named_changes import (
+    FIXED_KEYS,
+    NamedPoint,
+    check_key,
+    check_settings,
+    checked_changes,
+    is_named,
+)
+from automaton.studies.sweeps.named_changes import Levels as Levels
 from automaton.units import count
 
 # The columns of every row, before the factors and the metrics, with their types.
@@ -58,7 +68,6 @@ RUN_METRICS: Final = {
         "simulated ticks per CPU second of the whole run; depends on the machine",
     ),
 }
-FIXED_KEYS: Final = ("name", "summary", "seed")  # keys of a scenario that cannot be factors
 STUDY_WANTED: Final = (
     "a study is a separate file, such as {name: my-fleet, scenario: my-floor.yaml, "
     "factors: {fleet.robots: [2, 3]}, replications: 60}"
@@ -69,24 +78,17 @@ MAX_DESIGN_POINTS: Final = 10_000
 MAX_STUDY_RUNS: Final = 10_000_000
 MIN_FIRST_ROUND: Final = 10  # runs; the variance of fewer runs would end a study too early
 SCENARIO_FACTOR: Final = "scenario"  # a column, and a factor if a study has several scenarios
-Levels = dict[str, Any]  # key of a scenario, such as "fleet.robots" -> its value
+POINT_NAME: Final = "point_name"  # a column, and the factor of a study whose points have names
 
 
 def check_factor(key: str) -> str | None:
     """Why a key cannot be a factor; None if it can."""
-    first = key.split(".")[0]
-    parts = key.split(".")
-    if "" in parts:
-        return f"'{key}' is not a key of a scenario, such as fleet.robots"
-    if first in FIXED_KEYS and len(parts) == 1:
+    if key in FIXED_KEYS:
         why = "set `seed` of the study" if key == "seed" else "it does not change runs"
         return f"{key} is not a factor: {why}"
-    names = Scenario.__struct_fields__
-    if first not in names:
-        return f"unknown key '{first}'{nearest(first, names)}; allowed: {', '.join(names)}"
     if key in RESULT_COLUMNS:
         return f"{key} cannot be a factor as a whole; vary a part of it, such as {key}.count"
-    return None
+    return check_key(key)
 
 
 def column_type(levels: tuple[Any, ...]) -> str:
@@ -145,8 +147,12 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
 
     metrics: Annotated[
         tuple[NonEmptyText, ...],
-        Meta(min_length=1, description="Metrics of the report, such as makespan."),
-    ]
+        Meta(
+            min_length=1,
+            description="Metrics of the report, such as makespan. Required, except for points with "
+            "names: by default throughput, lead_time, lead_time_p95 and late_share where measured.",
+        ),
+    ] = ()
     paired: Annotated[
         bool | None,
         Meta(
@@ -155,14 +161,18 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
         ),
     ] = None
     baseline: Annotated[
-        Levels | None,
-        Meta(description="Levels of some factors; points with these levels are the baseline."),
+        Levels | NonEmptyText | None,
+        Meta(
+            description="Levels of some factors; points with these levels are the baseline. Of points "
+            "with names: the name of one, by default of the first."
+        ),
     ] = None
     comparisons: Annotated[
         Literal["none", "baseline", "pairs"],
         Meta(
             description="baseline: each other level of the baseline's factors with the baseline, "
-            "at equal levels of the other factors; pairs: all pairs of points."
+            "at equal levels of the other factors; pairs: all pairs of points. Points with names are "
+            "compared with the baseline by default."
         ),
     ] = "none"
     family: Annotated[
@@ -186,10 +196,15 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
 
     def __post_init__(self) -> None:
         msgspec.structs.force_setattr(self, "baseline", plain(self.baseline))
-        if self.comparisons == "baseline" and not self.baseline:
-            raise ValueError("comparisons with the baseline need a baseline")
-        if self.baseline is not None and self.comparisons != "baseline":
+        if isinstance(self.baseline, dict) and self.comparisons != "baseline":
             raise ValueError("baseline needs comparisons: baseline")
+
+    @property
+    def baseline_levels(self) -> Levels:
+        """The levels of the baseline by factor; {} without a baseline."""
+        if isinstance(self.baseline, str):
+            return {POINT_NAME: self.baseline}
+        return self.baseline or {}
 
 
 class Replications(ConfigSection, frozen=True, kw_only=True):
@@ -219,6 +234,17 @@ class Point(NamedTuple):
     number: int  # from 0, in the order of the study
     scenario: str  # name in the study
     levels: Levels  # by factor
+    change: Levels | None = None  # settings of a named point; None: the scenario as it is
+
+    @property
+    def name(self) -> str:
+        """The name; "" for a point without one."""
+        return str(self.levels.get(POINT_NAME, ""))
+
+    @property
+    def settings(self) -> Levels:
+        """The keys of the scenario that this point sets, with their values."""
+        return (self.change or {}) if self.name else self.levels
 
 
 class Study(ConfigSection, frozen=True, kw_only=True):
@@ -238,8 +264,18 @@ class Study(ConfigSection, frozen=True, kw_only=True):
     ] = None
     listed: Annotated[
         tuple[Levels, ...] | None,
-        Meta(description="A list of points {KEY: VALUE, ...}, instead of factors."),
+        Meta(
+            description="A list of points, instead of factors: with names, {name: NAME, set: {KEY: "
+            "VALUE, ...}}, or without, {KEY: VALUE, ...}."
+        ),
     ] = msgspec.field(name="points", default=None)
+    settings: Annotated[
+        Levels | None,
+        Meta(
+            description="Settings of the scenarios at all points, {KEY: VALUE, ...}; factors and "
+            "points come after them."
+        ),
+    ] = msgspec.field(name="set", default=None)
     replications: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | Replications,
         Meta(
@@ -303,6 +339,9 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         if self.design == "terminating" and (self.warm_up is not None or self.window is not None):
             key = "window" if self.warm_up is None else "warm_up"
             raise ValueError(f"{key} needs design: steady-state")
+        if self.is_named:
+            named = analysis_of_names(self.analysis or Analysis(), self.levels(POINT_NAME))
+            msgspec.structs.force_setattr(self, "analysis", named)
         if self.analysis and self.analysis.paired and not self.common_random_numbers:
             raise ValueError("common_random_numbers must be true because analysis.paired is true")
 
@@ -355,10 +394,17 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         return (self.scenario,) if isinstance(self.scenario, str) else self.scenario
 
     @property
+    def is_named(self) -> bool:
+        """Whether the points have names, which are then the levels of the only factor."""
+        return any(map(is_named, self.listed or ()))
+
+    @property
     def factor_names(self) -> tuple[str, ...]:
         """The keys that vary: columns of the results."""
         if self.factors is not None:
             return tuple(self.factors)
+        if self.is_named:
+            return (POINT_NAME,)
         return tuple(dict.fromkeys(key for levels in self.listed or () for key in levels))
 
     def levels(self, factor: str) -> tuple[Any, ...]:
@@ -368,7 +414,7 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         if self.factors is not None:
             return tuple(self.factors[factor])
         found: list[Any] = []
-        for levels in self.listed or ():
+        for levels in self._combinations():
             if factor in levels and levels[factor] not in found:
                 found.append(levels[factor])
         return tuple(found)
@@ -376,11 +422,13 @@ class Study(ConfigSection, frozen=True, kw_only=True):
     @property
     def points(self) -> tuple[Point, ...]:
         """The design points: every combination for each scenario; the last factor varies fastest."""
+        changes: list[Levels | None] = [None] * len(self._combinations())
+        if self.is_named:
+            changes = [entry.get("set") for entry in self.listed or ()]
+        each = zip(self._combinations(), changes, strict=True)
         return tuple(
-            Point(number, scenario, levels)
-            for number, (scenario, levels) in enumerate(
-                itertools.product(self.scenarios, self._combinations())
-            )
+            Point(number, scenario, *entry)
+            for number, (scenario, entry) in enumerate(itertools.product(self.scenarios, each))
         )
 
     @property
@@ -389,6 +437,8 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         return len(self.scenarios) * len(self._combinations()) * self.max_replications
 
     def _combinations(self) -> list[Levels]:
+        if self.is_named:
+            return [{POINT_NAME: entry.get("name", "")} for entry in self.listed or ()]
         if self.factors is None:
             return list(self.listed or ())
         names = list(self.factors)
@@ -401,6 +451,14 @@ class Study(ConfigSection, frozen=True, kw_only=True):
         Levels that are lists or mappings, or of several types, are stored as JSON text.
         """
         return {name: column_type(self.levels(name)) for name in self.factor_names}
+
+
+def analysis_of_names(analysis: Analysis, names: tuple[Any, ...]) -> Analysis:
+    """The analysis of points with names: against the baseline, unless all pairs are declared."""
+    if analysis.comparisons == "pairs":
+        return analysis
+    baseline = analysis.baseline or names[0]
+    return msgspec.structs.replace(analysis, comparisons="baseline", baseline=baseline)
 
 
 def shipped_studies() -> dict[str, Path]:
@@ -454,7 +512,10 @@ def checked_study(document: Document) -> Study:
         study = validated(document.data, Study)
     except InvalidValueError as error:
         raise document.error(error.keys, error.message) from None
-    for where, levels in _declared(study):
+    check_settings(document, ("set",), study.settings or {})
+    if study.is_named:
+        checked_changes(document, study.listed or ())
+    for where, levels in () if study.is_named else _declared(study):
         for key, value in levels.items():
             objection = check_factor(key)
             if objection:
@@ -465,7 +526,7 @@ def checked_study(document: Document) -> Study:
         text = f"the study has {study.runs:,} runs; the maximum is {MAX_STUDY_RUNS:,}"
         raise document.error(("replications",), text)
     if study.analysis is not None:
-        _check_baseline(document, study, study.analysis)
+        _check_analysis(document, study, study.analysis)
     _check_precision(document, study)
     return study
 
@@ -503,10 +564,45 @@ def _check_levels(document: Document, key: str, levels: Any) -> None:
             raise document.error((*keys, number), f"factors.{key} has {shown(level)} twice")
 
 
+def _check_analysis(document: Document, study: Study, analysis: Analysis) -> None:
+    keys: tuple[str, ...] = ("analysis", "comparisons")
+    if study.is_named:
+        _check_baseline_name(document, study, analysis)
+        return
+    if not analysis.metrics:
+        raise document.error(keys[:1], "the key 'metrics' is missing in analysis")
+    if isinstance(analysis.baseline, str):
+        text = (
+            f"analysis.baseline must be levels of factors such as {{fleet.robots: 4}}, found "
+            f"{shown(analysis.baseline)}; only points with names can be called by a name"
+        )
+        raise document.error(("analysis", "baseline"), text)
+    if analysis.comparisons == "baseline" and not analysis.baseline:
+        raise document.error(keys, "comparisons with the baseline need a baseline")
+    _check_baseline(document, study, analysis)
+
+
+def _check_baseline_name(document: Document, study: Study, analysis: Analysis) -> None:
+    """Check the baseline of points with names, and that they are compared."""
+    declared = document.data.get("analysis") or {}
+    if isinstance(declared, dict) and declared.get("comparisons") == "none":
+        text = "points with names are always compared: leave comparisons: none out"
+        raise document.error(("analysis", "comparisons"), text)
+    names, baseline, keys = study.levels(POINT_NAME), analysis.baseline, ("analysis", "baseline")
+    if isinstance(baseline, dict):
+        text = f"analysis.baseline must be the name of a point, found {shown(baseline)}"
+        raise document.error(keys, f"{text}; there are {', '.join(names)}")
+    if baseline is not None and analysis.comparisons == "pairs":
+        raise document.error(keys, "baseline needs comparisons: baseline")
+    if baseline is not None and baseline not in names:
+        text = f"the baseline '{baseline}' is not a point{nearest(baseline, names)}"
+        raise document.error(keys, f"{text}; there are {', '.join(names)}")
+
+
 def _check_baseline(document: Document, study: Study, analysis: Analysis) -> None:
     names = study.factor_names
     several = (SCENARIO_FACTOR,) if len(study.scenarios) > 1 else ()
-    for key, level in (analysis.baseline or {}).items():
+    for key, level in analysis.baseline_levels.items():
         keys = ("analysis", "baseline", key)
         if key not in (*names, *several):
             known = ", ".join((*names, *several))
@@ -527,11 +623,14 @@ def _same(one: Any, other: Any) -> bool:
 
 def study_schema() -> dict[str, Any]:
     """A JSON Schema (2020-12) for editors and other programs."""
-    (reference,), definitions = msgspec.json.schema_components(
-        (Study,), ref_template=SCHEMA_REFERENCE
+    (reference, named), definitions = msgspec.json.schema_components(
+        (Study, NamedPoint), ref_template=SCHEMA_REFERENCE
     )
-    mapping = definitions["Study"]["properties"]["factors"]["anyOf"][0]
+    properties = definitions["Study"]["properties"]
+    mapping = properties["factors"]["anyOf"][0]
     mapping["additionalProperties"] = {"type": "array", "minItems": 1}
+    points = properties["points"]["anyOf"][0]
+    points["items"] = {"anyOf": [named, {**points["items"], "not": {"required": ["name"]}}]}
     return {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "automaton study",

@@ -7,10 +7,11 @@ paths, and files outside the study's folder are not copied.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 import os
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -28,6 +29,7 @@ from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.scenario.validation import NumberRange, Place, convert
 from automaton.strategy import lookup
 from automaton.studies.inference.steady_state import MIN_OBSERVATIONS, MIN_REPLICATIONS, MSER_BATCH
+from automaton.studies.sweeps.named_changes import NamedChange, place_of
 from automaton.studies.sweeps.result_store import ROWS_FOLDER, STUDY_FILE, Copies
 from automaton.studies.sweeps.run_keys import (
     DRAWN_ELSEWHERE,
@@ -70,8 +72,8 @@ class SweepPlan(NamedTuple):
         return len(self.points) * self.manifest.replications
 
 
-def make_sweep_plan(study: str | Path | Study) -> SweepPlan:
-    """Check and plan a study, given by path, shipped name or as a Study. Raises InputError.
+def make_sweep_plan(study: str | Path | Study | Document) -> SweepPlan:
+    """Check and plan a study: a path, a shipped name, a Study or its document. Raises InputError.
 
     This imports the study's strategies, and therefore Numba.
     """
@@ -91,36 +93,88 @@ def resolved_study(
 
     Does not import Numba.
     """
-    document = study if isinstance(study, Document) else _document(study)
+    document = _document(study)
     declared = checked_study(document)
     scenarios = tuple(_resolved(document, declared, point) for point in declared.points)
+    _check_changes(document, declared, scenarios)
     seen: dict[str, Point] = {}
     for point, resolved in zip(declared.points, scenarios, strict=True):
         first = seen.setdefault(fingerprint(resolved), point)
         if first is not point:
             text = f"points {first.number} and {point.number} have the same runs: {describe_point(point)}"
+            if point.name:
+                text = f"'{first.name}' and '{point.name}' are the same scenario"
             raise document.error(_where(declared, point), text)
     declared = with_window_in_ticks(document, declared, scenarios)
     check_windows(document, declared, scenarios)
     return declared, document, scenarios
 
 
-def _document(study: str | Path | Study) -> Document:
-    return Document(data=_plain(study)) if isinstance(study, Study) else study_document(study)
+def _check_changes(document: Document, study: Study, scenarios: tuple[Resolved, ...]) -> None:
+    """Raise InputError for a named point whose settings change nothing."""
+    as_it_is: dict[str, str] = {}  # scenario -> fingerprint; "" if only its points can be run
+    for point, resolved in zip(study.points, scenarios, strict=True):
+        if point.change is None:
+            continue
+        if point.scenario not in as_it_is:
+            as_it_is[point.scenario] = ""
+            with contextlib.suppress(InputError):
+                unchanged = _resolved(document, study, Point(point.number, point.scenario, {}))
+                as_it_is[point.scenario] = fingerprint(unchanged)
+        if fingerprint(resolved) == as_it_is[point.scenario]:
+            keys = (*_where(study, point), "set")
+            raise document.error(keys, without_effect(point.name, point.scenario))
+
+
+def without_effect(name: str, scenario: str) -> str:
+    """The sentence about a named change that changes nothing."""
+    return (
+        f"'{name}' changes nothing: with these settings {scenario} is the same scenario; leave `set` out "
+        "for the scenario as it is"
+    )
+
+
+def resolve_changes(
+    scenario: str | Path, settings: Sequence[str | Override], changes: Sequence[NamedChange]
+) -> list[Resolved]:
+    """The scenario with some settings and each of the changes. Raises InputError.
+
+    Refuses a change without effect, with its file and line.
+    """
+    as_it_is = resolve(scenario, settings)
+    scenarios = []
+    for change in changes:
+        changed = resolve(scenario, (*settings, *change.overrides)) if change.settings else as_it_is
+        if change.settings is not None and fingerprint(changed) == fingerprint(as_it_is):
+            raise InputError(without_effect(change.name, str(scenario)), *change.place)
+        scenarios.append(changed)
+    return scenarios
+
+
+def _document(study: str | Path | Study | Document) -> Document:
+    if isinstance(study, Study):
+        return Document(data=_plain(study))
+    return study if isinstance(study, Document) else study_document(study)
 
 
 def _plain(study: Study) -> dict[str, Any]:
     data: dict[str, Any] = msgspec.to_builtins(study)
+    if study.analysis is not None and not study.analysis.metrics:
+        del data["analysis"]["metrics"]
     return {key: value for key, value in data.items() if value is not None}
 
 
 def _resolved(document: Document, study: Study, point: Point) -> Resolved:
     settings = [
+        Override(place_of(document, ("set", key)), keys_of(key), value)
+        for key, value in (study.settings or {}).items()
+    ]
+    settings += [
         Override(_place(document, study, point, key), keys_of(key), value)
-        for key, value in point.levels.items()
+        for key, value in point.settings.items()
     ]
     if study.warm_up is not None and study.warm_up != MSER:
-        argument = _at(document, ("warm_up",))
+        argument = place_of(document, ("warm_up",))
         settings.append(Override(argument, WARM_UP_KEYS, study.warm_up))
     file = scenario_file(document, point.scenario)
     try:
@@ -136,12 +190,15 @@ def _resolved(document: Document, study: Study, point: Point) -> Resolved:
     if study.design == "steady-state" and resolved.scenario.refine > 1:
         text = "a steady-state study cannot be refined: remove refine or design: steady-state"
         raise document.error(("design",), f"{text} (point {point.number}: {describe_point(point)})")
-    spelled = tuple(f"{key}={json.dumps(value)}" for key, value in point.levels.items())
+    every = {**(study.settings or {}), **point.settings}
+    spelled = tuple(f"{key}={json.dumps(value)}" for key, value in every.items())
     return replace(resolved, overrides=spelled)
 
 
 def describe_point(point: Point) -> str:
-    """A point in words: "tabletop-1, fleet.robots 3"."""
+    """A point in words: "tabletop-1, fleet.robots 3"; a named point: "tabletop-1, one robot more"."""
+    if point.name:
+        return f"{point.scenario}, {point.name}"
     levels = (
         f"{key} {level if isinstance(level, str) else json.dumps(level)}"
         for key, level in point.levels.items()
@@ -174,16 +231,11 @@ def _where(study: Study, point: Point) -> tuple[str | int, ...]:
 def _place(document: Document, study: Study, point: Point, key: str) -> str:
     """The place of a point's level in the study, for error messages."""
     if study.factors is None:
-        return _at(document, (*_where(study, point), key))
+        inner = ("set", key) if study.is_named else (key,)
+        return place_of(document, (*_where(study, point), *inner))
     levels = study.factors[key]
     index = next(i for i, level in enumerate(levels) if level is point.levels[key])
-    return _at(document, ("factors", key, index))
-
-
-def _at(document: Document, keys: tuple[str | int, ...]) -> str:
-    if document.root is None:
-        return ".".join(map(str, keys))
-    return f"{document.file}:{document.line(keys)}"
+    return place_of(document, ("factors", key, index))
 
 
 def with_window_in_ticks(
@@ -302,9 +354,9 @@ def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
     return study, scenarios
 
 
-def copies_of(study: str | Path | Study, plan: SweepPlan) -> Copies:
+def copies_of(study: str | Path | Study | Document, plan: SweepPlan) -> Copies:
     """The files that a plan uses, without the study file itself. Raises InputError."""
-    document = Document(data={}) if isinstance(study, Study) else study_document(study)
+    document = Document(data={}) if isinstance(study, Study) else _document(study)
     found: dict[str, Path] = {}
     for point, resolved in zip(plan.points, plan.scenarios, strict=True):
         name, file = Path(point.scenario), scenario_file(document, point.scenario)

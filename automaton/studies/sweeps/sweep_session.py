@@ -224,7 +224,7 @@ def difference(before: Manifest, now: Manifest) -> str:
             becomes = describe_point(Point(number, new.scenario, new.levels))
             return f"holds results of other points: point {number} was {point} and is now {becomes}"
         if old.fingerprint != new.fingerprint:
-            return f"holds results of other scenarios: {point} has changed (its file or its floor)"
+            return f"holds results of other scenarios: {point} has changed (its file, its floor or `set`)"
     if now.replications < before.replications:
         return f"holds {before.replications} replications; the study asks for fewer"
     return ""

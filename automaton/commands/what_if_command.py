@@ -1,0 +1,206 @@
+"""Compare changes of a scenario with the scenario as it is, in pairs of runs with the same seed.
+
+Exit code 0: compared; 1: some runs failed; 2: bad input; 130: stopped by Ctrl-C; 143: by SIGTERM.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import shlex
+import tempfile
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Final
+
+from automaton.commands.arguments import (
+    add_output_arguments,
+    add_refinement_arguments,
+    add_scenario_arguments,
+    add_timeout_argument,
+    add_workers_argument,
+    note,
+    output_of,
+    print_warnings,
+    settings_of,
+    whole,
+)
+from automaton.commands.sweep_command import progress
+from automaton.documents.report_document import Heading, ReportDocument, Text
+from automaton.scenario.document import Override, parse_setting
+from automaton.units import count
+from automaton.world.scenario_warnings import scenario_warnings
+
+if TYPE_CHECKING:
+    from automaton.scenario.schema import Scenario
+    from automaton.studies.reports.build_report import StudyReport
+    from automaton.studies.sweeps.sweep_plan import SweepPlan
+    from automaton.studies.sweeps.sweep_session import SweepResult
+    from automaton.world.resolved import Resolved
+
+FIXED_KEYS: Final = ("name", "summary", "seed")  # settings that are part of the study itself
+MAX_PAIRS: Final = 1_000_000
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of `automaton what-if`."""
+    add_scenario_arguments(parser)
+    add = parser.add_argument
+    text = "a YAML file that lists the changes, each as {name: NAME, set: {KEY: VALUE, ...}}"
+    add("changes", type=Path, metavar="CHANGES", help=text)
+    add_refinement_arguments(parser)
+    add(
+        "--pairs",
+        type=whole("a number of pairs", 2, MAX_PAIRS),
+        default=20,
+        metavar="N",
+        help="run each change with the same N seeds as the scenario as it is (default: 20)",
+    )
+    add(
+        "--metric",
+        action="append",
+        dest="metrics",
+        metavar="NAME",
+        help="compare this metric; may be repeated (default: throughput, lead_time, lead_time_p95 and "
+        "late_share, where measured)",
+    )
+    add_workers_argument(parser, 1024)
+    text = "keep the results in this folder; the same command then does only the missing runs"
+    add("--out", type=Path, metavar="DIR", help=text)
+    add(
+        "--recompute",
+        action="store_true",
+        help="with --out, ignore results of other code or of other changes in the folder",
+    )
+    add_timeout_argument(parser)
+    add_output_arguments(parser, "--report")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run all pairs, compare, print."""
+    output = output_of(args, "--report")
+    settings = settings_of(args)
+    from automaton.studies.reports.build_report import read_report
+    from automaton.studies.sweeps import pools
+    from automaton.studies.sweeps.named_changes import what_if_study
+    from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
+    from automaton.studies.sweeps.sweep_session import sweep_into
+    from automaton.world.resolve import resolve
+
+    base = resolve(args.scenario, settings, args.seed).unrefined
+    print_warnings(base)
+    keys = study_keys(args, base.scenario, levels_of(settings))
+    study = what_if_study(args.changes, keys, asked_metrics(args))
+    plan = make_sweep_plan(study)
+    warn_of_changes(plan, base)
+    with folder_of(args.out) as folder:
+        with progress(args.out) as listener:
+            swept = sweep_into(
+                folder,
+                plan,
+                lambda: pools.LocalPool(args.workers),
+                args.recompute,
+                listener.begin,
+                listener.rows,
+                copies=copies_of(study, plan),
+                patience=args.strategy_timeout,
+            )
+        report = read_report(swept.store)
+    output.write(
+        lambda: document_of(report, args.out),
+        lambda: as_json(report, swept, args.out),
+    )
+    if swept.failed:
+        note(f"{count(swept.failed, 'run')} failed; the caveats say why")
+    return 1 if swept.failed else 0
+
+
+def warn_of_changes(plan: SweepPlan, base: Resolved) -> None:
+    """Print the warnings that a change adds to those of the scenario."""
+    known = set(scenario_warnings(base))
+    for point, resolved in zip(plan.points, plan.scenarios, strict=True):
+        for warning in scenario_warnings(resolved.unrefined):
+            if warning not in known:
+                note(f"{point.name}: warning: {warning}")
+
+
+def study_keys(
+    args: argparse.Namespace, base: Scenario, settings: dict[str, Any]
+) -> dict[str, Any]:
+    """The keys of the study, without its points."""
+    path = Path(args.scenario)
+    is_elsewhere = path.is_file() and ".." in path.parts  # a results folder may be anywhere
+    return {
+        "name": f"{base.name}: what if",
+        "scenario": os.path.abspath(path) if is_elsewhere else args.scenario,
+        **({"set": settings} if settings else {}),
+        "replications": args.pairs,
+        "seed": base.seed,
+        **({"analysis": {"metrics": args.metrics}} if args.metrics else {}),
+    }
+
+
+def levels_of(settings: Sequence[str | Override]) -> dict[str, Any]:
+    """The settings of the command line by key; those that no run depends on are left out."""
+    levels: dict[str, Any] = {}
+    for setting in settings:
+        one = parse_setting(setting) if isinstance(setting, str) else setting
+        key = ".".join(map(str, one.keys))
+        levels.pop(key, None)  # the last of equal keys counts, in its place
+        if key not in FIXED_KEYS:
+            levels[key] = one.value
+    return levels
+
+
+def asked_metrics(args: argparse.Namespace) -> list[Override]:
+    """The metrics of the command line, for errors about them."""
+    return [
+        Override(f"--metric {name}", ("analysis", "metrics", number), name)
+        for number, name in enumerate(args.metrics or [])
+    ]
+
+
+@contextlib.contextmanager
+def folder_of(out: Path | None) -> Iterator[Path]:
+    """The results folder; without one, a temporary folder that is removed at the end."""
+    if out is not None:
+        yield out
+        return
+    with tempfile.TemporaryDirectory(prefix="automaton-what-if-") as folder:
+        yield Path(folder)
+
+
+def document_of(report: StudyReport, out: Path | None) -> ReportDocument:
+    """The comparison as a document."""
+    from automaton.studies.reports.what_if import what_if_page
+
+    title = report.results.study.name
+    document = ReportDocument(title, [Heading(title, 1)])
+    document.add(*what_if_page(report.results, report.compared, report.notes))
+    if out is not None:
+        command = f"automaton report {shlex.quote(str(out))}"
+        document.add(Text(f"All runs are in {out}; `{command}` shows further tables."))
+    return document
+
+
+def as_json(report: StudyReport, swept: SweepResult, out: Path | None) -> dict[str, Any]:
+    """The comparison as one object, in the units of the runs."""
+    from automaton.studies.reports.export import point_keys
+    from automaton.studies.reports.what_if import what_if_records
+
+    results = report.results
+    return {
+        "study": results.study.name,
+        "scenario": results.study.scenario,
+        "out": None if out is None else str(out),
+        "seed": results.study.seed,
+        "pairs": results.study.max_replications,
+        "set": results.study.settings or {},
+        "baseline": results.analysis.baseline,
+        "points": [point_keys(point) for point in results.points],
+        "what_if": list(what_if_records(results, report.compared)),
+        "remarks": report.notes,
+        "existing": swept.begun.done,
+        "failed": swept.failed,
+    }

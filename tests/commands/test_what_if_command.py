@@ -1,0 +1,151 @@
+"""`automaton what-if`: a list of changes against the scenario as it is, with and without a folder."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from pathlib import Path
+
+import pytest
+from sweep_studies import OwnThread
+
+from automaton.commands import main
+from automaton.studies.sweeps import pools
+from automaton.studies.sweeps.result_store import Store
+
+pytest.importorskip("pyarrow")
+
+CHANGES = """- {name: one robot fewer, set: {fleet.robots: 2}}
+- {name: slower turns, set: {durations.turn: 40, durations.pick: 15}}
+- {name: earlier retreat, set: {strategy.right_of_way: {name: retreat, max_retries: 2}}}
+"""
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder with the list of changes; runs are in this process, temporary files in `temporary`."""
+    (tmp_path / "changes.yaml").write_text(CHANGES)
+    (tmp_path / "temporary").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(pools, "LocalPool", OwnThread)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    return tmp_path
+
+
+def asked(capsys: pytest.CaptureFixture[str], *options: str) -> tuple[int, str, str]:
+    """Exit code and what was printed."""
+    capsys.readouterr()
+    code = main(["what-if", "tabletop-mini", "changes.yaml", *options])
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def test_the_answer_names_every_change_with_its_verdict(
+    capsys: pytest.CaptureFixture[str], here: Path
+) -> None:
+    code, said, noted = asked(capsys, "--metric", "makespan", "--pairs", "6")
+    assert (code, noted) == (0, "")
+    assert "What do 3 changes do to makespan, compared with today? 6 pairs of runs" in said
+    assert "- slower turns: worse: makespan +" in said
+    assert "- earlier retreat: same runs as today in makespan." in said
+    assert "durations.pick" in said.partition("What was changed")[2]
+    assert list((here / "temporary").iterdir()) == []
+
+
+def test_a_folder_keeps_the_runs_and_the_same_command_resumes(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    options = ("--out", "kept", "--metric", "makespan", "--json")
+    code, said, _ = asked(capsys, *options, "--pairs", "2")
+    first = json.loads(said)
+    assert code == 0 and first["existing"] == 0 and first["out"] == "kept"
+    code, said, _ = asked(capsys, *options, "--pairs", "3")
+    more = json.loads(said)
+    assert code == 0 and more["existing"] == 8 and more["pairs"] == 3
+    assert len(Store("kept").rows()) == 12
+    assert asked(capsys, *options, "--pairs", "2")[2].endswith("the study asks for fewer; use another "
+        "folder, or --recompute to ignore rows of other code, scenarios or seeds\n")  # fmt: skip
+    code, said, _ = asked(capsys, *options, "--pairs", "2", "--recompute")
+    assert code == 0 and json.loads(said)["what_if"] == first["what_if"]
+    assert main(["report", "kept"]) == 0
+    assert "slower turns" in capsys.readouterr().out
+    assert main(["sweep", "kept/study.yaml", "--out", "kept"]) == 0
+
+
+def test_settings_of_the_command_line_hold_for_the_baseline_and_for_all_changes(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    settings = ("--set", "durations.drop=30", "--set", "seed=5", "--set", "fleet.robots=1")
+    code, said, _ = asked(capsys, "--pairs", "2", "--json", *settings)
+    found = json.loads(said)
+    assert code == 0 and found["seed"] == 5
+    assert found["set"] == {"durations.drop": 30, "fleet.robots": 1}
+    assert [one["name"] for one in found["points"]] == [
+        "today",
+        "one robot fewer",
+        "slower turns",
+        "earlier retreat",
+    ]
+    assert found["what_if"][0]["metric"] == "throughput"
+    assert asked(capsys, "--set", "fleet.robot=1")[2].startswith(
+        "automaton: --set fleet.robot=1: unknown key 'robot'"
+    )
+    code, _, noted = asked(capsys, "--set", "fleet.robots=2")
+    assert code == 2 and "changes.yaml:1: 'one robot fewer' changes nothing" in noted
+
+
+def test_a_refined_tick_does_not_change_what_is_asked(capsys: pytest.CaptureFixture[str]) -> None:
+    code, said, _ = asked(capsys, "--pairs", "2", "--refine", "2", "--metric", "makespan", "--json")
+    fine = json.loads(said)
+    code, said, _ = asked(capsys, "--pairs", "2", "--metric", "makespan", "--json")
+    coarse = json.loads(said)
+    assert code == 0 and fine["set"] == {"refine": 2}
+    for one, other in zip(fine["what_if"], coarse["what_if"], strict=True):
+        assert one["mean"] == pytest.approx(other["mean"], rel=0.3)
+
+
+def test_a_warning_of_a_change_names_it(capsys: pytest.CaptureFixture[str], here: Path) -> None:
+    (here / "changes.yaml").write_text("- {name: slower, set: {durations.turn: 1.3 s}}\n")
+    capsys.readouterr()
+    assert main(["what-if", "crossing", "changes.yaml", "--pairs", "2", "--metric=makespan"]) == 0
+    noted = capsys.readouterr().err
+    assert "automaton: slower: warning: durations.turn 1.3 s: 2.6 ticks -> 3" in noted
+
+
+def test_a_metric_that_no_run_has_is_refused_before_anything_runs(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    code, _, noted = asked(capsys, "--metric", "makespan", "--metric", "lead_tim")
+    assert code == 2 and noted.startswith("automaton: --metric lead_tim: no metric is called")
+    code, _, noted = asked(capsys, "--metric", "lead_time")
+    assert code == 2 and noted.startswith("automaton: --metric lead_time: no point")
+
+
+@pytest.mark.parametrize("name", ["answer.html", "answer.md", "answer.json", "answer.xlsx"])
+def test_the_answer_can_be_a_file(
+    name: str, capsys: pytest.CaptureFixture[str], here: Path
+) -> None:
+    code, said, noted = asked(capsys, "--pairs", "2", "--report", name)
+    assert (code, said) == (0, "") and noted == f"automaton: wrote {name}\n"
+    assert (here / name).stat().st_size > 1000
+
+
+def test_a_scenario_and_its_files_are_copied_into_the_folder(
+    capsys: pytest.CaptureFixture[str], here: Path
+) -> None:
+    site = here / "site"
+    site.mkdir()
+    (site / "floor.txt").write_text("b>>>>>v#\nb^ssssvd\nb====.=d\nb^ssssvd\n#^<<<<.#\n")
+    (site / "wider.txt").write_text("b>>>>>>v#\nb^sssssvd\nb=====.=d\nb^sssssvd\n#^<<<<<.#\n")
+    (site / "own.yaml").write_text(
+        "name: own\nlayout: {file: floor.txt}\nfleet: {robots: 2, kinematics: differential}\n"
+        "orders: {generator: full-shelves}\nstrategy: {allocation: independent}\n"
+        "stop: {when: parked, max_duration: 20000}\n"
+    )
+    (here / "changes.yaml").write_text("- {name: wider, set: {layout.file: wider.txt}}\n")
+    capsys.readouterr()
+    command = ["what-if", "site/own.yaml", "changes.yaml", "--pairs", "2", "--out", "kept"]
+    code = main(command)
+    assert code == 0, capsys.readouterr().err
+    assert (here / "kept/site/own.yaml").exists()
+    assert {path.name for path in (here / "kept/site").iterdir()} >= {"floor.txt", "wider.txt"}

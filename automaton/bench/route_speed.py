@@ -20,7 +20,7 @@ from automaton.bench.measurement import (
     open_floor,
     scene,
 )
-from automaton.engine.state import ACTION_MOVE, GOAL_CHARGE, NIL, Array, World
+from automaton.engine.state import ACTION_MOVE, GOAL_PICK, NIL, Array, World
 from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
 from automaton.runs.simulation import Simulation
 
@@ -80,8 +80,8 @@ def give_routes(world: World, width: int, steps: int) -> None:
     robots.route[:, :steps] = ring(width)[(position[:, None] + ahead) % (2 * width)]
     robots.route_length[:] = steps
     robots.route_index[:] = 0
-    # A goal without a task: no decisions are needed on the way.
-    robots.goal_type[:] = GOAL_CHARGE
+    # A goal that is nowhere: no decisions are needed on the way.
+    robots.goal_type[:] = GOAL_PICK
     robots.goal_cell[:] = NIL
 
 
@@ -139,6 +139,6 @@ def seconds_of_observing(simulation: Simulation, ticks: int, seed: int | None) -
         draws = np.random.default_rng(seed).integers(0, 4, (len(robots.cell), ticks))
         robots.route[:, :ticks] = draws
         robots.route_length[:], robots.route_index[:] = ticks, 0
-        robots.goal_type[:], robots.goal_cell[:] = GOAL_CHARGE, NIL
+        robots.goal_type[:], robots.goal_cell[:] = GOAL_PICK, NIL
     until = simulation.tick + ticks
     return cpu_seconds(lambda: simulation.run(until))

@@ -37,6 +37,7 @@ from automaton.units import count, shown_unit
 from automaton.world.bounds import bounds_in_words
 from automaton.world.capabilities import default_right_of_way
 from automaton.world.conversion_table import conversion_lines, plain_number_line
+from automaton.world.order_feasibility import arrivals_in_words
 from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import misfits, scenario_warnings
 
@@ -121,7 +122,13 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
     with Reading(document).placing_errors():
         refuse(misfits(resolved))
     plain = plain_number_line(document.data, as_read.scenario.units.scale)
-    more = (*resolved.file_notes, *conversion_lines(as_read), plain, *bounds_in_words(resolved))
+    more = (
+        *resolved.file_notes,
+        *arrivals_in_words(as_read.scenario),
+        *conversion_lines(as_read),
+        plain,
+        *bounds_in_words(resolved),
+    )
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
     show(lines, args)
     print_warnings(resolved)

@@ -1,4 +1,4 @@
-"""Orders in files: transports and lines as tables, tasks as text.
+"""Orders in files: transports, lines and rates by hour as tables, tasks as text.
 
     released,from,to            released;pod;sku;station;units            # tasks of two cells
     0,rack-7,packing            07:31;12;;P1;2                            2
@@ -14,9 +14,10 @@ The rows become a list in the scenario, so recordings need no further files.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 import msgspec
 import numpy as np
@@ -24,6 +25,14 @@ from numpy.typing import NDArray
 
 from automaton.errors import InputError, Keys, nearest
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.arrivals import (
+    HOURS_OF_DAY,
+    MAX_RATE,
+    WEEKDAYS,
+    HourlyRate,
+    hour_text,
+    missing_hours,
+)
 from automaton.scenario.carried_pods import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.changing_floor import Cell
 from automaton.scenario.document import Document
@@ -37,9 +46,18 @@ from automaton.scenario.orders import (
 )
 from automaton.scenario.quantities import DueAt, Scale
 from automaton.scenario.schema import Scenario
-from automaton.scenario.table_fields import NO_DUE, NOTHING
+from automaton.scenario.table_fields import (
+    NO_DUE,
+    NOTHING,
+    Column,
+    ColumnNames,
+    NumberField,
+    TableOptions,
+    column,
+)
 from automaton.scenario.table_files import names_of_cells
 from automaton.scenario.table_reader import (
+    NO_TIMES,
     ReadFile,
     TableColumns,
     file_warnings,
@@ -60,6 +78,8 @@ from automaton.scenario.text_files import (
 TRANSPORTS_KEY: Final[Keys] = ("orders", "transports", "file")
 LINES_KEY: Final[Keys] = ("orders", "lines", "file")
 TASKS_KEY: Final[Keys] = ("orders", "tasks")
+PROFILE_KEY: Final[Keys] = ("orders", "arrivals", "profile")
+RATE: Final = re.compile(r"[0-9]{1,9}(?:[.,][0-9]{1,9})?")
 
 Array = NDArray[np.int32]
 
@@ -218,6 +238,72 @@ def _pods_of_rows(table: TableColumns, numbers: dict[str, int], skus: Collection
         says += "; a line without a pod needs a SKU in a separate column"
     table.refuse("empty", "pod", empty, lambda row: says)
     return numbered
+
+
+class RateColumns(ColumnNames, frozen=True, kw_only=True):
+    """The columns of a file of rates by the hour of the week."""
+
+    rows, may_rename = "rates", False
+    needed = ((("weekday",),), (("hour",),), (("orders",),))
+
+    weekday: Annotated[
+        Column, column("The day, 1 to 7 from Monday.", NumberField, least=1, most=WEEKDAYS)
+    ] = None
+    hour: Annotated[
+        Column, column("The hour, 0 to 23.", NumberField, least=0, most=HOURS_OF_DAY - 1)
+    ] = None
+    orders: Annotated[
+        Column, column("Mean number of orders that arrive in the hour.", is_required=True)
+    ] = None
+
+
+def with_rates_of_file(
+    document: Document, scenario: Scenario
+) -> tuple[Document, Scenario, ReadFile | None]:
+    """The scenario with the rates of the file of its profile as a list. Raises InputError."""
+    arrivals = scenario.orders.arrivals
+    if arrivals is None or not isinstance(arrivals.profile, str):
+        return document, scenario, None
+    path = named_file(document, PROFILE_KEY, RateColumns.rows, arrivals.profile)
+    table = read_table(path, RateColumns, TableOptions(file=path.name))
+    rates = _rates(table)
+    day_and_hour = zip(table.values["weekday"].tolist(), table.values["hour"].tolist(), strict=True)
+    profile = tuple(
+        HourlyRate(weekday=weekday, hour=hour, orders=rate)
+        for (weekday, hour), rate in zip(day_and_hour, rates, strict=True)
+    )
+    change = msgspec.structs.replace
+    orders = change(scenario.orders, arrivals=change(arrivals, profile=profile))
+    document = with_rows(document, PROFILE_KEY, table.path, table.lines)
+    file = ReadFile(str(path.resolve()), table.content_hash, tuple(reading_notes(table, NO_TIMES)))
+    return document, change(scenario, orders=orders), file
+
+
+def _rates(table: TableColumns) -> list[float]:
+    """The rate in each row; every hour of a day that appears has one. Raises InputError."""
+    values, column, texts = table.values, table.column_of["orders"], table.names["orders"]
+    written = [texts[code] if code != NOTHING else "" for code in values["orders"].tolist()]
+    plain = [text.replace(",", ".") if RATE.fullmatch(text) else "" for text in written]
+    is_bad = np.array([not text or float(text) > MAX_RATE for text in plain])
+    is_bad &= values["orders"] != NOTHING
+
+    def is_no_rate(row: int) -> str:
+        return f"{column} must be a number from 0 to {MAX_RATE:,}, found {quoted(written[row])}"
+
+    hours = (values["weekday"].astype(np.int64) - 1) * HOURS_OF_DAY + values["hour"]
+    table.refuse("number", "orders", is_bad, is_no_rate)
+    table.errors.raise_any()
+    table.refuse_again(
+        "hour",
+        hours,
+        lambda row, line: f"{hour_text(int(hours[row]))} appears twice (first in line {line})",
+    )
+    table.errors.raise_any()
+    for day, hour in missing_hours(hours.tolist()):
+        line = int(table.lines[hours // HOURS_OF_DAY == day][0])
+        text = f"weekday {day + 1} has no row for hour {hour}; write 0 if no orders arrive in it"
+        raise InputError(text, table.path, line)
+    return [float(text) for text in plain]
 
 
 class TaskFile(NamedTuple):

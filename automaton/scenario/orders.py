@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal
 from msgspec import Meta, field
 
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF, STATION
+from automaton.scenario.arrivals import Arrivals, MeanTime
 from automaton.scenario.quantities import (
     GAP,
     TIME,
@@ -279,52 +280,6 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
             )
 
 
-class Mean(ConfigSection, frozen=True, kw_only=True):
-    """A random whole number from 1 on, geometrically distributed."""
-
-    mean: Annotated[float, Meta(ge=1, le=1_000_000, description="The mean of the number.")]
-
-
-class MeanTime(ConfigSection, frozen=True, kw_only=True):
-    """A random number of ticks from 1 on, geometrically distributed (memoryless)."""
-
-    mean: Annotated[float, quantity(GAP, ge=1, le=1_000_000, description="The mean of the number.")]
-
-
-class Bursts(ConfigSection, frozen=True, kw_only=True):
-    """Orders are released in bursts, the first one at the start."""
-
-    size: Annotated[
-        Annotated[int, Meta(ge=1, le=1_000_000)] | Mean,
-        Meta(description="Orders of a burst: a fixed number, or random with this mean."),
-    ]
-    every: Annotated[
-        Annotated[int, quantity(GAP, ge=1, le=1_000_000)] | MeanTime,
-        Meta(
-            description="Ticks from one burst to the next: a fixed number, or random with this mean."
-        ),
-    ]
-
-
-class ClosedLoop(ConfigSection, frozen=True, kw_only=True):
-    """A closed loop: each delivery releases the next order, one tick later."""
-
-    in_system: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="Number of open orders, until no order is left.")
-    ]
-
-
-class Arrivals(ConfigSection, frozen=True, kw_only=True):
-    """How orders are released: in bursts or in a closed loop."""
-
-    bursts: Bursts | None = None
-    closed_loop: ClosedLoop | None = None
-
-    def __post_init__(self) -> None:
-        if (self.bursts is None) == (self.closed_loop is None):
-            raise ValueError("arrivals must have either bursts or closed_loop")
-
-
 class WeightRange(ConfigSection, frozen=True, kw_only=True):
     """A range of weights; each order draws one, uniformly distributed."""
 
@@ -501,7 +456,10 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = 1
     count: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
-        Meta(description="Number of orders of a generator."),
+        Meta(
+            description="Number of orders of a generator; with a profile of arrivals the greatest "
+            "number, which may be left out."
+        ),
     ] = None
     mean_interarrival_time: Annotated[
         float,
@@ -516,7 +474,10 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = 0.0
     arrivals: Annotated[
         Arrivals | None,
-        Meta(description="How orders are released: in bursts or in a closed loop."),
+        Meta(
+            description="How orders are released: in bursts, in a closed loop, or by the hour of the "
+            "week."
+        ),
     ] = None
     weight: Annotated[
         Weight | WeightRange,
@@ -597,7 +558,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             raise ValueError("lines must hold at least one line")
         if self.listed is not None and not self.listed:
             raise ValueError("list must hold at least one order")
-        if self.generator in DRAWN_GENERATORS and self.count is None:
+        needs_count = self.generator in DRAWN_GENERATORS and not self.follows_profile
+        if needs_count and self.count is None:
             raise ValueError(f"the generator {self.generator} needs a count of orders")
         if self.generator not in DRAWN_GENERATORS and self.count is not None:
             raise ValueError(f"count belongs to the generators {', '.join(DRAWN_GENERATORS)}")
@@ -628,7 +590,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     def _check_arrivals(self) -> None:
         if self.generator is None and self.mean_interarrival_time:
             raise ValueError("mean_interarrival_time belongs to generators of orders")
-        if self.generator is None and self.arrivals is not None:
+        if self.arrivals is not None and not self._may_arrive:
             raise ValueError("arrivals belong to generators of orders")
         if self.mean_interarrival_time and self.arrivals is not None:
             raise ValueError("set either mean_interarrival_time or arrivals, not both")
@@ -636,6 +598,28 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             raise ValueError(
                 "mean_interarrival_time must be 0 or at least 1: at most one order arrives per tick"
             )
+
+    @property
+    def _may_arrive(self) -> bool:
+        """Whether arrivals may be set: random lines of pods may follow a profile."""
+        lines = self.lines
+        is_open = isinstance(lines, LineDemand) and lines.drawn and not lines.mean_interarrival_time
+        return self.generator is not None or bool(is_open and self.follows_profile)
+
+    @property
+    def follows_profile(self) -> bool:
+        """Whether orders arrive at the rates of a profile."""
+        return self.arrivals is not None and self.arrivals.profile is not None
+
+    @property
+    def has_random_count(self) -> bool:
+        """Whether the number of orders is random: those that arrive during the run."""
+        return self.follows_profile and self.generator in DRAWN_GENERATORS
+
+    @property
+    def least_count(self) -> int:
+        """The number of orders of a generator, or 1 if it is random."""
+        return 1 if self.has_random_count else self.count or 0
 
     def in_system(self, robots: int) -> int:
         """Return the number of open orders of a closed loop with this number of robots, else 0."""

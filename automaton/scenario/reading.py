@@ -16,6 +16,7 @@ from automaton.scenario.floor_section import Floor, floor_of
 from automaton.scenario.order_files import (
     with_lines_of_file,
     with_orders_of_file,
+    with_rates_of_file,
     with_tasks_of_file,
 )
 from automaton.scenario.order_lines import plain_data
@@ -52,6 +53,7 @@ class Reading:
         self.order_file: ReadFile | None = None  # of orders, or of their lines
         self.start_file: ReadFile | None = None
         self.task_file: ReadFile | None = None
+        self.rate_file: ReadFile | None = None
         self.duration_files: list[ReadFile] = []
 
     @contextmanager
@@ -77,6 +79,7 @@ class Reading:
         self.document, self.pod_file = with_pods_of_file(self.document)
         scenario = self.scenario()
         self.document, scenario, self.order_file = with_orders_of_file(self.document, scenario)
+        self.document, scenario, self.rate_file = with_rates_of_file(self.document, scenario)
         self.document, scenario, self.start_file = with_starts_of_file(self.document, scenario)
         scenario, self.duration_files = with_durations_of_files(self.document, scenario)
         return scenario
@@ -107,7 +110,7 @@ class Reading:
     def files(self) -> tuple[tuple[str, str], ...]:
         """The files that were read: path, 16 hex digits of content."""
         files = (self.location_file, self.pod_file, self.order_file, self.start_file)
-        every = (*files, self.task_file, *self.duration_files)
+        every = (*files, self.task_file, self.rate_file, *self.duration_files)
         return tuple((file.path, file.content_hash) for file in every if file is not None)
 
 

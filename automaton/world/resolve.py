@@ -84,7 +84,7 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
         conversions=reading.conversions,
         file_notes=tuple(
             note
-            for file in (reading.pod_file, order_file)
+            for file in (reading.pod_file, order_file, reading.rate_file)
             if file is not None
             for note in file.notes
         ),

@@ -123,6 +123,7 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
         refuse(misfits(resolved))
     plain = plain_number_line(document.data, as_read.scenario.units.scale)
     more = (
+        *([f"seed {as_read.scenario.seed}: {day}"] if (day := resolved.day_in_words) else []),
         *resolved.file_notes,
         *arrivals_in_words(as_read.scenario),
         *conversion_lines(as_read),

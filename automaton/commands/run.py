@@ -238,6 +238,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "scenario": resolved.scenario.name,
         "seed": resolved.scenario.seed,
         **refinement_of(resolved),
+        **({"order_file": resolved.days[resolved.day].name} if resolved.day_pattern else {}),
         "finished": outcome.finished,
         "stopped": outcome.stopped,
         "ticks": outcome.ticks,

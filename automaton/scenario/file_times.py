@@ -8,6 +8,7 @@
 
 Without units.clock the earliest time is tick 0. For times without an offset every day has 24 hours. Rows
 released before tick 0 are known from the start; rows due before their release are late from the start.
+Where a run has one of several files, the day of its earliest release is taken for that of units.clock.
 Files of running warehouses have both, so both are counted.
 """
 
@@ -221,6 +222,15 @@ def start_of_clock(clock: ClockTime) -> Start:
     return Start(of_form)
 
 
+def start_of_day(clock: ClockTime, form: int, earliest: int) -> Start:
+    """The time of units.clock on the day of the earliest time of a file; `form`: of that time."""
+    day = SECONDS_OF_DAY * MICRO
+    offset = MICRO * (clock.offset or 0)
+    midnight = (earliest + offset) // day * day - offset
+    since_midnight = int(clock.seconds * MICRO)
+    return Start({BARE: since_midnight, form: midnight + since_midnight})
+
+
 def misplaced(text: str, form: int, start: Start, has_clock: bool) -> str:
     """Describe a time of a form in which tick 0 is not known."""
     if form == OFFSET:
@@ -280,6 +290,7 @@ class TimeReader:
     scale: Scale
     counts: ReadingCounts
     refuse: Refuse
+    has_own_day: bool = False  # the day of units.clock is that of the earliest release
 
     def read(self, name: str, column: TextColumn) -> TimeColumn:
         """The times of a column, from the texts in its rows."""
@@ -308,8 +319,13 @@ class TimeReader:
 
     def start_of(self, released: TimeColumn) -> Start:
         """The time of tick 0: of units.clock, else the earliest release in the form of the first."""
-        if self.scale.clock is not None:
-            return start_of_clock(self.scale.clock)
+        clock = self.scale.clock
+        if clock is not None:
+            known = OFFSET if clock.offset is not None else DATED
+            dated = np.flatnonzero(released.uses(known)).tolist()
+            if self.has_own_day and dated:
+                return start_of_day(clock, known, min(released.values[code] for code in dated))
+            return start_of_clock(clock)
         form = next(
             (form for form in released.forms[released.column.codes].tolist() if form), TICKS
         )

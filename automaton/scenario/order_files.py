@@ -14,6 +14,8 @@ The rows become a list in the scenario, so recordings need no further files.
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
@@ -42,6 +44,7 @@ from automaton.scenario.orders import (
     LineColumns,
     LineDemand,
     OrderLine,
+    Orders,
     TransportColumns,
 )
 from automaton.scenario.quantities import DueAt, Scale
@@ -61,6 +64,7 @@ from automaton.scenario.table_reader import (
     ReadFile,
     TableColumns,
     file_warnings,
+    matching_files,
     named_file,
     read_table,
     reading_notes,
@@ -84,14 +88,39 @@ RATE: Final = re.compile(r"[0-9]{1,9}(?:[.,][0-9]{1,9})?")
 Array = NDArray[np.int32]
 
 
-def with_orders_of_file(
-    document: Document, scenario: Scenario
-) -> tuple[Document, Scenario, ReadFile | None]:
-    """The scenario with the orders of its file as a list, if it names one. Raises InputError."""
+class Day(NamedTuple):
+    """A file of orders or lines that was read for a scenario."""
+
+    file: ReadFile
+    orders: Orders
+    key: str  # hash of its content and of how it was read
+
+    @property
+    def name(self) -> str:
+        """The name of the file, without its folder."""
+        return Path(self.file.path).name
+
+
+def files_of_orders(document: Document, scenario: Scenario) -> tuple[Path, ...]:
+    """The files of transports that a scenario names; () if it has none. Raises InputError."""
     transports = scenario.orders.transports
     if transports is None:
-        return document, scenario, None
-    path = named_file(document, TRANSPORTS_KEY, TransportColumns.rows, transports.file)
+        return ()
+    return matching_files(document, TRANSPORTS_KEY, TransportColumns.rows, transports.file)
+
+
+def files_of_lines(document: Document, scenario: Scenario) -> tuple[Path, ...]:
+    """The files of lines that a scenario names; () if it has none. Raises InputError."""
+    demand = scenario.orders.lines
+    if not isinstance(demand, LineDemand) or demand.file is None:
+        return ()
+    return matching_files(document, LINES_KEY, LineColumns.rows, demand.file)
+
+
+def day_of_orders(document: Document, scenario: Scenario, path: Path) -> tuple[Day, Document]:
+    """The transports of a file as a list of orders, and the document with its rows. Raises InputError."""
+    transports = scenario.orders.transports
+    assert transports is not None, "the scenario has a file of transports"
     names = names_of_cells(document)
     known = {name: number for number, name in enumerate(names)}
     table = read_table(
@@ -115,7 +144,15 @@ def with_orders_of_file(
         scenario.orders, transports=None, listed=_transports(table, list(names.values()))
     )
     file = _read_file(path, table, scenario.units.scale)
-    return document, msgspec.structs.replace(scenario, orders=orders), file
+    return Day(file, orders, _key(table, transports)), document
+
+
+def _key(table: TableColumns, options: TableOptions) -> str:
+    """Hash of the content of a file and of the options that read it, except its name."""
+    how = {key: value for key, value in msgspec.to_builtins(options).items() if key != "file"}
+    how["several"] = options.names_several
+    text = json.dumps([table.content_hash, how], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def _read_file(path: Path, table: TableColumns, scale: Scale) -> ReadFile:
@@ -176,14 +213,12 @@ def _ends(table: TableColumns, end: str, cells: list[Cell]) -> list[Cell]:
     return list(map(known.__getitem__, which.reshape(-1).tolist()))
 
 
-def with_lines_of_file(
-    document: Document, scenario: Scenario, floor_plan: FloorPlan
-) -> tuple[Document, Scenario, ReadFile | None]:
-    """The scenario with the lines of its file as a list, if it names one. Raises InputError."""
+def day_of_lines(
+    document: Document, scenario: Scenario, floor_plan: FloorPlan, path: Path
+) -> tuple[Day, Document]:
+    """The lines of a file as a table, and the document with its rows. Raises InputError."""
     demand = scenario.orders.lines
-    if not isinstance(demand, LineDemand) or demand.file is None:
-        return document, scenario, None
-    path = named_file(document, LINES_KEY, LineColumns.rows, demand.file)
+    assert isinstance(demand, LineDemand), "the scenario has a file of lines"
     stations = [*scenario.stations, *range(1, len(floor_plan.stations) + 1)]
     known = {"station": {str(name): k for k, name in enumerate(stations)}}
     table = read_table(path, LineColumns, demand, demand.columns, scenario.units.scale, known)
@@ -203,7 +238,7 @@ def with_lines_of_file(
     orders = msgspec.structs.replace(scenario.orders, lines=lines)
     file = _read_file(path, table, scenario.units.scale)
     document = with_rows(document, ("orders", "lines"), table.path, table.lines)
-    return document, msgspec.structs.replace(scenario, orders=orders), file
+    return Day(file, orders, _key(table, demand)), document
 
 
 def _pods_of_rows(table: TableColumns, numbers: dict[str, int], skus: Collection[str]) -> Array:

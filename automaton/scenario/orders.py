@@ -215,7 +215,8 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
         Meta(
             description="A CSV file with a header line and an order line in each row, separated by "
             "semicolons, tabs or commas, or a workbook (.xlsx, extra excel); path relative to the "
-            "scenario."
+            "scenario. A pattern such as days/*.csv names several files: the seed of a run draws one, "
+            "whose times count from its own midnight."
         ),
     ] = None  # type: ignore[assignment]
     columns: Annotated[

@@ -129,7 +129,9 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
         NonEmptyText,
         Meta(
             description="A CSV file with a header line, separated by semicolons, tabs or commas, or a "
-            "workbook (.xlsx, extra excel); path relative to the scenario."
+            "workbook (.xlsx, extra excel); path relative to the scenario. A pattern such as "
+            "days/*.csv names several files: the seed of a run draws one, whose times count from its "
+            "own midnight."
         ),
     ]
     sheet: Annotated[
@@ -158,11 +160,21 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
         ),
     ] = "utf-8"
 
+    @property
+    def names_several(self) -> bool:
+        """Whether `file` is a pattern, which several files may match."""
+        return is_pattern(self.file or "")
+
     def __post_init__(self) -> None:
         if self.time is not None:
             _check_format(self.time)
         if self.sheet is not None and self.file and not is_workbook(Path(self.file)):
             raise ValueError(f"sheet belongs to a workbook (.xlsx), and file is '{self.file}'")
+
+
+def is_pattern(name: str) -> bool:
+    """Whether the name of a file has wildcards: *, ? or [...]."""
+    return any(sign in name for sign in "*?[")
 
 
 def _check_format(of_format: str) -> None:

@@ -12,6 +12,7 @@ bytes per field, plus the texts that no other row has.
 
 from __future__ import annotations
 
+import glob
 import os
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
@@ -48,6 +49,7 @@ from automaton.scenario.table_fields import (
     TableOptions,
     TextField,
     fields_of,
+    is_pattern,
 )
 from automaton.scenario.text_files import ListFile, content_hash, quoted
 from automaton.units import count
@@ -118,6 +120,20 @@ def named_file(document: Document, keys: Keys, rows: str, name: str) -> Path:
     if not os.path.isfile(path):
         raise InvalidValueError(keys, f"there is no file of {rows} '{name}'")
     return path
+
+
+def matching_files(document: Document, keys: Keys, rows: str, name: str) -> tuple[Path, ...]:
+    """The files that a name at `keys` matches, sorted; a name without wildcards is that of one file.
+
+    Raises InputError if there is none.
+    """
+    if os.path.isfile(document.folder / name) or not is_pattern(name):
+        return (named_file(document, keys, rows, name),)
+    names = sorted(glob.glob(name, root_dir=document.folder))
+    paths = tuple(path for path in map(document.folder.joinpath, names) if os.path.isfile(path))
+    if not paths:
+        raise InvalidValueError(keys, f"no file of {rows} matches '{name}'")
+    return paths
 
 
 def with_rows(document: Document, keys: Keys, file: str, lines: Any, **sections: Any) -> Document:
@@ -413,7 +429,8 @@ class _Reader:
         texts = self._amounts(release.name)
         assert texts is not None, "a release is required"
         counts = self.result.counts
-        reader = TimeReader(self.options.time, self.scale, counts, self._refuse)
+        has_own_day = self.options.names_several
+        reader = TimeReader(self.options.time, self.scale, counts, self._refuse, has_own_day)
         released = reader.read(release.name, texts)
         start = reader.start_of(released)
         ticks = reader.release_ticks(released, start)

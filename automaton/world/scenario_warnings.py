@@ -83,7 +83,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
     sentences = [sentence for sentence in found if sentence]
     return [
         *sentences,
-        *resolved.file_warnings,
+        *(() if resolved.order_file is None else resolved.order_file.warnings),
         *due_warnings(resolved),
         *late_releases(resolved),
         *coarse_conversions(resolved),
@@ -291,7 +291,7 @@ def due_warnings(resolved: Resolved) -> list[str]:
 
 def due_too_early(resolved: Resolved) -> str:
     """Warn about orders that are due before they are released, as in some real files."""
-    if resolved.orders_of_file:
+    if resolved.days:
         return ""  # the reader warns about its rows
     orders = resolved.scenario.orders
     lines = listed_lines(orders)
@@ -348,7 +348,7 @@ def late_releases(resolved: Resolved) -> list[str]:
     late = [release for release in releases if release >= end]
     if late:
         what = count(len(releases), "line" if lines else "order")
-        which = f"{len(late):,} of {what} in the {'file' if resolved.orders_of_file else 'list'}"
+        which = f"{len(late):,} of {what} in the {'file' if resolved.days else 'list'}"
         comes = "comes" if len(late) == 1 else "come"
         unfinished = ", so it will not finish" if ends_with_orders else ""
         return [

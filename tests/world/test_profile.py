@@ -228,7 +228,11 @@ def test_a_bad_profile_is_refused_with_its_line(
             "week.yaml:12: orders.arrivals.scale must be a number",
         ),
         ("week.csv}", "none.csv}", "week.yaml:12: there is no file of rates 'none.csv'"),
-        ("{profile: week.csv}", "{bursts: {size: 2, every: 9}, scale: 2}", "week.yaml:12: orders.arrivals.scale belongs to"),
+        (
+            "{profile: week.csv}",
+            "{bursts: {size: 2, every: 9}, scale: 2}",
+            "week.yaml:12: orders.arrivals.scale belongs to",
+        ),
         (
             "{profile: week.csv}",
             "{profile: []}",
@@ -248,7 +252,7 @@ def test_a_scenario_that_a_profile_does_not_fit_is_refused(
 
 def test_a_profile_needs_a_tick_that_is_a_time(tmp_path: Path) -> None:
     text = SCENARIO.replace("tick: 1 s", "tick: 1 cycle").replace("4 h", "14400")
-    with pytest.raises(InputError, match="orders per hour, but units.tick is '1 cycle'"):
+    with pytest.raises(InputError, match=r"orders per hour, but units\.tick is '1 cycle'"):
         week(tmp_path, text=text)
 
 

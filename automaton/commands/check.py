@@ -29,6 +29,7 @@ from automaton.errors import InputError, refuse
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.drawn_floors import write_matrix
 from automaton.scenario.document import Document
+from automaton.scenario.quarantine import QuarantinedRows, write_quarantine
 from automaton.scenario.reading import Reading, document_of, is_study, read
 from automaton.scenario.text_files import shipped
 from automaton.studies.sweeps.study import Point, Study, shipped_studies
@@ -102,6 +103,7 @@ class CheckedFile(NamedTuple):
     warnings: tuple[str, ...] = ()
     trial: dict[str, Any] | None = None
     error: str | None = None
+    skipped: dict[str, Any] | None = None  # rows of the file of orders; None: none was
 
 
 def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
@@ -131,6 +133,7 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
         *bounds_in_words(resolved),
     )
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
+    lines += [write_quarantine(rows) for rows in quarantines(resolved)]
     show(lines, args)
     print_warnings(resolved)
     trial = None
@@ -141,7 +144,15 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
         show(trial.lines(), args, INDENT)
     name, warnings = resolved.scenario.name, scenario_warnings(resolved)
     done = None if trial is None else trial.as_json()
-    return CheckedFile(file, name, tuple(lines), tuple(warnings), done)
+    return CheckedFile(
+        file, name, tuple(lines), tuple(warnings), done, skipped=resolved.skipped_rows
+    )
+
+
+def quarantines(resolved: Resolved) -> list[QuarantinedRows]:
+    """The skipped rows of each file of orders that has a quarantine."""
+    rows = (day.file.quarantine for day in resolved.days)
+    return [one for one in rows if one is not None]
 
 
 def show(lines: Sequence[str], args: argparse.Namespace, mark: str = "") -> None:

@@ -239,6 +239,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         "seed": resolved.scenario.seed,
         **refinement_of(resolved),
         **({"order_file": resolved.days[resolved.day].name} if resolved.day_pattern else {}),
+        **({"skipped_rows": skipped} if (skipped := resolved.skipped_rows) else {}),
         "finished": outcome.finished,
         "stopped": outcome.stopped,
         "ticks": outcome.ticks,

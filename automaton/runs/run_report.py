@@ -191,6 +191,11 @@ def uses_table(outcome: Outcome) -> Table:
     return Table(("robot time", "robots", "share", "what it is"), rows, also_left=(3,))
 
 
+def file_without_rows(resolved: Resolved) -> str:
+    """The number of skipped rows of the file of orders, by mistake; "" if none was."""
+    return "" if resolved.order_file is None else resolved.order_file.without_rows
+
+
 def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
     """The scenario, how the run ended, and the size of a tick."""
     scenario = resolved.scenario
@@ -216,6 +221,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
         ", ".join(strategies),
         *([f"orders of {day}"] if (day := resolved.day_in_words) else []),
+        *([rows] if (rows := file_without_rows(resolved)) else []),
         *out_of_orders(outcome),
         *(describe_wait_cycles(outcome.circles) if outcome.finished or outcome.stopped else []),
         *(describe_jam(outcome.jam) if outcome.finished or outcome.stopped else []),

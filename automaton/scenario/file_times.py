@@ -261,6 +261,9 @@ class ReadingCounts:
     late_at_once: int = 0  # rows due before their release
     first_late_line: int = 0  # of the file, from 1
     rounded: int = 0  # times between two ticks
+    rounded_up: dict[str, int] = field(default_factory=dict)  # decimal numbers, by column
+    selected: int = 0  # rows that `where` keeps
+    skipped: dict[str, int] = field(default_factory=dict)  # of these, by the mistake in them
 
 
 Mask = NDArray[np.bool_]

@@ -25,7 +25,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.errors import InputError, Keys, nearest
+from automaton.errors import InputError, InvalidValueError, Keys, nearest
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.arrivals import (
     HOURS_OF_DAY,
@@ -46,8 +46,10 @@ from automaton.scenario.orders import (
     OrderLine,
     Orders,
     TransportColumns,
+    Transports,
 )
 from automaton.scenario.quantities import DueAt, Scale
+from automaton.scenario.quarantine import QuarantinedRows
 from automaton.scenario.schema import Scenario
 from automaton.scenario.table_fields import (
     NO_DUE,
@@ -55,6 +57,7 @@ from automaton.scenario.table_fields import (
     Column,
     ColumnNames,
     NumberField,
+    Quarantine,
     TableOptions,
     column,
 )
@@ -138,12 +141,13 @@ def day_of_orders(document: Document, scenario: Scenario, path: Path) -> tuple[D
             str(path),
             1,
         )
-    table.errors.raise_any()
+    mistakes = table.settle(transports)
+    quarantine = _quarantine(document, path, transports, mistakes)
     document = with_rows(document, ("orders", "list"), table.path, table.lines)
     orders = msgspec.structs.replace(
         scenario.orders, transports=None, listed=_transports(table, list(names.values()))
     )
-    file = _read_file(path, table, scenario.units.scale)
+    file = _read_file(path, table, scenario.units.scale, quarantine)
     return Day(file, orders, _key(table, transports)), document
 
 
@@ -155,9 +159,34 @@ def _key(table: TableColumns, options: TableOptions) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _read_file(path: Path, table: TableColumns, scale: Scale) -> ReadFile:
-    notes, warnings = reading_notes(table, scale), file_warnings(table)
-    return ReadFile(str(path.resolve()), table.content_hash, tuple(notes), tuple(warnings))
+def _read_file(
+    path: Path, table: TableColumns, scale: Scale, quarantine: QuarantinedRows | None
+) -> ReadFile:
+    return ReadFile(
+        str(path.resolve()),
+        table.content_hash,
+        tuple(reading_notes(table, scale)),
+        tuple(file_warnings(table)),
+        table.counts.selected,
+        table.counts.skipped,
+        quarantine,
+    )
+
+
+def _quarantine(
+    document: Document, path: Path, options: TableOptions, mistakes: dict[int, str]
+) -> QuarantinedRows | None:
+    """The skipped rows of a file and the file for them, if the scenario names one. Raises InputError."""
+    if not isinstance(options.unknown, Quarantine):
+        return None
+    target = document.folder / options.unknown.quarantine
+    if options.names_several:
+        target = target.with_name(f"{target.stem}-{path.stem}{target.suffix}")
+    if target.resolve() == path.resolve() or target.match(options.file):
+        key = "transports" if isinstance(options, Transports) else "lines"
+        text = f"the quarantine '{options.unknown.quarantine}' must not be a file of orders"
+        raise InvalidValueError(("orders", key, "unknown"), text)
+    return QuarantinedRows(target, path, options.encoding, options.sheet, mistakes)
 
 
 def _transports(table: TableColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
@@ -223,10 +252,11 @@ def day_of_lines(
     known = {"station": {str(name): k for k, name in enumerate(stations)}}
     table = read_table(path, LineColumns, demand, demand.columns, scenario.units.scale, known)
     count = len(pod_cells(scenario, floor_plan))
-    pods = _pods_of_rows(table, pod_numbers(scenario, count), skus_of(scenario))
-    table.errors.raise_any()
+    table.values["pod"] = _pods_of_rows(table, pod_numbers(scenario, count), skus_of(scenario))
+    mistakes = table.settle(demand)
+    quarantine = _quarantine(document, path, demand, mistakes)
     lines = LineTable(
-        {**table.values, "pod": pods},
+        table.values,
         table.names["order"],
         [
             k + 1 if name == str(k + 1) else name
@@ -236,7 +266,7 @@ def day_of_lines(
         stations,
     )
     orders = msgspec.structs.replace(scenario.orders, lines=lines)
-    file = _read_file(path, table, scenario.units.scale)
+    file = _read_file(path, table, scenario.units.scale, quarantine)
     document = with_rows(document, ("orders", "lines"), table.path, table.lines)
     return Day(file, orders, _key(table, demand)), document
 

@@ -203,7 +203,14 @@ class LineColumns(ColumnNames, frozen=True, kw_only=True):
     ] = None
     units: Annotated[
         Column,
-        column("Units that are picked; empty: 1.", NumberField, least=0, most=1_000_000, default=1),
+        column(
+            "Units that are picked, rounded up; empty: 1.",
+            NumberField,
+            least=1,
+            most=1_000_000,
+            default=1,
+            rounds_up=True,
+        ),
     ] = None
 
 

@@ -13,10 +13,13 @@ bytes per field, plus the texts that no other row has.
 from __future__ import annotations
 
 import glob
+import math
 import os
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -36,6 +39,7 @@ from automaton.scenario.columns import (
 from automaton.scenario.document import Document
 from automaton.scenario.file_times import ReadingCounts, TimeReader
 from automaton.scenario.quantities import Scale
+from automaton.scenario.quarantine import QuarantinedRows
 from automaton.scenario.table_fields import (
     NO_DUE,
     NOTHING,
@@ -52,13 +56,18 @@ from automaton.scenario.table_fields import (
     is_pattern,
 )
 from automaton.scenario.text_files import ListFile, content_hash, quoted
-from automaton.units import count
+from automaton.units import count, number
 
 SELECTING: Final = "where "  # prefix for the names of columns that only select rows
 PLAIN_WHOLE: Final = re.compile(r"[-+]?[0-9]{1,10}")
 ZERO_FRACTION: Final = re.compile(r"(?<=[0-9])\.0+$")
 THOUSANDS: Final = re.compile(r"[-+]?[0-9]{1,3}(\.[0-9]{3})+")  # thousands or decimals: ambiguous
 DECIMAL_COMMA: Final = re.compile(r"([-+]?[0-9]+),([0-9]+)(?=[^0-9,.:]*$)")
+DECIMAL: Final = re.compile(r"\+?[0-9]{1,10}\.[0-9]+")
+ZERO: Final = re.compile(r"[-+]?0+([.,]0*)?")
+LONE_COMMA: Final = re.compile(r"(\+?[0-9]{1,10}),([0-9]{1,2}|[0-9]{4,})")  # a decimal one
+NOT_OF_ROWS: Final = ("tick",)  # mistakes of the scenario that rows bring to light
+CALLED: Final = {"from": "location", "to": "location", "sku": "SKU"}  # fields, in mistakes
 MAX_SHOWN_VALUES: Final = 5  # of a column, in an error or a note
 MAX_SHOWN_NAMES: Final = 8  # of known names, in an error
 NO_TIMES: Final = Scale("1 tick")  # for tables without times
@@ -104,6 +113,60 @@ class TableColumns:
             "twice", field_name, again, lambda row: sentence(row, self.lines[first[which[row]]])
         )
 
+    def settle(self, options: TableOptions) -> dict[int, str]:
+        """Raise the mistakes, or leave out the rows with mistakes if the options allow it.
+
+        Returns the mistake of each skipped row, by line. Raises InputErrors, or InputError if too many
+        rows would be skipped.
+        """
+        kinds = self.errors.kinds
+        if options.at_most is None or any(kind[0] in NOT_OF_ROWS for kind in _pairs(kinds)):
+            self.errors.raise_any()
+        mistakes: dict[int, str] = {}
+        for (kind, field_name), lines in zip(_pairs(kinds), kinds.values(), strict=True):
+            for line in lines:
+                mistakes.setdefault(line, self._mistake(kind, field_name))
+        self.counts.skipped = dict(Counter(mistakes.values()).most_common())
+        self.counts.selected = len(self) + len(set(mistakes) - set(self.lines.tolist()))
+        if mistakes:
+            self._check_share(len(mistakes), options)
+            keeps = ~np.isin(self.lines, list(mistakes))
+            self.lines = self.lines[keeps]
+            self.values = {name: values[keeps] for name, values in self.values.items()}
+        return mistakes
+
+    def _mistake(self, kind: str, field_name: str) -> str:
+        """A mistake in a few words, such as "unknown pod" or "QUANTITY 0"."""
+        if kind == "width":
+            return "wrong number of values"
+        column = self.column_of.get(field_name, field_name)
+        forms = {
+            "unknown": f"unknown {CALLED.get(field_name, field_name)}",
+            "empty": f"{column} empty",
+            "zero": f"{column} 0",
+        }
+        return forms.get(kind, f"{column} unreadable")
+
+    def _check_share(self, skipped: int, options: TableOptions) -> None:
+        """At most the declared share of the rows is skipped, and not all of them. Raises InputError."""
+        rows, first = self.counts.selected, self.errors.first
+        assert options.at_most is not None, "checked: rows may be skipped"
+        said = f"{skipped:,} of {count(rows, 'row')} would be skipped ({_percent(skipped / rows)}"
+        if skipped > options.at_most * rows:
+            text = f"{said}, but at_most is {_percent(options.at_most)}); first: {first.message}"
+            raise InputError(text, first.file, first.line)
+        if skipped == rows:
+            raise InputError(f"{said}); first: {first.message}", first.file, first.line)
+
+
+def _pairs(kinds: Iterable[Hashable]) -> list[tuple[str, str]]:
+    """Kinds of mistakes as (kind, field); the field is "" for those of whole rows."""
+    return [kind if isinstance(kind, tuple) else (str(kind), "") for kind in kinds]
+
+
+def _percent(share: float) -> str:
+    return f"{number(100 * share)} %"
+
 
 class ReadFile(NamedTuple):
     """A file that was read for a scenario, with its notes for `check`."""
@@ -112,6 +175,21 @@ class ReadFile(NamedTuple):
     content_hash: str  # 16 hex digits
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    rows: int = 0  # selected ones, skipped ones included
+    skipped: Mapping[str, int] = {}  # rows by the mistake in them
+    quarantine: QuarantinedRows | None = None  # where `check` writes the skipped rows
+
+    @property
+    def without_rows(self) -> str:
+        """Such as "shift.csv: 3 of 5,000 rows skipped: 2 unknown pod, 1 UNITS 0"; "" if none was."""
+        said = skipped_in_words(self.skipped, self.rows)
+        return f"{os.path.basename(self.path)}: {said}" if self.skipped else ""
+
+
+def skipped_in_words(skipped: Mapping[str, int], rows: int) -> str:
+    """How many rows were skipped, by the mistake in them."""
+    why = ", ".join(f"{many:,} {mistake}" for mistake, many in skipped.items())
+    return f"{sum(skipped.values()):,} of {count(rows, 'row')} skipped: {why}"
 
 
 def named_file(document: Document, keys: Keys, rows: str, name: str) -> Path:
@@ -400,6 +478,8 @@ class _Reader:
         as_written = self.table.columns[field.name].texts
         for code, text in enumerate(column.texts):
             plain = ZERO_FRACTION.sub("", text)
+            if field.rounds_up:
+                plain = self._rounded_up(field, text, int(np.count_nonzero(column.codes == code)))
             number = int(plain) if PLAIN_WHOLE.fullmatch(plain) else None
             if not text and default is not None:
                 number = default
@@ -407,18 +487,39 @@ class _Reader:
                 number = None
             is_bad.append(number is None or not field.least <= number <= field.most)
             numbers[code] = 0 if is_bad[-1] or number is None else number
+        if field.rounds_up:
+            is_zero = np.array([ZERO.fullmatch(text) is not None for text in column.texts])
+            self._refuse(
+                field.name,
+                "zero",
+                is_zero,
+                lambda text: f"is {text}, but must be at least {field.least}",
+            )
+            is_bad = (np.array(is_bad) & ~is_zero).tolist()
+        kind = "number" if field.rounds_up else "whole number"
         allowed = f"from {field.least:,} to {field.most:,}"
         self._refuse(
             field.name,
             "number",
             np.array(is_bad),
             lambda text: (
-                f"must be a whole number {allowed}, found {quoted(text)}"
+                f"must be a {kind} {allowed}, found {quoted(text)}"
                 + ("; write it without a decimal point" if self._is_ambiguous(text) else "")
             ),
         )
         values: Array = numbers[column.codes]
         return values
+
+    def _rounded_up(self, field: NumberField, text: str, rows: int) -> str:
+        """A decimal number as the next whole one, which is counted; other texts as they are."""
+        text = LONE_COMMA.sub(r"\1.\2", text) if LONE_COMMA.fullmatch(text) else text
+        if not DECIMAL.fullmatch(text):
+            return text
+        number = math.ceil(Fraction(text))
+        if number != Fraction(text):
+            column, rounded_up = self.result.column_of[field.name], self.result.counts.rounded_up
+            rounded_up[column] = rounded_up.get(column, 0) + rows
+        return str(number)
 
     def _is_ambiguous(self, text: str) -> bool:
         """Whether a point may separate thousands, as in 1.000 beside decimal commas."""
@@ -450,6 +551,8 @@ def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
     """The note of `check` on a file: selected rows, ignored columns, tick 0."""
     counts, name = columns.counts, os.path.basename(columns.path)
     rows = count(counts.rows, "row")
+    if counts.skipped and not counts.left_out:
+        rows = f"{len(columns):,} of {rows} read"
     if counts.left_out:
         left_out = [f"{rows:,} {value}" for value, rows in counts.left_out.items()]
         more = len(left_out) - MAX_SHOWN_VALUES
@@ -460,6 +563,10 @@ def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
         notes.append(f"ignored columns: {', '.join(counts.ignored)}")
     if counts.tick_zero:
         notes.append(f"tick 0 is {counts.tick_zero}, the earliest release")
+    if counts.skipped:
+        notes.append(skipped_in_words(counts.skipped, counts.selected))
+    for of_column, rows_up in counts.rounded_up.items():
+        notes.append(f"{of_column} rounded up to a whole number in {count(rows_up, 'row')}")
     if counts.rounded:
         notes.append(f"{count(counts.rounded, 'time')} rounded to whole ticks of {scale.tick}")
     return [f"{name}: {note}" for note in notes]

@@ -71,6 +71,15 @@ class Resolved:
         many = count(len(self.days), "file")
         return f"{self.days[self.day].name}, 1 of {many} of {self.day_pattern}"
 
+    @property
+    def skipped_rows(self) -> dict[str, Any] | None:
+        """The skipped rows of the file of orders, for JSON output; None if none was."""
+        file = self.order_file
+        if file is None or not file.skipped:
+            return None
+        skipped = {"skipped": sum(file.skipped.values()), "reasons": dict(file.skipped)}
+        return {"file": self.days[self.day].name, "rows": file.rows, **skipped}
+
     def of_seed(self, seed: int) -> Resolved:
         """The scenario with the orders of the file that a seed draws; itself if it has them."""
         number = drawn_day(seed, len(self.days))

@@ -256,6 +256,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         **({"stations": list(outcome.stations)} if outcome.stations else {}),
         **({"chargers": list(outcome.chargers)} if outcome.chargers else {}),
         **({"priorities": list(outcome.priorities)} if outcome.priorities else {}),
+        **({"classes": list(outcome.classes)} if outcome.classes else {}),
         "deadlock": None if outcome.deadlock is None else outcome.deadlock._asdict(),
         "robot_time": dict(outcome.uses),
         "bottleneck": bottleneck_sentences(resolved, outcome),

@@ -191,7 +191,7 @@ def _quarantine(
 
 def _transports(table: TableColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
     """The orders of a table: about 140 bytes each, as equal cells and numbers are one object."""
-    values = table.values
+    values, classes = table.values, [*table.names["class"], None]  # the last one: none
     rows = zip(
         _ends(table, "from", cells),
         _ends(table, "to", cells),
@@ -199,6 +199,7 @@ def _transports(table: TableColumns, cells: list[Cell]) -> tuple[OrderLine, ...]
         values["weight"].tolist(),
         values["priority"].tolist(),
         _due(values["released"].tolist(), values["due"].tolist()),
+        map(classes.__getitem__, values["class"].tolist()),
         strict=True,
     )
     return tuple(
@@ -209,8 +210,9 @@ def _transports(table: TableColumns, cells: list[Cell]) -> tuple[OrderLine, ...]
             weight=weight,
             priority=priority,
             due=due,
+            order_class=order_class,
         )
-        for source, target, release, weight, priority, due in rows
+        for source, target, release, weight, priority, due, order_class in rows
     )
 
 
@@ -264,6 +266,7 @@ def day_of_lines(
         ],
         table.names["sku"],
         stations,
+        table.names["class"],
     )
     orders = msgspec.structs.replace(scenario.orders, lines=lines)
     file = _read_file(path, table, scenario.units.scale, quarantine)

@@ -65,6 +65,10 @@ DRAWN_ALONE: Final[dict[str, Any]] = {  # keys of random lines with their defaul
 }
 
 
+CLASS_MEANING: Final = "The class of the order, such as express; metrics are printed by class."
+OrderClass = Annotated[SingleLine | None, Meta(description=CLASS_MEANING)]
+
+
 class TransportColumns(ColumnNames, frozen=True, kw_only=True):
     """Names of the columns of a file of transports; other columns are ignored."""
 
@@ -115,6 +119,7 @@ class TransportColumns(ColumnNames, frozen=True, kw_only=True):
             "How heavy the load is; empty: 1.", NumberField, least=1, most=1_000_000_000, default=1
         ),
     ] = None
+    order_class: Annotated[Column, column(CLASS_MEANING)] = field(name="class", default=None)
 
 
 class Transports(TableOptions, frozen=True, kw_only=True):
@@ -161,6 +166,7 @@ class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
         int, Meta(ge=-100, le=100, description="Priority: lines with larger numbers come first.")
     ] = 0
     units: Annotated[int, Meta(ge=0, le=1_000_000, description="Number of units to pick.")] = 1
+    order_class: OrderClass = field(name="class", default=None)
 
     def __post_init__(self) -> None:
         if self.pod is None and self.sku is None:
@@ -212,6 +218,7 @@ class LineColumns(ColumnNames, frozen=True, kw_only=True):
             rounds_up=True,
         ),
     ] = None
+    order_class: Annotated[Column, column(CLASS_MEANING)] = field(name="class", default=None)
 
 
 class LineDemand(TableOptions, frozen=True, kw_only=True):
@@ -359,6 +366,7 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
         Due | None,
         Meta(description="Due time: ticks after the release, or {at: tick}."),
     ] = None
+    order_class: OrderClass = field(name="class", default=None)
 
     def __post_init__(self) -> None:
         if self.source is None and self.target is None:

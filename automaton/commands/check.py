@@ -237,6 +237,11 @@ def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
         f"{area} closed to {' and '.join(given.closed_to)}"
         for area, given in resolved.scenario.areas.items()
     ]
+    open_places = {
+        "station": resolved.scenario.floor.open_stations,
+        "charger": resolved.scenario.floor.open_chargers,
+    }
+    closed += [f"{count(k, what)} open" for what, k in open_places.items() if k is not None]
     chosen = []
     if not names_right_of_way:
         name, why = default_right_of_way(resolved.scenario, resolved.fleet)

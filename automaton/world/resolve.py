@@ -27,6 +27,7 @@ from automaton.world.feasibility import check_energy, feasible_fleet
 from automaton.world.floor_parts import (
     check_speed_limits,
     with_charger_blocks,
+    with_open_places,
     with_shared_chargers,
     with_speed_limits,
 )
@@ -58,6 +59,8 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
     """Read, check and build. Raises InvalidValueError for invalid values."""
     scenario = reading.scenario_with_files()
     floor = reading.floor(scenario.layout)
+    scenario, floor_plan = with_open_places(scenario, floor.floor_plan)
+    floor = floor._replace(floor_plan=floor_plan)
     scenario = with_charger_blocks(scenario, floor.floor_plan)
     floor = floor._replace(floor_plan=with_shared_chargers(floor.floor_plan))
     refuse(check_speed_limits(scenario, floor.floor_plan))

@@ -28,8 +28,8 @@ from automaton.documents.report_document import INDENT, Listed, ReportDocument
 from automaton.errors import InputError, refuse
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.drawn_floors import write_matrix
+from automaton.scenario.columns import QuarantinedRows
 from automaton.scenario.document import Document
-from automaton.scenario.quarantine import QuarantinedRows, write_quarantine
 from automaton.scenario.reading import Reading, document_of, is_study, read
 from automaton.scenario.text_files import shipped
 from automaton.studies.sweeps.study import Point, Study, shipped_studies
@@ -133,7 +133,7 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
         *bounds_in_words(resolved),
     )
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
-    lines += [write_quarantine(rows) for rows in quarantines(resolved)]
+    lines += [rows.write() for rows in quarantines(resolved)]
     show(lines, args)
     print_warnings(resolved)
     trial = None

@@ -234,9 +234,7 @@ class Lift(ConfigSection, frozen=True, kw_only=True):
 
 
 class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
-    """Closings, doors, blocks, lifts and speed limits of the floor, and which stations and chargers are
-    open.
-    """
+    """Closings, doors, blocks, lifts, speed limits, and the open stations and chargers of the floor."""
 
     open_stations: Annotated[
         Annotated[int, Meta(ge=1, le=100_000)] | None,

@@ -37,6 +37,7 @@ from automaton.scenario.arrivals import (
 )
 from automaton.scenario.carried_pods import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.changing_floor import Cell
+from automaton.scenario.columns import QuarantinedRows
 from automaton.scenario.document import Document
 from automaton.scenario.order_lines import LineTable
 from automaton.scenario.orders import (
@@ -49,7 +50,6 @@ from automaton.scenario.orders import (
     Transports,
 )
 from automaton.scenario.quantities import DueAt, Scale
-from automaton.scenario.quarantine import QuarantinedRows
 from automaton.scenario.schema import Scenario
 from automaton.scenario.table_fields import (
     NO_DUE,

@@ -40,12 +40,8 @@ from automaton.scenario.table_fields import (
     column,
 )
 
-DRAWN_GENERATORS: Final = (
-    "dock-to-rack",
-    "stations",
-    "visits",
-    "tours",
-)  # generators that draw `count` orders
+# Generators that draw `count` orders.
+DRAWN_GENERATORS: Final = ("dock-to-rack", "stations", "visits", "tours")
 MAX_DRAWN_LINES: Final = 1_000_000
 MAX_STOPS: Final = 64  # of an order
 MAX_STOP_TICKS: Final = 65_535
@@ -606,21 +602,18 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     def _check_arrivals(self) -> None:
         if self.generator is None and self.mean_interarrival_time:
             raise ValueError("mean_interarrival_time belongs to generators of orders")
-        if self.arrivals is not None and not self._may_arrive:
-            raise ValueError("arrivals belong to generators of orders")
+        lines = self.lines if self.follows_profile else None
+        is_open = isinstance(lines, LineDemand) and lines.drawn and not lines.mean_interarrival_time
+        if self.generator is None and self.arrivals is not None and not is_open:
+            raise ValueError(
+                "arrivals belong to generators of orders, a profile to random lines, too"
+            )
         if self.mean_interarrival_time and self.arrivals is not None:
             raise ValueError("set either mean_interarrival_time or arrivals, not both")
         if 0 < self.mean_interarrival_time < 1:
             raise ValueError(
                 "mean_interarrival_time must be 0 or at least 1: at most one order arrives per tick"
             )
-
-    @property
-    def _may_arrive(self) -> bool:
-        """Whether arrivals may be set: random lines of pods may follow a profile."""
-        lines = self.lines
-        is_open = isinstance(lines, LineDemand) and lines.drawn and not lines.mean_interarrival_time
-        return self.generator is not None or bool(is_open and self.follows_profile)
 
     @property
     def follows_profile(self) -> bool:

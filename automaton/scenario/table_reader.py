@@ -30,6 +30,7 @@ from numpy.typing import NDArray
 from automaton.errors import InputError, InvalidValueError, Keys, alternatives, nearest
 from automaton.scenario.columns import (
     CsvColumns,
+    QuarantinedRows,
     RowErrors,
     TextColumn,
     is_workbook,
@@ -39,7 +40,6 @@ from automaton.scenario.columns import (
 from automaton.scenario.document import Document
 from automaton.scenario.file_times import ReadingCounts, TimeReader
 from automaton.scenario.quantities import Scale
-from automaton.scenario.quarantine import QuarantinedRows
 from automaton.scenario.table_fields import (
     NO_DUE,
     NOTHING,

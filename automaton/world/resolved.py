@@ -64,6 +64,11 @@ class Resolved:
         return self.days[self.day].file if self.days else None
 
     @property
+    def has_same_orders(self) -> bool:
+        """Whether runs with any seeds have the same listed orders."""
+        return self.scenario.orders.listed is not None and len(self.days) < 2
+
+    @property
     def day_in_words(self) -> str:
         """The file that was drawn, such as "tag03.csv, 1 of 10 files of days/*.csv"; "" without them."""
         if not self.day_pattern:

@@ -138,7 +138,9 @@ def test_transports_are_drawn_as_well_and_all_files_are_checked(tmp_path: Path) 
     (tmp_path / first.days[1 - first.day].name).write_text(rows + "06:02,0,0,5,2\n")
     again = days(tmp_path, text=TRANSPORTS)
     many = {len(again.of_seed(seed).scenario.orders.listed or ()) for seed in range(9)}
-    assert many == {1, 2}
+    assert many == {1, 2} and not again.has_same_orders
+    alone = days(tmp_path, "orders.transports.file=day1.csv", text=TRANSPORTS)
+    assert alone.has_same_orders
     (tmp_path / first.days[1 - first.day].name).write_text(rows + "06:02,0,0,1,1\n")
     with pytest.raises(InputError) as error:
         days(tmp_path, text=TRANSPORTS)

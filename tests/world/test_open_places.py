@@ -81,6 +81,14 @@ def test_a_run_uses_the_open_ones_alone_and_its_recording_knows_it(tmp_path: Pat
     assert again.floor_plan == resolved.floor_plan, "the resolved scenario is one that can be read"
 
 
+def test_a_recording_is_verified_with_its_closed_places(tmp_path: Path) -> None:
+    hall(tmp_path)
+    settings = ["--set", "floor.open_stations=2", "--set", "floor.open_chargers=1"]
+    file = str(tmp_path / "run.rec")
+    assert main(["run", str(tmp_path / "hall.yaml"), *settings, "--record", file]) == 0
+    assert main(["verify", file]) == 0
+
+
 def test_a_line_for_a_closed_station_is_refused(tmp_path: Path) -> None:
     hall(tmp_path)
     text = HALL.replace("  third: {at: [6, 3]}\n", "").replace(

@@ -257,9 +257,6 @@ class ReadingCounts:
     left_out: dict[str, int] = field(default_factory=dict)  # by "STATUS CANCELLED"
     ignored: tuple[str, ...] = ()  # columns
     tick_zero: str = ""  # the earliest release, if units.clock is not set
-    before_start: int = 0  # rows released before tick 0
-    late_at_once: int = 0  # rows due before their release
-    first_late_line: int = 0  # of the file, from 1
     rounded: int = 0  # times between two ticks
     rounded_up: dict[str, int] = field(default_factory=dict)  # decimal numbers, by column
     selected: int = 0  # rows that `where` keeps
@@ -340,23 +337,21 @@ class TimeReader:
         return Start({form: released.values[earliest]})
 
     def release_ticks(self, released: TimeColumn, start: Start) -> NDArray[np.int64]:
-        """(n,) ticks of release; those below 0 are counted."""
+        """(n,) ticks of release, below 0 for rows released before tick 0."""
         is_empty = np.array([not text for text in released.column.texts])
         self.refuse(released.name, "empty", is_empty, lambda text: "is empty")
         ticks: NDArray[np.int64] = self._ticks_of(released, start)[released.column.codes]
-        self.counts.before_start = int(np.count_nonzero(ticks < 0))
         return ticks
 
     def due_ticks(
         self, due: TimeColumn, start: Start, release: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """(n,) due ticks of rows, or NO_DUE; those before release are counted."""
+        """(n,) due ticks of rows, or NO_DUE; they may be before the release."""
         codes = due.column.codes
         ticks = self._ticks_of(due, start)[codes]
         ticks += np.where(due.uses(TICKS)[codes], release, 0)
         np.clip(ticks, -LAST_TICK, LAST_TICK, out=ticks)
         ticks[due.uses(EMPTY)[codes]] = NO_DUE
-        self.counts.late_at_once = int(np.count_nonzero(ticks < release))
         return ticks
 
     def _ticks_of(self, times: TimeColumn, start: Start) -> NDArray[np.int64]:

@@ -12,6 +12,7 @@ bytes per field, plus the texts that no other row has.
 
 from __future__ import annotations
 
+import dataclasses
 import glob
 import math
 import os
@@ -87,6 +88,8 @@ class TableColumns:
     column_of: dict[str, str]  # field: its column
     errors: RowErrors
     counts: ReadingCounts
+    # (n,) rows released before tick 0, and rows due before their release
+    odd: dict[str, NDArray[np.bool_]] = dataclasses.field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -133,6 +136,7 @@ class TableColumns:
             keeps = ~np.isin(self.lines, list(mistakes))
             self.lines = self.lines[keeps]
             self.values = {name: values[keeps] for name, values in self.values.items()}
+            self.odd = {name: rows[keeps] for name, rows in self.odd.items()}
         return mistakes
 
     def _mistake(self, kind: str, field_name: str) -> str:
@@ -203,7 +207,7 @@ def named_file(document: Document, keys: Keys, rows: str, name: str) -> Path:
 def matching_files(document: Document, keys: Keys, rows: str, name: str) -> tuple[Path, ...]:
     """The files that a name at `keys` matches, sorted; a name without wildcards is that of one file.
 
-    Raises InputError if there is none.
+    Raises InputError if no file matches.
     """
     if os.path.isfile(document.folder / name) or not is_pattern(name):
         return (named_file(document, keys, rows, name),)
@@ -536,14 +540,14 @@ class _Reader:
         start = reader.start_of(released)
         ticks = reader.release_ticks(released, start)
         self.result.values[release.name] = np.maximum(ticks, 0).astype(np.int32)
+        self.result.odd["before"] = ticks < 0
         if due is None:
             return
         column = self._amounts(due.name)
         until = np.full(len(ticks), NO_DUE, np.int64)
         if column is not None:
             until = reader.due_ticks(reader.read(due.name, column), start, ticks)
-            if counts.late_at_once:
-                counts.first_late_line = int(self.table.lines[int(np.argmax(until < ticks))])
+            self.result.odd["late"] = until < ticks
         self.result.values[due.name] = until.astype(np.int32)
 
 
@@ -574,18 +578,18 @@ def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
 
 def file_warnings(columns: TableColumns) -> list[str]:
     """Warn about rows released before tick 0 or due before their release; both occur in real files."""
-    counts, name = columns.counts, os.path.basename(columns.path)
-    warnings = []
-    if counts.before_start:
-        rows = count(counts.before_start, "row")
+    name, warnings = os.path.basename(columns.path), []
+    before, late = (columns.odd.get(kind, np.zeros(0, np.bool_)) for kind in ("before", "late"))
+    if before.any():
+        rows = count(int(before.sum()), "row")
         warnings.append(f"{name}: {rows} released before tick 0, so known from the start")
-    if counts.late_at_once:
+    if late.any():
         what = "due before it is released, and therefore late from the start"
-        if counts.late_at_once > 1:
-            rows = count(counts.late_at_once, "row")
+        if late.sum() > 1:
+            rows = count(int(late.sum()), "row")
             what = (
                 f"the first of {rows} due before they are released, and therefore late from "
                 "the start"
             )
-        warnings.append(f"{name}:{counts.first_late_line}: {what}")
+        warnings.append(f"{name}:{columns.lines[int(np.argmax(late))]}: {what}")
     return warnings

@@ -90,6 +90,15 @@ def test_rows_with_mistakes_are_left_out_and_counted(tmp_path: Path) -> None:
     assert len(Simulation(resolved).world.lines.order) == 2
 
 
+def test_a_skipped_row_is_not_in_the_warnings(tmp_path: Path) -> None:
+    rows = "released;due;pod\n05:59;;99\n06:00;05:00;98\n06:00;06:30;1\n05:58;;2\n"
+    resolved = shift(tmp_path, lines=rows)
+    assert resolved.order_file is not None
+    assert resolved.order_file.warnings == (
+        "lines.csv: 1 row released before tick 0, so known from the start",
+    )
+
+
 def test_rows_are_refused_by_default_each_mistake_with_its_line(tmp_path: Path) -> None:
     text = PODS.replace(", unknown: skip, at_most: 80 %", "")
     said = refused(tmp_path, text=text).split("\n")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 import os
 import re
 import sys
@@ -28,7 +30,7 @@ from automaton.documents.report_document import INDENT, Listed, ReportDocument
 from automaton.errors import InputError, refuse
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.drawn_floors import write_matrix
-from automaton.scenario.columns import QuarantinedRows
+from automaton.scenario.columns import QuarantinedRows, rows_as_written
 from automaton.scenario.document import Document
 from automaton.scenario.reading import Reading, document_of, is_study, read
 from automaton.scenario.text_files import shipped
@@ -48,6 +50,7 @@ SLOTS = {  # what a scenario's line counts
     DOCK: ("dock",),
     RACK: ("rack",),
 }
+REASON = "reason"  # the first column of a quarantine
 NUMBER_TEXT = re.compile(r"\d[\d,.]*")  # in which the same warning of two points may differ
 
 
@@ -133,7 +136,7 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
         *bounds_in_words(resolved),
     )
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
-    lines += [rows.write() for rows in quarantines(resolved)]
+    lines += [write_quarantine(rows) for rows in quarantines(resolved)]
     show(lines, args)
     print_warnings(resolved)
     trial = None
@@ -153,6 +156,24 @@ def quarantines(resolved: Resolved) -> list[QuarantinedRows]:
     """The skipped rows of each file of orders that has a quarantine."""
     rows = (day.file.quarantine for day in resolved.days)
     return [one for one in rows if one is not None]
+
+
+def write_quarantine(rows: QuarantinedRows) -> str:
+    """Write skipped rows behind a column with their mistakes, atomically; return a sentence about it.
+
+    The file has the encoding and the separator of its source; that of a workbook is UTF-8 with commas.
+    Raises InputError.
+    """
+    separator, head, skipped = rows_as_written(
+        rows.source, rows.encoding, rows.sheet, rows.mistakes
+    )
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, delimiter=separator, lineterminator="\n")
+    writer.writerow([REASON, *head])
+    writer.writerows([rows.mistakes[line], *row] for line, row in skipped)
+    with atomic_writer(rows.target) as file:
+        file.write(text.getvalue().encode(rows.encoding))
+    return f"{count(len(skipped), 'skipped row')} written to {rows.target}"
 
 
 def show(lines: Sequence[str], args: argparse.Namespace, mark: str = "") -> None:

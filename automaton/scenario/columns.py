@@ -13,7 +13,6 @@ from __future__ import annotations
 
 import csv
 import datetime
-import io
 import itertools
 import lzma
 import os
@@ -31,7 +30,6 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.atomic_write import atomic_writer
 from automaton.errors import InputError, InputErrors, nearest
 from automaton.units import count
 
@@ -53,7 +51,6 @@ MAX_UNPACKED_BYTES: Final = 4_000_000_000  # read in pieces, except
 MAX_TEXT_BYTES: Final = 256_000_000  # the texts of all cells, which stay in memory
 SHARED_TEXTS: Final = "xl/sharedStrings.xml"
 SHEETS: Final = "xl/worksheets/"  # the folder of sheets in a workbook
-REASON: Final = "reason"  # column of a quarantine
 FORMULA: Final = b"<f"  # begins each formula in a sheet
 READ_BYTES: Final = 1 << 20
 Row = Sequence[Any]
@@ -450,30 +447,13 @@ def numbered(book: _Book) -> Iterator[tuple[int, Row]]:
 
 
 class QuarantinedRows(NamedTuple):
-    """The rows of a file of orders that a scenario skips, and the file that gets them.
-
-    It has the encoding and the separator of its source, and a column with the mistake in front; that of
-    a workbook is UTF-8 with commas.
-    """
+    """The rows of a file of orders that a scenario skips, and the file that gets them."""
 
     target: Path
     source: Path
     encoding: str  # of the source
     sheet: str | None  # of a workbook
     mistakes: Mapping[int, str]  # by the first line of a row
-
-    def write(self) -> str:
-        """Write the file, atomically, and return a sentence about it. Raises InputError."""
-        separator, head, skipped = rows_as_written(
-            self.source, self.encoding, self.sheet, self.mistakes
-        )
-        text = io.StringIO(newline="")
-        writer = csv.writer(text, delimiter=separator, lineterminator="\n")
-        writer.writerow([REASON, *head])
-        writer.writerows([self.mistakes[line], *row] for line, row in skipped)
-        with atomic_writer(self.target) as file:
-            file.write(text.getvalue().encode(self.encoding))
-        return f"{count(len(skipped), 'skipped row')} written to {self.target}"
 
 
 # Mistakes in the rows of a file.

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import argparse
+import csv
+import io
 import os
 import re
 import sys
@@ -28,6 +30,7 @@ from automaton.documents.report_document import INDENT, Listed, ReportDocument
 from automaton.errors import InputError, refuse
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.drawn_floors import write_matrix
+from automaton.scenario.columns import QuarantinedRows, rows_as_written
 from automaton.scenario.document import Document
 from automaton.scenario.reading import Reading, document_of, is_study, read
 from automaton.scenario.text_files import shipped
@@ -37,6 +40,7 @@ from automaton.units import count, shown_unit
 from automaton.world.bounds import bounds_in_words
 from automaton.world.capabilities import default_right_of_way
 from automaton.world.conversion_table import conversion_lines, plain_number_line
+from automaton.world.order_feasibility import arrivals_in_words
 from automaton.world.resolve import Resolved, resolve
 from automaton.world.scenario_warnings import misfits, scenario_warnings
 
@@ -46,6 +50,7 @@ SLOTS = {  # what a scenario's line counts
     DOCK: ("dock",),
     RACK: ("rack",),
 }
+REASON = "reason"  # the first column of a quarantine
 NUMBER_TEXT = re.compile(r"\d[\d,.]*")  # in which the same warning of two points may differ
 
 
@@ -101,6 +106,7 @@ class CheckedFile(NamedTuple):
     warnings: tuple[str, ...] = ()
     trial: dict[str, Any] | None = None
     error: str | None = None
+    skipped: dict[str, Any] | None = None  # rows of the file of orders; None: none was
 
 
 def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
@@ -121,8 +127,16 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
     with Reading(document).placing_errors():
         refuse(misfits(resolved))
     plain = plain_number_line(document.data, as_read.scenario.units.scale)
-    more = (*resolved.file_notes, *conversion_lines(as_read), plain, *bounds_in_words(resolved))
+    more = (
+        *([f"seed {as_read.scenario.seed}: {day}"] if (day := resolved.day_in_words) else []),
+        *resolved.file_notes,
+        *arrivals_in_words(as_read.scenario),
+        *conversion_lines(as_read),
+        plain,
+        *bounds_in_words(resolved),
+    )
     lines = [described(resolved, names_right_of_way(document)), *(line for line in more if line)]
+    lines += [write_quarantine(rows) for rows in quarantines(resolved)]
     show(lines, args)
     print_warnings(resolved)
     trial = None
@@ -133,7 +147,33 @@ def check_file(file: str, args: argparse.Namespace) -> CheckedFile:
         show(trial.lines(), args, INDENT)
     name, warnings = resolved.scenario.name, scenario_warnings(resolved)
     done = None if trial is None else trial.as_json()
-    return CheckedFile(file, name, tuple(lines), tuple(warnings), done)
+    return CheckedFile(
+        file, name, tuple(lines), tuple(warnings), done, skipped=resolved.skipped_rows
+    )
+
+
+def quarantines(resolved: Resolved) -> list[QuarantinedRows]:
+    """The skipped rows of each file of orders that has a quarantine."""
+    rows = (day.file.quarantine for day in resolved.days)
+    return [one for one in rows if one is not None]
+
+
+def write_quarantine(rows: QuarantinedRows) -> str:
+    """Write skipped rows behind a column with their mistakes, atomically; return a sentence about it.
+
+    The file has the encoding and the separator of its source; that of a workbook is UTF-8 with commas.
+    Raises InputError.
+    """
+    separator, head, skipped = rows_as_written(
+        rows.source, rows.encoding, rows.sheet, rows.mistakes
+    )
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, delimiter=separator, lineterminator="\n")
+    writer.writerow([REASON, *head])
+    writer.writerows([rows.mistakes[line], *row] for line, row in skipped)
+    with atomic_writer(rows.target) as file:
+        file.write(text.getvalue().encode(rows.encoding))
+    return f"{count(len(skipped), 'skipped row')} written to {rows.target}"
 
 
 def show(lines: Sequence[str], args: argparse.Namespace, mark: str = "") -> None:
@@ -218,6 +258,11 @@ def described(resolved: Resolved, names_right_of_way: bool = True) -> str:
         f"{area} closed to {' and '.join(given.closed_to)}"
         for area, given in resolved.scenario.areas.items()
     ]
+    open_places = {
+        "station": resolved.scenario.floor.open_stations,
+        "charger": resolved.scenario.floor.open_chargers,
+    }
+    closed += [f"{count(k, what)} open" for what, k in open_places.items() if k is not None]
     chosen = []
     if not names_right_of_way:
         name, why = default_right_of_way(resolved.scenario, resolved.fleet)

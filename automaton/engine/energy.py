@@ -9,6 +9,7 @@ import numpy as np
 from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.motion import LIVE, has_room
 from automaton.engine.operations import (
+    charger_of,
     consume_energy,
     count_lost_tick,
     energy_cost,
@@ -68,8 +69,9 @@ def charge_up(world, i):
     robots.busy[i] = 1  # motion counts it down in this tick
     world.tally.operations[i, ACTION_CHARGE, 0] -= 0 if first else 1
     robots.executed[i] = np.int64(robots.executed[i]) | EXECUTED_CHARGE
-    charger = world.chargers.charger_at[robots.goal_cell[i]]
-    world.chargers.busy_ticks[charger] += world.rules.stride
+    charger = charger_of(world, i)
+    if charger != NIL:
+        world.chargers.busy_ticks[U(charger)] += world.rules.stride
     more = charge_gain(world, i)
     robots.charge[i] += more
     world.tally.charged[i] += more
@@ -211,9 +213,11 @@ def count_waiting_for_chargers(world):
     robots, chargers = world.robots, world.chargers
     chargers.waiting[:] = 0
     for i in range(robots.cell.shape[0]):
-        if robots.goal_type[U(i)] == GOAL_CHARGE and robots.cell[U(i)] != robots.goal_cell[U(i)]:
-            if (LOST_ACTIONS >> np.int64(robots.action[U(i)])) & 1:
-                chargers.waiting[chargers.charger_at[U(robots.goal_cell[U(i)])]] += 1
+        if robots.goal_type[U(i)] != GOAL_CHARGE or robots.cell[U(i)] == robots.goal_cell[U(i)]:
+            continue
+        charger = charger_of(world, i)
+        if charger != NIL and (LOST_ACTIONS >> np.int64(robots.action[U(i)])) & 1:
+            chargers.waiting[U(charger)] += 1
     for charger in range(chargers.cell.shape[0]):
         longest = max(chargers.longest_queue[charger], chargers.waiting[charger])
         chargers.longest_queue[charger] = longest

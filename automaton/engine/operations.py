@@ -449,15 +449,22 @@ def note_time(world, i, action, ticks):
     if goal == GOAL_CHARGE:
         purpose = PURPOSE_CHARGER
         use.to_charger[U(i), U(action)] += ticks
-        if (LOST_ACTIONS >> action) & 1:
-            charger = world.chargers.charger_at[U(world.robots.goal_cell[U(i)])]
-            world.chargers.queue_ticks[charger] += ticks
+        charger = charger_of(world, i)
+        if charger != NIL and (LOST_ACTIONS >> action) & 1:
+            world.chargers.queue_ticks[U(charger)] += ticks
     elif (goal == GOAL_NONE or goal == GOAL_PARK) and (
         action == ACTION_MOVE or action == ACTION_TURN
     ):
         purpose = PURPOSE_ASIDE
         use.aside[U(i)] += ticks
     use.purpose[U(i)] = purpose
+
+
+@kernel
+def charger_of(world, i):
+    """The charger that is the goal of robot i, or NIL."""
+    goal = np.int64(world.robots.goal_cell[U(i)])
+    return np.int64(NIL) if goal == NIL else np.int64(world.chargers.charger_at[U(goal)])
 
 
 @kernel

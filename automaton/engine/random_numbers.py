@@ -29,6 +29,8 @@ STREAM_DELAY_TICKS = 23  # duration of a delay
 STREAM_DELAY_COUNTS = 24  # number of delays
 STREAM_REPAIRS = 25  # duration of a repair in place
 STREAM_CLOSINGS = 21  # start and duration of closings
+STREAM_PROFILE = 26  # arrivals at the rates of a profile
+STREAM_DAYS = 27  # the file of orders of a run, out of several
 STREAM_STRATEGY = 32  # plug-ins use numbers from here on
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)

@@ -54,6 +54,7 @@ class BaseRecorder:
     digest_every: ClassVar[int | None] = None  # ticks between digests; None: by size
 
     def __init__(self, resolved: Resolved, seed: int) -> None:
+        resolved = resolved.of_seed(seed)
         self._start, _ = build_world(resolved, seed)
         found = header_of(resolved, seed, self._start, DIGEST_NAMES)
         every = self.digest_every or digest_interval(self._start)

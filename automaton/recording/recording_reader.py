@@ -53,7 +53,7 @@ from automaton.recording.header import floor_plan_of, own_allocation_of
 from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
 from automaton.scenario.order_lines import plain_data
-from automaton.scenario.orders import MAX_STOPS, LineDemand
+from automaton.scenario.orders import MAX_DRAWN_LINES, MAX_STOPS, LineDemand
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup
@@ -352,7 +352,8 @@ class Admission:
         """Check the numbers of orders and jobs against the scenario before building a world."""
         orders, jobs = counted(self.scenario, self.floor_plan)
         for name, wanted in (("orders", orders), ("jobs", jobs)):
-            if self.sizes[name] != wanted:
+            is_fewer = self.scenario.orders.has_random_count and self.sizes[name] < wanted
+            if self.sizes[name] != wanted and not is_fewer:
                 raise InvalidFrameError(
                     f"it has {self.sizes[name]:,} {name}, but its scenario has {wanted:,}"
                 )
@@ -428,8 +429,10 @@ def scenario_of(given: Content) -> Scenario:
 
 
 def counted(scenario: Scenario, floor_plan: FloorPlan) -> tuple[int, int]:
-    """The numbers of orders and of jobs at stations in a scenario."""
+    """The numbers of orders and of jobs at stations in a scenario; the greatest one if it is random."""
     orders = scenario.orders
+    if orders.has_random_count:
+        return orders.count or MAX_DRAWN_LINES, 0
     if orders.parts is not None:
         jobs = sum(kind.count * len(kind.route) for kind in orders.parts)
         return jobs - sum(kind.count for kind in orders.parts), jobs

@@ -56,6 +56,7 @@ from automaton.runs.run_diagnosis import (
 from automaton.runs.simulation import RECORD_TICKS, Simulation
 from automaton.runs.task_metrics import (
     metrics_by_charger,
+    metrics_by_class,
     metrics_by_priority,
     metrics_by_station,
     summed,
@@ -112,6 +113,7 @@ class Outcome(NamedTuple):
     stations: Sequence[dict[str, Any]] = ()  # metrics by station, if robots carry pods to stations
     chargers: Sequence[dict[str, Any]] = ()  # metrics by charger, where robots have batteries
     priorities: Sequence[dict[str, Any]] = ()  # metrics by priority, where orders have several
+    classes: Sequence[dict[str, Any]] = ()  # metrics by class, where orders have classes
     uses: Mapping[str, int] = {}  # robot ticks by what they were used for
     periods: Sequence[Period] = ()  # the run by hour, or by other stretches
     by_period: bool = False  # whether they are what was asked for, and two at least
@@ -277,6 +279,7 @@ def run_once(
         stations=metrics_by_station(simulation),
         chargers=metrics_by_charger(simulation),
         priorities=metrics_by_priority(simulation),
+        classes=metrics_by_class(simulation),
         uses=uses_of_run(simulation),
         periods=marks.periods(simulation),
         by_period=marks.is_fixed and simulation.tick > every,

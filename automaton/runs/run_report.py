@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from automaton.documents.report_document import (
     Heading,
@@ -45,6 +46,7 @@ ROBOT_COLUMNS = {  # heading: metric of the robot
 SLOWDOWN = "slowdown_ticks"
 ROBOT_HEADS = ("on orders", "in traffic", "in queues", "charging", "wait to charge", "down")
 ROBOTS_SHOWN = STATIONS_SHOWN = 50
+GROUP_HEADS = ("orders", "delivered", "lead time", "95th percentile", "late")
 METRICS_TOLD = (
     "throughput",
     "utilization",
@@ -76,6 +78,7 @@ def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
     document.add(Heading("All metrics", 3), metrics_table(outcome, tick, cell))
     document.add(*([types_table(outcome, tick)] if outcome.types else []))
     document.add(*([priorities_table(outcome, tick)] if outcome.priorities else []))
+    document.add(*([classes_table(outcome, tick)] if outcome.classes else []))
     document.add(*([stations_table(outcome)] if outcome.stations else []))
     document.add(*([chargers_table(outcome)] if outcome.chargers else []))
     document.add(robots_table(outcome, tick, cell))
@@ -193,6 +196,11 @@ def uses_table(outcome: Outcome) -> Table:
     return Table(("robot time", "robots", "share", "what it is"), rows, also_left=(3,))
 
 
+def file_without_rows(resolved: Resolved) -> str:
+    """The number of skipped rows of the file of orders, by mistake; "" if none was."""
+    return "" if resolved.order_file is None else resolved.order_file.without_rows
+
+
 def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
     """The scenario, how the run ended, and the size of a tick."""
     scenario = resolved.scenario
@@ -217,6 +225,8 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         f"{scenario.name}, {count(scenario.fleet.robots, 'robot')}, seed {scenario.seed}: {end}, "
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
         ", ".join(strategies),
+        *([f"orders of {day}"] if (day := resolved.day_in_words) else []),
+        *([rows] if (rows := file_without_rows(resolved)) else []),
         *out_of_orders(outcome),
         *(describe_wait_cycles(outcome.circles) if outcome.finished or outcome.stopped else []),
         *(describe_jam(outcome.jam) if outcome.finished or outcome.stopped else []),
@@ -309,15 +319,22 @@ def types_table(outcome: Outcome, tick: Unit) -> Table:
 
 def priorities_table(outcome: Outcome, tick: Unit) -> Table:
     """One line for each priority of orders, the highest first."""
-    rows = []
-    for row in outcome.priorities:
-        times = (row[name] for name in ("lead_time", "lead_time_p95"))
-        texts = ["-" if ticks is None else time_text(ticks, tick) for ticks in times]
-        late = "-" if row["late_share"] is None else percent(row["late_share"])
-        counts = (number(row[name]) for name in ("orders", "delivered"))
-        rows.append([number(row["priority"]), *counts, *texts, late])
-    heads = ("priority", "orders", "delivered", "lead time", "95th percentile", "late")
-    return Table(heads, rows)
+    rows = [[number(row["priority"]), *group_texts(row, tick)] for row in outcome.priorities]
+    return Table(("priority", *GROUP_HEADS), rows)
+
+
+def classes_table(outcome: Outcome, tick: Unit) -> Table:
+    """One line for each class of orders."""
+    rows = [[row["class"] or "no class", *group_texts(row, tick)] for row in outcome.classes]
+    return Table(("class", *GROUP_HEADS), rows)
+
+
+def group_texts(row: Mapping[str, Any], tick: Unit) -> list[str]:
+    """The metrics of a group of orders, below GROUP_HEADS."""
+    times = (row[name] for name in ("lead_time", "lead_time_p95"))
+    texts = ["-" if ticks is None else time_text(ticks, tick) for ticks in times]
+    late = "-" if row["late_share"] is None else percent(row["late_share"])
+    return [*(number(row[name]) for name in ("orders", "delivered")), *texts, late]
 
 
 def chargers_table(outcome: Outcome) -> Table:

@@ -109,10 +109,10 @@ class Simulation:
         after: Simulation | None = None,
         patience: float | None = None,
     ) -> None:
-        self.resolved = resolved
+        self.seed = resolved.scenario.seed if seed is None else seed
+        self.resolved = resolved = resolved.of_seed(self.seed)
         self._decisions = 0  # number of decisions of Python strategies so far
         self._watchdog = None if patience is None else Watchdog(patience)
-        self.seed = resolved.scenario.seed if seed is None else seed
         in_convoy = after is not None and after.world.rules.following == FOLLOWING_CONVOY
         world, floor = build_world(resolved, self.seed, storage, in_convoy=in_convoy)
         self.world: World = world

@@ -26,8 +26,10 @@ from automaton.engine.state import (
     World,
 )
 from automaton.runs.interruption import interruptible
-from automaton.runs.progress import asked_orders, has_lines
+from automaton.runs.progress import AskedOrders, asked_orders, has_lines
 from automaton.runs.task_lower_bounds import min_drive_ticks
+from automaton.scenario.order_lines import classes_of_orders
+from automaton.scenario.table_fields import NOTHING
 from automaton.world.resolved import Resolved
 
 
@@ -282,23 +284,45 @@ def metrics_by_priority(run: Measured) -> list[dict[str, Any]]:
     levels = np.unique(priority)[::-1]
     if len(levels) < 2:
         return []
-    rows = []
-    for level in levels.tolist():
-        mine = (priority == level) & orders.is_known
-        done = mine & (orders.done != NIL)
-        times = (orders.done - orders.release)[done]
-        due = (
-            mine & (orders.due != NEVER) & ((orders.done != NIL) | (orders.due < world.clock.tick))
-        )
-        ends = np.where(orders.done == NIL, world.clock.tick, orders.done)
-        rows.append(
-            {
-                "priority": level,
-                "orders": int(mine.sum()),
-                "delivered": int(done.sum()),
-                "lead_time": float(times.mean()) if len(times) else None,
-                "lead_time_p95": quantile(times, 95) if len(times) else None,
-                "late_share": float((ends > orders.due)[due].mean()) if due.any() else None,
-            }
-        )
-    return rows
+    return [
+        {"priority": level, **metrics_of_group(world, orders, priority == level)}
+        for level in levels.tolist()
+    ]
+
+
+def metrics_by_class(run: Measured) -> list[dict[str, Any]]:
+    """For each class of orders, in the order of the list or file: the same metrics.
+
+    Orders without a class come last, as None. () where no order has a class.
+    """
+    world, orders = run.world, asked_orders(run.world)
+    of_line, names = classes_of_orders(run.resolved.unrefined.scenario.orders)
+    if not names:
+        return []
+    of_order = of_line
+    if has_lines(world):
+        of_order = np.full(len(world.lines.left), NOTHING, np.int32)
+        named = np.flatnonzero(of_line != NOTHING)[::-1]  # so that the first line decides
+        of_order[world.lines.order[named]] = of_line[named]
+    groups = [(name, of_order == number) for number, name in enumerate(names)]
+    rows = [(name, mine) for name, mine in (*groups, (None, of_order == NOTHING)) if mine.any()]
+    return [{"class": name, **metrics_of_group(world, orders, mine)} for name, mine in rows]
+
+
+def metrics_of_group(world: World, orders: AskedOrders, group: Array) -> dict[str, Any]:
+    """How many released orders of a group there are, their lead time, and how many were late.
+
+    `group`: (m,) bool. Times in ticks; None: no order is done, or none was due.
+    """
+    mine = group & orders.is_known
+    done = mine & (orders.done != NIL)
+    times = (orders.done - orders.release)[done]
+    due = mine & (orders.due != NEVER) & ((orders.done != NIL) | (orders.due < world.clock.tick))
+    ends = np.where(orders.done == NIL, world.clock.tick, orders.done)
+    return {
+        "orders": int(mine.sum()),
+        "delivered": int(done.sum()),
+        "lead_time": float(times.mean()) if len(times) else None,
+        "lead_time_p95": quantile(times, 95) if len(times) else None,
+        "late_share": float((ends > orders.due)[due].mean()) if due.any() else None,
+    }

@@ -234,8 +234,22 @@ class Lift(ConfigSection, frozen=True, kw_only=True):
 
 
 class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
-    """Closings, doors, blocks, lifts and speed limits of the floor."""
+    """Closings, doors, blocks, lifts, speed limits, and the open stations and chargers of the floor."""
 
+    open_stations: Annotated[
+        Annotated[int, Meta(ge=1, le=100_000)] | None,
+        Meta(
+            description="Number of stations that are open: the first ones of `stations`, then those "
+            "without a name by their numbers. The others are plain floor. null: all."
+        ),
+    ] = None
+    open_chargers: Annotated[
+        Annotated[int, Meta(ge=0, le=100_000)] | None,
+        Meta(
+            description="Number of chargers that are open: the first ones in reading order. The others "
+            "are plain floor. null: all."
+        ),
+    ] = None
     closed: Annotated[
         tuple[Closing, ...],
         Meta(max_length=MAX_GATE_ENTRIES, description="Cells that are closed at times."),

@@ -20,7 +20,7 @@ import re
 import zipfile
 import zlib
 from array import array
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Hashable, Iterator, Mapping, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field
 from functools import partial
@@ -422,6 +422,40 @@ def _date_text(moment: datetime.datetime, time: str | None) -> str:
     return moment.isoformat(" ")
 
 
+def rows_as_written(
+    path: Path, encoding: str, sheet: str | None, lines: Container[int]
+) -> tuple[str, list[str], list[tuple[int, list[str]]]]:
+    """The separator of a file, the names of its columns, and the rows that begin in some lines."""
+    if is_workbook(path):
+        with closing(_Book(path, sheet, is_computed=True)) as book:
+            texts = ((line, [_text(value, None) for value in row]) for line, row in numbered(book))
+            _, head = next(texts)
+            return ",", head, [row for row in texts if row[0] in lines]
+    with path.open(encoding=ENCODINGS[encoding], newline="") as stream:
+        skipped, separator, first = _begin(iter(stream), str(path))
+        reader = csv.reader(itertools.chain([first], stream), delimiter=separator, strict=True)
+        rows = _rows(reader, skipped, str(path))
+        _, head = next(rows)
+        return separator, head, [row for row in rows if row[0] in lines]
+
+
+def numbered(book: _Book) -> Iterator[tuple[int, Row]]:
+    """The rows of a sheet that have a value, with their numbers from 1."""
+    for number, row in enumerate(book.rows(), 1):
+        if any(value not in (None, "") for value in row):
+            yield number, row
+
+
+class QuarantinedRows(NamedTuple):
+    """The rows of a file of orders that a scenario skips, and the file that gets them."""
+
+    target: Path
+    source: Path
+    encoding: str  # of the source
+    sheet: str | None  # of a workbook
+    mistakes: Mapping[int, str]  # by the first line of a row
+
+
 # Mistakes in the rows of a file.
 
 
@@ -452,6 +486,18 @@ class RowErrors:
         if lines[0] < known.lines[0]:
             known.sentence = sentence
         known.lines = sorted([*known.lines, *lines])
+
+    @property
+    def kinds(self) -> dict[Hashable, list[int]]:
+        """The lines of the mistakes of each kind, in ascending order, by the first line."""
+        kinds = sorted(self._kinds.items(), key=lambda item: item[1].lines[0])
+        return {kind: mistakes.lines for kind, mistakes in kinds}
+
+    @property
+    def first(self) -> InputError:
+        """The first of the mistakes, of which there is one at least."""
+        kind = min(self._kinds.values(), key=lambda kind: kind.lines[0])
+        return InputError(kind.sentence(), self.file, kind.lines[0])
 
     def raise_any(self) -> None:
         """Raise InputErrors if any mistake was added."""

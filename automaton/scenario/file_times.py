@@ -8,6 +8,7 @@
 
 Without units.clock the earliest time is tick 0. For times without an offset every day has 24 hours. Rows
 released before tick 0 are known from the start; rows due before their release are late from the start.
+Where a run has one of several files, the day of its earliest release is taken for that of units.clock.
 Files of running warehouses have both, so both are counted.
 """
 
@@ -221,6 +222,15 @@ def start_of_clock(clock: ClockTime) -> Start:
     return Start(of_form)
 
 
+def start_of_day(clock: ClockTime, form: int, earliest: int) -> Start:
+    """The time of units.clock on the day of the earliest time of a file; `form`: of that time."""
+    day = SECONDS_OF_DAY * MICRO
+    offset = MICRO * (clock.offset or 0)
+    midnight = (earliest + offset) // day * day - offset
+    since_midnight = int(clock.seconds * MICRO)
+    return Start({BARE: since_midnight, form: midnight + since_midnight})
+
+
 def misplaced(text: str, form: int, start: Start, has_clock: bool) -> str:
     """Describe a time of a form in which tick 0 is not known."""
     if form == OFFSET:
@@ -247,10 +257,10 @@ class ReadingCounts:
     left_out: dict[str, int] = field(default_factory=dict)  # by "STATUS CANCELLED"
     ignored: tuple[str, ...] = ()  # columns
     tick_zero: str = ""  # the earliest release, if units.clock is not set
-    before_start: int = 0  # rows released before tick 0
-    late_at_once: int = 0  # rows due before their release
-    first_late_line: int = 0  # of the file, from 1
     rounded: int = 0  # times between two ticks
+    rounded_up: dict[str, int] = field(default_factory=dict)  # decimal numbers, by column
+    selected: int = 0  # rows that `where` keeps
+    skipped: dict[str, int] = field(default_factory=dict)  # of these, by the mistake in them
 
 
 Mask = NDArray[np.bool_]
@@ -280,6 +290,7 @@ class TimeReader:
     scale: Scale
     counts: ReadingCounts
     refuse: Refuse
+    has_own_day: bool = False  # the day of units.clock is that of the earliest release
 
     def read(self, name: str, column: TextColumn) -> TimeColumn:
         """The times of a column, from the texts in its rows."""
@@ -308,8 +319,13 @@ class TimeReader:
 
     def start_of(self, released: TimeColumn) -> Start:
         """The time of tick 0: of units.clock, else the earliest release in the form of the first."""
-        if self.scale.clock is not None:
-            return start_of_clock(self.scale.clock)
+        clock = self.scale.clock
+        if clock is not None:
+            known = OFFSET if clock.offset is not None else DATED
+            dated = np.flatnonzero(released.uses(known)).tolist()
+            if self.has_own_day and dated:
+                return start_of_day(clock, known, min(released.values[code] for code in dated))
+            return start_of_clock(clock)
         form = next(
             (form for form in released.forms[released.column.codes].tolist() if form), TICKS
         )
@@ -321,23 +337,21 @@ class TimeReader:
         return Start({form: released.values[earliest]})
 
     def release_ticks(self, released: TimeColumn, start: Start) -> NDArray[np.int64]:
-        """(n,) ticks of release; those below 0 are counted."""
+        """(n,) ticks of release, below 0 for rows released before tick 0."""
         is_empty = np.array([not text for text in released.column.texts])
         self.refuse(released.name, "empty", is_empty, lambda text: "is empty")
         ticks: NDArray[np.int64] = self._ticks_of(released, start)[released.column.codes]
-        self.counts.before_start = int(np.count_nonzero(ticks < 0))
         return ticks
 
     def due_ticks(
         self, due: TimeColumn, start: Start, release: NDArray[np.int64]
     ) -> NDArray[np.int64]:
-        """(n,) due ticks of rows, or NO_DUE; those before release are counted."""
+        """(n,) due ticks of rows, or NO_DUE; they may be before the release."""
         codes = due.column.codes
         ticks = self._ticks_of(due, start)[codes]
         ticks += np.where(due.uses(TICKS)[codes], release, 0)
         np.clip(ticks, -LAST_TICK, LAST_TICK, out=ticks)
         ticks[due.uses(EMPTY)[codes]] = NO_DUE
-        self.counts.late_at_once = int(np.count_nonzero(ticks < release))
         return ticks
 
     def _ticks_of(self, times: TimeColumn, start: Start) -> NDArray[np.int64]:

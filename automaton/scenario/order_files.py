@@ -1,4 +1,4 @@
-"""Orders in files: transports and lines as tables, tasks as text.
+"""Orders in files: transports, lines and rates by hour as tables, tasks as text.
 
     released,from,to            released;pod;sku;station;units            # tasks of two cells
     0,rack-7,packing            07:31;12;;P1;2                            2
@@ -14,18 +14,30 @@ The rows become a list in the scenario, so recordings need no further files.
 
 from __future__ import annotations
 
+import hashlib
+import json
+import re
 from collections.abc import Collection, Iterator
 from pathlib import Path
-from typing import Final, NamedTuple
+from typing import Annotated, Final, NamedTuple
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.errors import InputError, Keys, nearest
+from automaton.errors import InputError, InvalidValueError, Keys, nearest
 from automaton.floor.floor_plan import FloorPlan
+from automaton.scenario.arrivals import (
+    HOURS_OF_DAY,
+    MAX_RATE,
+    WEEKDAYS,
+    HourlyRate,
+    hour_text,
+    missing_hours,
+)
 from automaton.scenario.carried_pods import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.changing_floor import Cell
+from automaton.scenario.columns import QuarantinedRows
 from automaton.scenario.document import Document
 from automaton.scenario.order_lines import LineTable
 from automaton.scenario.orders import (
@@ -33,16 +45,29 @@ from automaton.scenario.orders import (
     LineColumns,
     LineDemand,
     OrderLine,
+    Orders,
     TransportColumns,
+    Transports,
 )
 from automaton.scenario.quantities import DueAt, Scale
 from automaton.scenario.schema import Scenario
-from automaton.scenario.table_fields import NO_DUE, NOTHING
+from automaton.scenario.table_fields import (
+    NO_DUE,
+    NOTHING,
+    Column,
+    ColumnNames,
+    NumberField,
+    Quarantine,
+    TableOptions,
+    column,
+)
 from automaton.scenario.table_files import names_of_cells
 from automaton.scenario.table_reader import (
+    NO_TIMES,
     ReadFile,
     TableColumns,
     file_warnings,
+    matching_files,
     named_file,
     read_table,
     reading_notes,
@@ -60,18 +85,45 @@ from automaton.scenario.text_files import (
 TRANSPORTS_KEY: Final[Keys] = ("orders", "transports", "file")
 LINES_KEY: Final[Keys] = ("orders", "lines", "file")
 TASKS_KEY: Final[Keys] = ("orders", "tasks")
+PROFILE_KEY: Final[Keys] = ("orders", "arrivals", "profile")
+RATE: Final = re.compile(r"[0-9]{1,9}(?:[.,][0-9]{1,9})?")
 
 Array = NDArray[np.int32]
 
 
-def with_orders_of_file(
-    document: Document, scenario: Scenario
-) -> tuple[Document, Scenario, ReadFile | None]:
-    """The scenario with the orders of its file as a list, if it names one. Raises InputError."""
+class Day(NamedTuple):
+    """A file of orders or lines that was read for a scenario."""
+
+    file: ReadFile
+    orders: Orders
+    key: str  # hash of its content and of how it was read
+
+    @property
+    def name(self) -> str:
+        """The name of the file, without its folder."""
+        return Path(self.file.path).name
+
+
+def files_of_orders(document: Document, scenario: Scenario) -> tuple[Path, ...]:
+    """The files of transports that a scenario names; () if it has none. Raises InputError."""
     transports = scenario.orders.transports
     if transports is None:
-        return document, scenario, None
-    path = named_file(document, TRANSPORTS_KEY, TransportColumns.rows, transports.file)
+        return ()
+    return matching_files(document, TRANSPORTS_KEY, TransportColumns.rows, transports.file)
+
+
+def files_of_lines(document: Document, scenario: Scenario) -> tuple[Path, ...]:
+    """The files of lines that a scenario names; () if it has none. Raises InputError."""
+    demand = scenario.orders.lines
+    if not isinstance(demand, LineDemand) or demand.file is None:
+        return ()
+    return matching_files(document, LINES_KEY, LineColumns.rows, demand.file)
+
+
+def day_of_orders(document: Document, scenario: Scenario, path: Path) -> tuple[Day, Document]:
+    """The transports of a file as a list of orders, and the document with its rows. Raises InputError."""
+    transports = scenario.orders.transports
+    assert transports is not None, "the scenario has a file of transports"
     names = names_of_cells(document)
     known = {name: number for number, name in enumerate(names)}
     table = read_table(
@@ -89,23 +141,57 @@ def with_orders_of_file(
             str(path),
             1,
         )
-    table.errors.raise_any()
+    mistakes = table.settle(transports)
+    quarantine = _quarantine(document, path, transports, mistakes)
     document = with_rows(document, ("orders", "list"), table.path, table.lines)
     orders = msgspec.structs.replace(
         scenario.orders, transports=None, listed=_transports(table, list(names.values()))
     )
-    file = _read_file(path, table, scenario.units.scale)
-    return document, msgspec.structs.replace(scenario, orders=orders), file
+    file = _read_file(path, table, scenario.units.scale, quarantine)
+    return Day(file, orders, _key(table, transports)), document
 
 
-def _read_file(path: Path, table: TableColumns, scale: Scale) -> ReadFile:
-    notes, warnings = reading_notes(table, scale), file_warnings(table)
-    return ReadFile(str(path.resolve()), table.content_hash, tuple(notes), tuple(warnings))
+def _key(table: TableColumns, options: TableOptions) -> str:
+    """Hash of the content of a file and of the options that read it, except its name."""
+    how = {key: value for key, value in msgspec.to_builtins(options).items() if key != "file"}
+    how["several"] = options.names_several
+    text = json.dumps([table.content_hash, how], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _read_file(
+    path: Path, table: TableColumns, scale: Scale, quarantine: QuarantinedRows | None
+) -> ReadFile:
+    return ReadFile(
+        str(path.resolve()),
+        table.content_hash,
+        tuple(reading_notes(table, scale)),
+        tuple(file_warnings(table)),
+        table.counts.selected,
+        table.counts.skipped,
+        quarantine,
+    )
+
+
+def _quarantine(
+    document: Document, path: Path, options: TableOptions, mistakes: dict[int, str]
+) -> QuarantinedRows | None:
+    """The skipped rows of a file and the file for them, if the scenario names one. Raises InputError."""
+    if not isinstance(options.unknown, Quarantine):
+        return None
+    target = document.folder / options.unknown.quarantine
+    if options.names_several:
+        target = target.with_name(f"{target.stem}-{path.stem}{target.suffix}")
+    if target.resolve() == path.resolve() or target.match(options.file):
+        key = "transports" if isinstance(options, Transports) else "lines"
+        text = f"the quarantine '{options.unknown.quarantine}' must not be a file of orders"
+        raise InvalidValueError(("orders", key, "unknown"), text)
+    return QuarantinedRows(target, path, options.encoding, options.sheet, mistakes)
 
 
 def _transports(table: TableColumns, cells: list[Cell]) -> tuple[OrderLine, ...]:
     """The orders of a table: about 140 bytes each, as equal cells and numbers are one object."""
-    values = table.values
+    values, classes = table.values, [*table.names["class"], None]  # the last one: none
     rows = zip(
         _ends(table, "from", cells),
         _ends(table, "to", cells),
@@ -113,6 +199,7 @@ def _transports(table: TableColumns, cells: list[Cell]) -> tuple[OrderLine, ...]
         values["weight"].tolist(),
         values["priority"].tolist(),
         _due(values["released"].tolist(), values["due"].tolist()),
+        map(classes.__getitem__, values["class"].tolist()),
         strict=True,
     )
     return tuple(
@@ -123,8 +210,9 @@ def _transports(table: TableColumns, cells: list[Cell]) -> tuple[OrderLine, ...]
             weight=weight,
             priority=priority,
             due=due,
+            order_class=order_class,
         )
-        for source, target, release, weight, priority, due in rows
+        for source, target, release, weight, priority, due, order_class in rows
     )
 
 
@@ -156,22 +244,21 @@ def _ends(table: TableColumns, end: str, cells: list[Cell]) -> list[Cell]:
     return list(map(known.__getitem__, which.reshape(-1).tolist()))
 
 
-def with_lines_of_file(
-    document: Document, scenario: Scenario, floor_plan: FloorPlan
-) -> tuple[Document, Scenario, ReadFile | None]:
-    """The scenario with the lines of its file as a list, if it names one. Raises InputError."""
+def day_of_lines(
+    document: Document, scenario: Scenario, floor_plan: FloorPlan, path: Path
+) -> tuple[Day, Document]:
+    """The lines of a file as a table, and the document with its rows. Raises InputError."""
     demand = scenario.orders.lines
-    if not isinstance(demand, LineDemand) or demand.file is None:
-        return document, scenario, None
-    path = named_file(document, LINES_KEY, LineColumns.rows, demand.file)
+    assert isinstance(demand, LineDemand), "the scenario has a file of lines"
     stations = [*scenario.stations, *range(1, len(floor_plan.stations) + 1)]
     known = {"station": {str(name): k for k, name in enumerate(stations)}}
     table = read_table(path, LineColumns, demand, demand.columns, scenario.units.scale, known)
     count = len(pod_cells(scenario, floor_plan))
-    pods = _pods_of_rows(table, pod_numbers(scenario, count), skus_of(scenario))
-    table.errors.raise_any()
+    table.values["pod"] = _pods_of_rows(table, pod_numbers(scenario, count), skus_of(scenario))
+    mistakes = table.settle(demand)
+    quarantine = _quarantine(document, path, demand, mistakes)
     lines = LineTable(
-        {**table.values, "pod": pods},
+        table.values,
         table.names["order"],
         [
             k + 1 if name == str(k + 1) else name
@@ -179,11 +266,12 @@ def with_lines_of_file(
         ],
         table.names["sku"],
         stations,
+        table.names["class"],
     )
     orders = msgspec.structs.replace(scenario.orders, lines=lines)
-    file = _read_file(path, table, scenario.units.scale)
+    file = _read_file(path, table, scenario.units.scale, quarantine)
     document = with_rows(document, ("orders", "lines"), table.path, table.lines)
-    return document, msgspec.structs.replace(scenario, orders=orders), file
+    return Day(file, orders, _key(table, demand)), document
 
 
 def _pods_of_rows(table: TableColumns, numbers: dict[str, int], skus: Collection[str]) -> Array:
@@ -218,6 +306,72 @@ def _pods_of_rows(table: TableColumns, numbers: dict[str, int], skus: Collection
         says += "; a line without a pod needs a SKU in a separate column"
     table.refuse("empty", "pod", empty, lambda row: says)
     return numbered
+
+
+class RateColumns(ColumnNames, frozen=True, kw_only=True):
+    """The columns of a file of rates by the hour of the week."""
+
+    rows, may_rename = "rates", False
+    needed = ((("weekday",),), (("hour",),), (("orders",),))
+
+    weekday: Annotated[
+        Column, column("The day, 1 to 7 from Monday.", NumberField, least=1, most=WEEKDAYS)
+    ] = None
+    hour: Annotated[
+        Column, column("The hour, 0 to 23.", NumberField, least=0, most=HOURS_OF_DAY - 1)
+    ] = None
+    orders: Annotated[
+        Column, column("Mean number of orders that arrive in the hour.", is_required=True)
+    ] = None
+
+
+def with_rates_of_file(
+    document: Document, scenario: Scenario
+) -> tuple[Document, Scenario, ReadFile | None]:
+    """The scenario with the rates of the file of its profile as a list. Raises InputError."""
+    arrivals = scenario.orders.arrivals
+    if arrivals is None or not isinstance(arrivals.profile, str):
+        return document, scenario, None
+    path = named_file(document, PROFILE_KEY, RateColumns.rows, arrivals.profile)
+    table = read_table(path, RateColumns, TableOptions(file=path.name))
+    rates = _rates(table)
+    day_and_hour = zip(table.values["weekday"].tolist(), table.values["hour"].tolist(), strict=True)
+    profile = tuple(
+        HourlyRate(weekday=weekday, hour=hour, orders=rate)
+        for (weekday, hour), rate in zip(day_and_hour, rates, strict=True)
+    )
+    change = msgspec.structs.replace
+    orders = change(scenario.orders, arrivals=change(arrivals, profile=profile))
+    document = with_rows(document, PROFILE_KEY, table.path, table.lines)
+    file = ReadFile(str(path.resolve()), table.content_hash, tuple(reading_notes(table, NO_TIMES)))
+    return document, change(scenario, orders=orders), file
+
+
+def _rates(table: TableColumns) -> list[float]:
+    """The rate in each row; every hour of a day that appears has one. Raises InputError."""
+    values, column, texts = table.values, table.column_of["orders"], table.names["orders"]
+    written = [texts[code] if code != NOTHING else "" for code in values["orders"].tolist()]
+    plain = [text.replace(",", ".") if RATE.fullmatch(text) else "" for text in written]
+    is_bad = np.array([not text or float(text) > MAX_RATE for text in plain])
+    is_bad &= values["orders"] != NOTHING
+
+    def is_no_rate(row: int) -> str:
+        return f"{column} must be a number from 0 to {MAX_RATE:,}, found {quoted(written[row])}"
+
+    hours = (values["weekday"].astype(np.int64) - 1) * HOURS_OF_DAY + values["hour"]
+    table.refuse("number", "orders", is_bad, is_no_rate)
+    table.errors.raise_any()
+    table.refuse_again(
+        "hour",
+        hours,
+        lambda row, line: f"{hour_text(int(hours[row]))} appears twice (first in line {line})",
+    )
+    table.errors.raise_any()
+    for day, hour in missing_hours(hours.tolist()):
+        line = int(table.lines[hours // HOURS_OF_DAY == day][0])
+        text = f"weekday {day + 1} has no row for hour {hour}; write 0 if no orders arrive in it"
+        raise InputError(text, table.path, line)
+    return [float(text) for text in plain]
 
 
 class TaskFile(NamedTuple):

@@ -6,7 +6,7 @@ that goes through all lines uses `line_column`.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, overload
 
 import msgspec
@@ -32,7 +32,7 @@ class LineTable(Sequence[Line]):
     """The lines of a file: 32 bytes each, and the texts of their orders.
 
     `values`: (n,) by field, as automaton.scenario.order_files reads it: indices into `orders`, `pods`,
-    `skus` and `stations`, or NOTHING, and the due tick of a line, or NO_DUE.
+    `skus`, `stations` and `order_classes`, or NOTHING, and the due tick of a line, or NO_DUE.
     """
 
     def __init__(
@@ -42,9 +42,16 @@ class LineTable(Sequence[Line]):
         pods: Sequence[str | int],
         skus: Sequence[str],
         stations: Sequence[str | int],
+        classes: Sequence[str],
     ) -> None:
         self.values, self.orders, self.stations = values, orders, stations
-        self.pods, self.skus = pods, skus
+        self.pods, self.skus, self.order_classes = pods, skus, classes
+
+    def with_values(self, values: Mapping[str, LineColumn]) -> LineTable:
+        """The same texts with other columns."""
+        return LineTable(
+            values, self.orders, self.pods, self.skus, self.stations, self.order_classes
+        )
 
     def __len__(self) -> int:
         return len(self.values["pod"])
@@ -58,13 +65,13 @@ class LineTable(Sequence[Line]):
     def __getitem__(self, index: int | slice) -> Line | LineTable:
         if isinstance(index, slice):
             values = {name: column[index] for name, column in self.values.items()}
-            return LineTable(values, self.orders, self.pods, self.skus, self.stations)
+            return self.with_values(values)
         return next(iter(self[index:][:1] if index >= 0 else self[index:]))
 
     def __iter__(self) -> Iterator[Line]:
-        names = ("order", "pod", "sku", "station", "released", "due", "priority", "units")
+        names = ("order", "pod", "sku", "station", "class", "released", "due", "priority", "units")
         rows = zip(*(self.values[name].tolist() for name in names), strict=True)
-        for order, pod, sku, station, release, due, priority, units in rows:
+        for order, pod, sku, station, of_class, release, due, priority, units in rows:
             yield Line(
                 order=None if order == NOTHING else self.orders[order],
                 pod=None if pod == NOTHING else self.pods[pod],
@@ -74,6 +81,7 @@ class LineTable(Sequence[Line]):
                 due=None if due == NO_DUE else DueAt(at=due),
                 priority=priority,
                 units=units,
+                order_class=None if of_class == NOTHING else self.order_classes[of_class],
             )
 
     def __eq__(self, other: object) -> bool:
@@ -95,11 +103,22 @@ def line_column(lines: Sequence[Line], name: str) -> LineColumn:
 
 
 def line_texts(lines: Sequence[Line], name: str) -> tuple[LineColumn, Sequence[str]]:
-    """The orders or SKUs of lines: (n,) int32 indices into texts, or NOTHING; the texts."""
+    """The orders, SKUs or classes of lines: (n,) int32 indices into texts, or NOTHING; the texts."""
     if isinstance(lines, LineTable):
-        return lines.values[name], lines.orders if name == "order" else lines.skus
+        texts = {"order": lines.orders, "sku": lines.skus, "class": lines.order_classes}
+        return lines.values[name], texts[name]
+    return _numbered(getattr(line, "order_class" if name == "class" else name) for line in lines)
+
+
+def classes_of_orders(orders: Orders) -> tuple[LineColumn, Sequence[str]]:
+    """The classes of listed orders or lines: (n,) int32 indices into texts, or NOTHING; the texts."""
+    if orders.listed is not None:
+        return _numbered(order.order_class for order in orders.listed)
+    return line_texts(listed_lines(orders), "class")
+
+
+def _numbered(values: Iterable[object]) -> tuple[LineColumn, Sequence[str]]:
     known: dict[str, int] = {}
-    values = (getattr(line, name) for line in lines)
     places = [
         NOTHING if value is None else known.setdefault(str(value), len(known)) for value in values
     ]

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Final, Literal
 from msgspec import Meta, field
 
 from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF, STATION
+from automaton.scenario.arrivals import Arrivals, MeanTime
 from automaton.scenario.quantities import (
     GAP,
     TIME,
@@ -39,12 +40,8 @@ from automaton.scenario.table_fields import (
     column,
 )
 
-DRAWN_GENERATORS: Final = (
-    "dock-to-rack",
-    "stations",
-    "visits",
-    "tours",
-)  # generators that draw `count` orders
+# Generators that draw `count` orders.
+DRAWN_GENERATORS: Final = ("dock-to-rack", "stations", "visits", "tours")
 MAX_DRAWN_LINES: Final = 1_000_000
 MAX_STOPS: Final = 64  # of an order
 MAX_STOP_TICKS: Final = 65_535
@@ -62,6 +59,10 @@ DRAWN_ALONE: Final[dict[str, Any]] = {  # keys of random lines with their defaul
     "stations": "fewest-lines",
     "due": None,
 }
+
+
+CLASS_MEANING: Final = "The class of the order, such as express; metrics are printed by class."
+OrderClass = Annotated[SingleLine | None, Meta(description=CLASS_MEANING)]
 
 
 class TransportColumns(ColumnNames, frozen=True, kw_only=True):
@@ -114,6 +115,7 @@ class TransportColumns(ColumnNames, frozen=True, kw_only=True):
             "How heavy the load is; empty: 1.", NumberField, least=1, most=1_000_000_000, default=1
         ),
     ] = None
+    order_class: Annotated[Column, column(CLASS_MEANING)] = field(name="class", default=None)
 
 
 class Transports(TableOptions, frozen=True, kw_only=True):
@@ -160,6 +162,7 @@ class Line(ConfigSection, frozen=True, kw_only=True, gc=False):
         int, Meta(ge=-100, le=100, description="Priority: lines with larger numbers come first.")
     ] = 0
     units: Annotated[int, Meta(ge=0, le=1_000_000, description="Number of units to pick.")] = 1
+    order_class: OrderClass = field(name="class", default=None)
 
     def __post_init__(self) -> None:
         if self.pod is None and self.sku is None:
@@ -202,8 +205,16 @@ class LineColumns(ColumnNames, frozen=True, kw_only=True):
     ] = None
     units: Annotated[
         Column,
-        column("Units that are picked; empty: 1.", NumberField, least=0, most=1_000_000, default=1),
+        column(
+            "Units that are picked, rounded up; empty: 1.",
+            NumberField,
+            least=1,
+            most=1_000_000,
+            default=1,
+            rounds_up=True,
+        ),
     ] = None
+    order_class: Annotated[Column, column(CLASS_MEANING)] = field(name="class", default=None)
 
 
 class LineDemand(TableOptions, frozen=True, kw_only=True):
@@ -214,7 +225,8 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
         Meta(
             description="A CSV file with a header line and an order line in each row, separated by "
             "semicolons, tabs or commas, or a workbook (.xlsx, extra excel); path relative to the "
-            "scenario."
+            "scenario. A pattern such as days/*.csv names several files: the seed of a run draws one, "
+            "whose times count from its own midnight."
         ),
     ] = None  # type: ignore[assignment]
     columns: Annotated[
@@ -277,52 +289,6 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
             raise ValueError(
                 "mean_interarrival_time must be 0 or at least 1: at most one order arrives per tick"
             )
-
-
-class Mean(ConfigSection, frozen=True, kw_only=True):
-    """A random whole number from 1 on, geometrically distributed."""
-
-    mean: Annotated[float, Meta(ge=1, le=1_000_000, description="The mean of the number.")]
-
-
-class MeanTime(ConfigSection, frozen=True, kw_only=True):
-    """A random number of ticks from 1 on, geometrically distributed (memoryless)."""
-
-    mean: Annotated[float, quantity(GAP, ge=1, le=1_000_000, description="The mean of the number.")]
-
-
-class Bursts(ConfigSection, frozen=True, kw_only=True):
-    """Orders are released in bursts, the first one at the start."""
-
-    size: Annotated[
-        Annotated[int, Meta(ge=1, le=1_000_000)] | Mean,
-        Meta(description="Orders of a burst: a fixed number, or random with this mean."),
-    ]
-    every: Annotated[
-        Annotated[int, quantity(GAP, ge=1, le=1_000_000)] | MeanTime,
-        Meta(
-            description="Ticks from one burst to the next: a fixed number, or random with this mean."
-        ),
-    ]
-
-
-class ClosedLoop(ConfigSection, frozen=True, kw_only=True):
-    """A closed loop: each delivery releases the next order, one tick later."""
-
-    in_system: Annotated[
-        int, Meta(ge=1, le=1_000_000, description="Number of open orders, until no order is left.")
-    ]
-
-
-class Arrivals(ConfigSection, frozen=True, kw_only=True):
-    """How orders are released: in bursts or in a closed loop."""
-
-    bursts: Bursts | None = None
-    closed_loop: ClosedLoop | None = None
-
-    def __post_init__(self) -> None:
-        if (self.bursts is None) == (self.closed_loop is None):
-            raise ValueError("arrivals must have either bursts or closed_loop")
 
 
 class WeightRange(ConfigSection, frozen=True, kw_only=True):
@@ -396,6 +362,7 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
         Due | None,
         Meta(description="Due time: ticks after the release, or {at: tick}."),
     ] = None
+    order_class: OrderClass = field(name="class", default=None)
 
     def __post_init__(self) -> None:
         if self.source is None and self.target is None:
@@ -501,7 +468,10 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = 1
     count: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
-        Meta(description="Number of orders of a generator."),
+        Meta(
+            description="Number of orders of a generator; with a profile of arrivals the greatest "
+            "number, which may be left out."
+        ),
     ] = None
     mean_interarrival_time: Annotated[
         float,
@@ -516,7 +486,10 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = 0.0
     arrivals: Annotated[
         Arrivals | None,
-        Meta(description="How orders are released: in bursts or in a closed loop."),
+        Meta(
+            description="How orders are released: in bursts, in a closed loop, or by the hour of the "
+            "week."
+        ),
     ] = None
     weight: Annotated[
         Weight | WeightRange,
@@ -597,7 +570,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             raise ValueError("lines must hold at least one line")
         if self.listed is not None and not self.listed:
             raise ValueError("list must hold at least one order")
-        if self.generator in DRAWN_GENERATORS and self.count is None:
+        needs_count = self.generator in DRAWN_GENERATORS and not self.follows_profile
+        if needs_count and self.count is None:
             raise ValueError(f"the generator {self.generator} needs a count of orders")
         if self.generator not in DRAWN_GENERATORS and self.count is not None:
             raise ValueError(f"count belongs to the generators {', '.join(DRAWN_GENERATORS)}")
@@ -628,14 +602,33 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     def _check_arrivals(self) -> None:
         if self.generator is None and self.mean_interarrival_time:
             raise ValueError("mean_interarrival_time belongs to generators of orders")
-        if self.generator is None and self.arrivals is not None:
-            raise ValueError("arrivals belong to generators of orders")
+        lines = self.lines if self.follows_profile else None
+        is_open = isinstance(lines, LineDemand) and lines.drawn and not lines.mean_interarrival_time
+        if self.generator is None and self.arrivals is not None and not is_open:
+            raise ValueError(
+                "arrivals belong to generators of orders, a profile to random lines, too"
+            )
         if self.mean_interarrival_time and self.arrivals is not None:
             raise ValueError("set either mean_interarrival_time or arrivals, not both")
         if 0 < self.mean_interarrival_time < 1:
             raise ValueError(
                 "mean_interarrival_time must be 0 or at least 1: at most one order arrives per tick"
             )
+
+    @property
+    def follows_profile(self) -> bool:
+        """Whether orders arrive at the rates of a profile."""
+        return self.arrivals is not None and self.arrivals.profile is not None
+
+    @property
+    def has_random_count(self) -> bool:
+        """Whether the number of orders is random: those that arrive during the run."""
+        return self.follows_profile and self.generator in DRAWN_GENERATORS
+
+    @property
+    def least_count(self) -> int:
+        """The number of orders of a generator, or 1 if it is random."""
+        return 1 if self.has_random_count else self.count or 0
 
     def in_system(self, robots: int) -> int:
         """Return the number of open orders of a closed loop with this number of robots, else 0."""

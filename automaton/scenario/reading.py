@@ -3,23 +3,32 @@
 from __future__ import annotations
 
 import copy
+import glob
+import itertools
 import os
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
+from msgspec import structs
+
 from automaton.errors import InputError, InvalidValueError
 from automaton.scenario.document import Document, Override, override, parse
 from automaton.scenario.floor_section import Floor, floor_of
 from automaton.scenario.order_files import (
-    with_lines_of_file,
-    with_orders_of_file,
+    Day,
+    day_of_lines,
+    day_of_orders,
+    files_of_lines,
+    files_of_orders,
+    with_rates_of_file,
     with_tasks_of_file,
 )
 from automaton.scenario.order_lines import plain_data
 from automaton.scenario.schema import Scenario, Units
+from automaton.scenario.table_fields import is_pattern
 from automaton.scenario.table_files import (
     names_of_cells,
     with_durations_of_files,
@@ -37,6 +46,14 @@ STUDY_KEYS: Final = frozenset(
 LONGEST_FILE_NAME: Final = 255  # characters; longer texts are pictures of floors
 
 
+Draw = Callable[[int, int], int]  # the number from 0 of one of several files, for a seed
+
+
+def first_of_all(seed: int, files: int) -> int:
+    """The first of several files, whatever the seed."""
+    return 0
+
+
 class Reading:
     """A scenario while it is read.
 
@@ -44,14 +61,19 @@ class Reading:
     InputError, or InvalidValueError without file and line.
     """
 
-    def __init__(self, document: Document) -> None:
+    def __init__(self, document: Document, draw: Draw = first_of_all) -> None:
+        """`draw` chooses the file of orders if the scenario has several."""
         self.document = document
+        self.draw = draw
+        self.days: tuple[Day, ...] = ()  # files of orders or of their lines
+        self.of_days: tuple[Document, ...] = ()  # the document with the rows of each
+        self.day = 0  # the one that the seed of the scenario draws
         self.conversions: tuple[Conversion, ...] = ()  # of texts with units
         self.location_file: ReadFile | None = None
         self.pod_file: ReadFile | None = None
-        self.order_file: ReadFile | None = None  # of orders, or of their lines
         self.start_file: ReadFile | None = None
         self.task_file: ReadFile | None = None
+        self.rate_file: ReadFile | None = None
         self.duration_files: list[ReadFile] = []
 
     @contextmanager
@@ -76,7 +98,10 @@ class Reading:
         self.document, self.location_file = with_locations_of_file(self.document)
         self.document, self.pod_file = with_pods_of_file(self.document)
         scenario = self.scenario()
-        self.document, scenario, self.order_file = with_orders_of_file(self.document, scenario)
+        paths = files_of_orders(self.document, scenario)
+        days = (day_of_orders(self.document, scenario, path) for path in paths)
+        scenario = self._of_drawn_day(scenario, days)
+        self.document, scenario, self.rate_file = with_rates_of_file(self.document, scenario)
         self.document, scenario, self.start_file = with_starts_of_file(self.document, scenario)
         scenario, self.duration_files = with_durations_of_files(self.document, scenario)
         return scenario
@@ -93,9 +118,28 @@ class Reading:
         """The scenario with its files of tasks and lines, read for a floor."""
         plan = floor.floor_plan
         self.document, scenario, self.task_file = with_tasks_of_file(self.document, scenario, plan)
-        self.document, scenario, lines = with_lines_of_file(self.document, scenario, plan)
-        self.order_file = self.order_file or lines
-        return scenario
+        paths = files_of_lines(self.document, scenario)
+        days = (day_of_lines(self.document, scenario, plan, path) for path in paths)
+        return self._of_drawn_day(scenario, days)
+
+    def _of_drawn_day(self, scenario: Scenario, days: Iterable[tuple[Day, Document]]) -> Scenario:
+        """The scenario with the orders of one of some files; unchanged without files."""
+        read = list(days)
+        if not read:
+            return scenario
+        self.days, self.of_days = zip(*read, strict=True)
+        self.day = self.draw(scenario.seed, len(read))
+        self.document = self.of_days[self.day]
+        return structs.replace(scenario, orders=self.days[self.day].orders)
+
+    @property
+    def pattern(self) -> str:
+        """The pattern that the files of orders match; "" if the scenario names a single file."""
+        orders = self.document.data.get("orders", {})
+        names = (
+            orders[key]["file"] for key in ("transports", "lines") if self.days and key in orders
+        )
+        return next((str(name) for name in names if is_pattern(str(name))), "")
 
     @property
     def folder(self) -> Path:
@@ -106,8 +150,8 @@ class Reading:
     @property
     def files(self) -> tuple[tuple[str, str], ...]:
         """The files that were read: path, 16 hex digits of content."""
-        files = (self.location_file, self.pod_file, self.order_file, self.start_file)
-        every = (*files, self.task_file, *self.duration_files)
+        files = (self.location_file, self.pod_file, *(day.file for day in self.days))
+        every = (*files, self.start_file, self.task_file, self.rate_file, *self.duration_files)
         return tuple((file.path, file.content_hash) for file in every if file is not None)
 
 
@@ -151,7 +195,9 @@ def named_files(scenario: str | Path) -> tuple[Path, ...]:
         document = read(own)
     except InputError:
         return (own,)
-    paths = (document.folder / text for text in _texts(document.data))
+    texts = list(_texts(document.data))
+    several = (glob.glob(text, root_dir=document.folder) for text in texts if is_pattern(text))
+    paths = [document.folder / text for text in (*texts, *itertools.chain(*map(sorted, several)))]
     return (own, *dict.fromkeys(path for path in paths if os.path.isfile(path) and path != own))
 
 

@@ -127,9 +127,7 @@ def _refined_table(table: LineTable, factor: int) -> LineTable:
         "due": np.where(due == NO_DUE, NO_DUE, np.minimum(factor * due, NO_DUE - 1)),
     }
     columns = {name: column.astype(np.int32) for name, column in ticks.items()}
-    return LineTable(
-        {**table.values, **columns}, table.orders, table.pods, table.skus, table.stations
-    )
+    return table.with_values({**table.values, **columns})
 
 
 def too_long(scenario: Scenario) -> str:

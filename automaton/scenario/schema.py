@@ -321,7 +321,28 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
             return self.stop.at_limit == "end"
         return self.stop.when == "never" or self.units.clock is not None
 
+    def _check_clock(self) -> None:
+        """Rates by the hour of the week need a date, and a tick that is a time. Raises ValueError."""
+        scale = self.units.scale
+        if scale.clock is None:
+            raise ValueError(
+                "orders has arrivals with a profile of the week, but the date of tick 0 is unknown; "
+                'set units.clock, such as units: {clock: "2026-03-02 06:00"}'
+            )
+        if scale.clock.day is None:
+            raise ValueError(
+                f"units has the clock '{self.units.clock}' without a date, but the profile of "
+                "orders.arrivals needs one for its weekdays, such as '2026-03-02 06:00'"
+            )
+        try:
+            scale.tick_seconds  # noqa: B018 - raises unless a tick is a time
+        except InputError as error:
+            text = f"orders has arrivals with a profile of orders per hour, but {error.message}"
+            raise ValueError(text) from None
+
     def __post_init__(self) -> None:
+        if self.orders.follows_profile:
+            self._check_clock()
         tick = unit(self.units.tick)
         slowest = max(self.durations.moves)
         for kind in self.fleet.types:

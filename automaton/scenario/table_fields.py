@@ -24,7 +24,13 @@ import msgspec
 from msgspec import Meta, field
 
 from automaton.scenario.columns import is_workbook
-from automaton.scenario.quantities import ConfigSection, NonEmptyText, SingleLine
+from automaton.scenario.quantities import (
+    SHARE,
+    ConfigSection,
+    NonEmptyText,
+    SingleLine,
+    quantity,
+)
 
 NOTHING: Final = -1  # the code of a text field without a text
 NO_DUE: Final = 2**31 - 1  # the latest tick
@@ -38,6 +44,8 @@ FILE_OPTIONS: Final[dict[str, Any]] = {  # keys beside `file`, with their defaul
     "time": None,
     "encoding": "utf-8",
     "sheet": None,
+    "unknown": "refuse",
+    "at_most": None,
 }
 FIELD_KEY: Final = "field"  # in Meta.extra of a column: makes a field from its name
 
@@ -72,6 +80,7 @@ class NumberField:
     least: int
     most: int
     default: int | None = None  # for an empty value; None: a number is required
+    rounds_up: bool = False  # decimal numbers are read and rounded up
 
 
 @dataclass(frozen=True)
@@ -122,6 +131,19 @@ def fields_of(kind: type[ColumnNames], known: Mapping[str, Mapping[str, int]]) -
     return fields
 
 
+class Quarantine(ConfigSection, frozen=True, kw_only=True):
+    """Rows with mistakes are skipped, and written to a file by `automaton check`."""
+
+    quarantine: Annotated[
+        NonEmptyText,
+        Meta(
+            description="A CSV file that `automaton check` writes: the skipped rows as they are, "
+            "behind a column with the reason; path relative to the scenario. If the orders are in "
+            "several files, the name of each is added to it."
+        ),
+    ]
+
+
 class TableOptions(ConfigSection, frozen=True, kw_only=True):
     """A CSV file or a workbook written by another system."""
 
@@ -129,7 +151,9 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
         NonEmptyText,
         Meta(
             description="A CSV file with a header line, separated by semicolons, tabs or commas, or a "
-            "workbook (.xlsx, extra excel); path relative to the scenario."
+            "workbook (.xlsx, extra excel); path relative to the scenario. A pattern such as "
+            "days/*.csv names several files: the seed of a run draws one, whose times count from its "
+            "own midnight."
         ),
     ]
     sheet: Annotated[
@@ -158,11 +182,45 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
         ),
     ] = "utf-8"
 
+    unknown: Annotated[
+        Literal["refuse", "skip"] | Quarantine,
+        Meta(
+            description="What happens to rows with mistakes: an unknown location, pod, SKU or "
+            "station, a quantity of 0, or a value that cannot be read. refuse: the scenario is "
+            "refused; skip: they are left out and counted; {quarantine: FILE}: in addition, "
+            "`automaton check` writes them to a file."
+        ),
+    ] = "refuse"
+    at_most: Annotated[
+        Annotated[float, quantity(SHARE, ge=0, le=1)] | None,
+        Meta(
+            description="The greatest share of rows that may be skipped, such as 2 % or 0.02; above "
+            "it the scenario is refused."
+        ),
+    ] = None
+
+    @property
+    def names_several(self) -> bool:
+        """Whether `file` is a pattern, which several files may match."""
+        return is_pattern(self.file or "")
+
     def __post_init__(self) -> None:
         if self.time is not None:
             _check_format(self.time)
         if self.sheet is not None and self.file and not is_workbook(Path(self.file)):
             raise ValueError(f"sheet belongs to a workbook (.xlsx), and file is '{self.file}'")
+        if self.unknown != "refuse" and self.at_most is None:
+            raise ValueError(
+                "unknown lets rows be skipped, which needs at_most, the greatest share of them, such "
+                "as at_most: 2 %"
+            )
+        if self.unknown == "refuse" and self.at_most is not None:
+            raise ValueError("at_most belongs to unknown: skip, or unknown: {quarantine: FILE}")
+
+
+def is_pattern(name: str) -> bool:
+    """Whether the name of a file has wildcards: *, ? or [...]."""
+    return any(sign in name for sign in "*?[")
 
 
 def _check_format(of_format: str) -> None:

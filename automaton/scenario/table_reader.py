@@ -12,10 +12,15 @@ bytes per field, plus the texts that no other row has.
 
 from __future__ import annotations
 
+import dataclasses
+import glob
+import math
 import os
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections import Counter
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final, NamedTuple
@@ -26,6 +31,7 @@ from numpy.typing import NDArray
 from automaton.errors import InputError, InvalidValueError, Keys, alternatives, nearest
 from automaton.scenario.columns import (
     CsvColumns,
+    QuarantinedRows,
     RowErrors,
     TextColumn,
     is_workbook,
@@ -48,15 +54,21 @@ from automaton.scenario.table_fields import (
     TableOptions,
     TextField,
     fields_of,
+    is_pattern,
 )
 from automaton.scenario.text_files import ListFile, content_hash, quoted
-from automaton.units import count
+from automaton.units import count, number
 
 SELECTING: Final = "where "  # prefix for the names of columns that only select rows
 PLAIN_WHOLE: Final = re.compile(r"[-+]?[0-9]{1,10}")
 ZERO_FRACTION: Final = re.compile(r"(?<=[0-9])\.0+$")
 THOUSANDS: Final = re.compile(r"[-+]?[0-9]{1,3}(\.[0-9]{3})+")  # thousands or decimals: ambiguous
 DECIMAL_COMMA: Final = re.compile(r"([-+]?[0-9]+),([0-9]+)(?=[^0-9,.:]*$)")
+DECIMAL: Final = re.compile(r"\+?[0-9]{1,10}\.[0-9]+")
+ZERO: Final = re.compile(r"[-+]?0+([.,]0*)?")
+LONE_COMMA: Final = re.compile(r"(\+?[0-9]{1,10}),([0-9]{1,2}|[0-9]{4,})")  # a decimal one
+NOT_OF_ROWS: Final = ("tick",)  # mistakes of the scenario that rows bring to light
+CALLED: Final = {"from": "location", "to": "location", "sku": "SKU"}  # fields, in mistakes
 MAX_SHOWN_VALUES: Final = 5  # of a column, in an error or a note
 MAX_SHOWN_NAMES: Final = 8  # of known names, in an error
 NO_TIMES: Final = Scale("1 tick")  # for tables without times
@@ -76,6 +88,8 @@ class TableColumns:
     column_of: dict[str, str]  # field: its column
     errors: RowErrors
     counts: ReadingCounts
+    # (n,) rows released before tick 0, and rows due before their release
+    odd: dict[str, NDArray[np.bool_]] = dataclasses.field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.lines)
@@ -102,6 +116,61 @@ class TableColumns:
             "twice", field_name, again, lambda row: sentence(row, self.lines[first[which[row]]])
         )
 
+    def settle(self, options: TableOptions) -> dict[int, str]:
+        """Raise the mistakes, or leave out the rows with mistakes if the options allow it.
+
+        Returns the mistake of each skipped row, by line. Raises InputErrors, or InputError if too many
+        rows would be skipped.
+        """
+        kinds = self.errors.kinds
+        if options.at_most is None or any(kind[0] in NOT_OF_ROWS for kind in _pairs(kinds)):
+            self.errors.raise_any()
+        mistakes: dict[int, str] = {}
+        for (kind, field_name), lines in zip(_pairs(kinds), kinds.values(), strict=True):
+            for line in lines:
+                mistakes.setdefault(line, self._mistake(kind, field_name))
+        self.counts.skipped = dict(Counter(mistakes.values()).most_common())
+        self.counts.selected = len(self) + len(set(mistakes) - set(self.lines.tolist()))
+        if mistakes:
+            self._check_share(len(mistakes), options)
+            keeps = ~np.isin(self.lines, list(mistakes))
+            self.lines = self.lines[keeps]
+            self.values = {name: values[keeps] for name, values in self.values.items()}
+            self.odd = {name: rows[keeps] for name, rows in self.odd.items()}
+        return mistakes
+
+    def _mistake(self, kind: str, field_name: str) -> str:
+        """A mistake in a few words, such as "unknown pod" or "QUANTITY 0"."""
+        if kind == "width":
+            return "wrong number of values"
+        column = self.column_of.get(field_name, field_name)
+        forms = {
+            "unknown": f"unknown {CALLED.get(field_name, field_name)}",
+            "empty": f"{column} empty",
+            "zero": f"{column} 0",
+        }
+        return forms.get(kind, f"{column} unreadable")
+
+    def _check_share(self, skipped: int, options: TableOptions) -> None:
+        """At most the declared share of the rows is skipped, and not all of them. Raises InputError."""
+        rows, first = self.counts.selected, self.errors.first
+        assert options.at_most is not None, "checked: rows may be skipped"
+        said = f"{skipped:,} of {count(rows, 'row')} would be skipped ({_percent(skipped / rows)}"
+        if skipped > options.at_most * rows:
+            text = f"{said}, but at_most is {_percent(options.at_most)}); first: {first.message}"
+            raise InputError(text, first.file, first.line)
+        if skipped == rows:
+            raise InputError(f"{said}); first: {first.message}", first.file, first.line)
+
+
+def _pairs(kinds: Iterable[Hashable]) -> list[tuple[str, str]]:
+    """Kinds of mistakes as (kind, field); the field is "" for those of whole rows."""
+    return [kind if isinstance(kind, tuple) else (str(kind), "") for kind in kinds]
+
+
+def _percent(share: float) -> str:
+    return f"{number(100 * share)} %"
+
 
 class ReadFile(NamedTuple):
     """A file that was read for a scenario, with its notes for `check`."""
@@ -110,6 +179,21 @@ class ReadFile(NamedTuple):
     content_hash: str  # 16 hex digits
     notes: tuple[str, ...] = ()
     warnings: tuple[str, ...] = ()
+    rows: int = 0  # selected ones, skipped ones included
+    skipped: Mapping[str, int] = {}  # rows by the mistake in them
+    quarantine: QuarantinedRows | None = None  # where `check` writes the skipped rows
+
+    @property
+    def without_rows(self) -> str:
+        """Such as "shift.csv: 3 of 5,000 rows skipped: 2 unknown pod, 1 UNITS 0"; "" if none was."""
+        said = skipped_in_words(self.skipped, self.rows)
+        return f"{os.path.basename(self.path)}: {said}" if self.skipped else ""
+
+
+def skipped_in_words(skipped: Mapping[str, int], rows: int) -> str:
+    """How many rows were skipped, by the mistake in them."""
+    why = ", ".join(f"{many:,} {mistake}" for mistake, many in skipped.items())
+    return f"{sum(skipped.values()):,} of {count(rows, 'row')} skipped: {why}"
 
 
 def named_file(document: Document, keys: Keys, rows: str, name: str) -> Path:
@@ -118,6 +202,20 @@ def named_file(document: Document, keys: Keys, rows: str, name: str) -> Path:
     if not os.path.isfile(path):
         raise InvalidValueError(keys, f"there is no file of {rows} '{name}'")
     return path
+
+
+def matching_files(document: Document, keys: Keys, rows: str, name: str) -> tuple[Path, ...]:
+    """The files that a name at `keys` matches, sorted; a name without wildcards is that of one file.
+
+    Raises InputError if no file matches.
+    """
+    if os.path.isfile(document.folder / name) or not is_pattern(name):
+        return (named_file(document, keys, rows, name),)
+    names = sorted(glob.glob(name, root_dir=document.folder))
+    paths = tuple(path for path in map(document.folder.joinpath, names) if os.path.isfile(path))
+    if not paths:
+        raise InvalidValueError(keys, f"no file of {rows} matches '{name}'")
+    return paths
 
 
 def with_rows(document: Document, keys: Keys, file: str, lines: Any, **sections: Any) -> Document:
@@ -384,6 +482,8 @@ class _Reader:
         as_written = self.table.columns[field.name].texts
         for code, text in enumerate(column.texts):
             plain = ZERO_FRACTION.sub("", text)
+            if field.rounds_up:
+                plain = self._rounded_up(field, text, int(np.count_nonzero(column.codes == code)))
             number = int(plain) if PLAIN_WHOLE.fullmatch(plain) else None
             if not text and default is not None:
                 number = default
@@ -391,18 +491,39 @@ class _Reader:
                 number = None
             is_bad.append(number is None or not field.least <= number <= field.most)
             numbers[code] = 0 if is_bad[-1] or number is None else number
+        if field.rounds_up:
+            is_zero = np.array([ZERO.fullmatch(text) is not None for text in column.texts])
+            self._refuse(
+                field.name,
+                "zero",
+                is_zero,
+                lambda text: f"is {text}, but must be at least {field.least}",
+            )
+            is_bad = (np.array(is_bad) & ~is_zero).tolist()
+        kind = "number" if field.rounds_up else "whole number"
         allowed = f"from {field.least:,} to {field.most:,}"
         self._refuse(
             field.name,
             "number",
             np.array(is_bad),
             lambda text: (
-                f"must be a whole number {allowed}, found {quoted(text)}"
+                f"must be a {kind} {allowed}, found {quoted(text)}"
                 + ("; write it without a decimal point" if self._is_ambiguous(text) else "")
             ),
         )
         values: Array = numbers[column.codes]
         return values
+
+    def _rounded_up(self, field: NumberField, text: str, rows: int) -> str:
+        """A decimal number as the next whole one, which is counted; other texts as they are."""
+        text = LONE_COMMA.sub(r"\1.\2", text) if LONE_COMMA.fullmatch(text) else text
+        if not DECIMAL.fullmatch(text):
+            return text
+        number = math.ceil(Fraction(text))
+        if number != Fraction(text):
+            column, rounded_up = self.result.column_of[field.name], self.result.counts.rounded_up
+            rounded_up[column] = rounded_up.get(column, 0) + rows
+        return str(number)
 
     def _is_ambiguous(self, text: str) -> bool:
         """Whether a point may separate thousands, as in 1.000 beside decimal commas."""
@@ -413,19 +534,20 @@ class _Reader:
         texts = self._amounts(release.name)
         assert texts is not None, "a release is required"
         counts = self.result.counts
-        reader = TimeReader(self.options.time, self.scale, counts, self._refuse)
+        has_own_day = self.options.names_several
+        reader = TimeReader(self.options.time, self.scale, counts, self._refuse, has_own_day)
         released = reader.read(release.name, texts)
         start = reader.start_of(released)
         ticks = reader.release_ticks(released, start)
         self.result.values[release.name] = np.maximum(ticks, 0).astype(np.int32)
+        self.result.odd["before"] = ticks < 0
         if due is None:
             return
         column = self._amounts(due.name)
         until = np.full(len(ticks), NO_DUE, np.int64)
         if column is not None:
             until = reader.due_ticks(reader.read(due.name, column), start, ticks)
-            if counts.late_at_once:
-                counts.first_late_line = int(self.table.lines[int(np.argmax(until < ticks))])
+            self.result.odd["late"] = until < ticks
         self.result.values[due.name] = until.astype(np.int32)
 
 
@@ -433,6 +555,8 @@ def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
     """The note of `check` on a file: selected rows, ignored columns, tick 0."""
     counts, name = columns.counts, os.path.basename(columns.path)
     rows = count(counts.rows, "row")
+    if counts.skipped and not counts.left_out:
+        rows = f"{len(columns):,} of {rows} read"
     if counts.left_out:
         left_out = [f"{rows:,} {value}" for value, rows in counts.left_out.items()]
         more = len(left_out) - MAX_SHOWN_VALUES
@@ -443,6 +567,10 @@ def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
         notes.append(f"ignored columns: {', '.join(counts.ignored)}")
     if counts.tick_zero:
         notes.append(f"tick 0 is {counts.tick_zero}, the earliest release")
+    if counts.skipped:
+        notes.append(skipped_in_words(counts.skipped, counts.selected))
+    for of_column, rows_up in counts.rounded_up.items():
+        notes.append(f"{of_column} rounded up to a whole number in {count(rows_up, 'row')}")
     if counts.rounded:
         notes.append(f"{count(counts.rounded, 'time')} rounded to whole ticks of {scale.tick}")
     return [f"{name}: {note}" for note in notes]
@@ -450,18 +578,18 @@ def reading_notes(columns: TableColumns, scale: Scale) -> list[str]:
 
 def file_warnings(columns: TableColumns) -> list[str]:
     """Warn about rows released before tick 0 or due before their release; both occur in real files."""
-    counts, name = columns.counts, os.path.basename(columns.path)
-    warnings = []
-    if counts.before_start:
-        rows = count(counts.before_start, "row")
+    name, warnings = os.path.basename(columns.path), []
+    before, late = (columns.odd.get(kind, np.zeros(0, np.bool_)) for kind in ("before", "late"))
+    if before.any():
+        rows = count(int(before.sum()), "row")
         warnings.append(f"{name}: {rows} released before tick 0, so known from the start")
-    if counts.late_at_once:
+    if late.any():
         what = "due before it is released, and therefore late from the start"
-        if counts.late_at_once > 1:
-            rows = count(counts.late_at_once, "row")
+        if late.sum() > 1:
+            rows = count(int(late.sum()), "row")
             what = (
                 f"the first of {rows} due before they are released, and therefore late from "
                 "the start"
             )
-        warnings.append(f"{name}:{counts.first_late_line}: {what}")
+        warnings.append(f"{name}:{columns.lines[int(np.argmax(late))]}: {what}")
     return warnings

@@ -46,7 +46,11 @@ from automaton.scenario.schema import Scenario
 from automaton.scenario.text_files import content_hash
 from automaton.strategy.lookup import files_of
 from automaton.verification.validator import ACTS, Report, validate_stored
-from automaton.world.floor_parts import with_shared_chargers, with_speed_limits
+from automaton.world.floor_parts import (
+    with_open_places,
+    with_shared_chargers,
+    with_speed_limits,
+)
 from automaton.world.resolve import Resolved, branched
 
 # Fields of a header that do not affect the run: not compared.
@@ -275,7 +279,11 @@ def drawn_otherwise(resolved: Resolved) -> bool:
     layout = resolved.scenario.layout
     if "picture" not in layout and not is_shipped(layout):
         return False
-    drawn = with_shared_chargers(floor_of(layout, Path()).floor_plan)
+    try:
+        _, opened = with_open_places(resolved.scenario, floor_of(layout, Path()).floor_plan)
+    except InputError:  # more places than the floor has
+        return True
+    drawn = with_shared_chargers(opened)
     limits = resolved.scenario.floor.speed_limits
     return with_speed_limits(drawn, limits) != resolved.floor_plan
 

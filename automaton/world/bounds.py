@@ -9,11 +9,11 @@ parts      a station works on one part at a time: all its jobs count, except tho
            its jobs except the last, and the drives between them
 chargers   chargers or repairs supply the energy that orders need beyond the charge at the start
 
-The bounds hold for every seed: random orders count as the cheapest possible ones, random processing
-times as one tick, and parts with random arrivals as if all came with the first. Every robot does each
-operation as fast as the fastest type and reaches every cell; with a load it drives as robots with a load
-do. Loads are assumed to move only with robots: no load passes from one side to the other when its robot
-breaks down.
+The bounds hold for every seed: random orders count as the cheapest possible ones, a random number of
+orders as one, random processing times as one tick, and parts with random arrivals as if all came with
+the first. Every robot does each operation as fast as the fastest type and reaches every cell; with a
+load it drives as robots with a load do. Loads are assumed to move only with robots: no load passes from
+one side to the other when its robot breaks down.
 """
 
 from __future__ import annotations
@@ -154,14 +154,14 @@ def min_drive_cost(resolved: Resolved, price: Price) -> tuple[Array, int, int]:
     if orders.tasks is not None:
         return np.zeros(len(orders.tasks)), 0, 0
     if orders.generator not in ENDS or orders.generator in LOADLESS:
-        return np.zeros(orders.count or 0), 0, 0
+        return np.zeros(orders.least_count), 0, 0
     begin, end = ENDS[orders.generator]
     slots = floor_plan.slots
     source, target = slots[kinds[slots] == begin], slots[kinds[slots] == end]
     if orders.generator == "picture-loads":
         source = source[floor_plan.loads.reshape(-1)[source] == 1]
     if orders.generator in DRAWN_GENERATORS:
-        count = orders.count or 0
+        count = orders.least_count
         if begin == end:  # from a station to another one
             return np.full(count, float(price.move)), count, count
         return np.full(count, cheapest(resolved, source, target, price).min()), 0, 0

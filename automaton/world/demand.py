@@ -1,6 +1,7 @@
 """The orders of a run at tick 0, the slots between which they are carried, and their stops.
 
-Orders are released at once, one by one, in bursts, in a closed loop, or as listed; orders of parts when
+Orders are released at once, one by one, in bursts, at the rates of a profile, in a closed loop, or as
+listed; orders of parts when
 the previous job is done. Draws depend only on the seed and the number of the order or burst, so all
 fleets and strategies face the same demand. For a closed loop only the sequence is drawn: deliveries
 determine its release ticks.
@@ -16,14 +17,37 @@ import numpy as np
 
 from automaton.engine import random_numbers
 from automaton.engine.facilities import Slots, Stations, Stops
-from automaton.engine.random_numbers import draw_releases
+from automaton.engine.random_numbers import STREAM_PROFILE, draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
 from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
-from automaton.scenario.orders import DRAWN_GENERATORS, Bursts, Mean, MeanTime, OrderLine, StopRange
+from automaton.scenario.arrivals import (
+    HOURS_OF_WEEK,
+    MAX_BATCH,
+    SECONDS_OF_HOUR,
+    BatchSize,
+    Bursts,
+    Mean,
+    MeanTime,
+    second_of_week,
+)
+from automaton.scenario.orders import (
+    DRAWN_GENERATORS,
+    MAX_DRAWN_LINES,
+    OrderLine,
+    StopRange,
+)
 from automaton.scenario.orders import Orders as OrdersGiven
 from automaton.scenario.schema import Scenario
 from automaton.world.capabilities import FleetOnFloor, Service, served_with_load, service_for
-from automaton.world.draws import geometric, integers
+from automaton.world.draws import (
+    duration_quantile,
+    geometric,
+    integers,
+    logarithm,
+    quantiles,
+    uniform_draws,
+    whole_ticks,
+)
 from automaton.world.prepared_floor import PreparedFloor
 from automaton.world.resolved import Resolved
 from automaton.world.rules import may_fail
@@ -32,6 +56,8 @@ from automaton.world.task_lists import assign_in_turn, cells_of_tasks, order_cou
 DRAW_RELEASE_SEQUENCE, DRAW_WEIGHT = 2, 3  # draws of an order besides its two ends
 SIZES, GAPS, PARTS = 1, 2, 3  # draws of a burst; PARTS + k: gaps between parts of type k
 DRAW_STOP_COUNT: Final = 4
+DRAW_GAP, DRAW_THINNING, DRAW_BATCH = 0, 1, 2  # draws of a candidate of a profile
+CANDIDATES: Final = 4096  # drawn at a time
 DRAW_STOP: Final = 16  # and above: first stop, second stop, ...
 
 
@@ -160,14 +186,19 @@ def sources_and_targets(
         return np.zeros(0, np.int32), np.zeros(0, np.int32)
     if orders.generator == "tours" or orders.tasks is not None:
         count = order_count(resolved.scenario, resolved.floor_plan)
+        count = len(profile_ticks(resolved.scenario, seed)) if orders.follows_profile else count
         return np.full(count, NIL, np.int32), np.full(count, NIL, np.int32)
     if orders.generator in DRAWN_GENERATORS:
         served = (access != NIL).any(axis=1)
         count = orders.count or 0
+        if orders.follows_profile:
+            count = len(profile_ticks(resolved.scenario, seed))
         if orders.generator == "dock-to-rack":
             docks, racks = (np.flatnonzero((kinds == kind) & served) for kind in (DOCK, RACK))
             return drawn(docks, count, seed, 0), drawn(racks, count, seed, 1)
-        return among_stations(np.flatnonzero((kinds == STATION) & served), orders, seed)
+        return among_stations(
+            np.flatnonzero((kinds == STATION) & served), count, orders.generator == "visits", seed
+        )
     loaded = floor.slot_endless == 0
     if orders.generator == "picture-loads":
         loaded &= resolved.floor_plan.loads.reshape(-1)[floor.slot_cell] == 1
@@ -175,12 +206,12 @@ def sources_and_targets(
     return source, drawn(np.flatnonzero(kinds == DESTINATION), len(source), seed, 0)
 
 
-def among_stations(stations: Array, orders: Any, seed: int) -> tuple[Array, Array]:
+def among_stations(stations: Array, count: int, are_visits: bool, seed: int) -> tuple[Array, Array]:
     """(m,) slots of visits, or of transports between two different stations."""
-    source = drawn(stations, orders.count, seed, 0)
-    if orders.generator == "visits":
+    source = drawn(stations, count, seed, 0)
+    if are_visits:
         return source, source.copy()
-    others = drawn(np.arange(len(stations) - 1), orders.count, seed, 1)
+    others = drawn(np.arange(len(stations) - 1), count, seed, 1)
     at = np.searchsorted(stations, source)
     target: Array = stations[(at + 1 + others) % len(stations)].astype(np.int32)
     return source, target
@@ -282,8 +313,8 @@ def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
     if orders.listed is not None:
         released = np.array([line.release for line in orders.listed], np.int64)
         return released, np.argsort(released, kind="stable")
-    last, in_system = scenario.stop.max_duration + 1, orders.in_system(scenario.fleet.robots)
-    ticks = np.minimum(ticks_by_rank(orders, count, seed, last, in_system), NEVER)
+    in_system = orders.in_system(scenario.fleet.robots)
+    ticks = np.minimum(ticks_by_rank(scenario, count, seed, in_system), NEVER)
     sequence = np.arange(count)
     if (
         orders.generator not in (*DRAWN_GENERATORS, None) and ticks.any()
@@ -294,14 +325,14 @@ def releases(scenario: Scenario, count: int, seed: int) -> tuple[Array, Array]:
     return released, sequence if in_system else np.argsort(released, kind="stable")
 
 
-def ticks_by_rank(
-    orders: OrdersGiven, count: int, seed: int, last: int, in_system: int = 0
-) -> Array:
-    """(count,) int64: the release ticks of the first order, the second, ..., at most `last`.
+def ticks_by_rank(scenario: Scenario, count: int, seed: int, in_system: int = 0) -> Array:
+    """(count,) int64: the release ticks of the first order, the second, ...; those after the run are
+    one tick after its end.
 
     With a mean_interarrival_time, the first order comes at once, then one in each tick with probability
     1/mean_interarrival_time.
     """
+    orders, last = scenario.orders, scenario.stop.max_duration + 1
     ticks = np.zeros(count, np.int64)
     arrivals = orders.arrivals
     if orders.mean_interarrival_time:
@@ -310,9 +341,73 @@ def ticks_by_rank(
             draw_releases(ticks, chance, np.uint64(seed), last)
     elif arrivals is not None and arrivals.bursts is not None:
         ticks = np.minimum(burst_ticks(arrivals.bursts, count, seed), last)
+    elif arrivals is not None and arrivals.profile is not None:
+        arrived = profile_ticks(scenario, seed)[:count]
+        ticks = np.full(count, last, np.int64)
+        ticks[: len(arrived)] = arrived
     elif in_system:
         ticks[in_system:] = NEVER
     return ticks
+
+
+# Arrivals at the rates of a profile: a Poisson process of batches, by thinning (Lewis & Shedler 1979).
+#
+# Candidates come at the greatest rate of the week, each with its own draws, and one in an hour of a
+# lower rate is kept with the ratio of both rates. So a longer run begins with the same orders.
+
+
+def profile_ticks(scenario: Scenario, seed: int) -> Array:
+    """(m,) int64 ascending ticks before the end of a run in which the orders of its profile arrive.
+
+    There are `orders.count` at most.
+    """
+    orders, scale, end = scenario.orders, scenario.units.scale, scenario.stop.max_duration
+    arrivals, clock = orders.arrivals, scale.clock
+    assert arrivals is not None and clock is not None, "checked: a profile needs a clock"
+    tick = float(scale.tick_seconds) / SECONDS_OF_HOUR  # hours
+    rates = np.array(arrivals.rates) / mean_batch(arrivals.batch)  # batches per hour
+    peak, begin = float(rates.max()), second_of_week(clock) / SECONDS_OF_HOUR
+    most = orders.count or MAX_DRAWN_LINES
+    ticks, now, first, held = [np.zeros(0, np.int64)], 0.0, 0, 0
+    while peak and now < end * tick and held < most:
+        number = np.arange(first, first + CANDIDATES)
+        after = hours_between(number, peak, seed)
+        times = np.cumsum(np.concatenate([[now], after]))[1:]
+        now, first = float(times[-1]), first + CANDIDATES
+        hour = np.floor(begin + times).astype(np.int64) % HOURS_OF_WEEK
+        chance = uniform_draws(seed, (STREAM_PROFILE, number, np.full(len(number), DRAW_THINNING)))
+        when = np.floor(times / tick).astype(np.int64)
+        comes = (chance * peak < rates[hour]) & (when < end)
+        ticks.append(np.repeat(when[comes], batch_sizes(arrivals.batch, number[comes], seed)))
+        held += len(ticks[-1])
+    return np.concatenate(ticks)[:most]
+
+
+def hours_between(number: Array, rate: float, seed: int) -> Any:
+    """(k,) hours from the candidate before each to itself: exponential, at a rate per hour."""
+    u = uniform_draws(seed, (STREAM_PROFILE, number, np.full(len(number), DRAW_GAP)))
+    return -logarithm(u) / rate
+
+
+def batch_sizes(batch: int | BatchSize, number: Array, seed: int) -> Array:
+    """(k,) int64: orders of the batches of these candidates."""
+    if isinstance(batch, int):
+        return np.full(len(number), batch, np.int64)
+    who = np.full(len(number), DRAW_BATCH)
+    if batch.exponential is not None:
+        return geometric(batch.exponential, seed, STREAM_PROFILE, number, who)
+    sizes = duration_quantile(batch, uniform_draws(seed, (STREAM_PROFILE, number, who)))
+    return whole_ticks(np.minimum(sizes, MAX_BATCH)).astype(np.int64)
+
+
+def mean_batch(batch: int | BatchSize) -> float:
+    """The mean number of orders of a batch, after rounding."""
+    if isinstance(batch, int):
+        return batch
+    if batch.exponential is not None:
+        return batch.exponential
+    sizes = np.minimum(duration_quantile(batch, quantiles()), MAX_BATCH)
+    return float(whole_ticks(sizes).mean())
 
 
 def burst_ticks(bursts: Bursts, count: int, seed: int) -> Array:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from automaton.engine import random_numbers
 from automaton.engine.facilities import MICRO, Delays
 from automaton.engine.state import ACTION_COUNT, ACTION_NAMES, MAX_BUSY, Array
+from automaton.scenario.arrivals import BatchSize
 from automaton.scenario.durations import Distribution, Handling
 from automaton.scenario.fleet import Delays as DelayRules
 from automaton.scenario.fleet import Faults
@@ -175,8 +176,8 @@ def poisson_counts(mean: float) -> Array:
 # Distributions by quantiles, the functions that they need, and the draws.
 
 
-def duration_quantile(distribution: Distribution, u: Floats) -> Floats:
-    """(k,) ticks, not rounded, for numbers between 0 and 1; not of an exponential distribution."""
+def duration_quantile(distribution: Distribution | BatchSize, u: Floats) -> Floats:
+    """(k,) values, not rounded, for numbers between 0 and 1; not of an exponential distribution."""
     if distribution.uniform is not None:
         least, most = distribution.uniform.least, distribution.uniform.most
         spread: Floats = least + (most - least) * u

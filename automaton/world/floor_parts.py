@@ -1,4 +1,4 @@
-"""Parts of a floor that a scenario names: sets of cells, chargers, speed limits, stations with queues."""
+"""Parts of a floor that a scenario names: open places, chargers, speed limits, stations with queues."""
 
 from __future__ import annotations
 
@@ -10,8 +10,8 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from automaton.errors import Finding, InputError
-from automaton.floor.cells import CHARGER, STATION, UNLIMITED
+from automaton.errors import Finding, InputError, InvalidValueError, Keys
+from automaton.floor.cells import CHARGER, FLOOR, STATION, UNLIMITED
 from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.scenario.changing_floor import (
     Block,
@@ -20,8 +20,53 @@ from automaton.scenario.changing_floor import (
     cells_of_set,
 )
 from automaton.scenario.schema import Scenario
+from automaton.scenario.validation import dotted
+from automaton.units import count
 
 MAX_SPEEDS: Final = 14  # of speed limits: distance tables have a queue for each, plus two
+
+
+# Stations and chargers that are closed in the whole run: cells on which robots drive, without a function.
+
+
+def with_open_places(scenario: Scenario, floor_plan: FloorPlan) -> tuple[Scenario, FloorPlan]:
+    """The scenario and the floor without closed stations and chargers. Raises InvalidValueError.
+
+    Open are the first ones of `stations`, then the stations without a name by their numbers, and the
+    first chargers in reading order.
+    """
+    stations = floor_plan.stations.tolist()
+    named = {name: floor_plan.cell(*station.at) for name, station in scenario.stations.items()}
+    by_rank = dict.fromkeys([*(cell for cell in named.values() if cell in stations), *stations])
+    chargers = np.flatnonzero(floor_plan.kind == CHARGER).tolist()
+    closed = {
+        *closed_places("stations", list(by_rank), scenario.floor.open_stations),
+        *closed_places("chargers", chargers, scenario.floor.open_chargers),
+    }
+    if not closed:
+        return scenario, floor_plan
+    kind = floor_plan.kind.copy()
+    kind.flat[list(closed)] = FLOOR
+    kind.setflags(write=False)
+    numbered = tuple(cell for cell in floor_plan.numbered if cell not in closed)
+    open_stations = {
+        name: station for name, station in scenario.stations.items() if named[name] not in closed
+    }
+    return (
+        msgspec.structs.replace(scenario, stations=open_stations),
+        replace(floor_plan, kind=kind, numbered=numbered),
+    )
+
+
+def closed_places(what: str, cells: list[int], number: int | None) -> list[int]:
+    """The cells after the first ones; none without a number. Raises InvalidValueError."""
+    if number is None:
+        return []
+    if number > len(cells):
+        keys: Keys = ("floor", f"open_{what}")
+        there = count(len(cells), what.removesuffix("s"))
+        raise InvalidValueError(keys, f"{dotted(keys)} is {number}, but the floor has {there}")
+    return cells[number:]
 
 
 # Chargers: their capacity is the number of robots that charge at once.

@@ -26,9 +26,10 @@ from automaton.floor.reachability import (
     slot_access,
     slots_beside,
 )
+from automaton.scenario.arrivals import expected_orders, second_of_week
 from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.floor_section import Floor
-from automaton.scenario.orders import OrderLine
+from automaton.scenario.orders import MAX_DRAWN_LINES, OrderLine
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import dotted
@@ -47,6 +48,8 @@ REMOTE = np.array([kind.remote for kind in CELL_KINDS])  # (kinds,) bool
 def check_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
     """Orders lead from slots that give loads to slots that take them."""
     generator = scenario.orders.generator
+    if scenario.orders.follows_profile:
+        yield from check_profile(scenario)
     if scenario.orders.parts is not None:
         yield from check_parts(scenario, floor_plan)
         return
@@ -102,6 +105,38 @@ def check_orders(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]
                 f"a {name} holds one load",
             )
         taken[source] = index
+
+
+def check_profile(scenario: Scenario) -> Iterator[Finding]:
+    """A profile brings orders before the end of the run, and not too many."""
+    keys: Keys = ("orders", "arrivals", "profile")
+    number = arriving_orders(scenario)
+    end = ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))
+    if not number:
+        text = f"the profile has no orders in the {end} of a run (stop.max_duration)"
+        yield Finding(keys, f"{text} after {scenario.units.clock} (units.clock)")
+    is_open = scenario.orders.has_random_count and scenario.orders.count is None
+    if is_open and number > MAX_DRAWN_LINES:
+        text = f"the profile brings about {number:,.0f} orders in the {end} of a run, at most"
+        yield Finding(keys, f"{text} {MAX_DRAWN_LINES:,} are possible; set orders.count")
+
+
+def arriving_orders(scenario: Scenario) -> float:
+    """The mean number of orders of a profile that arrive before the end of a run."""
+    arrivals, scale = scenario.orders.arrivals, scenario.units.scale
+    assert arrivals is not None and scale.clock is not None, "checked: a profile needs a clock"
+    seconds = float(scenario.stop.max_duration * scale.tick_seconds)
+    return expected_orders(arrivals.rates, second_of_week(scale.clock), seconds)
+
+
+def arrivals_in_words(scenario: Scenario) -> list[str]:
+    """The sentence of `check` about the orders of a profile; [] without one."""
+    if not scenario.orders.follows_profile:
+        return []
+    end = ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))
+    most = "" if scenario.orders.count is None else f", {scenario.orders.count:,} at most"
+    what = "orders" if scenario.orders.lines is None else "orders with lines"
+    return [f"about {arriving_orders(scenario):,.0f} {what} arrive in {end}{most}"]
 
 
 def check_parts(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:

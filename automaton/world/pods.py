@@ -20,6 +20,7 @@ from automaton.scenario.orders import Line, LineDemand, PerOrder
 from automaton.scenario.schema import Handling, Scenario
 from automaton.scenario.table_fields import NOTHING
 from automaton.world.capabilities import loaded_driving
+from automaton.world.demand import ticks_by_rank
 from automaton.world.draws import geometric, handling_of_lines, integers, whole_micro
 from automaton.world.floor_parts import queue_path, station_numbers
 from automaton.world.prepared_floor import PreparedFloor
@@ -351,6 +352,8 @@ def _drawn(
         chance = round(2**32 / lines.mean_interarrival_time)
         with np.errstate(over="ignore"):
             draw_releases(released, chance, np.uint64(seed), last)
+    elif scenario.orders.follows_profile:
+        released = ticks_by_rank(scenario, len(released), seed)
     pod, pod_class = _pods_of_lines(lines, scenario, pods, seed)
     station = np.full(lines.drawn, NIL, np.int64)
     if lines.stations == "random":

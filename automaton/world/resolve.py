@@ -15,6 +15,7 @@ from automaton.engine.distance_tables import least_table_bytes
 from automaton.errors import Finding, InputError, InvalidValueError, Keys, refuse
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.document import Override
+from automaton.scenario.floor_section import Floor
 from automaton.scenario.reading import Reading, document_of
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import LAYER_NAMES, Scenario
@@ -26,11 +27,12 @@ from automaton.world.feasibility import check_energy, feasible_fleet
 from automaton.world.floor_parts import (
     check_speed_limits,
     with_charger_blocks,
+    with_open_places,
     with_shared_chargers,
     with_speed_limits,
 )
 from automaton.world.resolved import Resolved as Resolved
-from automaton.world.resolved import StrategyChoice, in_fine_ticks, objection_to
+from automaton.world.resolved import StrategyChoice, drawn_day, in_fine_ticks, objection_to
 
 MAX_ALLOCATIONS = 4  # allocation strategies of a run
 CHANGEABLE = ("strategy", "durations", "information", "world", "stop")  # while a run goes on
@@ -48,7 +50,7 @@ def resolve(
     """
     settings = tuple(overrides)
     seeded = () if seed is None else (Override(f"--seed {seed}", ("seed",), seed),)
-    reading = Reading(document_of(scenario, (*settings, *seeded)))
+    reading = Reading(document_of(scenario, (*settings, *seeded)), drawn_day)
     with reading.placing_errors():
         return _resolved(reading, settings)
 
@@ -57,6 +59,8 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
     """Read, check and build. Raises InvalidValueError for invalid values."""
     scenario = reading.scenario_with_files()
     floor = reading.floor(scenario.layout)
+    scenario, floor_plan = with_open_places(scenario, floor.floor_plan)
+    floor = floor._replace(floor_plan=floor_plan)
     scenario = with_charger_blocks(scenario, floor.floor_plan)
     floor = floor._replace(floor_plan=with_shared_chargers(floor.floor_plan))
     refuse(check_speed_limits(scenario, floor.floor_plan))
@@ -70,7 +74,8 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
     scenario = with_right_of_way(scenario, fleet)
     strategies = choose_strategies(scenario, floor.floor_plan, folder=reading.folder)
     own_allocations = choose_own_allocations(scenario, floor.floor_plan, reading.folder)
-    order_file = reading.order_file
+    check_other_days(reading, scenario, floor)
+    order_file = reading.days[reading.day].file if reading.days else None
     resolved = Resolved(
         scenario=naming_files(scenario, strategies, own_allocations),
         floor_plan=floor.floor_plan,
@@ -84,17 +89,29 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
         conversions=reading.conversions,
         file_notes=tuple(
             note
-            for file in (reading.pod_file, order_file)
+            for file in (reading.pod_file, order_file, reading.rate_file)
             if file is not None
             for note in file.notes
         ),
-        orders_of_file=order_file is not None,
+        days=reading.days,
+        day=reading.day,
+        day_pattern=reading.pattern,
         own_allocations=own_allocations,
-        file_warnings=() if order_file is None else order_file.warnings,
     )
     vars(resolved)["fleet"] = fleet  # with the results of the checks
     refuse(check_allocations(resolved))
     return in_fine_ticks(resolved)
+
+
+def check_other_days(reading: Reading, scenario: Scenario, floor: Floor) -> None:
+    """Check the listed orders of the files that the seed does not draw. Raises InputError."""
+    drawn = reading.document
+    for day, document in zip(reading.days, reading.of_days, strict=True):
+        if day.orders.listed is not None and document is not drawn:
+            reading.document = document  # so that errors name the file
+            other = msgspec.structs.replace(scenario, orders=day.orders)
+            feasible_fleet(other, floor, pods_are_of_file=reading.pod_file is not None)
+    reading.document = drawn
 
 
 def check_table_memory(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:

@@ -14,10 +14,13 @@ import msgspec
 from automaton.errors import InvalidValueError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.carried_pods import carries_pods, pod_cells, pod_names
+from automaton.scenario.order_files import Day
 from automaton.scenario.refinement import refined, refined_value, too_long
 from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.table_reader import ReadFile
 from automaton.scenario.validation import Conversion
 from automaton.strategy.lookup import NoParameters, ZoningParameters, zoning_parameters_of
+from automaton.units import count
 from automaton.world.capabilities import FleetOnFloor, Start
 from automaton.world.floor_parts import all_station_names, with_speed_limits
 
@@ -43,16 +46,56 @@ class Resolved:
     files: tuple[tuple[str, str], ...] = ()  # read for the scenario: path, 16 hex digits of content
     conversions: tuple[Conversion, ...] = ()  # of texts with units, except those of strategies
     file_notes: tuple[str, ...] = ()  # about the file of orders, for `check`
-    file_warnings: tuple[str, ...] = ()  # about oddities in that file
     coarse: Resolved | None = None  # in coarse ticks, if this is in finer ones
     # The allocation of each type of robots that has its own; None: that of `strategies`.
     own_allocations: tuple[StrategyChoice | None, ...] = ()
-    orders_of_file: bool = False  # whether its orders or lines come from a file
+    days: tuple[Day, ...] = ()  # files of orders or lines; a seed draws one of them
+    day: int = 0  # the one whose orders the scenario has
+    day_pattern: str = ""  # that the files match; "" if the scenario names a single one
 
     @cached_property
     def fleet(self) -> FleetOnFloor:
         """The robots on the floor: types, starts, reachable cells."""
         return FleetOnFloor(self.scenario, self.floor_plan, self.start)
+
+    @property
+    def order_file(self) -> ReadFile | None:
+        """The file of its orders or lines."""
+        return self.days[self.day].file if self.days else None
+
+    @property
+    def has_same_orders(self) -> bool:
+        """Whether runs with any seeds have the same listed orders."""
+        return self.scenario.orders.listed is not None and len(self.days) < 2
+
+    @property
+    def day_in_words(self) -> str:
+        """The file that was drawn, such as "tag03.csv, 1 of 10 files of days/*.csv"; "" without them."""
+        if not self.day_pattern:
+            return ""
+        many = count(len(self.days), "file")
+        return f"{self.days[self.day].name}, 1 of {many} of {self.day_pattern}"
+
+    @property
+    def skipped_rows(self) -> dict[str, Any] | None:
+        """The skipped rows of the file of orders, for JSON output; None if none was."""
+        file = self.order_file
+        if file is None or not file.skipped:
+            return None
+        skipped = {"skipped": sum(file.skipped.values()), "reasons": dict(file.skipped)}
+        return {"file": self.days[self.day].name, "rows": file.rows, **skipped}
+
+    def of_seed(self, seed: int) -> Resolved:
+        """The scenario with the orders of the file that a seed draws; itself if it has them."""
+        number = drawn_day(seed, len(self.days))
+        if number == self.day:
+            return self
+        if self.coarse is not None:
+            fine = in_fine_ticks(self.coarse.of_seed(seed))
+            return replace(fine, overrides=self.overrides)
+        orders = self.days[number].orders
+        scenario = msgspec.structs.replace(self.scenario, orders=orders)
+        return replace(self, scenario=scenario, day=number)
 
     @cached_property
     def pod_names(self) -> tuple[str, ...]:
@@ -121,6 +164,16 @@ class Resolved:
         """The zones of the zoning strategy at the start. Raises InputError."""
         choice = self.strategies.get("zoning")  # a story has no strategies
         return zoning_parameters_of(choice.parameters if choice else NoParameters())
+
+
+def drawn_day(seed: int, files: int) -> int:
+    """The number from 0 of the file of orders that a seed draws, each equally likely."""
+    if files < 2:
+        return 0
+    from automaton.engine.random_numbers import STREAM_DAYS  # needs Numba, unlike most checks
+    from automaton.world.draws import integers
+
+    return int(integers(1, files, seed, STREAM_DAYS)[0])
 
 
 def objection_to(choice: StrategyChoice, scenario: Scenario, floor_plan: FloorPlan) -> str | None:

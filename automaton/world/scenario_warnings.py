@@ -12,9 +12,9 @@ import numpy as np
 from automaton.errors import Finding, InputError, Keys, alternatives
 from automaton.floor.cells import CHARGER, SHELF, STATION, UNLIMITED
 from automaton.floor.reachability import steps_from
+from automaton.scenario.arrivals import Mean, MeanTime
 from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.order_lines import has_due_times, line_column, listed_lines
-from automaton.scenario.orders import Mean, MeanTime
 from automaton.strategy.lookup import AVOIDS_TRAFFIC, KEEPS_WAY_BACK, STEERS, declares, files_of
 from automaton.units import SECONDS_PER_UNIT, count, ticks_and_time, unit
 from automaton.world.conversion_table import coarse_conversions
@@ -83,7 +83,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
     sentences = [sentence for sentence in found if sentence]
     return [
         *sentences,
-        *resolved.file_warnings,
+        *(() if resolved.order_file is None else resolved.order_file.warnings),
         *due_warnings(resolved),
         *late_releases(resolved),
         *coarse_conversions(resolved),
@@ -291,7 +291,7 @@ def due_warnings(resolved: Resolved) -> list[str]:
 
 def due_too_early(resolved: Resolved) -> str:
     """Warn about orders that are due before they are released, as in some real files."""
-    if resolved.orders_of_file:
+    if resolved.days:
         return ""  # the reader warns about its rows
     orders = resolved.scenario.orders
     lines = listed_lines(orders)
@@ -348,7 +348,7 @@ def late_releases(resolved: Resolved) -> list[str]:
     late = [release for release in releases if release >= end]
     if late:
         what = count(len(releases), "line" if lines else "order")
-        which = f"{len(late):,} of {what} in the {'file' if resolved.orders_of_file else 'list'}"
+        which = f"{len(late):,} of {what} in the {'file' if resolved.days else 'list'}"
         comes = "comes" if len(late) == 1 else "come"
         unfinished = ", so it will not finish" if ends_with_orders else ""
         return [

@@ -84,7 +84,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
      "mean_interarrival_time: 10, arrivals: {closed_loop: {in_system: 2}}", 4,
      ["set either mean_interarrival_time or arrivals, not both"]),
     ("mean_interarrival_time: 10", "arrivals: {}", 4,
-     ["arrivals must have either bursts or closed_loop"]),
+     ["arrivals must have exactly one of bursts, closed_loop and profile"]),
     ("mean_interarrival_time: 10", "arrivals: {bursts: {size: 0, every: 9}}", 4,
      ["orders.arrivals.bursts.size", "found 0"]),
     ("mean_interarrival_time: 10", "arrivals: {bursts: {size: {mean: 0.5}, every: 9}}", 4,

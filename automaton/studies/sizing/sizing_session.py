@@ -493,7 +493,7 @@ def session_of(fleets: Fleets, runner: Checked) -> SizingSession:
         runner,
         fleets.excluded(runner.question),
         fleets.changes,
-        same_orders=fleets.base.scenario.orders.listed is not None,
+        same_orders=fleets.base.has_same_orders,
     )
 
 

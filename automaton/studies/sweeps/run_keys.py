@@ -174,6 +174,8 @@ def fingerprint(resolved: Resolved, windows: Windows = WHOLE_RUNS) -> str:
     del scenario["seed"], scenario["summary"]
     for form in DRAWN_ELSEWHERE:
         scenario["layout"].pop(form, None)
+    if resolved.day_pattern:  # the seed of a run draws one
+        scenario["orders"] = [day.key for day in resolved.days]
     picks = [
         (layer, choice.name, msgspec.to_builtins(choice.parameters))
         for layer, choice in resolved.choices

@@ -306,7 +306,7 @@ READ_AS: Final = {  # quantity: the value that its text becomes
     "TURN": "ticks of a turn by 90 degrees, rounded",
     "GAP": "ticks between two events: 1 / rate; rounded, except for means",
     "PROBABILITY": "the probability per tick, not rounded",
-    "SHARE": "a share from 0 to 1, not rounded",
+    "SHARE_LIMIT": "a share from 0 to 1, not rounded",
     "CHARGE_RATE": "percent of a full battery per tick, not rounded",
     "CELLS": "cells, rounded",
     "LENGTH": "the unit of `units.cell`, not rounded",

@@ -50,7 +50,7 @@ SLOTS = {  # what a scenario's line counts
     DOCK: ("dock",),
     RACK: ("rack",),
 }
-REASON = "reason"  # the first column of a quarantine
+REASON_COLUMN = "reason"  # the first column of a quarantine
 NUMBER_TEXT = re.compile(r"\d[\d,.]*")  # in which the same warning of two points may differ
 
 
@@ -169,7 +169,7 @@ def write_quarantine(rows: QuarantinedRows) -> str:
     )
     text = io.StringIO(newline="")
     writer = csv.writer(text, delimiter=separator, lineterminator="\n")
-    writer.writerow([REASON, *head])
+    writer.writerow([REASON_COLUMN, *head])
     writer.writerows([rows.mistakes[line], *row] for line, row in skipped)
     with atomic_writer(rows.target) as file:
         file.write(text.getvalue().encode(rows.encoding))

@@ -411,7 +411,7 @@ def note_gate(world, observation, i, want):
 
 @kernel
 def note_held_back(world, observation, i, want):
-    """Right of way tells robot i to wait; find the holder of its preferred cell, if any."""
+    """Right of way holds robot i back; find the holder of its preferred cell, if any."""
     if want & TOWARDS == 0:
         return CAUSE_HELD_BACK
     direction = want & 3

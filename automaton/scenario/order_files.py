@@ -39,13 +39,12 @@ from automaton.scenario.carried_pods import pod_cells, pod_names, pod_numbers, s
 from automaton.scenario.changing_floor import Cell
 from automaton.scenario.columns import QuarantinedRows
 from automaton.scenario.document import Document
-from automaton.scenario.order_lines import LineTable
+from automaton.scenario.order_lines import Day, LineTable
 from automaton.scenario.orders import (
     MAX_STOPS,
     LineColumns,
     LineDemand,
     OrderLine,
-    Orders,
     TransportColumns,
     Transports,
 )
@@ -89,19 +88,6 @@ PROFILE_KEY: Final[Keys] = ("orders", "arrivals", "profile")
 RATE: Final = re.compile(r"[0-9]{1,9}(?:[.,][0-9]{1,9})?")
 
 Array = NDArray[np.int32]
-
-
-class Day(NamedTuple):
-    """A file of orders or lines that was read for a scenario."""
-
-    file: ReadFile
-    orders: Orders
-    key: str  # hash of its content and of how it was read
-
-    @property
-    def name(self) -> str:
-        """The name of the file, without its folder."""
-        return Path(self.file.path).name
 
 
 def files_of_orders(document: Document, scenario: Scenario) -> tuple[Path, ...]:

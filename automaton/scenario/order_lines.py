@@ -7,7 +7,8 @@ that goes through all lines uses `line_column`.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from typing import Any, Final, overload
+from pathlib import Path
+from typing import Any, Final, NamedTuple, overload
 
 import msgspec
 import numpy as np
@@ -18,6 +19,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.scenario.orders import ENDS, Line, LineDemand, Orders
 from automaton.scenario.quantities import DueAt
 from automaton.scenario.table_fields import NO_DUE, NOTHING
+from automaton.scenario.table_reader import ReadFile
 
 LineColumn = NDArray[np.int32]
 LINE_FIELDS: Final = {
@@ -176,3 +178,16 @@ def _listed(value: Any) -> Any:
     if isinstance(value, LineTable):
         return list(value)
     raise NotImplementedError(f"no data: {type(value).__name__}")
+
+
+class Day(NamedTuple):
+    """A file of orders or lines that was read for a scenario."""
+
+    file: ReadFile
+    orders: Orders
+    key: str  # hash of its content and of how it was read
+
+    @property
+    def name(self) -> str:
+        """The name of the file, without its folder."""
+        return Path(self.file.path).name

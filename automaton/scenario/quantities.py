@@ -443,7 +443,7 @@ GAP: Final = Quantity(
     {Dimension.TIME: _ticks, Dimension.RATE: _ticks_of_one},
 )
 PROBABILITY: Final = Quantity("a rate such as 0.1/h", {Dimension.RATE: _in_a_tick}, "")
-SHARE: Final = Quantity(
+SHARE_LIMIT: Final = Quantity(
     "percent, such as 2 %", {Dimension.PERCENT: lambda percent, _: percent / 100}, ""
 )
 CHARGE_RATE: Final = Quantity(

@@ -18,7 +18,6 @@ from automaton.errors import InputError, InvalidValueError
 from automaton.scenario.document import Document, Override, override, parse
 from automaton.scenario.floor_section import Floor, floor_of
 from automaton.scenario.order_files import (
-    Day,
     day_of_lines,
     day_of_orders,
     files_of_lines,
@@ -26,7 +25,7 @@ from automaton.scenario.order_files import (
     with_rates_of_file,
     with_tasks_of_file,
 )
-from automaton.scenario.order_lines import plain_data
+from automaton.scenario.order_lines import Day, plain_data
 from automaton.scenario.schema import Scenario, Units
 from automaton.scenario.table_fields import is_pattern
 from automaton.scenario.table_files import (

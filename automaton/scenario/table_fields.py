@@ -25,7 +25,7 @@ from msgspec import Meta, field
 
 from automaton.scenario.columns import is_workbook
 from automaton.scenario.quantities import (
-    SHARE,
+    SHARE_LIMIT,
     ConfigSection,
     NonEmptyText,
     SingleLine,
@@ -192,7 +192,7 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
         ),
     ] = "refuse"
     at_most: Annotated[
-        Annotated[float, quantity(SHARE, ge=0, le=1)] | None,
+        Annotated[float, quantity(SHARE_LIMIT, ge=0, le=1)] | None,
         Meta(
             description="The greatest share of rows that may be skipped, such as 2 % or 0.02; above "
             "it the scenario is refused."

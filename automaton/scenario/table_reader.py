@@ -65,7 +65,7 @@ ZERO_FRACTION: Final = re.compile(r"(?<=[0-9])\.0+$")
 THOUSANDS: Final = re.compile(r"[-+]?[0-9]{1,3}(\.[0-9]{3})+")  # thousands or decimals: ambiguous
 DECIMAL_COMMA: Final = re.compile(r"([-+]?[0-9]+),([0-9]+)(?=[^0-9,.:]*$)")
 DECIMAL: Final = re.compile(r"\+?[0-9]{1,10}\.[0-9]+")
-ZERO: Final = re.compile(r"[-+]?0+([.,]0*)?")
+ZERO_AMOUNT: Final = re.compile(r"[-+]?0+([.,]0*)?")
 LONE_COMMA: Final = re.compile(r"(\+?[0-9]{1,10}),([0-9]{1,2}|[0-9]{4,})")  # a decimal one
 NOT_OF_ROWS: Final = ("tick",)  # mistakes of the scenario that rows bring to light
 CALLED: Final = {"from": "location", "to": "location", "sku": "SKU"}  # fields, in mistakes
@@ -492,7 +492,7 @@ class _Reader:
             is_bad.append(number is None or not field.least <= number <= field.most)
             numbers[code] = 0 if is_bad[-1] or number is None else number
         if field.rounds_up:
-            is_zero = np.array([ZERO.fullmatch(text) is not None for text in column.texts])
+            is_zero = np.array([ZERO_AMOUNT.fullmatch(text) is not None for text in column.texts])
             self._refuse(
                 field.name,
                 "zero",

@@ -20,10 +20,10 @@ from automaton.scenario.orders import Line, LineDemand, PerOrder
 from automaton.scenario.schema import Handling, Scenario
 from automaton.scenario.table_fields import NOTHING
 from automaton.world.capabilities import loaded_driving
-from automaton.world.demand import ticks_by_rank
 from automaton.world.draws import geometric, handling_of_lines, integers, whole_micro
 from automaton.world.floor_parts import queue_path, station_numbers
 from automaton.world.prepared_floor import PreparedFloor
+from automaton.world.release_ticks import ticks_by_rank
 from automaton.world.resolved import Resolved
 
 Column = npt.NDArray[np.int64]

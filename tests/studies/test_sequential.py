@@ -200,7 +200,7 @@ def test_batch_means_of_a_queue_hold_its_delay() -> None:
     assert few.value == pytest.approx(several.mean())
     with pytest.raises(NotSteadyError, match="observations"):
         batch_means(series[0, :100])
-    with pytest.raises(NotSteadyError, match="depend"):
+    with pytest.raises(NotSteadyError, match="correlation time"):
         batch_means(np.linspace(0, 1, 1000))
 
 

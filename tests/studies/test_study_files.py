@@ -183,7 +183,7 @@ CHANGES = [  # what is typed instead of what, line, words of the answer
         "[makespan, empty_moves_share]",
         "[lead_time]",
         12,
-        ["measures lead_time; it takes", "orders.arrivals"],
+        ["measures lead_time; it needs", "orders.arrivals"],
     ),
     ("[makespan, empty_moves_share]", "[makespan]\n  precision: 0", 13, ["analysis.precision"]),
     ("[makespan, empty_moves_share]", "[]", 12, ["analysis.metrics"]),
@@ -223,7 +223,7 @@ POINTS = [
     ("{fleet.robots: 4}", "4", 4, ["points[0] must be a mapping", "found 4"]),
     ("durations.turn: 5", "durations.turn: 0", 5, ["durations.turn must be", "point 1"]),
     ("durations.turn: 5", "durations.turn: 22", 4, []),
-    ("{fleet.robots: 2, durations.turn: 5}", "{fleet.robots: 4}", 5, ["0 and 1 are the same"]),
+    ("{fleet.robots: 2, durations.turn: 5}", "{fleet.robots: 4}", 5, ["0 and 1 have the same runs"]),
     ("{fleet.robots: 2, durations.turn: 5}", "{}", 5, ["0 and 1 have the same runs"]),
 ]
 
@@ -389,7 +389,7 @@ def test_each_kind_of_file_is_told_from_the_others(
             ["sweep", "tabletop-1", "--dry-run"],
             "'tabletop-1' is a scenario; a study is a separate file",
         ),
-        (["run", str(study)], "this is a study; `automaton sweep STUDY"),
+        (["run", str(study)], "this is a study; run it with `automaton sweep STUDY"),
         (["watch", "tabletop-fleet"], "'tabletop-fleet' is a study; `automaton sweep STUDY"),
         (["report", str(study)], "is a file; a report is made of the folder of a sweep"),
         (["report", str(tmp_path)], "holds no results of a sweep"),

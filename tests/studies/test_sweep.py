@@ -194,7 +194,7 @@ def test_another_study_seed_point_or_floor_is_refused(
     for before, after, said in [
         ("name: one", "name: two", "of the study 'one', not of 'two'"),
         ("replications: 1", "replications: 1\nseed: 2", "with seed 1, not 2"),
-        ("[1, 2]", "[2, 1]", "point 0 was own.yaml, fleet.robots 1, is own.yaml, fleet.robots 2"),
+        ("[1, 2]", "[2, 1]", "point 0 was own.yaml, fleet.robots 1 and is now own.yaml, fleet.robots 2"),
         ("[1, 2]", "[1]", "holds results of 2 points, not 1"),
     ]:
         study.write_text(text.replace(before, after))
@@ -215,7 +215,7 @@ def test_a_changed_analysis_is_told_and_kept(
     assert swept_here(study, out).num_rows == 4
     study.write_text(study.read_text() + "analysis: {metrics: [makespan]}\n")
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
-    assert "another one than that with which 4 runs were made" in capsys.readouterr().err
+    assert "has changed since 4 runs were made" in capsys.readouterr().err
     assert [one.analysis for one in Store(out).manifest.earlier] == [None]
     assert main(["sweep", str(study), "--out", str(out), "--workers", "1"]) == 0
     assert capsys.readouterr().err == ""

@@ -68,7 +68,7 @@ def test_a_run_whose_strategy_raises_is_a_row_that_says_so(tmp_path: Path, capfd
     assert [row["error"] is None for row in rows] == [True] * 3 + [False] * 3
     assert "two are too many" in rows[3]["error"] and rows[3]["digest"] is None
     assert not rows[0]["finished"] and rows[0]["ticks"] == 50  # nobody does anything: the limit
-    assert "3 runs reached the limit" in out
+    assert "3 runs reached the time limit" in out
 
 
 def test_what_a_strategy_says_is_kept_though_it_is_no_text(tmp_path: Path) -> None:

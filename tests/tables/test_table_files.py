@@ -263,6 +263,6 @@ def test_what_a_run_does_not_have_is_named() -> None:
     assert tables.lines.num_rows == 0
     with pytest.raises(AttributeError, match=r"this run has no table 'states'; events=True and"):
         tables["states"]
-    with pytest.raises(InputError, match="set tables=True"):
+    with pytest.raises(InputError, match="need tables=True"):
         simulate("tabletop-mini", events=True)
     assert main([*RUN, "--states", "10"]) == 2

@@ -131,7 +131,7 @@ def test_a_file_that_was_cut_meanwhile_is_noticed(tmp_path: Path) -> None:
     run.show(900, 99)
     with (tmp_path / "run.rec.part").open("r+b") as file:
         file.truncate(200)
-    with pytest.raises(InputError, match=r"run\.rec\.part.* shorter"):
+    with pytest.raises(InputError, match=r"run\.rec\.part.* truncated"):
         run.show(300, 99)
 
 
@@ -193,7 +193,7 @@ def test_the_player_says_that_a_tick_is_not_kept(clock: ManualClock) -> None:
     playback = player.settle()
     assert (
         playback.tick == run.first > 2
-        and f"before tick {run.first:,} is no longer stored" in playback.error
+        and f"ticks before {run.first:,} are not kept any more" in playback.error
     )
     player.play(-1)
     playback = player.settle()

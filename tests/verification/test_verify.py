@@ -240,8 +240,8 @@ def test_a_broken_rule_is_told(
     ticks[0].content["executed"][row, robot] = 4
     assert main(["verify", str(save(tmp_path / "run.rec", recording))]) == 1
     out = capsys.readouterr().out
-    assert "not verified" in out and " broken\n  tick " in out
-    assert f"run again: tick {row + 1}: actions differs: robot {robot}: move north recorded" in out
+    assert "not verified" in out and " violations\n  tick " in out
+    assert f"run again: tick {row + 1}: actions differs: robot {robot}: recorded move north" in out
 
 
 def test_a_cut_file_is_verified_up_to_its_last_whole_frame(
@@ -276,7 +276,7 @@ def test_other_sources_are_told(
     recording, _ = altered(good)
     recording.header["sources"] = "0" * 16
     assert main(["verify", str(save(tmp_path / "run.rec", recording))]) == 0
-    assert "recorded by other sources" in capsys.readouterr().out
+    assert "recorded by other code" in capsys.readouterr().out
 
 
 def test_what_is_no_recording_ends_with_2(

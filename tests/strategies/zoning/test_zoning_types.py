@@ -171,7 +171,7 @@ def test_zones_are_matched_to_robots_one_to_one_or_not_at_all() -> None:
 
 
 def test_a_design_with_a_station_that_its_robot_does_not_serve_is_refused() -> None:
-    with pytest.raises(InputError, match=r"station \d+ is in zone 1 .* robot 0 \(tug\) does not"):
+    with pytest.raises(InputError, match=r"station \d+ is in zone 1 .* robot 0 \(tug\) cannot"):
         zones = "{zones: [{stations: [1, 2, 3, 4, 5, 6, 7]}, {stations: [8, 9, 10, 11]}, "
         zones += "{stations: [12, 13, 14, 15, 16, 17, 18]}]}"
         Simulation(resolve("factory-types", [f"strategy.zoning={{name: static, design: {zones}}}"]))

@@ -181,7 +181,7 @@ def test_out_of_order_since_when_and_until_when() -> None:
 def test_an_empty_battery_says_what_it_lacks() -> None:
     empty = shown(Inspector(), of_robot(drained(100), 0), WIDE)
     assert "since tick 61: the battery of robot 0 holds 2.0 %, less than its next" in empty
-    assert "operation takes; it is not towed" in empty
+    assert "operation needs; it is not towed" in empty
 
 
 def test_a_robot_without_battery_and_faults_says_nothing_of_them() -> None:

@@ -46,6 +46,7 @@ from automaton.engine.jit.structs import (
 )
 from automaton.engine.jit.structs import NIL as NIL
 from automaton.engine.jit.structs import Array as Array
+from automaton.engine.refusals import Refusals
 
 KEEP: Final = -(2**31)  # default of every decision: continue as before
 
@@ -588,6 +589,7 @@ class World(Struct):
     tally: Tally
     time_use: TimeUse
     deadlocks: Deadlocks
+    refusals: Refusals
     delays: Delays
     clock: Clock = field(Clock, role=BY_ENTRY, digest=59, by="hash_of_tick")
 
@@ -630,6 +632,7 @@ class ZoningDecisions(Struct):
     refused: int = field(
         "() int64", "number of illegal decisions in a recording; not set by strategies", role=CALL
     )
+    refusals: Array = field("(2n, 3) int64", "robot, rule and value of each of them")
 
 
 class ChargingDecisions(Struct):

@@ -12,6 +12,7 @@ from automaton.engine.observation import (
     CAUSE_DELAYED,
     CAUSE_DRIVING_AHEAD,
     CAUSE_FAULT,
+    CAUSE_ILLEGAL_DECISION,
     CAUSE_NO_ENERGY,
     CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
@@ -117,6 +118,8 @@ def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> WaitingRob
         because += f" up to tick {last:,}" if last > snapshot.tick else ""
     elif code in (CAUSE_NO_ENERGY, CAUSE_FAULT):
         because = out_of_order(snapshot, robot)
+    elif code == CAUSE_ILLEGAL_DECISION and robot in snapshot.illegal:
+        because = f"illegal decision of {snapshot.illegal[robot]}"
     elif is_kept_by_gate(code):
         because = gate_words(snapshot, robot) or because
     elif code == CAUSE_STATION_QUEUE and station_of(snapshot, robot) != NIL:

@@ -216,6 +216,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         f"{outcome.delivered:,} of {count(outcome.orders, 'order')} delivered",
         ", ".join(strategies),
         *out_of_orders(outcome),
+        *outcome.illegal.lines(),
         *(describe_wait_cycles(outcome.circles) if outcome.finished or outcome.stopped else []),
         *(describe_jam(outcome.jam) if outcome.finished or outcome.stopped else []),
         *refinement(scenario),

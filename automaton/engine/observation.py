@@ -321,6 +321,9 @@ class Observation(Struct, role=MEASURED):
         "(n,) int32", "identity of the robot that blocks it, or NIL", default=NIL
     )
     wanted: Array = field("(n,) int32", "the cell that it tries to enter, or NIL", default=NIL)
+    # Of a robot that is down: what it waited for when it went down.
+    blocker_before: Array = field("(n,) int32", "identity of its blocker, or NIL", default=NIL)
+    wanted_before: Array = field("(n,) int32", "the cell that it tried to enter", default=NIL)
     since: Array = field(
         "(n,) int64", "tick in which its wait began; meaningful while cause is not 0"
     )

@@ -198,7 +198,7 @@ class Narration:
         if event.code == EVENT_DEADLOCK and event.value <= MAX_CYCLE_NAMED:
             explanation = explain_wait(self._moment(), self._run.floor_plan, event.robot)
             if explanation.cycle != NIL:
-                words += f", {explanation.lines[-1]}"
+                words += f", {explanation.cycle_line}"
         return words
 
     def _note_waits(self, simulation: Simulation) -> None:

@@ -73,7 +73,7 @@ def size_notes(graph: Graph, fit: Fit, options: ImportOptions) -> list[str]:
             f"the file has no size of vehicles: a robot takes one cell of {cell}; set --robot to the "
             "length of a vehicle, such as --robot 1.6m"
         ]
-    largest = max(length or 0, width or 0)
+    largest = max(side for side in (length, width) if side is not None)
     if largest <= fit.cell:
         return []
     is_length = length is not None and length > fit.cell

@@ -310,6 +310,7 @@ READ_AS: Final = {  # quantity: the value that its text becomes
     "CHARGE_RATE": "percent of a full battery per tick, not rounded",
     "CELLS": "cells, rounded",
     "LENGTH": "the unit of `units.cell`, not rounded",
+    "METRES": "m, not rounded",
     "SECONDS": "seconds, not rounded",
     "MINUTES": "minutes, not rounded",
 }

@@ -28,7 +28,7 @@ from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.structs import SCRATCH, Struct
 from automaton.engine.observation import CAUSES, DEADLOCK_TICKS, EVENT_NAMES
 from automaton.engine.record_codes import KEYFRAME_TICKS
-from automaton.engine.refusals import RULE_BITS, RULES, Rule
+from automaton.engine.refusals import RULE_BITS, RULES, DecisionRule
 from automaton.floor.cells import CELL_KINDS, SYMBOLS, Symbol
 from automaton.history.breakpoints import FIELDS
 from automaton.recording import contents, frames
@@ -567,7 +567,7 @@ def contract_page() -> str:
         "### Rules\n",
         "A decision that breaks one of these rules is illegal. `run` lists the first three of a run and "
         "the number by rule; `run --events`, `explain` and `verify` name layer, robot, decision and "
-        "what is allowed.\n",
+        "what is allowed. N and D stand for what a strategy gave, M for a limit of the run.\n",
         table(
             ("layer", "rule", "decision", "what is allowed"),
             (
@@ -627,14 +627,14 @@ def _fields_table(struct: type[Struct], column: str, values: dict[str, int]) -> 
     return table(heading[:columns], (row[:columns] for row in rows))
 
 
-def _rule_texts(rule: Rule) -> tuple[str, str]:
+def _rule_texts(rule: DecisionRule) -> tuple[str, str]:
     """Return the decision and what is allowed, with letters in place of numbers of a run."""
     cells = {"{value}": "N", "{cell}": "(x, y)", "{step}": "N", "{direction}": "D"}
     texts = []
     for text in (rule.decision, rule.allowed):
         for name, letter in cells.items():
             text = text.replace(name, letter)
-        texts.append(re.sub(r"\{(\w+)\}", lambda m: m[1].replace("_", " "), text))
+        texts.append(re.sub(r"\{\w+\}", "M", text))
     return texts[0], texts[1]
 
 

@@ -22,6 +22,7 @@ from automaton.engine.operations import (
     is_assigned,
     next_stop,
     next_stop_cell,
+    note_refusal,
     refuse,
     request_allocation,
     request_charging,
@@ -61,7 +62,6 @@ from automaton.engine.refusals import (
     RULE_TAKE_STARTED,
     RULE_TAKE_WAITING,
     RULE_TAKE_WEIGHT,
-    note_refusal,
 )
 from automaton.engine.state import (
     BATTERY_FULL,

@@ -9,12 +9,19 @@ import numpy as np
 from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.record_codes import EXECUTED_ILLEGAL
 from automaton.engine.refusals import (
+    FIRST_REFUSALS,
+    LATEST_REFUSALS,
+    REFUSED_LOST,
+    REFUSED_ROBOT,
+    REFUSED_RULE,
+    REFUSED_TICK,
+    REFUSED_VALUE,
+    RULE_BITS,
     RULE_ROUTE_DIRECTION,
     RULE_ROUTE_EXIT,
     RULE_ROUTE_LENGTH,
     RULE_ROUTE_TURN,
     STEP_BITS,
-    note_refusal,
 )
 from automaton.engine.state import (
     ACTION_DELAYED,
@@ -160,6 +167,28 @@ def is_held_up(world, i):
         return False
     action = np.int64(robots.action[U(i)])
     return action == ACTION_DELAYED or delays.lengthens[U(action)] != 0
+
+
+@kernel
+def note_refusal(world, identity, rule, value, lost):
+    """Count an illegal decision about a robot, or about none (NIL)."""
+    refusals = world.refusals
+    world.tally.illegal[rule >> RULE_BITS] += 1
+    refusals.by_rule[rule] += 1
+    total = refusals.count.total
+    note_row(world, refusals.latest[total % LATEST_REFUSALS], identity, rule, value, lost)
+    if total < FIRST_REFUSALS:
+        note_row(world, refusals.first[total], identity, rule, value, lost)
+    refusals.count.total = total + 1
+
+
+@kernel
+def note_row(world, row, identity, rule, value, lost):
+    row[REFUSED_TICK] = world.clock.tick
+    row[REFUSED_ROBOT] = identity
+    row[REFUSED_RULE] = rule
+    row[REFUSED_VALUE] = value
+    row[REFUSED_LOST] = lost
 
 
 @kernel

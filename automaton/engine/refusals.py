@@ -1,12 +1,12 @@
 """Illegal decisions: the rule that each one breaks, what is allowed, and the first and latest of a run.
 
-A check in the kernels returns the rule that a decision breaks, or NIL; `note_refusal` counts it. The
+A check in the kernels returns the rule that a decision breaks, or NIL; `note_refusal`
+(automaton.engine.operations) counts it. The
 number of a rule is 32 * its layer + its place among the rules of the layer.
 """
 
 from typing import Final, NamedTuple
 
-from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import MEASURED, Array, NamedNumbers, Struct, field, number
 
 RULE_BITS: Final = 5
@@ -97,7 +97,7 @@ RULE_HOLD: Final = 142
 RULE_WAIT_PARKED: Final = 143
 
 
-class Rule(NamedTuple):
+class DecisionRule(NamedTuple):
     """A rule of decisions in words; {value}, {cell} and others stand for numbers of the run."""
 
     name: str
@@ -105,201 +105,219 @@ class Rule(NamedTuple):
     allowed: str
 
 
-RULES: Final[dict[int, Rule]] = {
-    RULE_ZONING: Rule("zoning", "a decision", "the recording does not name the rule"),
-    RULE_ZONE: Rule(
+RULES: Final[dict[int, DecisionRule]] = {
+    RULE_ZONING: DecisionRule("zoning", "a decision", "the recording does not name the rule"),
+    RULE_ZONE: DecisionRule(
         "service zone", "service_zone {value}", "a zone is 0 to {last_zone}, or NIL for none"
     ),
-    RULE_HALT: Rule("halt", "halt {value}", "a halt lasts 0 to {longest_halt} ticks"),
-    RULE_AGAIN: Rule("again", "again {value}", "this is a number of ticks, or NIL"),
-    RULE_SERVER: Rule("server", "server {value}", "a robot is 0 to {last_robot}"),
-    RULE_QUEUED: Rule("queued orders", "queued {value}", "a call queues 0 to {orders} orders"),
-    RULE_QUEUE_ORDER: Rule("order of a queue", "order {value}", "an order is 0 to {last_order}"),
-    RULE_QUEUE_ZONE: Rule("zone of a queue", "queue {value}", "a zone is 0 to {last_zone}"),
-    RULE_QUEUE_TAKEN: Rule(
+    RULE_HALT: DecisionRule("halt", "halt {value}", "a halt lasts 0 to {longest_halt} ticks"),
+    RULE_AGAIN: DecisionRule("again", "again {value}", "this is a number of ticks, or NIL"),
+    RULE_SERVER: DecisionRule("server", "server {value}", "a robot is 0 to {last_robot}"),
+    RULE_QUEUED: DecisionRule(
+        "queued orders", "queued {value}", "a call queues 0 to {orders} orders"
+    ),
+    RULE_QUEUE_ORDER: DecisionRule(
+        "order of a queue", "order {value}", "an order is 0 to {last_order}"
+    ),
+    RULE_QUEUE_ZONE: DecisionRule("zone of a queue", "queue {value}", "a zone is 0 to {last_zone}"),
+    RULE_QUEUE_TAKEN: DecisionRule(
         "queued order waits", "order {value}", "only orders that wait for a robot enter a queue"
     ),
-    RULE_QUEUE_SLOT: Rule("next slot", "next_slot {value}", "a slot is 0 to {last_slot}"),
-    RULE_QUEUE_DROP: Rule(
+    RULE_QUEUE_SLOT: DecisionRule("next slot", "next_slot {value}", "a slot is 0 to {last_slot}"),
+    RULE_QUEUE_DROP: DecisionRule(
         "next drop-off",
         "next_slot {value}",
         "a load goes to its target, or to another slot at a station or of one load",
     ),
-    RULE_SEGMENTS: Rule(
+    RULE_SEGMENTS: DecisionRule(
         "segments", "design.segments {value}", "a design has 0 to {segments} segments"
     ),
-    RULE_POINTS: Rule("points", "design.points {value}", "a segment has 2 to {points} points"),
-    RULE_STATION_ZONE: Rule(
+    RULE_POINTS: DecisionRule(
+        "points", "design.points {value}", "a segment has 2 to {points} points"
+    ),
+    RULE_STATION_ZONE: DecisionRule(
         "zone of a station", "design.zone {value}", "a zone is 0 to {last_zone}"
     ),
-    RULE_STATION_ACCESS: Rule(
+    RULE_STATION_ACCESS: DecisionRule(
         "access to a station",
         "design.zone of station {value}",
         "the robot of its zone must be able to serve a station",
     ),
-    RULE_PATH: Rule(
+    RULE_PATH: DecisionRule(
         "path of a segment",
         "design.path of segment {value}",
         "a segment follows roads from one station of its zone to another",
     ),
-    RULE_OVERLAP: Rule("overlap", "design.path at point {value}", "a point is in one zone only"),
-    RULE_TRANSFER: Rule(
+    RULE_OVERLAP: DecisionRule(
+        "overlap", "design.path at point {value}", "a point is in one zone only"
+    ),
+    RULE_TRANSFER: DecisionRule(
         "transfer station",
         "design.transfer of station {value}",
         "a transfer station is in one of its two zones, and robots of both can serve it",
     ),
-    RULE_SIGHT: Rule(
+    RULE_SIGHT: DecisionRule(
         "sight",
         "design.zone of station {value}",
         "with limited sight, stations change zones only between robots in sight",
     ),
-    RULE_CHARGER: Rule("charger", "goal_cell {cell}", "a goal is the cell of a charger"),
-    RULE_CHARGER_REACH: Rule(
+    RULE_CHARGER: DecisionRule("charger", "goal_cell {cell}", "a goal is the cell of a charger"),
+    RULE_CHARGER_REACH: DecisionRule(
         "way to a charger", "goal_cell {cell}", "the robot has no way to this charger"
     ),
-    RULE_CHARGE_LOAD: Rule(
+    RULE_CHARGE_LOAD: DecisionRule(
         "charging with a load", "goal_cell {cell}", "a robot with a load is not sent to charge"
     ),
-    RULE_CHARGE_ORDER: Rule(
+    RULE_CHARGE_ORDER: DecisionRule(
         "charging with an order",
         "goal_cell {cell}",
         "a robot that has begun an order is not sent to charge",
     ),
-    RULE_CHARGE_TARGET: Rule(
+    RULE_CHARGE_TARGET: DecisionRule(
         "charge target", "charge_target {value}", "a charge is 1 to {full} (a full battery)"
     ),
-    RULE_CHARGE_STOP: Rule(
+    RULE_CHARGE_STOP: DecisionRule(
         "end of charging", "goal_cell NIL", "only a robot that charges or is sent to can stop"
     ),
-    RULE_ALLOCATION: Rule(
+    RULE_ALLOCATION: DecisionRule(
         "command of allocation",
         "command {value}",
         "a command is KEEP, CMD_TAKE_ORDER (1), CMD_DROP_AT (2) or CMD_PARK (3)",
     ),
-    RULE_PARK: Rule(
+    RULE_PARK: DecisionRule(
         "parking with work", "CMD_PARK", "only a robot without an order or a load parks"
     ),
-    RULE_TAKE_LOADED: Rule(
+    RULE_TAKE_LOADED: DecisionRule(
         "order with a load", "CMD_TAKE_ORDER {value}", "a robot with a load takes no order"
     ),
-    RULE_TAKE_ORDER: Rule("order", "CMD_TAKE_ORDER {value}", "an order is 0 to {last_order}"),
-    RULE_TAKE_WAITING: Rule(
+    RULE_TAKE_ORDER: DecisionRule(
+        "order", "CMD_TAKE_ORDER {value}", "an order is 0 to {last_order}"
+    ),
+    RULE_TAKE_WAITING: DecisionRule(
         "order waits",
         "CMD_TAKE_ORDER {value}",
         "an order must be released, and neither carried nor delivered",
     ),
-    RULE_TAKE_STARTED: Rule(
+    RULE_TAKE_STARTED: DecisionRule(
         "order begun", "CMD_TAKE_ORDER {value}", "a robot that has begun an order completes it"
     ),
-    RULE_TAKE_WEIGHT: Rule(
+    RULE_TAKE_WEIGHT: DecisionRule(
         "payload", "CMD_TAKE_ORDER {value}", "it is heavier than the payload of the robot's type"
     ),
-    RULE_TAKE_ASSIGNED: Rule(
+    RULE_TAKE_ASSIGNED: DecisionRule(
         "assigned order", "CMD_TAKE_ORDER {value}", "the scenario assigns it to another robot"
     ),
-    RULE_TAKE_RESERVED: Rule(
+    RULE_TAKE_RESERVED: DecisionRule(
         "reserved order",
         "CMD_TAKE_ORDER {value}",
         "another robot has reserved it and has its load, or got it in this batch",
     ),
-    RULE_TAKE_GOAL: Rule(
+    RULE_TAKE_GOAL: DecisionRule(
         "first goal",
         "CMD_TAKE_ORDER with goal_cell {cell}",
         "an order begins at its next stop, or at a cell from which its load is picked up",
     ),
-    RULE_TAKE_REACH: Rule(
+    RULE_TAKE_REACH: DecisionRule(
         "way to an order",
         "CMD_TAKE_ORDER with goal_cell {cell}",
         "the robot has no way to this cell",
     ),
-    RULE_DROP_EMPTY: Rule(
+    RULE_DROP_EMPTY: DecisionRule(
         "drop-off without a load", "CMD_DROP_AT {value}", "only a robot with a load drops one"
     ),
-    RULE_DROP_SLOT: Rule("slot", "CMD_DROP_AT {value}", "a slot is 0 to {last_slot}"),
-    RULE_DROP_GOAL: Rule(
+    RULE_DROP_SLOT: DecisionRule("slot", "CMD_DROP_AT {value}", "a slot is 0 to {last_slot}"),
+    RULE_DROP_GOAL: DecisionRule(
         "cell of a drop-off",
         "CMD_DROP_AT with goal_cell {cell}",
         "a load is dropped from a cell beside its slot",
     ),
-    RULE_DROP_REACH: Rule(
+    RULE_DROP_REACH: DecisionRule(
         "way to a slot", "CMD_DROP_AT with goal_cell {cell}", "the robot has no way to this cell"
     ),
-    RULE_DROP_STOPS: Rule(
+    RULE_DROP_STOPS: DecisionRule(
         "open stops", "CMD_DROP_AT {value}", "the stops of an order come before its drop-off"
     ),
-    RULE_DROP_PLACE: Rule(
+    RULE_DROP_PLACE: DecisionRule(
         "place of a pod", "CMD_DROP_AT {value}", "a pod is stored at a storage place"
     ),
-    RULE_DROP_TARGET: Rule(
+    RULE_DROP_TARGET: DecisionRule(
         "target",
         "CMD_DROP_AT {value}",
         "a load goes to its target, a station or a slot of one load",
     ),
-    RULE_DROP_FULL: Rule("full slot", "CMD_DROP_AT {value}", "a slot holds one load"),
-    RULE_DROP_RESERVED: Rule(
+    RULE_DROP_FULL: DecisionRule("full slot", "CMD_DROP_AT {value}", "a slot holds one load"),
+    RULE_DROP_RESERVED: DecisionRule(
         "reserved slot", "CMD_DROP_AT {value}", "another robot has reserved this slot"
     ),
-    RULE_PLAN_LENGTH: Rule(
+    RULE_PLAN_LENGTH: DecisionRule(
         "length of a plan", "order_queue_length {value}", "a plan has 0 to {plan} orders"
     ),
-    RULE_PLAN_ORDER: Rule("order of a plan", "order {value}", "an order is 0 to {last_order}"),
-    RULE_PLAN_WAITING: Rule(
+    RULE_PLAN_ORDER: DecisionRule(
+        "order of a plan", "order {value}", "an order is 0 to {last_order}"
+    ),
+    RULE_PLAN_WAITING: DecisionRule(
         "planned order waits", "order {value}", "a planned order is neither carried nor delivered"
     ),
-    RULE_ROUTE_LENGTH: Rule(
+    RULE_ROUTE_LENGTH: DecisionRule(
         "length of a route", "route_length {value}", "a route has 0 to {route} steps"
     ),
-    RULE_ROUTE_DIRECTION: Rule(
+    RULE_ROUTE_DIRECTION: DecisionRule(
         "direction of a route", "step {step} goes {direction}", "a direction is 0 to 3"
     ),
-    RULE_ROUTE_EXIT: Rule(
+    RULE_ROUTE_EXIT: DecisionRule(
         "exit of a route",
         "step {step} goes {direction}",
         "the cell that it leaves has no exit there for this robot",
     ),
-    RULE_ROUTE_TURN: Rule(
+    RULE_ROUTE_TURN: DecisionRule(
         "turn of a route",
         "step {step} goes {direction}",
         "the robot cannot turn in the cell that it leaves",
     ),
-    RULE_RIGHT_OF_WAY: Rule(
+    RULE_RIGHT_OF_WAY: DecisionRule(
         "command of right of way",
         "command {value}",
         "a command is KEEP, CMD_STEP (1), CMD_WAIT (2) or CMD_RETREAT (3)",
     ),
-    RULE_STEERING: Rule(
+    RULE_STEERING: DecisionRule(
         "command of steering",
         "command {value}",
         "a steering command is KEEP, CMD_WAIT (2), CMD_HOLD (4) or CMD_GO (5)",
     ),
-    RULE_PRIORITY: Rule("priority", "priority {value}", "a priority is -32,768 to 32,767"),
-    RULE_PARKED: Rule(
+    RULE_PRIORITY: DecisionRule("priority", "priority {value}", "a priority is -32,768 to 32,767"),
+    RULE_PARKED: DecisionRule(
         "parked robot", "command {value}", "a parked robot gets no command but CMD_STEP (1)"
     ),
-    RULE_STEP_BAY: Rule(
-        "step from a bay", "CMD_STEP {value}", "a robot in its parking bay takes no step"
+    RULE_STEP_BAY: DecisionRule(
+        "step from a parking bay", "CMD_STEP {value}", "a robot in its parking bay takes no step"
     ),
-    RULE_STEP_DIRECTION: Rule("direction of a step", "CMD_STEP {value}", "a direction is 0 to 3"),
-    RULE_STEP_EXIT: Rule(
+    RULE_STEP_DIRECTION: DecisionRule(
+        "direction of a step", "CMD_STEP {value}", "a direction is 0 to 3"
+    ),
+    RULE_STEP_EXIT: DecisionRule(
         "exit of a step", "CMD_STEP {direction}", "its cell has no exit there for this robot"
     ),
-    RULE_STEP_TURN: Rule(
+    RULE_STEP_TURN: DecisionRule(
         "turn of a step", "CMD_STEP {direction}", "the robot cannot turn in its cell"
     ),
-    RULE_WAIT: Rule("wait", "CMD_WAIT {value}", "a wait lasts 1 to {longest_command} ticks"),
-    RULE_RETREAT: Rule(
+    RULE_WAIT: DecisionRule(
+        "wait", "CMD_WAIT {value}", "a wait lasts 1 to {longest_command} ticks"
+    ),
+    RULE_RETREAT: DecisionRule(
         "retreat", "CMD_RETREAT {value}", "a retreat has 0 to {longest_command} moves"
     ),
-    RULE_GO_BAY: Rule(
-        "leaving a bay",
+    RULE_GO_BAY: DecisionRule(
+        "leaving a parking bay",
         "CMD_GO {value}",
         "a robot leaves its parking bay only for an order or a charger",
     ),
-    RULE_GO_DIRECTION: Rule("direction", "CMD_GO {value}", "a direction is 0 to 3"),
-    RULE_GO_EXIT: Rule("exit", "CMD_GO {direction}", "its cell has no exit there for this robot"),
-    RULE_GO_TURN: Rule("turn", "CMD_GO {direction}", "the robot cannot turn in its cell"),
-    RULE_HOLD: Rule("hold", "CMD_HOLD {value}", "a preferred direction is 0 to 3, or NIL"),
-    RULE_WAIT_PARKED: Rule(
+    RULE_GO_DIRECTION: DecisionRule("direction", "CMD_GO {value}", "a direction is 0 to 3"),
+    RULE_GO_EXIT: DecisionRule(
+        "exit", "CMD_GO {direction}", "its cell has no exit there for this robot"
+    ),
+    RULE_GO_TURN: DecisionRule("turn", "CMD_GO {direction}", "the robot cannot turn in its cell"),
+    RULE_HOLD: DecisionRule("hold", "CMD_HOLD {value}", "a preferred direction is 0 to 3, or NIL"),
+    RULE_WAIT_PARKED: DecisionRule(
         "waiting while parked", "CMD_WAIT {value}", "a parked robot does not wait"
     ),
 }
@@ -320,25 +338,3 @@ class Refusals(Struct, role=MEASURED):
         f"({FIRST_REFUSALS}, 5) int64", "the first ones: tick, robot, rule, value, lost a tick"
     )
     latest: Array = field(f"({LATEST_REFUSALS}, 5) int64", "the latest ones, as a ring")
-
-
-@kernel
-def note_refusal(world, identity, rule, value, lost):
-    """Count an illegal decision about a robot, or about none (NIL)."""
-    refusals = world.refusals
-    world.tally.illegal[rule >> RULE_BITS] += 1
-    refusals.by_rule[rule] += 1
-    total = refusals.count.total
-    note_row(world, refusals.latest[total % LATEST_REFUSALS], identity, rule, value, lost)
-    if total < FIRST_REFUSALS:
-        note_row(world, refusals.first[total], identity, rule, value, lost)
-    refusals.count.total = total + 1
-
-
-@kernel
-def note_row(world, row, identity, rule, value, lost):
-    row[REFUSED_TICK] = world.clock.tick
-    row[REFUSED_ROBOT] = identity
-    row[REFUSED_RULE] = rule
-    row[REFUSED_VALUE] = value
-    row[REFUSED_LOST] = lost

@@ -11,6 +11,7 @@ from automaton.engine.operations import (
     count_lost_tick,
     drop_route,
     is_facing,
+    note_refusal,
     record_change,
     refuse,
     replan,
@@ -38,7 +39,6 @@ from automaton.engine.refusals import (
     RULE_STEP_TURN,
     RULE_WAIT,
     RULE_WAIT_PARKED,
-    note_refusal,
 )
 from automaton.engine.state import (
     ACTION_BLOCKED,

@@ -8,7 +8,7 @@ limited sight a robot may change only what it sees.
 import numpy as np
 
 from automaton.engine.jit.kernel import kernel
-from automaton.engine.operations import record_change
+from automaton.engine.operations import note_refusal, record_change
 from automaton.engine.record_codes import CHANGE_ZONE
 from automaton.engine.refusals import (
     RULE_AGAIN,
@@ -30,7 +30,6 @@ from automaton.engine.refusals import (
     RULE_TRANSFER,
     RULE_ZONE,
     RULE_ZONING,
-    note_refusal,
 )
 from automaton.engine.state import (
     KEEP,
@@ -255,7 +254,7 @@ def is_path(roads, design, segment):
 @kernel
 def misplaced_transfer(design, accessible):
     """A transfer station that is in neither of its two zones, or that robots of one of them cannot
-    serve; NIL if there is none."""
+    serve; else NIL."""
     zones = design.transfer.shape[0]
     for a in range(zones):
         for b in range(zones):

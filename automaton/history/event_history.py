@@ -252,8 +252,8 @@ def event_words(
     if event.code == codes.EVENT_ILLEGAL_DECISION:
         if explain is None:
             return f"illegal decision: {RULE_TEXTS[event.subject]} {event.value}"
-        found = explain(event.tick, event.robot, event.subject, event.value)
-        return f"illegal decision of {found.layer}: {found.words}"
+        decision = explain(event.tick, event.robot, event.subject, event.value)
+        return f"illegal decision of {decision.layer}: {decision.words}"
     plural = "" if event.value == 1 else "s"
     percent = f"{event.value / BATTERY_PERCENT:.0f} %"
     words = {"subject": event.subject, "value": event.value, "s": plural, "percent": percent}

@@ -161,8 +161,8 @@ def _illegal(simulation: Simulation) -> dict[int, str]:
     world, floor_plan = simulation.world, simulation.resolved.floor_plan
     illegal = np.flatnonzero(simulation.observation.cause == CAUSE_ILLEGAL_DECISION)
     robots = world.robots.identity[illegal].tolist()
-    found = {robot: latest_illegal_decision(world, floor_plan, robot) for robot in robots}
-    return {robot: f"{one.layer}: {one.words}" for robot, one in found.items() if one is not None}
+    latest = {robot: latest_illegal_decision(world, floor_plan, robot) for robot in robots}
+    return {robot: f"{one.layer}: {one.words}" for robot, one in latest.items() if one is not None}
 
 
 def _plan(simulation: Simulation, selected: int) -> Array:

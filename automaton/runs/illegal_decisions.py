@@ -60,7 +60,7 @@ class IllegalDecisions(NamedTuple):
     first: tuple[IllegalDecision, ...]  # at most FIRST_REFUSALS
 
     def lines(self) -> list[str]:
-        """The numbers by rule, and the first decisions; [] if there are none."""
+        """The numbers by rule, and the first decisions; [] without any."""
         if not self.total:
             return []
         rules = ", ".join(f"{layer} ({rule}) {many:,}" for layer, rule, many in self.by_rule)
@@ -83,10 +83,12 @@ def illegal_decisions(world: World, floor_plan: FloorPlan) -> IllegalDecisions:
     """The illegal decisions of a run so far: numbers by rule, and the first ones in words."""
     refusals = world.refusals
     total = int(refusals.count.total)
-    found = [(rule, int(refusals.by_rule[rule])) for rule in refusals.by_rule.nonzero()[0].tolist()]
+    broken = [
+        (rule, int(refusals.by_rule[rule])) for rule in refusals.by_rule.nonzero()[0].tolist()
+    ]
     by_rule = tuple(
         (LAYER_NAMES[rule >> RULE_BITS], RULES[rule].name, many)
-        for rule, many in sorted(found, key=lambda pair: (-pair[1], pair[0]))
+        for rule, many in sorted(broken, key=lambda pair: (-pair[1], pair[0]))
     )
     explain = explainer(world, floor_plan) if total else None
     rows = refusals.first[: min(total, FIRST_REFUSALS)].tolist()

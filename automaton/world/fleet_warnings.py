@@ -57,7 +57,7 @@ def size_warnings(resolved: Resolved) -> list[str]:
     scenario = resolved.scenario
     fleet, cell = scenario.fleet, scenario.units.cell
     side = None if cell is None else float(scenario.units.scale.cell_metres)
-    found = []
+    sentences = []
     for kind in fleet.types or (None,):
         name = "robots" if kind is None else f"robots of the type {kind.name}"
         length = (kind and kind.length) or fleet.length
@@ -67,12 +67,12 @@ def size_warnings(resolved: Resolved) -> list[str]:
             continue
         what = "long" if length is not None and length > side else "wide"
         size = length if what == "long" else width
-        found.append(
+        sentences.append(
             f"{name} are {size:g} m {what}, but a cell has {side:g} m: a robot takes one cell, so "
             "they drive and queue closer together than such robots can; set units.cell to "
             f"{largest:g} m or more"
         )
-    return found
+    return sentences
 
 
 def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:

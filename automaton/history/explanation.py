@@ -72,7 +72,7 @@ class Explanation(NamedTuple):
 
     @property
     def cycle_line(self) -> str:
-        """The wait cycle in words; "" if there is none."""
+        """The wait cycle in words; "" without one."""
         if self.cycle == NIL:
             return ""
         members = [f"robot {link.robot}" for link in self.chain[self.cycle :]]

@@ -109,24 +109,25 @@ def test_a_recording_names_the_same_decisions_as_the_run() -> None:
 def test_a_run_lists_the_first_three_and_the_count_by_rule(
     capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
+    def printed(*arguments: str) -> str:
+        main(list(arguments))
+        return " ".join(capsys.readouterr().out.split())
+
     record = str(tmp_path / "wrong.rec")
-    main(["run", "tabletop-mini", "--until", "40", "--set", NOWHERE, "--record", record])
-    text = capsys.readouterr().out
-    assert (
+    text = printed("run", "tabletop-mini", "--until", "40", "--set", NOWHERE, "--record", record)
+    counts = (
         "120 illegal decisions: routing (exit of a route) 80, routing (direction of a route) 40"
-        in (text)
     )
-    assert len(re.findall(r"^routing: robot \d, tick \d+: step \d goes", text, re.M)) == 3
+    assert counts in text
+    assert len(re.findall(r"routing: robot \d, tick \d+: step \d goes", text)) == 3
     assert "and 117 more" in text
     assert verify(record).illegal.total == 120
-    main(["verify", record])
-    assert "120 illegal decisions: routing" in capsys.readouterr().out
-    main(["explain", record, "--robot", "0", "--at", "14"])
-    assert "illegal decision of routing: step 2 goes 5: a direction is 0 to 3" in " ".join(
-        capsys.readouterr().out.split()
+    assert counts in printed("verify", record)
+    decision = "illegal decision of routing: step 2 goes 5: a direction is 0 to 3"
+    assert decision in printed("explain", record, "--robot", "0", "--at", "14")
+    assert f"tick 1, robot 0: {decision}" in printed(
+        "replay", record, "--describe", "--only", "illegal"
     )
-    main(["replay", record, "--describe", "--only", "illegal"])
-    assert "tick 1, robot 0: illegal decision of routing: step 2 goes 5" in capsys.readouterr().out
 
 
 def test_events_are_printed_with_the_rule(capsys: pytest.CaptureFixture[str]) -> None:

@@ -18,9 +18,24 @@ from automaton.engine.commit import (
 from automaton.engine.operations import route_flaw
 from automaton.engine.refusals import LATEST_REFUSALS, RULES, STEP_BITS
 from automaton.engine.right_of_way import bar_to_step
-from automaton.engine.state import BATTERY_FULL, NIL, ORDER_DELIVERED, ORDER_WAITING
+from automaton.engine.state import (
+    BATTERY_FULL,
+    NIL,
+    ORDER_DELIVERED,
+    ORDER_STARTED,
+    ORDER_WAITING,
+)
 from automaton.engine.zoning import flaw_of
 from automaton.runs.simulation import Simulation
+from automaton.strategy.api import (
+    CMD_GO,
+    CMD_HOLD,
+    CMD_PARK,
+    CMD_RETREAT,
+    CMD_STEP,
+    CMD_WAIT,
+    Strategy,
+)
 from automaton.world.resolve import resolve
 
 
@@ -196,3 +211,79 @@ def test_the_latest_decisions_are_a_ring_and_the_counts_are_whole() -> None:
     ticks = np.sort(refusals.latest[:, 0])
     assert ticks[-1] == run.tick and ticks[0] >= run.tick - LATEST_REFUSALS
     assert (refusals.first[:, 0] == np.sort(refusals.first[:, 0])).all()
+
+
+def test_who_has_begun_an_order_gets_no_other_and_is_not_sent_to_charge(loaded: Loaded) -> None:
+    world, robots = loaded.world, loaded.robots
+    begun = int(robots.load[loaded.i])
+    robots.order[loaded.j] = begun
+    world.orders.state[begun] = ORDER_STARTED
+    assert loaded.taking(loaded.order) == "order begun"
+    assert loaded.charging(loaded.j, int(world.chargers.cell[0])) == "charging with an order"
+
+
+def test_a_pod_is_served_first_and_then_stored_at_a_storage_place() -> None:
+    run = Simulation(resolve("goods-mini"))
+    robots, world = run.world.robots, run.world
+    seen = set()
+    while not run.finished and len(seen) < 2:
+        run.run(run.tick + 1)
+        for i in np.flatnonzero(robots.load != NIL).tolist():
+            for slot in range(len(world.slots.cell)):
+                for cell in set(world.slots.access[slot].tolist()) - {NIL}:
+                    seen.add(name_of(bar_to_dropping(world, i, slot, cell)))
+        seen &= {"open stops", "place of a pod"}
+    assert seen == {"open stops", "place of a pod"}
+
+
+class Orders(Strategy):
+    """A right of way that gives all robots one command."""
+
+    layer = "right_of_way"
+    period = 1
+
+    def __init__(self, command: int, value: int, steers: bool) -> None:
+        super().__init__()
+        self.command, self.value, self.steers = command, value, steers
+
+    def decide(self, view: Any, batch: Any, decisions: Any, memory: Any, workspace: Any) -> None:
+        out = decisions.right_of_way
+        out.command[: batch.count], out.value[: batch.count] = self.command, self.value
+
+
+@pytest.mark.parametrize(
+    ("command", "value", "steers", "rule"),
+    [
+        (CMD_STEP, 4, False, "direction of a step"),
+        (CMD_STEP, 3, False, "exit of a step"),
+        (CMD_STEP, 0, False, "turn of a step"),
+        (CMD_WAIT, 0, False, "wait"),
+        (CMD_RETREAT, 20_000, False, "retreat"),
+        (CMD_GO, 0, False, "command of right of way"),
+        (CMD_GO, -1, True, "direction"),
+        (CMD_GO, 3, True, "exit"),
+        (CMD_GO, 0, True, "turn"),
+        (CMD_HOLD, 4, True, "hold"),
+        (CMD_WAIT, 20_000, True, "wait"),
+        (CMD_STEP, 0, True, "command of steering"),
+    ],
+)
+def test_each_rule_of_right_of_way(command: int, value: int, steers: bool, rule: str) -> None:
+    strategy = Orders(command, value, steers)
+    run = SmallRun("A.\n..", kinematics="rail", strategies={"right_of_way": strategy}).tick()
+    row = run.world.refusals.first[0].tolist()
+    assert (row[0], row[1], name_of(row[2]), row[4]) == (1, 0, rule, 1)
+    assert row[3] == (command if "command" in rule else value)
+
+
+def test_a_robot_with_an_order_does_not_park() -> None:
+    class Parks(Strategy):
+        layer = "allocation"
+
+        def decide(self, view: Any, batch: Any, out: Any, memory: Any, workspace: Any) -> None:
+            out.allocation.command[: batch.count] = CMD_PARK
+
+    run = SmallRun("A$d", strategies={"allocation": Parks()})
+    run.world.robots.order[0] = 0
+    run.tick()
+    assert name_of(run.world.refusals.first[0, 2]) == "parking with work"

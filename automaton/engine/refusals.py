@@ -177,7 +177,9 @@ RULES: Final[dict[int, DecisionRule]] = {
         "charge target", "charge_target {value}", "a charge is 1 to {full} (a full battery)"
     ),
     RULE_CHARGE_STOP: DecisionRule(
-        "end of charging", "goal_cell NIL", "only a robot that charges or is sent to can stop"
+        "end of charging",
+        "goal_cell NIL",
+        "only a robot that charges, or drives to a charger, can stop",
     ),
     RULE_ALLOCATION: DecisionRule(
         "command of allocation",

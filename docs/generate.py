@@ -28,6 +28,7 @@ from automaton.engine.jit.field_kernels import hidden_fields
 from automaton.engine.jit.structs import SCRATCH, Struct
 from automaton.engine.observation import CAUSES, DEADLOCK_TICKS, EVENT_NAMES
 from automaton.engine.record_codes import KEYFRAME_TICKS
+from automaton.engine.refusals import RULE_BITS, RULES, DecisionRule
 from automaton.floor.cells import CELL_KINDS, SYMBOLS, Symbol
 from automaton.history.breakpoints import FIELDS
 from automaton.recording import contents, frames
@@ -310,6 +311,7 @@ READ_AS: Final = {  # quantity: the value that its text becomes
     "CHARGE_RATE": "percent of a full battery per tick, not rounded",
     "CELLS": "cells, rounded",
     "LENGTH": "the unit of `units.cell`, not rounded",
+    "METRES": "m, not rounded",
     "SECONDS": "seconds, not rounded",
     "MINUTES": "minutes, not rounded",
 }
@@ -564,6 +566,17 @@ def contract_page() -> str:
             ("command", "meaning"),
             ((code(n), COMMAND_MEANINGS[n]) for n in _names(decisions, "CMD_")),
         ),
+        "### Rules\n",
+        "A decision that breaks one of these rules is illegal. `run` lists the first three of a run and "
+        "the number by rule; `run --events`, `explain` and `verify` name layer, robot, decision and "
+        "what is allowed. N and D stand for what a strategy gave, M for a limit of the run.\n",
+        table(
+            ("layer", "rule", "decision", "what is allowed"),
+            (
+                (LAYER_NAMES[number >> RULE_BITS], rule.name, *_rule_texts(rule))
+                for number, rule in RULES.items()
+            ),
+        ),
         "## What it remembers\n",
         "Declare a state in the same way as the world: `field(kind, meaning, role=CONSTANT)`. Declare a "
         'number that the strategy writes as `calls: int = field("() int64")` and write '
@@ -614,6 +627,17 @@ def _fields_table(struct: type[Struct], column: str, values: dict[str, int]) -> 
     columns = 4 if values else 3
     heading = ("field", "kind", "meaning", column)
     return table(heading[:columns], (row[:columns] for row in rows))
+
+
+def _rule_texts(rule: DecisionRule) -> tuple[str, str]:
+    """Return the decision and what is allowed, with letters in place of numbers of a run."""
+    cells = {"{value}": "N", "{cell}": "(x, y)", "{step}": "N", "{direction}": "D"}
+    texts = []
+    for text in (rule.decision, rule.allowed):
+        for name, letter in cells.items():
+            text = text.replace(name, letter)
+        texts.append(re.sub(r"\{\w+\}", "M", text))
+    return texts[0], texts[1]
 
 
 def _value(number: int | None) -> str:

@@ -94,15 +94,15 @@ def shown_at(recorded: ReplayedRun, at: int) -> ReplayedRun:
 
 def chain_blocks(title: str, found: Explanation) -> list[Block]:
     """A sentence for each robot of the chain, with its rule, and the wait cycle if there is one."""
-    lines, blocks = [title], list[Block]()
-    for link, text in zip(found.chain, found.lines, strict=False):
+    lines, blocks = [title, *([found.cycle_line] if found.down else [])], list[Block]()
+    for link in found.chain:
         alone = len(found.chain) == 1 and not link.cause
-        lines.append(f"{text}: it does not wait" if alone else text)
+        lines.append(f"{link.text}: it does not wait" if alone else link.text)
         if link.rule:
             rule = f"rule: {link.rule.removeprefix('rule of ')}"
             blocks += [Listed(lines, mark=""), Listed([rule], mark=INDENT)]
             lines = []
-    lines += found.lines[len(found.chain) :]
+    lines += [found.cycle_line] if found.cycle_line and not found.down else []
     return [*blocks, *([Listed(lines, mark="")] if lines else [])]
 
 
@@ -172,6 +172,7 @@ def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) ->
         "wait_cycle": []
         if found.cycle == NIL
         else [link.robot for link in found.chain[found.cycle :]],
+        "down_in_cycle": list(found.down),
         "lost": {CAUSES[cause].name: taken for cause, taken in lost_by_cause(snapshot, args.robot)},
         "lines": found.lines,
     }

@@ -95,7 +95,8 @@ def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
         "--robot",
         type=measured("a length", "0.6m", exact_length),
         metavar="0.6m",
-        help="for images, set the width of a robot (default: the side of a cell)",
+        help="for images, set the width of a robot (default: the side of a cell); for other layouts, "
+        "set the length of a vehicle (default: as in the file) and compare it with the cells",
     )
     add(
         "--unknown",

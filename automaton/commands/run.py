@@ -258,6 +258,7 @@ def as_json(resolved: Resolved, outcome: Outcome) -> dict[str, Any]:
         **({"priorities": list(outcome.priorities)} if outcome.priorities else {}),
         **({"classes": list(outcome.classes)} if outcome.classes else {}),
         "deadlock": None if outcome.deadlock is None else outcome.deadlock._asdict(),
+        "illegal_decisions": outcome.illegal.as_json(),
         "robot_time": dict(outcome.uses),
         "bottleneck": bottleneck_sentences(resolved, outcome.periods, outcome.stations),
         **({"periods": [one.as_json() for one in outcome.periods]} if outcome.by_period else {}),
@@ -320,11 +321,18 @@ class EventLines:
 
     def finish(self, simulation: Simulation) -> None:
         """Read the events at the end of the run."""
+        from automaton.runs.illegal_decisions import explainer
         from automaton.tables.columns import rows_as_objects
         from automaton.tables.rows import event_form, event_rows
 
-        rows = event_rows(simulation, self._history.events)
-        self._rows = rows_as_objects(event_form(simulation.resolved), rows)
+        events = self._history.events
+        self._rows = rows_as_objects(
+            event_form(simulation.resolved), event_rows(simulation, events)
+        )
+        explain = explainer(simulation.world, simulation.resolved.floor_plan)
+        for row, event in zip(self._rows, events.tolist(), strict=True):
+            if row["rule"] is not None:
+                row["sentence"] = explain(event[0], *event[2:]).words
         self._has_trips = simulation.resolved.scenario.orders.lines is not None
 
     def as_json(self) -> dict[str, Any]:
@@ -350,6 +358,8 @@ def _line(row: dict[str, Any], has_trips: bool) -> str:
     parts = [f"tick {row['tick']:>7,}  {row['event']:<16}"]
     names = {"robot": "robot", "order": "trip" if has_trips else "order"}
     parts += [f"{name} {row[key]}" for key, name in names.items() if row[key] is not None]
+    if row["rule"] is not None:
+        return "  ".join([*parts, f"{row['rule'].partition(':')[0]}: {row['sentence']}"])
     if row["value"] is not None:
         parts.append(f"{row['value']:g}")
     if row["x"] is not None:

@@ -128,6 +128,7 @@ def blocks(file: str, found: Verification) -> Iterator[Listed]:
     yield Listed([*broken, *([f"and {more} more"] if more else [])], mark=INDENT)
     equal = "run again: every tick is identical"
     lines = [equal if found.difference is None else f"run again: {found.difference}"]
+    lines += found.illegal.lines()
     lines += [f"{file} has changed since the run was recorded" for file in found.changed_files]
     if not found.same_sources:
         recorded = recording.header["versions"].get("fleet-automaton", "unknown")
@@ -159,6 +160,7 @@ def as_json(file: str, found: Verification) -> dict[str, Any]:
         ],
         "equal": difference is None,
         "difference": None if difference is None else difference._asdict(),
+        "illegal_decisions": found.illegal.as_json(),
         "same_sources": found.same_sources,
         "changed_files": list(found.changed_files),
         "actions": report.counts,

@@ -345,10 +345,13 @@ def wait_for(world, observation, i, cell, direction, cause):
 def find_wait(world, observation, i, want, did):
     """Why robot i did not move; enters the cell that it waits for."""
     robots = world.robots
+    is_down = robots.status[U(i)] >= STATUS_EXHAUSTED
+    if is_down:
+        note_down(observation, i)
     observation.blocker[U(i)] = NIL
     observation.wanted[U(i)] = NIL
     observation.scratch.entry[U(i)] = NIL
-    if robots.status[U(i)] >= STATUS_EXHAUSTED:
+    if is_down:
         return CAUSE_NO_ENERGY if robots.status[U(i)] <= STATUS_DEPLETED else CAUSE_FAULT
     if is_held_up(world, i):
         return CAUSE_DELAYED
@@ -398,6 +401,15 @@ def find_wait(world, observation, i, want, did):
     if did == 0 and robots.parked[U(i)] == 0:
         return find_idleness(world, observation, i)
     return CAUSE_NOT_WAITING
+
+
+@kernel
+def note_down(observation, i):
+    """Robot i is down: keep what it waited for when it went down."""
+    cause = observation.cause[U(i)]
+    if cause != CAUSE_NO_ENERGY and cause != CAUSE_FAULT:
+        observation.blocker_before[U(i)] = observation.blocker[U(i)]
+        observation.wanted_before[U(i)] = observation.wanted[U(i)]
 
 
 @kernel

@@ -5,7 +5,8 @@
 in the order in which they entered the world; unchanged decisions (KEEP) are left out. Values: the
 fields of a decision as declared in automaton.engine.state. Plans (PLAN_WORDS times the number of
 orders, the orders) come before the decisions of allocation. A route has its number of steps, then
-31 directions of 2 bits per word, or -1 for an illegal one. A zoning decision about a robot is
+31 directions of 2 bits per word; an illegal one has -1, its length, the place and direction of its
+illegal step (or NIL), and the steps before. A zoning decision about a robot is
 followed by its message if that changes; a zoning row about no robot has ROW_MARK + its kind in
 place of an identity. Under limited sight zoning is called for each robot; a replay decides for all
 robots at once, and the last design of a tick counts: recorded designs are complete and valid
@@ -25,7 +26,8 @@ from automaton.engine.facilities import MESSAGE_WORDS
 from automaton.engine.jit.field_kernels import appending, decision_values, reading
 from automaton.engine.jit.kernel import kernel
 from automaton.engine.jit.structs import CONSTANT, Struct, field
-from automaton.engine.operations import is_drivable
+from automaton.engine.operations import route_flaw
+from automaton.engine.refusals import RULE_ROUTE_LENGTH, RULE_ZONING, STEP_BITS
 from automaton.engine.state import (
     KEEP,
     LAYER_ALLOCATION,
@@ -41,6 +43,7 @@ PHASE_BITS = 3
 COUNT_BITS = 16
 STEPS_PER_WORD = 31  # directions per word
 ILLEGAL_ROUTE = -1
+ILLEGAL_WORDS = 4  # of an illegal route without its steps
 ILLEGAL_PLAN = -1
 
 # Values of a decision.
@@ -68,7 +71,7 @@ def max_words(longest_route, longest_plan):
     return (
         2 * 7
         + values
-        + 1
+        + ILLEGAL_WORDS
         + RIGHT_OF_WAY_WORDS
         + (longest_route + STEPS_PER_WORD - 1) // STEPS_PER_WORD
     )
@@ -155,16 +158,27 @@ def put_route(world, words, at, i, out, k):
     route_length = np.int64(out.route_length[k])
     if route_length == KEEP:
         return 0
-    if route_length < 0 or not is_drivable(world, i, out.steps[k], route_length):
-        words[at] = ILLEGAL_ROUTE
-        return 1
-    words[at] = route_length
-    for first in range(0, route_length, STEPS_PER_WORD):
+    rule, value = route_flaw(world, i, out.steps[k], route_length)
+    if rule == NIL:
+        words[at] = route_length
+        return 1 + put_steps(words, at + 1, out.steps[k], route_length)
+    legal = np.int64(0) if rule == RULE_ROUTE_LENGTH else value >> STEP_BITS
+    words[at] = ILLEGAL_ROUTE
+    words[at + 1] = route_length
+    words[at + 2] = NIL if rule == RULE_ROUTE_LENGTH else legal
+    words[at + 3] = value & ((1 << STEP_BITS) - 1)
+    return ILLEGAL_WORDS + put_steps(words, at + ILLEGAL_WORDS, out.steps[k], legal)
+
+
+@kernel
+def put_steps(words, at, steps, count):
+    """Write the first steps of a route; returns the number of words."""
+    for first in range(0, count, STEPS_PER_WORD):
         packed = 0
-        for s in range(min(STEPS_PER_WORD, route_length - first)):
-            packed |= np.int64(out.steps[k, first + s]) << (2 * s)
-        words[at + 1 + first // STEPS_PER_WORD] = packed
-    return 1 + (route_length + STEPS_PER_WORD - 1) // STEPS_PER_WORD
+        for s in range(min(STEPS_PER_WORD, count - first)):
+            packed |= np.int64(steps[first + s]) << (2 * s)
+        words[at + first // STEPS_PER_WORD] = packed
+    return (count + STEPS_PER_WORD - 1) // STEPS_PER_WORD
 
 
 class ReplayState(Struct):
@@ -268,12 +282,36 @@ def give(words, at, size, decisions, layer, k):
 
 @kernel
 def give_route(words, at, size, out, k):
+    if words[at] == ILLEGAL_ROUTE:
+        give_illegal_route(words, at, size, out, k)
+        return
     length = words[at]
     if length > min(out.steps.shape[1], STEPS_PER_WORD * (size - 1)):
         length = ILLEGAL_ROUTE  # the recording was altered
     out.route_length[k] = length
-    for s in range(length):
-        out.steps[k, s] = (words[at + 1 + s // STEPS_PER_WORD] >> (2 * (s % STEPS_PER_WORD))) & 3
+    give_steps(words, at + 1, out.steps[k], length)
+
+
+@kernel
+def give_illegal_route(words, at, size, out, k):
+    """Enter an illegal route up to its illegal step."""
+    out.route_length[k] = ILLEGAL_ROUTE
+    if size < ILLEGAL_WORDS:
+        return
+    legal = words[at + 2]
+    most = min(out.steps.shape[1] - 1, STEPS_PER_WORD * (size - ILLEGAL_WORDS))
+    if legal == NIL and (words[at + 1] < 0 or words[at + 1] > out.steps.shape[1]):
+        out.route_length[k] = words[at + 1]
+    elif 0 <= legal <= most and words[at + 1] > legal:
+        give_steps(words, at + ILLEGAL_WORDS, out.steps[k], legal)
+        out.steps[k, legal] = words[at + 3]
+        out.route_length[k] = words[at + 1]
+
+
+@kernel
+def give_steps(words, at, steps, count):
+    for s in range(count):
+        steps[s] = (words[at + s // STEPS_PER_WORD] >> (2 * (s % STEPS_PER_WORD))) & 3
 
 
 # The decisions of zoning: robots one by one, then queues, servers, designs.
@@ -282,9 +320,10 @@ ROW_QUEUES = 0  # order, queue, next slot, whether it skips transfer stations; r
 ROW_SERVERS = 1  # a robot for each zone
 ROW_STATIONS = 2  # a zone for each station, then zone, zone, station of each transfer station
 ROW_SEGMENT = 3  # owner, its two ends, its points
-ROW_REFUSED = 4  # number of illegal decisions, which are not stored
+ROW_REFUSED = 4  # number of illegal decisions; robot, rule and value of each: they are not stored
 ROBOT_WORDS = len(decision_values(ZoningDecisions))
 MAX_QUEUED = 8_000  # orders per row
+REFUSED_PER_CALL = 2  # a number of queued orders, and a design
 
 append_zoning, read_zoning = appending(ZoningDecisions), reading(ZoningDecisions)
 
@@ -295,7 +334,7 @@ def max_zoning_words(world):
     service_zones = world.service_zones
     robots = world.robots.cell.shape[0]
     calls = 1 if world.rules.radius == NIL else robots
-    words = robots * (2 + ROBOT_WORDS + MESSAGE_WORDS) + 3 * calls
+    words = robots * (2 + ROBOT_WORDS + MESSAGE_WORDS) + (3 + 3 * REFUSED_PER_CALL) * calls
     if service_zones.queue.shape[0] == 0:
         return words
     stations, points = service_zones.design.path.shape
@@ -331,9 +370,7 @@ def keep_zoning(world, record, batch, out, key):
     for k in range(batch.count):
         keep_robot(world, record, batch, out, key, k)
     if out.refused:
-        at = begin_row(world, record, key, ROW_REFUSED)
-        record.decisions[at] = out.refused
-        end_row(world, record, at + 1)
+        keep_refusals(world, record, out, key)
     if world.service_zones.queue.shape[0] == 0:
         return
     if out.redesigned:
@@ -354,6 +391,20 @@ def keep_zoning(world, record, batch, out, key):
             record.decisions[at + 3] = out.skips_transfer[k]
             at += 4
         end_row(world, record, at)
+
+
+@kernel
+def keep_refusals(world, record, out, key):
+    """Append the illegal decisions of a call; of a replay, which decides for all calls, all."""
+    calls = 1 if world.rules.radius == NIL else world.robots.cell.shape[0]
+    at = begin_row(world, record, key, ROW_REFUSED)
+    record.decisions[at] = out.refused
+    at += 1
+    for k in range(min(out.refused, REFUSED_PER_CALL * calls)):
+        for part in range(3):
+            record.decisions[at + part] = out.refusals[k, part]
+        at += 3
+    end_row(world, record, at)
 
 
 @kernel
@@ -442,7 +493,7 @@ def give_robot(out, words, at, size, k):
 @kernel
 def give_row(view, out, words, at, size, kind):
     if kind == ROW_REFUSED:
-        out.refused += words[at]
+        give_refusals(out, words, at, size)
     if view.service_zones.queue.shape[0] == 0:
         return
     if kind == ROW_QUEUES:
@@ -463,6 +514,18 @@ def give_row(view, out, words, at, size, kind):
         give_stations(out, words, at, size)
     elif kind == ROW_SEGMENT and size >= 3:
         give_segment(out.design, words, at, size)
+
+
+@kernel
+def give_refusals(out, words, at, size):
+    """Enter recorded illegal decisions; RULE_ZONING stands for those without a rule."""
+    for k in range(min(max(words[at], 0), out.refusals.shape[0] - out.refused)):
+        first = at + 1 + 3 * k
+        is_named = first + 3 <= at + size
+        out.refusals[out.refused, 0] = words[first] if is_named else NIL
+        out.refusals[out.refused, 1] = words[first + 1] if is_named else RULE_ZONING
+        out.refusals[out.refused, 2] = words[first + 2] if is_named else 0
+        out.refused += 1
 
 
 @kernel

@@ -48,6 +48,7 @@ class ZoningDecisions(Struct):
     refused: int = field(
         "() int64", "number of illegal decisions in a recording; not set by strategies", role=CALL
     )
+    refusals: Array = field("(2n, 3) int64", "robot, rule and value of each of them", role=SCRATCH)
 
 
 class ChargingDecisions(Struct):

@@ -42,11 +42,17 @@ from automaton.engine.record_codes import (
     ENTERED_PARKING_BAY,
     EXECUTED_CHARGE,
     EXECUTED_DROP,
-    EXECUTED_ILLEGAL,
     EXECUTED_PICK,
     EXECUTED_RETREAT,
     LEFT_PARKING_BAY,
     PICKED_ON_ARRIVAL,
+)
+from automaton.engine.refusals import (
+    LATEST_REFUSALS,
+    REFUSED_ROBOT,
+    REFUSED_RULE,
+    REFUSED_TICK,
+    REFUSED_VALUE,
 )
 from automaton.engine.state import (
     ACTION_CHARGE,
@@ -67,7 +73,8 @@ IN_CYCLE = NIL  # value of scratch.color
 @kernel
 def max_events(world):
     """The maximum number of events in a tick."""
-    return MAX_EVENTS_PER_ROBOT * world.robots.cell.shape[0] + world.stations.slot.shape[0] + 1
+    robots, stations = world.robots.cell.shape[0], world.stations.slot.shape[0]
+    return MAX_EVENTS_PER_ROBOT * robots + stations + 1 + LATEST_REFUSALS
 
 
 @kernel
@@ -75,6 +82,7 @@ def note_events(world, observation):
     """Append what happened in this tick, by identity; call after `observe`."""
     note_work(world, observation)
     note_zones(world, observation)
+    note_refusals(world, observation)
     robots, scratch = world.robots, observation.scratch
     for k in range(scratch.count.eventful):
         i = np.int64(scratch.eventful[U(k)])
@@ -135,6 +143,21 @@ def note_zones(world, observation):
 
 
 @kernel
+def note_refusals(world, observation):
+    """The events of the illegal decisions of this tick, at most the last LATEST_REFUSALS of them."""
+    latest, total = world.refusals.latest, np.int64(world.refusals.count.total)
+    first = total
+    while first > max(0, total - LATEST_REFUSALS):
+        if latest[(first - 1) % LATEST_REFUSALS, REFUSED_TICK] != world.clock.tick:
+            break
+        first -= 1
+    for k in range(first, total):
+        row = latest[k % LATEST_REFUSALS]
+        rule, value = row[REFUSED_RULE], row[REFUSED_VALUE]
+        event(world, observation, EVENT_ILLEGAL_DECISION, row[REFUSED_ROBOT], rule, value)
+
+
+@kernel
 def action_of(executed):
     """The action of a robot; a move at whose end it handled its load counts as the handling."""
     if executed & PICKED_ON_ARRIVAL:
@@ -177,8 +200,6 @@ def note_action(world, observation, i, identity, action):
             event(
                 world, observation, EVENT_CHARGING, identity, NIL, np.int64(world.robots.charge[i])
             )
-    elif action == EXECUTED_ILLEGAL:
-        event(world, observation, EVENT_ILLEGAL_DECISION, identity, NIL, NIL)
     elif action == EXECUTED_RETREAT:
         event(
             world,

@@ -19,7 +19,7 @@ from automaton.engine.batches import (
     decide_signature,
     strategy_of_call,
 )
-from automaton.engine.commit import commit_allocation, commit_right_of_way, commit_routing
+from automaton.engine.commit import commit_allocation, commit_routing
 from automaton.engine.decision_stream import max_words, max_zoning_words
 from automaton.engine.decisions import Decisions
 from automaton.engine.drive import apply_move_outcomes, drive, halt_robots, leave_parking_bays
@@ -59,6 +59,7 @@ from automaton.engine.observation import Observation
 from automaton.engine.operations import MAX_CHANGES_PER_ROBOT
 from automaton.engine.random_numbers import is_begin, is_due, is_end, next_tick
 from automaton.engine.record_codes import EXECUTED_NOTHING
+from automaton.engine.right_of_way import commit_right_of_way
 from automaton.engine.state import (
     LAYER_ALLOCATION,
     LAYER_CHARGING,

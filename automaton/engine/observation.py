@@ -221,7 +221,7 @@ EVENT_PARKED: Final = 6  # robot
 EVENT_RETREATED: Final = 7  # robot, none, moves
 EVENT_ORDER_RETURNED: Final = 8  # robot, order
 EVENT_CHARGING: Final = 9  # robot, none, its charge: a stay at a charger begins
-EVENT_ILLEGAL_DECISION: Final = 10  # robot
+EVENT_ILLEGAL_DECISION: Final = 10  # robot or none, rule, value (automaton.engine.refusals)
 EVENT_WAIT_CYCLE: Final = 11  # robot of least number in a cycle that has just closed, none, members
 EVENT_DEADLOCK: Final = 12  # as above, once the cycle has lasted DEADLOCK_TICKS
 EVENT_DEPLETED: Final = 13  # robot, none, its cell
@@ -321,6 +321,9 @@ class Observation(Struct, role=MEASURED):
         "(n,) int32", "identity of the robot that blocks it, or NIL", default=NIL
     )
     wanted: Array = field("(n,) int32", "the cell that it tries to enter, or NIL", default=NIL)
+    # Of a robot that is down: what it waited for when it went down.
+    blocker_before: Array = field("(n,) int32", "identity of its blocker, or NIL", default=NIL)
+    wanted_before: Array = field("(n,) int32", "the cell that it tried to enter", default=NIL)
     since: Array = field(
         "(n,) int64", "tick in which its wait began; meaningful while cause is not 0"
     )

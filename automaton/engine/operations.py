@@ -8,6 +8,21 @@ import numpy as np
 
 from automaton.engine.jit.kernel import U, kernel
 from automaton.engine.record_codes import EXECUTED_ILLEGAL
+from automaton.engine.refusals import (
+    FIRST_REFUSALS,
+    LATEST_REFUSALS,
+    REFUSED_LOST,
+    REFUSED_ROBOT,
+    REFUSED_RULE,
+    REFUSED_TICK,
+    REFUSED_VALUE,
+    RULE_BITS,
+    RULE_ROUTE_DIRECTION,
+    RULE_ROUTE_EXIT,
+    RULE_ROUTE_LENGTH,
+    RULE_ROUTE_TURN,
+    STEP_BITS,
+)
 from automaton.engine.state import (
     ACTION_DELAYED,
     ACTION_FOLLOWING,
@@ -161,10 +176,33 @@ def is_held_up(world, i):
 
 
 @kernel
-def refuse(world, layer, i):
+def note_refusal(world, identity, rule, value, lost):
+    """Count an illegal decision about a robot, or about none (NIL)."""
+    refusals = world.refusals
+    world.tally.illegal[rule >> RULE_BITS] += 1
+    refusals.by_rule[rule] += 1
+    total = refusals.count.total
+    note_row(world, refusals.latest[total % LATEST_REFUSALS], identity, rule, value, lost)
+    if total < FIRST_REFUSALS:
+        note_row(world, refusals.first[total], identity, rule, value, lost)
+    refusals.count.total = total + 1
+
+
+@kernel
+def note_row(world, row, identity, rule, value, lost):
+    row[REFUSED_TICK] = world.clock.tick
+    row[REFUSED_ROBOT] = identity
+    row[REFUSED_RULE] = rule
+    row[REFUSED_VALUE] = value
+    row[REFUSED_LOST] = lost
+
+
+@kernel
+def refuse(world, i, rule, value):
     """An illegal decision: the robot waits for one tick, unless an operation is under way."""
-    world.tally.illegal[layer] += 1
-    if world.robots.busy[i] == 0:
+    is_free = world.robots.busy[i] == 0
+    note_refusal(world, np.int64(world.robots.identity[i]), rule, value, 1 if is_free else 0)
+    if is_free:
         count_lost_tick(world, i, ACTION_ILLEGAL)
         world.robots.busy[i] = 1  # motion counts it down in this tick
         world.robots.executed[i] = EXECUTED_ILLEGAL
@@ -327,26 +365,30 @@ def entry_heading(grid, robot_type, cell):
 
 
 @kernel
-def is_drivable(world, i, steps, route_length):
-    """Whether a route starts at robot i, uses only exits open to it, and turns only where allowed."""
+def route_flaw(world, i, steps, route_length):
+    """The rule that a route breaks, or NIL, and a value: it starts at robot i, uses only exits open
+    to it, and turns only where allowed."""
     grid, robots = world.grid, world.robots
-    if route_length > steps.shape[0]:
-        return False
+    if route_length < 0 or route_length > steps.shape[0]:
+        return np.int64(RULE_ROUTE_LENGTH), np.int64(route_length)
     type_cell_flags = grid.type_cell_flags[robots.type[i]]
     cell = first_cell(robots, i)
     heading = np.int64(robots.heading[i])
     for s in range(route_length):
         direction = np.int64(steps[s])
         flags = np.int64(type_cell_flags[cell])
-        if direction > 3 or (flags >> direction) & 1 == 0:
-            return False
+        value = np.int64(s << STEP_BITS) | direction
+        if direction > 3:
+            return np.int64(RULE_ROUTE_DIRECTION), value
+        if (flags >> direction) & 1 == 0:
+            return np.int64(RULE_ROUTE_EXIT), value
         towards = heading_towards(grid, robots.type[i], direction)
         if towards != heading:
             if flags & MAY_TURN == 0:
-                return False
+                return np.int64(RULE_ROUTE_TURN), value
             heading = towards
         cell += grid.offset[direction]
-    return True
+    return np.int64(NIL), np.int64(0)
 
 
 # Ticks of a move where the floor limits the speed of all robots.

@@ -42,6 +42,7 @@ from automaton.engine.jit.structs import (
 )
 from automaton.engine.jit.structs import NIL as NIL
 from automaton.engine.jit.structs import Array as Array
+from automaton.engine.refusals import Refusals
 
 KEEP: Final = -(2**31)  # default of every decision: continue as before
 
@@ -585,6 +586,7 @@ class World(Struct):
     tally: Tally
     time_use: TimeUse
     deadlocks: DeadlockTally
+    refusals: Refusals
     delays: Delays
     clock: Clock = field(Clock, role=BY_ENTRY, digest=59, by="hash_of_tick")
 

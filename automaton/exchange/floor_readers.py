@@ -28,7 +28,7 @@ class FloorReader(NamedTuple):
 
 
 OF_ALL: Final = frozenset(("robots", "ticks"))  # options of problems, too
-OF_GRAPHS: Final = frozenset(("cell", "tick", "speed", "accept"))
+OF_GRAPHS: Final = frozenset(("cell", "tick", "speed", "accept", "robot"))
 FLOOR_READERS: Final[dict[str, FloorReader]] = {
     LIF: FloorReader(import_lif, OF_GRAPHS | {"layout", "type"}),
     OPENTCS: FloorReader(import_opentcs, OF_GRAPHS),

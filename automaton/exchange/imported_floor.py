@@ -140,6 +140,16 @@ class EdgeRow(NamedTuple):
         """The error of the drawn length, as a share of the length."""
         return self.drawn / self.metres - 1
 
+    @property
+    def time_error(self) -> float:
+        """The error of the time that a robot takes, as a share of that time."""
+        return self.ticks / self.ticks_wanted - 1
+
+    @property
+    def speed_error(self) -> float:
+        """The error of the speed on the drawn edge, as a share of the speed."""
+        return (1 + self.error) / (1 + self.time_error) - 1
+
     def json(self) -> dict[str, Any]:
         """The row as `--json` has it."""
         return {
@@ -150,6 +160,8 @@ class EdgeRow(NamedTuple):
             "error_percent": round(100 * self.error, 4),
             "ticks_wanted": round(self.ticks_wanted, 4),
             "ticks": self.ticks,
+            "time_error_percent": round(100 * self.time_error, 4),
+            "speed_error_percent": round(100 * self.speed_error, 4),
         }
 
 
@@ -208,7 +220,7 @@ def fact_table(facts: Mapping[str, str | int | float]) -> Table:
 def edge_table(edges: tuple[EdgeRow, ...], marks: Mapping[tuple[int, int], str]) -> Table:
     """The table of edges; the first ones with their digits in the picture."""
     marked = set(marks.values())
-    head = ("", "edge", "metres", "cells", "cm", "%", "ticks wanted", "drawn")
+    head = ("", "edge", "metres", "cells", "cm", "%", "ticks wanted", "drawn", "time %")
     rows = [
         (
             str(place) if str(place) in marked else "",
@@ -219,6 +231,7 @@ def edge_table(edges: tuple[EdgeRow, ...], marks: Mapping[tuple[int, int], str])
             f"{_signless(100 * row.error, 2)}",
             f"{row.ticks_wanted:.2f}",
             number(row.ticks),
+            f"{_signless(100 * row.time_error, 1)}",
         )
         for place, row in enumerate(edges, 1)
     ]
@@ -332,7 +345,7 @@ class ImportOptions:
     accept: float = 0.05  # the largest error of an edge, as a share
     robots: int | None = None
     ticks: int | None = None  # length of a run
-    robot: Fraction | None = None  # width in m, for images
+    robot: Fraction | None = None  # width in m, for images; length in m, for graphs
     unknown: str = "wall"  # meaning of unknown area: wall or free
 
 

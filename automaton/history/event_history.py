@@ -6,6 +6,7 @@ are dropped.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -17,6 +18,7 @@ from automaton.engine.observation import (
     EVENT_ZONES_REDESIGNED,
 )
 from automaton.engine.state import BATTERY_PERCENT, Array
+from automaton.runs.illegal_decisions import RULE_TEXTS, IllegalDecision
 from automaton.runs.simulation import Simulation
 
 EVENT_FIELDS = 5
@@ -219,7 +221,6 @@ TEXTS: Final = {
     codes.EVENT_FAILED: "breaks down",
     codes.EVENT_TOWED: "is towed",
     codes.EVENT_BACK: "is back",
-    codes.EVENT_ILLEGAL_DECISION: "illegal decision",
     codes.EVENT_WAIT_CYCLE: "wait cycle of {value} closes",
     codes.EVENT_DEADLOCK: "deadlock of {value} robots",
     codes.EVENT_JOB_DONE: "station {station} is done with part {subject}",
@@ -244,8 +245,15 @@ SUBJECTS: Final = (
 )
 
 
-def event_words(event: Event, trips: bool = False) -> str:
-    """An event in a few words, without the robot."""
+def event_words(
+    event: Event, trips: bool = False, explain: Callable[..., IllegalDecision] | None = None
+) -> str:
+    """An event in a few words, without the robot; `explain` names an illegal decision in full."""
+    if event.code == codes.EVENT_ILLEGAL_DECISION:
+        if explain is None:
+            return f"illegal decision: {RULE_TEXTS[event.subject]} {event.value}"
+        decision = explain(event.tick, event.robot, event.subject, event.value)
+        return f"illegal decision of {decision.layer}: {decision.words}"
     plural = "" if event.value == 1 else "s"
     percent = f"{event.value / BATTERY_PERCENT:.0f} %"
     words = {"subject": event.subject, "value": event.value, "s": plural, "percent": percent}

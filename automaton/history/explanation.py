@@ -12,6 +12,7 @@ from automaton.engine.observation import (
     CAUSE_DELAYED,
     CAUSE_DRIVING_AHEAD,
     CAUSE_FAULT,
+    CAUSE_ILLEGAL_DECISION,
     CAUSE_NO_ENERGY,
     CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
@@ -27,9 +28,10 @@ from automaton.engine.state import (
     STATUS_FAILED,
     STATUS_REMOVED,
     STATUS_TOWED,
+    Array,
 )
 from automaton.floor.floor_plan import FloorPlan
-from automaton.history.snapshot import Snapshot
+from automaton.history.snapshot import FleetSnapshot, Snapshot
 from automaton.history.state_words import (
     break_words,
     carries_pods,
@@ -66,30 +68,64 @@ class Explanation(NamedTuple):
 
     chain: tuple[WaitingRobot, ...]
     cycle: int  # or NIL
+    down: tuple[int, ...] = ()  # robots of the cycle that went down in it
+
+    @property
+    def cycle_line(self) -> str:
+        """The wait cycle in words; "" without one."""
+        if self.cycle == NIL:
+            return ""
+        members = [f"robot {link.robot}" for link in self.chain[self.cycle :]]
+        text = f"a wait cycle: {' -> '.join([*members, members[0]])}; none of them can go first"
+        if not self.down:
+            return text
+        names = " and ".join(f"robot {robot}" for robot in self.down)
+        return f"{text}; {names} went down later, which keeps the cycle closed"
 
     @property
     def lines(self) -> list[str]:
-        """The chain in words, one line for each robot."""
+        """The chain in words, one line for each robot; a cycle of which a robot is down comes first."""
         lines = [link.text for link in self.chain]
-        if self.cycle != NIL:
-            members = [f"robot {link.robot}" for link in self.chain[self.cycle :]]
-            cycle = " -> ".join([*members, members[0]])
-            lines.append(f"a wait cycle: {cycle}; none of them can go first")
-        return lines
+        if self.cycle == NIL:
+            return lines
+        return [self.cycle_line, *lines] if self.down else [*lines, self.cycle_line]
 
 
 def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanation:
     """Explain why a robot waits, why its blocker waits, and so on."""
     fleet = snapshot.robots
     blocker = np.where(fleet.cause == CAUSE_NOT_WAITING, NIL, fleet.blocker).astype(np.int32)
+    before = np.where(held_when_down(fleet), fleet.blocker_before, blocker).astype(np.int32)
+    names, cycle = walk(before, robot)
+    if cycle == NIL:
+        names, cycle = walk(blocker, robot)
+    chain = [link_of(snapshot, floor_plan, name) for name in names]
+    down = [] if cycle == NIL else [name for name in names[cycle:] if before[name] != blocker[name]]
+    for place, link in enumerate(chain):
+        if link.robot in down:
+            other = int(before[link.robot])
+            text = f"{link.text}; before, it waited for robot {other}"
+            chain[place] = link._replace(blocker=other, text=text)
+    return Explanation(tuple(chain), cycle, tuple(sorted(down)))
+
+
+def held_when_down(fleet: FleetSnapshot) -> Array:
+    """(n,) bool: robots that are down, and whose blocker of before still holds the wanted cell."""
+    is_down = np.isin(fleet.cause, (CAUSE_FAULT, CAUSE_NO_ENERGY)) & (fleet.blocker_before != NIL)
+    other, wanted = fleet.blocker_before, fleet.wanted_before
+    holds = (fleet.cell[other] == wanted) | (fleet.claim[other] == wanted)
+    held: Array = is_down & (wanted != NIL) & holds
+    return held
+
+
+def walk(blocker: Array, robot: int) -> tuple[list[int], int]:
+    """The robots from `robot` along its blockers, and the index of the first of a cycle or NIL."""
     color, index = np.zeros(len(blocker), np.int32), np.arange(len(blocker), dtype=np.int32)
     member = int(walk_to_cycle(blocker, index, color, robot))
-    chain: list[WaitingRobot] = []
-    for _ in range(np.count_nonzero(color) + (member == NIL)):  # the last may not wait
-        chain.append(link_of(snapshot, floor_plan, robot))
-        robot = chain[-1].blocker
-    names = [link.robot for link in chain]
-    return Explanation(tuple(chain), NIL if member == NIL else names.index(member))
+    names = [robot]
+    for _ in range(np.count_nonzero(color) - (member != NIL)):  # the last may not wait
+        names.append(int(blocker[names[-1]]))
+    return names, NIL if member == NIL else names.index(member)
 
 
 def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> WaitingRobot:
@@ -117,6 +153,8 @@ def link_of(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> WaitingRob
         because += f" up to tick {last:,}" if last > snapshot.tick else ""
     elif code in (CAUSE_NO_ENERGY, CAUSE_FAULT):
         because = out_of_order(snapshot, robot)
+    elif code == CAUSE_ILLEGAL_DECISION and robot in snapshot.illegal:
+        because = f"illegal decision of {snapshot.illegal[robot]}"
     elif is_kept_by_gate(code):
         because = gate_words(snapshot, robot) or because
     elif code == CAUSE_STATION_QUEUE and station_of(snapshot, robot) != NIL:

@@ -18,7 +18,8 @@ from automaton.engine.observation import EVENT_DEADLOCK, is_waiting, waited_tick
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError, nearest
 from automaton.history.event_history import EVENT_GROUPS, Event, event_of, event_words
-from automaton.history.explanation import explain, link_of
+from automaton.history.explanation import explain as explain_wait
+from automaton.history.explanation import link_of
 from automaton.history.snapshot import Snapshot, take_snapshot
 from automaton.history.state_words import (
     break_begins,
@@ -27,6 +28,7 @@ from automaton.history.state_words import (
     gate_words_of,
 )
 from automaton.history.watched_run import WatchedRun
+from automaton.runs.illegal_decisions import explainer
 from automaton.runs.progress import largest_jam
 from automaton.runs.run_diagnosis import describe_jam
 from automaton.runs.simulation import Simulation
@@ -190,11 +192,13 @@ class Narration:
             self._add(KINDS[kinds[row]], self._words(event), event.robot)
 
     def _words(self, event: Event) -> str:
-        words = event_words(event, trips=len(self._run.shown.world.lines.order) > 0)
+        world = self._run.shown.world
+        explain = explainer(world, self._run.floor_plan)
+        words = event_words(event, len(world.lines.order) > 0, explain)
         if event.code == EVENT_DEADLOCK and event.value <= MAX_CYCLE_NAMED:
-            explanation = explain(self._moment(), self._run.floor_plan, event.robot)
+            explanation = explain_wait(self._moment(), self._run.floor_plan, event.robot)
             if explanation.cycle != NIL:
-                words += f", {explanation.lines[-1]}"
+                words += f", {explanation.cycle_line}"
         return words
 
     def _note_waits(self, simulation: Simulation) -> None:

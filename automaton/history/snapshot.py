@@ -19,7 +19,7 @@ from automaton.engine.facilities import (
     Trips,
 )
 from automaton.engine.jit.structs import CARRIED, Struct
-from automaton.engine.observation import Observation
+from automaton.engine.observation import CAUSE_ILLEGAL_DECISION, Observation
 from automaton.engine.state import GATE_CLOSING, GATE_DOOR, NIL, Array, Orders, Robots
 
 if TYPE_CHECKING:  # this needs Numba
@@ -85,6 +85,7 @@ class Snapshot:
     route: Array  # (k,) int32: remaining cells of the selected robot's route
     order_queue: Array  # (k,) int32: planned orders of the selected robot
     repairs_in_place: bool  # whether broken robots are repaired in place, not towed
+    illegal: dict[int, str]  # by robot that waits for an illegal decision: the decision in words
     delayed_until: Array  # (n,) int64: last tick of a robot's delay; (0,) without delays
     curve: Array  # (K, pieces, 2) int32: rows of a charge, and units per charging tick above it
     lost_in_zone: Array  # (Z,) int64: extra ticks of moves because of each slow zone
@@ -124,6 +125,7 @@ def take_snapshot(simulation: Simulation, selected: int = NIL, layer: str = "") 
         route=_route(simulation, selected),
         order_queue=_plan(simulation, selected),
         repairs_in_place=len(world.rules.repair_in_place) > 0,
+        illegal=_illegal(simulation),
         delayed_until=world.delays.until.copy(),
         curve=world.rules.curve,  # constant
         lost_in_zone=observation.lost_in_zone.copy(),
@@ -150,6 +152,17 @@ def _route(simulation: Simulation, selected: int) -> Array:
     steps = robots.route[i, robots.route_index[i] : robots.route_length[i]]
     cells: Array = (start + np.cumsum(grid.offset[steps])).astype(np.int32)
     return cells
+
+
+def _illegal(simulation: Simulation) -> dict[int, str]:
+    """The illegal decisions that cost robots this tick, in words."""
+    from automaton.runs.illegal_decisions import latest_illegal_decision
+
+    world, floor_plan = simulation.world, simulation.resolved.floor_plan
+    illegal = np.flatnonzero(simulation.observation.cause == CAUSE_ILLEGAL_DECISION)
+    robots = world.robots.identity[illegal].tolist()
+    latest = {robot: latest_illegal_decision(world, floor_plan, robot) for robot in robots}
+    return {robot: f"{one.layer}: {one.words}" for robot, one in latest.items() if one is not None}
 
 
 def _plan(simulation: Simulation, selected: int) -> Array:

@@ -34,6 +34,11 @@ from automaton.engine.state import (
 from automaton.errors import InputError
 from automaton.printable import one_line
 from automaton.runs import interruption
+from automaton.runs.illegal_decisions import (
+    NO_ILLEGAL_DECISIONS,
+    IllegalDecisions,
+    illegal_decisions,
+)
 from automaton.runs.metrics import (
     OPERATION_STATES,
     Counted,
@@ -118,6 +123,7 @@ class Outcome(NamedTuple):
     periods: Sequence[Period] = ()  # the run by hour, or by other stretches
     by_period: bool = False  # whether they are what was asked for, and two at least
     deadlock: LongestDeadlock | None = None  # None: the run had no deadlock
+    illegal: IllegalDecisions = NO_ILLEGAL_DECISIONS
     tables: Any = None  # of `simulate(tables=True)`: automaton.tables.table_files.Tables
     picture: FloorPicture | None = None  # the floor at the end, of `simulate`
     recording: Any = None  # of `simulate(record=FILE)`: automaton.python_api.RecordedRun
@@ -284,6 +290,7 @@ def run_once(
         periods=marks.periods(simulation),
         by_period=marks.is_fixed and simulation.tick > every,
         deadlock=longest_deadlock(simulation),
+        illegal=illegal_decisions(simulation.world, resolved.floor_plan),
     )
 
 

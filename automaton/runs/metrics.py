@@ -437,7 +437,7 @@ def metrics_by_type(run: Measured) -> list[dict[str, Any]]:
 
 
 def illegal_by_layer(run: Measured) -> dict[str, int]:
-    """Number of illegal answers of each layer's strategy."""
+    """Number of illegal decisions of each layer's strategy."""
     return dict(zip(LAYER_NAMES, (int(count) for count in run.world.tally.illegal), strict=True))
 
 

@@ -68,7 +68,7 @@ def describe_unfinished_run(simulation: Simulation, last_worked: Array) -> str:
     phrases = [f"{undelivered:,} of {count(len(orders.done), 'order')} undelivered"]
     if not undelivered:
         phrases = [f"all orders delivered, but {count(on_floor, 'robot')} not parked"]
-    phrases += [f"{layer} gave {count(n, 'illegal answer')}" for layer, n in illegal.items()]
+    phrases += [f"{layer} gave {count(n, 'illegal decision')}" for layer, n in illegal.items()]
     phrases += describe_robots_down(simulation)
     phrases += describe_jam(largest_jam(world, simulation.resolved.floor_plan))
     waiting = stalled_robots(simulation, last_worked)

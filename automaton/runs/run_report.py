@@ -228,6 +228,7 @@ def heading(resolved: Resolved, outcome: Outcome, tick: Unit) -> list[str]:
         *([f"orders of {day}"] if (day := resolved.day_in_words) else []),
         *([rows] if (rows := file_without_rows(resolved)) else []),
         *out_of_orders(outcome),
+        *outcome.illegal.lines(),
         *(describe_wait_cycles(outcome.circles) if outcome.finished or outcome.stopped else []),
         *(describe_jam(outcome.jam) if outcome.finished or outcome.stopped else []),
         *refinement(scenario),

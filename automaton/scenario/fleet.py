@@ -19,6 +19,7 @@ from automaton.scenario.quantities import (
     ConfigSection,
     Direction,
     LongTicks,
+    Metres,
     NonEmptyText,
     Pair,
     SingleLine,
@@ -219,6 +220,14 @@ class FleetType(ConfigSection, frozen=True, kw_only=True):
         Kinematics | None,
         Meta(description="Kinematics of this type; left out: as in fleet.kinematics."),
     ] = None
+    length: Annotated[
+        Metres | None,
+        Meta(description="Length of a robot of this type; left out: as in fleet.length."),
+    ] = None
+    width: Annotated[
+        Metres | None,
+        Meta(description="Width of a robot of this type; left out: as in fleet.width."),
+    ] = None
     strategy: Annotated[
         TypeStrategy,
         Meta(description="Strategies of this type; left out: as in strategy."),
@@ -279,6 +288,16 @@ class Fleet(ConfigSection, frozen=True, kw_only=True):
             "disappear from the floor where they stand, and return there for an order."
         ),
     ] = "park"
+    length: Annotated[
+        Metres | None,
+        Meta(
+            description="Length of a robot, in metres. A robot takes one cell: check warns if it is "
+            "longer than units.cell."
+        ),
+    ] = None
+    width: Annotated[
+        Metres | None, Meta(description="Width of a robot, in metres: see length.")
+    ] = None
     types: Annotated[
         tuple[FleetType, ...],
         Meta(max_length=100, description="Types of robots; left out: all robots are alike."),

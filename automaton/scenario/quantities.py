@@ -462,6 +462,9 @@ LENGTH: Final = Quantity(
     },
     "",
 )
+METRES: Final = Quantity(
+    "a length such as 1.2 m", {Dimension.LENGTH: lambda metres, scale: metres}, "m"
+)
 SECONDS: Final = Quantity("a time such as 90 s", {Dimension.TIME: _seconds}, "s")
 MINUTES: Final = Quantity(
     "a time such as 5 min",
@@ -525,6 +528,7 @@ Ticks = Annotated[int, quantity(TIME, ge=1, le=10_000, description="A duration i
 TicksOrNone = Annotated[
     int, quantity(TIME, ge=0, le=10_000, description="A duration in ticks, or 0.")
 ]
+Metres = Annotated[float, quantity(METRES, gt=0, le=100, description="A length in metres.")]
 LongTicks = Annotated[int, quantity(TIME, ge=1, le=10_000_000, description="A duration in ticks.")]
 Tick = Annotated[int, quantity(MOMENT, ge=0, le=2_000_000_000, description="A tick.")]
 NamedCell = Annotated[Pair, place()]  # written as [x, y] or by its name

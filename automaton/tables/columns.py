@@ -145,6 +145,7 @@ EVENT_COLUMNS: Final = (
         "x", INTEGER, "column of the robot's cell, for events of loads and of robots that go down"
     ),
     TableColumn("y", INTEGER, "row of this cell"),
+    TableColumn("rule", TEXT, "layer and rule of an `illegal decision`; `value` is what it gave"),
 )
 STATE_COLUMNS: Final = (
     TableColumn("tick", TICKS, "tick at whose end the robot has this state"),

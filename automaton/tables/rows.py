@@ -20,6 +20,7 @@ from automaton.engine.observation import (
     EVENT_DEPLETED,
     EVENT_DROPPED,
     EVENT_FAILED,
+    EVENT_ILLEGAL_DECISION,
     EVENT_NAMES,
     EVENT_PICKED,
     EVENT_VISITED,
@@ -36,6 +37,7 @@ from automaton.engine.state import (
     ORDER_DELIVERED,
     World,
 )
+from automaton.runs.illegal_decisions import RULE_TEXTS
 from automaton.runs.interruption import interruptible
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.metrics import busy_ticks, metrics_by_robot
@@ -338,7 +340,7 @@ Append = Callable[[Rows], None]
 
 def event_form(resolved: Resolved) -> Form:
     """The form of the events of a run."""
-    return form_of("events", resolved, event=EVENT_NAMES)
+    return form_of("events", resolved, event=EVENT_NAMES, rule=RULE_TEXTS)
 
 
 class EventTaker:
@@ -364,14 +366,16 @@ def event_rows(simulation: Simulation, events: Array) -> Rows:
     in_cell = np.isin(code, EVENTS_IN_CELLS)
     x, y = columns_and_rows(simulation.resolved.floor_plan, np.where(in_cell, value, NIL))
     share = np.where(code == EVENT_CHARGING, value / BATTERY_FULL, value)
+    is_illegal = code == EVENT_ILLEGAL_DECISION
     return {
         "tick": tick,
         "event": code,
         "robot": where(robot != NIL, robot),
-        "order": where(subject != NIL, subject),
-        "value": np.where(in_cell | (value == NIL), np.nan, share),
+        "order": where((subject != NIL) & ~is_illegal, subject),
+        "value": np.where(~is_illegal & (in_cell | (value == NIL)), np.nan, share),
         "x": x,
         "y": y,
+        "rule": np.where(is_illegal, subject, NO_TEXT),
     }
 
 

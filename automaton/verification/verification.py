@@ -38,6 +38,7 @@ from automaton.recording.contents import (
 from automaton.recording.frames import Recording
 from automaton.recording.header import changed, header_of, resolved_of, rules_of, state_of
 from automaton.recording.recording_reader import read_recording
+from automaton.runs.illegal_decisions import IllegalDecisions, illegal_decisions
 from automaton.runs.metrics import metrics_of
 from automaton.runs.provenance import file_hashes, source_hash
 from automaton.runs.simulation import Simulation
@@ -81,6 +82,7 @@ class Verification:
     difference: Difference | None  # None: the recording agrees
     same_sources: bool  # recorded with the installed sources
     changed_files: tuple[str, ...]  # read by a strategy, and changed since
+    illegal: IllegalDecisions  # of the repeated run
 
     @property
     def passed(self) -> bool:
@@ -99,7 +101,7 @@ def verify_recording(recording: Recording, show: Show = lambda what, tick: None)
     plugins = tuple(one["name"] for one in header["strategies"].values() if ":" in one["name"])
     files = changed_files(recording)
     try:
-        difference = first_difference(shown(recording, "run again", show))
+        rerun, difference = first_difference(shown(recording, "run again", show))
     except InputError as error:
         if not files:
             raise
@@ -111,6 +113,7 @@ def verify_recording(recording: Recording, show: Show = lambda what, tick: None)
         difference=difference,
         same_sources=header["sources"] == source_hash(plugins),
         changed_files=files,
+        illegal=illegal_decisions(rerun.simulation.world, rerun.simulation.resolved.floor_plan),
     )
 
 
@@ -134,8 +137,8 @@ def changed_files(recording: Recording) -> tuple[str, ...]:
     return tuple(file for file, found in recorded.items() if content_hash(Path(file)) != found)
 
 
-def first_difference(recording: Recording) -> Difference | None:
-    """Run the scenario again and compare each tick; returns the first difference, or None."""
+def first_difference(recording: Recording) -> tuple[Rerun, Difference | None]:
+    """Run the scenario again and compare each tick; returns the run and its first difference."""
     rerun = Rerun(recording.header)
     compare = {
         FRAME_KIND_TICKS: rerun.compare,
@@ -147,8 +150,8 @@ def first_difference(recording: Recording) -> Difference | None:
     for kind, content in recording.frames:
         found = found or compare[kind](content)
         if found is not None:
-            return found
-    return None
+            break
+    return rerun, found
 
 
 class Rerun:

@@ -30,6 +30,7 @@ from automaton.engine.jit.field_kernels import digested_fields
 from automaton.engine.motion import POD
 from automaton.engine.observation import Observation, ObservationScratch
 from automaton.engine.operations import MAX_CHANGES_PER_ROBOT
+from automaton.engine.refusals import Refusals
 from automaton.engine.state import (
     FOLLOWING_CONVOY,
     NEVER,
@@ -160,6 +161,7 @@ def _build_coarse(
         tally=Tally.sized({"n": n}),
         time_use=TimeUse.sized({"n": n}),
         deadlocks=DeadlockTally.sized({"n": n}),
+        refusals=Refusals.sized({}),
         delays=build_delays(scenario.faults.delays, n),
         clock=clock,
     )
@@ -273,6 +275,7 @@ def build_sight(world: World, floor: PreparedFloor) -> World:
         tally=world.tally.copied(),
         time_use=TimeUse.sized({"n": len(world.robots.cell)}),
         deadlocks=DeadlockTally.sized({"n": len(world.robots.cell)}),
+        refusals=Refusals.sized({}),
         delays=world.delays.copied(),  # without the delayed robots
         chargers=world.chargers.copied(),
         service_zones=service_zones.replaced(

@@ -21,10 +21,10 @@ from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.floor.reachability import (
     rack_stands,
 )
-from automaton.scenario.fleet import ALL, EMPTY, GROUPS, StartFile
+from automaton.scenario.fleet import ALL, EMPTY, GROUPS, FleetType, StartFile
 from automaton.scenario.floor_section import Floor
 from automaton.scenario.robot_types import RobotType
-from automaton.scenario.schema import Scenario
+from automaton.scenario.schema import Fleet, Scenario
 from automaton.world.capabilities import FleetOnFloor, Start
 from automaton.world.gate_cells import check_gates, check_homes, check_starts_at_gates
 from automaton.world.order_feasibility import (
@@ -73,6 +73,7 @@ def feasible_fleet(
             check_loaded_ways(fleet),
             check_energy(scenario, floor_plan),
             check_sight(scenario),
+            check_sizes(scenario),
         )
     )
     return fleet
@@ -284,6 +285,20 @@ def check_sight(scenario: Scenario) -> Iterator[Finding]:
             "their zones, so no robot would receive one; set information.orders: all, or zoning: "
             "decentralized",
         )
+
+
+def check_sizes(scenario: Scenario) -> Iterator[Finding]:
+    """Sizes of robots need a cell with a length: a robot takes one cell."""
+    parts: list[tuple[Keys, Fleet | FleetType]] = [(("fleet",), scenario.fleet)]
+    parts += [(("fleet", "types", n), kind) for n, kind in enumerate(scenario.fleet.types)]
+    for keys, part in parts:
+        for side in ("length", "width"):
+            if getattr(part, side) is None:
+                continue
+            try:
+                _ = scenario.units.scale.cell_metres
+            except InputError as error:
+                yield Finding((*keys, side), f"to compare it with a cell, {error.message}")
 
 
 def _robots(number: int) -> str:

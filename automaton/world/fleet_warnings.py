@@ -52,6 +52,29 @@ def fleet_warnings(resolved: Resolved) -> list[str]:
     return [sentence for sentence in sentences if sentence]
 
 
+def size_warnings(resolved: Resolved) -> list[str]:
+    """Warn about robots that are longer or wider than a cell; each type once."""
+    scenario = resolved.scenario
+    fleet, cell = scenario.fleet, scenario.units.cell
+    side = None if cell is None else float(scenario.units.scale.cell_metres)
+    sentences = []
+    for kind in fleet.types or (None,):
+        name = "robots" if kind is None else f"robots of the type {kind.name}"
+        length = (kind and kind.length) or fleet.length
+        width = (kind and kind.width) or fleet.width
+        largest = max(length or 0.0, width or 0.0)
+        if side is None or largest <= side:
+            continue
+        what = "long" if length is not None and length > side else "wide"
+        size = length if what == "long" else width
+        sentences.append(
+            f"{name} are {size:g} m {what}, but a cell has {side:g} m: a robot takes one cell, so "
+            "they drive and queue closer together than such robots can; set units.cell to "
+            f"{largest:g} m or more"
+        )
+    return sentences
+
+
 def has_stations_in_dead_ends(resolved: Resolved, ends: DeadEnds) -> str:
     """Warn about stations and chargers in dead ends."""
     kinds = resolved.floor_plan.kind.reshape(-1)

@@ -22,6 +22,7 @@ from automaton.world.fleet_warnings import (
     fleet_warnings,
     gate_warnings,
     pod_warnings,
+    size_warnings,
     standstill_warnings,
 )
 from automaton.world.floor_parts import places_of_chargers, service_cells
@@ -87,6 +88,7 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         *due_warnings(resolved),
         *late_releases(resolved),
         *coarse_conversions(resolved),
+        *size_warnings(resolved),
         *fleet_warnings(resolved),
         *standstill_warnings(resolved),
         *pod_warnings(resolved),

@@ -41,4 +41,5 @@ def test_they_are_objects_in_json(capsys: pytest.CaptureFixture[str]) -> None:
         "value": None,
         "x": 5,
         "y": 3,
+        "rule": None,
     }

@@ -229,6 +229,10 @@ def follow(run: Simulation, ticks: int, event_history: EventHistory) -> None:
         if code <= EVENT_ILLEGAL_DECISION
         and code != EVENT_CHARGING  # told once for a stay, not in each tick
     )
+    # An illegal decision that costs no tick is told as well.
+    refused = Counter({one: mine.pop(one) for one in [*mine] if one[1] == EVENT_ILLEGAL_DECISION})
+    cost = Counter({one: told.pop(one) for one in [*told] if one[1] == EVENT_ILLEGAL_DECISION})
+    assert not cost - refused and refused.total() == run.world.refusals.count.total
     assert not (mine - told) and not (told - mine), (mine - told, told - mine)
 
 

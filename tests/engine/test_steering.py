@@ -126,7 +126,7 @@ def test_a_robot_that_was_pushed_from_its_place_goes_home_and_allocation_is_not_
 def test_a_robot_leaves_its_parking_bay_when_it_is_told_to():
     run = SmallRun("b..", strategies={"right_of_way": Scripted(A="..hEE")})
     robots = run.world.robots
-    robots.goal_type[0], robots.goal_cell[0] = GOAL_PARK + 1, run.floor_plan.cell(2, 0)
+    robots.goal_type[0], robots.goal_cell[0] = GOAL_PICK, run.floor_plan.cell(2, 0)
     run.tick(3)
     assert robots.cell[0] == NIL and run.cause("A") == "following conflict"
     run.tick(1)

@@ -64,6 +64,8 @@ def test_one_site_in_three_formats(
         "error_percent": -3.2258,
         "ticks_wanted": 6.2,
         "ticks": 6,
+        "time_error_percent": -3.2258,
+        "speed_error_percent": 0.0,
     }
     others = [row for edge, row in rows.items() if edge not in ("B-C", "D-A")]
     assert len(others) == 6 and {row["error_percent"] for row in others} <= {0.0, -0.0}

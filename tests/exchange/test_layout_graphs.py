@@ -123,9 +123,10 @@ def test_the_largest_cell_that_fits_is_chosen(tmp_path: Path) -> None:
 
 
 def test_without_a_cell_that_fits_the_nearest_is_named(tmp_path: Path) -> None:
-    fit = fitted(tmp_path, lif({"A": (0, 0), "B": (3, 3), "C": (9, 0)}, ["A=B", "A=C"]), None)
+    nodes = {"A": (0, 0), "B": (3, 0), "C": (9.13, 0), "D": (9.13, 0.23), "E": (0, 0.17)}
+    fit = fitted(tmp_path, lif(nodes, ["A=B", "B=C", "C=D", "A=E"]), None, accept=0.001)
     assert fit.refusal.startswith(
-        "no cell size between 0.1 and 2 m meets the tolerance; the best is 1.25 m: the"
+        "no cell size between 0.1 and 2 m meets the tolerance; the best is 0.2 m: the"
     )
 
 

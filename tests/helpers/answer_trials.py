@@ -20,6 +20,7 @@ from wild_answers import ANSWERS
 
 from automaton.engine.state import LAYER_NAMES
 from automaton.recording.recorder import MemoryRecorder
+from automaton.runs.illegal_decisions import RULE_TEXTS, illegal_decisions
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
@@ -45,6 +46,7 @@ class Trial(NamedTuple):
 
     answers: Counter[str]
     illegal: Counter[str]
+    rules: Counter[str]  # that were broken
     broken: list[str]  # rules, by the validator
 
 
@@ -73,9 +75,12 @@ def trial(floor: str, mix: tuple[str, ...], seed: int) -> Trial:
     run = Simulation(resolved, on_record=recorder)
     run.run(until=ticks)
     illegal = dict(zip(LAYER_NAMES, run.world.tally.illegal.tolist(), strict=True))
+    found = illegal_decisions(run.world, resolved.floor_plan)
+    assert found.total == sum(illegal.values()) == sum(many for _, _, many in found.by_rule)
+    rules = Counter({f"{layer}: {rule}": many for layer, rule, many in found.by_rule})
     report = validate_stored(recorder.recording())
     broken = [str(violation) for violation in report.violations]
-    return Trial(ANSWERS - before, Counter(illegal), broken)
+    return Trial(ANSWERS - before, Counter(illegal), rules, broken)
 
 
 def main(arguments: list[str]) -> int:
@@ -83,12 +88,14 @@ def main(arguments: list[str]) -> int:
     wanted = int(arguments[0]) if arguments else 1_000_000
     answers: Counter[str] = Counter()
     illegal: Counter[str] = Counter()
+    rules: Counter[str] = Counter()
     broken = 0
     runs: Any = 0
     for name, found in trials():
         runs += 1
         answers += found.answers
         illegal += found.illegal
+        rules += found.rules
         if found.broken:
             broken += 1
             print(f"{name}: {found.broken[0]}", flush=True)
@@ -97,6 +104,7 @@ def main(arguments: list[str]) -> int:
             break
     print(file=sys.stderr)
     print(f"{answers.total():,} answers in {runs:,} runs, {broken} with a broken rule")
+    print(f"rules that none broke: {', '.join(sorted(set(filter(None, RULE_TEXTS)) - set(rules)))}")
     for layer in LAYER_NAMES:
         print(f"{layer}: {answers[layer]:,} answers, {illegal[layer]:,} counted as illegal")
     return 1 if broken else 0

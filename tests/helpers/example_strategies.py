@@ -88,6 +88,17 @@ class Greedy(Strategy):
             out.slot[k] = -5
 
 
+class Nowhere(Strategy):
+    """Routing: a route whose third step has no direction."""
+
+    layer = "routing"
+
+    def decide(self, view, batch, decisions, memory, workspace):
+        for k in range(batch.count):
+            decisions.routing.route_length[k] = 3
+            decisions.routing.steps[k, :3] = [0, 0, 5]
+
+
 class Idle(Strategy):
     """Allocation: everybody stays home."""
 

@@ -10,7 +10,7 @@ from small_runs import SmallRun
 from automaton.engine.observation import CAUSE_HEAD_ON, CAUSE_NOT_WAITING, CAUSES
 from automaton.engine.state import ACTION_MOVE, ACTION_NAMES, NIL
 from automaton.history.explanation import doing, explain
-from automaton.scenario.fleet import FleetType
+from automaton.scenario.fleet import Fault, Faults, FleetType
 from automaton.scenario.schema import Durations, WorldRules
 
 
@@ -111,3 +111,42 @@ def test_every_cause_makes_a_sentence(code: int) -> None:
     assert re.match("robot 0 has been [a-z ]+ for 1 tick: ", text) and "{" not in text
     assert ("robot 1" in text) == ("{blocker}" in CAUSES[code].text)
     assert ("(1, 0)" in text) == ("{cell}" in CAUSES[code].text)
+
+
+def test_a_wait_cycle_is_named_before_the_breakdown_that_keeps_it_closed() -> None:
+    """A and B meet head-on, C queues behind A; then B breaks down."""
+    faults = Faults(listed=(Fault(robot=1, at=6),), tow_after=None)
+    floor = SmallRun("CAB", {"A": "E", "B": "W", "C": "E"}, waits=(1, 1, 1, 1, 255), faults=faults)
+    floor.tick(4)
+    assert explain(floor.snapshot(), floor.floor_plan, 2).down == ()
+    floor.tick(600)
+    assert floor.cause("B") == "broken down"
+    found = explain(floor.snapshot(), floor.floor_plan, 2)
+    assert ([link.robot for link in found.chain], found.cycle, found.down) == ([2, 0, 1], 1, (1,))
+    lines = found.lines
+    assert lines[0] == (
+        "a wait cycle: robot 0 -> robot 1 -> robot 0; none of them can go first; robot 1 went down "
+        "later, which keeps the cycle closed"
+    )
+    assert lines[-1].endswith(
+        "robot 1 has broken down; it is not towed; before, it waited for robot 0"
+    )
+
+
+def test_a_breakdown_alone_is_no_wait_cycle() -> None:
+    """B waits for nobody when it breaks down; A queues behind it."""
+    faults = Faults(listed=(Fault(robot=1, at=2),), tow_after=None)
+    floor = SmallRun("AB....", {"A": "EEE", "B": "EEE"}, faults=faults).tick(30)
+    found = explain(floor.snapshot(), floor.floor_plan, 0)
+    assert (found.cycle, found.down) == (NIL, ())
+    assert found.lines[-1].endswith("robot 1 has broken down; it is not towed")
+
+
+def test_a_cycle_that_has_opened_again_is_not_named() -> None:
+    """A waits for B, which drives on after A has broken down."""
+    faults = Faults(listed=(Fault(robot=0, at=3),), tow_after=None)
+    floor = SmallRun("AB....", {"A": "E"}, faults=faults).tick(5)
+    assert floor.cause("A") == "broken down"
+    before = floor.snapshot().robots
+    assert (before.blocker_before[0], before.cell[1]) == (1, before.wanted_before[0])
+    assert explain(floor.snapshot(), floor.floor_plan, 0).cycle == NIL

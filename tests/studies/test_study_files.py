@@ -223,7 +223,12 @@ POINTS = [
     ("{fleet.robots: 4}", "4", 4, ["points[0] must be a mapping", "found 4"]),
     ("durations.turn: 5", "durations.turn: 0", 5, ["durations.turn must be", "point 1"]),
     ("durations.turn: 5", "durations.turn: 22", 4, []),
-    ("{fleet.robots: 2, durations.turn: 5}", "{fleet.robots: 4}", 5, ["0 and 1 have the same runs"]),
+    (
+        "{fleet.robots: 2, durations.turn: 5}",
+        "{fleet.robots: 4}",
+        5,
+        ["0 and 1 have the same runs"],
+    ),
     ("{fleet.robots: 2, durations.turn: 5}", "{}", 5, ["0 and 1 have the same runs"]),
 ]
 

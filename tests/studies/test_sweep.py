@@ -194,7 +194,11 @@ def test_another_study_seed_point_or_floor_is_refused(
     for before, after, said in [
         ("name: one", "name: two", "of the study 'one', not of 'two'"),
         ("replications: 1", "replications: 1\nseed: 2", "with seed 1, not 2"),
-        ("[1, 2]", "[2, 1]", "point 0 was own.yaml, fleet.robots 1 and is now own.yaml, fleet.robots 2"),
+        (
+            "[1, 2]",
+            "[2, 1]",
+            "point 0 was own.yaml, fleet.robots 1 and is now own.yaml, fleet.robots 2",
+        ),
         ("[1, 2]", "[1]", "holds results of 2 points, not 1"),
     ]:
         study.write_text(text.replace(before, after))

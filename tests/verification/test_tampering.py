@@ -270,7 +270,7 @@ def a_setting_that_changed_nothing(taken: Taken) -> None:
 @tampering()
 def a_branch_that_there_was_not(taken: Taken) -> None:
     rules = copy.deepcopy(taken.all(FRAME_KIND_CONDITIONS)[0])
-    rules["settings"], rules["tick"] = ("durations.pick=9",), 256
+    rules["settings"], rules["tick"] = ("durations.pick=9",), 250
     rules["scenario"]["durations"]["pick"] = 9
     taken.frames.insert(
         taken.places(FRAME_KIND_TICKS)[1], DecodedFrame(FRAME_KIND_CONDITIONS, rules)
@@ -280,7 +280,7 @@ def a_branch_that_there_was_not(taken: Taken) -> None:
 @tampering()
 def a_branch_named_otherwise(taken: Taken) -> None:
     rules = copy.deepcopy(taken.all(FRAME_KIND_CONDITIONS)[0])
-    rules["settings"], rules["tick"] = ("durations.pick=9",), 256
+    rules["settings"], rules["tick"] = ("durations.pick=9",), 250
     taken.frames.insert(
         taken.places(FRAME_KIND_TICKS)[1], DecodedFrame(FRAME_KIND_CONDITIONS, rules)
     )

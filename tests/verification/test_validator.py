@@ -559,7 +559,7 @@ def test_the_validator_shares_no_code_with_the_kernels() -> None:
         f"automaton.engine.{name}"
         for name in (
             *("delays", "distance_tables", "facilities", "gates", "pods"),
-            *("service_zones", "state", "stops"),
+            *("refusals", "service_zones", "state", "stops"),
         )
     }
     shared |= {f"automaton.engine.jit{name}" for name in ("", ".named_numbers", ".structs")}

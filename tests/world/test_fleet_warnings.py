@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+from typing import Any
+
+import msgspec
 import pytest
 
-from automaton.world.fleet_warnings import fleet_warnings
-from automaton.world.resolve import resolve
+from automaton.commands import main
+from automaton.errors import InputError
+from automaton.scenario.schema import Scenario
+from automaton.world.fleet_warnings import fleet_warnings, size_warnings
+from automaton.world.resolve import Resolved, resolve
 
 FLOOR = """
 name: crowd
@@ -94,3 +101,58 @@ def test_homes_matter_where_robots_are_to_park(tmp_path):
 def test_priority_inheritance_needs_a_ring(tmp_path):
     (sentence,) = warned(tmp_path, TRACK)
     assert sentence.startswith("the floor has no ring of cells")
+
+
+# Robots larger than a cell.
+
+
+def large(fleet: dict[str, Any], units: dict[str, str]) -> Resolved:
+    body = {
+        "name": "large",
+        "layout": {"picture": "...\n..."},
+        "fleet": {"robots": 2, "kinematics": "omni", "start": [[0, 0], [2, 1]], **fleet},
+        "units": units,
+        "orders": {"list": [{"stops": [[1, 0]]}]},
+        "stop": {"when": "delivered", "max_duration": 100},
+    }
+    return resolve(msgspec.convert(body, Scenario))
+
+
+METRE = {"tick": "1 s", "cell": "1 m"}
+
+
+def test_robots_longer_or_wider_than_a_cell_are_warned_of_once_for_each_type() -> None:
+    warned = size_warnings(large({"length": 1.6, "width": 0.8}, METRE))
+    assert warned == [
+        "robots are 1.6 m long, but a cell has 1 m: a robot takes one cell, so they drive and queue "
+        "closer together than such robots can; set units.cell to 1.6 m or more"
+    ]
+    types = [{"name": "fork", "robots": 1, "width": 1.2}, {"name": "tug", "length": 0.9}]
+    (wide,) = size_warnings(large({"length": 0.5, "types": types}, METRE))
+    assert wide.startswith("robots of the type fork are 1.2 m wide")
+    assert size_warnings(large({"length": 1.0}, METRE)) == []
+    assert size_warnings(large({}, METRE)) == []
+
+
+def test_a_size_needs_the_size_of_a_cell() -> None:
+    with pytest.raises(InputError, match=r"to compare it with a cell, .*set units\.cell"):
+        large({"length": 1.6}, {"tick": "1 s"})
+    types = [{"name": "fork", "length": 1.6}]
+    with pytest.raises(InputError, match=r"to compare it with a cell"):
+        large({"types": types}, {"tick": "1 s"})
+
+
+def test_a_size_is_written_with_its_unit_and_check_names_it(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "forks.yaml"
+    path.write_text(
+        "name: forks\nlayout: {picture: '....'}\nunits: {tick: 1 s, cell: 1 m}\n"
+        "fleet: {robots: 1, start: [[0, 0]], length: 240 cm}\n"
+        "orders: {list: [{stops: [[3, 0]]}]}\nstop: {when: delivered, max_duration: 100}\n"
+    )
+    assert main(["check", str(path)]) == 0
+    assert "robots are 2.4 m long, but a cell has 1 m" in capsys.readouterr().err
+    path.write_text(path.read_text().replace("240 cm", "3 s"))
+    assert main(["check", str(path)]) == 2
+    assert "'3 s' is a time, expected a length such as 1.2 m" in capsys.readouterr().err

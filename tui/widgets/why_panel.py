@@ -54,7 +54,7 @@ class Why(TextPanel):
         found = explain(view.snapshot, view.floor_plan, view.robot)
         lines = [made for at in _told(len(found.chain)) for made in _step(view, found, at, width)]
         if found.cycle != NIL:
-            circle = linked(found.lines[-1], view.floor_plan, "fault")
+            circle = linked(found.cycle_line, view.floor_plan, "fault")
             lines += [(), *wrapped(circle, width, indent=2)]
         return [*lines, (), *self._lost(view, width)]
 

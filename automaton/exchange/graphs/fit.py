@@ -140,7 +140,27 @@ def _largest(graph: Graph, placement: Placement, accept: float) -> Fit:
         "no cell size between 0.1 and 2 m meets the tolerance; the best is "
         f"{float(nearest.cell):g} m: "
     )
-    return nearest._replace(refusal=text + nearest.refusal)
+    reason = diagonal_reason(graph, placement, accept)
+    return nearest._replace(refusal=reason or text + nearest.refusal)
+
+
+def diagonal_reason(graph: Graph, placement: Placement, accept: float) -> str:
+    """Return a sentence if an edge is too long along rows and columns for cells of any size, or ""."""
+    worst, error = None, accept + ROUNDING_ERROR
+    for edge in graph.edges:
+        drawn = sum(
+            abs(float(line[edge.end] - line[edge.start])) for line in (placement.x, placement.y)
+        )
+        if drawn / edge.metres - 1 > error:
+            worst, error = (edge, drawn), drawn / edge.metres - 1
+    if worst is None:
+        return ""
+    edge, drawn = worst
+    return (
+        f"the edge {edge.name} runs diagonally: robots drive along rows and columns, where its "
+        f"{edge.metres:.4g} m become {drawn:.4g} m ({100 * error:+.1f} %), and at most "
+        f"{100 * accept:g} % are accepted; no cell size changes this: set a larger --accept"
+    )
 
 
 def _worst_error(fit: Fit) -> float:
@@ -169,7 +189,9 @@ def _fitted(graph: Graph, placement: Placement, cell: Fraction, accept: float) -
             f"({100 * share:+.1f} %) in cells of {float(cell):g} m, at most {100 * accept:g} % are "
             "accepted"
         )
-        return fit._replace(refusal=f"{text}: choose another --cell, or a larger --accept")
+        advice = "choose another --cell, or a larger --accept"
+        reason = diagonal_reason(graph, placement, accept)
+        return fit._replace(refusal=reason or f"{text}: {advice}")
     return fit._replace(layout=_laid_out(graph, placement, places))
 
 

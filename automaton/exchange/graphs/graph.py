@@ -80,6 +80,8 @@ class Vehicle(NamedTuple):
 
     name: str
     speed: float | None  # m/s
+    length: float | None = None  # metres
+    width: float | None = None
 
 
 @dataclass

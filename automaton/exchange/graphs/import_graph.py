@@ -17,7 +17,6 @@ from automaton.exchange.graphs.fit import (
     GraphCells,
     Speeds,
     exact,
-    fit_graph,
     limits_of,
     speeds_of,
     text_of,
@@ -25,6 +24,12 @@ from automaton.exchange.graphs.fit import (
 from automaton.exchange.graphs.graph import Cell, Graph, GraphRoads, Road, distinct
 from automaton.exchange.graphs.lif import read_lif
 from automaton.exchange.graphs.opentcs import read_opentcs
+from automaton.exchange.graphs.vehicle_fit import (
+    fit_vehicles,
+    size_notes,
+    size_of,
+    speed_notes,
+)
 from automaton.exchange.imported_floor import (
     EdgeRow,
     ImportedFloor,
@@ -62,7 +67,7 @@ def import_opentcs(path: Path, options: ImportOptions) -> ImportedFloor:
 
 def import_graph(graph: Graph, options: ImportOptions) -> ImportedFloor:
     """Return a graph as a floor; without a floor if its report has a refusal. Raises InputError."""
-    fit = fit_graph(graph, options.cell, options.accept)
+    fit = fit_vehicles(graph, options)
     speeds = speeds_of(graph, fit.cell, options)
     if fit.layout is None:
         rows = edge_rows(graph, fit, speeds, speeds.of_edge)
@@ -85,7 +90,13 @@ def import_graph(graph: Graph, options: ImportOptions) -> ImportedFloor:
         facts,
         rows,
         dict(graph.lost.most_common()),
-        (*graph.notes, *crossing_notes(roads), *scenario.notes),
+        (
+            *graph.notes,
+            *size_notes(graph, fit, options),
+            *speed_notes(graph, rows, speeds),
+            *crossing_notes(roads),
+            *scenario.notes,
+        ),
         drawing.picture,
         marks_of(graph, roads, rows),
     )
@@ -290,6 +301,8 @@ class GraphScenario:
         first = dict.fromkeys(cells[node] for node in nodes)
         starts = self._starts([*first, *sorted(self.part - set(first))], robots)
         fleet: dict[str, Any] = {"robots": robots, "kinematics": "omni", "start": starts}
+        sizes = zip(("length", "width"), size_of(graph, self.options), strict=True)
+        fleet |= {side: f"{text_of(metres)} m" for side, metres in sizes if metres is not None}
         types = self._types(robots)
         return {**fleet, "types": types} if types else fleet
 

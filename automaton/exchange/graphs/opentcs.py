@@ -51,7 +51,7 @@ MODEL: Final[dict[str, Any]] = {
             "locked",
         ),
     },
-    "vehicle": {"": ("name", "maxVelocity")},
+    "vehicle": {"": ("name", "maxVelocity"), "boundingBox": {"": ("length", "width")}},
     "locationType": {
         "": ("name",),
         "allowedOperation": NAMED,
@@ -71,6 +71,7 @@ CHARGE: Final = "Charge"
 SAME_DIRECTION: Final = "SAME_DIRECTION_ONLY"
 BLOCK_TYPES: Final = ("SINGLE_VEHICLE_ONLY", SAME_DIRECTION)
 MM_PER_M: Final = 1000
+MAX_VEHICLE: Final = 100.0  # metres
 
 
 @dataclass
@@ -200,8 +201,18 @@ class _ModelReader:
         for vehicle in self.root.of("vehicle"):
             speed = self.speed(vehicle, "maxVelocity") if "maxVelocity" in vehicle.attributes else 0
             name = single_line(self.text(vehicle, "name"))
-            self.out.vehicles.append(Vehicle(name, speed or None))
+            self.out.vehicles.append(Vehicle(name, speed or None, *self.size(vehicle)))
         return checked_graph(self.out)
+
+    def size(self, vehicle: Element) -> tuple[float | None, float | None]:
+        """Return length and width of a vehicle in metres; None: not given. Raises InputError."""
+        for box in vehicle.of("boundingBox"):
+            length, width = (
+                self.number(box, key, MAX_VEHICLE) if key in box.attributes else 0.0
+                for key in ("length", "width")
+            )
+            return (length if length > 0 else None), (width if width > 0 else None)
+        return None, None
 
     def error(self, text: str, element: Element) -> InputError:
         """An error about an element, with its line."""

@@ -223,7 +223,12 @@ POINTS = [
     ("{fleet.robots: 4}", "4", 4, ["points[0] must be a mapping", "found 4"]),
     ("durations.turn: 5", "durations.turn: 0", 5, ["durations.turn must be", "point 1"]),
     ("durations.turn: 5", "durations.turn: 22", 4, []),
-    ("{fleet.robots: 2, durations.turn: 5}", "{fleet.robots: 4}", 5, ["0 and 1 have the same runs"]),
+    (
+        "{fleet.robots: 2, durations.turn: 5}",
+        "{fleet.robots: 4}",
+        5,
+        ["0 and 1 have the same runs"],
+    ),
     ("{fleet.robots: 2, durations.turn: 5}", "{}", 5, ["0 and 1 have the same runs"]),
 ]
 
@@ -390,7 +395,10 @@ def test_each_kind_of_file_is_told_from_the_others(
             "'tabletop-1' is a scenario; a study is a separate file",
         ),
         (["run", str(study)], "this is a study; run it with `automaton sweep STUDY"),
-        (["watch", "tabletop-fleet"], "'tabletop-fleet' is a study; `automaton sweep STUDY"),
+        (
+            ["watch", "tabletop-fleet"],
+            "'tabletop-fleet' is a study; run it with `automaton sweep STUDY",
+        ),
         (["report", str(study)], "is a file; a report is made of the folder of a sweep"),
         (["report", str(tmp_path)], "holds no results of a sweep"),
     ):

@@ -22,6 +22,7 @@ from automaton.world.resolve import resolve
 from automaton.world.rules import tick_length
 
 METRICS = [name for name in METRIC_CATALOGUE if name not in OF_OTHER_RUNS]
+NOTHING_LOST = ("lost_leaving_bay", "lost_illegal")  # in the runs below
 STRATEGIES = '''
 import msgspec
 from automaton.engine.jit.structs import field
@@ -133,9 +134,9 @@ def test_the_report_in_a_pipe_has_100_columns_and_no_colours(
     assert "\x1b" not in text and errors == ""
     assert max(map(len, lines)) <= 100
     assert all(line == line.rstrip() for line in lines)
-    for name in (name for name in METRICS if name != "lost_leaving_bay"):
+    for name in (name for name in METRICS if name not in NOTHING_LOST):
         assert any(line.startswith(name) for line in lines), name
-    assert "lost_leaving_bay" not in text, "no robot lost any time to it"
+    assert not any(name in text for name in NOTHING_LOST), "no robot lost any time to them"
     assert "…" not in text
 
 

@@ -395,7 +395,10 @@ def test_each_kind_of_file_is_told_from_the_others(
             "'tabletop-1' is a scenario; a study is a separate file",
         ),
         (["run", str(study)], "this is a study; run it with `automaton sweep STUDY"),
-        (["watch", "tabletop-fleet"], "'tabletop-fleet' is a study; `automaton sweep STUDY"),
+        (
+            ["watch", "tabletop-fleet"],
+            "'tabletop-fleet' is a study; run it with `automaton sweep STUDY",
+        ),
         (["report", str(study)], "is a file; a report is made of the folder of a sweep"),
         (["report", str(tmp_path)], "holds no results of a sweep"),
     ):

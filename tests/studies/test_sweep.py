@@ -207,7 +207,7 @@ def test_another_study_seed_point_or_floor_is_refused(
     study.write_text(text)
     floor.write_text("b.$.d\nb....\n#...s\n")
     with pytest.raises(
-        InputError, match=r"own.yaml, fleet.robots 1 has changed \(its file or its floor"
+        InputError, match=r"own.yaml, fleet.robots 1 has changed \(its file, its floor"
     ):
         swept_here(study, out)
 
@@ -230,7 +230,7 @@ def test_runs_that_are_added_and_another_warm_up_are_kept_in_mind(tmp_path: Path
     text = (
         "name: steady\nscenario: tabletop-mini\nreplications: {}\ndesign: steady-state\n{}"
         "window: 15\npoints: [{{stop.when: never, stop.max_duration: 999}}]\n"
-        "analysis: {{metrics: [makespan]}}\n"
+        "analysis: {{metrics: [operations]}}\n"
     )
     told = []
     for replications, warm_up in ((5, "warm_up: mser-5\n"), (6, "warm_up: mser-5\n"), (6, "")):

@@ -105,7 +105,7 @@ class DecisionRule(NamedTuple):
     allowed: str
 
 
-RULES: Final[dict[int, DecisionRule]] = {
+DECISION_RULES: Final[dict[int, DecisionRule]] = {
     RULE_ZONING: DecisionRule("zoning", "a decision", "the recording does not name the rule"),
     RULE_ZONE: DecisionRule(
         "service zone", "service_zone {value}", "a zone is 0 to {last_zone}, or NIL for none"

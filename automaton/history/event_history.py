@@ -18,7 +18,7 @@ from automaton.engine.observation import (
     EVENT_ZONES_REDESIGNED,
 )
 from automaton.engine.state import BATTERY_PERCENT, Array
-from automaton.runs.illegal_decisions import RULE_TEXTS, IllegalDecision
+from automaton.runs.illegal_decisions import RULE_NAMES, IllegalDecision
 from automaton.runs.simulation import Simulation
 
 EVENT_FIELDS = 5
@@ -251,7 +251,7 @@ def event_words(
     """An event in a few words, without the robot; `explain` names an illegal decision in full."""
     if event.code == codes.EVENT_ILLEGAL_DECISION:
         if explain is None:
-            return f"illegal decision: {RULE_TEXTS[event.subject]} {event.value}"
+            return f"illegal decision: {RULE_NAMES[event.subject]} {event.value}"
         decision = explain(event.tick, event.robot, event.subject, event.value)
         return f"illegal decision of {decision.layer}: {decision.words}"
     plural = "" if event.value == 1 else "s"

@@ -6,11 +6,11 @@ from collections.abc import Callable
 from typing import Any, Final, NamedTuple
 
 from automaton.engine.refusals import (
+    DECISION_RULES,
     FIRST_REFUSALS,
     LATEST_REFUSALS,
     RULE_BITS,
     RULE_COUNT,
-    RULES,
     STEP_BITS,
 )
 from automaton.engine.right_of_way import MAX_COMMAND_TICKS
@@ -21,8 +21,10 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.units import count
 
 SHOWN: Final = 3  # illegal decisions that a report names
-RULE_TEXTS: Final = tuple(  # layer and name of each rule, by its number
-    f"{LAYER_NAMES[rule >> RULE_BITS]}: {RULES[rule].name}" if rule in RULES else ""
+RULE_NAMES: Final = tuple(  # layer and name of each rule, by its number
+    f"{LAYER_NAMES[rule >> RULE_BITS]}: {DECISION_RULES[rule].name}"
+    if rule in DECISION_RULES
+    else ""
     for rule in range(RULE_COUNT)
 )
 
@@ -87,7 +89,7 @@ def illegal_decisions(world: World, floor_plan: FloorPlan) -> IllegalDecisions:
         (rule, int(refusals.by_rule[rule])) for rule in refusals.by_rule.nonzero()[0].tolist()
     ]
     by_rule = tuple(
-        (LAYER_NAMES[rule >> RULE_BITS], RULES[rule].name, many)
+        (LAYER_NAMES[rule >> RULE_BITS], DECISION_RULES[rule].name, many)
         for rule, many in sorted(broken, key=lambda pair: (-pair[1], pair[0]))
     )
     explain = explainer(world, floor_plan) if total else None
@@ -124,7 +126,7 @@ def explainer(
             "direction": f"{way} ({DIRECTIONS[way]})" if 0 <= way < 4 else f"{way}",
             **limits,
         }
-        name, decision, allowed = RULES[rule]
+        name, decision, allowed = DECISION_RULES[rule]
         return IllegalDecision(
             LAYER_NAMES[rule >> RULE_BITS],
             None if robot == NIL else robot,

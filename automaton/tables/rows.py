@@ -37,7 +37,7 @@ from automaton.engine.state import (
     ORDER_DELIVERED,
     World,
 )
-from automaton.runs.illegal_decisions import RULE_TEXTS
+from automaton.runs.illegal_decisions import RULE_NAMES
 from automaton.runs.interruption import interruptible
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.runs.metrics import busy_ticks, metrics_by_robot
@@ -340,7 +340,7 @@ Append = Callable[[Rows], None]
 
 def event_form(resolved: Resolved) -> Form:
     """The form of the events of a run."""
-    return form_of("events", resolved, event=EVENT_NAMES, rule=RULE_TEXTS)
+    return form_of("events", resolved, event=EVENT_NAMES, rule=RULE_NAMES)
 
 
 class EventTaker:

@@ -16,7 +16,7 @@ from automaton.engine.commit import (
     plan_flaw,
 )
 from automaton.engine.operations import route_flaw
-from automaton.engine.refusals import LATEST_REFUSALS, RULES, STEP_BITS
+from automaton.engine.refusals import DECISION_RULES, LATEST_REFUSALS, STEP_BITS
 from automaton.engine.right_of_way import bar_to_step
 from automaton.engine.state import (
     BATTERY_FULL,
@@ -41,7 +41,7 @@ from automaton.world.resolve import resolve
 
 def name_of(rule: Any) -> str:
     """The name of a rule; "" if none is broken."""
-    return "" if rule == NIL else RULES[int(rule)].name
+    return "" if rule == NIL else DECISION_RULES[int(rule)].name
 
 
 class Loaded:

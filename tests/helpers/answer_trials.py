@@ -20,7 +20,7 @@ from wild_answers import ANSWERS
 
 from automaton.engine.state import LAYER_NAMES
 from automaton.recording.recorder import MemoryRecorder
-from automaton.runs.illegal_decisions import RULE_TEXTS, illegal_decisions
+from automaton.runs.illegal_decisions import RULE_NAMES, illegal_decisions
 from automaton.runs.simulation import Simulation
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import resolve
@@ -104,7 +104,7 @@ def main(arguments: list[str]) -> int:
             break
     print(file=sys.stderr)
     print(f"{answers.total():,} answers in {runs:,} runs, {broken} with a broken rule")
-    print(f"rules that none broke: {', '.join(sorted(set(filter(None, RULE_TEXTS)) - set(rules)))}")
+    print(f"rules that none broke: {', '.join(sorted(set(filter(None, RULE_NAMES)) - set(rules)))}")
     for layer in LAYER_NAMES:
         print(f"{layer}: {answers[layer]:,} answers, {illegal[layer]:,} counted as illegal")
     return 1 if broken else 0

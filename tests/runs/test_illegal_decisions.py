@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from automaton.commands import main
-from automaton.engine.refusals import RULE_BITS, RULES
+from automaton.engine.refusals import DECISION_RULES, RULE_BITS
 from automaton.engine.state import LAYER_NAMES
 from automaton.history.explanation import explain
 from automaton.history.snapshot import take_snapshot
@@ -86,11 +86,11 @@ def test_a_decision_is_named_with_layer_command_value_and_what_is_allowed(
 def test_every_rule_has_a_sentence_and_each_belongs_to_its_layer() -> None:
     run, _ = recorded(until=0)
     words = explainer(run.world, run.resolved.floor_plan)
-    for rule in RULES:
+    for rule in DECISION_RULES:
         for value in (NIL, 0, 3, 300, 2**31 - 1):
             one = words(7, NIL if value else 0, rule, value)
             assert "{" not in str(one) and one.layer == LAYER_NAMES[rule >> RULE_BITS]
-    assert len({one.name for one in RULES.values()}) == len(RULES)
+    assert len({one.name for one in DECISION_RULES.values()}) == len(DECISION_RULES)
 
 
 def test_a_recording_names_the_same_decisions_as_the_run() -> None:

@@ -399,7 +399,7 @@ def test_each_kind_of_file_is_told_from_the_others(
             ["watch", "tabletop-fleet"],
             "'tabletop-fleet' is a study; run it with `automaton sweep STUDY",
         ),
-        (["report", str(study)], "is a file; a report is made of the folder of a sweep"),
+        (["report", str(study)], "is a file, but a report needs the folder of a sweep"),
         (["report", str(tmp_path)], "holds no results of a sweep"),
     ):
         assert main(command) == 2, command

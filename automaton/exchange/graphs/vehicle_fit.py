@@ -18,9 +18,9 @@ from automaton.units import count
 
 SPEED_ERROR: Final = 0.1  # share of an edge's speed; larger errors are named
 FINER_TICKS: Final = range(2, 11)  # parts of a tick that are tried
-STEP: Final = CANDIDATES[0] - CANDIDATES[1]  # metres between two sizes of cells
+SIZE_STEP: Final = CANDIDATES[0] - CANDIDATES[1]  # metres between two sizes of cells
 LARGEST: Final = 2  # cells up to this many times the length of a vehicle are tried
-TRIED: Final = 40  # of them about so many
+SIZES_TRIED: Final = 40  # of them about so many
 ACCEPTED: Final = 0.5  # the largest error of an edge in a suggestion
 
 
@@ -51,8 +51,8 @@ def cell_for(graph: Graph, length: Fraction) -> Fit | None:
 
     None if nodes or edges are in each other's way in all of them.
     """
-    step = max(STEP, math.ceil(length / (TRIED * STEP)) * STEP)
-    first = math.ceil(length / STEP) * STEP
+    step = max(SIZE_STEP, math.ceil(length / (SIZES_TRIED * SIZE_STEP)) * SIZE_STEP)
+    first = math.ceil(length / SIZE_STEP) * SIZE_STEP
     best: Fit | None = None
     for number in range(math.floor((LARGEST * length - first) / step) + 1):
         try:

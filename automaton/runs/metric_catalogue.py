@@ -121,8 +121,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "late_share": (
         "share",
-        "share of orders with a due time that were late: delivered after it, or still open past "
-        "it; orders of not_yet_due are in neither count",
+        "late orders / released orders with a due time, without those of not_yet_due; late: "
+        "delivered after the due time, or still open past it",
     ),
     "not_yet_due": (
         "orders",

@@ -60,7 +60,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--every",
         metavar="PERIOD",
-        help="show the run by this period (ticks, or a time such as 15min); default an hour",
+        help="split the report into periods of this length (ticks, or a time such as 15min); default: "
+        "an hour",
     )
     add_table_arguments(parser)
     parser.add_argument(

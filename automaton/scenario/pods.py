@@ -42,7 +42,9 @@ class Pod(ConfigSection, frozen=True, kw_only=True):
     ] = None
     pod_class: Annotated[
         SingleLine | None,
-        Meta(description="The class of the pod, one of pods.classes; all pods have one, or none."),
+        Meta(
+            description="The class of the pod, one of pods.classes; give a class to all pods or to none."
+        ),
     ] = field(name="class", default=None)
     weight: Weight = 1
     skus: Annotated[

@@ -137,9 +137,9 @@ class Quarantine(ConfigSection, frozen=True, kw_only=True):
     quarantine: Annotated[
         NonEmptyText,
         Meta(
-            description="A CSV file that `automaton check` writes: the skipped rows as they are, "
-            "behind a column with the reason; path relative to the scenario. If the orders are in "
-            "several files, the name of each is added to it."
+            description="A CSV file that `automaton check` writes: the skipped rows unchanged, with "
+            "the reason in an extra first column; path relative to the scenario. If the orders come "
+            "from several files, it writes one for each, with that file's name added to its own."
         ),
     ]
 

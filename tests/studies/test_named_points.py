@@ -263,7 +263,7 @@ def test_the_report_has_one_table_one_picture_and_the_settings_once(
     code, said, _ = report(capsys, str(swept))
     assert code == 0
     first = said.partition("\nMetrics\n")[0]
-    assert "compared with today? 6 pairs of runs" in first
+    assert "compared with today? 6 pairs of runs" in " ".join(first.split())
     assert first.count("verdict") == 1 and first.count("difference from today (%)") == 1
     assert first.count("durations.turn") == 1
     assert "Effects of the factors" not in said and "Comparisons\n" not in said

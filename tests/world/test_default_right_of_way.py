@@ -96,7 +96,7 @@ def test_what_is_named_is_taken_and_not_told(
 
 def test_the_right_of_way_of_a_run_stays_when_its_routing_changes(tmp_path: Path) -> None:
     resolved = resolve(yard(tmp_path, RING))
-    with pytest.raises(InputError, match="retreat \\(the default with such a routing\\), wait"):
+    with pytest.raises(InputError, match="retreat \\(the default with such a routing\\) or wait"):
         branched(resolved, ("strategy.routing=congestion",))
     both = ("strategy.routing=congestion", "strategy.right_of_way=retreat")
     assert branched(resolved, both).strategies["right_of_way"].name == "retreat"

@@ -19,12 +19,24 @@ from automaton.history.narration import SENTENCES, Scope, kinds_named, narrate
 from automaton.history.watched_run import WatchedRun
 from automaton.recording.header import changed, resolved_of
 from automaton.recording.recording_reader import branches_of
-from automaton.runs.headless import Outcome, operations, orders_exhausted, record_work
-from automaton.runs.metrics import metrics_by_robot, metrics_by_type, metrics_of
+from automaton.runs.headless import (
+    Outcome,
+    longest_deadlock,
+    operations,
+    orders_exhausted,
+    record_work,
+)
+from automaton.runs.illegal_decisions import illegal_decisions
+from automaton.runs.metrics import metrics_by_robot, metrics_by_type, metrics_of, uses_of_run
 from automaton.runs.progress import asked_orders, largest_jam
 from automaton.runs.run_diagnosis import describe_unfinished_run, find_wait_cycles, stalled_robots
 from automaton.runs.run_report import print_report, sentences
-from automaton.runs.task_metrics import metrics_by_station
+from automaton.runs.task_metrics import (
+    metrics_by_charger,
+    metrics_by_class,
+    metrics_by_priority,
+    metrics_by_station,
+)
 from automaton.world.resolved import Resolved
 from tui.playback.run_source import Opening
 from tui.terminal.options import Options
@@ -179,6 +191,12 @@ def outcome_of(run: WatchedRun, last_worked: np.ndarray) -> Outcome:
         ran_out=orders_exhausted(front),
         types=metrics_by_type(front),
         stations=metrics_by_station(front),
+        chargers=metrics_by_charger(front),
+        priorities=metrics_by_priority(front),
+        classes=metrics_by_class(front),
+        uses=uses_of_run(front),
+        deadlock=longest_deadlock(front),
+        illegal=illegal_decisions(front.world, front.resolved.floor_plan),
     )
 
 

@@ -142,7 +142,8 @@ def beside(x_at: Callable[[float], float], shift: float) -> Callable[[float], fl
 def round_marks(low: float, high: float) -> list[float]:
     """Four to nine round numbers on a scale: multiples of 1, 2 or 5 times a power of ten."""
     power = 10 ** math.floor(math.log10((high - low) / 4))
-    step = power * max(one for one in (1, 2, 5) if one * power <= (high - low) / 4)
+    apart = (high - low) / 4 * (1 + 1e-9)  # log10 may round up
+    step = power * max((one for one in (1, 2, 5) if one * power <= apart), default=1)
     first, last = math.ceil(low / step - 1e-9), math.floor(high / step + 1e-9)
     return [step * place for place in range(first, last + 1)]
 

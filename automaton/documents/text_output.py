@@ -518,6 +518,8 @@ def markdown_lines(block: Block) -> Iterator[str]:
             yield ""
             yield from markdown_lines(inner)
         yield from ("", "</details>")
+    elif has_no_line(block):
+        return
     elif isinstance(block, Listed):
         *first, last = map(escaped, block.items)
         if block.mark:

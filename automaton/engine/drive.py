@@ -137,6 +137,7 @@ def leave_parking_bays(world):
                 continue
             occupy(world.traffic.occupancy, home, heading)
             robots.cell[i] = home
+            world.tally.active[i] = tick
             robots.heading[i] = heading
             robots.travel[i] = heading
             robots.executed[i] = LEFT_PARKING_BAY

@@ -183,6 +183,7 @@ def go_on_in_place(world, record, i):
     world.robots.status_until[i] = 0
     become(world, record, i, STATUS_UP)
     world.clock.robots_down -= 1
+    world.tally.active[i] = world.clock.tick  # no wait of its own lasted until now
 
 
 @kernel

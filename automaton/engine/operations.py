@@ -522,7 +522,7 @@ def note_move(world, i, direction, ticks):
     entered = np.int64(robots.cell[U(i)] if robots.claim[U(i)] == NIL else robots.claim[U(i)])
     top, depth = np.int64(use.trail_top[U(i)]), np.int64(use.trail_depth[U(i)])
     if depth and use.trail[U(i), U(top)] == entered:
-        use.making_way[U(i)] += 2 * ticks  # there and back
+        use.making_way[U(i)] += ticks + np.int64(use.trail_ticks[U(i), U(top)])  # there and back
         use.purpose[U(i)] = PURPOSE_MAKING_WAY
         use.trail_top[U(i)] = (top - 1) & (TRAIL_MOVES - 1)
         use.trail_depth[U(i)] = depth - 1
@@ -530,6 +530,7 @@ def note_move(world, i, direction, ticks):
     top = (top + 1) & (TRAIL_MOVES - 1)
     use.purpose[U(i)] = PURPOSE_ORDER
     use.trail[U(i), U(top)] = entered - world.grid.offset[U(direction)]
+    use.trail_ticks[U(i), U(top)] = ticks
     use.trail_top[U(i)] = top
     use.trail_depth[U(i)] = min(depth + 1, TRAIL_MOVES)
 

@@ -495,6 +495,7 @@ class TimeUse(Struct, role=MEASURED):
     )
     purpose: Array = field("(n,) uint8", "what its last operation is for")
     trail: Array = field(f"(n, {TRAIL_MOVES}) int32", "cells that its last moves left, as a ring")
+    trail_ticks: Array = field(f"(n, {TRAIL_MOVES}) uint16", "ticks of these moves")
     trail_top: Array = field("(n,) uint8", "the last of them")
     trail_depth: Array = field("(n,) uint8", "how many there are")
     turned: Array = field("(n,) int32", "ticks of turns for an order since its last move")

@@ -94,15 +94,18 @@ def bottleneck_sentences(
     robots = resolved.scenario.fleet.robots
     if not periods:
         return []
-    bottlenecks = bottlenecks_of(periods, robots, station_names(periods, stations))
-    if not bottlenecks:
-        return [f"No resource was saturated: {'; '.join(others('', joined(periods), robots))}."]
+    names = station_names(periods, stations)
+    bottlenecks = bottlenecks_of(periods, robots, names)
+    if not bottlenecks or bottlenecks[0].share < MENTIONED:
+        for_long = " for long" if bottlenecks else ""
+        use = "; ".join(others("", joined(periods), robots))
+        return [f"No resource was saturated{for_long}: {use}."]
     first, *more = bottlenecks
     stretch = joined(periods[first.first : first.last + 1])
     share = percent(first.share, 0)
     sentences = [
         f"{subject(first.resource)} the bottleneck, saturated for {share} of the run, longest "
-        f"{stretch_text(resolved, stretch)}: {'; '.join(facts(first.resource, stretch, robots))}.",
+        f"{stretch_text(resolved, stretch)}: {'; '.join(facts(first.resource, stretch, robots, names))}.",
         f"Meanwhile {'; '.join(others(first.resource, stretch, robots))}.",
     ]
     for one in [first, *more]:
@@ -111,7 +114,7 @@ def bottleneck_sentences(
         if one is first and fall:
             sentences.append(f"As it came to be, {fall}.")
         elif one is not first and one.share >= MENTIONED:
-            texts = [*facts(one.resource, stretch, robots), *([fall] if fall else [])]
+            texts = [*facts(one.resource, stretch, robots, names), *([fall] if fall else [])]
             when = stretch_text(resolved, stretch)
             sentences.append(f"{subject(one.resource)} saturated, too, {when}: {'; '.join(texts)}.")
     return [" ".join(sentences)]
@@ -174,8 +177,8 @@ def energy_of(period: Period) -> float:
     return period.charging + period.to_chargers + period.for_chargers
 
 
-def facts(resource: str, period: Period, robots: int) -> list[str]:
-    """How a resource was used in a period."""
+def facts(resource: str, period: Period, robots: int, stations: Sequence[str] = ()) -> list[str]:
+    """How a resource was used in a period; `stations`: their names, for a single one."""
     if resource == "chargers":
         busy, queue = sum(period.chargers), sum(period.charger_queues)
         return [
@@ -190,12 +193,14 @@ def facts(resource: str, period: Period, robots: int) -> list[str]:
         texts = [f"{number(round(period.on_orders, 1))} of {count(robots, 'robot')} on orders"]
         energy = energy_of(period)
         return texts + ([f"{number(round(energy, 1))} for energy"] if energy else [])
-    busy = max(period.stations, default=0.0)
     mean = sum(period.stations) / max(len(period.stations), 1)
-    queue = sum(period.station_queues)
     if resource == "stations":
+        queue = sum(period.station_queues)
         return [f"stations {percent(mean, 0)} busy", f"{number(round(queue, 1))} robots in queues"]
-    return [f"{percent(busy, 0)} busy, all stations {percent(mean, 0)}"]
+    station = list(stations).index(resource.removeprefix("station "))
+    queue = period.station_queues[station]
+    text = f"{percent(period.stations[station], 0)} busy, all stations {percent(mean, 0)}"
+    return [text, f"{number(round(queue, 1))} robots in its queue"]
 
 
 def others(resource: str, period: Period, robots: int) -> list[str]:

@@ -212,14 +212,15 @@ def counted(run: Measured) -> Counted:
     found = {**dict(run.counted), **sums}
     pods, jobs = world.pod_stations, busy_ticks(world)
     has_parts = len(world.stations.part) > 0
+    chargers = len(world.chargers.cell) if rules.battery else 0
     return Counted(
         int(world.clock.tick),
         found,
         ticks.sum(1),
         jobs if has_parts else pods.served_ticks.copy(),
         np.zeros_like(jobs) if has_parts else pods.queue_ticks.copy(),
-        world.chargers.busy_ticks.copy(),
-        world.chargers.queue_ticks.copy(),
+        world.chargers.busy_ticks[:chargers].copy(),
+        world.chargers.queue_ticks[:chargers].copy(),
     )
 
 

@@ -7,6 +7,7 @@ bottleneck depends on when a resource was saturated, which means over the whole 
 
 from __future__ import annotations
 
+import math
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
 
@@ -23,6 +24,8 @@ from automaton.units import exact_time
 from automaton.world.resolved import Resolved
 
 HOUR_S: Final = 3600
+MAX_PERIODS: Final = 10_000
+MAX_CHARACTERS: Final = 40  # of a period as text
 MAX_LOOKS: Final = 64  # beyond which an interval doubles
 FIRST_INTERVAL: Final = 256  # ticks
 
@@ -97,7 +100,11 @@ def ticks_of_period(resolved: Resolved, text: str | None) -> int:
     scale = resolved.scenario.units.scale
     if text is None:
         seconds = exact_time(scale.tick)
-        return 0 if seconds is None else max(1, round(HOUR_S / seconds))
+        hour = 0 if seconds is None else max(1, round(HOUR_S / seconds))
+        is_long = hour * MAX_PERIODS < resolved.scenario.stop.max_duration
+        return 0 if is_long else hour
+    if len(text) > MAX_CHARACTERS:
+        raise InputError(f"--every has {len(text):,} characters; it takes ticks or a time")
     if text.strip().isdecimal():
         ticks = Fraction(int(text) * resolved.scenario.refine)
     else:
@@ -107,6 +114,12 @@ def ticks_of_period(resolved: Resolved, text: str | None) -> int:
             raise InputError(f"--every: {error.message}") from None
     if ticks < 1:
         raise InputError(f"--every {text} is less than a tick")
+    periods = resolved.scenario.stop.max_duration / ticks
+    if periods > MAX_PERIODS:
+        raise InputError(
+            f"--every {text} makes {math.ceil(periods):,} periods of the longest run; at most "
+            f"{MAX_PERIODS:,} are allowed"
+        )
     return round(ticks)
 
 
@@ -124,8 +137,7 @@ def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
     borders = np.array([0, *(mark.tick for mark in marks)])
     done, backlog = flow(world, borders)
     late = late_orders(world, borders)
-    places = world.chargers.places.astype(np.int64)
-    places = np.where(places < 1, len(world.robots.cell), places)
+    places = world.chargers.places[: len(marks[-1].charger_busy)].astype(np.int64)
     periods = []
     for k, mark in enumerate(marks):
         before = marks[k - 1] if k else mark.none()

@@ -245,8 +245,8 @@ class Charger(NamedTuple):
     charger: int  # its number from 1, in reading order
     x: int
     y: int
-    places: int  # robots that charge there at once; 0: any number
-    utilization: float  # share of the time of its places; without a limit, mean number of robots
+    places: int  # robots that charge there at once; those of the fleet where there is no limit
+    utilization: float  # share of the time of its places
     mean_queue: float  # robots sent to it that stand, wherever
     longest_queue: int
 
@@ -257,7 +257,7 @@ def metrics_by_charger(run: Measured) -> list[dict[str, Any]]:
     rows = []
     for k, cell in enumerate(chargers.cell.tolist() if run.world.rules.battery else ()):
         places = int(chargers.places[k])
-        busy = int(chargers.busy_ticks[k]) / elapsed / (places or 1)
+        busy = int(chargers.busy_ticks[k]) / elapsed / places
         rows.append(
             Charger(
                 k + 1,

@@ -113,7 +113,8 @@ class SpeedLimit(ConfigSection, frozen=True, kw_only=True):
         MoveTicks,
         Meta(
             description="A move between two of these cells takes at least as long as at this speed; a "
-            "plain number is the least duration in ticks. Slow zones multiply the result."
+            "plain number is the least duration in ticks. With `world.slowdown: zones` it is then "
+            "multiplied by the number of robots in the traffic zone."
         ),
     ]
 

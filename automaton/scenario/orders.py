@@ -225,8 +225,8 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
         Meta(
             description="A CSV file with a header line and an order line in each row, separated by "
             "semicolons, tabs or commas, or a workbook (.xlsx, extra excel); path relative to the "
-            "scenario. A pattern such as days/*.csv names several files: the seed of a run draws one, "
-            "whose times count from its own midnight."
+            "scenario. A pattern such as days/*.csv names several files: the seed of a run draws one; "
+            "its times count from midnight of its first day."
         ),
     ] = None  # type: ignore[assignment]
     columns: Annotated[
@@ -455,7 +455,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
         | None,
         Meta(
             description="The generator of orders. full-shelves: every shelf holds a load at the "
-            "start, for a random destination; picture-loads: only the shelves drawn as $ do. "
+            "start, for a random destination; picture-loads: the same, but only shelves drawn "
+            "as $ hold a load. "
             "dock-to-rack: `count` loads wait at random docks, each for a random rack. stations: each "
             "load goes from one random station to another. visits: a robot must visit a random station. "
             "tours: a robot must visit `stops` random cells in sequence, out of all cells that it "
@@ -535,8 +536,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     revealed: Annotated[
         Annotated[float, Meta(gt=0, le=1000)] | None,
         Meta(
-            description="Revealed, unfinished tasks per robot; null: all tasks are known from the "
-            "start."
+            description="How many unfinished tasks per robot are known at a time; null: all tasks "
+            "are known from the start."
         ),
     ] = None
     assign: Annotated[

@@ -73,7 +73,7 @@ class Watchdog:
             with self._lock:  # waits for a thread that is about to raise it
                 pass
             if self._raised:
-                _raise_in(threading.get_ident(), None)
+                _drop_pending()
 
     def look(self) -> None:
         """Raise the error if the time is over; repeatedly, since a strategy may catch it."""
@@ -101,7 +101,24 @@ def _look_on(watched: ref[Watchdog]) -> None:
         time.sleep(pause)
 
 
-def _raise_in(thread: int, error: type[BaseException] | None) -> None:
-    """Raise an error in a thread at its next instruction; None: cancel it."""
-    raised = None if error is None else ctypes.py_object(error)
-    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), raised)
+def _raise_in(thread: int, error: type[BaseException]) -> None:
+    """Raise an error in a thread at its next instruction."""
+    ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(thread), ctypes.py_object(error))
+
+
+class _Dropped(BaseException):
+    """Takes the place of an error that has not been raised yet."""
+
+
+def _drop_pending() -> None:
+    """Drop an error that is pending in this thread.
+
+    Cancelling it would leave CPython 3.11 looking for it before each instruction, and for ever in a
+    function that is profiled or traced. So another one takes its place, and is raised here.
+    """
+    try:
+        _raise_in(threading.get_ident(), _Dropped)
+        while True:
+            pass
+    except _Dropped:
+        pass

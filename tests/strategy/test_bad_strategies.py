@@ -558,3 +558,35 @@ def test_patience_changes_no_result() -> None:
     setting = "strategy.allocation=independent-python"
     with_bound = run_once(resolve("tabletop-mini", [setting]), patience=100)
     assert with_bound.digest == run_once(resolve("tabletop-mini", [setting])).digest
+
+
+LATE = """
+import sys, threading, time
+from automaton.strategy.patience import NoAnswer, Watchdog
+def late():
+    dog = Watchdog(0.02)
+    for number in range(20):
+        try:
+            with dog.watching():
+                end = time.monotonic() + 0.02 + 0.004 * (number % 3)
+                while time.monotonic() < end:
+                    pass
+        except NoAnswer:
+            pass
+thread = threading.Thread(target=late)
+thread.start()
+thread.join()
+sys.setprofile(lambda *given: None)
+for _ in range(100):
+    (lambda: 1)()
+sys.setprofile(None)
+print("on")
+"""
+
+
+def test_what_is_profiled_goes_on_after_a_late_strategy_in_another_thread() -> None:
+    """CPython 3.11 looked for the cancelled error for ever."""
+    done = subprocess.run(
+        [sys.executable, "-c", LATE], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout == "on\n"

@@ -23,7 +23,7 @@ from automaton.documents.report_document import (
 from automaton.errors import InputError
 from automaton.printable import one_line
 
-WHOLE_NUMBER: Final = re.compile(r"0|[1-9]\d{0,14}|[1-9]\d{0,2}(,\d{3}){1,4}")
+WHOLE_TEXT: Final = re.compile(r"0|[1-9]\d{0,14}|[1-9]\d{0,2}(,\d{3}){1,4}")
 WORKBOOK_BEGINS: Final = b"PK"
 MAX_CELL_TEXT: Final = 32_000  # characters; Excel's limit is 32,767
 WIDEST_COLUMN: Final = 40  # characters
@@ -165,5 +165,5 @@ def _plain(cell: str) -> Any:
     """A cell as a number if it is one: with all its digits, or a whole one such as 1,235 robots."""
     if isinstance(cell, NumberText):
         return cell
-    is_whole = WHOLE_NUMBER.fullmatch(cell) is not None  # 007 is a name
+    is_whole = WHOLE_TEXT.fullmatch(cell) is not None  # 007 is a name
     return int(cell.replace(",", "")) if is_whole else cell

@@ -1,9 +1,7 @@
 """The bottleneck of a run: what was saturated for longest, when, and what the others did meanwhile.
 
-In a period, chargers are saturated if their places are nearly always taken and half a robot or more
-stands on the way to one; a station, if it nearly always works; traffic, if a third of the robots at
-work lose their time to it; robots, if hardly one is idle although orders are open. The first of
-these counts, since what comes later follows from it: who waits for a charger is not idle either.
+The rules are in `saturated`. The first that holds counts, since what comes later follows from it: a
+robot that waits for a charger is not idle either.
 """
 
 from __future__ import annotations
@@ -36,7 +34,12 @@ class Bottleneck(NamedTuple):
 
 
 def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
-    """What is saturated in a period; "" if nothing is."""
+    """What is saturated in a period; "" if nothing is.
+
+    Chargers, if their places are nearly always taken and half a robot or more stands on the way to one;
+    a station, if it nearly always works; traffic, if a third of the robots at work lose their time to
+    it; robots, if hardly one is idle although orders are open.
+    """
     taken = sum(period.chargers) >= BUSY_SHARE * len(period.chargers)
     if period.chargers and taken and sum(period.charger_queues) >= LINED_UP:
         return "chargers"

@@ -1,8 +1,7 @@
-"""A run by hour, or by any other period: flow, what robots did, and how busy stations and chargers were.
+"""A run by hour or any other period: flow, what robots did, how busy stations and chargers were.
 
-Counts are read between two ticks, at the end of each period; orders store their ticks. A run whose
-report is not split into periods has them as well, with a length that grows with the run: the
-bottleneck depends on when a resource was saturated, which means over the whole run do not show.
+A run whose report has no periods is measured by period, too: the bottleneck depends on when a
+resource was saturated.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from automaton.world.resolved import Resolved
 
 HOUR_S: Final = 3600
 MAX_PERIODS: Final = 10_000
-MAX_CHARACTERS: Final = 40  # of a period as text
+MAX_PERIOD_TEXT: Final = 40  # of a period as text
 MAX_LOOKS: Final = 64  # beyond which an interval doubles
 FIRST_INTERVAL: Final = 256  # ticks
 
@@ -103,7 +102,7 @@ def ticks_of_period(resolved: Resolved, text: str | None) -> int:
         hour = 0 if seconds is None else max(1, round(HOUR_S / seconds))
         is_long = hour * MAX_PERIODS < resolved.scenario.stop.max_duration
         return 0 if is_long else hour
-    if len(text) > MAX_CHARACTERS:
+    if len(text) > MAX_PERIOD_TEXT:
         raise InputError(f"--every has {len(text):,} characters; it takes ticks or a time")
     if text.strip().isdecimal():
         ticks = Fraction(int(text) * resolved.scenario.refine)

@@ -21,13 +21,12 @@ LOST: Final = 1 / 3  # share of the time of robots at work, lost in traffic
 IDLE_SHARE: Final = 0.05  # share of robots
 FALL: Final = 0.1  # of a rate, from which it is said to fall
 MENTIONED: Final = 0.05  # share of the run in which something else has to be saturated
-SINGLE: Final = ("chargers", "stations", "traffic", "robots")
 
 
 class Bottleneck(NamedTuple):
     """The resource that was saturated for longest."""
 
-    resource: str  # one of SINGLE, or "station NAME"
+    resource: str  # chargers, stations, traffic, robots, or "station NAME"
     share: float  # of the run in which it was saturated
     first: int  # number of the first period of the longest stretch in which it was
     last: int

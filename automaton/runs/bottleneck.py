@@ -114,11 +114,11 @@ def bottleneck_sentences(
         fall = rate_fall(resolved, periods, one)
         stretch = joined(periods[one.first : one.last + 1])
         if one is first and fall:
-            sentences.append(f"As it came to be, {fall}.")
+            sentences.append(f"As it began, {fall}.")
         elif one is not first and one.share >= MENTIONED:
             texts = [*facts(one.resource, stretch, robots, names), *([fall] if fall else [])]
             when = stretch_text(resolved, stretch)
-            sentences.append(f"{subject(one.resource)} saturated, too, {when}: {'; '.join(texts)}.")
+            sentences.append(f"{subject(one.resource)} also saturated, {when}: {'; '.join(texts)}.")
     return [" ".join(sentences)]
 
 
@@ -185,7 +185,7 @@ def facts(resource: str, period: Period, robots: int, stations: Sequence[str] = 
         busy, queue = sum(period.chargers), sum(period.charger_queues)
         return [
             f"{number(round(busy, 1))} of {count(len(period.chargers), 'charger')} busy",
-            f"{number(round(queue, 1))} robots waiting for one",
+            f"{number(round(queue, 1))} robots standing on the way to one",
         ]
     if resource == "traffic":
         at_work = period.on_orders + period.in_traffic

@@ -76,8 +76,8 @@ def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
         "--cell",
         type=measured("a length", "0.5m", exact_length),
         metavar="0.5m",
-        help="set the side of a cell (default: the largest that fits a layout, the smallest that "
-        "fits a map)",
+        help="set the side of a cell (default for a layout: the largest side that fits it; for a "
+        "map: the smallest)",
     )
     add(
         "--tick",

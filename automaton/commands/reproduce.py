@@ -51,8 +51,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         const="",
         metavar="A,B",
-        help="show all tables, claims and remarks, not only the first screen; with names, run only "
-        "these tables (some run only if named)",
+        help="print all tables, claims and remarks instead of the first screen only; with names, "
+        "compute only these tables (some are computed only if named)",
     )
     add_settings_argument(
         parser,

@@ -1,4 +1,4 @@
-"""Train a network that predicts which zones a robot will cross, or the alternatives to it.
+"""Train a network that predicts which zones a robot will cross, or compare other predictors.
 
 The network is written to --out at the end of training; Ctrl-C writes nothing. Needs the extra `learn`.
 Exit code 0: done; 2: bad input.

@@ -87,17 +87,17 @@ class TransportColumns(ColumnNames, frozen=True, kw_only=True):
             is_required=True,
         ),
     ] = field(name="to", default=None)
-    from_x: Annotated[
-        Column, column("The column of the slot with the load, from 0.", COORDINATE)
-    ] = None
-    from_y: Annotated[Column, column("The row of the slot with the load, from 0.", COORDINATE)] = (
+    from_x: Annotated[Column, column("The x coordinate of the slot with the load.", COORDINATE)] = (
+        None
+    )
+    from_y: Annotated[Column, column("The y coordinate of the slot with the load.", COORDINATE)] = (
         None
     )
     to_x: Annotated[
-        Column, column("The column of the slot to which the load is brought.", COORDINATE)
+        Column, column("The x coordinate of the slot to which the load is brought.", COORDINATE)
     ] = None
     to_y: Annotated[
-        Column, column("The row of the slot to which the load is brought.", COORDINATE)
+        Column, column("The y coordinate of the slot to which the load is brought.", COORDINATE)
     ] = None
     order: Annotated[Column, column("The number or name of the order.")] = None
     due: Annotated[
@@ -337,8 +337,8 @@ class OrderLine(ConfigSection, frozen=True, kw_only=True, gc=False):
     target: Annotated[
         NamedCell | None,
         Meta(
-            description="The slot to which the load is carried; a station: a visit. Left out for a "
-            "pod: the allocation chooses a storage cell."
+            description="The slot to which the load is carried. A pod that is carried to a station "
+            "visits it. If a pod has no `to`, the allocation chooses a storage cell."
         ),
     ] = field(name="to", default=None)
     stops: Annotated[
@@ -543,8 +543,8 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     assign: Annotated[
         Literal["pool", "round-robin"],
         Meta(
-            description="Who may do a task. pool: any robot. round-robin: task j n + r is the j-th "
-            "task of robot r out of n, and no other robot may do it."
+            description="Who may do a task. pool: any robot. round-robin: n robots share the tasks in "
+            "turn, so tasks r, r + n, r + 2 n and so on belong to robot r."
         ),
     ] = "pool"
     skip_reached: Annotated[

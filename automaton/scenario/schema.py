@@ -121,12 +121,12 @@ class Strategies(ConfigSection, frozen=True, kw_only=True):
     right_of_way: Annotated[
         StrategySpec | None,
         Meta(
-            description="Traffic control: who goes first where robots meet. null: pibt, with two "
-            "exceptions. epibt, where it supports the scenario, a turn or a move takes 2 ticks or more, "
-            "at least half of all connections between neighbouring cells are open in both directions, "
-            "and the floor has no closings, doors or lifts. retreat, where the routing is not shortest "
-            "and robots follow its routes, where information is limited, and on a floor without a ring, "
-            "on which robots cannot make way."
+            description="Traffic control: who goes first where robots meet. null: the scenario decides. "
+            "It is retreat if robots follow routes of a routing other than shortest, if information is "
+            "limited, or if the floor has no ring. Else it is epibt if epibt supports the scenario, a "
+            "turn or a move takes 2 ticks or more, at least half of all connections between "
+            "neighbouring cells are open in both directions, and the floor has no closings, doors, "
+            "blocks or lifts. Else it is pibt."
         ),
     ] = None
 
@@ -137,9 +137,9 @@ class WorldRules(ConfigSection, frozen=True, kw_only=True):
     following: Annotated[
         Literal["convoy", "handover", "none"],
         Meta(
-            description="When a robot may begin to move into a cell. none: if the cell was free when "
-            "the tick began; handover: also in the tick in which its holder leaves it, the last tick of "
-            "the holder's move; convoy: also while its holder is moving out of it.",
+            description="When a robot may begin to move into a cell. none: only if the cell was free "
+            "when the tick began; handover: also in the last tick of the move by which another robot "
+            "leaves it; convoy: also in any other tick of that move.",
             extra={INSTEAD: {True: "handover", False: "none"}},
         ),
     ] = "convoy"
@@ -306,8 +306,9 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     decide: Annotated[
         Literal["coarse", "fine"],
         Meta(
-            description="When strategies decide in a refined run. coarse: in the first of `refine` "
-            "ticks, in which robots also begin their operations; fine: in every tick."
+            description="When strategies decide in a run that divides each tick into `refine` fine "
+            "ticks. coarse: in the first of these only, in which robots also begin their operations; "
+            "fine: in every fine tick."
         ),
     ] = "coarse"
     seed: Annotated[

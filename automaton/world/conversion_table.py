@@ -23,6 +23,7 @@ from automaton.units import Unit, duration, number
 from automaton.world.resolved import Resolved
 
 TOLERANCE: Final = Fraction(2, 100)
+SMALLEST_SHOWN: Final = Fraction(1, 1000)  # smaller errors of durations and rates do not matter
 TICKS_TO_CHOOSE_FROM: Final = tuple(
     Fraction(text) for text in ("1", "0.5", "0.25", "0.2", "0.1", "0.05", "0.02", "0.01")
 )  # seconds
@@ -42,6 +43,13 @@ class Rounding(NamedTuple):
     def error(self) -> Fraction:
         """By how much the value is too large, as a share of the exact value."""
         return self.value / self.exact - 1 if self.exact else Fraction(0)
+
+    @property
+    def matters(self) -> bool:
+        """Whether the error is large enough to be shown; a point in time must be exact."""
+        if self.conversion.is_moment:
+            return self.exact != self.value
+        return abs(self.error) >= SMALLEST_SHOWN
 
     def line(self, tick: Unit) -> str:
         """The text, its exact value, its value in the world, and their difference."""
@@ -95,9 +103,9 @@ def _rounding(conversion: Conversion) -> Rounding | None:
 
 
 def conversion_lines(resolved: Resolved) -> list[str]:
-    """A line for each inexact conversion, in the order of the keys; only the worst if there are many."""
+    """A line for each conversion with an error that matters, by key; only the worst if there are many."""
     tick = resolved.scenario.units.scale.unit
-    inexact = [one for one in roundings(resolved) if one.exact != one.value]
+    inexact = [one for one in roundings(resolved) if one.matters]
     inexact_lines = [one.line(tick) for one in inexact[:MOST_CONVERSIONS]]
     if len(inexact) > MOST_CONVERSIONS:
         inexact.sort(key=lambda one: -abs(one.error))

@@ -77,10 +77,10 @@ def test_what_is_exact_or_is_not_rounded_has_none(tmp_path: Path) -> None:
 
 
 def test_batteries_lose_little(tmp_path: Path) -> None:
-    battery = "battery={drain: {move: 0.5, wait: 2 %/h}, charge_rate: 36 %/h}"
+    battery = "battery={drain: {move: 0.5, turn: 0.05 %/h, wait: 2 %/h}, charge_rate: 36 %/h}"
     settings = ("strategy.charging=none", battery)
     assert conversion_lines(resolved(tmp_path, *settings)) == [
-        "battery.drain.wait 2 %/h: 2,777.78 units -> 2,778, 0.008 % more"
+        "battery.drain.turn 0.05 %/h: 69.4444 units -> 69, 0.64 % less"
     ]
     assert coarse_conversions(resolved(tmp_path, *settings)) == []
 

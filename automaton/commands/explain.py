@@ -103,6 +103,7 @@ def chain_blocks(title: str, found: Explanation) -> list[Block]:
             blocks += [Listed(lines, mark=""), Listed([rule], mark=INDENT)]
             lines = []
     lines += [found.cycle_line] if found.cycle_line and not found.down else []
+    lines += found.obstacles
     return [*blocks, *([Listed(lines, mark="")] if lines else [])]
 
 
@@ -173,6 +174,7 @@ def as_json(args: argparse.Namespace, found: Explanation, snapshot: Snapshot) ->
         if found.cycle == NIL
         else [link.robot for link in found.chain[found.cycle :]],
         "down_in_cycle": list(found.down),
+        "obstacles": list(found.obstacles),
         "lost": {CAUSES[cause].name: taken for cause, taken in lost_by_cause(snapshot, args.robot)},
         "lines": found.lines,
     }

@@ -69,6 +69,7 @@ class Explanation(NamedTuple):
     chain: tuple[WaitingRobot, ...]
     cycle: int  # or NIL
     down: tuple[int, ...] = ()  # robots of the cycle that went down in it
+    obstacles: tuple[str, ...] = ()  # robots that are down on a way out of the cycle, in words
 
     @property
     def cycle_line(self) -> str:
@@ -88,7 +89,8 @@ class Explanation(NamedTuple):
         lines = [link.text for link in self.chain]
         if self.cycle == NIL:
             return lines
-        return [self.cycle_line, *lines] if self.down else [*lines, self.cycle_line]
+        lines = [self.cycle_line, *lines] if self.down else [*lines, self.cycle_line]
+        return [*lines, *self.obstacles]
 
 
 def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanation:
@@ -106,7 +108,28 @@ def explain(snapshot: Snapshot, floor_plan: FloorPlan, robot: int) -> Explanatio
             other = int(before[link.robot])
             text = f"{link.text}; before, it waited for robot {other}"
             chain[place] = link._replace(blocker=other, text=text)
-    return Explanation(tuple(chain), cycle, tuple(sorted(down)))
+    members = [] if cycle == NIL else names[cycle:]
+    obstacles = obstacles_of(snapshot, floor_plan, members)
+    return Explanation(tuple(chain), cycle, tuple(sorted(down)), obstacles)
+
+
+def obstacles_of(snapshot: Snapshot, floor_plan: FloorPlan, members: list[int]) -> tuple[str, ...]:
+    """Robots that are down beside a wait cycle, on a cell that a robot of the cycle could enter."""
+    fleet, exits = snapshot.robots, floor_plan.exits.ravel()
+    is_down = np.isin(fleet.status, (STATUS_FAILED, STATUS_DEPLETED)) & (fleet.cell != NIL)
+    is_down[members] = False
+    by_cell = {int(fleet.cell[robot]): int(robot) for robot in np.flatnonzero(is_down)}
+    found: dict[int, str] = {}
+    for member in members:
+        cell = int(fleet.cell[member])
+        for direction, beside in enumerate(floor_plan.neighbours(cell)):
+            if beside in by_cell and exits[cell] >> direction & 1:
+                x, y = floor_plan.xy(beside)
+                text = (
+                    f"{out_of_order(snapshot, by_cell[beside])}; at ({x}, {y}) it blocks a way out"
+                )
+                found[by_cell[beside]] = f"{text} of the wait cycle"
+    return tuple(found[robot] for robot in sorted(found))
 
 
 def held_when_down(fleet: FleetSnapshot) -> Array:

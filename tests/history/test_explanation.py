@@ -133,6 +133,18 @@ def test_a_wait_cycle_is_named_before_the_breakdown_that_keeps_it_closed() -> No
     )
 
 
+def test_a_breakdown_on_the_way_out_of_a_wait_cycle_is_named_after_it() -> None:
+    """A and B meet head-on; C, broken down, stands where B could go; D is down, but out of the way."""
+    faults = Faults(listed=(Fault(robot=2, at=1), Fault(robot=3, at=1)), tow_after=None)
+    moves = {"A": "E", "B": "W"}
+    floor = SmallRun("AB#\n#CD", moves, waits=(1, 1, 1, 1, 255), faults=faults).tick(4)
+    lines = explain(floor.snapshot(), floor.floor_plan, 0).lines
+    assert lines[-2].startswith("a wait cycle: robot 0 -> robot 1 -> robot 0")
+    assert lines[-1] == (
+        "robot 2 has broken down; it is not towed; at (1, 1) it blocks a way out of the wait cycle"
+    )
+
+
 def test_a_breakdown_alone_is_no_wait_cycle() -> None:
     """B waits for nobody when it breaks down; A queues behind it."""
     faults = Faults(listed=(Fault(robot=1, at=2),), tow_after=None)

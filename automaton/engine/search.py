@@ -28,7 +28,7 @@ from automaton.engine.state import (
     NIL,
     NO_WAY_THROUGH,
 )
-from automaton.engine.table_rows import cost_in, row_to
+from automaton.engine.table_rows import cost_in, has_room_for, row_to
 
 POSE_MASK = (1 << 32) - 1
 
@@ -105,6 +105,12 @@ def weighted_table_of(view, tables, cost_set, goal_cell):
 def passing_table(view, workspace, robot_type, goal_cell):
     """Like table_of, but valid only until the next table is requested; there is always room for it."""
     return row_to(workspace.tables, robot_type, goal_cell, view.clock.tick, False)
+
+
+@kernel
+def tables_fit(workspace, more):
+    """Whether this number of further tables fits world.distance_tables, besides those that exist."""
+    return has_room_for(workspace.tables, more)
 
 
 @kernel

@@ -93,6 +93,7 @@ from automaton.engine.search import (
     pop,
     push,
     table_of,
+    tables_fit,
     ways_on,
     weighted_table_of,
     write_path,

@@ -32,12 +32,16 @@ from strategies.allocation.nearest import (
     OrderMarks,
     PairSearch,
     Seekers,
+    SortedMarks,
     clear_candidates,
     collect_seekers,
     enter_poses,
     find_order,
     find_robot,
+    look_up_assigned,
+    look_up_order,
     mark_orders,
+    sort_marks,
     update_open_orders,
     weigh_rest,
 )
@@ -73,6 +77,7 @@ class GreedyState(Struct):
     )
     open_orders: OpenOrders
     marks: OrderMarks
+    by_rest: SortedMarks
     seekers: Seekers
     search: PairSearch
     heap: PairHeap
@@ -88,8 +93,9 @@ def decide(view, batch, decisions, memory, workspace):
         if state.open_orders.rest.shape[0]:
             weigh_rest(view, workspace, state.open_orders, first, state.rest)
         mark_orders(view, out, state.open_orders, state.marks, state.seekers)
+        sort_marks(view, workspace, state.open_orders, state.marks, state.by_rest)
         allowed = robots_allowed(view, state)
-        match(view, workspace.stop, state, allowed)
+        match(view, workspace, state, allowed)
         state.keeps_off = is_kept_off(state, allowed)
     for k in range(batch.count):
         i = np.int64(batch.robot[k])
@@ -159,8 +165,10 @@ class Greedy(Strategy):
         sizes |= {"k": 4 * places if with_loads else places, "h": robots, "E": 4 * poses + 8}
         sizes |= {
             "w": len(view.orders.state) if parameters.rest or len(view.rules.priorities) > 1 else 0,
+            "a": robots if view.rules.assigned else 0,
             "power of two": 1 << int(max(steps.max(), limit)).bit_length(),
         }
+        sizes["t"] = sizes["k"] if sizes["w"] else 0
         return GreedyState(
             rest=round(1000 * parameters.rest),
             active=NIL if parameters.active is None else parameters.active,
@@ -169,6 +177,7 @@ class Greedy(Strategy):
             keeps_off=0,
             open_orders=OpenOrders.sized(sizes),
             marks=OrderMarks.sized(sizes),
+            by_rest=SortedMarks.sized(sizes, is_used=0),
             seekers=Seekers.sized(sizes),
             search=PairSearch.sized(sizes),
             heap=PairHeap.sized(sizes),
@@ -194,7 +203,7 @@ def most_open_orders(view):
 
 
 @kernel
-def match(view, stop, state, allowed):
+def match(view, workspace, state, allowed):
     """Match pairs; `allowed`: number of robots without an order that may get one, NIL: all."""
     marks, seekers, pairs = state.marks, state.seekers, state.pairs
     for k in range(seekers.count):
@@ -203,19 +212,19 @@ def match(view, stop, state, allowed):
     if seekers.count == 0 or marks.count[1] == 0:
         return
     if seekers.count <= marks.count[1]:
-        match_robots(view, stop, state, allowed)
+        match_robots(view, workspace, state, allowed)
     else:
-        match_orders(view, stop, state, allowed)
+        match_orders(view, workspace.stop, state, allowed)
 
 
 @kernel
-def match_robots(view, stop, state, allowed):
+def match_robots(view, workspace, state, allowed):
     """Let each robot search its cheapest order."""
     marks, seekers, pairs, heap = state.marks, state.seekers, state.pairs, state.heap
     for k in range(seekers.count):
         if allowed != 0 or seekers.place[seekers.robot[k]] != NIL:
-            search_order(view, stop, state, np.int64(seekers.robot[k]))
-    while heap.size > 0 and stop[0] == 0:
+            search_order(view, workspace, state, np.int64(seekers.robot[k]))
+    while heap.size > 0 and workspace.stop[0] == 0:
         i = np.int64(view.robots.at_index[heap.tag[0] >> TAG_BITS])
         place = np.int64(pairs.candidate[i])
         drop_least(heap)
@@ -223,7 +232,7 @@ def match_robots(view, stop, state, allowed):
         if had_none and allowed == 0:
             continue
         if marks.taken[place]:
-            search_order(view, stop, state, i)
+            search_order(view, workspace, state, i)
             continue
         marks.taken[place] = 1
         pairs.place[i] = place
@@ -232,10 +241,15 @@ def match_robots(view, stop, state, allowed):
 
 
 @kernel
-def search_order(view, stop, state, i):
-    """Search for robot i, and push the result."""
-    search = state.search
-    find_order(view, stop, search, state.open_orders, state.marks, state.seekers, i)
+def search_order(view, workspace, state, i):
+    """Find an order for robot i, and push the result."""
+    search, orders, marks, seekers = state.search, state.open_orders, state.marks, state.seekers
+    if view.rules.assigned:
+        look_up_assigned(view, workspace, search, orders, marks, seekers, i)
+    elif state.by_rest.is_used:
+        look_up_order(view, workspace, search, orders, marks, state.by_rest, seekers, i)
+    else:
+        find_order(view, workspace.stop, search, orders, marks, seekers, i)
     if search.found[1] != NIL:
         state.pairs.candidate[i] = search.found[1]
         tag = (np.int64(view.robots.identity[i]) << TAG_BITS) | search.found[1]

@@ -32,6 +32,7 @@ from automaton.strategy.api import (
     limited_ticks,
     next_stop_cell,
     pickup_cell,
+    tables_fit,
     types_of_robots,
 )
 
@@ -68,6 +69,21 @@ class OrderMarks(Struct, role=SCRATCH):
     cell: Array = field("(k,) int32")
     count: Array = field("(2,) int64", "marks; orders")
     least_rest: int = field("() int64", "the least cost after a first stop")
+    by_robot: Array = field("(a,) int32", "by identity: place of the order assigned to it, or NIL")
+
+
+class SortedMarks(Struct, role=SCRATCH):
+    """The marks by the cost after the first stop of their orders, least first."""
+
+    is_used: int = field("() uint8", "1 = these marks and distance tables replace searches")
+    rest: Array = field("(t,) int64", "cost after the first stop")
+    place: Array = field("(t,) int32", "of the order")
+    cell: Array = field("(t,) int32")
+    x: Array = field("(t,) int32")
+    y: Array = field("(t,) int32")
+    ahead: Array = field(
+        "(t,) int32", "if its order is taken: a later mark, none between is available"
+    )
 
 
 class Seekers(Struct, role=SCRATCH):
@@ -194,6 +210,7 @@ def mark_orders(view, out, open_orders, marks, seekers):
     """Mark the waiting orders that are free or belong to seeking robots."""
     marks.count[:] = 0
     marks.least_rest = 1 << 50
+    marks.by_robot[:] = NIL
     for back in range(open_orders.count):
         place = open_orders.count - 1 - back  # the first mark of a cell is the earliest order
         order = np.int64(open_orders.order[place])
@@ -210,6 +227,8 @@ def mark_orders(view, out, open_orders, marks, seekers):
             if view.robots.order[i] == order:
                 seekers.place[i] = place
         marks.taken[place] = 0
+        if view.rules.assigned:
+            marks.by_robot[order % view.robots.cell.shape[0]] = place
         marks.count[1] += 1
         marks.least_rest = min(marks.least_rest, rest_of(open_orders, order))
         if not has_load(view.orders, order):
@@ -265,6 +284,112 @@ def clear_candidates(marks, seekers):
         i = seekers.robot[k]
         seekers.head[seekers.pose[i]] = NIL
         seekers.seeks[i] = 0
+
+
+# Look-ups, if the distance tables of all marked cells fit the memory.
+#
+# Orders cost the ticks to their start plus the cost after it. If the latter differ, a search must go on
+# for long after its first candidate. So the marks are sorted by the cost after the start, and a robot
+# looks through them until the rest of them cost more than its best order even without a drive there.
+
+
+@kernel
+def sort_marks(view, workspace, open_orders, marks, by_rest):
+    """Sort the marks if orders are weighed and the tables fit."""
+    count, types = marks.count[0], types_of_robots(view)
+    is_weighed = open_orders.rest.shape[0] > 0 and view.trips.pod.shape[0] == 0
+    by_rest.is_used = is_weighed and tables_fit(workspace, types * count)
+    if by_rest.is_used == 0:
+        return
+    for k in range(count):
+        by_rest.rest[k] = rest_of(open_orders, open_orders.order[marks.place[k]])
+        by_rest.ahead[k] = k
+    for at in range(count // 2 - 1, -1, -1):
+        sink(by_rest, at, count)
+    for last in range(count - 1, 0, -1):
+        exchange(by_rest, 0, last)
+        sink(by_rest, 0, last)
+    for at in range(count):
+        k = by_rest.ahead[at]
+        by_rest.place[at] = marks.place[k]
+        by_rest.cell[at] = marks.cell[k]
+        by_rest.y[at] = marks.cell[k] // view.grid.width
+        by_rest.x[at] = marks.cell[k] - by_rest.y[at] * view.grid.width
+        by_rest.ahead[at] = at + 1
+
+
+@kernel
+def sink(by_rest, at, size):
+    """Restore the heap of the greatest costs below `at`, for heapsort of `rest` and `ahead`."""
+    while 2 * at + 1 < size:
+        below = 2 * at + 1
+        if below + 1 < size and by_rest.rest[below + 1] > by_rest.rest[below]:
+            below += 1
+        if by_rest.rest[below] <= by_rest.rest[at]:
+            return
+        exchange(by_rest, at, below)
+        at = below
+
+
+@kernel
+def exchange(by_rest, a, b):
+    by_rest.rest[a], by_rest.rest[b] = by_rest.rest[b], by_rest.rest[a]
+    by_rest.ahead[a], by_rest.ahead[b] = by_rest.ahead[b], by_rest.ahead[a]
+
+
+@kernel
+def next_available(by_rest, marks, at):
+    """The first mark of an available order from `at` on, or the number of marks."""
+    found, count = at, marks.count[0]
+    while found < count and marks.taken[U(by_rest.place[U(found)])]:
+        found = np.int64(by_rest.ahead[U(found)])
+    while at < found:
+        following = np.int64(by_rest.ahead[U(at)])
+        by_rest.ahead[U(at)] = found
+        at = following
+    return found
+
+
+@kernel
+def look_up_order(view, workspace, search, open_orders, marks, by_rest, seekers, i):
+    """As find_order, by distance tables instead of a search."""
+    search.found[0], search.found[1] = NO_CANDIDATE, NIL
+    robot_type, headings = np.int64(view.robots.type[i]), view.grid.headings
+    pose, had = np.int64(seekers.pose[i]), np.int64(seekers.place[i])
+    cell, heading = pose // headings, pose % headings
+    y = cell // view.grid.width
+    x = cell - y * view.grid.width
+    delay = TICK_COST * seekers.delay[i]
+    move = TICK_COST * np.int64(view.rules.duration[robot_type, ACTION_MOVE])
+    at = next_available(by_rest, marks, np.int64(0))
+    while at < marks.count[0]:
+        cost = delay + by_rest.rest[U(at)]
+        if 2 * cost > search.found[0]:
+            return
+        near = move * (abs(by_rest.x[U(at)] - x) + abs(by_rest.y[U(at)] - y))
+        if 2 * (cost + near) <= search.found[0]:
+            to, place = np.int64(by_rest.cell[U(at)]), np.int64(by_rest.place[U(at)])
+            if begins_here(view, i, np.int64(open_orders.order[place]), to):
+                ticks = distance(view, workspace, robot_type, cell, heading, to)
+                if ticks < UNREACHABLE:
+                    offer(search, 2 * (cost + TICK_COST * ticks) + (place != had), place)
+        at = next_available(by_rest, marks, at + 1)
+
+
+@kernel
+def look_up_assigned(view, workspace, search, open_orders, marks, seekers, i):
+    """As find_order, if orders are assigned to robots: the only available order of robot i."""
+    search.found[0], search.found[1] = NO_CANDIDATE, NIL
+    place = np.int64(marks.by_robot[view.robots.identity[i]])
+    if place == NIL:
+        return
+    order, headings = np.int64(open_orders.order[place]), view.grid.headings
+    to, pose = next_stop_cell(view, order), np.int64(seekers.pose[i])
+    robot_type = np.int64(view.robots.type[i])
+    ticks = distance(view, workspace, robot_type, pose // headings, pose % headings, to)
+    if ticks < UNREACHABLE and can_do(view, i, order):
+        cost = TICK_COST * (ticks + seekers.delay[i]) + rest_of(open_orders, order)
+        offer(search, 2 * cost + (place != seekers.place[i]), place)
 
 
 # Searches on the empty floor that end at the first candidate.

@@ -20,6 +20,7 @@ from automaton.engine.state import (
     NIL,
     ORDER_WAITING,
 )
+from automaton.engine.table_rows import has_room_for
 from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify_recording
 from automaton.world.resolved import Resolved
@@ -31,14 +32,19 @@ Cell = tuple[int, int]
 
 
 def greedy(
-    picture: str, start: Sequence[Cell], orders: Any, kinematics: str = "omni", **parameters: Any
+    picture: str,
+    start: Sequence[Cell],
+    orders: Any,
+    kinematics: str = "omni",
+    world: Any = None,
+    **parameters: Any,
 ) -> Resolved:
     """Robots on a floor whose orders greedy allocation gives away."""
     if isinstance(orders, list):
         orders = {"list": [{"stops": stops} for stops in orders]}
     fleet = {"robots": len(start), "kinematics": kinematics, "start": list(start)}
     strategy = {"allocation": {"name": "greedy", **parameters}, "right_of_way": GIVE_WAY}
-    parts = {"fleet": fleet, "strategy": strategy}
+    parts = {"fleet": fleet, "strategy": strategy, "world": world or {}}
     return scene(picture, list(start), orders=orders, durations={"turn": 2}, **parts)
 
 
@@ -277,6 +283,24 @@ def test_on_one_way_aisles_too() -> None:
     while not run.finished and run.tick < 150:
         compared.tick()
     assert compared.checked >= 30
+
+
+@pytest.mark.parametrize("kinematics", ["omni", "differential"])
+@pytest.mark.parametrize("reassign", [None, 1])
+def test_tables_and_searches_give_the_same_orders(kinematics: str, reassign: int | None) -> None:
+    """Orders weigh what comes after their start: looked up if all tables fit, else searched for."""
+    start = [(0, 0), (9, 0), (3, 2), (6, 2), (0, 4)]
+    orders = {"generator": "tours", "count": 60, "stops": {"from": 1, "to": 3}}
+    digests, fits = set(), []
+    for budget in ("1 MiB", "1 KiB"):
+        world = {"distance_tables": budget}
+        parameters = {"rest": 1, "reassign": reassign}
+        run = Simulation(greedy(FLOOR, start, orders, kinematics, world=world, **parameters), 7)
+        run.run(until=300)
+        assert run.world.clock.undelivered < 30
+        digests.add(run.digest)
+        fits.append(bool(has_room_for(run.workspace.tables, 50)))
+    assert (len(digests), fits) == (1, [True, False])
 
 
 def test_how_robots_are_stored_does_not_matter() -> None:

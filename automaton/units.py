@@ -107,9 +107,8 @@ def _symbol(name: str, table: dict[str, Fraction]) -> str | None:
 
 
 def bytes_of(text: str) -> int:
-    """Bytes of a text such as "512 MiB"."""
-    number, name = text.split()
-    return int(float(number) * BYTES_PER_UNIT[name])
+    """Bytes of a text such as "512 MiB" or "4GiB"."""
+    return int(float(text[:-3]) * BYTES_PER_UNIT[text[-3:]])
 
 
 def memory(size: int) -> str:

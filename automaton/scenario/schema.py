@@ -57,7 +57,7 @@ KindName = Literal[
 ]
 
 TICK_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d{1,12})? ?(?![eE][-+]?\d)[^\s\d.]\S*$"
-MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? [KMGT]iB$"
+MEMORY_PATTERN = r"^(?=[^a-zA-Z]*[1-9])\d{1,9}(\.\d+)? ?[KMGT]iB$"
 
 MAX_MOVE_TICKS = 65_535  # ticks
 MAX_REFINEMENT = 1000  # fine ticks in a tick

@@ -247,7 +247,8 @@ def _signless(value: float, digits: int) -> str:
 # A problem as a scenario, its starts and its tasks.
 #
 # Robots are differential, begin facing east, and take a tick for a move and for a turn; one robot fits
-# in a cell. The strategies are named, so that `--set strategy.right_of_way=...` compares others.
+# in a cell. The strategies are named, so that `--set strategy.right_of_way=...` compares others. In
+# problems of 2024 a task may change robots until it is begun, so tasks are matched again in each tick.
 
 
 def imported_files(problem: Problem, stem: str, ticks: int) -> dict[str, str]:
@@ -271,11 +272,14 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
     if problem.assignment == "pool":
         orders["revealed"] = problem.revealed
     orders["assign"] = problem.assignment
+    allocation: object = default_for("allocation", IMPORTED)
+    if problem.assignment == "pool":
+        allocation = {"name": allocation, "reassign": 1}
     if problem.skip_reached:
         orders["skip_reached"] = True
     fleet = {"robots": problem.robots, "kinematics": "differential", "start": {"file": starts}}
     strategy = {
-        "allocation": default_for("allocation", IMPORTED),
+        "allocation": allocation,
         "routing": ROUTING,
         "right_of_way": default_for("right_of_way", STEERED),
     }

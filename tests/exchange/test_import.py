@@ -46,6 +46,7 @@ def test_a_scenario_has_the_floor_the_starts_and_the_tasks_of_its_problem(folder
         "assign": "round-robin",
         "skip_reached": True,
     }
+    assert scenario["strategy"]["allocation"] == "greedy"
     assert scenario["stop"] == {"when": "never", "max_duration": 500}
 
 
@@ -57,6 +58,7 @@ def test_a_map_comes_back_as_the_picture_of_a_floor(tmp_path: Path) -> None:
     assert (plan.drivable[1:-1, 1:-1] == problem.grid.free).all()
     assert (plan.capacity[plan.drivable] == 1).all()
     assert scenario["orders"]["assign"] == "pool" and "skip_reached" not in scenario["orders"]
+    assert scenario["strategy"]["allocation"] == {"name": "greedy", "reassign": 1}
 
 
 def test_water_is_drawn_as_wall_and_counted(

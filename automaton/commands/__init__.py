@@ -40,7 +40,10 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, s
     "size": ("automaton.commands.size_command", "find the smallest fleet that meets a target"),
     "tune": ("automaton.commands.tune", "find the best strategies for a scenario"),
     "reproduce": ("automaton.commands.reproduce", "reproduce a published table"),
-    "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),
+    "train": (
+        "automaton.commands.train",
+        "train a predictor of traffic (needs fleet-automaton[learn])",
+    ),
     "verify": (
         "automaton.commands.verify",
         "run a recording again and report the first difference",

@@ -35,7 +35,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         action="append",
         default=[],
         metavar="PART",
-        help=f"measure only this part; may be repeated ({parts})",
+        help=f"measure only this part, may be repeated. {parts}",
     )
     text = "also time first runs, which compile"
     parser.add_argument("--compile", action="store_true", help=text)

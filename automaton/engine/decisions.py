@@ -37,7 +37,7 @@ class ZoningDecisions(Struct):
     server: Array = field(
         "(Z,) int32", "identity of the robot that serves a zone, or KEEP", default=KEEP, role=CALL
     )
-    redesigned: int = field("() int64", "1 = `design` becomes the zone design", role=CALL)
+    redesigned: int = field("() int64", "1 = decisions.zoning.design takes effect", role=CALL)
     design: Design
     queued: int = field("() int64", "number of entries in use in the next four arrays", role=CALL)
     order: Array = field("(m,) int32", "order that enters a queue")

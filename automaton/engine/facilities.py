@@ -47,7 +47,7 @@ class Rules(Struct, role=STATIC):
     circle: int = field("int64", "shape of the radius; 1: circle (Euclid), 0: square (Chebyshev)")
     in_system: int = field("int64", "number of orders kept open by a closed loop; 0: no loop")
     assigned: int = field(
-        "int64", "1: order k is for robot k mod n only, and known when a previous one is done"
+        "int64", "1: order k is for robot k mod n only, whose next order is known when one is done"
     )
     skip_reached: int = field(
         "int64", "1: if `assigned`, a robot skips an order at whose first stop it stands"
@@ -75,7 +75,8 @@ class Rules(Struct, role=STATIC):
     payload: Array = field("(K,) int32", "weight of the heaviest order for robots of a type")
     wait: Array = field(
         "(5,) int32",
-        "waits from, to without a load, then with one; retries before right of way is asked",
+        "random waits: from, to without a load; from, to with one; retries before right of way is "
+        "asked",
     )
     period: Array = field(
         f"({STRATEGY_COUNT},) int32", "ticks between periodic calls of a strategy; 0: never"
@@ -130,14 +131,18 @@ class Grid(Struct, role=CONSTANT):
         role=CONSTANT,
     )
     drivable: Array = field("(F,) int32", "drivable cells, ascending")
-    offset: Array = field("(4,) int64", "flat distance from a cell to its neighbour E, S, W, N")
+    offset: Array = field(
+        "(4,) int64", "difference of flat indices from a cell to its neighbour E, S, W, N"
+    )
     slot: Array = field("(C,) int32", "the slot in this cell, or NIL")
     traffic_zone: Array = field(
         "(C, 2) int32",
         "traffic zone of a robot that travels in direction d: [c, d >> 1], or NIL",
         role=CONSTANT,
     )
-    traffic_zone_count: int = field("int64", "number of zones (automaton.floor.traffic_zones)")
+    traffic_zone_count: int = field(
+        "int64", "number of traffic zones (automaton.floor.traffic_zones)"
+    )
     min_move_ticks: Array = field(
         "(M,) uint16",
         "least ticks of a move from cell c in direction d: [4 c + d]; M = 0: no limits",
@@ -162,10 +167,7 @@ class Slots(Struct, role=DERIVED):
     unbounded: Array = field("(s,) uint8", "1 = the slot holds any number of loads; it is no shelf")
     content: Array = field("(s,) int32", "order whose load is on a shelf, or NIL", digest=41)
     reserved_by: Array = field(
-        "(s,) int32",
-        "identity of the robot that reserved the slot, or NIL",
-        default=NIL,
-        digest=42,
+        "(s,) int32", "identity of the robot that reserved the slot, or NIL", default=NIL, digest=42
     )
     access: Array = field(
         "(s, 4) int32", "drivable neighbours E, S, W, N, or NIL; of a station: its own cell"
@@ -196,7 +198,7 @@ class Chargers(Struct, role=STATIC):
     )
     busy_ticks: Array = field("(k,) int64", "ticks that robots spent charging", role=MEASURED)
     queue_ticks: Array = field(
-        "(k,) int64", "ticks that robots lost on the way to the charger, wherever", role=MEASURED
+        "(k,) int64", "ticks lost on the way to the charger, wherever robots stood", role=MEASURED
     )
     longest_queue: Array = field(
         "(k,) int64", "most robots that stood on the way to the charger in one tick", role=MEASURED
@@ -279,7 +281,7 @@ class Gates(Struct, role=STATIC):
     )
     cell_gate: Array = field("(e,) int32", "gates by cell, in ascending order in each cell")
     cell_index: Array = field(
-        "(e,) int32", "lift: the last mouth at or before the cell, by path; else NIL", default=NIL
+        "(e,) int32", "lift: index of the last mouth up to the cell, by path; else NIL", default=NIL
     )
     first_closing: Array = field(
         "(g + 1,) int32",
@@ -477,7 +479,9 @@ class PodStations(Struct, role=STATIC):
         "least ticks with a load from a slot to each station; no rows if no line has a SKU",
         header=True,
     )
-    breaks: Array = field("(b, 3) int64", "breaks: station, first tick, tick after the last")
+    breaks: Array = field(
+        "(b, 3) int64", "breaks by tick: station, first tick, tick after the last"
+    )
     served_ticks: Array = field("(k,) int64", "ticks with a robot in service", role=MEASURED)
     starved_ticks: Array = field(
         "(k,) int64",
@@ -618,7 +622,7 @@ class Delays(Struct, role=STATIC):
     ticks: Array = field("(t,) int32", "durations of delays; all entries are equally likely")
     counts: Array = field(
         "(c,) int64",
-        "entry k: probability that a robot adds at most k delays in a tick, times 2**32",
+        "entry k: probability that a robot adds at most k to the delays of a tick, times 2**32",
     )
     lengthens: Array = field("(A,) uint8", "1 = a delay that begins during this action extends it")
     until: Array = field(

@@ -192,7 +192,9 @@ class Robots(Struct):
     """The fleet, indexed by storage."""
 
     identity: Array = field("(n,) int32", "number of the robot, from 0 to n - 1", role=STATIC)
-    at_index: Array = field("(n,) int32", "storage index of the robot with identity k", role=STATIC)
+    at_index: Array = field(
+        "(n,) int32", "entry k: storage index of the robot with identity k", role=STATIC
+    )
     type: Array = field(
         "(n,) uint8", "type of the robot; with a load, plus rules.loaded_types", role=DERIVED
     )
@@ -213,7 +215,9 @@ class Robots(Struct):
     )
     action: Array = field("(n,) uint8", "current action: ACTION_*", digest=4)
     busy: Array = field("(n,) uint16", "ticks until the robot is free", digest=5)
-    priority: Array = field("(n,) int16", "set by right of way; higher goes first", digest=6)
+    priority: Array = field(
+        "(n,) int16", "priority set by right of way; the highest goes first", digest=6
+    )
     load: Array = field("(n,) int32", "order of the carried load, or NIL", default=NIL, digest=7)
     order: Array = field("(n,) int32", "order the robot works on, or NIL", default=NIL, digest=8)
     slot: Array = field(
@@ -233,7 +237,9 @@ class Robots(Struct):
         digest=25,
         by="code_of_route",
     )
-    route_length: Array = field("(n,) int32", "steps in the route", digest=14, recorded=False)
+    route_length: Array = field(
+        "(n,) int32", "number of steps in the route", digest=14, recorded=False
+    )
     route_index: Array = field("(n,) int32", "number of steps driven", digest=15, recorded=False)
     route_hash: Array = field("(n,) int64", "hash of the route, for the digest", role=DERIVED)
     retreat_moves: Array = field("(n,) int16", "number of moves left of a retreat", digest=16)
@@ -369,7 +375,7 @@ class Orders(Struct):
         "(m,) uint8", "heading of the robot when it last took the order", role=MEASURED
     )
     dispatched_type: Array = field(
-        "(m,) uint8", "type of the robot that took the order", role=MEASURED
+        "(m,) uint8", "type of the robot that last took the order", role=MEASURED
     )
     delivered: Array = field("(m,) int32", "tick of the delivery, or NIL", default=NIL, digest=39)
     legs: Array = field("(m,) int32", "number of times picked up or begun", digest=40)

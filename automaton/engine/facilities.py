@@ -164,7 +164,7 @@ class Slots(Struct, role=DERIVED):
     cell: Array = field(
         "(s,) int32", "cell of the slot; NIL: a spare slot without a load", digest=43, header=True
     )
-    unbounded: Array = field("(s,) uint8", "1 = the slot holds any number of loads; it is no shelf")
+    unbounded: Array = field("(s,) uint8", "1 = the slot holds any number of loads; 0: a shelf")
     content: Array = field("(s,) int32", "order whose load is on a shelf, or NIL", digest=41)
     reserved_by: Array = field(
         "(s,) int32", "identity of the robot that reserved the slot, or NIL", default=NIL, digest=42

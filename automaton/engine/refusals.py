@@ -291,7 +291,7 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
         "parked robot", "command {value}", "a parked robot gets only CMD_STEP (1)"
     ),
     RULE_STEP_BAY: DecisionRule(
-        "step from a parking bay", "CMD_STEP {value}", "only a robot outside its bay takes a step"
+        "step from a parking bay", "CMD_STEP {value}", "only a robot on the floor takes a step"
     ),
     RULE_STEP_DIRECTION: DecisionRule(
         "direction of a step", "CMD_STEP {value}", "a direction is 0 to 3"

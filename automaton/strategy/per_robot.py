@@ -160,7 +160,7 @@ class Me:
 
     @property
     def cell(self) -> tuple[int, int]:
-        """The robot's cell (x, y); in a long move the cell that it enters, in its bay its home cell."""
+        """Cell (x, y) of the robot; in a long move the one that it enters, in a parking bay its home."""
         width = self._view.grid.width
         place = paths.position(self._view, self.index)
         return place % width - 1, place // width - 1

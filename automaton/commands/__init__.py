@@ -70,6 +70,14 @@ LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
 DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 141, 143
 
 
+class HelpLines(argparse.HelpFormatter):
+    """The usual form of --help; a line break in the text of an argument begins a new line."""
+
+    def _split_lines(self, text: str, width: int) -> list[str]:
+        lines = (super(HelpLines, self)._split_lines(line, width) for line in text.split("\n"))
+        return [line for some in lines for line in some]
+
+
 class Parser(argparse.ArgumentParser):
     """An argument parser whose errors are InputErrors."""
 
@@ -154,6 +162,7 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
     parser = Parser(
         prog=f"automaton {name}",
         description=(module.__doc__ or summary).split("\n\n")[0],
+        formatter_class=HelpLines,
         allow_abbrev=False,
     )
     # --debug may stand anywhere, so `main` has removed it; here it only appears in --help.

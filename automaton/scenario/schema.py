@@ -392,7 +392,7 @@ class LegendEntry(ConfigSection, frozen=True, kw_only=True):
     ] = None
     exits: Annotated[
         tuple[Direction, ...] | None,
-        Meta(description="Directions in which a robot may leave; one alone makes it one-way."),
+        Meta(description="Directions in which a robot may leave; only one: a one-way cell."),
     ] = None
     opens: Annotated[
         tuple[Direction, ...] | None,

@@ -212,11 +212,10 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
         Meta(
             description="Auction mechanism. sequential: orders are sold one by one, and the "
             "winner bids again; arrival: each order goes to the lowest bid, in the sequence of "
-            "arrival; parallel: all orders are sold at once; combinatorial: bids on bundles, for "
-            "small cases; genetic: the genetic algorithm of the paper, which considers only the "
-            "twelve oldest orders; exact: the optimum of the paper, which considers only the ten "
-            "oldest orders and needs a fleet without batteries; assignment: one order for each "
-            "robot."
+            "arrival; parallel: all orders are sold at once; combinatorial: bids on bundles of "
+            "the ten oldest orders; genetic: the genetic algorithm of the paper, for the twelve "
+            "oldest orders; exact: the optimum of the paper, for the ten oldest orders and fleets "
+            "without batteries; assignment: one order for each robot."
         ),
     ] = "sequential"
     bid_rule: Annotated[

@@ -495,13 +495,13 @@ COMMAND_MEANINGS: Final = {
 NAMED_VALUES: Final = {state.NIL: "NIL", state.KEEP: "KEEP", state.NEVER: "NEVER"}
 FULL_SHELF: Final = (
     "A shelf holds one load. It is illegal to drop a load at a shelf that is full or reserved by "
-    "another robot. It is illegal to take an order that another robot has reserved, unless that robot "
-    "has no load and has done none of its stops; it then loses the order and is asked again. A batch "
-    "gives an order to at most one robot. The view shows the reservations made before this batch. In "
-    "`order_taken` and `slot_taken` a strategy may mark what it assigned earlier in this batch; the "
-    "engine ignores these marks. A robot that gets nothing is asked again once an order or a "
-    "reservation has changed. With `ask_again` it is asked in the next tick, as is a robot whose load "
-    "has a full target.\n"
+    "another robot. A robot may take an order that another robot has reserved only if the order has "
+    "no load and none of its stops has begun. The other robot then loses the order and is asked "
+    "again. A batch gives an order to at most one robot. The view shows the reservations made before "
+    "this batch. In `order_taken` and `slot_taken` a strategy may mark what it assigned earlier in "
+    "this batch; the engine ignores these marks. A robot that gets nothing is asked again once an "
+    "order or a reservation has changed. With `ask_again` it is asked in the next tick; so is a robot "
+    "that cannot drop its load because the target is full.\n"
 )
 PUBLIC_CLOCK: Final = (
     *("tick", "undelivered", "revision", "next_release", "robots_down", "open_jobs"),
@@ -860,7 +860,7 @@ def conditions_page() -> str:
         "## Fields of a robot\n",
         table(("field", "meaning"), ((code(name), meaning) for name, meaning in FIELDS.items())),
         "## Causes of waiting\n",
-        "Each tick in which a robot waits has exactly one cause; `explain` and the panels of the "
+        "Each tick that a robot loses has exactly one cause; `explain` and the panels of the "
         "viewer show it.\n",
         table(
             ("cause", "what is shown", "rule or reason"),

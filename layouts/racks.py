@@ -52,9 +52,9 @@ class Racks(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     preset: Annotated[
         Literal["E1", "E2", "L1"],
         Meta(
-            description="Where the numbers come from that are left out. E1: 5,769 racks, 522 segments, "
-            "1,044 with one for each direction; E2: 5,769 racks, 1,044 segments and "
-            "intersections but for dead ends; L1: 5,504 racks, 1,078 of them."
+            description="Source of the numbers that are left out. E1: 5,769 racks, 522 segments, "
+            "1,044 with one for each direction; E2: 5,769 racks, 1,044 segments and intersections "
+            "but for dead ends; L1: 5,504 racks, 1,078 of them."
         ),
     ] = "E1"
     rows: Annotated[Cells | None, Meta(description="Cells from top to bottom, walls included.")] = (

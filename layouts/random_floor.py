@@ -33,9 +33,7 @@ class RandomFloor(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_on
     obstacles: Annotated[
         float, Meta(ge=0, le=0.4, description="Share of the cells that are drawn as walls.")
     ] = 0.2
-    floor_seed: Annotated[
-        int, Meta(ge=0, le=2**32, description="Where the walls are follows from it.")
-    ] = 1
+    floor_seed: Annotated[int, Meta(ge=0, le=2**32, description="Seed that places the walls.")] = 1
 
     def build(self) -> FloorPlan:
         """The floor, `columns` wide and `rows` high."""
@@ -52,9 +50,7 @@ class Rooms(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=Tru
     across: Annotated[int, Meta(ge=1, le=500, description="Rooms side by side.")] = 4
     down: Annotated[int, Meta(ge=1, le=500, description="Rooms one below another.")] = 4
     side: Annotated[int, Meta(ge=2, le=500, description="Cells of a room's side.")] = 7
-    floor_seed: Annotated[
-        int, Meta(ge=0, le=2**32, description="Where the doors are follows from it.")
-    ] = 1
+    floor_seed: Annotated[int, Meta(ge=0, le=2**32, description="Seed that places the doors.")] = 1
 
     def build(self) -> FloorPlan:
         """The floor, `across * (side + 1) - 1` wide and `down * (side + 1) - 1` high."""

@@ -162,7 +162,8 @@ CATALOGUE: dict[str, dict[str, CatalogueEntry]] = {
         "pibt": CatalogueEntry(
             "strategies.right_of_way.pibt.pibt:Pibt",
             PibtParameters,
-            "robots make way by inherited priority (PIBT); turns and moves of any length",
+            "robots make way by inherited priority (PIBT); turns and moves may take any number of "
+            "ticks",
             default_for=STEERED,
         ),
         "epibt": CatalogueEntry(

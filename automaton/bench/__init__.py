@@ -17,7 +17,9 @@ class BenchPart(NamedTuple):
 
 
 BENCH_PARTS: Final[dict[str, BenchPart]] = {
-    "step": BenchPart("automaton.bench.step_speed", True, "the bare step: only occupancy rules"),
+    "step": BenchPart(
+        "automaton.bench.step_speed", True, "the bare step, with only occupancy rules"
+    ),
     "tabletop": BenchPart(
         "automaton.bench.run_speed:tabletop_measurements",
         True,
@@ -27,7 +29,7 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
         "automaton.bench.route_speed", True, "the tick loop with given routes, without decisions"
     ),
     "crowd": BenchPart(
-        "automaton.bench.crowd_speed", True, "looking robots up by cell; giving way in a crowd"
+        "automaton.bench.crowd_speed", True, "looking robots up by cell, and giving way in a crowd"
     ),
     "observing": BenchPart(
         "automaton.bench.route_speed:observing_measurements",
@@ -37,7 +39,7 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
     "steering": BenchPart(
         "automaton.bench.steering_speed",
         False,
-        "a tick with 400 and with 10,000 robots under each right of way; takes some minutes",
+        "a tick with 400 and with 10,000 robots under each right of way (some minutes)",
     ),
     "pods": BenchPart(
         "automaton.bench.run_speed:pod_measurements",
@@ -68,34 +70,34 @@ BENCH_PARTS: Final[dict[str, BenchPart]] = {
     "auctions": BenchPart(
         "automaton.bench.auction_speed",
         True,
-        "auctions with and without charging, optimal assignment",
+        "auctions with and without charging, and optimal assignment",
     ),
     "zoning": BenchPart(
         "automaton.bench.zoning_speed",
         False,
-        "days of a factory in zones, and their redesign; takes a minute",
+        "days of a factory in zones, and their redesign (a minute)",
     ),
     "layers": BenchPart(
         "automaton.bench.loop_speed:layer_measurements", True, "a layer that is called every tick"
     ),
     "loop": BenchPart(
-        "automaton.bench.loop_speed", True, "the tick loop with an idle fleet; the digest"
+        "automaton.bench.loop_speed", True, "the tick loop with an idle fleet, and the digest"
     ),
     "sweep": BenchPart(
         "automaton.bench.sweep_speed", False, "the overhead of a sweep with two workers"
     ),
     "viewer": BenchPart(
-        "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal; takes some minutes"
+        "tui.bench.viewer_speed", False, "the viewer in a pseudo-terminal (some minutes)"
     ),
     "watching": BenchPart(
         "tui.bench.viewer_speed:planning_measurements",
         False,
-        "the part of viewer with 10,000 robots that plan; takes a minute or two",
+        "the part of viewer with 10,000 robots that plan (a minute or two)",
     ),
     "compile": BenchPart(
         "automaton.bench.startup_speed:first_run_measurements",
         False,
-        "first runs, which compile, in new processes; takes some minutes",
+        "first runs, which compile, in new processes (some minutes)",
     ),
     "startup": BenchPart(
         "automaton.bench.startup_speed", False, "the start of commands, in new processes"

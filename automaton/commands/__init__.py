@@ -40,7 +40,10 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, s
     "size": ("automaton.commands.size_command", "find the smallest fleet that meets a target"),
     "tune": ("automaton.commands.tune", "find the best strategies for a scenario"),
     "reproduce": ("automaton.commands.reproduce", "reproduce a published table"),
-    "train": ("automaton.commands.train", "train a predictor of traffic (extra learn)"),
+    "train": (
+        "automaton.commands.train",
+        "train a predictor of traffic (needs fleet-automaton[learn])",
+    ),
     "verify": (
         "automaton.commands.verify",
         "run a recording again and report the first difference",
@@ -65,6 +68,14 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, s
 
 LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
 DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 141, 143
+
+
+class HelpLines(argparse.HelpFormatter):
+    """The usual form of --help; a line break in the text of an argument begins a new line."""
+
+    def _split_lines(self, text: str, width: int) -> list[str]:
+        lines = (super(HelpLines, self)._split_lines(line, width) for line in text.split("\n"))
+        return [line for some in lines for line in some]
 
 
 class Parser(argparse.ArgumentParser):
@@ -151,6 +162,7 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
     parser = Parser(
         prog=f"automaton {name}",
         description=(module.__doc__ or summary).split("\n\n")[0],
+        formatter_class=HelpLines,
         allow_abbrev=False,
     )
     # --debug may stand anywhere, so `main` has removed it; here it only appears in --help.

@@ -28,14 +28,14 @@ REPEAT = 7
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton bench`."""
-    parts = "; ".join(f"{name}: {part.summary}" for name, part in BENCH_PARTS.items())
+    parts = ";\n".join(f"{name}: {part.summary}" for name, part in BENCH_PARTS.items())
     parser.add_argument("--json", action="store_true", help="print a JSON list, not a table")
     parser.add_argument(
         "--only",
         action="append",
         default=[],
         metavar="PART",
-        help=f"measure only this part; may be repeated ({parts})",
+        help=f"measure only this part (may be repeated).\n{parts}",
     )
     text = "also time first runs, which compile"
     parser.add_argument("--compile", action="store_true", help=text)

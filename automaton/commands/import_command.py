@@ -54,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--robots",
         type=whole("a number of robots", 1, 1_000_000),
         metavar="N",
-        help="set the number of robots. They start in the first N cells of a problem, in the cells of "
-        "the file with N starts in a folder, or in random cells on a bare map",
+        help="set the number of robots. Their start cells: of a problem, the first N; of a folder, "
+        "those of its file with N starts; of a bare map, random ones",
     )
     add(
         "--ticks",
@@ -76,8 +76,8 @@ def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
         "--cell",
         type=measured("a length", "0.5m", exact_length),
         metavar="0.5m",
-        help="set the side of a cell (default for a layout: the largest side that fits it; for a "
-        "map: the smallest)",
+        help="set the side of a cell (default: for a layout, the largest side that fits; for a "
+        "map, the fewest whole pixels that hold --robot)",
     )
     add(
         "--tick",

@@ -27,9 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--xlsx",
         type=Path,
         metavar="FILE",
-        help="write the report and all rows to a workbook, and print no text (extra excel)",
+        help="write the report and all rows to a workbook, and print no text (needs "
+        "fleet-automaton[excel])",
     )
-    text = "write curves and maps as PNG and SVG (extra plots)"
+    text = "write curves and maps as PNG and SVG files (needs fleet-automaton[plots])"
     add("--plots", type=Path, metavar="DIR", help=text)
     text = "write a CSV file with a line per point and metric"
     add("--summary", type=Path, metavar="FILE", help=text)

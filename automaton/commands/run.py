@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 FORMS = {
     "csv": "as CSV files",
     "parquet": "as Parquet files, for pandas, polars or DuckDB",
-    "xlsx": "as one workbook (extra excel)",
+    "xlsx": "as one workbook (needs fleet-automaton[excel])",
 }
 
 
@@ -285,7 +285,8 @@ def add_table_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--events",
         action="store_true",
-        help="add tables of events and of cells; without a folder, print the events",
+        help="with --csv, --parquet or --xlsx, add tables of events and of cells; without them, "
+        "print the events",
     )
 
 

@@ -94,7 +94,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     text = "print the price of the fleet, at P per robot"
     add("--price", type=positive, default=0.0, metavar="P", help=text)
     add_workers_argument(parser)
-    text = "write plots of shares and means as PNG and SVG (extra plots)"
+    text = "write plots of shares and means as PNG and SVG (needs fleet-automaton[plots])"
     add("--plots", type=Path, metavar="DIR", help=text)
     add_output_arguments(parser)
 

@@ -76,17 +76,17 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_json_argument(parser)
     modes = parser.add_mutually_exclusive_group()
     modes.add_argument(
-        "--tables", action="store_true", help="instead, reproduce Tables 1 to 4 of the paper"
+        "--tables", action="store_true", help="do not train: reproduce Tables 1 to 4 of the paper"
     )
     modes.add_argument(
         "--depths",
         action="store_true",
-        help="instead, compare networks of 3, 6 and 12 hidden layers",
+        help="do not train: compare networks of 3, 6 and 12 hidden layers",
     )
     modes.add_argument(
         "--classifiers",
         action="store_true",
-        help="instead, compare classifiers other than networks",
+        help="do not train: compare classifiers other than networks",
     )
 
 

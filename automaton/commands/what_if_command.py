@@ -71,7 +71,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--recompute",
         action="store_true",
-        help="with --out, ignore results of other code or of other changes in the folder",
+        help="with --out, ignore results in the folder that other code or other changes produced",
     )
     add_timeout_argument(parser)
     add_output_arguments(parser, "--report")

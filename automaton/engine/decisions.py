@@ -25,26 +25,25 @@ def decided(meaning: str, default: int = 0, dtype: str = "int32") -> Any:
 
 
 class ZoningDecisions(Struct):
-    service_zone: Array = decided("the service zone of the robot", KEEP)
-    halt: Array = decided("ticks for which it is halted from now on", KEEP)
+    service_zone: Array = decided("service zone of the robot", KEEP)
+    halt: Array = decided("ticks for which the robot is halted from now on", KEEP)
     again: Array = decided(
-        "ticks after which zoning is asked about it again; NIL: on events only", KEEP
+        "ticks after which zoning is asked about the robot again; NIL: on events only", KEEP
     )
-    sends_message: Array = decided("1 = its message changes, to this row of", dtype="uint8")
-    messages: Array = field(f"(n, {MESSAGE_WORDS}) int64")
+    sends_message: Array = decided(
+        "1 = the robot's message becomes its row of `messages`", dtype="uint8"
+    )
+    messages: Array = field(f"(n, {MESSAGE_WORDS}) int64", "new message of each robot")
     server: Array = field(
-        "(Z,) int32",
-        "by zone: KEEP, or the identity of the robot that serves it",
-        default=KEEP,
-        role=CALL,
+        "(Z,) int32", "identity of the robot that serves a zone, or KEEP", default=KEEP, role=CALL
     )
-    redesigned: int = field("() int64", "1 = the design changes, to", role=CALL)
+    redesigned: int = field("() int64", "1 = decisions.zoning.design takes effect", role=CALL)
     design: Design
     queued: int = field("() int64", "number of entries in use in the next four arrays", role=CALL)
-    order: Array = field("(m,) int32", "this order")
-    queue: Array = field("(m,) int32", "enters the queue of this zone")
-    next_slot: Array = field("(m,) int32", "and is to be dropped at this slot")
-    skips_transfer: Array = field("(m,) uint8", "1 = past transfer stations")
+    order: Array = field("(m,) int32", "order that enters a queue")
+    queue: Array = field("(m,) int32", "zone whose queue the order enters")
+    next_slot: Array = field("(m,) int32", "slot where the load of the order is dropped next")
+    skips_transfer: Array = field("(m,) uint8", "1 = the load goes without transfer stations")
     refused: int = field(
         "() int64", "number of illegal decisions in a recording; not set by strategies", role=CALL
     )
@@ -52,44 +51,40 @@ class ZoningDecisions(Struct):
 
 
 class ChargingDecisions(Struct):
-    goal_cell: Array = decided("KEEP; the charger cell to drive to; or NIL: stop charging", KEEP)
-    charge_target: Array = decided("charge at which it leaves the charger")
-    charging_interruptible: Array = decided("1 = it may get an order while it charges")
+    goal_cell: Array = decided("cell of the charger to drive to, KEEP, or NIL: stop charging", KEEP)
+    charge_target: Array = decided("charge at which the robot leaves the charger")
+    charging_interruptible: Array = decided("1 = the robot may get an order while it charges")
 
 
 class AllocationDecisions(Struct):
-    command: Array = decided("KEEP, CMD_TAKE_ORDER, CMD_DROP_AT or CMD_PARK", KEEP)
-    order: Array = decided("CMD_TAKE_ORDER: the order to pick up", NIL)
-    slot: Array = decided("CMD_DROP_AT: the slot for the load", NIL)
-    goal_cell: Array = decided("the cell from which to pick up or drop", NIL)
+    command: Array = decided("command: KEEP, CMD_TAKE_ORDER, CMD_DROP_AT or CMD_PARK", KEEP)
+    order: Array = decided("CMD_TAKE_ORDER: order that the robot takes", NIL)
+    slot: Array = decided("CMD_DROP_AT: slot for the load", NIL)
+    goal_cell: Array = decided("cell of the pick-up or drop-off, or of the next stop", NIL)
     try_drop: Array = decided("CMD_DROP_AT: 1 = a TRY_DROP operation follows the pick")
     ask_again: Array = decided("1 = ask again in the next tick in any case", dtype="uint8")
     order_queue_length: Array = field(
-        "(n,) int32",
-        "by storage index: KEEP, or the number of planned orders",
-        default=KEEP,
-        role=CALL,
+        "(n,) int32", "number of planned orders, or KEEP; by storage index", default=KEEP, role=CALL
     )
-    order_queue: Array = field("(n, L) int32", "by storage index: the planned orders of a robot")
+    order_queue: Array = field("(n, L) int32", "planned orders of a robot; by storage index")
     order_taken: Array = field(
         "(m,) uint8",
-        "1 = reserved by an earlier decision of this batch; zero for all released orders when "
-        "a call begins",
+        "1 = reserved earlier in this batch; 0 for released orders when a call begins",
         role=SCRATCH,
     )
-    slot_taken: Array = field("(s,) uint8", "likewise", role=CALL)
+    slot_taken: Array = field("(s,) uint8", "1 = reserved earlier in this batch", role=CALL)
 
 
 class RoutingDecisions(Struct):
-    route_length: Array = decided("KEEP or the number of steps", KEEP)
-    steps: Array = field("(n, R) uint8", "directions")
+    route_length: Array = decided("number of steps of the route, or KEEP", KEEP)
+    steps: Array = field("(n, R) uint8", "directions of the steps")
 
 
 class RightOfWayDecisions(Struct):
     command: Array = decided("KEEP, CMD_STEP, CMD_WAIT, CMD_RETREAT, CMD_HOLD or CMD_GO", KEEP)
-    value: Array = decided("direction, ticks, or moves; CMD_HOLD: its preferred direction, or NIL")
-    return_order: Array = decided("1 = an empty robot returns its order")
-    priority: Array = decided("KEEP or the robot's new priority", KEEP)
+    value: Array = decided("direction, ticks or moves; CMD_HOLD: preferred direction, or NIL")
+    return_order: Array = decided("1 = a robot without a load returns its order")
+    priority: Array = decided("new priority of the robot, or KEEP", KEEP)
 
 
 class Decisions(Struct):

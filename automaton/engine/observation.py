@@ -100,14 +100,14 @@ CAUSES: Final = (
     ),
     Cause(
         "following conflict",
-        "{cell} was vacated only at the end of this tick",
-        "a cell may be entered only if its holder vacates it within the same tick",
+        "the robot ahead left {cell} only at the end of this tick",
+        "a cell may be entered only if it is empty or `world.following` lets the robot follow",
         True,
     ),
     Cause(
         "retreat",
         "{robot} decided to retreat",
-        "right of way: a retreat takes the tick in which it is decided",
+        "right of way: the decision to retreat costs the tick in which it is made",
         True,
     ),
     Cause("no order", "{robot} has no order", "allocation assigned no order to the robot", False),

@@ -126,7 +126,7 @@ def is_end(world):
 
 @kernel
 def is_due(world, strategy):
-    """Whether a strategy asked for this tick, or for one that ends in this coarse tick."""
+    """Whether a periodic call of a strategy is due in this coarse tick."""
     period = world.rules.period[strategy]
     return period > 0 and (world.clock.tick + world.rules.stride - 1) % period == 0
 

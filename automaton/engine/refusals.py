@@ -106,12 +106,12 @@ class DecisionRule(NamedTuple):
 
 
 DECISION_RULES: Final[dict[int, DecisionRule]] = {
-    RULE_ZONING: DecisionRule("zoning", "a decision", "the recording does not name the rule"),
+    RULE_ZONING: DecisionRule("unknown", "a decision", "the recording does not name the rule"),
     RULE_ZONE: DecisionRule(
         "service zone", "service_zone {value}", "a zone is 0 to {last_zone}, or NIL for none"
     ),
     RULE_HALT: DecisionRule("halt", "halt {value}", "a halt lasts 0 to {longest_halt} ticks"),
-    RULE_AGAIN: DecisionRule("again", "again {value}", "this is a number of ticks, or NIL"),
+    RULE_AGAIN: DecisionRule("again", "again {value}", "again is 0 or more ticks, or NIL"),
     RULE_SERVER: DecisionRule("server", "server {value}", "a robot is 0 to {last_robot}"),
     RULE_QUEUED: DecisionRule(
         "queued orders", "queued {value}", "a call queues 0 to {orders} orders"
@@ -127,7 +127,7 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
     RULE_QUEUE_DROP: DecisionRule(
         "next drop-off",
         "next_slot {value}",
-        "a load goes to its target, or to another slot at a station or of one load",
+        "a load goes to its target, or elsewhere: to a station or a slot that holds one load",
     ),
     RULE_SEGMENTS: DecisionRule(
         "segments", "design.segments {value}", "a design has 0 to {segments} segments"
@@ -163,15 +163,15 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
     ),
     RULE_CHARGER: DecisionRule("charger", "goal_cell {cell}", "a goal is the cell of a charger"),
     RULE_CHARGER_REACH: DecisionRule(
-        "way to a charger", "goal_cell {cell}", "the robot has no way to this charger"
+        "way to a charger", "goal_cell {cell}", "the robot needs a way to the charger"
     ),
     RULE_CHARGE_LOAD: DecisionRule(
-        "charging with a load", "goal_cell {cell}", "a robot with a load is not sent to charge"
+        "charging with a load", "goal_cell {cell}", "only a robot without a load is sent to charge"
     ),
     RULE_CHARGE_ORDER: DecisionRule(
         "charging with an order",
         "goal_cell {cell}",
-        "a robot that has begun an order is not sent to charge",
+        "only a robot that has not begun its order is sent to charge",
     ),
     RULE_CHARGE_TARGET: DecisionRule(
         "charge target", "charge_target {value}", "a charge is 1 to {full} (a full battery)"
@@ -190,7 +190,7 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
         "parking with work", "CMD_PARK", "only a robot without an order or a load parks"
     ),
     RULE_TAKE_LOADED: DecisionRule(
-        "order with a load", "CMD_TAKE_ORDER {value}", "a robot with a load takes no order"
+        "order with a load", "CMD_TAKE_ORDER {value}", "only a robot without a load takes an order"
     ),
     RULE_TAKE_ORDER: DecisionRule(
         "order", "CMD_TAKE_ORDER {value}", "an order is 0 to {last_order}"
@@ -204,15 +204,15 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
         "order begun", "CMD_TAKE_ORDER {value}", "a robot that has begun an order completes it"
     ),
     RULE_TAKE_WEIGHT: DecisionRule(
-        "payload", "CMD_TAKE_ORDER {value}", "it is heavier than the payload of the robot's type"
+        "payload", "CMD_TAKE_ORDER {value}", "a robot takes no more than its payload"
     ),
     RULE_TAKE_ASSIGNED: DecisionRule(
-        "assigned order", "CMD_TAKE_ORDER {value}", "the scenario assigns it to another robot"
+        "assigned order", "CMD_TAKE_ORDER {value}", "an assigned order is for its own robot only"
     ),
     RULE_TAKE_RESERVED: DecisionRule(
         "reserved order",
         "CMD_TAKE_ORDER {value}",
-        "another robot has reserved it and has its load, or got it in this batch",
+        "a reserved order changes robots only if it has no load, and once in a batch",
     ),
     RULE_TAKE_GOAL: DecisionRule(
         "first goal",
@@ -222,7 +222,7 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
     RULE_TAKE_REACH: DecisionRule(
         "way to an order",
         "CMD_TAKE_ORDER with goal_cell {cell}",
-        "the robot has no way to this cell",
+        "the robot needs a way to this cell",
     ),
     RULE_DROP_EMPTY: DecisionRule(
         "drop-off without a load", "CMD_DROP_AT {value}", "only a robot with a load drops one"
@@ -234,7 +234,7 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
         "a load is dropped from a cell beside its slot",
     ),
     RULE_DROP_REACH: DecisionRule(
-        "way to a slot", "CMD_DROP_AT with goal_cell {cell}", "the robot has no way to this cell"
+        "way to a slot", "CMD_DROP_AT with goal_cell {cell}", "the robot needs a way to this cell"
     ),
     RULE_DROP_STOPS: DecisionRule(
         "open stops", "CMD_DROP_AT {value}", "the stops of an order come before its drop-off"
@@ -245,11 +245,13 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
     RULE_DROP_TARGET: DecisionRule(
         "target",
         "CMD_DROP_AT {value}",
-        "a load goes to its target, a station or a slot of one load",
+        "a load goes to its target, to a station, or to a slot that holds one load",
     ),
-    RULE_DROP_FULL: DecisionRule("full slot", "CMD_DROP_AT {value}", "a slot holds one load"),
+    RULE_DROP_FULL: DecisionRule(
+        "full slot", "CMD_DROP_AT {value}", "a slot of one load must be empty"
+    ),
     RULE_DROP_RESERVED: DecisionRule(
-        "reserved slot", "CMD_DROP_AT {value}", "another robot has reserved this slot"
+        "reserved slot", "CMD_DROP_AT {value}", "a reserved slot is for the robot that reserved it"
     ),
     RULE_PLAN_LENGTH: DecisionRule(
         "length of a plan", "order_queue_length {value}", "a plan has 0 to {plan} orders"
@@ -269,12 +271,10 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
     RULE_ROUTE_EXIT: DecisionRule(
         "exit of a route",
         "step {step} goes {direction}",
-        "the cell that it leaves has no exit there for this robot",
+        "a step needs an exit that is open to the robot",
     ),
     RULE_ROUTE_TURN: DecisionRule(
-        "turn of a route",
-        "step {step} goes {direction}",
-        "the robot cannot turn in the cell that it leaves",
+        "turn of a route", "step {step} goes {direction}", "a turn needs a cell that allows it"
     ),
     RULE_RIGHT_OF_WAY: DecisionRule(
         "command of right of way",
@@ -288,19 +288,19 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
     ),
     RULE_PRIORITY: DecisionRule("priority", "priority {value}", "a priority is -32,768 to 32,767"),
     RULE_PARKED: DecisionRule(
-        "parked robot", "command {value}", "a parked robot gets no command but CMD_STEP (1)"
+        "parked robot", "command {value}", "a parked robot gets only CMD_STEP (1)"
     ),
     RULE_STEP_BAY: DecisionRule(
-        "step from a parking bay", "CMD_STEP {value}", "a robot in its parking bay takes no step"
+        "step from a parking bay", "CMD_STEP {value}", "only a robot on the floor takes a step"
     ),
     RULE_STEP_DIRECTION: DecisionRule(
         "direction of a step", "CMD_STEP {value}", "a direction is 0 to 3"
     ),
     RULE_STEP_EXIT: DecisionRule(
-        "exit of a step", "CMD_STEP {direction}", "its cell has no exit there for this robot"
+        "exit of a step", "CMD_STEP {direction}", "a step needs an exit that is open to the robot"
     ),
     RULE_STEP_TURN: DecisionRule(
-        "turn of a step", "CMD_STEP {direction}", "the robot cannot turn in its cell"
+        "turn of a step", "CMD_STEP {direction}", "a turn needs a cell that allows it"
     ),
     RULE_WAIT: DecisionRule(
         "wait", "CMD_WAIT {value}", "a wait lasts 1 to {longest_command} ticks"
@@ -315,12 +315,12 @@ DECISION_RULES: Final[dict[int, DecisionRule]] = {
     ),
     RULE_GO_DIRECTION: DecisionRule("direction", "CMD_GO {value}", "a direction is 0 to 3"),
     RULE_GO_EXIT: DecisionRule(
-        "exit", "CMD_GO {direction}", "its cell has no exit there for this robot"
+        "exit", "CMD_GO {direction}", "a move needs an exit that is open to the robot"
     ),
-    RULE_GO_TURN: DecisionRule("turn", "CMD_GO {direction}", "the robot cannot turn in its cell"),
+    RULE_GO_TURN: DecisionRule("turn", "CMD_GO {direction}", "a turn needs a cell that allows it"),
     RULE_HOLD: DecisionRule("hold", "CMD_HOLD {value}", "a preferred direction is 0 to 3, or NIL"),
     RULE_WAIT_PARKED: DecisionRule(
-        "waiting while parked", "CMD_WAIT {value}", "a parked robot does not wait"
+        "waiting while parked", "CMD_WAIT {value}", "only a robot that is not parked waits"
     ),
 }
 

@@ -78,7 +78,7 @@ def table_of(view, workspace, robot_type, goal_cell):
 
 @kernel
 def cost_at(view, workspace, table, cell, heading):
-    """Ticks from a pose to the goal cell of a table on the empty floor, UNREACHABLE: no way."""
+    """Ticks from a pose to the goal cell of a table on the empty floor; UNREACHABLE if no way."""
     return cost_in(workspace.tables, table, cell, heading)
 
 
@@ -115,7 +115,8 @@ def tables_fit(workspace, more):
 
 @kernel
 def distance(view, workspace, robot_type, cell, heading, target):
-    """Ticks of a robot of a type from a pose to a target cell on the empty floor, UNREACHABLE: no way."""
+    """Ticks of a robot of a type from a pose to a target cell on the empty floor; UNREACHABLE if there is
+    no way."""
     table = passing_table(view, workspace, robot_type, target)
     return cost_in(workspace.tables, table, cell, heading)
 
@@ -261,7 +262,8 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
 
 @kernel(inline=True)
 def ways_on(flags, is_start):
-    """The directions in which a path may continue from a cell with these flags: none out of storage."""
+    """The directions in which a path may continue from a cell with these flags; none from a storage cell,
+    unless the path starts there."""
     return flags & 15 if is_start or flags & NO_WAY_THROUGH == 0 else 0
 
 

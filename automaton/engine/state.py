@@ -134,20 +134,20 @@ LAYER_SEQUENCE: Final = (
 PHASE_CHARGING_AGAIN: Final = 3  # the second entry of charging
 
 # Why a robot is in a batch.
-REASON_IDLE: Final = 0  # it has nothing to do
-REASON_PICKED: Final = 1  # its pick has begun and its order has no stops: where does the load go?
-REASON_ORDER_RETURNED: Final = 2  # it returned its order, its way was blocked: plan around robots
-REASON_REPLAN: Final = 3  # it drives home or nowhere, and needs a new plan
-REASON_PERIODIC: Final = 4  # the strategy is asked in every k-th tick
-REASON_NEW_GOAL: Final = 5  # routing: a new goal
-REASON_AROUND_ROBOTS: Final = 6  # routing: plan around the robots; a retreat is over
-REASON_RETRIES_EXHAUSTED: Final = 7  # right of way: the retries are used up
-REASON_RETREATING: Final = 8  # right of way: the next step of a retreat
-REASON_ORDER_TAKEN: Final = 9  # charging: it has taken an order
-REASON_NO_ORDER: Final = 10  # charging: allocation has no order for it
-REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue yet, or a robot went down or is up
-REASON_SERVED: Final = 12  # the last stop of its order is done: where does the load go?
-REASON_AROUND_CLOSED: Final = 13  # routing: it has waited long before a closed cell
+REASON_IDLE: Final = 0  # the robot has nothing to do
+REASON_PICKED: Final = 1  # the pick of an order without stops has begun: where does the load go?
+REASON_ORDER_RETURNED: Final = 2  # the robot was blocked and returned its order: plan around robots
+REASON_REPLAN: Final = 3  # the robot drives home, charges or has no goal, and may get an order
+REASON_PERIODIC: Final = 4  # a periodic call, in every k-th tick
+REASON_NEW_GOAL: Final = 5  # routing: the robot has a new goal
+REASON_AROUND_ROBOTS: Final = 6  # routing: blocked, or a retreat is over: plan around robots
+REASON_RETRIES_EXHAUSTED: Final = 7  # right of way: the robot's retries are used up
+REASON_RETREATING: Final = 8  # right of way: a retreat needs its next step
+REASON_ORDER_TAKEN: Final = 9  # charging: the robot has taken an order
+REASON_NO_ORDER: Final = 10  # charging: allocation has no order for the robot
+REASON_ZONE_EVENT: Final = 11  # zoning: an order has no queue, or a robot went down or came back
+REASON_SERVED: Final = 12  # the last stop of the order is done: where does the load go?
+REASON_AROUND_CLOSED: Final = 13  # routing: the robot has waited long in front of a closed cell
 
 # The state machine of waits and retries: robots.retry_state.
 RETRY_NONE: Final = 0
@@ -191,110 +191,116 @@ STOP_NEVER: Final = 2
 class Robots(Struct):
     """The fleet, indexed by storage."""
 
-    identity: Array = field("(n,) int32", "a permutation of 0..n-1", role=STATIC)
-    at_index: Array = field("(n,) int32", "the storage index of an identity", role=STATIC)
+    identity: Array = field("(n,) int32", "number of the robot, from 0 to n - 1", role=STATIC)
+    at_index: Array = field(
+        "(n,) int32", "entry k: storage index of the robot with identity k", role=STATIC
+    )
     type: Array = field(
-        "(n,) uint8", "its type; with a load, plus rules.loaded_types", role=DERIVED
+        "(n,) uint8", "type of the robot; with a load, plus rules.loaded_types", role=DERIVED
     )
     cell: Array = field(
         "(n,) int32",
-        "the cell where it stands, or that a long move leaves; NIL: off the floor",
+        "cell where the robot stands, or that a long move leaves; NIL: off the floor",
         hidden=NIL,
         digest=0,
         by="code_of_cell",
         header=True,
     )
-    claim: Array = field(
-        "(n,) int32", "the cell that a long move enters, or NIL", default=NIL, digest=1
-    )
+    claim: Array = field("(n,) int32", "cell entered by a long move, or NIL", default=NIL, digest=1)
     heading: Array = field(
-        "(n,) uint8", "rail axis 0/1, differential direction 0..3, omni 0", digest=2, header=True
+        "(n,) uint8", "rail: axis 0 or 1; differential: 0 to 3; omni: 0", digest=2, header=True
     )
     travel: Array = field(
-        "(n,) uint8", "direction in which it entered its cell: its lane at capacity 2", digest=3
+        "(n,) uint8", "direction of travel into the cell: the lane at capacity 2", digest=3
     )
-    action: Array = field("(n,) uint8", "its current action", digest=4)
-    busy: Array = field("(n,) uint16", "ticks until it is free", digest=5)
-    priority: Array = field("(n,) int16", "set by right of way; higher goes first", digest=6)
-    load: Array = field("(n,) int32", "the order it carries, or NIL", default=NIL, digest=7)
-    order: Array = field("(n,) int32", "the order it works on, or NIL", default=NIL, digest=8)
+    action: Array = field("(n,) uint8", "current action: ACTION_*", digest=4)
+    busy: Array = field("(n,) uint16", "ticks until the robot is free", digest=5)
+    priority: Array = field(
+        "(n,) int16", "priority set by right of way; the highest goes first", digest=6
+    )
+    load: Array = field("(n,) int32", "order of the carried load, or NIL", default=NIL, digest=7)
+    order: Array = field("(n,) int32", "order the robot works on, or NIL", default=NIL, digest=8)
     slot: Array = field(
-        "(n,) int32", "the slot where it will drop its load, or NIL", default=NIL, digest=9
+        "(n,) int32", "slot where the robot will drop its load, or NIL", default=NIL, digest=9
     )
-    goal_type: Array = field("(n,) uint8", "GOAL_*", digest=10)
-    goal_cell: Array = field("(n,) int32", "the cell of its goal, or NIL", default=NIL, digest=11)
-    charge_target: Array = field("(n,) int32", "charge at which it leaves its charger", digest=12)
+    goal_type: Array = field("(n,) uint8", "kind of the goal: GOAL_*", digest=10)
+    goal_cell: Array = field("(n,) int32", "cell of the goal, or NIL", default=NIL, digest=11)
+    charge_target: Array = field("(n,) int32", "charge at which charging ends", digest=12)
     charging_interruptible: Array = field(
-        "(n,) uint8", "1 = while it charges it may get an order", digest=26, recorded=False
+        "(n,) uint8", "1 = the robot may get an order while it charges", digest=26, recorded=False
     )
     try_drop: Array = field("(n,) uint8", "1 = a TRY_DROP follows the pick", digest=13)
     route: Array = field(
         "(n, R) uint8",
-        "directions of its moves; turns are implied",
+        "directions of the moves of the route; turns are implied",
         used="route_length",
         digest=25,
         by="code_of_route",
     )
-    route_length: Array = field("(n,) int32", "steps in the route", digest=14, recorded=False)
-    route_index: Array = field("(n,) int32", "steps driven", digest=15, recorded=False)
-    route_hash: Array = field("(n,) int64", "hash of the route, for the digest", role=DERIVED)
-    retreat_moves: Array = field("(n,) int16", "moves left of a retreat", digest=16)
-    failed_retries: Array = field(
-        "(n,) uint8", "failed retries since the last executed operation", digest=17
+    route_length: Array = field(
+        "(n,) int32", "number of steps in the route", digest=14, recorded=False
     )
-    retry_state: Array = field("(n,) uint8", "RETRY_*", digest=18)
+    route_index: Array = field("(n,) int32", "number of steps driven", digest=15, recorded=False)
+    route_hash: Array = field("(n,) int64", "hash of the route, for the digest", role=DERIVED)
+    retreat_moves: Array = field("(n,) int16", "number of moves left of a retreat", digest=16)
+    failed_retries: Array = field(
+        "(n,) uint8", "number of failed retries since the last executed operation", digest=17
+    )
+    retry_state: Array = field("(n,) uint8", "state of waits and retries: RETRY_*", digest=18)
     home: Array = field(
         "(n,) int32",
-        "the cell where it parks, enters its parking bay, or left the floor",
+        "cell where the robot parks, enters its parking bay, or left the floor",
         role=DERIVED,
         hidden=NIL,
         header=True,
     )
     bay: Array = field(
         "(n,) int32",
-        "its parking bay's cell; NIL: it parks on the floor, or leaves the floor",
+        "cell of the parking bay; NIL: the robot parks on the floor, or leaves the floor",
         role=DERIVED,
         hidden=NIL,
         header=True,
     )
-    parked: Array = field("(n,) uint8", "1 = it is parked", default=1, hidden=0, digest=19)
+    parked: Array = field("(n,) uint8", "1 = the robot is parked", default=1, hidden=0, digest=19)
     service_zone: Array = field(
-        "(n,) int32", "the service zone of the robot, set by zoning", default=NIL, digest=20
+        "(n,) int32", "service zone of the robot, set by zoning", default=NIL, digest=20
     )
-    charge: Array = field("(n,) int32", "units left in its battery", digest=27, header=True)
-    status: Array = field("(n,) uint8", "STATUS_*", digest=28)
+    charge: Array = field("(n,) int32", "units of charge in the battery", digest=27, header=True)
+    status: Array = field("(n,) uint8", "status of the robot: STATUS_*", digest=28)
     status_until: Array = field(
-        "(n,) int64", "tick in which it is towed, or returns", digest=29, recorded=False
+        "(n,) int64", "tick in which the robot is towed, or returns", digest=29, recorded=False
     )
     ticket: Array = field(
-        "(n,) int64", "its ticket in the queue of its charger, 0 outside", digest=30, recorded=False
+        "(n,) int64", "ticket in the queue of a charger, or 0", digest=30, recorded=False
     )
     order_queue: Array = field(
         "(n, L) int32",
-        "its planned orders, in sequence",
+        "planned orders of the robot, in sequence",
         used="order_queue_length",
         digest=31,
         by="hash_of_order_queue",
     )
     order_queue_length: Array = field("(n,) int32", "number of planned orders", role=DERIVED)
     charging_reason: Array = field(
-        "(n,) uint8", "why charging is asked about it", digest=32, recorded=False
+        "(n,) uint8", "why charging is asked: REASON_*", digest=32, recorded=False
     )
-    need: Array = field("(n,) uint8", "NEED_* bits", default=NEED_ALLOCATION, hidden=0, digest=21)
-    reason: Array = field("(n,) uint8", "why allocation is asked about it", digest=22)
+    need: Array = field(
+        "(n,) uint8", "requested layers: NEED_* bits", default=NEED_ALLOCATION, hidden=0, digest=21
+    )
+    reason: Array = field("(n,) uint8", "why allocation is asked: REASON_*", digest=22)
     route_reason: Array = field(
-        "(n,) uint8", "REASON_NEW_GOAL or REASON_AROUND_ROBOTS", digest=23, recorded=False
+        "(n,) uint8", "why routing is asked: REASON_*", digest=23, recorded=False
     )
     seen_revision: Array = field(
         "(n,) int64",
-        "clock.revision when allocation last let it park",
+        "clock.revision when allocation last let the robot park",
         default=NIL,
         digest=24,
         recorded=False,
     )
     step: Array = field(
         "(n,) uint8",
-        "decision of right of way for this tick: a direction or NO_STEP, HOLD",
+        "right of way in this tick: a direction or NO_STEP, plus HOLD if the robot must wait",
         default=NO_STEP,
         role=DERIVED,
     )
@@ -311,18 +317,11 @@ class Orders(Struct):
     its robot visits them between pick and drop.
     """
 
-    state: Array = field(
-        "(m,) uint8",
-        "ORDER_WAITING, ORDER_CARRIED, ORDER_DELIVERED, ORDER_UNRELEASED, ORDER_STARTED",
-        hidden=ORDER_UNRELEASED,
-        digest=33,
-    )
-    current_slot: Array = field(
-        "(m,) int32", "slot where its load is, or NIL", hidden=NIL, digest=34
-    )
+    state: Array = field("(m,) uint8", "state: ORDER_*", hidden=ORDER_UNRELEASED, digest=33)
+    current_slot: Array = field("(m,) int32", "slot of the load, or NIL", hidden=NIL, digest=34)
     source: Array = field(
         "(m,) int32",
-        "slot where its load was at the start",
+        "slot where the load was at the start, or NIL",
         hidden=NIL,
         digest=35,
         recorded=False,
@@ -338,84 +337,83 @@ class Orders(Struct):
     )
     reserved_by: Array = field(
         "(m,) int32",
-        "identity of the robot that reserved or carries it, or NIL",
+        "identity of the robot that reserved the order or carries its load, or NIL",
         default=NIL,
         digest=37,
     )
     release_tick: Array = field(
-        "(m,) int32", "release tick, from which it is known", hidden=NEVER, digest=38, header=True
+        "(m,) int32", "tick from which the order is known", hidden=NEVER, digest=38, header=True
     )
     weight: Array = field(
         "(m,) int32",
-        "its weight, which a robot must be able to carry",
+        "weight; a robot must be able to carry it",
         role=DERIVED,
         hidden=0,
         header=True,
     )
     priority: Array = field(
-        "(m,) int16", "the larger one comes first", role=DERIVED, hidden=0, header=True
+        "(m,) int16", "priority: the largest comes first", role=DERIVED, hidden=0, header=True
     )
     due: Array = field(
         "(m,) int32",
-        "due tick, may be negative; NEVER: none; for a trip of a pod the earliest of its lines",
+        "due tick, may be negative; of a trip of a pod, the earliest of its lines; NEVER: none",
         default=NEVER,
         role=DERIVED,
         hidden=NEVER,
         header=True,
     )
     release_sequence: Array = field(
-        "(releases,) int32",
-        "the orders, in sequence of release",
-        role=DERIVED,
-        header=True,
+        "(releases,) int32", "the orders, in sequence of release", role=DERIVED, header=True
     )
     dispatched: Array = field(
         "(m,) int32", "tick in which a robot last took the order, or NIL", default=NIL, role=DERIVED
     )
     dispatched_from: Array = field(
-        "(m,) int32", "the cell of that robot then, or NIL", default=NIL, role=MEASURED
+        "(m,) int32", "cell in which the order was last taken, or NIL", default=NIL, role=MEASURED
     )
-    dispatched_heading: Array = field("(m,) uint8", "heading of that robot then", role=MEASURED)
-    dispatched_type: Array = field("(m,) uint8", "type of that robot", role=MEASURED)
-    delivered: Array = field("(m,) int32", "tick of delivery, or NIL", default=NIL, digest=39)
-    legs: Array = field("(m,) int32", "number of times it was picked up or begun", digest=40)
+    dispatched_heading: Array = field(
+        "(m,) uint8", "heading of the robot when it last took the order", role=MEASURED
+    )
+    dispatched_type: Array = field(
+        "(m,) uint8", "type of the robot that last took the order", role=MEASURED
+    )
+    delivered: Array = field("(m,) int32", "tick of the delivery, or NIL", default=NIL, digest=39)
+    legs: Array = field("(m,) int32", "number of times picked up or begun", digest=40)
     first_stop: Array = field(
         "(m + 1,) int32",
         "stops of order k: stops[first_stop[k]: first_stop[k + 1]]",
         role=STATIC,
         header=True,
     )
-    stops_done: Array = field("(m,) int32", "number of its completed stops", role=DERIVED)
+    stops_done: Array = field("(m,) int32", "number of completed stops", role=DERIVED)
     dispatched_to: Array = field(
-        "(m,) int32", "identity of the robot that last took it, or NIL", default=NIL, role=MEASURED
+        "(m,) int32", "robot that last took the order: identity, or NIL", default=NIL, role=MEASURED
     )
-    picked: Array = field(
-        "(m,) int32", "tick in which it was last picked up, or NIL", default=NIL, role=MEASURED
-    )
-    moves: Array = field("(m,) int32", "moves of robots in its completed legs", role=MEASURED)
-    driven: Array = field("(m,) int32", "ticks of moves and turns in these legs", role=MEASURED)
-    queued: Array = field("(m,) int32", "ticks in queues of stations in these legs", role=MEASURED)
+    picked: Array = field("(m,) int32", "last pick-up tick, or NIL", default=NIL, role=MEASURED)
+    moves: Array = field("(m,) int32", "moves of robots in completed legs", role=MEASURED)
+    driven: Array = field("(m,) int32", "ticks of moves and turns in completed legs", role=MEASURED)
+    queued: Array = field("(m,) int32", "ticks in station queues in completed legs", role=MEASURED)
 
 
 class Traffic(Struct, role=SCRATCH):
     """Occupancy and the intents of the current tick."""
 
     occupancy: Array = field(
-        "(C,) uint16",
-        "claims, room and the flags of a cell (automaton.engine.motion)",
-        role=DERIVED,
+        "(C,) uint16", "claims, room and flags of a cell (automaton.engine.motion)", role=DERIVED
     )
     intent: Array = field("(n,) uint8", "the intent before motion, its outcome after")
     move_ticks: Array = field("(n,) uint16", "ticks of the intended move", default=1)
     own_ticks: Array = field(
         "(n,) uint16",
-        "ticks of its last move by itself, including delays; the rest is following",
+        "ticks that the last move takes with no robot ahead, delays included; further ticks are "
+        "spent following",
         default=1,
         role=MEASURED,
     )
     leaving: Array = field(
         "(L,) int64",
-        "by resource, under convoy: 4 * the last tick of the last move out of it + its direction, or NIL",
+        "last move out of each resource (a cell or a lane) under convoy: 4 * its last tick + its "
+        "direction; or NIL",
         default=NIL,
         role=DERIVED,
     )
@@ -527,11 +525,11 @@ class DeadlockTally(Struct, role=MEASURED):
 class Clock(NamedNumbers):
     """The tick, and counts that belong to no robot and no order."""
 
-    tick: int = number("ticks executed")
+    tick: int = number("number of executed ticks")
     stop_tick: int = number("tick after which the loop pauses")
     undelivered: int = number("number of undelivered orders")
     unparked: int = number("number of robots that are not parked")
-    revision: int = number("increases with every change of an order or a reservation")
+    revision: int = number("number that increases with every change of an order or a reservation")
     allocation_revision: int = number("`revision` when allocation was last asked")
     fresh_allocation: int = number(
         "number of robots that need allocation and do not wait for a change"
@@ -556,12 +554,12 @@ class Clock(NamedNumbers):
     unqueued_orders: int = number("orders released or dropped since zoning was last asked")
     halted_until: int = number("the last tick of the halts ordered by zoning")
     next_wakeup: int = number("the first tick in which zoning asked to be called, or NIL")
-    zones_redesigned: int = number("the last tick in which the design of the zones changed")
+    zones_redesigned: int = number("last tick in which the design of the zones changed")
     sequenced: int = number("entries of orders.release_sequence in use, where orders are assigned")
-    known_orders: int = number("all released orders have numbers below this")
+    known_orders: int = number("end of the numbers of released orders: each is below")
     next_line: int = number("next entry of lines.sequence to be released")
     stored_pods: int = number("entries of pods.stored in use")
-    first_open: int = number("all orders with numbers below this are delivered")
+    first_open: int = number("lowest number of an order that may be undelivered")
     orders_done: int = number("number of orders with all lines done")
     coarse_tick: int = number("the tick in units of the scenario, used for draws and ties")
 

@@ -106,8 +106,9 @@ def bottleneck_sentences(
     stretch = joined(periods[first.first : first.last + 1])
     share = percent(first.share, 0)
     sentences = [
-        f"{subject(first.resource)} the bottleneck, saturated for {share} of the run, longest "
-        f"{stretch_text(resolved, stretch)}: {'; '.join(facts(first.resource, stretch, robots, names))}.",
+        f"{subject(first.resource)} the bottleneck, saturated for {share} of the run; the longest "
+        f"stretch was {stretch_text(resolved, stretch)}: "
+        f"{'; '.join(facts(first.resource, stretch, robots, names))}.",
         f"Meanwhile {'; '.join(others(first.resource, stretch, robots))}.",
     ]
     for one in [first, *more]:

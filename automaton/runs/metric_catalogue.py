@@ -56,16 +56,16 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "blocked_share": (
         "share",
-        "share of the robot time with something to do that is lost in traffic; without the queues of "
-        "stations and chargers",
+        "share lost in traffic of the time in which robots have something to do; queues of "
+        "stations and chargers are not counted",
     ),
     "station_queue_share": (
         "share",
-        "share of the robot time with something to do that is spent in the queues of stations",
+        "share spent in queues of stations of the time in which robots have something to do",
     ),
     "charger_queue_share": (
         "share",
-        "share of the robot time with something to do that is lost on the way to chargers",
+        "share lost on the way to chargers of the time in which robots have something to do",
     ),
     "task_time": ("ticks", "mean time from taking an order to its delivery, including both ticks"),
     "delay": ("ticks", "mean extra time of a task compared with an empty floor"),
@@ -98,7 +98,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "lost_making_way": (
         "ticks",
-        "time spent on moves for an order that later moves undo, and on turns that lead nowhere",
+        "time spent for orders on moves that later moves undo, and on turns that the next move "
+        "did not need",
     ),
     "slowdown_ticks": (
         "ticks",

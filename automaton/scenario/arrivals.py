@@ -50,12 +50,12 @@ class Bursts(ConfigSection, frozen=True, kw_only=True):
 
     size: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | Mean,
-        Meta(description="Orders of a burst: a fixed number, or random with this mean."),
+        Meta(description="Orders of a burst: a fixed number, or random with a mean."),
     ]
     every: Annotated[
         Annotated[int, quantity(GAP, ge=1, le=1_000_000)] | MeanTime,
         Meta(
-            description="Ticks from one burst to the next: a fixed number, or random with this mean."
+            description="Ticks from one burst to the next: a fixed number, or random with a mean."
         ),
     ]
 
@@ -76,8 +76,8 @@ Size = Annotated[float, Meta(ge=0, le=MAX_BATCH)]
 class SizeRange(ConfigSection, frozen=True, kw_only=True):
     """A uniformly distributed size of a batch."""
 
-    least: Annotated[Size, Meta(description="The smallest.")] = field(name="from")
-    most: Annotated[Size, Meta(description="The largest.")] = field(name="to")
+    least: Annotated[Size, Meta(description="The smallest size.")] = field(name="from")
+    most: Annotated[Size, Meta(description="The largest size.")] = field(name="to")
 
     def __post_init__(self) -> None:
         if self.least > self.most:
@@ -98,7 +98,7 @@ class BatchSize(ConfigSection, frozen=True, kw_only=True):
     lognormal: LognormalSize | None = None
     empirical: Annotated[
         Annotated[tuple[Size, ...], Meta(min_length=1, max_length=1_000_000)] | None,
-        Meta(description="One of these sizes, each equally likely."),
+        Meta(description="A list of sizes, each equally likely."),
     ] = None
     exponential: Annotated[
         Annotated[float, Meta(ge=1, le=MAX_BATCH)] | None,

@@ -61,7 +61,9 @@ def cell_named(name: str, names: Mapping[str, Cell]) -> Cell:
 class Rectangle(ConfigSection, frozen=True, kw_only=True):
     """Two opposite corners of a rectangle."""
 
-    first: Annotated[NamedCell, Meta(description="One corner.")] = msgspec.field(name="from")
+    first: Annotated[NamedCell, Meta(description="One corner of the rectangle.")] = msgspec.field(
+        name="from"
+    )
     last: Annotated[NamedCell, Meta(description="The opposite corner.")] = msgspec.field(name="to")
 
 
@@ -112,15 +114,15 @@ class SpeedLimit(ConfigSection, frozen=True, kw_only=True):
     max_speed: Annotated[
         MoveTicks,
         Meta(
-            description="A move between two of these cells takes at least as long as at this speed; a "
-            "plain number is the least duration in ticks. With `world.slowdown: zones` it is then "
-            "multiplied by the number of robots in the traffic zone."
+            description="A move between two of the cells takes at least as long as at this speed; "
+            "a plain number is the least duration in ticks. With `world.slowdown: zones` the "
+            "duration is then multiplied by the number of robots in the traffic zone."
         ),
     ]
 
 
 class MeanGap(ConfigSection, frozen=True, kw_only=True):
-    """A random time."""
+    """A random time from reopening to the next closing."""
 
     mean: Annotated[
         float,
@@ -188,8 +190,8 @@ class Door(ConfigSection, frozen=True, kw_only=True):
             TIME,
             ge=0,
             le=LAST_TICK,
-            description="The door shuts after this number of ticks without a robot in it and "
-            "without a request.",
+            description="Ticks without a robot in the door and without a request after which the "
+            "door shuts.",
         ),
     ]
 
@@ -209,8 +211,8 @@ class Block(ConfigSection, frozen=True, kw_only=True):
     direction: Annotated[
         Literal["any", "same"],
         Meta(
-            description="same: while the block is occupied, a robot may enter only at the cell where "
-            "the previous one entered; any: no restriction."
+            description="Direction in which robots enter. same: while the block is occupied, only "
+            "at the cell where the previous robot entered; any: at any cell."
         ),
     ] = "any"
 

@@ -37,8 +37,8 @@ TurnTicks = Annotated[int, quantity(TURN, ge=1, le=MAX_DURATION)]
 class Uniform(ConfigSection, frozen=True, kw_only=True):
     """A uniformly distributed duration."""
 
-    least: Annotated[Duration, Meta(description="The shortest.")] = field(name="from")
-    most: Annotated[Duration, Meta(description="The longest.")] = field(name="to")
+    least: Annotated[Duration, Meta(description="The shortest duration.")] = field(name="from")
+    most: Annotated[Duration, Meta(description="The longest duration.")] = field(name="to")
 
     def __post_init__(self) -> None:
         if self.least > self.most:
@@ -64,7 +64,7 @@ class Distribution(ConfigSection, frozen=True, kw_only=True):
         | NonEmptyText
         | None,
         Meta(
-            description="One of these durations, each equally likely; or a CSV file of durations, "
+            description="A list of durations, each equally likely; or a CSV file of durations, "
             "relative to the scenario."
         ),
     ] = None
@@ -107,15 +107,15 @@ class Handling(ConfigSection, frozen=True, kw_only=True):
 class MoveByLoad(ConfigSection, frozen=True, kw_only=True):
     """Durations of a move without and with a load."""
 
-    empty: Annotated[MoveTicks, Meta(description="A move without a load.")]
-    loaded: Annotated[MoveTicks, Meta(description="A move with any load.")]
+    empty: Annotated[MoveTicks, Meta(description="Duration of a move without a load.")]
+    loaded: Annotated[MoveTicks, Meta(description="Duration of a move with any load.")]
 
 
 class TurnByLoad(ConfigSection, frozen=True, kw_only=True):
     """Durations of a turn without and with a load."""
 
-    empty: Annotated[TurnTicks, Meta(description="A turn without a load.")]
-    loaded: Annotated[TurnTicks, Meta(description="A turn with any load.")]
+    empty: Annotated[TurnTicks, Meta(description="Duration of a turn without a load.")]
+    loaded: Annotated[TurnTicks, Meta(description="Duration of a turn with any load.")]
 
 
 class ByLoad(NamedTuple):
@@ -139,22 +139,35 @@ class Durations(ConfigSection, frozen=True, kw_only=True):
 
     move: Annotated[
         Move,
-        Meta(description="A move to the next cell; {empty, loaded}: without and with a load."),
+        Meta(
+            description="Duration of a move to the next cell; {empty, loaded}: without and with a "
+            "load."
+        ),
     ] = 1
     turn: Annotated[
-        Turn, Meta(description="A turn by 90 degrees; {empty, loaded}: without and with a load.")
+        Turn,
+        Meta(
+            description="Duration of a turn by 90 degrees; {empty, loaded}: without and with a "
+            "load."
+        ),
     ] = 1
     pick: Annotated[
         TicksOrNone,
         Meta(
-            description="Picking up a load; 0: the robot picks it up on arrival, within the move."
+            description="Duration of picking up a load; 0: the robot picks it up on arrival, "
+            "within the move."
         ),
     ] = 1
     drop: Annotated[
         TicksOrNone,
-        Meta(description="Dropping a load; 0: the robot drops it on arrival, within the move."),
+        Meta(
+            description="Duration of dropping a load; 0: the robot drops it on arrival, within "
+            "the move."
+        ),
     ] = 1
-    try_drop: Annotated[Ticks, Meta(description="Checking whether a load can be dropped.")] = 1
+    try_drop: Annotated[
+        Ticks, Meta(description="Duration of checking whether a load can be dropped.")
+    ] = 1
     handling_jitter: Annotated[
         int,
         quantity(

@@ -38,7 +38,13 @@ HEADING_COUNTS: Final[dict[Kinematics, int]] = {"omni": 1, "rail": 2, "different
 ALL, EMPTY, LOADED = GROUPS = ("all", "empty", "loaded")  # to which areas may be closed
 Percent = Annotated[float, Meta(ge=0, le=100)]
 Rate = Annotated[
-    float, quantity(CHARGE_RATE, ge=0, le=100, description="Percent of a full battery per tick.")
+    float,
+    quantity(
+        CHARGE_RATE,
+        ge=0,
+        le=100,
+        description="Percent of a full battery per tick of the operation.",
+    ),
 ]
 GivingRate = Annotated[
     float,
@@ -386,15 +392,17 @@ class Fault(ConfigSection, frozen=True, kw_only=True):
     robot: Annotated[int, Meta(ge=0, le=999_999, description="The number of the robot, from 0.")]
     at: Annotated[
         int,
-        quantity(MOMENT, ge=1, le=2_000_000_000, description="The tick in which it breaks down."),
+        quantity(
+            MOMENT, ge=1, le=2_000_000_000, description="The tick in which the robot breaks down."
+        ),
     ]
 
 
 class DelayTicks(ConfigSection, frozen=True, kw_only=True):
     """A range of durations, in ticks."""
 
-    least: Annotated[Ticks, Meta(description="The shortest.")] = msgspec.field(name="from")
-    most: Annotated[Ticks, Meta(description="The longest.")] = msgspec.field(name="to")
+    least: Annotated[Ticks, Meta(description="The shortest duration.")] = msgspec.field(name="from")
+    most: Annotated[Ticks, Meta(description="The longest duration.")] = msgspec.field(name="to")
 
     def __post_init__(self) -> None:
         if self.least > self.most:
@@ -436,9 +444,9 @@ class Delays(ConfigSection, frozen=True, kw_only=True):
     events: Annotated[
         Literal["bernoulli", "poisson"],
         Meta(
-            description="bernoulli: one draw per robot; poisson: the number of newly "
-            "delayed robots is Poisson distributed, with mean probability times the number of robots "
-            "that may be delayed."
+            description="How delays begin. bernoulli: one draw per robot; poisson: the number of "
+            "newly delayed robots is Poisson distributed, with mean probability times the number "
+            "of robots that may be delayed."
         ),
     ] = "bernoulli"
     distribution: Annotated[
@@ -479,8 +487,8 @@ class Faults(ConfigSection, frozen=True, kw_only=True):
     mtbf: Annotated[
         Annotated[float, quantity(TIME, ge=1, le=1e9)] | None,
         Meta(
-            description="The mean time between failures of a robot on the floor, in ticks; instead of "
-            "failure_probability, which is 1 / this."
+            description="The mean time between failures of a robot on the floor, in ticks; it "
+            "replaces failure_probability by 1 / mtbf."
         ),
     ] = None
     tow_after: Annotated[

@@ -223,10 +223,10 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText | None,
         Meta(
-            description="A CSV file with a header line and an order line in each row, separated by "
-            "semicolons, tabs or commas, or a workbook (.xlsx, extra excel); path relative to the "
-            "scenario. A pattern such as days/*.csv names several files: the seed of a run draws one; "
-            "its times count from midnight of its first day."
+            description="A CSV file with a header line and an order line in each row, separated "
+            "by semicolons, tabs or commas, or a workbook (.xlsx; needs fleet-automaton[excel]); "
+            "path relative to the scenario. A pattern such as days/*.csv names several files: the "
+            "seed of a run draws one; its times count from midnight of its first day."
         ),
     ] = None  # type: ignore[assignment]
     columns: Annotated[
@@ -249,7 +249,7 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
     ] = 0.0
     per_order: Annotated[
         Annotated[int, Meta(ge=1, le=1000)] | PerOrder,
-        Meta(description="Lines per order: a fixed number, or random with this mean."),
+        Meta(description="Lines per order: a fixed number, or random with a mean."),
     ] = 1
     classes: Annotated[
         Shares | None,
@@ -294,8 +294,8 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
 class WeightRange(ConfigSection, frozen=True, kw_only=True):
     """A range of weights; each order draws one, uniformly distributed."""
 
-    least: Annotated[Weight, Meta(description="The lightest.")] = field(name="from")
-    most: Annotated[Weight, Meta(description="The heaviest.")] = field(name="to")
+    least: Annotated[Weight, Meta(description="The least weight.")] = field(name="from")
+    most: Annotated[Weight, Meta(description="The greatest weight.")] = field(name="to")
 
     def __post_init__(self) -> None:
         if self.least > self.most:
@@ -309,8 +309,8 @@ StopCount = Annotated[int, Meta(ge=1, le=MAX_STOPS)]
 class StopRange(ConfigSection, frozen=True, kw_only=True):
     """A range of the number of stops; each order draws one, uniformly distributed."""
 
-    least: Annotated[StopCount, Meta(description="The fewest.")] = field(name="from")
-    most: Annotated[StopCount, Meta(description="The most.")] = field(name="to")
+    least: Annotated[StopCount, Meta(description="The least number of stops.")] = field(name="from")
+    most: Annotated[StopCount, Meta(description="The greatest number of stops.")] = field(name="to")
 
     def __post_init__(self) -> None:
         if self.least > self.most:
@@ -417,9 +417,7 @@ class Parts(ConfigSection, frozen=True, kw_only=True):
     ] = 0
     interarrival_time: Annotated[
         Annotated[int, quantity(GAP, ge=0, le=1_000_000)] | MeanTime,
-        Meta(
-            description="Ticks from one part to the next: a fixed number, or random with this mean."
-        ),
+        Meta(description="Ticks from one part to the next: a fixed number, or random with a mean."),
     ] = 0
     weight: Weight = 1
 
@@ -438,8 +436,8 @@ class RandomProcessingTime(ConfigSection, frozen=True, kw_only=True):
     distribution: Annotated[
         Literal["exponential"],
         Meta(
-            description="exponential: memoryless; in whole ticks from 1 on, which is the geometric "
-            "distribution."
+            description="Distribution of the processing time. exponential: memoryless, in whole "
+            "ticks from 1 on (a geometric distribution)."
         ),
     ] = "exponential"
 

@@ -35,7 +35,7 @@ MAX_POD_STOPS: Final = 64
 class Pod(ConfigSection, frozen=True, kw_only=True):
     """A pod: its start cell and its properties."""
 
-    at: Annotated[NamedCell, Meta(description="The storage cell in which it stands.")]
+    at: Annotated[NamedCell, Meta(description="The storage cell in which the pod stands.")]
     name: Annotated[
         SingleLine | None,
         Meta(description="Name of the pod in lines and orders, in addition to its number."),
@@ -98,8 +98,8 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText | None,
         Meta(
-            description="A CSV file with a header line and a pod in each row, or a workbook (.xlsx, "
-            "extra excel); path relative to the scenario."
+            description="A CSV file with a header line and a pod in each row, or a workbook "
+            "(.xlsx; needs fleet-automaton[excel]); path relative to the scenario."
         ),
     ] = None
     columns: Annotated[
@@ -107,7 +107,7 @@ class Pods(ConfigSection, frozen=True, kw_only=True):
         Meta(description="Names of the columns; null: the columns have the names of the keys."),
     ] = None
     sheet: Annotated[
-        SingleLine | None, Meta(description="The sheet of a workbook; null: its only one.")
+        SingleLine | None, Meta(description="The sheet of a workbook; null: the only sheet.")
     ] = None
     encoding: Annotated[Literal["utf-8", "cp1252"], Meta(description="Encoding of the file.")] = (
         "utf-8"

@@ -88,9 +88,9 @@ class Units(ConfigSection, frozen=True, kw_only=True):
     clock: Annotated[
         SingleLine | None,
         Meta(
-            description='Clock time of tick 0, such as "2026-03-02 06:00" or "06:00"; clock times in '
-            "the scenario refer to it. Files whose times have an offset from UTC need one here, too: "
-            '"2026-03-02 06:00+01:00".'
+            description='Clock time of tick 0, such as "2026-03-02 06:00" or "06:00"; clock times '
+            "in the scenario refer to it. Files whose times have an offset from UTC need an "
+            'offset here, too: "2026-03-02 06:00+01:00".'
         ),
     ] = None
 
@@ -187,8 +187,8 @@ class Radius(ConfigSection, frozen=True, kw_only=True):
     shape: Annotated[
         Literal["square", "circle"],
         Meta(
-            description="square: the radius is counted in rows and in columns (Chebyshev); circle: it "
-            "is a straight distance."
+            description="Shape of what the radius covers. square: counted in rows and in columns "
+            "(Chebyshev); circle: a straight distance."
         ),
     ] = "square"
     orders: Annotated[
@@ -222,9 +222,9 @@ class Stop(ConfigSection, frozen=True, kw_only=True):
     at_limit: Annotated[
         Literal["end", "failure"] | None,
         Meta(
-            description="What it means that max_duration is reached with orders open. end: the run is "
-            "complete, as a shift is; failure: it is unfinished. Default: end with units.clock or "
-            "with when: never, else failure."
+            description="Result of a run that reaches max_duration with orders open. end: "
+            "complete, as a shift is; failure: unfinished. Default: end with units.clock or with "
+            "when: never, else failure."
         ),
     ] = None
 
@@ -299,16 +299,16 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
         Meta(
             ge=1,
             le=MAX_REFINEMENT,
-            description="Number of ticks of the run per tick of this file: durations are multiplied "
-            "by it, rates divided by it.",
+            description="Number of ticks of the run per tick of this file; durations are "
+            "multiplied by this number, rates divided by it.",
         ),
     ] = 1
     decide: Annotated[
         Literal["coarse", "fine"],
         Meta(
-            description="When strategies decide in a run that divides each tick into `refine` fine "
-            "ticks. coarse: in the first of these only, in which robots also begin their operations; "
-            "fine: in every fine tick."
+            description="When strategies decide in a run that divides each tick into `refine` "
+            "fine ticks. coarse: only in the first fine tick of each, in which robots also begin "
+            "their operations; fine: in every fine tick."
         ),
     ] = "coarse"
     seed: Annotated[
@@ -392,7 +392,7 @@ class LegendEntry(ConfigSection, frozen=True, kw_only=True):
     ] = None
     exits: Annotated[
         tuple[Direction, ...] | None,
-        Meta(description="Directions in which a robot may leave; one alone makes it one-way."),
+        Meta(description="Directions in which a robot may leave; only one: a one-way cell."),
     ] = None
     opens: Annotated[
         tuple[Direction, ...] | None,

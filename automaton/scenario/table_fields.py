@@ -150,14 +150,14 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
     file: Annotated[
         NonEmptyText,
         Meta(
-            description="A CSV file with a header line, separated by semicolons, tabs or commas, or a "
-            "workbook (.xlsx, extra excel); path relative to the scenario. A pattern such as "
-            "days/*.csv names several files: the seed of a run draws one, whose times count from its "
-            "own midnight."
+            description="A CSV file with a header line, separated by semicolons, tabs or commas, "
+            "or a workbook (.xlsx; needs fleet-automaton[excel]); path relative to the scenario. "
+            "A pattern such as days/*.csv names several files: the seed of a run draws one, whose "
+            "times count from its own midnight."
         ),
     ]
     sheet: Annotated[
-        SingleLine | None, Meta(description="The sheet of a workbook; null: its only one.")
+        SingleLine | None, Meta(description="The sheet of a workbook; null: the only sheet.")
     ] = None
     where: Annotated[
         dict[str, Values],
@@ -169,9 +169,9 @@ class TableOptions(ConfigSection, frozen=True, kw_only=True):
     time: Annotated[
         SingleLine | None,
         Meta(
-            description='The format of its times, as of strptime: "%d.%m.%Y %H:%M". null: ISO 8601, '
-            "times of the clock's day such as 06:30, ticks, or times after tick 0 such as 20 s. serial: "
-            "days such as 46083.25, as spreadsheets store dates."
+            description='The format of the times in the file, as of strptime: "%d.%m.%Y %H:%M". '
+            "null: ISO 8601, times of the clock's day such as 06:30, ticks, or times after tick 0 "
+            "such as 20 s. serial: days such as 46083.25, as spreadsheets store dates."
         ),
     ] = None
     encoding: Annotated[

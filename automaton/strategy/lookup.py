@@ -265,8 +265,8 @@ class ZoningParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, 
         Meta(
             ge=2,
             le=500,
-            description="Number of groups of slots that count as stations, on a floor without "
-            "stations.",
+            description="Number of groups into which slots are divided on a floor without "
+            "stations; each group counts as a station.",
         ),
     ] = 18
     priority: Annotated[

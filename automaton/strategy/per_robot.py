@@ -30,10 +30,10 @@ from automaton.strategy.contract import Strategy
 class Order:
     """A waiting order."""
 
-    index: int  # its number
-    slot: int  # where its load is; NIL: no load
+    index: int  # number of the order
+    slot: int  # slot of the load; NIL: the order has no load
     target: int  # destination slot, or NIL
-    stop: int = NIL  # flat cell of its next stop, if it has no load
+    stop: int = NIL  # flat cell of the next stop, if the order has no load
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ def step(direction: int) -> Decision:
 
 
 def wait(ticks: int) -> Decision:
-    """Right of way: wait."""
+    """Right of way: wait for some ticks."""
     return Decision(CMD_WAIT, ticks)
 
 
@@ -150,37 +150,37 @@ class Me:
         self, view: World, workspace: Workspace, robot: int, reason: int, row: Any
     ) -> None:
         self._view, self.workspace, self.index = view, workspace, robot
-        self.reason = reason  # automaton.strategy.api.REASON_*
+        self.reason = reason  # why the robot is asked: automaton.strategy.api.REASON_*
         self.memory = row  # (k,) int64 numbers remembered for this robot
 
     @property
     def identity(self) -> int:
-        """Its number, from 0."""
+        """The number of the robot, from 0."""
         return int(self._view.robots.identity[self.index])
 
     @property
     def cell(self) -> tuple[int, int]:
-        """(x, y); in a long move the cell that it enters, in a parking bay its home cell."""
+        """Cell (x, y) of the robot; in a long move the one that it enters, in a parking bay its home."""
         width = self._view.grid.width
         place = paths.position(self._view, self.index)
         return place % width - 1, place // width - 1
 
     @property
     def load(self) -> int | None:
-        """The order that it carries."""
+        """The order whose load the robot carries."""
         load = int(self._view.robots.load[self.index])
         return None if load == NIL else load
 
     def access_cell_for(self, slot: int) -> int:
-        """The flat cell from which it picks up at a slot, or drops there if loaded, by the
+        """The flat cell from which the robot picks up at a slot, or drops its load there, by the
         scenario's `world.access_cell`; NIL: none."""
         cell_of = paths.pickup_cell if self.load is None else paths.dropoff_cell
         cell = cell_of(self._view, self.index, slot)
         return NIL if cell is None else cell
 
     def ticks_to(self, place: int | Order) -> int:
-        """Ticks on the empty floor to the cell from which it serves a slot, or to the first cell of
-        an order: the pick-up, or the next stop."""
+        """Ticks on the empty floor to the cell from which the robot serves a slot, or to the first
+        cell of an order: the pick-up, or the next stop."""
         slot, cell = (place.slot, place.stop) if isinstance(place, Order) else (place, NIL)
         if slot != NIL:
             cell = self.access_cell_for(slot)
@@ -189,7 +189,7 @@ class Me:
         return paths.distance(self._view, self.workspace, self.index, cell)
 
     def route(self, around: bool = False) -> list[int] | None:
-        """Directions to its goal cell; `around`: avoid the robots in sight."""
+        """Directions to the robot's goal cell; `around`: avoid the robots in sight."""
         goal_cell = int(self._view.robots.goal_cell[self.index])
         return paths.route(self._view, self.workspace, self.index, goal_cell, around)
 

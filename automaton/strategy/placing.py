@@ -189,7 +189,7 @@ def highest_priority(view, out, i):
 
 @kernel
 def take_order(view, out, k, i, order):
-    """Decision k of the batch: robot i takes this order and drives to its first cell."""
+    """Decision k of the batch: robot i takes an order and drives to its first cell."""
     out.command[k] = CMD_TAKE_ORDER
     out.order[k] = order
     out.goal_cell[k] = begin_cell(view, view.robots.type[i], order, position(view, i))
@@ -230,7 +230,7 @@ def places_load(reason):
 
 @kernel
 def set_down(view, out, k, i, slot):
-    """Decision k: robot i drops its load at this slot, which must accept it."""
+    """Decision k: robot i drops its load at a slot, which must accept it."""
     out.command[k] = CMD_DROP_AT
     out.slot[k] = slot
     out.goal_cell[k] = dropoff_cell(view, view.robots.type[i], slot, position(view, i))

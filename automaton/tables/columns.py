@@ -72,64 +72,70 @@ ORDER_COLUMNS: Final = (
         INTEGER,
         "priority of the order: the highest of its lines; larger numbers come first",
     ),
-    TableColumn("released", TICKS, "tick of its release; empty: not in this run"),
-    TableColumn("due", TICKS, "due tick"),
-    TableColumn("done", TICKS, "tick in which it was done; empty: open at the end"),
-    TableColumn("lead_time", TICKS, "time from its release until it was done"),
+    TableColumn("released", TICKS, "release tick of the order; empty: not in this run"),
+    TableColumn("due", TICKS, "due tick of the order"),
+    TableColumn("done", TICKS, "tick in which the order was done; empty: open at the end"),
+    TableColumn("lead_time", TICKS, "time from the release until the order was done"),
     TableColumn(
         "tardiness",
         TICKS,
-        "time from `due` until it was done, or to the end of the run; 0: on time",
+        "time from `due` until the order was done, or to the end of the run; 0: on time",
     ),
     TableColumn(
         "late",
         FLAG,
-        "whether it was done after its due time, or is open and past due at the end; empty: unknown",
+        "whether the order was done after its due time, or is open and past due at the end; "
+        "empty: unknown",
     ),
     TableColumn("lines", INTEGER, "number of lines of the order; empty if orders have no lines"),
     TableColumn("name", TEXT, "name of the order in the list or file of lines"),
 )
 LINE_COLUMNS: Final = (
     TableColumn("line", INTEGER, "number of the line, from 0"),
-    TableColumn("order", INTEGER, "the order that it belongs to"),
+    TableColumn("order", INTEGER, "the order to which the line belongs"),
     TableColumn("sku", TEXT, "SKU of the line, if the scenario gives it"),
     TableColumn("pod", INTEGER, "number of the pod, from 1"),
     TableColumn("pod_name", TEXT, "name of the pod, or its number if it has no name"),
-    TableColumn("station", TEXT, "the station that serves it"),
-    TableColumn("trip", INTEGER, "the trip that serves it"),
-    TableColumn("robot", INTEGER, "the robot that last took this trip"),
+    TableColumn("station", TEXT, "the station that serves the line"),
+    TableColumn("trip", INTEGER, "the trip that serves the line"),
+    TableColumn("robot", INTEGER, "the robot that last took the trip"),
     TableColumn("units", INTEGER, "number of units"),
-    TableColumn("released", TICKS, "tick of its release; empty: not in this run"),
+    TableColumn("released", TICKS, "release tick of the line; empty: not in this run"),
     TableColumn("taken", TICKS, "tick in which the robot took the trip"),
     TableColumn("lifted", TICKS, "first tick in which the pod is on the robot"),
     TableColumn("arrived", TICKS, "tick in which the robot arrived at the station"),
-    TableColumn("begun", TICKS, "first tick of the visit in which it is served"),
-    TableColumn("done", TICKS, "the last tick of this visit; empty: the visit is open at the end"),
+    TableColumn("begun", TICKS, "first tick of the visit that serves the line"),
+    TableColumn(
+        "done", TICKS, "tick in which the visit ended; empty: the visit is open at the end"
+    ),
 )
 TRIP_COLUMNS: Final = (
     TableColumn("trip", INTEGER, "number of the trip, or of the order if orders have no lines"),
     TableColumn("pod", INTEGER, "number of the pod, from 1"),
     TableColumn("from", TEXT, "cell `x_y` from which the load comes"),
-    TableColumn("to", TEXT, "cell `x_y` to which it was or will be brought"),
-    TableColumn("robot", INTEGER, "the robot that last took it"),
-    TableColumn("type", TEXT, "type of this robot, if the fleet has several"),
-    TableColumn("released", TICKS, "tick of its release; empty: not in this run"),
-    TableColumn("taken", TICKS, "tick in which this robot took it"),
+    TableColumn("to", TEXT, "cell `x_y` to which the load was or will be brought"),
+    TableColumn("robot", INTEGER, "the robot that last took the trip"),
+    TableColumn("type", TEXT, "type of the robot, if the fleet has several"),
+    TableColumn("released", TICKS, "release tick of the trip; empty: not in this run"),
+    TableColumn("taken", TICKS, "tick in which the robot took the trip"),
     TableColumn("picked", TICKS, "first tick in which the load is on the robot"),
     TableColumn("delivered", TICKS, "first tick in which the load is at its target"),
     TableColumn("stops", INTEGER, "number of stops done"),
-    TableColumn("moves", INTEGER, "moves with the load; without a load, since the order was taken"),
-    TableColumn("drive", TICKS, "ticks of these moves and of the turns between them"),
+    TableColumn(
+        "moves", INTEGER, "number of moves with the load; without a load, since the order was taken"
+    ),
+    TableColumn(
+        "drive", TICKS, "ticks of the moves counted in `moves`, and of the turns between them"
+    ),
     TableColumn(
         "least_drive",
         TICKS,
-        "least ticks for these moves and turns on an empty floor; empty: the load was picked "
-        "up more than once",
+        "least possible `drive` on an empty floor; empty: the load was picked up more than once",
     ),
     TableColumn("queued", TICKS, "ticks in the queues of stations"),
 )
 EVENT_COLUMNS: Final = (
-    TableColumn("tick", TICKS, "when it happened"),
+    TableColumn("tick", TICKS, "tick of the event"),
     TableColumn("event", TEXT, "name of the event"),
     TableColumn("robot", INTEGER, "the robot; of a wait cycle, the one with the lowest number"),
     TableColumn(
@@ -144,25 +150,28 @@ EVENT_COLUMNS: Final = (
     TableColumn(
         "x", INTEGER, "column of the robot's cell, for events of loads and of robots that go down"
     ),
-    TableColumn("y", INTEGER, "row of this cell"),
-    TableColumn("rule", TEXT, "layer and rule of an `illegal decision`; `value` is what it gave"),
+    TableColumn("y", INTEGER, "row of the robot's cell, for the same events"),
+    TableColumn(
+        "rule", TEXT, "layer and rule of an `illegal decision`; `value` is what the strategy gave"
+    ),
 )
 STATE_COLUMNS: Final = (
-    TableColumn("tick", TICKS, "tick at whose end the robot has this state"),
+    TableColumn("tick", TICKS, "tick at whose end the robot has the state"),
     TableColumn("robot", INTEGER, "number of the robot, from 0"),
     TableColumn(
         "x",
         INTEGER,
-        "column of its cell; during a long move the cell that it leaves; empty: off the floor",
+        "column of the robot's cell; during a long move the cell that it leaves; empty: off the "
+        "floor",
     ),
-    TableColumn("y", INTEGER, "row of this cell"),
+    TableColumn("y", INTEGER, "row of the robot's cell"),
     TableColumn("heading", TEXT, "E, S, W or N; on rails EW or NS; empty: the robot never turns"),
     TableColumn("action", TEXT, "action of the robot"),
-    TableColumn("load", INTEGER, "the order or trip whose load it carries"),
-    TableColumn("order", INTEGER, "the order or trip that it works on"),
+    TableColumn("load", INTEGER, "the order or trip whose load the robot carries"),
+    TableColumn("order", INTEGER, "the order or trip that the robot works on"),
     TableColumn("charge", NUMBER, "battery charge, from 0 to 1; empty: robots have no batteries"),
     TableColumn("cause", TEXT, "cause of waiting; empty: the robot does not wait"),
-    TableColumn("blocker", INTEGER, "the robot that blocks it"),
+    TableColumn("blocker", INTEGER, "the robot that blocks the waiting one"),
 )
 STATION_COLUMNS: Final = (
     TableColumn("station", TEXT, "name of the station, or its number from 1"),
@@ -170,18 +179,18 @@ STATION_COLUMNS: Final = (
     TableColumn("y", INTEGER, "row of the station"),
     TableColumn("visits", INTEGER, "number of visits done, or of parts"),
     TableColumn("lines", INTEGER, "number of lines served; empty if orders have no lines"),
-    TableColumn("work", TICKS, "ticks of these visits, or of work on parts"),
+    TableColumn("work", TICKS, "ticks of the visits in `visits`, or of work on parts"),
     TableColumn("utilization", NUMBER, "`work` / ticks of the run"),
 )
 CELL_COLUMNS: Final = (
     TableColumn("x", INTEGER, "column of the cell (only cells on which robots can drive)"),
     TableColumn("y", INTEGER, "row of the cell"),
-    TableColumn("visits", INTEGER, "number of times that a robot entered it"),
-    TableColumn("waited", TICKS, "robot ticks lost in it"),
-    TableColumn("flow_e", INTEGER, "number of moves out of it to the east"),
-    TableColumn("flow_s", INTEGER, "number of moves out of it to the south"),
-    TableColumn("flow_w", INTEGER, "number of moves out of it to the west"),
-    TableColumn("flow_n", INTEGER, "number of moves out of it to the north"),
+    TableColumn("visits", INTEGER, "number of times that a robot entered the cell"),
+    TableColumn("waited", TICKS, "ticks that robots lost in the cell"),
+    TableColumn("flow_e", INTEGER, "number of moves out of the cell to the east"),
+    TableColumn("flow_s", INTEGER, "number of moves out of the cell to the south"),
+    TableColumn("flow_w", INTEGER, "number of moves out of the cell to the west"),
+    TableColumn("flow_n", INTEGER, "number of moves out of the cell to the north"),
 )
 # The columns of robots are those of `run --json`, which depend on the scenario.
 TABLES: Final[dict[str, tuple[TableColumn, ...]]] = {

@@ -137,7 +137,11 @@ class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=T
         10.0
     )
     idle: Annotated[
-        Literal["park", "stay"], Meta(description="The behavior of robots without an order.")
+        Literal["park", "stay"],
+        Meta(
+            description="Behavior of robots without an order. park: they drive home; stay: they "
+            "stay where they are."
+        ),
     ] = "park"
     storage: Storage = "fixed"
 
@@ -165,8 +169,8 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
     reassign: Annotated[
         Ticks | None,
         Meta(
-            description="Ticks between two rematchings of robots with orders without a load that are "
-            "not begun; null: a robot keeps its order."
+            description="Ticks after which orders are matched again; only orders that have no "
+            "load and are not begun take part. null: a robot keeps its order."
         ),
     ] = None
     active: Annotated[
@@ -176,8 +180,8 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
     idle: Annotated[
         Literal["park", "stay"],
         Meta(
-            description="Behavior of robots without an order. Robots without an order because of "
-            "`active` stay where they are."
+            description="Behavior of robots without an order. park: they drive home; stay: they "
+            "stay where they are, as always do robots that get no order because of `active`."
         ),
     ] = "park"
 
@@ -206,11 +210,12 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
             "sequential", "arrival", "parallel", "combinatorial", "genetic", "exact", "assignment"
         ],
         Meta(
-            description="Auction mechanism. sequential: orders are sold one by one, and the winner "
-            "bids again; arrival: each order goes to the lowest bid, in the sequence of arrival; "
-            "parallel: all orders are sold at once; combinatorial: bids on bundles, for small cases; "
-            "genetic and exact: the benchmarks of the paper, exact without batteries and with the ten "
-            "oldest orders; assignment: one order for each robot."
+            description="Auction mechanism. sequential: orders are sold one by one, and the "
+            "winner bids again; arrival: each order goes to the lowest bid, in the sequence of "
+            "arrival; parallel: all orders are sold at once; combinatorial: bids on bundles of "
+            "the ten oldest orders; genetic: the genetic algorithm of the paper, for the twelve "
+            "oldest orders; exact: the optimum of the paper, for the ten oldest orders and fleets "
+            "without batteries; assignment: one order for each robot."
         ),
     ] = "sequential"
     bid_rule: Annotated[
@@ -223,16 +228,17 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     epsilon: Annotated[
         Fraction | EpsilonSchedule | Literal["load"],
         Meta(
-            description="Weight of MiniSum (1) against MiniMax (0). {from, to, until}: it changes "
-            "with time; load: it rises towards 1 with the number of waiting orders per robot."
+            description="Weight of MiniSum (1) against MiniMax (0). {from, to, until}: a weight "
+            "that changes linearly until a tick; load: a weight that rises towards 1 with the "
+            "number of waiting orders per robot."
         ),
     ] = 0.5
     winner_rule: Annotated[
         Literal["lowest", "difference", "fewest", "regret"],
         Meta(
-            description="Order that a sequential auction sells next. lowest: the one with the lowest "
-            "bid (LB); difference: with the biggest difference (BD); fewest: with the fewest bidders "
-            "(FB); regret: with the largest regret."
+            description="Order that a sequential auction sells next. lowest: lowest bid (LB); "
+            "difference: largest difference of highest and lowest bid (BD); fewest: fewest "
+            "bidders (FB); regret: largest difference of second lowest and lowest bid."
         ),
     ] = "lowest"
     local_search: Annotated[
@@ -267,8 +273,8 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     region: Annotated[
         Literal["auctioneer", "order"],
         Meta(
-            description="Centre of the announcement radius: robots around the auctioneer may bid, or "
-            "robots around the order."
+            description="Centre of the announcement radius. auctioneer: robots around the "
+            "auctioneer may bid; order: robots around the order may bid."
         ),
     ] = "auctioneer"
     announcement_radius: Annotated[
@@ -281,14 +287,16 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     reauction_after: Annotated[
         Annotated[int, quantity(TIME, ge=0, le=1_000_000)] | None,
         Meta(
-            description="Delay in ticks after which a robot returns its list of orders; null: never."
+            description="Ticks by which a robot may finish its list of orders later than planned; "
+            "a robot that will be later returns the list. null: never."
         ),
     ] = None
     while_charging: Annotated[
         Literal["release", "keep"],
         Meta(
-            description="Orders of a robot that is about to charge, queues or charges. release: it "
-            "returns them as soon as another robot has no order left; keep: it keeps them."
+            description="Orders of a robot that charges, queues for a charger or is about to. "
+            "release: it returns them as soon as another robot has no order left; keep: it keeps "
+            "them."
         ),
     ] = "release"
 

@@ -49,8 +49,9 @@ class Insertion(Quotes, forbid_unknown_fields=True, frozen=True, kw_only=True):
     mode: Annotated[
         Literal["hierarchical", "joint"],
         Meta(
-            description="hierarchical: the order is inserted where it costs least, then the charging; "
-            "joint: where both together cost least."
+            description="How an order and its charging are inserted into a list. hierarchical: "
+            "first the order where it costs least, then the charging; joint: both where they cost "
+            "least together."
         ),
     ] = "hierarchical"
     never_strand: Annotated[

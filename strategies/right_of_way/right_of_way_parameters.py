@@ -19,15 +19,25 @@ MAX_GUIDED_SPEEDS = 7  # a table has 16 queues, one per cost: two for each speed
 MOST_TICKS: Final = 256  # each cell needs a word per tick: at most 1 KiB
 Moves = Annotated[int, Meta(ge=1, le=10_000)]
 Wait = Annotated[int, quantity(TIME, ge=1, le=10_000)]
-BOTH_INCLUDED = Meta(description="Range of random values: [from, to], both included.")
-Span = Annotated[tuple[Wait, Wait], BOTH_INCLUDED]
+Span = tuple[Wait, Wait]
+
+
+def random_ticks(clause: str) -> Any:
+    """The meaning of a parameter: a range of random ticks, and what happens for so long."""
+    return Meta(description=f"Ticks that {clause}: random, [from, to], both included.")
 
 
 class Waits(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How long a blocked robot waits, in ticks."""
 
-    wait_empty: Span = (1, 5)
-    wait_loaded: Span = (5, 10)
+    wait_empty: Annotated[Span, random_ticks("a robot without a load waits before it retries")] = (
+        1,
+        5,
+    )
+    wait_loaded: Annotated[Span, random_ticks("a robot with a load waits before it retries")] = (
+        5,
+        10,
+    )
 
     def __post_init__(self) -> None:
         for name in self.__struct_fields__:
@@ -60,8 +70,11 @@ class RetreatParameters(Waits, forbid_unknown_fields=True, frozen=True, kw_only=
             "load it also chooses its order again (`go to 1` and `go to 12` of Grzejszczak and Nocon)."
         ),
     ] = "keep"
-    retreat_moves: Annotated[tuple[Moves, Moves], BOTH_INCLUDED] = (1, 12)
-    abort_wait: Span = (1, 5)  # ticks, if no retreat is possible
+    retreat_moves: Annotated[
+        tuple[Moves, Moves],
+        Meta(description="Number of moves of a retreat: random, [from, to], both included."),
+    ] = (1, 12)
+    abort_wait: Annotated[Span, random_ticks("a robot waits if no retreat is possible")] = (1, 5)
     idle_give_way: Annotated[
         bool, Meta(description="Whether idle robots make room for robots that need their cell.")
     ] = False
@@ -82,8 +95,8 @@ class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
             TIME,
             ge=1,
             le=1_000_000,
-            description="Age of a wait cycle, in ticks beyond the longest action of its robots, at "
-            "which one of the robots steps aside.",
+            description="One robot of a wait cycle steps aside once the cycle is older than the "
+            "longest action of its robots by this many ticks.",
         ),
     ] = 64
 
@@ -157,7 +170,11 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
     ] = 0
     repair_pushes: Annotated[
         int,
-        Meta(ge=1, le=1_000_000, description="Pushes after which such an attempt is abandoned."),
+        Meta(
+            ge=1,
+            le=1_000_000,
+            description="Pushes after which an attempt to improve the plans is abandoned.",
+        ),
     ] = 100
     visits: Annotated[
         int,

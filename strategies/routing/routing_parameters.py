@@ -125,9 +125,10 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     predictor: Annotated[
         Literal["exact", "noisy", "network"] | NetworkFile,
         Meta(
-            description="Predictor of the zones that other robots will use. exact: the zones on their "
-            "A* paths; noisy: the same with errors, by precision and recall; network: a trained "
-            "network, either the shipped one for warehouse-100 or one from a file."
+            description="Predictor of the zones that other robots will use. exact: the zones on "
+            "their A* paths; noisy: the zones of exact with errors, by precision and recall; "
+            "network: a trained network, either the shipped one for warehouse-100 or one from a "
+            "file."
         ),
     ] = "exact"
     precision: Annotated[
@@ -151,15 +152,15 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
         Meta(
             ge=1,
             le=1000,
-            description="Greatest threshold A. Plans are tried with zones of A other robots closed, "
-            "for A = 1 up to this number.",
+            description="Greatest threshold A. For A = 1 up to this number, a plan is made that "
+            "avoids the zones in which A or more other robots are predicted.",
         ),
     ] = 6
     closed_from: Annotated[
         Literal["A", "more than A"],
         Meta(
-            description="Number of other robots that close a zone: A or more, or more than A, as "
-            "Shaji Bhattathiri, Li and Kuhl print it (then a single robot never closes a zone)."
+            description="How many other robots close a zone. A: A or more. more than A: as Shaji "
+            "Bhattathiri, Li and Kuhl print it; then one robot alone never closes a zone."
         ),
     ] = "A"
 

@@ -132,7 +132,12 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
         Meta(description="Whether orders go to robots of other zones while zones are unbalanced."),
     ] = True
     tolerance: Annotated[
-        float, Meta(ge=0, le=1, description="The largest SVp of balanced zones.")
+        float,
+        Meta(
+            ge=0,
+            le=1,
+            description="Largest imbalance SVp (0 to 1) at which zones count as balanced.",
+        ),
     ] = 0.2
     window: Annotated[
         Minutes, Meta(description="Minutes for which a delivery counts in the measured flow.")
@@ -185,7 +190,8 @@ class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True
         Meta(
             ge=1,
             le=100_000,
-            description="M: number of annealing steps, and maximum number of moves.",
+            description="M: number of accepted or impossible moves of a tip to another zone after "
+            "which the annealing ends.",
         ),
     ] = 500
     hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: initial temperature.")] = 4.5
@@ -196,7 +202,9 @@ class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True
 class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """A genetic algorithm over zone designs."""
 
-    population: Annotated[int, Meta(ge=2, le=1000, description="Designs in a generation.")] = 60
+    population: Annotated[
+        int, Meta(ge=2, le=1000, description="Number of designs in a generation.")
+    ] = 60
     generations: Annotated[int, Meta(ge=1, le=10_000, description="Number of generations.")] = 100
     selected: Annotated[
         int,
@@ -207,18 +215,27 @@ class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
         ),
     ] = 10
     mutation: Annotated[
-        float, Meta(ge=0, le=0.95, description="Probability of each further mutation.")
+        float,
+        Meta(
+            ge=0,
+            le=0.95,
+            description="Probability that a new design, mutated once, is mutated once more, and "
+            "so on.",
+        ),
     ] = 0.45
     matched: Annotated[
         bool,
         Meta(
-            description="Whether new zones go to the nearest robots; false: in the sequence in which "
-            "they were bred."
+            description="Whether each new zone goes to the robot with the nearest reference cell "
+            "(`poses`); false: zones go to robots in the sequence in which they were bred."
         ),
     ] = True
     poses: Annotated[
         tuple[tuple[int, int], ...] | None,
-        Meta(description="Reference cells [x, y], one for each robot; left out: the start cells."),
+        Meta(
+            description="Reference cell [x, y] of each robot, from which `matched` measures the "
+            "distance to zones; left out: the start cells."
+        ),
     ] = None
 
 
@@ -230,9 +247,16 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
         Minutes,
         Meta(description="L_TOL: minutes by which the load of a zone may differ from the mean."),
     ] = 18.0
-    patience: Annotated[Minutes, Meta(description="T_LT: minutes since the last balance.")] = 15.0
+    patience: Annotated[
+        Minutes,
+        Meta(
+            description="T_LT: minutes after a robot was last in balance from which it may start a "
+            "redesign."
+        ),
+    ] = 15.0
     hysteresis: Annotated[
-        Minutes, Meta(description="Minutes in or out of tolerance before a robot acts on it.")
+        Minutes,
+        Meta(description="Minutes for which a robot is in or out of tolerance before it acts."),
     ] = 6.5
     look: Annotated[
         Seconds, Meta(description="Seconds between two measurements of a robot's own load.")
@@ -241,31 +265,41 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
         Seconds, Meta(description="T_AC: seconds between two rounds of averaging.")
     ] = 120.0
     rounds: Annotated[
-        int, Meta(ge=1, le=10_000, description="Steps of the consensus algorithm.")
+        int, Meta(ge=1, le=10_000, description="Number of steps of the consensus algorithm.")
     ] = 100
     turns: Annotated[
         int, Meta(ge=1, le=100, description="E_t: number of turns that each robot leads.")
     ] = 2
-    iterations: Annotated[int, Meta(ge=1, le=1000, description="I_t: exchanges in a turn.")] = 10
+    iterations: Annotated[
+        int, Meta(ge=1, le=1000, description="I_t: number of exchanges in a turn.")
+    ] = 10
     hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: initial temperature.")] = 4.5
     cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: final temperature.")] = 0.3
     tip_pairs: TipPairs = "last"
-    scale: Annotated[float, quantity(MINUTES, gt=0, le=1000, description="k, in minutes.")] = 10.0
+    scale: Annotated[
+        float,
+        quantity(
+            MINUTES,
+            gt=0,
+            le=1000,
+            description="k: factor of the temperature, in minutes (Algorithm 4).",
+        ),
+    ] = 10.0
     pause: Annotated[
         Seconds, Meta(description="Seconds for which robots stand still during a redesign.")
     ] = 0.0
     sharing: Annotated[
         bool,
         Meta(
-            description="Whether a robot out of tolerance gives orders that begin near the zone of a "
-            "neighbour to that neighbour."
+            description="Whether a robot out of tolerance gives orders to a neighbour if they "
+            "begin near the neighbour's zone."
         ),
     ] = False
     drop_near: Annotated[
         Annotated[float, quantity(LENGTH, ge=0, le=1_000_000)],
         Meta(
-            description="Distance from a transfer station within which the load of an order goes "
-            "directly to its station."
+            description="Distance of the next station of an order from the transfer station up to "
+            "which the load skips the transfer station; 0: never."
         ),
     ] = 0.0
 

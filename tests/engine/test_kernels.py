@@ -149,9 +149,9 @@ def test_what_is_compiled_for_long_is_said_once_and_is_no_time_of_a_run(
     # The first run on a machine is told as that; what explain needs beyond it is not.
     marker = tmp_path / "complete"
     monkeypatch.setattr(jit, "world_marker", lambda: marker)
-    for said in ("first run of this version", "another part of the world"):
+    for said in ("first run of this version", "another part of the world (loop)"):
         other = jit._Compilations()
-        other.announce(jit.WORLD)
+        other.announce("automaton.engine.loop")
         marker.touch()
         assert said in capsys.readouterr().err
     assert jit.subject_of("mine") == "mine"

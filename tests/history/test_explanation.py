@@ -67,7 +67,7 @@ def test_a_circle_is_told_from_where_it_begins() -> None:
 def test_a_cell_that_nobody_holds_any_more() -> None:
     floor = SmallRun("AB.", {"A": "E", "B": "E"}, following="none").tick()
     assert why(floor, "A") == [
-        "robot 0 has been waiting for 1 tick: (1, 0) was vacated only at the end of this tick"
+        "robot 0 has been waiting for 1 tick: the robot ahead left (1, 0) only at the end of this tick"
     ]
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any, get_type_hints
 
 import pytest
@@ -20,12 +21,13 @@ from automaton.scenario.table_files import LocationColumns, StartColumns
 from automaton.studies.sweeps.study import study_schema
 from automaton.tables.columns import TABLES
 
+CONTRACT = Path(__file__).parents[2] / "docs" / "reference" / "strategy-contract.md"
 FRAGMENTS = (
     *("and", "or", "but", "nor", "also", "then", "instead", "once", "like", "beside"),
     *("this", "that", "these", "those", "it", "its", "the same", "such", "so many"),
     *("of", "to", "from", "for", "by", "with", "without", "at", "on", "in", "into", "over", "as"),
     *("after", "before", "between", "since", "until", "under", "through", "about", "per"),
-    *("comes?", "lasts?", "gets?", "goes", "stands?", "holds?", "takes?", "is", "are", "was"),
+    *("comes?", "lasts", "gets?", "goes", "stands?", "holds?", "takes?", "is", "are", "was"),
     *(
         "were",
         "has",
@@ -64,10 +66,24 @@ def of_columns() -> Iterator[tuple[str, str]]:
             yield f"{kind.__name__}.{name}", hints[name].__metadata__[-1].description
 
 
+def of_the_contract() -> Iterator[tuple[str, str]]:
+    """What the tables of the page for writers of strategies say beside each name."""
+    column = 0
+    for line in CONTRACT.read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in re.split(r"(?<!\\)\|", line)]
+        if "meaning" in cells:
+            column = cells.index("meaning")
+        elif len(cells) <= column:
+            column = 0
+        elif column and cells[1] != "---":
+            yield cells[1], cells[column]
+
+
 SOURCES = {
     "scenarios, strategies, floors": lambda: descriptions(json_schema()["$defs"], "scenario"),
     "studies": lambda: descriptions(study_schema()["$defs"], "study"),
     "tables": of_columns,
+    "contract of strategies": of_the_contract,
     "metrics": lambda: ((name, meaning) for name, (_, meaning) in METRIC_CATALOGUE.items()),
 }
 

@@ -65,7 +65,7 @@ class Sleepy(Strategy):
         ),
         (
             f"strategy.right_of_way={__name__}:Sleepy",
-            "right_of_way: robot 0, tick 1: command 2: a parked robot gets no command but CMD_STEP (1)",
+            "right_of_way: robot 0, tick 1: command 2: a parked robot gets only CMD_STEP (1)",
         ),
         (
             "strategy.allocation=example_strategies:Greedy",

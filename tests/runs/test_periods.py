@@ -63,7 +63,9 @@ def test_the_bottleneck_is_what_is_saturated_for_longest() -> None:
     assert (first.resource, first.share, first.first, first.last) == ("chargers", 0.5, 1, 2)
     assert (second.resource, second.first) == ("robots", 0)
     [text] = bottleneck_sentences(resolve("tabletop-mini", ["fleet.robots=3"]), periods, ())
-    assert text.startswith("Chargers were the bottleneck, saturated for 50 % of the run, longest")
+    assert text.startswith(
+        "Chargers were the bottleneck, saturated for 50 % of the run; the longest"
+    )
     assert "tick 100 to tick 300: 1 of 1 charger busy; 2 robots standing on the way to one." in text
     assert "Robots were also saturated" in text
 

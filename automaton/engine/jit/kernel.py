@@ -269,9 +269,9 @@ class _Compilations(event.Listener):  # type: ignore[misc]
         self._collected = gc.get_threshold()
         gc.set_threshold(*map(max, self._collected, GARBAGE_THRESHOLD))
         COMPILING.begin()
-        subject = subject_of(event.data["dispatcher"].py_func.__module__)
+        module = event.data["dispatcher"].py_func.__module__
         if not self.announced:
-            self._timer = threading.Timer(COMPILE_NOTICE_DELAY_S, self.announce, [subject])
+            self._timer = threading.Timer(COMPILE_NOTICE_DELAY_S, self.announce, [module])
             self._timer.daemon = True
             self._timer.start()
 
@@ -282,13 +282,15 @@ class _Compilations(event.Listener):  # type: ignore[misc]
             gc.set_threshold(*self._collected)
             self.seconds += time.perf_counter() - self._begun
 
-    def announce(self, subject: str) -> None:
-        """Say that something is being compiled, once per process."""
+    def announce(self, module: str) -> None:
+        """Say that a module is being compiled, once per subject and process."""
         if COMPILING.show_in_line():
             return
+        subject = subject_of(module)
         if subject not in self._told:
             self._told.add(subject)
-            part = "another part of the world" if subject == WORLD else subject
+            name = module.rpartition(".")[2].replace("_", " ")
+            part = f"another part of the world ({name})" if subject == WORLD else subject
             is_first = subject == WORLD and not world_marker().exists()
             text = FIRST_RUN_NOTICE if is_first else FIRST_USE_NOTICE + part
             print(f"automaton: {text}, once ...", file=sys.stderr, flush=True)

@@ -53,14 +53,14 @@ NIL: Final = -1  # none
 VISIBLE: Final = None
 
 # Roles. Arguments, outputs and scratch of kernels have no role.
-STATE: Final = "state"  # the next tick depends on it: in the digest
+STATE: Final = "state"  # the next tick depends on the field: it is in the digest
 DERIVED: Final = "derived"  # follows from the state, and is stored with it
-MEASURED: Final = "measured"  # for metrics and viewers; no influence on the run
+MEASURED: Final = "measured"  # metrics and viewers read the field; no influence on the run
 STATIC: Final = "static"  # never changes after it is built
-CONSTANT: Final = "constant"  # as STATIC, and read-only in kernels
+CONSTANT: Final = "constant"  # never changes, as STATIC, and is read-only in kernels
 SCRATCH: Final = "scratch"  # no influence on later ticks
 STOP: Final = "stop"  # not 0 once the run is aborted (Struct.stopped_by)
-BY_ENTRY: Final = "by entry"  # some entries are state
+BY_ENTRY: Final = "by entry"  # some entries belong to the state, others do not
 DECISION: Final = "decision"  # reset to its default for each robot that is asked
 CALL: Final = "call"  # reset to its default in each call of a layer
 CARRIED: Final = (STATE, DERIVED, MEASURED)  # copied to branches and to keyframes in memory

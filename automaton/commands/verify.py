@@ -18,6 +18,7 @@ from automaton.commands.arguments import add_json_argument, print_document, prin
 from automaton.documents.report_document import INDENT, Listed, ReportDocument
 from automaton.errors import InputError
 from automaton.recording.recording_reader import read_recording
+from automaton.runs.provenance import first_changes
 from automaton.units import count
 
 if TYPE_CHECKING:
@@ -130,9 +131,11 @@ def blocks(file: str, found: Verification) -> Iterator[Listed]:
     lines = [equal if found.difference is None else f"run again: {found.difference}"]
     lines += found.illegal.lines()
     lines += [f"{file} has changed since the run was recorded" for file in found.changed_files]
-    if not found.same_sources:
+    if found.changed_sources:
         recorded = recording.header["versions"].get("fleet-automaton", "unknown")
-        lines.append(f"recorded by other code than that installed here (version {recorded})")
+        lines.append(
+            f"recorded by other code (version {recorded}): {first_changes(found.changed_sources)}"
+        )
     yield Listed(lines, mark="")
 
 
@@ -161,7 +164,8 @@ def as_json(file: str, found: Verification) -> dict[str, Any]:
         "equal": difference is None,
         "difference": None if difference is None else difference._asdict(),
         "illegal_decisions": found.illegal.as_json(),
-        "same_sources": found.same_sources,
+        "same_sources": not found.changed_sources,
+        "changed_sources": found.changed_sources,
         "changed_files": list(found.changed_files),
         "actions": report.counts,
     }

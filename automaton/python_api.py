@@ -195,7 +195,7 @@ def sweep(
     """
     from automaton.studies.reports.comparisons import next_replications
     from automaton.studies.sweeps.pools import MAX_WORKERS, Backend, ExternalExecutor, LocalPool
-    from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
+    from automaton.studies.sweeps.sweep_plan import make_sweep_plan
     from automaton.studies.sweeps.sweep_session import sweep_into
 
     if sum(option is not None for option in (executor, workers, scheduler)) > 1:
@@ -216,14 +216,12 @@ def sweep(
 
     plan = make_sweep_plan(study)
     if out is not None:
-        copies = copies_of(study, plan)
         swept = sweep_into(
             Path(out),
             plan,
             backend,
             recompute,
             retry_failed=retry_failed,
-            copies=copies,
             decide=decide,
         )
         return swept.store.rows()

@@ -23,13 +23,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("folder", type=Path, metavar="DIR", help="the folder with the results of a sweep")
     add_output_arguments(parser)
-    add(
-        "--xlsx",
-        type=Path,
-        metavar="FILE",
-        help="write the report and all rows to a workbook, and print no text (needs "
-        "fleet-automaton[excel])",
-    )
     text = "write curves and maps as PNG and SVG files (needs fleet-automaton[plots])"
     add("--plots", type=Path, metavar="DIR", help=text)
     text = "write a CSV file with a line per point and metric"
@@ -40,6 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--csv", type=Path, metavar="FILE", help=text)
     text = "write a Parquet file with all rows, for pandas, polars or DuckDB"
     add("--parquet", type=Path, metavar="FILE", help=text)
+    text = "write a zip with all inputs, results, versions and digests, for `automaton verify`"
+    add("--archive", type=Path, metavar="FILE", help=text)
     add(
         "--floor",
         type=whole("a design point", 0),
@@ -65,21 +60,17 @@ def run(args: argparse.Namespace) -> int:
     if args.plots is not None:
         figure_class()  # fails before any computation if matplotlib is missing
     output = output_of(args)
-    has_text = args.xlsx is None or args.out is not None or args.json or args.format is not None
-    if output.format == XLSX:
-        if args.xlsx is not None:
-            raise InputError("names a second workbook; leave it out", f"--xlsx {args.xlsx}")
-        args.xlsx, has_text = output.file, False
+    book = output.file if output.format == XLSX else None
     check_files(args)
     store = Store(args.folder)
     report = read_report(store)
     document = document_of(report, store, args.floor)
-    wrote = write_files(args, store, report, document)
+    wrote = write_files(args, book, store, report, document)
     if args.plots is not None:
         wrote += write_plots(document.blocks, args.plots)
     for path in wrote:
         note(f"wrote {path}")
-    if has_text:
+    if book is None:
         from automaton.studies.reports.export import as_json
 
         output.write(lambda: document, lambda: as_json(report))
@@ -88,31 +79,34 @@ def run(args: argparse.Namespace) -> int:
 
 def check_files(args: argparse.Namespace) -> None:
     """Raise InputError, before anything is written, if a file to replace is not our table."""
-    from automaton.documents.workbook import WORKBOOK_BEGINS, check_replaced, openpyxl
+    from automaton.documents.workbook import check_replaced
     from automaton.studies.reports.export import (
         COMPARISONS_BEGIN,
         PARQUET_BEGINS,
         ROWS_BEGIN,
         SUMMARY_BEGINS,
     )
+    from automaton.studies.sweeps.results_archive import ARCHIVE_BEGINS
 
     for path, begins in (
         (args.csv, ROWS_BEGIN),
         (args.parquet, PARQUET_BEGINS),
         (args.summary, SUMMARY_BEGINS),
         (args.comparisons, COMPARISONS_BEGIN),
-        (args.xlsx, WORKBOOK_BEGINS),
+        (args.archive, ARCHIVE_BEGINS),
     ):
         if path is not None:
             check_replaced(path, begins)
-    if args.xlsx is not None:
-        openpyxl("workbooks are written")
 
 
 def write_files(
-    args: argparse.Namespace, store: Store, report: StudyReport, document: ReportDocument
+    args: argparse.Namespace,
+    book: Path | None,
+    store: Store,
+    report: StudyReport,
+    document: ReportDocument,
 ) -> list[Path]:
-    """Write the requested tables; return their files. Raises InputError."""
+    """Write the requested tables and the workbook; return their files. Raises InputError."""
     from automaton.studies.reports.export import (
         comparison_records,
         summary_records,
@@ -126,9 +120,9 @@ def write_files(
 
     results = report.results
     wrote: list[Path] = []
-    if args.csv or args.parquet or args.xlsx:
+    if args.csv or args.parquet or book:
         rows, _ = measured_rows(store)
-    if args.summary or args.xlsx:
+    if args.summary or book:
         summaries = without_empty(list(summary_records(results, report.scenarios)))
     compared = without_empty(list(comparison_records(results, report.compared)))
     if args.csv is not None:
@@ -143,7 +137,13 @@ def write_files(
     if args.comparisons is not None:
         write_records_csv(compared, ("metric", "point", "against", "difference"), args.comparisons)
         wrote.append(args.comparisons)
-    if args.xlsx is not None:
-        write_workbook(document, summaries, compared, rows, args.xlsx)
-        wrote.append(args.xlsx)
+    if book is not None:
+        write_workbook(document, summaries, compared, rows, book)
+        wrote.append(book)
+    if args.archive is not None:
+        from automaton.documents.html_output import as_html
+        from automaton.studies.sweeps.results_archive import write_archive
+
+        write_archive(store, as_html(document), args.archive)
+        wrote.append(args.archive)
     return wrote

@@ -70,7 +70,7 @@ def run(args: argparse.Namespace) -> int:
     if args.dry_run and args.scheduler is not None:
         raise InputError("--dry-run estimates for local processes; leave --scheduler out")
     output = output_of(args, "--report")
-    from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
+    from automaton.studies.sweeps.sweep_plan import make_sweep_plan
     from automaton.studies.sweeps.sweep_session import sweep_into
 
     plan = make_sweep_plan(args.study)
@@ -86,7 +86,6 @@ def run(args: argparse.Namespace) -> int:
             listener.begin,
             listener.rows,
             args.retry_failed,
-            copies_of(args.study, plan),
             args.strategy_timeout,
             listener.decide,
         )

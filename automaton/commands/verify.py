@@ -1,40 +1,54 @@
 """Verify a recorded run: check the rules, run it again, and report the first tick that differs.
 
-With --problem, check the output of another program for a problem of the League of Robot Runners.
-Exit code 0: all recorded ticks (even of an incomplete recording) follow the rules and are reproduced;
-1: a rule is broken or a tick differs; 2: the file is damaged or not a recording.
+Verify a results folder or its archive: do all runs again and compare their results. With --problem,
+check the output of another program for a problem of the League of Robot Runners.
+Exit code 0: all recorded ticks (even of an incomplete recording) follow the rules and are reproduced,
+or all results are equal; 1: a rule is broken, or a tick or a result differs; 2: the file is damaged or
+none of these.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import sys
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
-from automaton.commands.arguments import add_json_argument, print_document, print_json, progress_bar
+from automaton.commands.arguments import (
+    add_json_argument,
+    add_workers_argument,
+    print_document,
+    print_json,
+    progress_bar,
+    show_line,
+)
 from automaton.documents.report_document import INDENT, Listed, ReportDocument
 from automaton.errors import InputError
 from automaton.recording.recording_reader import read_recording
+from automaton.runs.provenance import first_changes
 from automaton.units import count
 
 if TYPE_CHECKING:
     from automaton.verification.verification import Show, Verification
 
-MAX_PRINTED_VIOLATIONS = 10  # violations in the text
+MAX_PRINTED_VIOLATIONS = 10  # violations or differences in the text
+ZIP_BEGINS: Final = b"PK"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton verify`."""
-    parser.add_argument("file", metavar="FILE", help="a recording; with --problem, an output file")
+    text = "a recording, a results folder or its archive; with --problem, an output file"
+    parser.add_argument("file", metavar="FILE", help=text)
     parser.add_argument(
         "--problem",
         type=Path,
         metavar="PROBLEM",
         help="check the output of another program (JSON for PlanViz) for this problem",
     )
+    add_workers_argument(parser, 1024)
     add_json_argument(parser)
 
 
@@ -42,6 +56,8 @@ def run(args: argparse.Namespace) -> int:
     """Verify and report."""
     if args.problem is not None:
         return verify_against_problem(args)
+    if is_results(args.file):
+        return verify_results(args)
     try:
         recording = read_recording(args.file)  # rejects other files before Numba is loaded
     except InputError as error:
@@ -75,6 +91,51 @@ def progress(ticks: int) -> Iterator[Show]:
     with progress_bar(text, BarColumn()) as bar:
         task = bar.add_task("run again", total=ticks)
         yield lambda what, tick: bar.update(task, description=what, completed=tick)
+
+
+def is_results(file: str) -> bool:
+    """Whether this is a folder or a zip."""
+    if os.path.isdir(file):
+        return True
+    if not os.path.isfile(file):
+        return False
+    with open(file, "rb") as stream:
+        return stream.read(len(ZIP_BEGINS)) == ZIP_BEGINS
+
+
+def verify_results(args: argparse.Namespace) -> int:
+    """Do the runs of a results folder or archive again; report those that differ."""
+    from automaton.studies.sweeps.pools import LocalPool
+    from automaton.studies.sweeps.results_archive import repeat_results
+
+    done = 0
+
+    def show(rows: list[Any]) -> None:
+        nonlocal done
+        done += len(rows)
+        show_line(f"{count(done, 'run')} done again")
+
+    try:
+        again = repeat_results(Path(args.file), lambda: LocalPool(args.workers), show)
+    finally:
+        show_line("")
+    passed = bool(again.compared) and not again.differences
+    if args.json:
+        print_json({"file": args.file, **again._asdict(), "verified": passed})
+        return 0 if passed else 1
+    runs, verdict = count(again.compared, "run"), "verified" if passed else "not verified"
+    lines = [f"{args.file}: {verdict}: {again.study}, {runs} done again"]
+    if again.changed_sources:
+        lines.append(f"made with other code: {first_changes(again.changed_sources)}")
+    lines.append(f"{len(again.differences):,} of {runs} differ")
+    if passed:
+        lines[-1] = "all results are equal"
+    more = len(again.differences) - MAX_PRINTED_VIOLATIONS
+    inner = [*again.differences[:MAX_PRINTED_VIOLATIONS], *([f"and {more} more"] * (more > 0))]
+    document = ReportDocument(args.file, [Listed(lines, mark="")])
+    document.add(Listed(inner, mark=INDENT))
+    print_document(document)
+    return 0 if passed else 1
 
 
 def verify_against_problem(args: argparse.Namespace) -> int:
@@ -130,9 +191,11 @@ def blocks(file: str, found: Verification) -> Iterator[Listed]:
     lines = [equal if found.difference is None else f"run again: {found.difference}"]
     lines += found.illegal.lines()
     lines += [f"{file} has changed since the run was recorded" for file in found.changed_files]
-    if not found.same_sources:
+    if found.changed_sources:
         recorded = recording.header["versions"].get("fleet-automaton", "unknown")
-        lines.append(f"recorded by other code than that installed here (version {recorded})")
+        lines.append(
+            f"recorded by other code (version {recorded}): {first_changes(found.changed_sources)}"
+        )
     yield Listed(lines, mark="")
 
 
@@ -161,7 +224,8 @@ def as_json(file: str, found: Verification) -> dict[str, Any]:
         "equal": difference is None,
         "difference": None if difference is None else difference._asdict(),
         "illegal_decisions": found.illegal.as_json(),
-        "same_sources": found.same_sources,
+        "same_sources": not found.changed_sources,
+        "changed_sources": found.changed_sources,
         "changed_files": list(found.changed_files),
         "actions": report.counts,
     }

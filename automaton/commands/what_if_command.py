@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import os
 import shlex
 import tempfile
 from collections.abc import Iterator, Sequence
@@ -84,7 +83,7 @@ def run(args: argparse.Namespace) -> int:
     from automaton.studies.reports.build_report import read_report
     from automaton.studies.sweeps import pools
     from automaton.studies.sweeps.named_changes import what_if_study
-    from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
+    from automaton.studies.sweeps.sweep_plan import make_sweep_plan
     from automaton.studies.sweeps.sweep_session import sweep_into
     from automaton.world.resolve import resolve
 
@@ -103,7 +102,6 @@ def run(args: argparse.Namespace) -> int:
                 args.recompute,
                 listener.begin,
                 listener.rows,
-                copies=copies_of(study, plan),
                 patience=args.strategy_timeout,
             )
         report = read_report(swept.store)
@@ -129,11 +127,9 @@ def study_keys(
     args: argparse.Namespace, base: Scenario, settings: dict[str, Any]
 ) -> dict[str, Any]:
     """The keys of the study, without its points."""
-    path = Path(args.scenario)
-    is_elsewhere = path.is_file() and ".." in path.parts  # a results folder may be anywhere
     return {
         "name": f"{base.name}: what if",
-        "scenario": os.path.abspath(path) if is_elsewhere else args.scenario,
+        "scenario": args.scenario,
         **({"set": settings} if settings else {}),
         "replications": args.pairs,
         "seed": base.seed,

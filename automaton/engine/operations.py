@@ -522,7 +522,9 @@ def note_move(world, i, direction, ticks):
     entered = np.int64(robots.cell[U(i)] if robots.claim[U(i)] == NIL else robots.claim[U(i)])
     top, depth = np.int64(use.trail_top[U(i)]), np.int64(use.trail_depth[U(i)])
     if depth and use.trail[U(i), U(top)] == entered:
-        use.making_way[U(i)] += ticks + np.int64(use.trail_ticks[U(i), U(top)])  # there and back
+        there = np.int64(use.trail_ticks[U(i), U(top)])
+        use.making_way[U(i)] += there + ticks
+        use.undone[U(use.trail_period[U(i), U(top)])] += there
         use.purpose[U(i)] = PURPOSE_MAKING_WAY
         use.trail_top[U(i)] = (top - 1) & (TRAIL_MOVES - 1)
         use.trail_depth[U(i)] = depth - 1
@@ -531,6 +533,7 @@ def note_move(world, i, direction, ticks):
     use.purpose[U(i)] = PURPOSE_ORDER
     use.trail[U(i), U(top)] = entered - world.grid.offset[U(direction)]
     use.trail_ticks[U(i), U(top)] = ticks
+    use.trail_period[U(i), U(top)] = use.period[U(0)]
     use.trail_top[U(i)] = top
     use.trail_depth[U(i)] = min(depth + 1, TRAIL_MOVES)
 

@@ -447,6 +447,9 @@ PURPOSE_ASIDE: Final = 2  # to park, or pushed aside without anything to do
 PURPOSE_MAKING_WAY: Final = 3  # it undoes what was driven for an order
 
 TRAIL_MOVES: Final = 4  # moves that may be undone; a power of two
+MOST_PERIODS: Final = (
+    1024  # of a report whose undone moves are told apart; the last holds all others
+)
 
 
 class Tally(Struct, role=MEASURED):
@@ -494,10 +497,15 @@ class TimeUse(Struct, role=MEASURED):
     purpose: Array = field("(n,) uint8", "what its last operation is for")
     trail: Array = field(f"(n, {TRAIL_MOVES}) int32", "cells that its last moves left, as a ring")
     trail_ticks: Array = field(f"(n, {TRAIL_MOVES}) uint16", "ticks of these moves")
+    trail_period: Array = field(f"(n, {TRAIL_MOVES}) uint16", "time_use.period in which they began")
     trail_top: Array = field("(n,) uint8", "the last of them")
     trail_depth: Array = field("(n,) uint8", "how many there are")
     turned: Array = field("(n,) int32", "ticks of turns for an order since its last move")
     turned_from: Array = field("(n,) uint8", "its heading before these")
+    period: Array = field("(1,) uint16", "number of the current period of a report")
+    undone: Array = field(
+        f"({MOST_PERIODS},) int64", "by period: ticks of moves that were undone later"
+    )
 
 
 class DeadlockCounts(NamedNumbers):

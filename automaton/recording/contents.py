@@ -143,7 +143,7 @@ class _Header(_Frame):
     start: _Text | _Places
     overrides: _Labels
     text: _Text
-    sources: _Text
+    sources: _Named
     versions: _Named
     digest_names: _Labels
     digest_every: int

@@ -40,7 +40,7 @@ from automaton.recording.contents import (
     unpacked_ticks,
 )
 
-RECORDING_FORMAT: Final = 6
+RECORDING_FORMAT: Final = 7
 MAGIC: Final = b"\x93AUTOMATON\r\n"  # not text, and broken by transfers that change line ends
 PREAMBLE: Final = struct.Struct("<12sH")  # magic, format
 FRAME: Final = struct.Struct("<BIQI16s")  # kind, bytes of the payload, tick, CRC-32, seal

@@ -16,7 +16,7 @@ from automaton.engine.state import NEVER, NIL
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.recording.contents import IN_HEADER, OF_SKUS, Content
-from automaton.runs.provenance import file_hashes, recorded_files, source_hash, versions
+from automaton.runs.provenance import file_hashes, loaded_sources, recorded_files, versions
 from automaton.scenario.order_lines import plain_data
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.strategy import lookup
@@ -48,7 +48,7 @@ def header_of(resolved: Resolved, seed: int, world: Any, digest_names: tuple[str
         "start": resolved.start,
         "overrides": resolved.overrides,
         "text": resolved.source,
-        "sources": source_hash(plugins),
+        "sources": loaded_sources(plugins),
         **recorded_files(resolved),
         "versions": versions(),
         "digest_names": digest_names,

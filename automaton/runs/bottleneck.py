@@ -20,6 +20,9 @@ STATIONS_SHARE: Final = 0.5  # share of saturated stations from which it is the 
 LOST: Final = 1 / 3  # share of the time of robots at work, lost in traffic
 IDLE_SHARE: Final = 0.05  # share of robots
 FALL: Final = 0.1  # of a rate, from which it is said to fall
+MEANS: Final = Period._fields[
+    Period._fields.index("on_orders") : -1
+]  # means over the ticks of a period
 MENTIONED: Final = 0.05  # share of the run in which something else has to be saturated
 
 
@@ -39,7 +42,7 @@ def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
     a station, if it nearly always works; traffic, if a third of the robots at work lose their time to
     it; robots, if hardly one is idle although orders are open.
     """
-    taken = sum(period.chargers) >= BUSY_SHARE * len(period.chargers)
+    taken = period.charger_share >= BUSY_SHARE
     if period.chargers and taken and sum(period.charger_queues) >= LINED_UP:
         return "chargers"
     busy = [k for k, share in enumerate(period.stations) if share >= BUSY_SHARE]
@@ -51,8 +54,7 @@ def saturated(period: Period, robots: int, stations: Sequence[str]) -> str:
     at_work = period.on_orders + period.in_traffic
     if at_work and period.in_traffic >= LOST * at_work:
         return "traffic"
-    idle = robots - at_work - period.in_station_queues
-    idle -= energy_of(period) + period.down
+    idle = period.idle + period.aside
     return "robots" if period.backlog and idle <= IDLE_SHARE * robots else ""
 
 
@@ -149,29 +151,20 @@ def joined(periods: Sequence[Period]) -> Period:
         pairs = zip(values, periods, strict=True)
         return sum(value * one.ticks for value, one in pairs) / ticks
 
-    def means(rows: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
-        return tuple(mean(column) for column in zip(*rows, strict=True))
+    def mean_of(name: str) -> Any:
+        values = [getattr(one, name) for one in periods]
+        if isinstance(values[0], tuple):
+            return tuple(mean(column) for column in zip(*values, strict=True))
+        return mean(values)
 
     late = [one.late for one in periods if one.late is not None]
     first, last = periods[0], periods[-1]
-    return Period(
-        first.begin,
-        last.end,
-        first.name,
-        sum(one.done for one in periods),
-        last.backlog,
-        sum(late) if late else None,
-        mean([one.on_orders for one in periods]),
-        mean([one.in_traffic for one in periods]),
-        mean([one.in_station_queues for one in periods]),
-        mean([one.charging for one in periods]),
-        mean([one.to_chargers for one in periods]),
-        mean([one.for_chargers for one in periods]),
-        mean([one.down for one in periods]),
-        means([one.stations for one in periods]),
-        means([one.station_queues for one in periods]),
-        means([one.chargers for one in periods]),
-        means([one.charger_queues for one in periods]),
+    return first._replace(
+        end=last.end,
+        done=sum(one.done for one in periods),
+        backlog=last.backlog,
+        late=sum(late) if late else None,
+        **{name: mean_of(name) for name in MEANS},
     )
 
 
@@ -183,9 +176,14 @@ def energy_of(period: Period) -> float:
 def facts(resource: str, period: Period, robots: int, stations: Sequence[str] = ()) -> list[str]:
     """How a resource was used in a period; `stations`: their names, for a single one."""
     if resource == "chargers":
-        busy, queue = sum(period.chargers), sum(period.charger_queues)
+        busy, queue = period.charging_places, sum(period.charger_queues)
+        every = count(sum(period.places), "charger")
+        if sum(period.places) > len(period.places):
+            every = (
+                f"{count(sum(period.places), 'place')} of {count(len(period.places), 'charger')}"
+            )
         return [
-            f"{number(round(busy, 1))} of {count(len(period.chargers), 'charger')} busy",
+            f"{number(round(busy, 1))} of {every} busy",
             f"{number(round(queue, 1))} robots standing on the way to one",
         ]
     if resource == "traffic":
@@ -217,8 +215,7 @@ def others(resource: str, period: Period, robots: int) -> list[str]:
     if resource != "traffic":
         texts += [fact for fact in facts("traffic", period, robots) if period.on_orders]
     if period.chargers and resource != "chargers":
-        share = sum(period.chargers) / len(period.chargers)
-        texts.append(f"chargers {percent(share, 0)} busy")
+        texts.append(f"chargers {percent(period.charger_share, 0)} busy")
     return texts
 
 

@@ -344,6 +344,10 @@ def run_marked(
         run_to_end(simulation, until=tick, watch=watch)
         if simulation.tick == tick:
             at[tick] = counted(simulation)
+        if simulation.tick == warm_up:
+            simulation.world.deadlocks.count.longest = (
+                0  # of those that end later, it is entered again
+            )
     run_to_end(simulation, watch=watch)
     return CountedStretches(at.get(warm_up), [at[tick] for tick in borders if tick in at])
 

@@ -44,6 +44,7 @@ from automaton.engine.state import (
     PURPOSE_ASIDE,
     PURPOSE_CHARGER,
     PURPOSE_MAKING_WAY,
+    PURPOSE_ORDER,
     Array,
     World,
 )
@@ -105,10 +106,13 @@ class Counted(NamedTuple):
     station_queue: Array
     charger_busy: Array  # robot ticks: several robots may charge at once
     charger_queue: Array
+    undone: int  # robot ticks of moves that were undone by now
+    period: int  # time_use.period
 
     def none(self) -> Counted:
         """What had been counted at the start."""
-        return Counted(0, {}, *(np.zeros_like(array) for array in self[2:]))
+        nothing = {name: np.zeros_like(getattr(self, name)) for name in self._fields[2:-2]}
+        return self._replace(tick=0, sums={}, undone=0, period=-1, **nothing)
 
 
 def executed_ticks(world: World) -> Array:
@@ -139,6 +143,7 @@ def uses_of_time(world: World) -> Uses:
     """What each robot used ticks for, without what the operations under way still need."""
     use = world.time_use
     uses = Uses(use.to_charger.copy(), use.aside.copy(), use.making_way.copy())
+    turned = use.turned.astype(np.int64)
     for robots, actions, _, remaining in under_way(world):
         purpose = use.purpose[robots]
         for number, total in (
@@ -147,9 +152,22 @@ def uses_of_time(world: World) -> Uses:
         ):
             mine = (purpose == number) & np.isin(actions, DRIVES)
             total[robots[mine]] -= remaining[mine]
+        turning = (purpose == PURPOSE_ORDER) & (actions == ACTION_TURN)
+        turned[robots[turning]] -= remaining[turning]
         mine = purpose == PURPOSE_CHARGER
         uses.to_charger[robots[mine], actions[mine]] -= remaining[mine]
+    uses.making_way[:] += np.maximum(turned - needed_turns(world), 0)
     return uses
+
+
+def needed_turns(world: World) -> Array:
+    """(n,) ticks in which each robot can turn to its heading from that after its last move."""
+    robots = world.robots
+    headings = world.grid.type_headings[robots.type].astype(np.int64)
+    change = (robots.heading.astype(np.int64) - world.time_use.turned_from) & (headings - 1)
+    ticks = world.rules.duration[robots.type, ACTION_TURN].astype(np.int64)
+    needed: Array = np.minimum(change, headings - change) * ticks
+    return needed
 
 
 def under_way(world: World) -> list[tuple[Array, Array, Array, Array]]:
@@ -221,6 +239,8 @@ def counted(run: Measured) -> Counted:
         np.zeros_like(jobs) if has_parts else pods.queue_ticks.copy(),
         world.chargers.busy_ticks[:chargers].copy(),
         world.chargers.queue_ticks[:chargers].copy(),
+        int(world.time_use.undone.sum()),
+        int(world.time_use.period[0]),
     )
 
 
@@ -252,7 +272,7 @@ def metrics_of(run: Measured, since: Counted | None = None) -> dict[str, float |
         figures |= lead_times(world, begin)
     if "due_orders" in sums:
         figures |= tardiness_quantiles(world, begin)
-    if sums["deadlocks"]:
+    if world.deadlocks.count.longest:
         figures["longest_standstill"] = int(world.deadlocks.count.longest)
     figures["oldest_order"] = oldest_order(world)
     figures["starved_robots"] = len(starved_robots(world))

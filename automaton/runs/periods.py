@@ -12,7 +12,15 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from automaton.engine.state import NIL, Array, World
+from automaton.engine.state import (
+    ACTION_CHARGE,
+    ACTION_DELAYED,
+    ACTION_DOWN,
+    MOST_PERIODS,
+    NIL,
+    Array,
+    World,
+)
 from automaton.errors import InputError
 from automaton.runs.metric_sums import TRAFFIC_SUMS
 from automaton.runs.metrics import Counted, counted
@@ -44,11 +52,26 @@ class Period(NamedTuple):
     charging: float
     to_chargers: float  # robots that drive to chargers
     for_chargers: float  # robots that lose time on the way to chargers
+    aside: float  # robots that drive without an order or a charger
     down: float
+    delayed: float
+    refused: float  # robots that lose time to illegal decisions
+    idle: float  # robots without an order, parked, or off the floor
     stations: tuple[float, ...]  # share of the time in which each station works or serves
     station_queues: tuple[float, ...]  # mean number of robots
     chargers: tuple[float, ...]  # share of the time of its places in which robots charge
     charger_queues: tuple[float, ...]
+    places: tuple[int, ...]  # robots that charge at each charger at once
+
+    @property
+    def charging_places(self) -> float:
+        """How many places of chargers were taken."""
+        return sum(share * many for share, many in zip(self.chargers, self.places, strict=True))
+
+    @property
+    def charger_share(self) -> float:
+        """Share of the time of all places of chargers in which robots charged."""
+        return self.charging_places / max(sum(self.places), 1)
 
     @property
     def ticks(self) -> int:
@@ -81,6 +104,8 @@ class PeriodMarks:
         if tick % self._ticks or not tick:
             return
         self._marks.append(counted(run))
+        period = run.world.time_use.period
+        period[0] = min(int(period[0]) + 1, MOST_PERIODS - 1)
         if not self.is_fixed and len(self._marks) > MAX_LOOKS:
             self._ticks *= 2
             self._marks = [one for one in self._marks if one.tick % self._ticks == 0]
@@ -141,6 +166,10 @@ def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
     for k, mark in enumerate(marks):
         before = marks[k - 1] if k else mark.none()
         ticks = max(mark.tick - before.tick, 1)
+        actions = (mark.actions - before.actions) / ticks
+        # Moves of this period that were undone, even later, and not those of earlier ones.
+        undone = float(world.time_use.undone[before.period + 1 : mark.period + 1].sum())
+        undone -= mark.undone - before.undone
 
         def robots(
             *names: str, mark: Counted = mark, since: Counted = before, of: int = ticks
@@ -155,17 +184,22 @@ def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
                 int(done[k]),
                 int(backlog[k]),
                 None if late is None else int(late[k]),
-                robots("on_orders"),
-                robots(*TRAFFIC_SUMS),
+                robots("on_orders") - undone / ticks,
+                robots(*TRAFFIC_SUMS) + undone / ticks,
                 robots("lost_station_queue"),
-                robots("charging"),
+                float(actions[ACTION_CHARGE]),
                 robots("driving_to_chargers"),
                 robots("lost_charger_queue"),
-                robots("downtime"),
+                robots("driving_aside"),
+                float(actions[ACTION_DOWN]),
+                float(actions[ACTION_DELAYED]),
+                robots("lost_illegal"),
+                len(world.robots.cell) - float(actions.sum()),
                 tuple(((mark.station_busy - before.station_busy) / ticks).tolist()),
                 tuple(((mark.station_queue - before.station_queue) / ticks).tolist()),
                 tuple(((mark.charger_busy - before.charger_busy) / places / ticks).tolist()),
                 tuple(((mark.charger_queue - before.charger_queue) / ticks).tolist()),
+                tuple(places.tolist()),
             )
         )
     return periods

@@ -45,7 +45,7 @@ ROBOT_COLUMNS = {  # heading: metric of the robot
 }
 SLOWDOWN = "slowdown_ticks"
 ROBOT_HEADS = ("on orders", "in traffic", "in queues", "charging", "wait to charge", "down")
-ROBOTS_SHOWN = STATIONS_SHOWN = 50
+ROWS_SHOWN = 50  # of stations, chargers and robots
 GROUP_HEADS = ("orders", "delivered", "lead time", "95th percentile", "late")
 METRICS_TOLD = (
     "throughput",
@@ -79,12 +79,14 @@ def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
     document.add(*([types_table(outcome, tick)] if outcome.types else []))
     document.add(*([priorities_table(outcome, tick)] if outcome.priorities else []))
     document.add(*([classes_table(outcome, tick)] if outcome.classes else []))
-    document.add(*([stations_table(outcome)] if outcome.stations else []))
-    document.add(*([chargers_table(outcome)] if outcome.chargers else []))
-    document.add(robots_table(outcome, tick, cell))
-    if len(outcome.robots) > ROBOTS_SHOWN:
-        rest = len(outcome.robots) - ROBOTS_SHOWN
-        document.add(Text(f"... and {count(rest, 'more robot')}: --json prints all"))
+    for rows, table, what in (
+        (outcome.stations, stations_table(outcome), "station"),
+        (outcome.chargers, chargers_table(outcome), "charger"),
+        (outcome.robots, robots_table(outcome, tick, cell), "robot"),
+    ):
+        document.add(*([table] if rows else []))
+        if (rest := len(rows) - ROWS_SHOWN) > 0:
+            document.add(Text(f"... and {count(rest, f'more {what}')}: --json prints all"))
     return document
 
 
@@ -162,7 +164,7 @@ def periods_table(resolved: Resolved, outcome: Outcome, tick: Unit) -> Table:
         ("wait to charge", "lost_charger_queue" in has, lambda one: robots_text(one.for_chargers)),
         ("down", "downtime" in has, lambda one: robots_text(one.down)),
         ("stations", bool(periods[0].stations), lambda one: mean_percent(one.stations)),
-        ("chargers", bool(periods[0].chargers), lambda one: mean_percent(one.chargers)),
+        ("chargers", bool(periods[0].chargers), lambda one: percent(one.charger_share, 0)),
     ]
     shown = [(head, text) for head, is_shown, text in columns if is_shown]
     rows = [[text(one) for _, text in shown] for one in periods]
@@ -339,7 +341,7 @@ def group_texts(row: Mapping[str, Any], tick: Unit) -> list[str]:
 
 
 def chargers_table(outcome: Outcome) -> Table:
-    """One line for each charger, at most STATIONS_SHOWN."""
+    """One line for each charger, at most ROWS_SHOWN."""
     rows = [
         [
             number(row["charger"]),
@@ -348,15 +350,15 @@ def chargers_table(outcome: Outcome) -> Table:
             f"{row['mean_queue']:.2f}",
             number(row["longest_queue"]),
         ]
-        for row in outcome.chargers[:STATIONS_SHOWN]
+        for row in outcome.chargers[:ROWS_SHOWN]
     ]
     return Table(("charger", "at", "busy", "mean queue", "longest"), rows, also_left=(1,))
 
 
 def stations_table(outcome: Outcome) -> Table:
-    """One line for each station for pods, at most STATIONS_SHOWN."""
+    """One line for each station for pods, at most ROWS_SHOWN."""
     rows = []
-    for row in outcome.stations[:STATIONS_SHOWN]:
+    for row in outcome.stations[:ROWS_SHOWN]:
         shares = (percent(row[name]) for name in ("service_share", "starved_share"))
         queue = f"{row['mean_queue']:.2f}", number(row["longest_queue"])
         done = number(row["visits"]), number(row["lines_done"])
@@ -366,7 +368,7 @@ def stations_table(outcome: Outcome) -> Table:
 
 
 def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
-    """One line for each robot, at most ROBOTS_SHOWN, with its distance if cells have a size."""
+    """One line for each robot, at most ROWS_SHOWN, with its distance if cells have a size."""
     slows = SLOWDOWN in outcome.metrics
     serves = any("serves" in row for row in outcome.robots)
     optional = ((SLOWDOWN, slows), ("type", outcome.types), ("serves", serves))
@@ -376,7 +378,7 @@ def robots_table(outcome: Outcome, tick: Unit, cell: Unit | None) -> Table:
         columns = {head: name for head, name in columns.items() if name not in NEVER_WITH_CELLS}
         columns[cell.name] = "distance"
     rows = []
-    for row in outcome.robots[:ROBOTS_SHOWN]:
+    for row in outcome.robots[:ROWS_SHOWN]:
         lost = sum(value for name, value in row.items() if name.startswith(LOST_METRIC_PREFIX))
         shares = {name: percent(row[name], 0) for name in ("utilization", "empty_ticks_share")}
         cells = {**row, **shares, "lost": number(tick.of(lost))}

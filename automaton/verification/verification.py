@@ -40,7 +40,7 @@ from automaton.recording.header import changed, header_of, resolved_of, rules_of
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.illegal_decisions import IllegalDecisions, illegal_decisions
 from automaton.runs.metrics import metrics_of
-from automaton.runs.provenance import file_hashes, source_hash
+from automaton.runs.provenance import changed_sources, file_hashes, loaded_sources
 from automaton.runs.simulation import Simulation
 from automaton.scenario.floor_section import floor_of, is_shipped
 from automaton.scenario.schema import Scenario
@@ -80,7 +80,7 @@ class Verification:
     recording: Recording
     report: Report  # of the validator
     difference: Difference | None  # None: the recording agrees
-    same_sources: bool  # recorded with the installed sources
+    changed_sources: list[str]  # how the installed code differs from the recorded one
     changed_files: tuple[str, ...]  # read by a strategy, and changed since
     illegal: IllegalDecisions  # of the repeated run
 
@@ -111,7 +111,7 @@ def verify_recording(recording: Recording, show: Show = lambda what, tick: None)
         recording=recording,
         report=validate_stored(shown(recording, "rules", show)),
         difference=difference,
-        same_sources=header["sources"] == source_hash(plugins),
+        changed_sources=changed_sources(header["sources"], loaded_sources(plugins)),
         changed_files=files,
         illegal=illegal_decisions(rerun.simulation.world, rerun.simulation.resolved.floor_plan),
     )

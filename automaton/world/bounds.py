@@ -27,22 +27,23 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.engine.state import NIL, Array
-from automaton.floor.cells import STATION
+from automaton.floor.cells import STATION, STORAGE
 from automaton.floor.floor_plan import may_turn
-from automaton.floor.reachability import Driving, backward_exits, slot_access, ticks_between
+from automaton.floor.reachability import NO_WAY, backward_exits, slot_access, ticks_between
 from automaton.scenario.carried_pods import pod_cells, transports_of
 from automaton.scenario.durations import Distribution, Handling
 from automaton.scenario.order_lines import line_column, listed_lines
 from automaton.scenario.orders import DRAWN_GENERATORS, ENDS, Orders, Parts
-from automaton.scenario.robot_types import RobotType, types_of
+from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Battery, ChargeRange, Scenario
-from automaton.units import count
+from automaton.units import count, percent
 from automaton.world.capabilities import loaded_driving
 from automaton.world.floor_parts import places_of_chargers
 from automaton.world.resolved import Resolved
 
 MOST_TARGETS: Final = 200  # listed targets with separate searches; beyond: the nearest of all
 LEAST_DRAWN: Final = 1  # ticks of work
+EMPTY_WAYS: Final = 16  # pods from which the ways to all others are measured
 LOADLESS: Final = ("visits", "tours")  # generators of orders without a load
 
 Ticks = npt.NDArray[np.int64]
@@ -330,63 +331,118 @@ def last_comes(kind: Parts) -> int:
     )
 
 
-# Upper bounds on the visits of robots and of stations with pods.
+# The flow of pods: an estimate of the visits of robots, stations and chargers, and bounds on them.
 #
-# A trip of one visit consists of the pick, the shortest drive with the pod to the station and back to
-# the same cell, the handling and the drop. If robots enter and leave a station over different cells, a
-# full queue passes it at intervals of handling + turns in its cell + 2 d - 1 ticks, with moves of d.
+# A trip consists of the way to the pod, the pick, the drive with the pod to the station and back to the
+# same cell, the handling and the drop, and of the charging for all these. If robots enter and leave a
+# station over different cells, a full queue passes it at intervals of handling + turns in its cell +
+# 2 d - 1 ticks, with moves of d.
 
 
-class VisitBounds(NamedTuple):
-    """Ticks of trips and visits with one line each."""
+class PodFlow(NamedTuple):
+    """Visits per tick of all robots, all stations and all chargers, each without the others."""
 
-    robots: int
-    stations: int
-    trip: float  # of a robot, on average over pods and stations
-    visit: float  # of a station
-
-    def visits(self, ticks: float) -> tuple[float, float]:
-        """The most visits of all robots and of all stations in some ticks."""
-        return self.robots * ticks / self.trip, self.stations * ticks / self.visit
-
-
-def round_trips(resolved: Resolved) -> Ticks:
-    """(pods, stations) least ticks with a pod to a station and back, turns included, of any type."""
-    ways = dict.fromkeys(loaded_driving(one) for one in types_of(resolved.scenario))
-    least: Ticks = np.min([round_trips_of(resolved, driving) for driving in ways], axis=0)
-    return least
+    trip: float  # mean ticks of a trip, without charging
+    to_pod: float  # of these, ticks of the way to the pod
+    robots: float
+    stations: float
+    chargers: float  # infinite without batteries
+    most_robots: float  # a bound for any demand and any strategies
+    most_stations: float  # likewise
 
 
-def round_trips_of(resolved: Resolved, driving: Driving) -> Ticks:
-    """(pods, stations) the same ticks for one kind of driving."""
-    floor_plan = resolved.floor_plan
+class PodWays(NamedTuple):
+    """Ticks of the ways of robots with one kind of driving."""
+
+    loaded: Ticks  # (pods, stations) least ticks with a pod to a station and back
+    least: int  # from any storage cell to a station and back to any
+    empty: float  # mean ticks from one pod to another
+
+
+def pod_ways(resolved: Resolved, robot_type: RobotType) -> PodWays:
+    """The ways of robots of a type, turns included; the mean of empty ways is that of some pods."""
+    floor_plan, driving = resolved.floor_plan, loaded_driving(robot_type)
     pods = pod_cells(resolved.scenario, floor_plan)
-    result = np.zeros((len(pods), len(floor_plan.stations)), np.int64)
+    stored = np.union1d(pods, np.flatnonzero(floor_plan.kind == STORAGE))
+    loaded = np.zeros((len(pods), len(floor_plan.stations)), np.int64)
+    least = NO_WAY
     for number, cell in enumerate(floor_plan.stations.tolist()):
-        ways = [
-            ticks_between(floor_plan, driving, cell, True, heading)[pods].min(axis=1)
-            + ticks_between(floor_plan, driving, cell, False, heading)[pods].min(axis=1)
-            for heading in range(driving.headings)
-        ]
-        result[:, number] = np.min(ways, axis=0)
-    return result
+        there, back = (
+            np.array(
+                [
+                    ticks_between(floor_plan, driving, cell, backwards, heading).min(axis=1)
+                    for heading in range(driving.headings)
+                ]
+            )
+            for backwards in (True, False)
+        )
+        loaded[:, number] = (there + back)[:, pods].min(axis=0)
+        both = there[:, stored].min(axis=1) + back[:, stored].min(axis=1)
+        least = min(least, int(both.min()))
+    empty = driving._replace(
+        move=robot_type.moves.empty,
+        turn=robot_type.turns.empty,
+        loaded=resolved.scenario.pods.under == "none",
+    )
+    some = pods[:: math.ceil(len(pods) / EMPTY_WAYS)]
+    ways = np.array([ticks_between(floor_plan, empty, int(cell), False)[pods] for cell in some])
+    ways = ways.min(axis=2)
+    return PodWays(loaded, least, float(ways[ways < NO_WAY].mean()))
 
 
-def visit_bounds(resolved: Resolved) -> VisitBounds | None:
-    """The bounds of a scenario; None without pods."""
-    scenario, floor_plan = resolved.scenario, resolved.floor_plan
+def pod_flow(resolved: Resolved) -> PodFlow | None:
+    """The flow of a scenario; None without pods that are carried for lines."""
+    scenario, fleet, floor_plan = resolved.scenario, resolved.fleet, resolved.floor_plan
     if scenario.orders.lines is None:
         return None
-    handling, fleet = mean_handling(scenario), resolved.fleet
-    drive = float(round_trips(resolved).mean())
+    handling, least = mean_handling(scenario), least_handling(scenario)
+    stops = scenario.pods.max_stops
     turns = least_turns(resolved) * fleet.least_loaded_turn
-    passing = handling + turns + 2 * fleet.least_loaded_move - 1
-    return VisitBounds(
-        scenario.fleet.robots,
-        len(floor_plan.stations),
-        fleet.least_pick + drive + handling + fleet.least_drop,
-        passing,
+    passing = turns + 2 * fleet.least_loaded_move - 1
+    ways: dict[RobotType, PodWays] = {}
+    trip = to_pod = robots = most = energy = supply = 0.0
+    for kind, many in zip(fleet.types, fleet.counts, strict=True):
+        own = ways.get(kind.driving) or pod_ways(resolved, kind)
+        ways[kind.driving] = own
+        operations = kind.durations.pick + kind.durations.drop
+        drive = float(own.loaded.mean())
+        ticks = own.empty + drive + operations + handling
+        used, rate = energy_of_trip(kind.battery, own.empty, drive, handling)
+        trip, to_pod = trip + many * ticks, to_pod + many * own.empty
+        robots += many / (ticks + (used / rate if used else 0.0))
+        energy, supply = energy + many * used, supply + many * rate
+        most += many * stops / max(operations + own.least + stops * least, 1)
+    n, stations = sum(fleet.counts), len(floor_plan.stations)
+    places = sum(places_of_chargers(scenario, floor_plan).values())
+    return PodFlow(
+        trip / n,
+        to_pod / n,
+        robots,
+        stations / (handling + passing),
+        supply * places / energy if energy and places else math.inf,
+        most,
+        stations / max(least + passing, 1),
     )
+
+
+def energy_of_trip(
+    battery: Battery | None, empty: float, loaded: float, handling: float
+) -> tuple[float, float]:
+    """Percent of a battery that a trip takes, and the mean percent per tick at a charger."""
+    if battery is None:
+        return 0.0, 0.0
+    drain = battery.drain
+    used = drain.move * (empty + drain.loaded_factor * loaded)
+    used += drain.wait * drain.loaded_factor * handling
+    given = battery.charge_rate
+    curve = given if isinstance(given, tuple) else ((0.0, given),)
+    ends = [*(begin for begin, _ in curve[1:]), 100.0]
+    parts = [
+        (max(end - max(begin, battery.reserve), 0.0), rate)
+        for (begin, rate), end in zip(curve, ends, strict=True)
+    ]
+    ticks = sum(part / rate for part, rate in parts if rate)
+    return used, sum(part for part, _ in parts) / ticks if ticks else 0.0
 
 
 def least_turns(resolved: Resolved) -> int:
@@ -416,6 +472,15 @@ def mean_handling(scenario: Scenario) -> float:
     return handling.visit + line + units * handling.unit
 
 
+def least_handling(scenario: Scenario) -> float:
+    """Least ticks of a visit, of durations.handling."""
+    handling: Handling = scenario.durations.handling
+    line = handling.line
+    if isinstance(line, Distribution):
+        line = line.uniform.least if line.uniform is not None else 0
+    return handling.visit + line + handling.unit
+
+
 def mean_of(distribution: Distribution) -> float:
     """The mean of a distribution, in ticks."""
     if distribution.uniform is not None:
@@ -429,17 +494,26 @@ def mean_of(distribution: Distribution) -> float:
 
 
 def bounds_in_words(resolved: Resolved) -> list[str]:
-    """The sentence of `check` about the bounds."""
-    bounds = visit_bounds(resolved)
-    if bounds is None:
+    """The sentences of `check` about the flow of pods: an estimate and a bound."""
+    flow = pod_flow(resolved)
+    if flow is None:
         return []
     seconds = resolved.scenario.units.scale.unit.seconds
-    ticks, each = (1000.0, "1,000 ticks") if seconds is None else (3600.0 / seconds, "hour")
-    robots, stations = bounds.visits(ticks)
-    article = "in" if seconds is None else "an"
+    ticks, each = (1000.0, "in 1,000 ticks") if seconds is None else (3600.0 / seconds, "an hour")
+    places = places_of_chargers(resolved.scenario, resolved.floor_plan)
+    parts = [
+        (flow.robots, count(resolved.scenario.fleet.robots, "robot"), "robots"),
+        (flow.stations, count(len(resolved.floor_plan.stations), "station"), "stations"),
+        (flow.chargers, count(len(places), "charger"), "chargers"),
+    ]
+    parts = [part for part in parts if part[0] < math.inf]
+    least, _, who = min(parts)
+    by = [f"{rate * ticks:,.0f} by {name}" for rate, name, _ in sorted(parts)]
+    empty = flow.to_pod / flow.trip
+    most, why = min((flow.most_robots, "robots"), (flow.most_stations, "stations"))
     return [
-        f"{robots:,.0f} visits {article} {each} by {count(bounds.robots, 'robot')} and "
-        f"{stations:,.0f} by {count(bounds.stations, 'station')} at most, assuming uniform pod "
-        "demand, one line per trip and fixed storage; drives without a pod are not "
-        "counted"
+        f"estimate without traffic: {least * ticks:,.0f} visits {each}, limited by {who} "
+        f"({', '.join(by)}), assuming uniform pod demand, one line per trip and fixed storage; "
+        f"{percent(empty, 0)} of a trip is the way to the pod, the mean way between two pods",
+        f"bound for any strategies: at most {most * ticks:,.0f} visits {each}, because of the {why}",
     ]

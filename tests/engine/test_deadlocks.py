@@ -14,7 +14,8 @@ from whole_floors import drawn_whole, resolved_whole
 from automaton.engine.observation import DEADLOCK_TICKS, EVENT_DEADLOCK
 from automaton.errors import InputError
 from automaton.history.event_history import EventHistory
-from automaton.runs.headless import longest_deadlock
+from automaton.runs.headless import longest_deadlock, run_marked
+from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from automaton.world.resolved import Resolved
@@ -109,3 +110,17 @@ def whole(seed: int) -> Resolved:
         with suppress(InputError, msgspec.ValidationError):
             return resolved_whole(drawn_whole(100 * seed + attempt))
     raise AssertionError("no scenario could be drawn")
+
+
+def test_a_deadlock_that_ended_before_the_warm_up_is_no_standstill_after_it() -> None:
+    """One that goes on counts from its first tick."""
+    settings = [
+        "strategy.right_of_way=wait",
+        "measure.warm_up=1000",
+        "stop={when: never, max_duration: 3000}",
+    ]
+    still = Simulation(resolve("tabletop-mini", settings))
+    assert metrics_of(still, run_marked(still).warm_up)["longest_standstill"] > 2000
+    ended = Simulation(resolve("tabletop-mini", settings[1:]))
+    ended.world.deadlocks.count.longest = 500
+    assert "longest_standstill" not in metrics_of(ended, run_marked(ended).warm_up)

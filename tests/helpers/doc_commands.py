@@ -53,7 +53,7 @@ LEAVES: Final = (
     "--plots",
     "--csv",
     "--parquet",
-    "--xlsx",
+    "--archive",
     "--summary",
     "--comparisons",
     "--matrix",

@@ -7,10 +7,18 @@ import json
 import pytest
 
 from automaton.commands import main
+from automaton.documents.text_output import as_text
 from automaton.errors import InputError
-from automaton.runs.bottleneck import bottleneck_sentences, bottlenecks_of, saturated
+from automaton.runs.bottleneck import (
+    bottleneck_sentences,
+    bottlenecks_of,
+    facts,
+    others,
+    saturated,
+)
 from automaton.runs.headless import run_once
 from automaton.runs.periods import Period, ticks_of_period
+from automaton.runs.run_report import run_document
 from automaton.world.resolve import resolve
 
 CALM = Period(
@@ -26,11 +34,16 @@ CALM = Period(
     charging=0.0,
     to_chargers=0.0,
     for_chargers=0.0,
+    aside=0.0,
     down=0.0,
+    delayed=0.0,
+    refused=0.0,
+    idle=5.0,
     stations=(0.5, 0.5),
     station_queues=(0.0, 0.0),
     chargers=(0.5,),
     charger_queues=(0.0,),
+    places=(1,),
 )
 NAMES = ("P1", "P2")
 
@@ -44,9 +57,11 @@ NAMES = ("P1", "P2")
         ({"stations": (1.0, 0.95)}, "stations"),
         ({"stations": (0.2, 0.95)}, "station P2"),
         ({"in_traffic": 3.0}, "traffic"),
-        ({"on_orders": 9.8}, "robots"),
-        ({"on_orders": 9.8, "backlog": 0}, ""),
-        ({"on_orders": 6.0, "charging": 2.0, "to_chargers": 1.0, "down": 1.0}, "robots"),
+        ({"on_orders": 9.8, "idle": 0.2}, "robots"),
+        ({"on_orders": 9.8, "idle": 0.2, "backlog": 0}, ""),
+        ({"on_orders": 9.8, "idle": 0.0, "aside": 2.0}, ""),
+        ({"chargers": (0.9, 0.1), "charger_queues": (1.0, 0.0), "places": (9, 1)}, ""),
+        ({"chargers": (1.0, 0.1), "charger_queues": (1.0, 0.0), "places": (9, 1)}, "chargers"),
     ],
 )
 def test_what_is_saturated_in_a_period(change: dict[str, object], resource: str) -> None:
@@ -55,7 +70,7 @@ def test_what_is_saturated_in_a_period(change: dict[str, object], resource: str)
 
 def test_the_bottleneck_is_what_is_saturated_for_longest() -> None:
     calm = CALM._replace(on_orders=1.0)
-    busy = calm._replace(on_orders=3.0)
+    busy = calm._replace(on_orders=3.0, idle=0.0)
     full = calm._replace(chargers=(1.0,), charger_queues=(2.0,))
     shapes = [busy, full, full, calm, full, busy]
     periods = [one._replace(begin=100 * k, end=100 * (k + 1)) for k, one in enumerate(shapes)]
@@ -96,6 +111,51 @@ def test_chargers_are_as_busy_as_the_robots_that_charge(capsys: pytest.CaptureFi
     assert busy == pytest.approx(run["robot_time"]["charging"])
     lost = sum(row["mean_queue"] for row in run["chargers"]) * run["ticks"]
     assert lost == pytest.approx(run["metrics"]["lost_charger_queue"])
+
+
+USES = [
+    *("on_orders", "in_traffic", "in_station_queues", "charging", "to_chargers", "for_chargers"),
+    *("aside", "down", "delayed", "refused", "idle"),
+]
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("tabletop-1", []),
+        ("bad-day", []),
+        ("depots", []),
+        ("goods-mini", []),
+        ("tabletop-1", ["strategy.right_of_way=pibt", "fleet.robots=6", "refine=2"]),
+    ],
+)
+@pytest.mark.parametrize("every", [7, 100])
+def test_in_each_period_each_robot_is_used_for_one_thing(
+    name: str, settings: list[str], every: int
+) -> None:
+    resolved = resolve(name, settings)
+    outcome = run_once(resolved, until=1500, every=every)
+    robots, ticks = resolved.scenario.fleet.robots, dict.fromkeys(USES, 0.0)
+    for period in outcome.periods:
+        uses = {one: getattr(period, one) for one in USES}
+        assert sum(uses.values()) == pytest.approx(robots) and min(uses.values()) > -1e-9, uses
+        ticks = {one: ticks[one] + uses[one] * period.ticks for one in USES}
+    assert ticks["on_orders"] == pytest.approx(outcome.uses["on_orders"])
+    assert ticks["idle"] == pytest.approx(outcome.uses["idle"])
+
+
+def test_many_stations_and_chargers_are_not_left_out_in_silence() -> None:
+    outcome = run_once(resolve("depots"))
+    many = outcome._replace(chargers=tuple(outcome.chargers) * 60)
+    said = as_text(run_document(resolve("depots"), many))
+    rest = 60 * len(outcome.chargers) - 50
+    assert f"... and {rest} more chargers: --json prints all" in said
+
+
+def test_places_of_chargers_are_told_where_they_are_not_one_each() -> None:
+    full = CALM._replace(chargers=(1.0, 0.5), charger_queues=(2.0, 0.0), places=(8, 2))
+    assert facts("chargers", full, 10)[0] == "9 of 10 places of 2 chargers busy"
+    assert "chargers 90 % busy" in others("robots", full, 10)
 
 
 def test_looking_at_periods_changes_no_run() -> None:

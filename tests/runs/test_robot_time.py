@@ -11,7 +11,8 @@ from whole_floors import drawn_whole, resolved_whole
 
 from automaton.engine.state import GOAL_STOP
 from automaton.errors import InputError
-from automaton.runs.metrics import metrics_by_robot, metrics_of, uses_of_run
+from automaton.runs.metrics import counted, metrics_by_robot, metrics_of, uses_of_run, uses_of_time
+from automaton.runs.periods import PeriodMarks
 from automaton.runs.simulation import Simulation
 from automaton.strategy.api import CMD_STEP, Strategy
 from automaton.world.resolve import resolve
@@ -82,6 +83,15 @@ def test_a_move_there_and_back_is_made_for_others() -> None:
     assert making_way(floor) == 2
 
 
+def test_what_is_undone_later_counts_in_the_period_in_which_it_was_driven() -> None:
+    floor, marks = driver("A...", "EWE"), PeriodMarks(1)
+    for _ in range(7):
+        marks.look(floor.tick().run)
+    periods = marks.periods(floor.run)
+    assert [one.in_traffic for one in periods] == [1, 0, 0, 1, 0, 0, 0]
+    assert [one.on_orders for one in periods] == [0, 1, 1, 0, 1, 1, 1]
+
+
 class Steps(Strategy):
     """Right of way: robot 0 steps in one direction after the other."""
 
@@ -114,3 +124,16 @@ def test_turns_that_a_move_does_not_need_lead_nowhere(
     floor.tick(len(directions))
     assert floor.floor_plan.xy(int(robots.cell[0])) == (1, 0)
     assert making_way(floor) == wasted
+
+
+@pytest.mark.parametrize(("ticks", "wasted"), [(1, 0), (2, 2), (3, 2), (8, 8)])
+def test_turns_to_and_fro_are_lost_before_the_robot_moves(ticks: int, wasted: int) -> None:
+    """It faces east and turns south, east, south, and so on, as in a livelock."""
+    floor = SmallRun(
+        "A.\n..", kinematics="differential", strategies={"right_of_way": Steps(*[1, 0] * 4)}
+    )
+    robots = floor.world.robots
+    robots.heading[:], robots.goal_type[:], robots.goal_cell[:] = 0, GOAL_STOP, 0
+    floor.tick(ticks)
+    assert int(uses_of_time(floor.world).making_way.sum()) == wasted
+    assert counted(floor.run).sums["on_orders"] == ticks - wasted

@@ -38,7 +38,6 @@ FILES = {
     "--parquet": "rows.parquet",
     "--summary": "summary.csv",
     "--comparisons": "comparisons.csv",
-    "--xlsx": "report.xlsx",
 }
 
 
@@ -51,6 +50,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert main(["sweep", str(place / "tiny.yaml"), "--out", str(out), "--workers", "1"]) == 0
     options = [part for option, name in FILES.items() for part in (option, str(place / name))]
     assert main(["report", str(out), "--out", str(place / "report.json"), *options]) == 0
+    assert main(["report", str(out), "--out", str(place / "report.xlsx")]) == 0
     return place
 
 
@@ -121,10 +121,12 @@ def test_sheets_keep_their_heads_and_show_numbers_as_people_read_them(folder: Pa
 
 def test_a_workbook_stands_for_the_text(folder: Path, capsys: Any, tmp_path: Path) -> None:
     path = tmp_path / "report.xlsx"
-    code, out, err = report(capsys, str(folder / "results"), "--xlsx", str(path))
+    code, out, err = report(capsys, str(folder / "results"), "--out", str(path))
     assert (code, out, err) == (0, "", f"automaton: wrote {path}\n")
-    code, out, _ = report(capsys, str(folder / "results"), "--xlsx", str(path), "--format", "text")
-    assert code == 0 and "Answer" in out
+    assert openpyxl.load_workbook(path).sheetnames[0] == "answer"
+    code, _, err = report(capsys, str(folder / "results"), "--format", "xlsx")
+    assert code == 2 and "needs --out FILE" in err and err.count("\n") == 1
+    assert report(capsys, str(folder / "results"), "--json", "--format", "html")[0] == 2
 
 
 def test_csv_has_the_numbers_of_the_rows(folder: Path) -> None:
@@ -162,30 +164,18 @@ def test_json_has_the_answer_and_the_numbers_of_the_rows(folder: Path, capsys: A
     assert data["points"][1]["levels"]["strategy.allocation"] == {"name": "cooperative"}
 
 
-@pytest.mark.parametrize("option", ["--summary", "--comparisons", "--xlsx"])
+@pytest.mark.parametrize("option", ["--summary", "--comparisons", "--format=xlsx"])
 def test_what_is_no_table_of_ours_is_not_replaced(
     folder: Path, capsys: Any, tmp_path: Path, option: str
 ) -> None:
+    given = [option, "--out"] if option.startswith("--format") else [option]
     mine = tmp_path / "mine.yaml"
     mine.write_text("name: mine")
-    code, _, err = report(capsys, str(folder / "results"), option, str(mine))
+    code, _, err = report(capsys, str(folder / "results"), *given, str(mine))
     assert code == 2 and "is not a table of results, so it is not overwritten" in err
     assert mine.read_text() == "name: mine"
     mine.unlink()
-    assert [report(capsys, str(folder / "results"), option, str(mine))[0] for _ in "ab"] == [0, 0]
-
-
-def test_a_workbook_is_written_by_either_option(folder: Path, capsys: Any, tmp_path: Path) -> None:
-    book = tmp_path / "report.xlsx"
-    code, out, err = report(capsys, str(folder / "results"), "--out", str(book))
-    assert code == 0 and out == "" and err == f"automaton: wrote {book}\n"
-    assert openpyxl.load_workbook(book).sheetnames[0] == "answer"
-    two = ["--out", str(book), "--xlsx", str(book)]
-    code, _, err = report(capsys, str(folder / "results"), *two)
-    assert code == 2 and "names a second workbook" in err and err.count("\n") == 1
-    code, _, err = report(capsys, str(folder / "results"), "--format", "xlsx")
-    assert code == 2 and "needs --out FILE" in err and err.count("\n") == 1
-    assert report(capsys, str(folder / "results"), "--json", "--format", "html")[0] == 2
+    assert [report(capsys, str(folder / "results"), *given, str(mine))[0] for _ in "ab"] == [0, 0]
 
 
 def test_columns_that_would_become_equal_stay_apart() -> None:

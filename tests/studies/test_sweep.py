@@ -173,9 +173,7 @@ def test_plug_ins_count_as_code(tmp_path: Path, monkeypatch: pytest.MonkeyPatch)
     plug_in.write_text(text + "# changed\n")
     now = make_sweep_plan(study).manifest
     assert before.points == now.points and before.keys().isdisjoint(now.keys())
-    assert sweep_session.difference(before, now).endswith(
-        "own_allocation: own_allocation.py changed"
-    )
+    assert sweep_session.difference(before, now).endswith(": own_allocation.py changed")
 
 
 def test_another_study_seed_point_or_floor_is_refused(

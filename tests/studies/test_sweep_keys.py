@@ -11,12 +11,14 @@ from pathlib import Path
 import pytest
 from sweep_studies import environment, plain, swept_here
 
+from automaton.commands import main
 from automaton.errors import InputError
+from automaton.runs import provenance
+from automaton.runs.provenance import sources_of
 from automaton.studies.reports.build_report import scenarios_of
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps import run_keys as keys
 from automaton.studies.sweeps.result_store import Store
-from automaton.studies.sweeps.run_keys import sources_of
 
 PLUG_IN = """from pathlib import Path
 
@@ -116,7 +118,7 @@ def test_all_files_of_a_package_of_plug_ins_count(
         (tmp_path / name / file).touch()
     counted = {file for file in sources_of((f"{name}.own",)) if file.startswith(name)}
     names = {"own.py", "deep/more.py", "deep/data.json", *([begun] if begun else [])}
-    assert counted == {f"{name}: {file}" for file in names}
+    assert counted == {f"{name}/{file}" for file in names}
 
 
 def far_study(folder: Path, scenario: str) -> Path:
@@ -145,16 +147,66 @@ def test_a_folder_of_results_needs_no_file_of_its_study(tmp_path: Path) -> None:
     assert plain(swept_here(out / "study.yaml", tmp_path / "again")) == plain(rows)
 
 
-def test_only_what_lies_below_a_study_is_copied(tmp_path: Path) -> None:
-    study, out = (
-        far_study(tmp_path / "home", "[tabletop-mini, ../outside/own.yaml]"),
-        tmp_path / "o",
-    )
-    (study.parent / "deep").rename(tmp_path / "outside")
-    (study.parent / "floor.txt").rename(tmp_path / "floor.txt")
-    swept_here(study, out)
-    names = {path.name for path in out.iterdir()}
-    assert names == {".lock", "rows", "study.yaml", "sweep.json"}
+OUTER_SCENARIO = """name: outer  # Größe: klein
+layout: {{file: "{floor}"}}
+fleet: {{robots: 1}}
+orders: {{transports: {{file: '../Tage/*.csv'}}}}
+strategy: {{allocation: {{name: 'outer_plug_in:Own', table: table.txt}}}}
+stop: {{when: delivered, max_duration: 500}}
+"""
+
+
+def outer_study(home: Path) -> Path:
+    """A study whose scenario, orders and floor lie elsewhere; its strategy imports a module beside it."""
+    orders = "released,from_x,from_y,to_x,to_y\n0,0,2,4,0\n"
+    plug_in = f"import outer_costs\n{PLUG_IN.replace('CMD_PARK', 'CMD_STAY')}"
+    for file, text in {
+        "study/outer.yaml": "name: outer\nscenario: ../site/outer.yaml\nreplications: 1\n"
+        f"factors:\n  layout.file: [{home / 'maps' / 'floor.txt'}, '../wide/floor.txt']\n",
+        "site/outer.yaml": OUTER_SCENARIO.format(floor=home / "maps" / "floor.txt"),
+        "site/table.txt": "1 2 3",
+        "Tage/1.csv": orders,
+        "Tage/2.csv": orders.replace("0,0,2", "5,0,2"),
+        "maps/floor.txt": "b.$.d\nb....\ns....\n",
+        "wide/floor.txt": "b.$.d.\nb.....\ns.....\n",
+        "study/outer_plug_in.py": plug_in.replace("= CMD_STAY", "= outer_costs.COMMAND"),
+        "study/outer_costs.py": "COMMAND = 0\n",
+        "study/outer_unused.py": "",
+    }.items():
+        (home / file).parent.mkdir(parents=True, exist_ok=True)
+        (home / file).write_text(text)
+    return home / "study" / "outer.yaml"
+
+
+def test_a_moved_folder_of_results_needs_nothing_from_elsewhere(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    study, out = outer_study(tmp_path / "home"), tmp_path / "out"
+    rows = swept_here(study, out)
+    assert rows.column("layout.file").to_pylist() == [
+        "../maps/floor.txt",
+        "../wide/floor.txt",
+    ]
+    assert "# Größe: klein" in (out / "outside" / "site" / "outer.yaml").read_text()
+    assert {path.relative_to(out).as_posix() for path in out.rglob("*.*") if path.is_file()} >= {
+        "outside/Tage/2.csv",
+        "outside/site/table.txt",
+        "outer_costs.py",
+    }
+    assert not (out / "outer_unused.py").exists()
+    shutil.rmtree(study.parent.parent)
+    moved = (tmp_path / "elsewhere").resolve()
+    out.rename(moved)
+    monkeypatch.chdir(moved)
+    for name in ("outer_plug_in", "outer_costs"):  # as in a new process
+        sys.modules.pop(name, None)
+    assert main(["report", "."]) == 0
+    (command,) = (line for line in capsys.readouterr().out.splitlines() if "--out ." in line)
+    assert command.strip() == "automaton sweep study.yaml --out . && automaton report ."
+    assert main(command.partition(" && ")[0].split()[1:]) == 0
+    assert Store(moved).rows().equals(rows)
+    (moved / "rows").rename(tmp_path / "rows")
+    assert plain(swept_here(moved / "study.yaml", moved)) == plain(rows)
 
 
 def test_a_file_that_is_in_the_way_of_a_copy_stays(tmp_path: Path) -> None:
@@ -174,10 +226,32 @@ def test_a_worker_that_lives_on_says_which_code_it_has(
     pools._packages.cache_clear()
     mine = pools._version(())
     with monkeypatch.context() as later:  # the disk has other code now
-        later.setattr(keys, "DATA_SUFFIXES", ())
+        later.setattr(provenance, "DECIDING", (".py",))
         changed = keys.hashed(sources_of(("lasting_plug_in",)))
         assert pools._version(("lasting_plug_in",)) != changed and pools._version(()) == mine
     assert pools._version(("lasting_plug_in",)) == keys.hashed(sources_of(("lasting_plug_in",)))
+
+
+def test_a_plug_in_counts_with_what_it_imports_and_not_with_what_lies_beside_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Imports are followed through modules and packages, in functions too; a circle ends."""
+    monkeypatch.syspath_prepend(tmp_path)
+    for file, text in {
+        "followed_plug_in.py": "import json, followed_costs\nimport automaton\n",
+        "followed_costs.py": "def cost():\n    from followed_tools.deep import rate\n",
+        "followed_tools/__init__.py": "from .deep import rate\n",
+        "followed_tools/deep.py": "import followed_plug_in\n",
+        "followed_tools/table.csv": "1,2",
+        "json.py": "",
+        "unrelated.py": "def broken(:\n",
+        "data/table.csv": "1,2",
+    }.items():
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text(text)
+    found = set(sources_of(("followed_plug_in",))) - set(sources_of())
+    tools = {f"followed_tools/{name}" for name in ("__init__.py", "deep.py", "table.csv")}
+    assert found == {"followed_plug_in.py", "followed_costs.py", *tools}
 
 
 def test_a_link_that_leads_nowhere_is_no_source(
@@ -187,6 +261,4 @@ def test_a_link_that_leads_nowhere_is_no_source(
     monkeypatch.syspath_prepend(tmp_path)
     (tmp_path / "edited_plug_in.py").touch()
     (tmp_path / ".#edited_plug_in.py").symlink_to("somebody@somewhere.1")
-    assert set(sources_of(("edited_plug_in",))) - set(sources_of()) == {
-        "edited_plug_in: edited_plug_in.py"
-    }
+    assert set(sources_of(("edited_plug_in",))) - set(sources_of()) == {"edited_plug_in.py"}

@@ -488,7 +488,7 @@ def overrides(taken: Taken) -> None:
 
 @tampering(found=False)
 def sources(taken: Taken) -> None:
-    taken.header["sources"] = "0" * 16
+    taken.header["sources"] = {}
 
 
 @tampering(found=False)

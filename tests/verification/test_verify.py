@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from automaton.commands import main
+from automaton.commands import main, version
 from automaton.engine.digest import DIGEST_NAMES
 from automaton.engine.record_codes import ENTERED_PARKING_BAY, EXECUTED_BLOCKED, EXECUTED_ILLEGAL
 from automaton.errors import InputError
@@ -59,7 +59,7 @@ def save(path: Path, recording: Recording) -> Path:
 
 def test_a_good_recording_is_verified(good: Recording) -> None:
     found = verify_recording(good)
-    assert found.passed and found.difference is None and found.same_sources
+    assert found.passed and found.difference is None and not found.changed_sources
     assert found.report.ticks == 1000
 
 
@@ -274,9 +274,11 @@ def test_other_sources_are_told(
     good: Recording, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     recording, _ = altered(good)
-    recording.header["sources"] = "0" * 16
+    file = "strategies/allocation/independent.py"
+    recording.header["sources"] = {**recording.header["sources"], file: "0" * 16}
     assert main(["verify", str(save(tmp_path / "run.rec", recording))]) == 0
-    assert "recorded by other code" in capsys.readouterr().out
+    said = capsys.readouterr().out
+    assert f"recorded by other code (version {version()}): {file} changed\n" in said
 
 
 def test_what_is_no_recording_ends_with_2(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -24,7 +23,6 @@ from automaton.errors import InputError
 from automaton.floor.floor_plan import DRIVABLE
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.simulation import Simulation
-from automaton.scenario.text_files import shipped
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.studies.reports.comparison_tables import (
     comparison_section,
@@ -208,11 +206,12 @@ def add_floors(
 def add_repeat(document: ReportDocument, store: Store) -> None:
     """Add the commands that repeat the study, with its files folded."""
     folder = Path(store.folder)
-    command = f"automaton sweep {shlex.quote(STUDY_FILE)} --out {shlex.quote(folder.name)}"
     document.add(
         Heading("Repeat"),
-        Text("With the code named above and these files, this command reproduces the rows:"),
-        Text(f"{command} && automaton report {shlex.quote(folder.name)}", code=True),
+        Text(
+            "In the results folder, this command does the runs that are missing and reports again:"
+        ),
+        Text(f"automaton sweep {STUDY_FILE} --out . && automaton report .", code=True),
         Folded(STUDY_FILE, [Text(store.manifest.text.strip(), code=True)]),
     )
     for name in dict.fromkeys(point.scenario for point in store.manifest.points):
@@ -220,10 +219,6 @@ def add_repeat(document: ReportDocument, store: Store) -> None:
             text = content_of(folder / name).decode(errors="replace").strip()
             title = f"{name} (the files that it names are also in the results folder)"
             document.add(Folded(title, [Text(text, code=True)]))
-        elif name not in shipped():
-            document.add(
-                Text(f"Also needed: the original {name}, which is outside the study's folder.")
-            )
 
 
 # The caveats of a report.

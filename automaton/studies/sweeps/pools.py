@@ -42,19 +42,17 @@ from automaton.runs.headless import (
 from automaton.runs.metric_catalogue import in_coarse_ticks
 from automaton.runs.metrics import metrics_of
 from automaton.runs.progress import asked_orders
+from automaton.runs.provenance import Sources, package_sources, plugin_sources
 from automaton.runs.run_diagnosis import JamWatch, note_jam
 from automaton.runs.simulation import Simulation
 from automaton.studies.process_pool import Workers
 from automaton.studies.sweeps.run_keys import (
     WHOLE_RUNS,
     Row,
-    Sources,
     SweepRun,
     Windows,
     blank,
     hashed,
-    package_sources,
-    plugin_sources,
     reason,
 )
 from automaton.studies.sweeps.study import SERIES_COLUMN, SUMS_COLUMN

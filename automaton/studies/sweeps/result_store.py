@@ -30,9 +30,9 @@ import msgspec
 
 from automaton.atomic_write import put_in_place, replacing
 from automaton.errors import InputError
+from automaton.runs.provenance import MANIFEST
 from automaton.scenario.document import Document
 from automaton.studies.sweeps.run_keys import (
-    MANIFEST,
     Manifest,
     Row,
     SweepRun,

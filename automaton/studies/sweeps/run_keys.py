@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final, NamedTuple
 
@@ -18,19 +18,16 @@ import msgspec
 
 from automaton.errors import InputError
 from automaton.printable import one_line
-from automaton.runs.provenance import DECIDING, PACKAGES, file_hashes
+from automaton.runs.provenance import MANIFEST, PACKAGES, Sources, file_hashes, sources_of
 from automaton.scenario.order_lines import plain_data
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.strategy import lookup
 from automaton.studies.sweeps.study import Levels, Study
 from automaton.world.resolved import Resolved
 
-DATA_SUFFIXES: Final = (".yaml", ".json")  # files of automaton's packages that their code may read
-MANIFEST: Final = "sweep.json"
 MANIFEST_FORMAT: Final = 5
 DRAWN_ELSEWHERE: Final = ("file", "matrix")  # keys of a layout whose floor is in a separate file
 MAX_REASON_LENGTH: Final = 500  # characters
-Sources = dict[str, str]  # file -> 16 hex digits of its content
 
 
 class SweepRun(NamedTuple):
@@ -205,82 +202,6 @@ def plugins_of(resolved: Resolved) -> set[str]:
     places = (lookup.place(layer, choice.name) for layer, choice in resolved.choices)
     modules = {place.partition(":")[0] for place in places if place}
     return {module for module in modules if module.partition(".")[0] not in PACKAGES}
-
-
-def sources_of(plugins: tuple[str, ...] = ()) -> Sources:
-    """The files that determine runs: those of automaton's packages and of plug-ins.
-
-    A plug-in that is a package counts with all its files except caches; a plug-in that is a single
-    module counts with all Python files of its folder.
-    """
-    found = package_sources()
-    for plugin in plugins:
-        found |= plugin_sources(plugin)
-    return dict(sorted(found.items()))
-
-
-def package_sources() -> Sources:
-    """The files of automaton's packages that determine runs."""
-    found: Sources = {}
-    for package in PACKAGES:
-        root, _ = _home(package)
-        deciding = (path for path in root.rglob("*") if path.suffix in DECIDING + DATA_SUFFIXES)
-        found |= _contents(deciding, root.parent, "")
-    return found
-
-
-def plugin_sources(plugin: str) -> Sources:
-    """The files of a plug-in, given by its module."""
-    top = plugin.partition(".")[0]
-    root, whole = _home(top)
-    return _contents(_own_files(root) if whole else root.glob("*.py"), root, f"{top}: ")
-
-
-def _contents(files: Iterable[Path], root: Path, first: str) -> Sources:
-    """Hashes of files by path relative to `root` with the prefix `first`; broken links are skipped."""
-    return {
-        first + path.relative_to(root).as_posix(): _content(path)
-        for path in files
-        if path.is_file()
-    }
-
-
-def _own_files(root: Path) -> Iterator[Path]:
-    """The files of a package, without caches, hidden files and results folders."""
-    for path in sorted(root.iterdir()):
-        if path.name.startswith(".") or path.name == "__pycache__" or path.suffix == ".pyc":
-            continue
-        if path.is_file():
-            yield path
-        elif path.is_dir() and not path.is_symlink() and not (path / MANIFEST).exists():
-            yield from _own_files(path)
-
-
-def _home(name: str) -> tuple[Path, bool]:
-    """The folder of a package or module, and whether it is a package (possibly without __init__.py)."""
-    import importlib.util
-
-    spec = importlib.util.find_spec(name)
-    if spec is not None and spec.submodule_search_locations:
-        return Path(next(iter(spec.submodule_search_locations))), True
-    if spec is None or spec.origin is None:
-        raise InputError(f"the package {name} is not installed here")
-    return Path(spec.origin).parent, False
-
-
-def _content(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-
-
-def changed_sources(before: Sources, now: Sources) -> str:
-    """The differences between two states of the code, in a phrase; "" if they are equal."""
-    changes = [
-        f"{file} {'is new' if file not in before else 'is gone' if file not in now else 'changed'}"
-        for file in sorted({*before, *now})
-        if before.get(file) != now.get(file)
-    ]
-    more = len(changes) - 3
-    return ", ".join([*changes[:3], *([f"and {more} more"] if more > 0 else [])])
 
 
 def read_manifest(folder: Path) -> Manifest | None:

@@ -1,17 +1,19 @@
 """A study prepared to run: every design point is resolved and checked before the first run.
 
-Copies of the study's own files make a results folder readable and repeatable anywhere. Scenarios and
-their files are copied to their paths relative to the study. Shipped files, files named by absolute
-paths, and files outside the study's folder are not copied.
+Copies of the study's own files and strategies make a results folder readable and repeatable anywhere.
+Files keep their paths relative to the study; those that lie elsewhere get new names. What comes with
+automaton or is installed is not copied.
 """
 
 from __future__ import annotations
 
 import contextlib
+import glob
 import json
 import math
 import os
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -21,10 +23,12 @@ import yaml
 
 from automaton.errors import InputError, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
-from automaton.runs.provenance import versions
-from automaton.scenario.document import Document, Override, keys_of
+from automaton.runs.provenance import MANIFEST, is_installed, plugin_files, versions
+from automaton.scenario.document import LOADER, Document, Override, keys_of, parse
 from automaton.scenario.quantities import TIME
-from automaton.scenario.text_files import SHIPPED_FOLDER, find
+from automaton.scenario.reading import LONGEST_FILE_NAME
+from automaton.scenario.table_fields import is_pattern
+from automaton.scenario.text_files import SHIPPED_FOLDER, find, read_text
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.scenario.validation import NumberRange, Place, convert
 from automaton.strategy import lookup
@@ -32,13 +36,12 @@ from automaton.studies.inference.steady_state import MIN_OBSERVATIONS, MIN_REPLI
 from automaton.studies.sweeps.named_changes import NamedChange, place_of
 from automaton.studies.sweeps.result_store import ROWS_FOLDER, STUDY_FILE, Copies
 from automaton.studies.sweeps.run_keys import (
-    DRAWN_ELSEWHERE,
-    MANIFEST,
     WHOLE_RUNS,
     Manifest,
     Windows,
     fingerprint,
     manifest_of,
+    plugins_of,
 )
 from automaton.studies.sweeps.study import (
     MAX_WINDOW,
@@ -47,6 +50,7 @@ from automaton.studies.sweeps.study import (
     Point,
     Study,
     checked_study,
+    document_of,
     study_document,
 )
 from automaton.world.resolve import Resolved, resolve
@@ -54,7 +58,10 @@ from automaton.world.resolve import Resolved, resolve
 DEFAULT_WINDOWS = 200  # number of windows in a run, unless a study gives their length
 MSER = "mser-5"  # value of warm_up
 WARM_UP_KEYS = ("measure", "warm_up")
-RESERVED_FILE_NAMES: Final = (MANIFEST, STUDY_FILE, ROWS_FOLDER)
+OUTSIDE_FOLDER: Final = "outside"  # folder of the files that are not below the study's folder
+RESERVED_FILE_NAMES: Final = (MANIFEST, STUDY_FILE, ROWS_FOLDER, OUTSIDE_FOLDER)
+SCENARIO_KEY: Final = "scenario"
+NO_FILES: Final = ("name", "summary")  # keys whose values name no files
 
 
 class SweepPlan(NamedTuple):
@@ -65,6 +72,7 @@ class SweepPlan(NamedTuple):
     scenarios: tuple[Resolved, ...]  # by point
     plugins: tuple[str, ...]  # modules of foreign strategies
     manifest: Manifest
+    copies: Copies  # of the files that the study uses, with their paths in a results folder
 
     @property
     def runs(self) -> int:
@@ -82,8 +90,12 @@ def make_sweep_plan(study: str | Path | Study | Document) -> SweepPlan:
     check_metrics(document, declared, scenarios, names)
     windows = windows_of(declared, scenarios)
     text = document.text or yaml.safe_dump(_plain(declared), sort_keys=False, allow_unicode=True)
-    manifest, plugins = manifest_of(declared, text, scenarios, windows, versions(), names)
-    return SweepPlan(declared, declared.points, scenarios, plugins, manifest)
+    portable, copies = whole_study(document, declared, text, scenarios)
+    if portable != text:
+        renamed = checked_study(document_of(portable, Path(STUDY_FILE)))
+        declared = msgspec.structs.replace(renamed, window=declared.window)
+    manifest, plugins = manifest_of(declared, portable, scenarios, windows, versions(), names)
+    return SweepPlan(declared, declared.points, scenarios, plugins, manifest, copies)
 
 
 def resolved_study(
@@ -94,6 +106,8 @@ def resolved_study(
     Does not import Numba.
     """
     document = _document(study)
+    if document.file is not None and str(document.folder.absolute()) not in sys.path:
+        sys.path.append(str(document.folder.absolute()))  # "module:Class" may be beside the study
     declared = checked_study(document)
     scenarios = tuple(_resolved(document, declared, point) for point in declared.points)
     _check_changes(document, declared, scenarios)
@@ -354,39 +368,159 @@ def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
     return study, scenarios
 
 
-def copies_of(study: str | Path | Study | Document, plan: SweepPlan) -> Copies:
-    """The files that a plan uses, without the study file itself. Raises InputError."""
-    document = Document(data={}) if isinstance(study, Study) else _document(study)
-    found: dict[str, Path] = {}
-    for point, resolved in zip(plan.points, plan.scenarios, strict=True):
-        name, file = Path(point.scenario), scenario_file(document, point.scenario)
-        if not name.is_absolute() and ".." not in name.parts:
-            home = file.parents[len(name.parts) - 1]
-            for own in (file, *files_named(resolved, file.parent)):
-                found |= placed(own, home)
+# Copies of the files of a study, under names that a results folder can have anywhere.
+
+
+class CopyPlaces:
+    """The files of a study, each with its path in a results folder.
+
+    Files below one of `homes` keep their paths there; others are in OUTSIDE_FOLDER, by the name of their
+    folder.
+    """
+
+    def __init__(self, homes: Iterable[Path]) -> None:
+        self.homes = [Path(os.path.abspath(home)) for home in homes]
+        self.files: dict[str, Path] = {}  # path in the results folder -> file
+        self._folders: dict[Path, str] = {}  # folders elsewhere -> their names in OUTSIDE_FOLDER
+
+    def place(self, file: Path) -> str:
+        """The path of a file in the results folder, where it will be copied."""
+        path = Path(os.path.abspath(file))
+        near = (path.relative_to(home) for home in self.homes if path.is_relative_to(home))
+        for place in near:
+            if place.parts[0] not in RESERVED_FILE_NAMES and self._take(place.as_posix(), path):
+                return place.as_posix()
+        if path.parent not in self._folders:
+            first = name = path.parent.name or "root"
+            number = 1
+            while name in self._folders.values():
+                number += 1
+                name = f"{first}-{number}"
+            self._folders[path.parent] = name
+        place = Path(OUTSIDE_FOLDER, self._folders[path.parent], path.name)
+        self._take(place.as_posix(), path)
+        return place.as_posix()
+
+    def names_in(self, data: Any, bases: Sequence[Path], scenario: str) -> dict[str, str]:
+        """{name of a file in data: its name for the copy of a scenario with this place}."""
+        folder = os.path.dirname(scenario) or "."
+        names: dict[str, str] = {}
+        for name in texts_of(data):
+            places = [self.place(path) for path in files_at(name, bases)]
+            if not places or is_pattern(os.path.dirname(name)):
+                continue
+            renamed = os.path.relpath(places[0], folder)
+            if is_pattern(name):
+                renamed = os.path.join(os.path.dirname(renamed), os.path.basename(name))
+            names[name] = name if os.path.normpath(name) == renamed else renamed
+        return names
+
+    def _take(self, place: str, path: Path) -> bool:
+        return self.files.setdefault(place, path) == path
+
+
+def whole_study(
+    document: Document, study: Study, text: str, scenarios: tuple[Resolved, ...]
+) -> tuple[str, Copies]:
+    """The text of a study and copies of its files, so that a results folder needs no other file.
+
+    Scenarios and files that lie outside the study's folder get other names, in the text and in the
+    copies of scenarios. Raises InputError.
+    """
+    places = CopyPlaces([document.folder if document.file else Path(), Path()])
+    texts: dict[str, bytes] = {}  # place of a scenario -> its text, if names in it change
+    renamed: dict[str, str] = {}  # scenario as named in the study -> its place
+    files: dict[str, set[str]] = {}  # file as named in the study -> its names for the scenarios
+    for name in dict.fromkeys(point.scenario for point in study.points):
+        file = scenario_file(document, name)
+        bases = [file.parent]
+        if file.resolve().is_relative_to(SHIPPED_FOLDER):
+            if not any(files_at(one, [Path()]) for one in texts_of(document.data)):
+                continue  # it comes with automaton, and so do its files
+            bases.append(Path())
+        place = renamed[name] = places.place(file)
+        for one, inner in places.names_in(document.data, bases, place).items():
+            files.setdefault(one, set()).add(inner)
+        content = read_text(file)
+        changed = with_names(content, places.names_in(parse(content, None)[0], bases, place))
+        texts |= {place: changed.encode()} if changed != content else {}
+    one_name = {name: names.pop() for name, names in files.items() if len(names) == 1}
+    copies = {place: _content(file) for place, file in places.files.items()}
+    copies |= {**texts, **plugin_copies(scenarios)}
+    return with_names(text, one_name, renamed), copies
+
+
+def texts_of(data: Any, key: str = "") -> Iterator[str]:
+    """The texts in data of a scenario or study that may name files."""
+    if isinstance(data, dict):
+        for inner, value in data.items():
+            yield from texts_of(value, inner)
+    elif isinstance(data, list | tuple):
+        for value in data:
+            yield from texts_of(value, key)
+    elif (
+        isinstance(data, str)
+        and key not in (SCENARIO_KEY, *NO_FILES)
+        and 0 < len(data) <= LONGEST_FILE_NAME
+    ):
+        yield data
+
+
+def files_at(name: str, bases: Iterable[Path]) -> list[Path]:
+    """The files that a text names in the first folder that has any; wildcards name several."""
+    for base in bases:
+        if os.path.isfile(base / name):
+            return [base / name]
+        if is_pattern(name) and name.isprintable():
+            names = sorted(glob.glob(name, root_dir=base))
+            if files := [base / one for one in names if os.path.isfile(base / one)]:
+                return files
+    return []
+
+
+def with_names(text: str, files: dict[str, str], scenarios: Mapping[str, str] = {}) -> str:
+    """A YAML text with other names of files and, at the key `scenario`, of scenarios."""
+    changes: dict[int, tuple[int, str]] = {}
+
+    def look(node: yaml.Node, key: str) -> None:
+        if isinstance(node, yaml.ScalarNode):
+            names = {} if key in NO_FILES else scenarios if key == SCENARIO_KEY else files
+            if names.get(node.value, node.value) != node.value:
+                written = json.dumps(names[node.value], ensure_ascii=False)
+                changes[node.start_mark.index] = (node.end_mark.index, written)
+        elif isinstance(node, yaml.MappingNode):
+            for name, inner in node.value:
+                look(inner, name.value)
+        else:
+            for inner in node.value:
+                look(inner, key)
+
+    root = yaml.compose(text, Loader=LOADER)
+    if root is not None:
+        look(root, "")
+    for begin, (end, written) in sorted(changes.items(), reverse=True):
+        text = text[:begin] + written + text[end:]
+    return text
+
+
+def plugin_copies(scenarios: tuple[Resolved, ...]) -> Copies:
+    """The files of the strategies and generators in use, except those of installed packages."""
+    modules = set().union(*map(plugins_of, scenarios))
+    for resolved in scenarios:
+        module, colon, _ = str(resolved.scenario.layout.get("generator", "")).partition(":")
+        modules |= {module} if colon else set()
+    copies: dict[str, bytes] = {}
+    for module in sorted(modules):
+        root, files = plugin_files(module)
+        if not is_installed(root):
+            copies |= {path.relative_to(root).as_posix(): _content(path) for path in files}
+    return copies
+
+
+def _content(file: Path) -> bytes:
+    """The content of a file. Raises InputError."""
     try:
-        return {place: file.read_bytes() for place, file in found.items()}
+        return file.read_bytes()
     except OSError as error:
         why = (error.strerror or str(error)).lower()
         raise InputError(f"cannot be read: {why}", str(error.filename)) from None
-
-
-def files_named(resolved: Resolved, folder: Path) -> Iterator[Path]:
-    """The files that a scenario in `folder` names: of its floor, its orders and its strategies."""
-    layout = resolved.scenario.layout
-    yield from (folder / layout[form] for form in DRAWN_ELSEWHERE if form in layout)
-    yield from (Path(file) for file, _ in resolved.files)
-    for _, choice in resolved.choices:
-        yield from lookup.files_of(choice.parameters)
-
-
-def placed(file: Path, home: Path) -> dict[str, Path]:
-    """{path below `home`: file} if the file is below `home` and not shipped; else {}."""
-    path = Path(os.path.abspath(file))
-    if not path.is_file() or path.resolve().is_relative_to(SHIPPED_FOLDER):
-        return {}
-    for top in (Path(os.path.abspath(home)), home.resolve()):
-        if path.is_relative_to(top):
-            place = path.relative_to(top)
-            return {} if place.parts[0] in RESERVED_FILE_NAMES else {place.as_posix(): path}
-    return {}

@@ -23,6 +23,7 @@ from automaton.errors import InputError
 from automaton.runs.first_compilation import compiled_parts
 from automaton.runs.headless import WINDOW_TICKS, CountedStretches, attribute_strategy_errors
 from automaton.runs.metrics import counted
+from automaton.runs.provenance import changed_sources, first_changes
 from automaton.runs.simulation import Simulation
 from automaton.studies.sweeps.pools import (
     Backend,
@@ -32,7 +33,7 @@ from automaton.studies.sweeps.pools import (
     figures_of,
 )
 from automaton.studies.sweeps.result_store import (
-    Copies,
+    STUDY_FILE,
     Store,
     Writer,
     arrow,
@@ -47,7 +48,6 @@ from automaton.studies.sweeps.run_keys import (
     Row,
     SweepRun,
     blank,
-    changed_sources,
     declared_by,
     read_manifest,
 )
@@ -102,19 +102,18 @@ def sweep_into(
     on_begun: Callable[[SweepStart], None] | None = None,
     on_rows: OnRows | None = None,
     retry_failed: bool = False,
-    copies: Copies | None = None,
     patience: float | None = None,
     decide: Decide | None = None,
 ) -> SweepResult:
     """Do the runs that a folder lacks. Raises InputError; finished runs are saved in any case.
 
-    `retry_failed`: repeat failed runs, too. `copies`: copies of the study's own files to store.
-    `patience`: seconds that a Python strategy has for each decision. `decide`: called after each round
-    of a study with a target precision; returns the replications after the next round.
+    `retry_failed`: repeat failed runs, too. `patience`: seconds that a Python strategy
+    has for each decision. `decide`: called after each round of a study with a target precision; returns
+    the replications after the next round.
     """
     arrow()
     with lock_folder(folder):
-        store, reanalysed = open_results(folder, plan, recompute, copies)
+        store, reanalysed = open_results(folder, plan, recompute)
         begun, done = load_existing(store, reanalysed, retry_failed, on_begun)
         writer = Writer(store)
         try:
@@ -167,9 +166,7 @@ def check_complete(store: Store) -> None:
         )
 
 
-def open_results(
-    folder: Path, plan: SweepPlan, recompute: bool = False, copies: Copies | None = None
-) -> tuple[Store, bool]:
+def open_results(folder: Path, plan: SweepPlan, recompute: bool = False) -> tuple[Store, bool]:
     """The folder's results for this plan, and whether their analysis was another one.
 
     Earlier declarations stay in the manifest if any of their runs count. Raises InputError if the
@@ -178,19 +175,19 @@ def open_results(
     before = read_manifest(folder)
     manifest = plan.manifest if recompute else gone_on_with(plan, before)
     if before is None:
-        check_free(folder, copies or {})
-        return write_manifest(folder, manifest, copies), False
+        check_free(folder, {**plan.copies, STUDY_FILE: manifest.text.encode()})
+        return write_manifest(folder, manifest, plan.copies), False
     objection = "" if recompute else difference(before, manifest)
     if objection:
         raise InputError(f"{objection}; {ADVICE}", str(folder))
     if not Store(folder, manifest).keys():
-        return write_manifest(folder, plan.manifest, copies), False
+        return write_manifest(folder, plan.manifest, plan.copies), False
     earlier, now = declared_by(declared_in(folder, before)), declared_by(plan.study)
     is_same, asked = earlier == now, before.replications  # up to the present round
     earlier = msgspec.structs.replace(earlier, replications=asked)
     history = before.earlier if is_same else (*before.earlier, earlier)
     manifest = msgspec.structs.replace(manifest, earlier=history)
-    return write_manifest(folder, manifest, copies), not earlier.analysed_as(now)
+    return write_manifest(folder, manifest, plan.copies), not earlier.analysed_as(now)
 
 
 def gone_on_with(plan: SweepPlan, before: Manifest | None) -> Manifest:
@@ -209,7 +206,7 @@ def difference(before: Manifest, now: Manifest) -> str:
     """A phrase that says why results do not belong to a plan; "" if they do."""
     if before.study != now.study:
         return f"holds results of the study '{before.study}', not of '{now.study}'"
-    changed = changed_sources(before.sources, now.sources)
+    changed = first_changes(changed_sources(before.sources, now.sources))
     if changed:
         return f"holds results of other code: {changed}"
     for name in ("seed", "common_random_numbers"):

@@ -90,8 +90,10 @@ def run(args: argparse.Namespace) -> int:
 
     base = resolve(args.scenario, settings, args.seed).unrefined
     print_warnings(base)
-    keys = study_keys(args, base.scenario, levels_of(settings))
-    study = what_if_study(args.changes, keys, asked_metrics(args))
+    keys = study_keys(args.scenario, "what if", base.scenario, levels_of(settings))
+    keys |= {"replications": args.pairs}
+    keys |= {"analysis": {"metrics": args.metrics}} if args.metrics else {}
+    study = what_if_study(args.changes, keys, asked_metrics(args.metrics or []))
     plan = make_sweep_plan(study)
     warn_of_changes(plan, base)
     with folder_of(args.out) as folder:
@@ -126,18 +128,16 @@ def warn_of_changes(plan: SweepPlan, base: Resolved) -> None:
 
 
 def study_keys(
-    args: argparse.Namespace, base: Scenario, settings: dict[str, Any]
+    scenario: str, what: str, base: Scenario, settings: dict[str, Any]
 ) -> dict[str, Any]:
-    """The keys of the study, without its points."""
-    path = Path(args.scenario)
+    """The keys of a study of one scenario, without its points, their number of runs and its analysis."""
+    path = Path(scenario)
     is_elsewhere = path.is_file() and ".." in path.parts  # a results folder may be anywhere
     return {
-        "name": f"{base.name}: what if",
-        "scenario": os.path.abspath(path) if is_elsewhere else args.scenario,
+        "name": f"{base.name}: {what}",
+        "scenario": os.path.abspath(path) if is_elsewhere else scenario,
         **({"set": settings} if settings else {}),
-        "replications": args.pairs,
         "seed": base.seed,
-        **({"analysis": {"metrics": args.metrics}} if args.metrics else {}),
     }
 
 
@@ -153,11 +153,11 @@ def levels_of(settings: Sequence[str | Override]) -> dict[str, Any]:
     return levels
 
 
-def asked_metrics(args: argparse.Namespace) -> list[Override]:
+def asked_metrics(names: Sequence[str]) -> list[Override]:
     """The metrics of the command line, for errors about them."""
     return [
         Override(f"--metric {name}", ("analysis", "metrics", number), name)
-        for number, name in enumerate(args.metrics or [])
+        for number, name in enumerate(names)
     ]
 
 

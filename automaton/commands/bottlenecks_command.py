@@ -48,7 +48,7 @@ from automaton.documents.report_document import (
     Text,
 )
 from automaton.errors import InputError, nearest
-from automaton.floor.drawn_floors import floor_drawing
+from automaton.floor.drawn_floors import floor_picture
 from automaton.runs.cores import cores
 from automaton.scenario.document import Document, Override
 from automaton.studies import bottlenecks as search
@@ -69,6 +69,7 @@ from automaton.world.resolve import Resolved, resolve
 
 SCREENING, CONFIRMATION = "screening", "confirmation"  # folders of results
 MARKED: Final = 9  # changes that the picture of the floor shows
+LARGEST: Final = (120, 60)  # columns and rows of a floor that is drawn
 
 
 class Asked(NamedTuple):
@@ -382,13 +383,14 @@ def ranking_table(findings: Findings) -> Table:
         lost = findings.lost.get(number)
         near = ["-", "-"]
         if lost is not None:
-            near = [NumberText(f"{lost:,.0f}", lost), str(findings.lost_rank(number))]
+            rank = str(findings.lost_rank(number)) if lost else "-"
+            near = [NumberText(f"{lost:,.0f}", lost), rank]
         verdict = "not significant"
         if one.is_effect:
             verdict = "better" if one.is_better else "worse"
         cells = difference_cells(one.effect.difference, scale)[:1]
         cells += [relative_text(one.effect.relative), p_text(one.adjusted)]
-        sign = " =" if one.as_good_as_first else ""
+        sign = " =" if verdict == "better" and one.as_good_as_first else ""
         rows.append([f"{place}{sign}", findings.change(one).name, *cells, verdict, *near])
     heads = ["", "change", f"difference, {scale.unit}", "relative, 95 %", "p"]
     return Table([*heads, "verdict", "lost near", "rank"], rows, left=2, also_left=(5,))
@@ -410,22 +412,22 @@ def reading(findings: Findings) -> Iterator[str]:
 
 
 def picture(findings: Findings) -> Iterator[Block]:
-    """The floor with the places of the first changes; nothing if none has a place."""
-    try:
-        rows = floor_drawing(findings.resolved.floor_plan).picture.split("\n")
-    except InputError:
+    """The floor with the places of the first changes that are better; nothing if none has a place."""
+    floor_plan = findings.resolved.floor_plan
+    best = [one for one in findings.ranked.changes[:MARKED] if one.is_effect and one.is_better]
+    places = [findings.change(one).cells for one in best]
+    if not any(places) or floor_plan.width > LARGEST[0] or floor_plan.height > LARGEST[1]:
         return
-    marks: dict[tuple[int, int], str] = {}
-    for place, one in enumerate(findings.ranked.changes[:MARKED], 1):
-        for cell in findings.change(one).cells:
-            x, y = findings.resolved.floor_plan.xy(cell)
-            marks.setdefault((x + len(rows[y]) - findings.resolved.floor_plan.width, y), str(place))
-    if marks:
-        yield Text("The places of the first changes, by their rank:")
-        yield CharacterPicture([
-            [(marks.get((x, y), sign), "bold" if (x, y) in marks else "") for x, sign in enumerate(row)]
-            for y, row in enumerate(rows)
-        ])  # fmt: skip
+    rows = [list(row) for row in floor_picture(floor_plan).split("\n")]
+    margin = len(rows[0]) - floor_plan.width  # of parking bays
+    styles = [["" for _ in row] for row in rows]
+    for place, cells in reversed(list(enumerate(places, 1))):
+        for x, y in map(floor_plan.xy, cells):
+            rows[y][x + margin], styles[y][x + margin] = str(place), "bold"
+    yield Text("The places of the first changes, by rank:")
+    yield CharacterPicture([
+        list(zip(*row, strict=True)) for row in zip(rows, styles, strict=True)
+    ])  # fmt: skip
 
 
 def settings_blocks(changes: Sequence[search.CandidateChange]) -> Iterator[Block]:

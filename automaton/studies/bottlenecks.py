@@ -213,13 +213,12 @@ def fleet_changes(resolved: Resolved) -> Iterator[CandidateChange]:
         else:
             own = kind and kind.durations.move
             where = "durations.move" if kind is None else f"{key}.durations.move"
-            shorter = half(durations.move if own is None else own)
-            yield CandidateChange(FLEET, f"moves{of_type} x 0.5", {where: shorter})
+            settings = halves({where: durations.move if own is None else own})
+            yield CandidateChange(FLEET, f"moves{of_type} x 0.5", settings)
     for name in ("turn", "pick", "drop"):
         sections: list[tuple[str, Any]] = [("durations", durations)]
         sections += [(f"fleet.types.{k}.durations", t.durations) for k, t in enumerate(fleet.types)]
-        each = {f"{key}.{name}": getattr(section, name) for key, section in sections}
-        settings = {key: half(ticks) for key, ticks in each.items() if ticks}
+        settings = halves({f"{key}.{name}": getattr(part, name) for key, part in sections})
         yield CandidateChange(FLEET, f"{name}s x 0.5", settings)
     yield from limit_changes(resolved)
 
@@ -243,11 +242,17 @@ def limit_changes(resolved: Resolved) -> Iterator[CandidateChange]:
                 yield CandidateChange(FLEET, name, {f"{key}.active": value})
 
 
+def halves(durations: Levels) -> Levels:
+    """Settings with half of each duration, where that is another whole number of ticks."""
+    plain = {key: msgspec.to_builtins(one) for key, one in durations.items() if one}
+    return {key: half(one) for key, one in plain.items() if half(one) != one}
+
+
 def half(ticks: Any) -> Any:
     """Half of a whole number of ticks, rounded up; of each part of a duration by load."""
     if isinstance(ticks, int):
         return (ticks + 1) // 2
-    return {load: half(one) for load, one in msgspec.to_builtins(ticks).items()}
+    return {load: half(one) for load, one in ticks.items()}
 
 
 def scaled(value: Any, factor: float) -> Any:
@@ -303,7 +308,7 @@ def candidates_of(
             tried.append(placed(candidate, base, resolved))
     names = {one.name for one in own}
     further = [one for kind in KINDS if kind in kinds for one in BY_KIND[kind](base)]
-    further = [one for one in further if one.name not in names]
+    further = [one for one in further if one.settings and one.name not in names]
     plan = base.floor_plan
     further.sort(key=lambda one: -lost_near(plan, waiting, one.cells) if one.cells else -math.inf)
     for number, candidate in enumerate(further):

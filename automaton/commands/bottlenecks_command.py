@@ -367,43 +367,43 @@ def answer(findings: Findings) -> Iterator[str]:
             yield "If demand limits the throughput, rank by a time, such as --metric lead_time."
         return
     first, *others = better
-    name, text = findings.change(first).name, relative_text(first.effect.relative)
-    yield f"The first is '{name}': {metric} {text}, 95 % simultaneous confidence."
-    alike = [f"'{findings.change(one).name}'" for one in others if one.as_good_as_first]
-    if alike:
-        yield f"As good as the first, as far as these runs show: {', '.join(alike)}."
+    share = first.effect.relative
+    text = "" if share is None else f": {metric} {100 * share.value:+.1f} %"
+    yield f"'{findings.change(first).name}' has the largest effect{text}."
+    alike = [findings.change(one).name for one in others if one.as_good_as_first]
+    if alike and first is findings.ranked.changes[0]:
+        yield f"As good, as far as these runs show: {'; '.join(alike)}."
 
 
 def ranking_table(findings: Findings) -> Table:
     """A line for each confirmed change."""
-    scale = findings.confirmed.scale(findings.asked.metric)
-    rows = []
+    results, rows = findings.confirmed, []
+    scale, planned = results.scale(findings.asked.metric), results.study.max_replications
     for place, one in enumerate(findings.ranked.changes, 1):
         number = findings.chosen[one.number - 1]
-        lost = findings.lost.get(number)
-        near = ["-", "-"]
+        near, lost = ["-", "-"], findings.lost.get(number)
         if lost is not None:
-            rank = str(findings.lost_rank(number)) if lost else "-"
-            near = [NumberText(f"{lost:,.0f}", lost), rank]
-        verdict = "not significant"
-        if one.is_effect:
-            verdict = "better" if one.is_better else "worse"
-        cells = difference_cells(one.effect.difference, scale)[:1]
-        cells += [relative_text(one.effect.relative), p_text(one.adjusted)]
-        sign = " =" if verdict == "better" and one.as_good_as_first else ""
-        rows.append([f"{place}{sign}", findings.change(one).name, *cells, verdict, *near])
-    heads = ["", "change", f"difference, {scale.unit}", "relative, 95 %", "p"]
-    return Table([*heads, "verdict", "lost near", "rank"], rows, left=2, also_left=(5,))
+            near = [NumberText(f"{lost:,.0f}", lost), str(findings.lost_rank(number))]
+        value, low, high = difference_cells(one.effect.difference, scale)
+        effect = f"{value} {scale.unit} ({low} to {high})"
+        if one.effect.relative is not None:
+            effect = relative_text(one.effect.relative)
+        sign = " =" if one.is_effect and one.is_better and one.as_good_as_first else ""
+        pairs = f" ({one.pairs:,} pairs)" if one.pairs < planned else ""
+        name = findings.change(one).name + pairs
+        rows.append([f"{place}{sign}", name, effect, p_text(one.adjusted), *near])
+    return Table(["", "change", "effect, 95 %", "p", "lost near", "rank"], rows, left=2)
 
 
 def reading(findings: Findings) -> Iterator[str]:
     """How to read the table."""
-    metric, family = findings.asked.metric, len(findings.ranked.changes)
+    metric, ranked = findings.asked.metric, findings.ranked.changes
     yield (
-        f"{metric}: {described(metric)[1]}. The {count(family, 'interval')} and p values hold "
-        "simultaneously (Bonferroni, Holm); better, worse: p < 0.05. =: the difference to the first "
-        "is not significant."
+        f"{metric}: {described(metric)[1]}. The {count(len(ranked), 'interval')} and p values hold "
+        "simultaneously (Bonferroni, Holm): p < 0.05 is significant."
     )
+    if any(one.is_effect and one.is_better and one.as_good_as_first for one in ranked):
+        yield "=: the difference to the first is not significant."
     if findings.lost:
         yield (
             f"lost near: robot ticks that a run of the unchanged scenario loses within {search.NEAR} "

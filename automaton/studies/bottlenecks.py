@@ -118,20 +118,20 @@ def station_changes(resolved: Resolved) -> Iterator[CandidateChange]:
         key, cells = f"stations.{name}", (floor_plan.cell(*station.at),)
         rest = (cells, UNNAMEABLE if "." in name or "=" in name else "")
         if (station.handling or usual) != Handling():
-            faster = {f"{key}.handling": scaled(station.handling or usual, 0.5)}
+            faster = {f"{key}.handling": half_handling(station.handling or usual)}
             yield CandidateChange(STATION, f"station {name}: handling x 0.5", faster, *rest)
         most = places_of(floor_plan, station)
         if most is not None:
-            wider = {f"{key}.max_trips": most + 1}
+            wider: Levels = {f"{key}.max_trips": most + 1}
             yield CandidateChange(STATION, f"station {name}: {most + 1} trips", wider, *rest)
     if usual != Handling() and len(scenario.stations) < len(floor_plan.stations):
-        settings = {"durations.handling": scaled(usual, 0.5)}
+        settings = {"durations.handling": half_handling(usual)}
         yield CandidateChange(STATION, "stations: handling x 0.5", settings)
     yield from processing_changes(resolved)
     yield from service_changes(resolved)
     if scenario.floor.open_stations is not None:
-        settings = {"floor.open_stations": scenario.floor.open_stations + 1}
-        yield CandidateChange(STATION, "one more station", settings)
+        opened: Levels = {"floor.open_stations": scenario.floor.open_stations + 1}
+        yield CandidateChange(STATION, "one more station", opened)
 
 
 def processing_changes(resolved: Resolved) -> Iterator[CandidateChange]:
@@ -263,7 +263,15 @@ def scaled(value: Any, factor: float) -> Any:
         return {key: scaled(one, factor) for key, one in value.items() if one is not None}
     if isinstance(value, list | tuple):
         return [scaled(one, factor) for one in value]
-    return value if isinstance(value, str) else float(f"{factor * value:.6g}")
+    if isinstance(value, str):
+        return value
+    number = float(f"{factor * value:.6g}")
+    return int(number) if number.is_integer() else number
+
+
+def half_handling(handling: Handling) -> Levels:
+    """Half of a handling time, without the parts that take no time."""
+    return {part: one for part, one in scaled(handling, 0.5).items() if one}
 
 
 def charging(rate: Any, factor: float) -> Any:
@@ -287,11 +295,11 @@ def candidates_of(
     own: Sequence[NamedChange],
     kinds: Sequence[str],
     most: int,
-    waiting: Array,
+    lost: Array,
 ) -> CandidateList:
     """The changes to try: those of a file, those without a place, then by the time lost near them.
 
-    `waiting`: (C,) lost ticks of the scenario with its settings. Changes that would repeat a scenario
+    `lost`: (C,) lost ticks of the scenario with its settings. Changes that would repeat a scenario
     are not tried. Raises InputError for a change of the file that cannot be run.
     """
     base = resolve(scenario, settings).unrefined
@@ -310,7 +318,7 @@ def candidates_of(
     further = [one for kind in KINDS if kind in kinds for one in BY_KIND[kind](base)]
     further = [one for one in further if one.settings and one.name not in names]
     plan = base.floor_plan
-    further.sort(key=lambda one: -lost_near(plan, waiting, one.cells) if one.cells else -math.inf)
+    further.sort(key=lambda one: -lost_near(plan, lost, one.cells) if one.cells else -math.inf)
     for number, candidate in enumerate(further):
         if len(tried) >= most:
             return CandidateList(tuple(tried), tuple(refused), len(further) - number)

@@ -112,18 +112,20 @@ def closed_chargers(rng: np.random.Generator) -> Planted:
     chargers = 4
     for x in rng.choice(np.arange(1, width - 1), chargers, replace=False).tolist():
         rows[0 if rng.random() < 0.5 else height - 1][x] = "c"
+    for x in rng.choice(np.arange(1, width - 1), 5, replace=False).tolist():
+        rows[height // 2][x] = "t"
     scenario = {
         "name": "closed-chargers",
         "layout": {"picture": "\n".join("".join(row) for row in rows)},
         "fleet": {"robots": 8, "kinematics": "omni", "start": "random"},
         "floor": {"open_chargers": chargers // 2},
         "durations": {"move": 1, "pick": 2, "drop": 2},
-        "orders": {"generator": "tours", "count": 10_000},
-        "battery": {"drain": {"move": 1.0}, "charge_rate": 1.5, "initial_charge": {"from": 40, "to": 100},
+        "orders": {"generator": "stations", "count": 10_000},
+        "battery": {"drain": {"move": 0.4}, "charge_rate": 0.8, "initial_charge": {"from": 40, "to": 100},
                     "reserve": 10},
         "strategy": {"charging": "threshold", "allocation": "first-come", "right_of_way": "pibt"},
-        "stop": {"when": "never", "max_duration": 2000},
-        "measure": {"warm_up": 200},
+        "stop": {"when": "never", "max_duration": 4000},
+        "measure": {"warm_up": 1000},
     }  # fmt: skip
     return Planted(scenario, ("floor.open_chargers", "battery.charge_rate"))
 
@@ -137,14 +139,14 @@ def ranked(planted: Planted, pairs: tuple[int, int] = PAIRS, *options: str) -> d
         path = Path(folder) / "planted.yaml"
         path.write_text(json.dumps(planted.scenario))
         usual, pools.LocalPool = pools.LocalPool, OwnThread  # type: ignore[misc, assignment]
-        printed = io.StringIO()
+        printed, noted = io.StringIO(), io.StringIO()
         try:
-            with contextlib.redirect_stdout(printed):
+            with contextlib.redirect_stdout(printed), contextlib.redirect_stderr(noted):
                 many = ",".join(map(str, pairs))
                 code = main(["bottlenecks", str(path), "--json", "--pairs", many, *options])
         finally:
             pools.LocalPool = usual  # type: ignore[misc]
-    assert code == 0, (planted.scenario["name"], code)
+    assert code == 0, noted.getvalue()
     answer: dict[str, Any] = json.loads(printed.getvalue())
     return answer
 

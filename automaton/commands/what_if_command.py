@@ -28,13 +28,14 @@ from automaton.commands.arguments import (
 )
 from automaton.commands.sweep_command import progress
 from automaton.documents.report_document import Heading, ReportDocument, Text
-from automaton.scenario.document import Override, parse_setting
+from automaton.scenario.document import Document, Override, parse_setting
 from automaton.units import count
 from automaton.world.scenario_warnings import scenario_warnings
 
 if TYPE_CHECKING:
     from automaton.scenario.schema import Scenario
     from automaton.studies.reports.build_report import StudyReport
+    from automaton.studies.sweeps.study import Study
     from automaton.studies.sweeps.sweep_plan import SweepPlan
     from automaton.studies.sweeps.sweep_session import SweepResult
     from automaton.world.resolved import Resolved
@@ -82,10 +83,8 @@ def run(args: argparse.Namespace) -> int:
     output = output_of(args, "--report")
     settings = settings_of(args)
     from automaton.studies.reports.build_report import read_report
-    from automaton.studies.sweeps import pools
     from automaton.studies.sweeps.named_changes import what_if_study
-    from automaton.studies.sweeps.sweep_plan import copies_of, make_sweep_plan
-    from automaton.studies.sweeps.sweep_session import sweep_into
+    from automaton.studies.sweeps.sweep_plan import make_sweep_plan
     from automaton.world.resolve import resolve
 
     base = resolve(args.scenario, settings, args.seed).unrefined
@@ -93,21 +92,11 @@ def run(args: argparse.Namespace) -> int:
     keys = study_keys(args.scenario, "what if", base.scenario, levels_of(settings))
     keys |= {"replications": args.pairs}
     keys |= {"analysis": {"metrics": args.metrics}} if args.metrics else {}
-    study = what_if_study(args.changes, keys, asked_metrics(args.metrics or []))
+    study = what_if_study(args.changes, keys, asked_metrics(args))
     plan = make_sweep_plan(study)
     warn_of_changes(plan, base)
     with folder_of(args.out) as folder:
-        with progress(args.out) as listener:
-            swept = sweep_into(
-                folder,
-                plan,
-                lambda: pools.LocalPool(args.workers),
-                args.recompute,
-                listener.begin,
-                listener.rows,
-                copies=copies_of(study, plan),
-                patience=args.strategy_timeout,
-            )
+        swept = swept_into(args, folder, study, plan, args.recompute)
         report = read_report(swept.store)
     output.write(
         lambda: document_of(report, args.out),
@@ -116,6 +105,31 @@ def run(args: argparse.Namespace) -> int:
     if swept.failed:
         note(f"{count(swept.failed, 'run')} failed; the caveats say why")
     return 1 if swept.failed else 0
+
+
+def swept_into(
+    args: argparse.Namespace,
+    folder: Path,
+    study: Document | Study,
+    plan: SweepPlan,
+    recompute: bool,
+) -> SweepResult:
+    """Do the runs of a study that a folder lacks, with progress on stderr. Raises InputError."""
+    from automaton.studies.sweeps import pools
+    from automaton.studies.sweeps.sweep_plan import copies_of
+    from automaton.studies.sweeps.sweep_session import sweep_into
+
+    with progress(args.out) as listener:
+        return sweep_into(
+            folder,
+            plan,
+            lambda: pools.LocalPool(args.workers),
+            recompute,
+            listener.begin,
+            listener.rows,
+            copies=copies_of(study, plan),
+            patience=args.strategy_timeout,
+        )
 
 
 def warn_of_changes(plan: SweepPlan, base: Resolved) -> None:
@@ -153,11 +167,11 @@ def levels_of(settings: Sequence[str | Override]) -> dict[str, Any]:
     return levels
 
 
-def asked_metrics(names: Sequence[str]) -> list[Override]:
+def asked_metrics(args: argparse.Namespace) -> list[Override]:
     """The metrics of the command line, for errors about them."""
     return [
         Override(f"--metric {name}", ("analysis", "metrics", number), name)
-        for number, name in enumerate(names)
+        for number, name in enumerate(args.metrics or [])
     ]
 
 

@@ -11,49 +11,34 @@ queue: the ticks lost near a change are listed beside its effect, not used to ra
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple
 
 import msgspec
 import numpy as np
+import numpy.typing as npt
+import yaml
 
-from automaton.engine.observation import LOST_EVER
-from automaton.engine.state import Array
 from automaton.errors import InputError
-from automaton.floor.cells import CHARGER
-from automaton.floor.floor_plan import FloorPlan
-from automaton.runs.headless import attribute_strategy_errors
-from automaton.runs.simulation import Simulation
 from automaton.scenario.changing_floor import cells_of_set
-from automaton.scenario.document import Override, keys_of
-from automaton.scenario.durations import Handling
-from automaton.scenario.orders import OrderStop
-from automaton.studies.inference.intervals import (
-    Effect,
-    bonferroni,
-    effect,
-    holm,
-)
+from automaton.studies.inference.intervals import Effect, bonferroni, effect, holm
 from automaton.studies.reports.comparisons import compared_runs
 from automaton.studies.reports.study_results import Results
-from automaton.studies.sweeps.named_changes import Levels, NamedChange
 from automaton.studies.sweeps.run_keys import fingerprint
-from automaton.studies.sweeps.study import Point
-from automaton.studies.sweeps.sweep_plan import resolve_changes
 from automaton.world.fleet_warnings import places_of
-from automaton.world.resolve import Resolved, resolve
+from automaton.world.resolved import Resolved
 
 PLACE, STATION, ENERGY, FLEET = KINDS = ("place", "station", "energy", "fleet")
-UNNAMEABLE: Final = "--set cannot name a station whose name has a dot or '='"
 OWN: Final = "own"  # the kind of the changes in a file
 NEAR: Final = 3  # cells, in rows and in columns
-LOOKED_AT: Final = 5  # runs of the unchanged scenario in which lost time is located
 FINALISTS: Final = 8
 MAX_FINALISTS: Final = 24
-SCREENING_LEVEL: Final = 0.99  # of the intervals that decide who may be among the best
+SCREENING_LEVEL: Final = 0.99  # of the intervals that decide which changes may be among the best
 ERROR: Final = 0.05  # of all verdicts together
 JAMMED_ROBOTS: Final = 2  # without progress at the end of a run that has had a deadlock
+UNNAMEABLE: Final = "--set cannot name a station whose name has a dot or '='"
 
 CHANGES_NOTHING: Final = "changes nothing"
 JAMS: Final = "jams"
@@ -61,20 +46,22 @@ TOO_FEW: Final = "too few pairs"
 SCREENED: Final = "screened"
 CONFIRMED: Final = "confirmed"
 
+Settings = dict[str, Any]  # key of a scenario, such as "fleet.robots" -> its value
+
 
 class CandidateChange(NamedTuple):
     """A change that a scenario may allow."""
 
     kind: str
     name: str
-    settings: Levels
+    settings: Settings
     cells: tuple[int, ...] = ()  # flat cells of the changed part of the floor; (): it has no place
     objection: str = ""  # why it cannot be tried
 
     @property
-    def overrides(self) -> tuple[Override, ...]:
-        """The settings as on the command line."""
-        return tuple(Override(key, keys_of(key), value) for key, value in self.settings.items())
+    def texts(self) -> tuple[str, ...]:
+        """The settings as KEY=VALUE, as --set takes them."""
+        return tuple(f"{key}={in_yaml(value)}" for key, value in self.settings.items())
 
 
 class CandidateList(NamedTuple):
@@ -85,26 +72,31 @@ class CandidateList(NamedTuple):
     left_out: int
 
 
+def in_yaml(value: Any) -> str:
+    """A value in one line of YAML."""
+    plain = json.loads(json.dumps(value))  # equal parts are written out, not as aliases
+    text = yaml.safe_dump(plain, default_flow_style=True, width=math.inf, sort_keys=False)
+    return text.removesuffix("...\n").strip()
+
+
 # The changes that a scenario allows, by kind.
 
 
 def place_changes(resolved: Resolved) -> Iterator[CandidateChange]:
     """Each door kept open, one more robot in each block, each speed limit lifted."""
-    scenario, floor_plan = resolved.scenario, resolved.floor_plan
-    for number, door in enumerate(scenario.floor.doors):
+    floor, floor_plan = resolved.scenario.floor, resolved.floor_plan
+    for number, door in enumerate(floor.doors):
         key, (x, y) = f"floor.doors.{number}", door.at
-        opened = {f"{key}.opening_time": 1, f"{key}.hold_open": scenario.stop.max_duration}
+        lasting = resolved.scenario.stop.max_duration
+        settings = {f"{key}.opening_time": 1, f"{key}.hold_open": lasting}
         name = f"door [{x}, {y}] stays open"
-        yield CandidateChange(PLACE, name, opened, (floor_plan.cell(x, y),))
-    # The world itself limits chargers for two robots by blocks.
-    chargers = set(np.flatnonzero(floor_plan.kind == CHARGER).tolist())
-    for number, block in enumerate(scenario.floor.blocks):
-        cells = tuple(cells_of_set("", block.cells, floor_plan))
-        if not set(cells) <= chargers:
-            most = block.max_robots + 1
+        yield CandidateChange(PLACE, name, settings, (floor_plan.cell(x, y),))
+    for number, block in enumerate(floor.blocks):
+        cells, most = tuple(cells_of_set("", block.cells, floor_plan)), block.max_robots + 1
+        if len(cells) > 1:  # the world itself limits chargers for two robots by blocks of a cell
             settings = {f"floor.blocks.{number}.max_robots": most}
             yield CandidateChange(PLACE, f"block {number + 1}: {most} robots", settings, cells)
-    for number, limit in enumerate(scenario.floor.speed_limits):
+    for number, limit in enumerate(floor.speed_limits):
         cells = tuple(cells_of_set("", limit.cells, floor_plan))
         settings = {f"floor.speed_limits.{number}.max_speed": 1}
         yield CandidateChange(PLACE, f"speed limit {number + 1} lifted", settings, cells)
@@ -113,25 +105,30 @@ def place_changes(resolved: Resolved) -> Iterator[CandidateChange]:
 def station_changes(resolved: Resolved) -> Iterator[CandidateChange]:
     """Each station in half the time, each with one more place, and one more station if one is closed."""
     scenario, floor_plan = resolved.scenario, resolved.floor_plan
-    usual = scenario.durations.handling
+    usual = half_handling(scenario.durations.handling)
     for name, station in scenario.stations.items():
-        key, cells = f"stations.{name}", (floor_plan.cell(*station.at),)
-        rest = (cells, UNNAMEABLE if "." in name or "=" in name else "")
-        if (station.handling or usual) != Handling():
-            faster = {f"{key}.handling": half_handling(station.handling or usual)}
-            yield CandidateChange(STATION, f"station {name}: handling x 0.5", faster, *rest)
+        rest = (floor_plan.cell(*station.at),), UNNAMEABLE if {".", "="} & set(name) else ""
+        faster = usual if station.handling is None else half_handling(station.handling)
+        if faster:
+            settings: Settings = {f"stations.{name}.handling": faster}
+            yield CandidateChange(STATION, f"station {name}: handling x 0.5", settings, *rest)
         most = places_of(floor_plan, station)
         if most is not None:
-            wider: Levels = {f"{key}.max_trips": most + 1}
-            yield CandidateChange(STATION, f"station {name}: {most + 1} trips", wider, *rest)
-    if usual != Handling() and len(scenario.stations) < len(floor_plan.stations):
-        settings = {"durations.handling": half_handling(usual)}
-        yield CandidateChange(STATION, "stations: handling x 0.5", settings)
+            settings = {f"stations.{name}.max_trips": most + 1}
+            yield CandidateChange(STATION, f"station {name}: {most + 1} trips", settings, *rest)
+    if usual and len(scenario.stations) < len(floor_plan.stations):
+        yield CandidateChange(STATION, "stations: handling x 0.5", {"durations.handling": usual})
     yield from processing_changes(resolved)
     yield from service_changes(resolved)
-    if scenario.floor.open_stations is not None:
-        opened: Levels = {"floor.open_stations": scenario.floor.open_stations + 1}
-        yield CandidateChange(STATION, "one more station", opened)
+    yield from one_more(resolved, STATION)
+
+
+def one_more(resolved: Resolved, kind: str) -> Iterator[CandidateChange]:
+    """One more station or charger, if some are closed."""
+    what = "station" if kind == STATION else "charger"
+    number_open = getattr(resolved.scenario.floor, f"open_{what}s")
+    if number_open is not None:
+        yield CandidateChange(kind, f"one more {what}", {f"floor.open_{what}s": number_open + 1})
 
 
 def processing_changes(resolved: Resolved) -> Iterator[CandidateChange]:
@@ -141,24 +138,24 @@ def processing_changes(resolved: Resolved) -> Iterator[CandidateChange]:
     for number in sorted({one for kind in orders.parts or () for one in kind.route}):
         own = times[number - 1] if isinstance(times, tuple) else times
         shorter = {**own, "mean": max(1.0, own["mean"] / 2)} if isinstance(own, dict) else half(own)
-        if isinstance(times, tuple):
-            settings = {f"orders.processing_time.{number - 1}": shorter}
-        else:
+        settings = {f"orders.processing_time.{number - 1}": shorter}
+        if not isinstance(times, tuple):
             each = [shorter if one == number else own for one in range(1, len(stations) + 1)]
             settings = {"orders.processing_time": each}
-        name = f"station {number}: processing x 0.5"
-        yield CandidateChange(STATION, name, settings, (stations[number - 1],))
+        name, cells = f"station {number}: processing x 0.5", (stations[number - 1],)
+        yield CandidateChange(STATION, name, settings, cells)
 
 
 def service_changes(resolved: Resolved) -> Iterator[CandidateChange]:
     """The stops of listed orders at each cell, in half the time."""
-    by_cell: dict[tuple[int, int], Levels] = {}
+    by_cell: dict[tuple[int, int], Settings] = {}
     orders = resolved.scenario.orders.listed or ()
     for number, order in enumerate(orders if resolved.order_file is None else ()):
         for place, stop in enumerate(order.stops or ()):
-            if isinstance(stop, OrderStop) and stop.ticks > 1 and not isinstance(stop.at, str):
-                settings = by_cell.setdefault((stop.at[0], stop.at[1]), {})
-                settings[f"orders.list.{number}.stops.{place}.for"] = half(stop.ticks)
+            ticks = getattr(stop, "ticks", 0)
+            if ticks > 1:
+                key = f"orders.list.{number}.stops.{place}.for"
+                by_cell.setdefault(tuple(stop.at), {})[key] = half(ticks)  # type: ignore[union-attr]
     for (x, y), settings in by_cell.items():
         name, cells = f"stops at [{x}, {y}] x 0.5", (resolved.floor_plan.cell(x, y),)
         yield CandidateChange(STATION, name, settings, cells)
@@ -174,35 +171,29 @@ def energy_changes(resolved: Resolved) -> Iterator[CandidateChange]:
     if scenario.battery is None:
         return
     sections: list[tuple[str, Any]] = [("battery", scenario.battery)]
-    for number, kind in enumerate(scenario.fleet.types):
-        sections.append((f"fleet.types.{number}.battery", kind.battery))
-    rates = {
-        f"{key}.charge_rate": own.charge_rate
-        for key, own in sections
-        if own.charge_rate is not None
-    }
+    sections += [
+        (f"fleet.types.{k}.battery", t.battery) for k, t in enumerate(scenario.fleet.types)
+    ]
+    rates = {f"{key}.charge_rate": own.charge_rate for key, own in sections if own.charge_rate}
     drain = {
         f"{key}.drain.{name}": scaled(rate, 0.5)
         for key, own in sections
         for name, rate in msgspec.structs.asdict(own.drain).items()
         if rate and name != "loaded_factor"
     }
-    faster = {key: charging(rate, 2.0) for key, rate in rates.items()}
+    faster, slower = ({key: charging(one, by) for key, one in rates.items()} for by in (2, 0.5))
     yield CandidateChange(ENERGY, "charging rate x 2", faster)
-    if scenario.floor.open_chargers is not None:
-        settings = {"floor.open_chargers": scenario.floor.open_chargers + 1}
-        yield CandidateChange(ENERGY, "one more charger", settings)
-    slower = {key: charging(rate, 0.5) for key, rate in rates.items()}
+    yield from one_more(resolved, ENERGY)
     yield CandidateChange(ENERGY, "battery capacity x 2", {**drain, **slower})
 
 
 def fleet_changes(resolved: Resolved) -> Iterator[CandidateChange]:
-    """Robots, speeds and handling times of each type, and the limits of allocation."""
+    """Robots and speed of each type, times of operations, and the limits of allocation."""
     fleet, durations = resolved.scenario.fleet, resolved.scenario.durations
     for number, kind in enumerate(fleet.types) if fleet.types else [(None, None)]:
         key, of_type = f"fleet.types.{number}", f" of type {kind.name}" if kind else ""
         for step, word in ((-1, "fewer"), (1, "more")):
-            settings: Levels = {"fleet.robots": fleet.robots + step}
+            settings: Settings = {"fleet.robots": fleet.robots + step}
             if kind is not None and kind.robots is not None:
                 settings[f"{key}.robots"] = kind.robots + step
             yield CandidateChange(FLEET, f"one robot{of_type} {word}", settings)
@@ -212,12 +203,12 @@ def fleet_changes(resolved: Resolved) -> Iterator[CandidateChange]:
             yield CandidateChange(FLEET, f"type {kind.name}: move time factor {factor}", settings)
         else:
             own = kind and kind.durations.move
-            where = "durations.move" if kind is None else f"{key}.durations.move"
+            where = f"{key}.durations.move" if kind else "durations.move"
             settings = halves({where: durations.move if own is None else own})
             yield CandidateChange(FLEET, f"moves{of_type} x 0.5", settings)
+    sections: list[tuple[str, Any]] = [("durations", durations)]
+    sections += [(f"fleet.types.{k}.durations", t.durations) for k, t in enumerate(fleet.types)]
     for name in ("turn", "pick", "drop"):
-        sections: list[tuple[str, Any]] = [("durations", durations)]
-        sections += [(f"fleet.types.{k}.durations", t.durations) for k, t in enumerate(fleet.types)]
         settings = halves({f"{key}.{name}": getattr(part, name) for key, part in sections})
         yield CandidateChange(FLEET, f"{name}s x 0.5", settings)
     yield from limit_changes(resolved)
@@ -225,24 +216,24 @@ def fleet_changes(resolved: Resolved) -> Iterator[CandidateChange]:
 
 def limit_changes(resolved: Resolved) -> Iterator[CandidateChange]:
     """The number of robots with an order 10 % lower and higher, where the allocation limits it."""
-    choices = [("strategy.allocation", "", resolved.strategies["allocation"])]
-    choices += [
+    choices: list[tuple[str, str, Any]] = [
         (f"fleet.types.{number}.strategy.allocation", f" of type {kind.name}", own)
         for number, (kind, own) in enumerate(
             zip(resolved.scenario.fleet.types, resolved.own_allocations, strict=False)
         )
-        if own is not None
     ]
-    for key, of_type, choice in choices:
-        limit = getattr(choice.parameters, "active", None)
-        if limit:
-            step = max(1, round(limit / 10))
-            for value in (limit - step, limit + step):
-                name = f"{value} active robots{of_type}"
-                yield CandidateChange(FLEET, name, {f"{key}.active": value})
+    for key, of_type, choice in [
+        ("strategy.allocation", "", resolved.strategies["allocation"]),
+        *choices,
+    ]:
+        limit: int = getattr(choice and choice.parameters, "active", None) or 0
+        for step in (-1, 1) if limit else ():
+            value = limit + step * max(1, round(limit / 10))
+            name = f"{value} active robots{of_type}"
+            yield CandidateChange(FLEET, name, {f"{key}.active": value})
 
 
-def halves(durations: Levels) -> Levels:
+def halves(durations: Settings) -> Settings:
     """Settings with half of each duration, where that is another whole number of ticks."""
     plain = {key: msgspec.to_builtins(one) for key, one in durations.items() if one}
     return {key: half(one) for key, one in plain.items() if half(one) != one}
@@ -255,21 +246,7 @@ def half(ticks: Any) -> Any:
     return {load: half(one) for load, one in ticks.items()}
 
 
-def scaled(value: Any, factor: float) -> Any:
-    """The numbers of a section times a factor, to six digits; keys without a value are left out."""
-    if isinstance(value, msgspec.Struct):
-        value = msgspec.to_builtins(value)
-    if isinstance(value, Mapping):
-        return {key: scaled(one, factor) for key, one in value.items() if one is not None}
-    if isinstance(value, list | tuple):
-        return [scaled(one, factor) for one in value]
-    if isinstance(value, str):
-        return value
-    number = float(f"{factor * value:.6g}")
-    return int(number) if number.is_integer() else number
-
-
-def half_handling(handling: Handling) -> Levels:
+def half_handling(handling: Any) -> Settings:
     """Half of a handling time, without the parts that take no time."""
     return {part: one for part, one in scaled(handling, 0.5).items() if one}
 
@@ -281,6 +258,19 @@ def charging(rate: Any, factor: float) -> Any:
     return scaled(rate, factor)
 
 
+def scaled(value: Any, factor: float) -> Any:
+    """The numbers of a section times a factor, to six digits; keys without a value are left out."""
+    value = msgspec.to_builtins(value)
+    if isinstance(value, dict):
+        return {key: scaled(one, factor) for key, one in value.items() if one is not None}
+    if isinstance(value, list | tuple):
+        return [scaled(one, factor) for one in value]
+    if isinstance(value, str):
+        return value
+    number = float(f"{factor * value:.6g}")
+    return int(number) if number.is_integer() else number
+
+
 BY_KIND: Final[Mapping[str, Callable[[Resolved], Iterator[CandidateChange]]]] = {
     PLACE: place_changes,
     STATION: station_changes,
@@ -290,48 +280,60 @@ BY_KIND: Final[Mapping[str, Callable[[Resolved], Iterator[CandidateChange]]]] = 
 
 
 def candidates_of(
-    scenario: str,
-    settings: Sequence[str | Override],
-    own: Sequence[NamedChange],
+    base: Resolved,
+    changed: Callable[[Sequence[str]], Resolved],
+    own: Sequence[CandidateChange],
     kinds: Sequence[str],
     most: int,
-    lost: Array,
+    lost: npt.NDArray[np.float64],
 ) -> CandidateList:
-    """The changes to try: those of a file, those without a place, then by the time lost near them.
+    """The changes to try: own ones, those without a place, then by the time lost near them.
 
-    `lost`: (C,) lost ticks of the scenario with its settings. Changes that would repeat a scenario
-    are not tried. Raises InputError for a change of the file that cannot be run.
+    `base`: the scenario as it is; `changed`: it with further settings, both unrefined; `lost`: (C,) lost
+    ticks. Changes that would repeat a scenario are not tried. Raises InputError for an own change
+    that cannot be run.
     """
-    base = resolve(scenario, settings).unrefined
-    tried: list[CandidateChange] = []
-    refused: list[tuple[CandidateChange, str]] = []
-    known = {fingerprint(base): ""}
-    for change, resolved in zip(own, resolve_changes(scenario, settings, own), strict=True):
-        first = known.setdefault(fingerprint(resolved.unrefined), change.name)
-        if first != change.name and change.settings:
-            text = f"'{first}' and '{change.name}' are the same scenario"
-            raise InputError(text, *change.place)
-        if change.settings:
-            candidate = CandidateChange(OWN, change.name, change.settings)
-            tried.append(placed(candidate, base, resolved))
-    names = {one.name for one in own}
+    names, known = {one.name for one in own}, {fingerprint(base)}
     further = [one for kind in KINDS if kind in kinds for one in BY_KIND[kind](base)]
     further = [one for one in further if one.settings and one.name not in names]
-    plan = base.floor_plan
-    further.sort(key=lambda one: -lost_near(plan, lost, one.cells) if one.cells else -math.inf)
-    for number, candidate in enumerate(further):
-        if len(tried) >= most:
-            return CandidateList(tuple(tried), tuple(refused), len(further) - number)
+    further.sort(key=lambda one: -lost_near(base, lost, one.cells) if one.cells else -math.inf)
+    tried: list[CandidateChange] = []
+    refused: list[tuple[CandidateChange, str]] = []
+    candidates = [*own, *further]
+    for number, candidate in enumerate(candidates):
+        if len(tried) >= max(most, len(own)):
+            return CandidateList(tuple(tried), tuple(refused), len(candidates) - number)
         try:
-            candidate, resolved = with_same_right_of_way(scenario, settings, base, candidate)
+            candidate, resolved = with_same_right_of_way(base, changed, candidate)
         except InputError as error:
+            if candidate.kind == OWN:
+                raise
             refused.append((candidate, error.message))
             continue
         mark = fingerprint(resolved)
         if mark not in known:
-            known[mark] = candidate.name
+            known.add(mark)
             tried.append(placed(candidate, base, resolved))
     return CandidateList(tuple(tried), tuple(refused), 0)
+
+
+def with_same_right_of_way(
+    base: Resolved, changed: Callable[[Sequence[str]], Resolved], candidate: CandidateChange
+) -> tuple[CandidateChange, Resolved]:
+    """A change with its scenario, which keeps the right of way of the scenario as it is.
+
+    The default depends on durations and on the floor: without this, two things would change at once.
+    Raises InputError.
+    """
+    if candidate.objection:
+        raise InputError(candidate.objection)
+    resolved = changed(candidate.texts)
+    own, now = (one.scenario.strategy.right_of_way for one in (base, resolved))
+    if own != now and candidate.kind != OWN:
+        keeping = {**candidate.settings, "strategy.right_of_way": own}
+        candidate = candidate._replace(settings=keeping)
+        resolved = changed(candidate.texts)
+    return candidate, resolved
 
 
 def placed(candidate: CandidateChange, base: Resolved, changed: Resolved) -> CandidateChange:
@@ -342,47 +344,15 @@ def placed(candidate: CandidateChange, base: Resolved, changed: Resolved) -> Can
     return candidate._replace(cells=tuple(np.flatnonzero(now != then).tolist()))
 
 
-def with_same_right_of_way(
-    scenario: str, settings: Sequence[str | Override], base: Resolved, candidate: CandidateChange
-) -> tuple[CandidateChange, Resolved]:
-    """A change with its scenario, which keeps the right of way of the unchanged scenario.
-
-    The default depends on durations and on the floor: without this, two things would change at once.
-    Raises InputError.
-    """
-    if candidate.objection:
-        raise InputError(candidate.objection)
-    resolved = resolve(scenario, (*settings, *candidate.overrides)).unrefined
-    own, now = (one.scenario.strategy.right_of_way for one in (base, resolved))
-    if own != now:
-        keeping = {**candidate.settings, "strategy.right_of_way": msgspec.to_builtins(own)}
-        candidate = candidate._replace(settings=keeping)
-        resolved = resolve(scenario, (*settings, *candidate.overrides)).unrefined
-    return candidate, resolved
-
-
-# Where the unchanged scenario loses time: what a heat map shows.
-
-
-def lost_ticks(resolved: Resolved, seeds: Sequence[int]) -> Array:
-    """(C,) lost robot ticks by cell, the mean over runs with these seeds, in ticks of the scenario."""
-    total: Array = np.zeros(resolved.floor_plan.kind.size)
-    for seed in seeds:
-        with attribute_strategy_errors(resolved):
-            simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
-            simulation.run()
-        total += simulation.observation.lost_ticks_by_cell[:, LOST_EVER]
-    return total / (len(seeds) * resolved.scenario.refine)
-
-
-def lost_near(floor_plan: FloorPlan, lost: Array, cells: Sequence[int]) -> float:
-    """The lost ticks within NEAR rows and columns of some cells."""
-    is_near, stride = np.zeros(floor_plan.kind.shape, np.bool_), floor_plan.kind.shape[1]
+def lost_near(resolved: Resolved, lost: npt.NDArray[np.float64], cells: Sequence[int]) -> float:
+    """The lost ticks within NEAR rows and columns of some cells; `lost`: (C,)."""
+    height, width = resolved.floor_plan.kind.shape
+    near = np.zeros((height, width), np.bool_)
     for cell in cells:
-        row, column = divmod(cell, stride)
+        row, column = divmod(cell, width)
         rows = slice(max(0, row - NEAR), row + NEAR + 1)
-        is_near[rows, max(0, column - NEAR) : column + NEAR + 1] = True
-    return float(lost[is_near.reshape(-1)].sum())
+        near[rows, max(0, column - NEAR) : column + NEAR + 1] = True
+    return float(lost[near.reshape(-1)].sum())
 
 
 # Screening.
@@ -392,55 +362,54 @@ class ScreenedChange(NamedTuple):
     """A change after its runs with the first seeds; `gain`: above 0 if it makes the metric better."""
 
     number: int  # of its point
-    status: str  # SCREENED, CONFIRMED, CHANGES_NOTHING, JAMS or TOO_FEW
+    status: str  # SCREENED, CHANGES_NOTHING, JAMS or TOO_FEW
     gain: float = math.nan
     high: float = math.nan  # upper end of the interval of the gain, at SCREENING_LEVEL
 
 
 def screened(results: Results, metric: str, is_higher_better: bool) -> list[ScreenedChange]:
-    """Every change against the first point, which is the unchanged scenario."""
-    base, *points = results.points
-    jams = jammed_runs(results, base)
+    """Every change against point 0, which is the scenario as it is."""
     outcomes = []
-    for point in points:
-        status = status_of(results, point, metric, jams)
-        gain = ScreenedChange(point.number, status)
+    for number, status in statuses(results, metric).items():
+        outcome = ScreenedChange(number, status)
         if status == SCREENED:
-            found = paired(results, point, base, metric, SCREENING_LEVEL).difference
-            assert found.half is not None
-            value = found.value if is_higher_better else -found.value
-            gain = gain._replace(gain=value, high=value + found.half)
-        outcomes.append(gain)
+            difference = paired(results, number, 0, metric, SCREENING_LEVEL).difference
+            gain = difference.value if is_higher_better else -difference.value
+            outcome = outcome._replace(gain=gain, high=gain + (difference.half or 0.0))
+        outcomes.append(outcome)
     return outcomes
 
 
-def status_of(results: Results, point: Point, metric: str, jams: int) -> str:
-    """Whether a point can be compared with the first, of which so many runs jam."""
-    base = results.points[0]
-    if results.same(point, base, metric):
-        return CHANGES_NOTHING
-    if jammed_runs(results, point) > 2 * jams:
-        return JAMS
-    pairs = len(compared_runs(results, point, base, metric)[0])
-    return SCREENED if pairs >= 2 else TOO_FEW
+def statuses(results: Results, metric: str) -> dict[int, str]:
+    """For each point but 0 whether it can be compared with point 0: SCREENED, or why not."""
+    base, *points = results.points
+    jams, by_point = jammed_runs(results, 0), {}
+    for point in points:
+        status = SCREENED
+        if results.same(point, base, metric):
+            status = CHANGES_NOTHING
+        elif jammed_runs(results, point.number) > 2 * jams:
+            status = JAMS
+        elif len(compared_runs(results, point, base, metric)[0]) < 2:
+            status = TOO_FEW
+        by_point[point.number] = status
+    return by_point
 
 
-def jammed_runs(results: Results, point: Point) -> int:
+def jammed_runs(results: Results, number: int) -> int:
     """The runs of a point that failed, did not finish, or ended in a jam."""
-    counts = results.counts(point)
+    point = results.points[number]
     starved, deadlocks = (results.values(point, name) for name in ("starved_robots", "deadlocks"))
     ended = sum(n >= JAMMED_ROBOTS and deadlocks.get(r, 0) > 0 for r, n in starved.items())
-    return counts.censored + counts.failed + ended
+    return results.counts(point).censored + results.counts(point).failed + ended
 
 
 def finalists(outcomes: Iterable[ScreenedChange]) -> list[int]:
     """The points to confirm: the best, and those whose interval reaches the last of these."""
     ranked = sorted((one for one in outcomes if one.status == SCREENED), key=lambda one: -one.gain)
-    if not ranked:
-        return []
-    least = ranked[:FINALISTS][-1].gain
-    chosen = ranked[:FINALISTS] + [one for one in ranked[FINALISTS:] if one.high >= least]
-    return [one.number for one in chosen[:MAX_FINALISTS]]
+    best, others = ranked[:FINALISTS], ranked[FINALISTS:]
+    best += [one for one in others if one.high >= best[-1].gain]
+    return [one.number for one in best[:MAX_FINALISTS]]
 
 
 # Confirmation.
@@ -450,60 +419,50 @@ class RankedChange(NamedTuple):
     """A confirmed change, by runs with fresh seeds."""
 
     number: int  # of its point
-    effect: Effect  # against the unchanged scenario; intervals hold simultaneously
+    effect: Effect  # against the scenario as it is; intervals hold simultaneously
     adjusted: float  # Holm-adjusted p
-    is_effect: bool
-    is_better: bool  # whether the mean of the metric is better
-    as_good_as_first: bool  # whether the difference to the first is not significant
+    gain: float  # above 0 if the change makes the metric better
+    equals_first: bool  # whether the difference to the first is not significant
     pairs: int
 
+    @property
+    def is_effect(self) -> bool:
+        """Whether the effect is significant."""
+        return self.adjusted < ERROR
 
-class Ranking(NamedTuple):
-    """The confirmed changes, best first, and those that could not be compared."""
+    @property
+    def helps(self) -> bool:
+        """Whether the change significantly makes the metric better."""
+        return self.is_effect and self.gain > 0
 
-    changes: tuple[RankedChange, ...]
-    others: tuple[ScreenedChange, ...]
 
-
-def ranking(results: Results, metric: str, is_higher_better: bool) -> Ranking:
-    """Rank the changes of a study whose first point is the unchanged scenario."""
-    base, *points = results.points
-    jams = jammed_runs(results, base)
-    statuses = {point.number: status_of(results, point, metric, jams) for point in points}
-    compared = [point for point in points if statuses[point.number] == SCREENED]
-    others = [ScreenedChange(n, status) for n, status in statuses.items() if status != SCREENED]
-    if not compared:
-        return Ranking((), tuple(others))
-    level = bonferroni(1 - ERROR, len(compared))
-    effects = [paired(results, point, base, metric, level) for point in compared]
-    adjusted = holm([one.p for one in effects])
+def ranking(results: Results, metric: str, is_higher_better: bool) -> list[RankedChange]:
+    """The comparable changes of a study, best first; point 0 is the scenario as it is."""
+    numbers = [n for n, status in statuses(results, metric).items() if status == SCREENED]
+    if not numbers:
+        return []
+    level = bonferroni(1 - ERROR, len(numbers))
+    effects = [paired(results, number, 0, metric, level) for number in numbers]
     sign = 1 if is_higher_better else -1
-    order = sorted(range(len(compared)), key=lambda k: -sign * effects[k].difference.value)
-    first, among = compared[order[0]], bonferroni(1 - ERROR, max(1, len(compared) - 1))
     ranked = [
-        RankedChange(
-            compared[k].number,
-            effects[k],
-            adjusted[k],
-            adjusted[k] < ERROR,
-            sign * effects[k].difference.value > 0,
-            k != order[0] and equals(results, compared[k], first, metric, among),
-            len(compared_runs(results, compared[k], base, metric)[0]),
-        )
-        for k in order
+        RankedChange(number, one, p, sign * one.difference.value, False, one.difference.n)
+        for number, one, p in zip(numbers, effects, holm([e.p for e in effects]), strict=True)
     ]
-    return Ranking(tuple(ranked), tuple(others))
+    ranked.sort(key=lambda one: -one.gain)
+    first, *others = ranked
+    level = bonferroni(1 - ERROR, max(1, len(others)))
+    alike = [is_equal(results, one.number, first.number, metric, level) for one in others]
+    pairs = zip(others, alike, strict=True)
+    return [first, *(one._replace(equals_first=equals) for one, equals in pairs)]
 
 
-def paired(results: Results, a: Point, b: Point, metric: str, level: float) -> Effect:
+def paired(results: Results, a: int, b: int, metric: str, level: float) -> Effect:
     """The effect of a point against another, from runs with the same seeds."""
-    x, y = compared_runs(results, a, b, metric)
+    x, y = compared_runs(results, results.points[a], results.points[b], metric)
     return effect(list(x.values()), list(y.values()), True, level)
 
 
-def equals(results: Results, a: Point, b: Point, metric: str, level: float) -> bool:
-    """Whether two points do not differ significantly."""
-    if len(compared_runs(results, a, b, metric)[0]) < 2:
-        return False
-    difference = paired(results, a, b, metric, level).difference
-    return difference.holds(0.0)
+def is_equal(results: Results, a: int, b: int, metric: str, level: float) -> bool:
+    """Whether the difference of two points is not significant; False for fewer than two pairs."""
+    pairs = len(compared_runs(results, results.points[a], results.points[b], metric)[0])
+    return pairs >= 2 and paired(results, a, b, metric, level).difference.holds(0.0)

@@ -207,7 +207,7 @@ def finds_an_effect(number: int, changes: int = CHANGES) -> bool:
     first = synthetic(rng, changes + 1, PAIRS[0])
     chosen = finalists(screened(first, "makespan", better))
     second = synthetic(rng, len(chosen) + 1, PAIRS[1])
-    return any(one.is_effect for one in ranking(second, "makespan", better).changes)
+    return any(one.is_effect for one in ranking(second, "makespan", better))
 
 
 def nothing_trials(studies: int = STUDIES) -> bool:

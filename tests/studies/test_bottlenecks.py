@@ -19,13 +19,15 @@ from streets_trials import (
 )
 from synthetic_results import synthetic_store
 
-from automaton.commands.bottlenecks_command import pasted
+from automaton.commands.bottlenecks_command import settings_text
+from automaton.scenario.document import Override, keys_of
 from automaton.studies.bottlenecks import (
     CHANGES_NOTHING,
     FINALISTS,
     JAMS,
     KINDS,
     MAX_FINALISTS,
+    OWN,
     SCREENED,
     CandidateChange,
     CandidateList,
@@ -35,9 +37,9 @@ from automaton.studies.bottlenecks import (
     lost_near,
     ranking,
     screened,
+    statuses,
 )
 from automaton.studies.reports.study_results import Results
-from automaton.studies.sweeps.named_changes import read_changes
 from automaton.studies.sweeps.run_keys import fingerprint
 from automaton.studies.sweeps.study import Study
 from automaton.world.resolve import resolve
@@ -72,12 +74,17 @@ EVERYTHING: dict[str, Any] = {
 }  # fmt: skip
 
 
-def listed(path: Path, content: dict[str, Any], *settings: str, **more: Any) -> CandidateList:
+def listed(path: Path, content: dict[str, Any], **more: Any) -> CandidateList:
     """The changes of a scenario; no time is lost anywhere."""
     path.write_text(json.dumps(content))
-    lost = more.pop("lost", np.zeros(resolve(path, settings).floor_plan.kind.size))
-    usual = {"own": (), "kinds": KINDS, "most": 150} | more
-    return candidates_of(str(path), settings, lost=lost, **usual)
+    return candidates(path, **more)
+
+
+def candidates(scenario: str | Path, **more: Any) -> CandidateList:
+    base = resolve(scenario).unrefined
+    lost = np.zeros(base.floor_plan.kind.size)
+    usual = {"own": (), "kinds": KINDS, "most": 150, "lost": lost} | more
+    return candidates_of(base, lambda texts: resolve(scenario, texts).unrefined, **usual)
 
 
 def settings_of(changes: CandidateList) -> dict[str, Any]:
@@ -157,14 +164,15 @@ def test_a_place_is_what_changes_on_the_floor(tmp_path: Path) -> None:
 def test_most_tries_changes_near_lost_time_first(tmp_path: Path) -> None:
     path = tmp_path / "all.yaml"
     path.write_text(json.dumps(EVERYTHING))
-    floor_plan = resolve(path).floor_plan
+    resolved = resolve(path)
+    floor_plan = resolved.floor_plan
     lost = np.zeros(floor_plan.kind.size)
     lost[floor_plan.cell(8, 4)] = 10.0
     changes = listed(path, EVERYTHING, kinds=("place",), most=1, lost=lost)
     assert [one.name for one in changes.tried] == ["speed limit 1 lifted"]
     assert changes.left_out == 2
-    assert lost_near(floor_plan, lost, [floor_plan.cell(5, 1)]) == 10.0
-    assert lost_near(floor_plan, lost, [floor_plan.cell(4, 4)]) == 0.0
+    assert lost_near(resolved, lost, [floor_plan.cell(5, 1)]) == 10.0
+    assert lost_near(resolved, lost, [floor_plan.cell(4, 4)]) == 0.0
 
 
 def test_a_change_that_the_scenario_cannot_take_has_a_reason(tmp_path: Path) -> None:
@@ -197,23 +205,20 @@ def test_a_change_keeps_the_right_of_way_that_is_used_by_default(tmp_path: Path)
 
 @pytest.mark.parametrize("scenario", ["depots", "bad-day", "factory-types", "goods-60x40"])
 def test_a_pasted_setting_gives_the_same_scenario(scenario: str) -> None:
-    lost = np.zeros(resolve(scenario).floor_plan.kind.size)
-    changes = candidates_of(scenario, (), (), KINDS, 150, lost)
-    assert changes.tried
-    for change in changes.tried[::3]:
-        words = shlex.split(pasted(change))
-        typed = [word for word in words if word != "--set"]
-        assert fingerprint(resolve(scenario, typed)) == fingerprint(
-            resolve(scenario, change.overrides)
-        )
+    changes = candidates(scenario).tried
+    lines = settings_text(changes).text.splitlines()[1::2]
+    assert changes and len(lines) == len(changes)
+    for change, line in list(zip(changes, lines, strict=True))[::3]:
+        typed = [word for word in shlex.split(line) if word != "--set"]
+        values = [Override(key, keys_of(key), value) for key, value in change.settings.items()]
+        assert fingerprint(resolve(scenario, typed)) == fingerprint(resolve(scenario, values))
 
 
 def test_own_changes_come_first_and_replace_equal_ones(tmp_path: Path) -> None:
-    file = tmp_path / "own.yaml"
-    file.write_text("- {name: present}\n- {name: five, set: {durations.drop: 3}}\n")
-    own = read_changes(file)
-    changes = listed(tmp_path / "all.yaml", EVERYTHING, own=own)
-    assert changes.tried[0] == CandidateChange("own", "five", {"durations.drop": 3})
+    own = CandidateChange(OWN, "three", {"durations.drop": 3})
+    changes = listed(tmp_path / "all.yaml", EVERYTHING, own=[own], most=1)
+    assert changes.tried == (own,) and changes.left_out == 19
+    changes = listed(tmp_path / "all.yaml", EVERYTHING, own=[own])
     assert "drops x 0.5" not in settings_of(changes)
 
 
@@ -236,7 +241,7 @@ def test_screening_says_how_much_each_change_gains() -> None:
     faster, slower, same = screened(results, "makespan", is_higher_better=False)
     assert (faster.number, faster.status, faster.gain) == (1, SCREENED, 1.5)
     assert slower.gain == -1.25 and faster.high > faster.gain
-    assert same == ScreenedChange(3, CHANGES_NOTHING) or same.status == CHANGES_NOTHING
+    assert (same.number, same.status) == (3, CHANGES_NOTHING)
     assert screened(results, "makespan", is_higher_better=True)[1].gain == 1.25
 
 
@@ -281,14 +286,13 @@ def test_changes_are_ranked_by_effect_with_those_as_good_as_the_first() -> None:
     }
     found = ranking(results_of({k: list(v) for k, v in runs.items()}), "makespan", False)
     names = list(runs)
-    assert [names[one.number] for one in found.changes[:3]] == ["most", "as good", "little"]
-    assert names[found.changes[-1].number] == "worse"
-    by_name = {names[one.number]: one for one in found.changes}
-    assert [name for name, one in by_name.items() if one.as_good_as_first] == ["as good"]
+    assert [names[one.number] for one in found[:3]] == ["most", "as good", "little"]
+    assert names[found[-1].number] == "worse"
+    by_name = {names[one.number]: one for one in found}
+    assert [name for name, one in by_name.items() if one.equals_first] == ["as good"]
     assert not by_name["nothing"].is_effect and by_name["nothing"].adjusted > 0.05
-    assert by_name["worse"].is_effect and not by_name["worse"].is_better
+    assert by_name["worse"].is_effect and not by_name["worse"].helps
     assert by_name["most"].effect.difference.level == 1 - 0.05 / 5
-    assert found.others == ()
 
 
 def test_a_change_that_jams_only_in_the_confirmation_is_not_ranked() -> None:
@@ -297,9 +301,8 @@ def test_a_change_that_jams_only_in_the_confirmation_is_not_ranked() -> None:
         {"b": runs, "x": [r - 1 for r in runs], "y": [r - 2 for r in runs]},
         finished=lambda point, r: (point, r) != (2, 7),
     )
-    found = ranking(results, "makespan", False)
-    assert [one.number for one in found.changes] == [1]
-    assert [(one.number, one.status) for one in found.others] == [(2, JAMS)]
+    assert [one.number for one in ranking(results, "makespan", False)] == [1]
+    assert statuses(results, "makespan") == {1: SCREENED, 2: JAMS}
 
 
 def test_changes_without_effect_are_seldom_called_an_effect() -> None:

@@ -180,7 +180,8 @@ def run(args: argparse.Namespace) -> int:
     own = list(own_changes(args, settings))
     unchanged = [one.name for one in own if not one.settings]
     free = (name for name in BASE_NAMES if name not in {one.name for one in own})
-    asked = asked_of(args, base, [*unchanged, *free][0], levels_of(settings))
+    base_name = [*unchanged, *free, BASE_NAMES[-1]][0]
+    asked = asked_of(args, base, base_name, levels_of(settings))
     lost = lost_by_cell(resolved, replication_seeds(base.scenario.seed, 0, LOOKED_AT))
     changes = search.candidates_of(
         base,
@@ -203,7 +204,7 @@ def run(args: argparse.Namespace) -> int:
         findings = searched(args, folder, base, asked, changes, near)
     output.write(lambda: document_of(findings, args), lambda: as_json(findings, args))
     if findings.failed:
-        note(f"{count(findings.failed, 'run')} failed; the column `error` of the rows says why")
+        note(f"{count(findings.failed, 'run')} failed; the report says why")
     return 1 if findings.failed or not findings.has_base else 0
 
 
@@ -364,7 +365,7 @@ def answer(findings: Findings) -> Iterator[str]:
         done = findings.screened.counts(findings.screened.points[0])
         yield (
             f"No answer: {done.finished:,} of {count(done.planned, 'run')} of the scenario as it is "
-            "finished. Find out why with `automaton run`."
+            f"finished{failures(findings.screened, 0)}."
         )
     elif not better:
         yield f"No change has a statistically significant effect that makes {metric} better."
@@ -452,6 +453,7 @@ def not_ranked(findings: Findings) -> Iterator[Block]:
             jams = search.jammed_runs(results, outcome.number)
             reason += f" in {jams:,} of {count(results.study.max_replications, 'run')}"
             reason += f" (as it is: {search.jammed_runs(results, 0):,})"
+            reason += failures(results, outcome.number)
         elif reason == search.SCREENED:
             reason = "not among the best"
             one = search.paired(results, number, 0, findings.asked.metric, search.SCREENING_LEVEL)
@@ -462,6 +464,13 @@ def not_ranked(findings: Findings) -> Iterator[Block]:
         yield Table(
             ["change", "why", "effect, screening"], sorted(rows, key=lambda row: row[1]), left=2
         )
+
+
+def failures(results: Results, number: int) -> str:
+    """The number of failed runs of a point and the first reason; "" if none failed."""
+    rows = zip(results.columns["point"], results.columns["error"], strict=True)
+    errors = [error for point, error in rows if point == number and error is not None]
+    return f"; {count(len(errors), 'run')} failed: {errors[0]}" if errors else ""
 
 
 def omitted(changes: search.CandidateList) -> Iterator[Block]:

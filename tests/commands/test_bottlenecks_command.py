@@ -147,6 +147,17 @@ def test_runs_that_do_not_finish_give_no_answer(capsys: pytest.CaptureFixture[st
     assert "- No answer: 0 of 3 runs of the scenario as it is finished." in said
 
 
+def test_a_change_whose_runs_fail_is_not_ranked_and_has_the_reason(
+    capsys: pytest.CaptureFixture[str], here: Path
+) -> None:
+    breaking = "{fleet.robots: 2, strategy.allocation: 'sweep_studies:Raises'}"
+    (here / "changes.yaml").write_text(f"- {{name: breaks, set: {breaking}}}\n")
+    code, said, noted = asked(capsys, *QUICK, "--changes", "changes.yaml", "--most", "2")
+    assert code == 1 and "3 runs failed; the report says why" in noted
+    assert "breaks" in said.partition("Not ranked")[2]
+    assert "jams in 3 of 3 runs (as it is: 0); 3 runs failed: " in " ".join(said.split())
+
+
 def test_changes_without_effect_are_said_to_have_none(capsys: pytest.CaptureFixture[str]) -> None:
     options = ("--metric", "throughput", "--set", "orders.count=3", "--only", "fleet")
     settings = ("--set", "orders.generator=dock-to-rack", "--set", "fleet.robots=6")

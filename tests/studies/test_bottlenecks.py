@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from streets_trials import (
+    Planted,
     closed_chargers,
     finds_an_effect,
     is_planted,
@@ -220,6 +221,18 @@ def test_own_changes_come_first_and_replace_equal_ones(tmp_path: Path) -> None:
     assert changes.tried == (own,) and changes.left_out == 19
     changes = listed(tmp_path / "all.yaml", EVERYTHING, own=[own])
     assert "drops x 0.5" not in settings_of(changes)
+
+
+def test_every_kind_of_change_can_be_run_with_all_else_on() -> None:
+    """Types, pods, gates, batteries, breakdowns and delays, in half ticks."""
+    faults = {"list": [{"robot": 1, "at": 50}], "tow_after": 20, "repair_time": 40,
+              "delays": {"probability": 0.01, "ticks": {"from": 1, "to": 4}}}  # fmt: skip
+    stop = {"when": "never", "max_duration": 400}
+    everything = Planted({**EVERYTHING, "faults": faults, "stop": stop}, ())
+    answer = ranked(everything, (2, 2), "--refine", "2")
+    assert (answer["metric"], answer["failed"]) == ("throughput", 0)
+    assert len(answer["changes"]) == 19 and answer["set"] == {"refine": 2}
+    assert {one["kind"] for one in answer["changes"]} == set(KINDS)
 
 
 # Statistics, on made-up runs.

@@ -37,6 +37,10 @@ COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, s
         "automaton.commands.what_if_command",
         "compare changes of a scenario with the scenario as it is",
     ),
+    "bottlenecks": (
+        "automaton.commands.bottlenecks_command",
+        "rank single changes of a scenario by their effect",
+    ),
     "size": ("automaton.commands.size_command", "find the smallest fleet that meets a target"),
     "tune": ("automaton.commands.tune", "find the best strategies for a scenario"),
     "reproduce": ("automaton.commands.reproduce", "reproduce a published table"),

@@ -106,12 +106,7 @@ def crew_of(args: argparse.Namespace) -> Backend:
 
 def dry_run(args: argparse.Namespace, output: Output, plan: Any) -> int:
     """Print the estimated time and disk space of the sweep."""
-    from automaton.runs.cores import cores
-    from automaton.studies.sweeps.pools import LocalPool
-    from automaton.studies.sweeps.sweep_session import forecast
-
-    workers = args.workers or cores()
-    found = forecast(plan, args.out, workers, LocalPool(1), args.retry_failed, args.recompute)
+    found = forecast_of(args, plan, args.out, args.retry_failed)
     seconds = {"wall_s": found.wall_s, "most_wall_s": found.most_wall_s}
     known = {**found._asdict(), **seconds, "bytes": found.bytes}
     disk = f"disk: {size_text(found.bytes)} at most"
@@ -121,6 +116,18 @@ def dry_run(args: argparse.Namespace, output: Output, plan: Any) -> int:
         lambda: {"study": plan.study.name, **known},
     )
     return 0
+
+
+def forecast_of(
+    args: argparse.Namespace, plan: Any, folder: Path | None, retry_failed: bool = False
+) -> Forecast:
+    """The runs of a plan that a folder lacks, and their time by a few pilot runs."""
+    from automaton.runs.cores import cores
+    from automaton.studies.sweeps.pools import LocalPool
+    from automaton.studies.sweeps.sweep_session import forecast
+
+    workers = args.workers or cores()
+    return forecast(plan, folder, workers, LocalPool(1), retry_failed, args.recompute)
 
 
 def plan_text(plan: Any, found: Forecast) -> str:

@@ -27,13 +27,14 @@ from automaton.commands.arguments import (
 )
 from automaton.commands.sweep_command import progress
 from automaton.documents.report_document import Heading, ReportDocument, Text
-from automaton.scenario.document import Override, parse_setting
+from automaton.scenario.document import Document, Override, parse_setting
 from automaton.units import count
 from automaton.world.scenario_warnings import scenario_warnings
 
 if TYPE_CHECKING:
     from automaton.scenario.schema import Scenario
     from automaton.studies.reports.build_report import StudyReport
+    from automaton.studies.sweeps.study import Study
     from automaton.studies.sweeps.sweep_plan import SweepPlan
     from automaton.studies.sweeps.sweep_session import SweepResult
     from automaton.world.resolved import Resolved
@@ -81,29 +82,20 @@ def run(args: argparse.Namespace) -> int:
     output = output_of(args, "--report")
     settings = settings_of(args)
     from automaton.studies.reports.build_report import read_report
-    from automaton.studies.sweeps import pools
     from automaton.studies.sweeps.named_changes import what_if_study
     from automaton.studies.sweeps.sweep_plan import make_sweep_plan
-    from automaton.studies.sweeps.sweep_session import sweep_into
     from automaton.world.resolve import resolve
 
     base = resolve(args.scenario, settings, args.seed).unrefined
     print_warnings(base)
-    keys = study_keys(args, base.scenario, levels_of(settings))
+    keys = study_keys(args.scenario, "what if", base.scenario, levels_of(settings))
+    keys |= {"replications": args.pairs}
+    keys |= {"analysis": {"metrics": args.metrics}} if args.metrics else {}
     study = what_if_study(args.changes, keys, asked_metrics(args))
     plan = make_sweep_plan(study)
     warn_of_changes(plan, base)
     with folder_of(args.out) as folder:
-        with progress(args.out) as listener:
-            swept = sweep_into(
-                folder,
-                plan,
-                lambda: pools.LocalPool(args.workers),
-                args.recompute,
-                listener.begin,
-                listener.rows,
-                patience=args.strategy_timeout,
-            )
+        swept = swept_into(args, folder, plan, args.recompute)
         report = read_report(swept.store)
     output.write(
         lambda: document_of(report, args.out),
@@ -112,6 +104,28 @@ def run(args: argparse.Namespace) -> int:
     if swept.failed:
         note(f"{count(swept.failed, 'run')} failed; the caveats say why")
     return 1 if swept.failed else 0
+
+
+def swept_into(
+    args: argparse.Namespace,
+    folder: Path,
+    plan: SweepPlan,
+    recompute: bool,
+) -> SweepResult:
+    """Do the runs of a study that a folder lacks, with progress on stderr. Raises InputError."""
+    from automaton.studies.sweeps import pools
+    from automaton.studies.sweeps.sweep_session import sweep_into
+
+    with progress(args.out) as listener:
+        return sweep_into(
+            folder,
+            plan,
+            lambda: pools.LocalPool(args.workers),
+            recompute,
+            listener.begin,
+            listener.rows,
+            patience=args.strategy_timeout,
+        )
 
 
 def warn_of_changes(plan: SweepPlan, base: Resolved) -> None:
@@ -124,16 +138,14 @@ def warn_of_changes(plan: SweepPlan, base: Resolved) -> None:
 
 
 def study_keys(
-    args: argparse.Namespace, base: Scenario, settings: dict[str, Any]
+    scenario: str, what: str, base: Scenario, settings: dict[str, Any]
 ) -> dict[str, Any]:
-    """The keys of the study, without its points."""
+    """The keys of a study of one scenario, without its points, their number of runs and its analysis."""
     return {
-        "name": f"{base.name}: what if",
-        "scenario": args.scenario,
+        "name": f"{base.name}: {what}",
+        "scenario": scenario,
         **({"set": settings} if settings else {}),
-        "replications": args.pairs,
         "seed": base.seed,
-        **({"analysis": {"metrics": args.metrics}} if args.metrics else {}),
     }
 
 

@@ -27,6 +27,7 @@ COMMANDS = {
     "verify": "verify {folder}/a.rec",
     "sweep": "sweep {folder}/small.yaml --out {folder}/out --workers 1",
     "report": "report {folder}/out",
+    "bottlenecks": "bottlenecks goods-mini --pairs 2,9 --workers 1",
     "tune": "tune tabletop-mini --budget 60 --workers 1",
     "bench": "bench --only tables --repeat 1",
 }

@@ -257,6 +257,7 @@ def test_the_page_on_json_names_the_keys_that_are_printed(tmp_path: Path) -> Non
             "sweep small.yaml --out out",
             "report out",
             "what-if tabletop-mini changes.yaml --pairs 2",
+            "bottlenecks tabletop-mini --most 1 --pairs 2,2",
             "size tabletop-mini --target makespan<=5000 --robots 2 --budget 70 --workers 1",
             "tune random-400 --budget 63 --workers 1 --set stop.max_duration=5 --set fleet.robots=20",
             "reproduce tabletop --seeds 1 --strategies cooperative --workers 1",

@@ -333,6 +333,17 @@ def observed(simulation: Simulation) -> tuple[Array, Array, Array]:
     )
 
 
+def lost_by_cell(resolved: Resolved, seeds: Sequence[int]) -> Array:
+    """(C,) lost robot ticks of a run by cell, the mean over seeds, in ticks of the scenario."""
+    lost: Array = np.zeros(resolved.floor_plan.kind.size)
+    for seed in seeds:
+        with attribute_strategy_errors(resolved):
+            simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
+            simulation.run()
+        lost += observed(simulation)[0]
+    return lost / (len(seeds) * resolved.scenario.refine)
+
+
 def by_cell(lost: Array, zone: Array) -> Array:
     """(C,) ticks of each zone, spread evenly over its cells."""
     cells = np.bincount(zone[zone != NIL], minlength=len(lost))

@@ -30,7 +30,7 @@ from automaton.world.scenario_warnings import scenario_warnings
 if TYPE_CHECKING:
     from automaton.scenario.document import Override
     from automaton.studies.sizing.fleet_runs import Fleets
-    from automaton.studies.sizing.fleet_search import FleetConfig, Quantity, Question
+    from automaton.studies.sizing.fleet_search import FleetConfig, Question, SearchQuantity
     from automaton.studies.sizing.sizing_session import SizingSession
 
 
@@ -130,9 +130,12 @@ def run(args: argparse.Namespace) -> int:
     from automaton.studies.sizing.sizing_report import forecast
 
     quantity = quantity_of(args)
-    with kept_in(args.out) as kept, PersistentPool(args.workers, run_and_measure_use) as rounds:
+    with (
+        kept_in(args.out) as run_store,
+        PersistentPool(args.workers, run_and_measure_use) as rounds,
+    ):
         fleets = {
-            name: Fleets(args.scenario, settings, args.seed, rounds, quantity, args.mix, kept)
+            name: Fleets(args.scenario, settings, args.seed, rounds, quantity, args.mix, run_store)
             for name, settings in conditions_of(args, quantity).items()
         }
         sessions = sessions_of(args, fleets)
@@ -155,7 +158,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if all(session.settled for session in sessions.values()) else 1
 
 
-def quantity_of(args: argparse.Namespace) -> Quantity:
+def quantity_of(args: argparse.Namespace) -> SearchQuantity:
     """What the search varies. Raises InputError."""
     from automaton.studies.sizing.fleet_search import ROBOTS, quantity_named
 
@@ -170,7 +173,7 @@ def quantity_of(args: argparse.Namespace) -> Quantity:
 
 
 def conditions_of(
-    args: argparse.Namespace, quantity: Quantity
+    args: argparse.Namespace, quantity: SearchQuantity
 ) -> dict[str, tuple[str | Override, ...]]:
     """The settings of each condition by name; without a file those of the command. Raises InputError."""
     settings = settings_of(args)
@@ -201,7 +204,7 @@ def sessions_of(args: argparse.Namespace, fleets: dict[str, Fleets]) -> dict[str
         check_budget(question, len(fleets))
         runner = Checked(one, question._replace(budget=question.budget // len(fleets)))
         sessions[name] = session = session_of(one, runner)
-        runner.tell = partial(tell_progress, name, session)
+        runner.on_round = partial(tell_progress, name, session)
     for warning in dict.fromkeys(
         text for one in fleets.values() for text in scenario_warnings(one.base)
     ):
@@ -264,8 +267,8 @@ def draw(folder: Path, sessions: dict[str, SizingSession]) -> None:
     from automaton.documents.html_output import write_plots
     from automaton.studies.sizing.sizing_figures import curves
 
-    found = [one for name, session in sessions.items() for one in curves(session, name)]
-    for path in write_plots(found, folder):
+    plots = [one for name, session in sessions.items() for one in curves(session, name)]
+    for path in write_plots(plots, folder):
         note(f"wrote {path}")
 
 

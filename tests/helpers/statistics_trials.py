@@ -368,7 +368,7 @@ def synthetic(shares: list[float], rng: np.random.Generator) -> Callable[..., li
     """A runner whose fleets of 1, 2, ... robots meet `x <= 0` in these shares of runs."""
 
     def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
-        missed = rng.random(number) >= shares[place.robots - 1]
+        missed = rng.random(number) >= shares[place.size - 1]
         return [FleetRun(True, {"makespan": float(bad)}) for bad in missed]
 
     return run
@@ -386,7 +386,7 @@ def wrong_answers(shares: list[float], studies: int, seed: int = 5) -> tuple[flo
         search = FleetSearch(question, "", synthetic(shares, rng), question.budget)
         search.go()
         wrong += any(
-            (one.verdict == "meets") != (shares[one.place.robots - 1] > question.success_share)
+            (one.verdict == "meets") != (shares[one.place.size - 1] > question.success_share)
             for one in search.candidates
         )
         spent += search.spent

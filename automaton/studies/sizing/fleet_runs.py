@@ -43,8 +43,8 @@ from automaton.studies.sizing.fleet_search import (
     FleetConfig,
     FleetRun,
     InfeasibleFleetError,
-    Quantity,
     Question,
+    SearchQuantity,
     Target,
 )
 from automaton.studies.sweeps.result_store import ROWS_FOLDER, lock_folder
@@ -103,21 +103,21 @@ def read_mix(text: str, fleet: Fleet) -> Callable[[int], dict[str, int | None]]:
 
     Returns the settings of a fleet size: the number of robots by key. Raises InputError.
     """
-    names, found = [kind.name for kind in fleet.types], MIX.fullmatch(text)
-    if found is None:
+    names, match = [kind.name for kind in fleet.types], MIX.fullmatch(text)
+    if match is None:
         raise InputError(f"--mix '{text}': expected TYPE=NUMBER or A:B=1:3, such as slow:fast=1:3")
-    given = found[1].split(":")
-    numbers = [int(one) for one in found[2].split(":")]
-    for name in given:
+    listed = match[1].split(":")
+    numbers = [int(one) for one in match[2].split(":")]
+    for name in listed:
         if name not in names:
             there = f"; there are {', '.join(names)}" if names else "; fleet.types is empty"
             raise InputError(
                 f"--mix '{text}': no type is called '{name}'{nearest(name, names)}{there}"
             )
-    if len(given) != len(numbers) or len(set(given)) < len(given):
+    if len(listed) != len(numbers) or len(set(listed)) < len(listed):
         raise InputError(f"--mix '{text}': give each type once and one number for each")
-    parts = dict(zip(given, numbers, strict=True))
-    if len(given) == 1:
+    parts = dict(zip(listed, numbers, strict=True))
+    if len(listed) == 1:
         if len(names) != 2:
             raise InputError(
                 f"--mix '{text}': which of the other types gets the rest? Give a ratio of all types, "
@@ -126,7 +126,7 @@ def read_mix(text: str, fleet: Fleet) -> Callable[[int], dict[str, int | None]]:
         return lambda size: {
             f"fleet.types.{at}.robots": parts.get(name) for at, name in enumerate(names)
         }
-    if len(given) < len(names) or not sum(numbers):
+    if len(listed) < len(names) or not sum(numbers):
         raise InputError(f"--mix '{text}': a ratio has all types: {':'.join(names)}")
     return lambda size: {
         f"fleet.types.{at}.robots": number
@@ -137,9 +137,9 @@ def read_mix(text: str, fleet: Fleet) -> Callable[[int], dict[str, int | None]]:
 def in_ratio(size: int, parts: Sequence[int]) -> list[int]:
     """Whole numbers in a ratio with the sum `size`, by largest remainders; ties to the first."""
     shares = [divmod(size * part, sum(parts)) for part in parts]
-    left = size - sum(whole for whole, _ in shares)
+    left = size - sum(least for least, _ in shares)
     order = sorted(range(len(parts)), key=lambda at: -shares[at][1])
-    return [whole + (at in order[:left]) for at, (whole, _) in enumerate(shares)]
+    return [least + (at in order[:left]) for at, (least, _) in enumerate(shares)]
 
 
 class KeptRun(NamedTuple):
@@ -204,14 +204,14 @@ class Fleets:
         settings: Sequence[str | Override],
         seed: int | None,
         rounds: PersistentPool,
-        quantity: Quantity = ROBOTS,
+        quantity: SearchQuantity = ROBOTS,
         mix: str | None = None,
-        kept: KeptRuns | None = None,
+        run_store: KeptRuns | None = None,
     ) -> None:
         self._scenario, self._settings, self._rounds = scenario, tuple(settings), rounds
         self.base = resolve(scenario, settings).unrefined
         self.seed = self.base.scenario.seed if seed is None else seed
-        self.quantity, self.mix, self._kept = quantity, mix, kept
+        self.quantity, self.mix, self._kept = quantity, mix, run_store
         self._mixed = read_mix(mix, self.base.scenario.fleet) if mix is not None else None
         self.resolved = cache(self._resolved)  # by fleet
         self._key = cache(self._key_of)
@@ -262,10 +262,9 @@ class Fleets:
         [seed] = replication_seeds(self.seed, replication, 1)
         words = ["automaton", "watch", str(self._scenario), "--seed", str(seed)]
         for one in (*self._settings, *self._typed(place)):
-            given = one
             if isinstance(one, Override):
-                given = f"{'.'.join(map(str, one.keys))}={json.dumps(one.value)}"
-            words += ["--set", str(given)]
+                one = f"{'.'.join(map(str, one.keys))}={json.dumps(one.value)}"
+            words += ["--set", one]
         return shlex.join(words)
 
     def check(self, question: Question) -> None:
@@ -306,19 +305,19 @@ class Fleets:
         """The fleet sizes that fail with any strategy, each with the bound that excludes it."""
         if self.quantity != ROBOTS:
             return {}
-        found = bounds(self.base)
+        limits = bounds(self.base)
         reasons = {}
         for robots in question.sizes:
             target, why = question.target, ""
             if target.metric == "makespan" and target.at_most and self.ends_with_orders:
-                least, reason = least_ticks(found, robots)
+                least, reason = least_ticks(limits, robots)
                 if least > target.value:
                     many = "infinite"
                     if math.isfinite(least):
                         many = f"at least {ticks_and_time(math.ceil(least), self.tick)}"
                     why = f"makespan is {many}: {reason}"
             if target.metric == "throughput" and not target.at_most:
-                most, reason = most_throughput(found, robots, self.measured or math.inf)
+                most, reason = most_throughput(limits, robots, self.measured or math.inf)
                 if most < target.value:
                     why = f"throughput is at most {most:,.3g}: {reason}"
             if why:
@@ -328,8 +327,8 @@ class Fleets:
     @property
     def changes(self) -> dict[int, list[str]]:
         """The settings that change durations by each of PERCENTS_OFF, where this is possible."""
-        found = {percent: longer(self.base, percent) for percent in PERCENTS_OFF}
-        return {percent: settings for percent, settings in found.items() if settings}
+        changes = {percent: longer(self.base, percent) for percent in PERCENTS_OFF}
+        return {percent: settings for percent, settings in changes.items() if settings}
 
     @property
     def tick(self) -> Unit:
@@ -355,16 +354,16 @@ class Fleets:
 class Checked:
     """A runner that checks that the first run has the metric of the target.
 
-    `tell` is called before each round with the fleet and the number of runs made so far.
+    `on_round` is called before each round with the fleet and the number of runs made so far.
     """
 
     def __init__(self, fleets: Fleets, question: Question) -> None:
         self.fleets, self.question, self.runs = fleets, question, 0
-        self.tell: Callable[[FleetConfig, int], None] = lambda place, runs: None
+        self.on_round: Callable[[FleetConfig, int], None] = lambda place, runs: None
 
     def __call__(self, place: FleetConfig, first: int, number: int) -> Sequence[FleetRun]:
         """Run replications like Fleets. Raises InputError if the target's metric is not measured."""
-        self.tell(place, self.runs)
+        self.on_round(place, self.runs)
         if self.runs == 0:
             run = self.fleets(place, 0, 1)[0]
             check_measured(self.question.target, run, self.fleets.base.scenario)

@@ -91,7 +91,7 @@ def shown(value: float) -> str:
     return f"{value:,.0f}" if float(value).is_integer() else f"{value:,g}"
 
 
-class Quantity(NamedTuple):
+class SearchQuantity(NamedTuple):
     """What a search varies; all else is as in the scenario."""
 
     key: str  # of the scenario
@@ -103,13 +103,13 @@ class Quantity(NamedTuple):
         return count(number, self.noun)
 
 
-ROBOTS: Final = Quantity("fleet.robots", "robot", "--robots")
+ROBOTS: Final = SearchQuantity("fleet.robots", "robot", "--robots")
 PARKING: Final = "strategy.allocation.active"  # varied by a comparison of means, not by a search
 VARIED: Final = {
     "robots": ROBOTS,
-    "stations": Quantity("floor.open_stations", "station", "--vary stations"),
-    "chargers": Quantity("floor.open_chargers", "charger", "--vary chargers"),
-    PARKING: Quantity(PARKING, "active robot", f"--vary {PARKING}"),
+    "stations": SearchQuantity("floor.open_stations", "station", "--vary stations"),
+    "chargers": SearchQuantity("floor.open_chargers", "charger", "--vary chargers"),
+    PARKING: SearchQuantity(PARKING, "active robot", f"--vary {PARKING}"),
 }
 
 
@@ -130,7 +130,7 @@ class Question(NamedTuple):
         False  # whether a fleet passes only if the share is shown, not the zone around it
     )
     step: int = 1  # from one size to the next
-    quantity: Quantity = ROBOTS
+    quantity: SearchQuantity = ROBOTS
 
     @property
     def sizes(self) -> range:
@@ -178,7 +178,7 @@ def make_question(
     warm_up: int | None = None,
     assure: bool = False,
     step: int = 1,
-    quantity: Quantity = ROBOTS,
+    quantity: SearchQuantity = ROBOTS,
 ) -> Question:
     """Create a checked question. A steady state uses the mean unless a share is asked for.
 
@@ -333,7 +333,7 @@ def _tick_seconds(tick: Unit | None, text: str) -> float:
     return tick.seconds
 
 
-def read_robots(text: str, quantity: Quantity = ROBOTS) -> tuple[int, int]:
+def read_robots(text: str, quantity: SearchQuantity = ROBOTS) -> tuple[int, int]:
     """Read a range of sizes such as "1..12", or "5". Raises InputError."""
     found = _RANGE.fullmatch(text)
     if found is None:
@@ -341,7 +341,7 @@ def read_robots(text: str, quantity: Quantity = ROBOTS) -> tuple[int, int]:
     return checked_robots(int(found[1] or found[3]), int(found[2] or found[3]), quantity)
 
 
-def quantity_named(name: str) -> Quantity:
+def quantity_named(name: str) -> SearchQuantity:
     """What `--vary` names. Raises InputError."""
     if name in VARIED:
         return VARIED[name]
@@ -360,7 +360,7 @@ def robots_of(given: str | int | tuple[int, int] | list[int]) -> tuple[int, int]
     return checked_robots(pair[0], pair[1])
 
 
-def checked_robots(first: int, last: int, quantity: Quantity = ROBOTS) -> tuple[int, int]:
+def checked_robots(first: int, last: int, quantity: SearchQuantity = ROBOTS) -> tuple[int, int]:
     """The smallest and the largest size to test. Raises InputError."""
     if not 1 <= first <= last <= MAX_FLEET_SIZE:
         raise InputError(

@@ -1,4 +1,4 @@
-"""The answer of `automaton size` in figures: intervals drawn as text, curves for plots, and JSON.
+"""The answer of `automaton size` for eyes and programs: intervals drawn as text, curves, JSON.
 
 Times in JSON are in ticks.
 """
@@ -56,16 +56,16 @@ def confidence(question: Question) -> str:
 def picture(search: FleetSearch, question: Question) -> Iterator[str]:
     """One line for each candidate that was run: its value and interval, and the indifference zone."""
     judged = [(one, judged_by(one, question)) for one in search.candidates if one.runs]
-    found = [(one, interval) for one, interval in judged if interval is not None]
-    if not found:
+    drawable = [(one, interval) for one, interval in judged if interval is not None]
+    if not drawable:
         return
     least, most = zone(question)
-    low, high = scale([interval for _, interval in found], question)
+    low, high = scale([interval for _, interval in drawable], question)
     what = f"mean {question.target.metric}" if question.mean else "share"
     marks = "required share" if question.assure else "indifference zone"
     head = f"{question.quantity.noun}s"
     yield f"{head}  {what} with its {confidence(question)} interval; {MARK_TARGET} {marks}"
-    for one, interval in found:
+    for one, interval in drawable:
         line = drawn(interval, (least, most), low, high)
         yield f"{one.place.size:{len(head)}}  {line.rstrip()}"
     ends = (shown(low), shown(high)) if question.mean else (percent(low, 0), percent(high, 0))
@@ -145,16 +145,16 @@ def curves(session: SizingSession, condition: str = "") -> list[Curves]:
 
 def strategy_line(search: FleetSearch, question: Question, mean: bool) -> ReportCurve:
     """The candidates of one strategy that were run."""
-    found: list[tuple[int, Interval]] = []
+    drawable: list[tuple[int, Interval]] = []
     for one in search.candidates:
         interval = one.mean(question.target.metric) if mean else one.share(question)
         if one.runs and interval is not None:
-            found.append((one.place.size, interval))
+            drawable.append((one.place.size, interval))
     name = search.strategy.partition("=")[2]
-    value = [one.value for _, one in found]
-    low = [one.value if one.low is None else one.low for _, one in found]
-    high = [one.value if one.high is None else one.high for _, one in found]
-    return ReportCurve(name, [float(robots) for robots, _ in found], value, low, high)
+    value = [one.value for _, one in drawable]
+    low = [one.value if one.low is None else one.low for _, one in drawable]
+    high = [one.value if one.high is None else one.high for _, one in drawable]
+    return ReportCurve(name, [float(robots) for robots, _ in drawable], value, low, high)
 
 
 def level(name: str, ends: list[float], value: float) -> ReportCurve:

@@ -156,7 +156,8 @@ def promise(question: Question, size: int) -> str:
     if not question.assure:
         share = f"more than {shown_share(question.success_share - question.indifference)}"
     does = performance(question, size, question.target.value)
-    return f"{does[0].upper()}{does[1:]} on {share} of days, with {shown_share(1 - question.alpha)} confidence"
+    sure = shown_share(1 - question.alpha)
+    return f"{does[0].upper()}{does[1:]} on {share} of days, with {sure} confidence"
 
 
 def performance(question: Question, size: int, value: float | None) -> str:

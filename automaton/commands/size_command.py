@@ -187,7 +187,8 @@ def conditions_of(
     for change in changes:
         for one in change.overrides:
             if one.keys == keys_of(quantity.key):
-                raise InputError(f"{quantity.key} varies in this search", *change.place)
+                text = f"'{change.name}' sets {quantity.key}, which varies in this search"
+                raise InputError(text, *change.place)
     resolve_changes(args.scenario, settings, changes)
     return {change.name: (*settings, *change.overrides) for change in changes}
 

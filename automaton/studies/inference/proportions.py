@@ -102,7 +102,8 @@ class SureShare(NamedTuple):
         mixture = _log_rising(PRIOR[0], met) + _log_rising(PRIOR[1], missed)
         mixture -= _log_rising(sum(PRIOR), runs)
         gain = mixture - met * math.log(self.share) - missed * math.log1p(-self.share)
-        return np.where(met > self.share * runs, 1.0, -1.0) * np.maximum(gain, 0.0)
+        signed: Values = np.where(met > self.share * runs, 1.0, -1.0) * np.maximum(gain, 0.0)
+        return signed
 
     def verdict(self, outcomes: Iterable[bool]) -> tuple[Verdict, int]:
         """The verdict on runs in their order, and the number of runs that decided it."""

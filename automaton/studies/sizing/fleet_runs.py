@@ -69,7 +69,7 @@ CHARGER_USE = "charger_use"  # share of the time of all charging places in which
 ROBOT_TICKS = "robot_ticks"  # ticks that the metrics cover, summed over the robots
 MOVE_KEY = re.compile(r"durations\.move[.=]")
 PLAIN_KEY = re.compile(r"[\w-]+")  # a name that can be part of a dotted key
-MIX = re.compile(r"\s*([^\s=]+)\s*=\s*(\d{1,7}(?:\s*:\s*\d{1,7})*)\s*")
+MIX = re.compile(r"([^=]+)=\s*(\d{1,7}(?:\s*:\s*\d{1,7})*)\s*")
 KEPT_FILE: Final = "size.jsonl"
 
 
@@ -106,7 +106,7 @@ def read_mix(text: str, fleet: Fleet) -> Callable[[int], dict[str, int | None]]:
     names, match = [kind.name for kind in fleet.types], MIX.fullmatch(text)
     if match is None:
         raise InputError(f"--mix '{text}': expected TYPE=NUMBER or A:B=1:3, such as slow:fast=1:3")
-    listed = match[1].split(":")
+    listed = [one.strip() for one in match[1].split(":")]
     numbers = [int(one) for one in match[2].split(":")]
     for name in listed:
         if name not in names:

@@ -232,9 +232,8 @@ def check_budget(question: Question, conditions: int = 1) -> None:
     if question.assure:
         error = question.alpha / question.candidates
         least = (
-            f"to show {100 * question.success_share:g} % of days with {100 * (1 - error):g} % confidence "
-            f"takes {fewest:,} days without a miss ({fixed_runs(question.success_share, error):,} if "
-            "their number were fixed)"
+            f"to show {100 * question.success_share:g} % of days, a fleet needs {fewest:,} days without "
+            f"a miss ({fixed_runs(question.success_share, error):,} if their number were fixed)"
         )
     raise InputError(f"--budget {question.budget:,}: {least}{shared if parts > 1 else ''}")
 

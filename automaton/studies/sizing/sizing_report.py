@@ -120,7 +120,7 @@ def conditions_table(sessions: Mapping[str, SizingSession]) -> Table:
                 reached(question.target, bound.value) if bound and bound.value is not None else "-",
             ]
         )
-    return Table(("condition", "answer", what, "runs", share), rows, left=0, also_left=(1,))
+    return Table(("condition", "answer", what, "runs", share), rows, left=2)
 
 
 def answer_blocks(session: SizingSession, price: float) -> Iterator[Block]:

@@ -19,11 +19,12 @@ from automaton.commands.arguments import (
     add_workers_argument,
     note,
     output_of,
+    print_warnings,
     settings_of,
     show_line,
     whole,
 )
-from automaton.errors import InputError, WorkerDiedError
+from automaton.errors import InputError, WorkerDiedError, nearest
 from automaton.units import shown_unit, ticks_and_time, unit
 from automaton.world.scenario_warnings import scenario_warnings
 
@@ -32,6 +33,12 @@ if TYPE_CHECKING:
     from automaton.studies.sizing.fleet_runs import Fleets
     from automaton.studies.sizing.fleet_search import FleetConfig, Question, SearchQuantity
     from automaton.studies.sizing.sizing_session import SizingSession
+
+
+PARKING_STEPS = 5  # from the least to the greatest number of robots with orders
+NOT_FOR_PARKING = (  # options of a search for the smallest fleet
+    "assure", "success_share", "mean", "indifference", "strategies", "conditions", "price", "plots",
+)  # fmt: skip
 
 
 def positive(text: str) -> float:
@@ -56,12 +63,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_refinement_arguments(parser)
     add = parser.add_argument
     text = "find the smallest fleet with, for example, 'makespan<=3000' (ticks) or 'makespan<=5h'"
-    add("--target", required=True, metavar="T", help=text)
+    add("--target", metavar="T", help=text)
     add("--robots", metavar="A..B", help="test fleets of A to B robots")
-    text = "instead, test A to B open stations or chargers with the fleet as it is"
+    text = (
+        "instead, test A to B open stations or chargers with the fleet as it is; or compare limits of "
+        "strategy.allocation.active, for --target METRIC (default: throughput or makespan)"
+    )
     add("--vary", nargs=2, metavar=("WHAT", "A..B"), help=text)
-    text = "with --robots or --vary, test every Nth number (default: 1)"
-    add("--step", type=whole("a step", 1), default=1, metavar="N", help=text)
+    text = "test every Nth number (default: 1; of strategy.allocation.active: five steps)"
+    add("--step", type=whole("a step", 1), metavar="N", help=text)
     text = "with --robots, keep TYPE at N robots (slow=12), or all types in a ratio (slow:fast=1:3)"
     add("--mix", metavar="TYPE=N", help=text)
     text = "answer for each of the conditions in a file of {name, set}, with the same seeds"
@@ -127,6 +137,7 @@ def run(args: argparse.Namespace) -> int:
     output = output_of(args, "--report")
     from automaton.studies.process_pool import PersistentPool
     from automaton.studies.sizing.fleet_runs import Fleets, kept_in, run_and_measure_use
+    from automaton.studies.sizing.fleet_search import PARKING, VARIED
     from automaton.studies.sizing.sizing_report import forecast
 
     quantity = quantity_of(args)
@@ -138,6 +149,8 @@ def run(args: argparse.Namespace) -> int:
             name: Fleets(args.scenario, settings, args.seed, rounds, quantity, args.mix, run_store)
             for name, settings in conditions_of(args, quantity).items()
         }
+        if quantity == VARIED[PARKING]:
+            return compare_parked(args, output, fleets[""])
         sessions = sessions_of(args, fleets)
         first = next(iter(sessions.values()))
         for sentence in forecast(first.question) if args.assure else ():
@@ -160,7 +173,7 @@ def run(args: argparse.Namespace) -> int:
 
 def quantity_of(args: argparse.Namespace) -> SearchQuantity:
     """What the search varies. Raises InputError."""
-    from automaton.studies.sizing.fleet_search import ROBOTS, quantity_named
+    from automaton.studies.sizing.fleet_search import PARKING, ROBOTS, VARIED, quantity_named
 
     if (args.robots is None) == (args.vary is None):
         raise InputError(
@@ -169,7 +182,56 @@ def quantity_of(args: argparse.Namespace) -> SearchQuantity:
     quantity = ROBOTS if args.vary is None else quantity_named(args.vary[0])
     if args.mix is not None and quantity != ROBOTS:
         raise InputError("--mix: the fleet stays as it is; use it with --robots")
+    if quantity == VARIED[PARKING]:
+        useless = (option for option in NOT_FOR_PARKING if getattr(args, option))
+        for option in useless:
+            raise InputError(
+                f"--{option.replace('_', '-')}: {quantity.option} compares means; omit it"
+            )
+    elif args.target is None:
+        raise InputError("size needs a target, such as --target 'makespan<=3000'")
     return quantity
+
+
+def compare_parked(args: argparse.Namespace, output: Output, fleets: Fleets) -> int:
+    """Compare numbers of robots with orders, the others being parked, and report."""
+    from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+    from automaton.studies.reports.first_page import direction_of
+    from automaton.studies.sizing.fleet_runs import Checked
+    from automaton.studies.sizing.fleet_search import Target, make_question, read_robots
+    from automaton.studies.sizing.sizing_figures import parking_as_json, parking_document
+    from automaton.studies.sizing.sizing_session import parking_of
+
+    metric = args.target or ("makespan" if fleets.ends_with_orders else "throughput")
+    direction = direction_of(metric) if metric in METRIC_CATALOGUE else None
+    if direction is None:
+        better = [one for one in METRIC_CATALOGUE if direction_of(one)]
+        raise InputError(
+            f"--target '{metric}': expected a metric that is better high or low{nearest(metric, better)}"
+        )
+    target = Target(metric, direction == "lowest", 0.0)
+    numbers = read_robots(args.vary[1], fleets.quantity)
+    question = make_question(
+        target, numbers, ("",), None, 1.0, args.alpha, args.budget, True, fleets.warm_up,
+        step=args.step or max(1, (numbers[1] - numbers[0]) // PARKING_STEPS),
+        quantity=fleets.quantity,
+    )  # fmt: skip
+    print_warnings(fleets.base)
+    runner = Checked(fleets, question)
+    runner.on_round = lambda place, runs: show_line(
+        f"{place.strategy or 'all robots with orders'}; {runs:,} of at most {args.budget:,} runs"
+    )
+    session = parking_of(fleets, runner)
+    try:
+        session.go()
+    finally:
+        show_line("")
+    name = fleets.base.scenario.name
+    output.write(
+        lambda: parking_document(session, name),
+        lambda: parking_as_json(session, name, fleets.seed),
+    )
+    return 0 if session.best is not None and len(session.best.left) == 1 else 1
 
 
 def conditions_of(
@@ -234,7 +296,7 @@ def asked_of(args: argparse.Namespace, fleets: Fleets) -> Question:
         args.mean,
         fleets.warm_up,
         args.assure,
-        args.step,
+        args.step or 1,
         quantity,
     )
 

@@ -109,7 +109,7 @@ VARIED: Final = {
     "robots": ROBOTS,
     "stations": SearchQuantity("floor.open_stations", "station", "--vary stations"),
     "chargers": SearchQuantity("floor.open_chargers", "charger", "--vary chargers"),
-    PARKING: SearchQuantity(PARKING, "active robot", f"--vary {PARKING}"),
+    PARKING: SearchQuantity("fleet.robots", "robot", f"--vary {PARKING}"),
 }
 
 

@@ -10,9 +10,17 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Final
 
-from automaton.documents.report_document import Curves, ReportCurve
-from automaton.studies.inference.intervals import Interval
+from automaton.documents.report_document import (
+    Curves,
+    Listed,
+    ReportCurve,
+    ReportDocument,
+    Table,
+    Text,
+)
+from automaton.studies.inference.intervals import STUDENT_MIN_RUNS, Effect, Interval
 from automaton.studies.sizing.fleet_search import (
+    PARKING,
     Candidate,
     FleetSearch,
     Question,
@@ -21,13 +29,15 @@ from automaton.studies.sizing.fleet_search import (
     shown,
 )
 from automaton.studies.sizing.sizing_session import (
+    PARKING_ZONE,
     DayBound,
     MarginalGain,
+    ParkingSession,
     SensitivityResult,
     SizingSession,
 )
 from automaton.studies.sweeps.run_keys import replication_seeds
-from automaton.units import percent
+from automaton.units import number, percent
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -323,4 +333,87 @@ def moved_as_json(moved: SensitivityResult, question: Question) -> dict[str, Any
         "percent": moved.percent,
         "smallest": moved.smallest(question),
         "fleets": [candidate_as_json(one, question) for one in moved.around],
+    }
+
+
+# Parking a part of the fleet.
+
+
+def parking_document(session: ParkingSession, name: str) -> ReportDocument:
+    """Whether parking helps, the limits that were compared, and the method."""
+    question, best = session.question, session.best
+    metric = question.target.metric
+    kind = "lowest" if question.target.at_most else "highest"
+    text = (
+        f"{name}: how many of {session.robots:,} robots should have orders for the {kind} {metric}?"
+    )
+    document = ReportDocument(name, [Text(text), Listed(list(parking_lines(session)), mark="")])
+    if best is not None:
+        rows = [
+            [
+                setting.partition("=")[2] or "all",
+                number(mean),
+                f"{runs:,}",
+                "left" if setting in best.left else "eliminated",
+            ]
+            for setting, mean, runs in zip(best.strategies, best.means, best.runs, strict=True)
+        ]
+        document.add(
+            Table(("with orders", f"mean {metric}", "runs", "selection"), rows, also_left=(3,))
+        )
+    sure = shown_share(1 - question.alpha)
+    document.add(
+        Text(
+            f"Selection by Kim & Nelson: with {sure} confidence the best one is left if all others are "
+            f"worse by {shown_share(PARKING_ZONE)} of the mean. The comparison with the fleet as it is "
+            f"comes from {STUDENT_MIN_RUNS} further pairs of runs. Parked robots stay on the floor, "
+            f"where others push them aside. Used {session.spent:,} runs."
+        )
+    )
+    return document
+
+
+def parking_lines(session: ParkingSession) -> Iterator[str]:
+    """The answer in sentences."""
+    limit, robots, metric = session.limit, session.robots, session.question.target.metric
+    if session.best is None or len(session.best.left) > 1:
+        yield "Undecided: the budget is spent, or runs did not finish or lack the metric"
+        return
+    few = "" if limit is None else f"{limit:,} of {robots:,} robots with orders"
+    if session.is_better and limit is not None:
+        few = f"{robots - limit:,} of {robots:,} robots parked"
+        yield f"Better with {few}: {metric} {relative_change(session.gain)}"
+    else:
+        selected = f"; selected: {few}, {relative_change(session.gain)}" if few else ""
+        yield f"No number of parked robots is better by {shown_share(PARKING_ZONE)}{selected}"
+    if limit is not None:
+        change = session.refused or relative_change(session.alone)
+        yield f"With a fleet of {limit:,} robots, without parked ones: {change}"
+
+
+def relative_change(effect: Effect | None) -> str:
+    """A relative effect with its interval: "+15.0 % (+13.1 to +16.9)"."""
+    change = None if effect is None else effect.relative
+    if change is None:
+        return "not comparable"
+    interval = ""
+    if change.low is not None and change.high is not None:
+        interval = f" ({100 * change.low:+.1f} to {100 * change.high:+.1f})"
+    return f"{100 * change.value:+.1f} %{interval}"
+
+
+def parking_as_json(session: ParkingSession, name: str, seed: int) -> dict[str, Any]:
+    """The comparison as JSON; independent of the number of workers."""
+    return {
+        "scenario": name,
+        "seed": seed,
+        "varied": PARKING,
+        "metric": session.question.target.metric,
+        "robots": session.robots,
+        "limit": session.limit,
+        "is_better": session.is_better,
+        "best": plain(session.best),
+        "gain": plain(session.gain),
+        "alone": plain(session.alone),
+        "spent": session.spent,
     }

@@ -13,6 +13,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
+from automaton.errors import InputError, alternatives
+from automaton.strategy import lookup
 from automaton.studies.inference.intervals import STUDENT_MIN_RUNS, Effect, effect
 from automaton.studies.inference.proportions import (
     FIRST_STAGE_RUNS,
@@ -25,17 +27,21 @@ from automaton.studies.inference.proportions import (
 from automaton.studies.sizing.fleet_runs import Checked, Fleets
 from automaton.studies.sizing.fleet_search import (
     DEFAULT_MEAN_INDIFFERENCE,
+    PARKING,
     Candidate,
     FleetConfig,
+    FleetRun,
     FleetSearch,
     InfeasibleFleetError,
     Question,
     Runner,
+    mean_of,
 )
 
 TRIAL_RUNS: Final = 100  # runs of each fleet under changed durations
 SELECTION_ROUND_RUNS: Final = 100  # runs of each strategy
 LARGEST_FLEET_RUNS: Final = 60  # runs of the largest fleet, to show its lost time
+PARKING_ZONE: Final = 0.01  # of the mean: a smaller gain by parking does not matter
 BOUND_DAYS: Final = 300  # runs of the answer's fleet, for the bound that most days reach
 BOUND_ERROR: Final = 0.01  # of this bound
 
@@ -148,15 +154,17 @@ def gain_of(
         run_budget.extend_runs(one, STUDENT_MIN_RUNS, question) for one in (with_it, without)
     ):
         return MarginalGain(size, None, without.refused)
+    return MarginalGain(size, paired_effect(with_it.runs, without.runs, metric))
+
+
+def paired_effect(runs: Sequence[FleetRun], base: Sequence[FleetRun], metric: str) -> Effect | None:
+    """The effect on a metric over pairs of finished runs with the same seed; None without two pairs."""
     pairs = [
         (float(a.figures[metric]), float(b.figures[metric]))
-        for a, b in zip(with_it.runs, without.runs, strict=False)
+        for a, b in zip(runs, base, strict=False)
         if a.finished and b.finished and metric in a.figures and metric in b.figures
     ]
-    if len(pairs) < 2:
-        return MarginalGain(size, None)
-    a, b = np.array(pairs).T
-    return MarginalGain(size, effect(a, b))
+    return effect(*np.array(pairs).T) if len(pairs) >= 2 else None
 
 
 def best_of(
@@ -246,6 +254,69 @@ def sensitivity(
             if not run_budget.extend_runs(one, TRIAL_RUNS, question) and not one.refused:
                 return
         yield moved
+
+
+@dataclass
+class ParkingSession:
+    """Would the fleet do better if only some of its robots had orders and the others were parked?
+
+    Kim & Nelson's procedure selects among the fleet as it is and each limit. Fresh pairs of runs then
+    compare the selected limit with the fleet as it is, and with a fleet that has no other robots.
+    """
+
+    question: Question  # its target gives metric and direction, its sizes the limits
+    robots: int
+    run: Runner
+    best: StrategySelection | None = None
+    gain: Effect | None = None  # of the best limit against the fleet as it is
+    alone: Effect | None = None  # of a fleet with so few robots against the fleet as it is
+    refused: str = ""  # why that fleet cannot be run
+    spent: int = 0
+
+    def go(self) -> None:
+        """Select a limit, then compare it on fresh runs."""
+        question, run_budget = self.question, RunBudget(self.run, self.question.budget)
+        limits = (f"{PARKING}={size}" for size in question.sizes if size < self.robots)
+        fleets = [Candidate(FleetConfig(self.robots, setting)) for setting in ("", *limits)]
+        run_budget.extend_runs(fleets[0], RUNS_PER_BATCH * FIRST_STAGE_RUNS, question)
+        metric = question.target.metric
+        zone = PARKING_ZONE * abs(mean_of(fleets[0], metric))
+        if zone > 0:
+            self.best = best_of(fleets, run_budget, question, zone)
+        self.spent = run_budget.spent
+        if self.limit is None or self.best is None:
+            return
+        first = max(self.best.runs)
+        as_it_is = self._fresh(fleets[0].place, first)
+        limited = FleetConfig(self.robots, self.best.left[0])
+        self.gain = paired_effect(self._fresh(limited, first), as_it_is, metric)
+        try:
+            few = self._fresh(FleetConfig(self.limit), first)
+            self.alone = paired_effect(few, as_it_is, metric)
+        except InfeasibleFleetError as error:
+            self.refused = error.message
+
+    def _fresh(self, place: FleetConfig, first: int) -> Sequence[FleetRun]:
+        runs = self.run(place, first, STUDENT_MIN_RUNS)
+        self.spent += len(runs)
+        return runs
+
+    @property
+    def limit(self) -> int | None:
+        """The selected number of robots with orders; None if it is the fleet as it is, or unclear."""
+        if self.best is None or len(self.best.left) != 1 or not self.best.left[0]:
+            return None
+        return int(self.best.left[0].partition("=")[2])
+
+    @property
+    def is_better(self) -> bool:
+        """Whether fresh runs confirm that parking gains at least PARKING_ZONE."""
+        change = None if self.gain is None else self.gain.relative
+        if change is None or change.low is None or change.high is None:
+            return False
+        if self.question.target.at_most:
+            return change.high < 0 and change.value <= -PARKING_ZONE
+        return change.low > 0 and change.value >= PARKING_ZONE
 
 
 @dataclass
@@ -350,6 +421,32 @@ class SizingSession:
             return False
         unsure = [search.answer.least for search in self.searches]
         return all(least is None or least >= place.size for least in unsure)
+
+
+def parking_of(fleets: Fleets, runner: Checked) -> ParkingSession:
+    """The comparison for the runner's question. Raises InputError if the scenario cannot limit it."""
+    question, allocation = runner.question, fleets.base.strategies["allocation"].name
+    if "active" not in lookup.parameters_type("allocation", allocation).__struct_fields__:
+        able = [
+            name
+            for name in lookup.names("allocation")
+            if "active" in lookup.parameters_type("allocation", name).__struct_fields__
+        ]
+        raise InputError(
+            f"{question.quantity.option}: allocation {allocation} cannot limit the number of robots with "
+            f"an order; use {alternatives(able)}"
+        )
+    robots = fleets.base.scenario.fleet.robots
+    if question.last > robots:
+        text = f"the fleet has {robots:,} robots, so no more can have orders"
+        raise InputError(f"{question.quantity.option} {question.last}: {text}")
+    fewest = RUNS_PER_BATCH * FIRST_STAGE_RUNS * (1 + len(question.sizes))
+    if question.budget < fewest:
+        text = (
+            f"the first stage takes {fewest:,} runs; a larger --step has fewer numbers to compare"
+        )
+        raise InputError(f"--budget {question.budget:,}: {text}")
+    return ParkingSession(question, robots, runner)
 
 
 def session_of(fleets: Fleets, runner: Checked) -> SizingSession:

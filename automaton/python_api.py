@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from automaton.runs.state_copy import RunState
     from automaton.scenario.document import Override
     from automaton.scenario.schema import Scenario
-    from automaton.studies.sizing.sizing_report import SizingResult
+    from automaton.studies.sizing.sizing_figures import SizingResult
     from automaton.studies.sweeps.result_store import Store
     from automaton.tables.table_files import Tables
     from automaton.tables.table_run import TableRun
@@ -240,6 +240,9 @@ def size(
     indifference: float | None = None,
     alpha: float = 0.05,
     budget: int = 20_000,
+    assure: bool = False,
+    step: int = 1,
+    mix: str | None = None,
     seed: int | None = None,
     workers: int | None = None,
     **overrides: Any,
@@ -254,23 +257,19 @@ def size(
         automaton.size("tabletop-1", "makespan<=2400", robots=(1, 6), workers=1).robots
     """
     from automaton.studies.process_pool import PersistentPool
+    from automaton.studies.sizing.fleet_runs import Checked, Fleets, run_and_measure_use
     from automaton.studies.sizing.fleet_search import (
         make_question,
         read_target,
         robots_of,
         strategies_of,
     )
-    from automaton.studies.sizing.sizing_report import sized
-    from automaton.studies.sizing.sizing_session import (
-        Checked,
-        Fleets,
-        run_and_measure_use,
-        session_of,
-    )
+    from automaton.studies.sizing.sizing_figures import sized
+    from automaton.studies.sizing.sizing_session import session_of
 
     fleet, compared = robots_of(robots), strategies_of(strategies)
     with PersistentPool(workers, run_and_measure_use) as rounds:
-        fleets = Fleets(scenario, settings_of(overrides), seed, rounds)
+        fleets = Fleets(scenario, settings_of(overrides), seed, rounds, mix=mix)
         wanted = read_target(target, fleets.tick)
         asked = make_question(
             wanted,
@@ -282,6 +281,8 @@ def size(
             budget,
             mean,
             fleets.warm_up,
+            assure,
+            step,
         )
         session = session_of(fleets, Checked(fleets, asked))
         session.go()

@@ -2,7 +2,7 @@
 
     python tests/helpers/statistics_trials.py TRIAL [STUDIES]
 
-TRIAL is one of coverage, rounds, families, answers, changes, steady, batches, search, pairing.
+TRIAL is one of coverage, rounds, families, answers, changes, steady, batches, search, days, pairing.
 
 Each prints what it measured and exits with 1 if a promise is broken. The tests run them in small.
 """
@@ -31,7 +31,13 @@ from automaton.studies.inference.intervals import (
     skewness,
     student,
 )
-from automaton.studies.inference.proportions import batches, feasible, region, select_least
+from automaton.studies.inference.proportions import (
+    SureShare,
+    batches,
+    feasible,
+    region,
+    select_least,
+)
 from automaton.studies.inference.steady_state import (
     NotSteadyError,
     WarmUp,
@@ -43,6 +49,7 @@ from automaton.studies.reports.comparisons import comparisons
 from automaton.studies.reports.first_page import answers
 from automaton.studies.reports.what_if import NO_DIFFERENCE, what_ifs
 from automaton.studies.sizing.fleet_search import (
+    Candidate,
     FleetConfig,
     FleetRun,
     FleetSearch,
@@ -50,6 +57,7 @@ from automaton.studies.sizing.fleet_search import (
     Target,
     make_question,
 )
+from automaton.studies.sizing.sizing_session import BOUND_DAYS, RunBudget, day_bound
 from automaton.studies.sweeps.run_keys import replication_seeds
 from automaton.studies.sweeps.study import Analysis, Study
 
@@ -368,7 +376,7 @@ def synthetic(shares: list[float], rng: np.random.Generator) -> Callable[..., li
     """A runner whose fleets of 1, 2, ... robots meet `x <= 0` in these shares of runs."""
 
     def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
-        missed = rng.random(number) >= shares[place.robots - 1]
+        missed = rng.random(number) >= shares[place.size - 1]
         return [FleetRun(True, {"makespan": float(bad)}) for bad in missed]
 
     return run
@@ -386,7 +394,7 @@ def wrong_answers(shares: list[float], studies: int, seed: int = 5) -> tuple[flo
         search = FleetSearch(question, "", synthetic(shares, rng), question.budget)
         search.go()
         wrong += any(
-            (one.verdict == "meets") != (shares[one.place.robots - 1] > question.success_share)
+            (one.verdict == "meets") != (shares[one.place.size - 1] > question.success_share)
             for one in search.candidates
         )
         spent += search.spent
@@ -448,6 +456,75 @@ def searches(studies: int = STUDIES) -> bool:
     return kept and wrong <= most
 
 
+BAD_DAYS = ("faults.delays={probability: 0.01, ticks: {from: 1, to: 4}}",)  # of tabletop-mini
+LONG_SEARCH = 20_000  # days
+SURE = {"success_share": 0.95, "alpha": 0.01, "assure": True}
+
+
+def false_assurances(fleets: int, studies: int, budget: int) -> float:
+    """The share of searches that call any fleet sure, if all meet the target on 94 % of days."""
+    rng, question = (
+        np.random.default_rng(21),
+        make_question(Target("makespan", True, 0.0), (1, fleets), budget=budget, **SURE),
+    )
+    wrong = 0
+    for _ in range(studies):
+        search = FleetSearch(question, "", synthetic([0.94] * fleets, rng), budget)
+        search.go()
+        wrong += search.answer.size is not None
+    return wrong / studies
+
+
+def false_verdict_of_days(studies: int) -> float:
+    """The share of fleets that pass within LONG_SEARCH days, if 94 % of days meet the target."""
+    rng, test = np.random.default_rng(22), SureShare(SURE["success_share"], SURE["alpha"])
+    passed = (test.verdict(rng.random(LONG_SEARCH) < 0.94)[0] == "meets" for _ in range(studies))
+    return sum(passed) / studies
+
+
+def bounds_that_hold(pool: Values, bounds: int) -> float:
+    """The share of bounds from 300 days of a pool that 95 % of its days keep; greater is worse."""
+    rng, question = np.random.default_rng(23), make_question(Target("makespan", True, 0.0), (1, 1))
+    held = 0
+    for _ in range(bounds):
+        sample = rng.choice(pool, BOUND_DAYS, replace=False)
+        runs = [FleetRun(True, {"makespan": float(one)}) for one in sample]
+        fleet = Candidate(FleetConfig(1), runs)
+        found = day_bound(fleet, RunBudget(lambda *_: [], 0), question)
+        assert found is not None and found.value is not None
+        held += float(np.mean(pool <= found.value)) >= question.success_share
+    return held / bounds
+
+
+def sure_days(
+    studies: int = STUDIES, number: int = 20_000, budget: int = 2000, workers: int | None = None
+) -> bool:
+    """Sure shares, bounds that most days keep, and shares of disjoint sets of days."""
+    most = 0.01 + 0.005
+    kept = True
+    for fleets in (1, 4):
+        wrong = false_assurances(fleets, studies, budget)
+        shown(f"{fleets} fleets at 94 %: 'at least 95 %' within {budget:,} days", wrong, studies)
+        kept &= wrong <= most
+    wrong = false_verdict_of_days(studies)
+    shown(f"a fleet at 94 %: 'at least 95 %' within {LONG_SEARCH:,} days", wrong, studies)
+    pool = shipped_runs("tabletop-mini", BAD_DAYS, "makespan", number, workers)
+    held = bounds_that_hold(pool, studies // 2)
+    shown(f"bounds from {BOUND_DAYS} of {number:,} days that hold (99 %)", held, studies // 2)
+    fifth = number // 5
+    target = float(np.quantile(pool, 0.95))
+    one, other = (
+        float(np.mean(part <= target)) for part in (pool[:fifth], pool[fifth : 2 * fifth])
+    )
+    print(f"shares of two sets of {fifth:,} days: {100 * one:.2f} % and {100 * other:.2f} %")
+    return bool(
+        kept
+        and wrong <= most
+        and held >= 0.99 - 2 * np.sqrt(0.99 * 0.01 / (studies // 2))
+        and abs(one - other) <= 0.01 * np.sqrt(4000 / fifth)
+    )
+
+
 def pairing(number: int = STUDIES) -> bool:
     """Cooperative against independent with four robots: the published 30 %, and what pairing does."""
     for robots in (1, 4):
@@ -476,6 +553,7 @@ def parts() -> Iterator[tuple[str, Callable[..., bool]]]:
         "steady": steady_coverages,
         "batches": batch_coverages,
         "search": searches,
+        "days": sure_days,
         "pairing": pairing,
     }.items()
 

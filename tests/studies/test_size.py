@@ -22,6 +22,7 @@ from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import metrics_by_station
 from automaton.scenario.durations import Distribution
 from automaton.studies.process_pool import PersistentPool
+from automaton.studies.sizing.fleet_runs import Checked, Fleets, longer, run_and_measure_use
 from automaton.studies.sizing.fleet_search import (
     Candidate,
     FleetConfig,
@@ -32,16 +33,10 @@ from automaton.studies.sizing.fleet_search import (
     make_question,
     read_target,
 )
-from automaton.studies.sizing.sizing_report import answer_document, changed, picture, with_half
-from automaton.studies.sizing.sizing_session import (
-    Checked,
-    Fleets,
-    RunBudget,
-    SizingSession,
-    longer,
-    replication_seeds,
-    run_and_measure_use,
-)
+from automaton.studies.sizing.sizing_figures import picture
+from automaton.studies.sizing.sizing_report import answer_document, changed, with_half
+from automaton.studies.sizing.sizing_session import RunBudget, SizingSession
+from automaton.studies.sweeps.run_keys import replication_seeds
 from automaton.units import Unit
 from automaton.world.resolve import resolve
 
@@ -68,8 +63,8 @@ def test_the_smallest_fleet_that_passes_is_the_answer() -> None:
 
 
 def test_nothing_is_inferred_by_monotony() -> None:
-    assert searched([1.0, 0.2, 1.0]).answer.robots == 1
-    assert searched([0.2, 1.0, 0.2, 1.0]).answer.robots == 2
+    assert searched([1.0, 0.2, 1.0]).answer.size == 1
+    assert searched([0.2, 1.0, 0.2, 1.0]).answer.size == 2
 
 
 def test_what_no_fleet_reaches_is_not_reachable() -> None:
@@ -92,7 +87,7 @@ def test_bounds_exclude_without_runs() -> None:
     run = synthetic([1.0, 1.0, 1.0], np.random.default_rng(1))
     search = FleetSearch(question, "", run, question.budget, {1: "too much work"})
     search.go()
-    assert search.answer.robots == 2
+    assert search.answer.size == 2
     assert search.candidates[0].runs == []
 
 
@@ -122,18 +117,18 @@ def test_what_a_run_did_not_measure_is_missed(capsys: Any) -> None:
 
 def test_means_are_judged_in_the_direction_of_the_target() -> None:
     def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
-        rng = np.random.default_rng(place.robots)
-        values = rng.normal(10 * place.robots, 3, first + number)[first:]
+        rng = np.random.default_rng(place.size)
+        values = rng.normal(10 * place.size, 3, first + number)[first:]
         return [FleetRun(True, {"throughput": value}) for value in values]
 
     at_least = make_question(Target("throughput", False, 25.0), (1, 5), mean=True, indifference=1.0)
     search = FleetSearch(at_least, "", run, at_least.budget)
     search.go()
-    assert search.answer.robots == 3
+    assert search.answer.size == 3
     at_most = make_question(Target("throughput", True, 25.0), (1, 5), mean=True, indifference=1.0)
     search = FleetSearch(at_most, "", run, at_most.budget)
     search.go()
-    assert search.answer.robots == 1
+    assert search.answer.size == 1
 
 
 def test_what_follows_a_verdict_on_a_mean_does_not_change_it() -> None:
@@ -149,14 +144,14 @@ def test_several_strategies_share_the_error_and_the_best_is_selected() -> None:
     def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
         rng = np.random.default_rng(len(place.strategy))
         values = rng.normal(100 if place.strategy == "better" else 110, 5, first + number)
-        slow = 1000 if place.robots < 2 else 0
+        slow = 1000 if place.size < 2 else 0
         return [FleetRun(True, {"makespan": value + slow}) for value in values[first:]]
 
     question = make_question(Target("makespan", True, 200.0), (1, 4), ("worse", "better"))
     assert question.candidates == 8
     session = SizingSession(question, run)
     session.go()
-    assert [search.answer.robots for search in session.searches] == [2, 2]
+    assert [search.answer.size for search in session.searches] == [2, 2]
     assert session.best is not None and session.best.left == ("better",)
     assert session.place == FleetConfig(2, "better")
     gain = session.gains["worse"].effect
@@ -179,7 +174,7 @@ def test_a_strategy_that_may_do_with_less_leaves_the_smallest_fleet_open() -> No
 
 
 def texts(session: SizingSession) -> str:
-    return as_text(answer_document(session, "made up", "", 0.0), 1000)
+    return as_text(answer_document({"": session}, "made up", "", 0.0), 1000)
 
 
 def test_the_zone_of_a_mean_is_told_in_the_time_that_was_typed() -> None:
@@ -275,7 +270,7 @@ def test_a_real_answer_is_the_same_for_any_number_of_workers(monkeypatch: Any) -
             found.append([one.runs for search in session.searches for one in search.candidates])
             place = session.place
     assert found[0] == found[1]
-    assert place is not None and place.robots == 3
+    assert place is not None and place.size == 3
 
 
 def size(capsys: Any, *arguments: str) -> tuple[int, str, str]:

@@ -10,6 +10,7 @@ import automaton
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.studies.process_pool import PersistentPool
+from automaton.studies.sizing.fleet_runs import Fleets, run_and_measure_use
 from automaton.studies.sizing.fleet_search import (
     Target,
     make_question,
@@ -19,7 +20,6 @@ from automaton.studies.sizing.fleet_search import (
     strategies_named,
     strategies_of,
 )
-from automaton.studies.sizing.sizing_session import Fleets, run_and_measure_use
 from automaton.units import Unit
 
 HALF = Unit(0.5, "s")

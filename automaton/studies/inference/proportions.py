@@ -27,6 +27,7 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Final, Literal, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from automaton.studies.inference.intervals import (
     DEFAULT_CONFIDENCE,
@@ -37,9 +38,11 @@ from automaton.studies.inference.intervals import (
 )
 
 Verdict = Literal["meets", "fails", "undecided"]
+Counts = NDArray[np.int64]
 
 PRIOR: Final = (0.5, 0.5)  # a and b
 HALVINGS: Final = 60
+RUNS_PER_FORECAST_STEP: Final = 128  # whose verdicts are computed at once
 RUNS_PER_BATCH: Final = 10  # runs
 FIRST_STAGE_RUNS: Final = 20  # batches before the first decision: n0
 
@@ -61,7 +64,7 @@ class ShareTest(NamedTuple):
         """The least number of runs to pass: if all meet the target."""
         return math.ceil(self.bound / math.log(self.high / self.low) - 1e-9)
 
-    def ratio(self, met: int, missed: int) -> float:
+    def ratio(self, met: Counts, missed: Counts) -> Values:
         """The log-likelihood ratio of `high` against `low`."""
         gain = math.log(self.high / self.low)
         loss = math.log((1 - self.high) / (1 - self.low))
@@ -69,15 +72,126 @@ class ShareTest(NamedTuple):
 
     def verdict(self, outcomes: Iterable[bool]) -> tuple[Verdict, int]:
         """The verdict on runs in their order, and the number of runs that decided it."""
-        met = missed = 0
-        for good in outcomes:
-            met, missed = met + good, missed + (not good)
-            ratio = self.ratio(met, missed)
-            if ratio >= self.bound:
-                return "meets", met + missed
-            if ratio <= -self.bound:
-                return "fails", met + missed
-        return "undecided", met + missed
+        return _decided(self, outcomes)
+
+
+class SureShare(NamedTuple):
+    """The test whether the confidence sequence of a share lies above a given share, or below it."""
+
+    share: float
+    error: float  # 1 - level of the confidence sequence
+
+    @property
+    def bound(self) -> float:
+        """The log-likelihood ratio of the mixture against `share` that decides the test."""
+        return -math.log(self.error)
+
+    @property
+    def fewest(self) -> int:
+        """The least number of runs to pass: if all meet the target."""
+        most = 64
+        while True:
+            ratio = self.ratio(np.arange(1, most), np.zeros(most - 1, np.int64))
+            if ratio[-1] >= self.bound:
+                return 1 + int(np.argmax(ratio >= self.bound))
+            most *= 2
+
+    def ratio(self, met: Counts, missed: Counts) -> Values:
+        """The log-likelihood ratio, negative where fewer than `share` of the runs meet the target."""
+        runs = met + missed
+        mixture = _log_rising(PRIOR[0], met) + _log_rising(PRIOR[1], missed)
+        mixture -= _log_rising(sum(PRIOR), runs)
+        gain = mixture - met * math.log(self.share) - missed * math.log1p(-self.share)
+        signed: Values = np.where(met > self.share * runs, 1.0, -1.0) * np.maximum(gain, 0.0)
+        return signed
+
+    def verdict(self, outcomes: Iterable[bool]) -> tuple[Verdict, int]:
+        """The verdict on runs in their order, and the number of runs that decided it."""
+        return _decided(self, outcomes)
+
+
+def _log_rising(a: float, counts: Counts) -> Values:
+    """log(a (a + 1) ... (a + k - 1)) for each count k."""
+    steps = np.log(a + np.arange(int(counts.max(initial=0))))
+    products: Values = np.concatenate(([0.0], np.cumsum(steps)))
+    return products[counts]
+
+
+def _decided(test: ShareTest | SureShare, outcomes: Iterable[bool]) -> tuple[Verdict, int]:
+    """The first of the runs after which the ratio of a test reaches its bound on either side."""
+    good = np.fromiter(outcomes, np.int64)
+    met = np.cumsum(good)
+    ratio = test.ratio(met, np.arange(1, len(good) + 1) - met)
+    decided = np.flatnonzero(np.abs(ratio) >= test.bound)
+    if not len(decided):
+        return "undecided", len(good)
+    return "meets" if ratio[decided[0]] > 0 else "fails", int(decided[0]) + 1
+
+
+class ExpectedRuns(NamedTuple):
+    """What a sequential test of a share takes for a fleet with a known share."""
+
+    share: float  # the true one
+    runs: float  # mean number to the verdict
+    undecided: float  # probability of no verdict after the greatest number of runs
+
+
+def expected_runs(
+    test: ShareTest | SureShare, shares: Sequence[float], most: int
+) -> list[ExpectedRuns]:
+    """Exact means over all sequences of at most `most` runs, for each true share."""
+    p = np.array(shares)[:, None]
+    misses = np.arange(most + 1)
+    alive = np.zeros((len(shares), most + 1))  # probability by misses of no verdict so far
+    alive[:, 0] = 1.0
+    runs, width = np.zeros(len(shares)), 1
+    for first in range(1, most + 1, RUNS_PER_FORECAST_STEP):
+        n = np.arange(first, min(first + RUNS_PER_FORECAST_STEP, most + 1))[:, None]
+        width = min(width + len(n), most)  # no verdict has more misses than before and these runs
+        missed = np.minimum(misses[:width], n)
+        is_decided = np.abs(test.ratio(n - missed, missed)) >= test.bound
+        for decided in is_decided:
+            runs += alive.sum(axis=1)
+            moved = alive[:, : width - 1] * (1 - p)
+            alive[:, :width] *= p
+            alive[:, 1:width] += moved
+            alive[:, :width][:, decided] = 0.0
+        width = 1 + int(np.flatnonzero(alive.any(axis=0)).max(initial=0))
+    ends = alive.sum(axis=1)
+    return [
+        ExpectedRuns(*one) for one in zip(shares, map(float, runs), map(float, ends), strict=True)
+    ]
+
+
+def most_misses_tail(runs: int, misses: int, share: float) -> float:
+    """The probability of at most this many misses if `share` of the runs meet the target."""
+    return 1.0 if misses >= runs else incomplete_beta(share, runs - misses, misses + 1)
+
+
+def fixed_runs(share: float, error: float, misses: int = 0) -> int:
+    """The least fixed number of runs with so many misses that shows a share, with this error."""
+    low, high = misses, misses + 1
+    while most_misses_tail(high, misses, share) > error:
+        low, high = high, 2 * high
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (
+            (low, middle) if most_misses_tail(middle, misses, share) <= error else (middle, high)
+        )
+    return high
+
+
+def bound_rank(runs: int, share: float, error: float) -> int:
+    """The greatest k so that the k-th worst of independent runs is a bound for a share of all runs.
+
+    With probability 1 - error at least `share` of all runs are as good as the k-th worst, or better:
+    otherwise fewer than k of the runs were worse than a quantile that more than 1 - share are (order
+    statistics; Wilks 1941). 0: these runs are too few for any bound.
+    """
+    rank = 0
+    while rank < runs and most_misses_tail(runs, rank, share) <= error:
+        rank += 1
+    return rank
 
 
 def share_test(share: float, zone: float, error: float) -> ShareTest:

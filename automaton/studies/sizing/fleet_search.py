@@ -29,14 +29,16 @@ from automaton.studies.inference.proportions import (
     RUNS_PER_BATCH,
     Region,
     ShareTest,
+    SureShare,
     Verdict,
     batches,
     confidence_sequence,
     feasible,
+    fixed_runs,
     region,
     share_test,
 )
-from automaton.units import SECONDS_PER_UNIT, Unit, symbol_of
+from automaton.units import SECONDS_PER_UNIT, Unit, count, symbol_of
 
 DEFAULT_SUCCESS_SHARE: Final = 0.95
 DEFAULT_INDIFFERENCE: Final = 0.02
@@ -89,11 +91,33 @@ def shown(value: float) -> str:
     return f"{value:,.0f}" if float(value).is_integer() else f"{value:,g}"
 
 
+class SearchQuantity(NamedTuple):
+    """What a search varies; all else is as in the scenario."""
+
+    key: str  # of the scenario
+    noun: str
+    option: str  # of the command, which errors name as the source of a value
+
+    def many(self, number: int) -> str:
+        """A number of them: "1 robot"."""
+        return count(number, self.noun)
+
+
+ROBOTS: Final = SearchQuantity("fleet.robots", "robot", "--robots")
+PARKING: Final = "strategy.allocation.active"  # varied by a comparison of means, not by a search
+VARIED: Final = {
+    "robots": ROBOTS,
+    "stations": SearchQuantity("floor.open_stations", "station", "--vary stations"),
+    "chargers": SearchQuantity("floor.open_chargers", "charger", "--vary chargers"),
+    PARKING: SearchQuantity("fleet.robots", "robot", f"--vary {PARKING}"),
+}
+
+
 class Question(NamedTuple):
     """The complete question of a search; part of every report."""
 
     target: Target
-    first: int  # range of fleet sizes to test
+    first: int  # range of sizes to test
     last: int
     strategies: tuple[str, ...]  # such as "strategy.allocation=auction"; ("",): the scenario's own
     success_share: float = DEFAULT_SUCCESS_SHARE
@@ -102,16 +126,34 @@ class Question(NamedTuple):
     budget: int = DEFAULT_MAX_RUNS  # runs
     mean: bool = False  # whether the mean must meet the target, not a share of the runs
     warm_up: int | None = None  # ticks excluded in a steady state; None: runs that end count whole
+    assure: bool = (
+        False  # whether a fleet passes only if the share is shown, not the zone around it
+    )
+    step: int = 1  # from one size to the next
+    quantity: SearchQuantity = ROBOTS
+
+    @property
+    def sizes(self) -> range:
+        """The sizes to test."""
+        return range(self.first, self.last + 1, self.step)
 
     @property
     def candidates(self) -> int:
         """The number of verdicts that share alpha."""
-        return (self.last - self.first + 1) * len(self.strategies)
+        return len(self.sizes) * len(self.strategies)
 
     @property
-    def share_test(self) -> ShareTest:
+    def level(self) -> float:
+        """The confidence of the interval of a share; with `assure` of the one that decides."""
+        return 1 - (self.alpha / self.candidates if self.assure else self.alpha)
+
+    @property
+    def share_test(self) -> ShareTest | SureShare:
         """The test of one candidate's share."""
-        return share_test(self.success_share, self.indifference, self.alpha / self.candidates)
+        error = self.alpha / self.candidates
+        if self.assure:
+            return SureShare(self.success_share, error)
+        return share_test(self.success_share, self.indifference, error)
 
     @property
     def region(self) -> Region:
@@ -134,21 +176,28 @@ def make_question(
     budget: int = DEFAULT_MAX_RUNS,
     mean: bool | None = None,
     warm_up: int | None = None,
+    assure: bool = False,
+    step: int = 1,
+    quantity: SearchQuantity = ROBOTS,
 ) -> Question:
-    """Create a checked question. A steady state uses the mean unless a share is given.
+    """Create a checked question. A steady state uses the mean unless a share is asked for.
 
     Raises InputError.
     """
+    if assure and (mean or indifference is not None):
+        other = "--mean" if mean else "--indifference"
+        raise InputError(f"--assure shows a share of days without a zone around it: omit {other}")
     if mean is None:
-        mean = warm_up is not None and success_share is None
+        mean = warm_up is not None and success_share is None and not assure
     success_share = DEFAULT_SUCCESS_SHARE if success_share is None else success_share
     if indifference is None:
         indifference = (
             DEFAULT_MEAN_INDIFFERENCE * abs(target.value) if mean else DEFAULT_INDIFFERENCE
         )
     question = Question(
-        target, *robots, strategies, success_share, indifference, alpha, budget, mean, warm_up
-    )
+        target, *robots, strategies, success_share, indifference, alpha, budget, mean, warm_up, assure,
+        step, quantity,
+    )  # fmt: skip
     if not 0 < alpha < 0.5:
         raise InputError(f"--alpha {alpha:g}: the error probability must lie between 0 and 0.5")
     if mean and indifference == 0 == target.value:
@@ -165,16 +214,28 @@ def make_question(
                 "0.95 or 95%"
             )
         try:
-            share_test(success_share, indifference, 0.01)
+            share_test(success_share, 1e-9 if assure else indifference, 0.01)
         except ValueError as problem:
             raise InputError(f"--success-share and --indifference: {problem}") from None
-    each, many = budget // len(strategies), len(strategies)
-    if each < question.fewest:
-        parts = f"; each of {many} strategies gets {each:,}" if many > 1 else ""
-        raise InputError(
-            f"--budget {budget:,}: a fleet needs at least {question.fewest:,} runs to pass{parts}"
+    check_budget(question)
+    return question._replace(last=question.sizes[-1])
+
+
+def check_budget(question: Question, conditions: int = 1) -> None:
+    """Raise InputError if the budget is too small for any candidate to pass."""
+    parts = len(question.strategies) * conditions
+    each, fewest = question.budget // parts, question.fewest
+    if each >= fewest:
+        return
+    shared = f"; each of {parts} {'strategies' if conditions == 1 else 'searches'} gets {each:,}"
+    least = f"a fleet needs at least {fewest:,} runs to pass"
+    if question.assure:
+        error = question.alpha / question.candidates
+        least = (
+            f"to show {100 * question.success_share:g} % of days, a fleet needs {fewest:,} days without "
+            f"a miss ({fixed_runs(question.success_share, error):,} if their number were fixed)"
         )
-    return question
+    raise InputError(f"--budget {question.budget:,}: {least}{shared if parts > 1 else ''}")
 
 
 def read_target(text: str, tick: Unit | None = None) -> Target:
@@ -271,12 +332,21 @@ def _tick_seconds(tick: Unit | None, text: str) -> float:
     return tick.seconds
 
 
-def read_robots(text: str) -> tuple[int, int]:
-    """Read a range of fleet sizes such as "1..12", or "5". Raises InputError."""
+def read_robots(text: str, quantity: SearchQuantity = ROBOTS) -> tuple[int, int]:
+    """Read a range of sizes such as "1..12", or "5". Raises InputError."""
     found = _RANGE.fullmatch(text)
     if found is None:
-        raise InputError(f"--robots '{text}': expected FIRST..LAST, such as 1..12")
-    return checked_robots(int(found[1] or found[3]), int(found[2] or found[3]))
+        raise InputError(f"{quantity.option} '{text}': expected FIRST..LAST, such as 1..12")
+    return checked_robots(int(found[1] or found[3]), int(found[2] or found[3]), quantity)
+
+
+def quantity_named(name: str) -> SearchQuantity:
+    """What `--vary` names. Raises InputError."""
+    if name in VARIED:
+        return VARIED[name]
+    raise InputError(
+        f"--vary {name}: cannot vary{nearest(name, VARIED)}; can vary: {', '.join(VARIED)}"
+    )
 
 
 def robots_of(given: str | int | tuple[int, int] | list[int]) -> tuple[int, int]:
@@ -286,14 +356,14 @@ def robots_of(given: str | int | tuple[int, int] | list[int]) -> tuple[int, int]
     pair = list(given) if isinstance(given, (tuple, list)) else [given, given]
     if len(pair) != 2 or not all(isinstance(one, int) for one in pair):
         raise InputError(f"robots={given!r}: expected a number, (FIRST, LAST) or 'FIRST..LAST'")
-    return checked_robots(*pair)
+    return checked_robots(pair[0], pair[1])
 
 
-def checked_robots(first: int, last: int) -> tuple[int, int]:
-    """The smallest and the largest fleet to test. Raises InputError."""
+def checked_robots(first: int, last: int, quantity: SearchQuantity = ROBOTS) -> tuple[int, int]:
+    """The smallest and the largest size to test. Raises InputError."""
     if not 1 <= first <= last <= MAX_FLEET_SIZE:
         raise InputError(
-            f"--robots '{first}..{last}': expected FIRST..LAST with 1 <= FIRST <= LAST <= "
+            f"{quantity.option} '{first}..{last}': expected FIRST..LAST with 1 <= FIRST <= LAST <= "
             f"{MAX_FLEET_SIZE:,}"
         )
     return first, last
@@ -344,7 +414,7 @@ def strategies_named(text: str) -> tuple[str, ...]:
 class FleetConfig(NamedTuple):
     """A fleet to run."""
 
-    robots: int
+    size: int  # number of robots, or of what the search varies
     strategy: str = ""  # a setting; "": the scenario's own
     percent: int = 0  # change of durations in percent
 
@@ -404,7 +474,7 @@ class Candidate:
 
     def share(self, question: Question) -> Interval:
         """The share of runs that meet the target, with an interval valid under sequential stopping."""
-        return confidence_sequence(self.met(question), len(self.runs), 1 - question.alpha)
+        return confidence_sequence(self.met(question), len(self.runs), question.level)
 
     def mean(self, metric: str) -> Interval | None:
         """The mean of a metric over the finished runs; None without any."""
@@ -454,8 +524,8 @@ class SearchAnswer(NamedTuple):
     """The answer for one strategy."""
 
     kind: Kind
-    robots: int | None  # the smallest fleet that has passed so far
-    least: int | None  # the smallest undecided fleet; None: all below `robots` fail
+    size: int | None  # the smallest fleet that has passed so far
+    least: int | None  # the smallest undecided fleet; None: all below `size` fail
 
 
 @dataclass
@@ -473,13 +543,13 @@ class FleetSearch:
     def go(self) -> None:
         """Test candidates until the answer is known or the budget is spent."""
         question = self.question
-        for robots in range(question.first, question.last + 1):
+        for size in question.sizes:
             if self.spent >= self.budget:
                 break
-            candidate = Candidate(FleetConfig(robots, self.strategy))
+            candidate = Candidate(FleetConfig(size, self.strategy))
             self.candidates.append(candidate)
-            if robots in self.excluded:
-                candidate.excluded, candidate.verdict = self.excluded[robots], "fails"
+            if size in self.excluded:
+                candidate.excluded, candidate.verdict = self.excluded[size], "fails"
                 continue
             left = self.budget - self.spent
             self.test(candidate, max(question.fewest, left // MAX_POSTPONED))
@@ -507,21 +577,21 @@ class FleetSearch:
     @property
     def answer(self) -> SearchAnswer:
         """The answer that the verdicts so far imply."""
-        verdicts = {one.place.robots: one.verdict for one in self.candidates}
+        verdicts = {one.place.size: one.verdict for one in self.candidates}
         passing = next((n for n, verdict in verdicts.items() if verdict == "meets"), None)
         beyond = self.question.last + 1 if passing is None else passing
         unsure = [
-            robots
-            for robots in range(self.question.first, beyond)
-            if verdicts.get(robots, "undecided") == "undecided"
+            size
+            for size in self.question.sizes
+            if size < beyond and verdicts.get(size, "undecided") == "undecided"
         ]
         if unsure:
             return SearchAnswer("undecided", passing, unsure[0])
         return SearchAnswer("not reachable" if passing is None else "answered", passing, None)
 
-    def find(self, robots: int) -> Candidate | None:
-        """The candidate with this number of robots, if the search has reached it."""
-        return next((one for one in self.candidates if one.place.robots == robots), None)
+    def find(self, size: int) -> Candidate | None:
+        """The candidate of this size, if the search has reached it."""
+        return next((one for one in self.candidates if one.place.size == size), None)
 
 
 def round_of(candidate: Candidate, question: Question) -> int:

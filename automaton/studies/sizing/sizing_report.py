@@ -1,76 +1,91 @@
-"""The output of `automaton size`: a document, curves for PNG and SVG, a JSON object, and a table.
+"""The output of `automaton size`: a document, and curves for PNG and SVG.
 
 The document has the question, the answer, and the method; candidates are drawn as intervals, one per
-line. Times in JSON are in ticks.
+line. With several conditions a table of the answers comes first.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Final
 
 from automaton.documents.report_document import (
     Block,
-    Curves,
     Heading,
     Listed,
-    ReportCurve,
     ReportDocument,
     Table,
     Text,
 )
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.studies.inference.intervals import Interval
+from automaton.studies.inference.proportions import expected_runs, fixed_runs, share_test
+from automaton.studies.sizing.fleet_runs import MOVES_LATE, PERCENTS_OFF, ROBOT_TICKS
 from automaton.studies.sizing.fleet_search import (
+    DEFAULT_INDIFFERENCE,
+    ROBOTS,
     Candidate,
     FleetConfig,
     FleetSearch,
     Question,
+    Target,
     lost_by_cause,
     mean_of,
     shown,
 )
+from automaton.studies.sizing.sizing_figures import (
+    USES,
+    confidence,
+    judged_by,
+    picture,
+    shown_share,
+    zone,
+)
 from automaton.studies.sizing.sizing_session import (
-    MOVES_LATE,
-    PERCENTS_OFF,
     TRIAL_RUNS,
     MarginalGain,
     SensitivityResult,
     SizingSession,
     StrategySelection,
     around,
+    bound_days,
 )
 from automaton.units import count, number, percent
 
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-
-USES = {
-    "busiest_station_utilization": "the busiest station",
-    "station_use": "robots at stations",
-    "charger_use": "chargers",
-    "utilization": "robots",
-}
 VERDICT_NOTE = (
     "The verdict states the number of runs that decided it; other runs belong to the same round or to "
     "the comparisons below."
 )
 MAX_CAUSES = 4
 MIN_SHARE_SHOWN = 0.0005  # of the robots' time
-CHART_WIDTH: Final = 61  # characters of the scale
-MARK_VALUE, MARK_INTERVAL, MARK_TARGET = "o", "-", "|"
-ROW_KEYS = ("robots", "runs", "met", "unfinished", "verdict", "after", "excluded")
+PER_TIME: Final = {"d": "day", "h": "hour", "min": "minute", "s": "second"}
+FORECAST_MISSES: Final = (0.1, 0.2, 0.4, 0.6)  # true shares of misses, of the share allowed
+FORECAST_RUNS: Final = 6000  # most runs of a fleet in a forecast
 
 
-def answer_document(session: SizingSession, name: str, ends: str, price: float) -> ReportDocument:
+def answer_document(
+    sessions: Mapping[str, SizingSession], name: str, ends: str, price: float
+) -> ReportDocument:
     """The question, the answer, the candidates of each strategy, the follow-ups, and the method.
 
-    `ends`: a sentence about when runs end; `price`: price of a robot, or 0.
+    `sessions`: one for each condition by name, or one without a name; `ends`: a sentence about when
+    runs end; `price`: price of a robot, or 0.
     """
-    question = session.question
+    first = next(iter(sessions.values()))
+    document = ReportDocument(name, [Text(f"{name}: {asked(first.question)}")])
+    if "" not in sessions:
+        document.add(conditions_table(sessions))
+    for condition, session in sessions.items():
+        if condition:
+            document.add(Heading(condition))
+        document.add(*answer_blocks(session, price))
+    document.add(Listed(list(method(sessions, ends))))
+    return document
+
+
+def asked(question: Question) -> str:
+    """The question in words."""
     unit = question.target.in_unit(question.target.value)
     steady = f" after a warm-up of {count(question.warm_up, 'tick')}" if question.warm_up else ""
     target = f"{question.target.text} {unit}".strip()
@@ -79,13 +94,44 @@ def answer_document(session: SizingSession, name: str, ends: str, price: float) 
         if question.mean
         else f"{percent(question.success_share)} of runs have {target}"
     )
-    asked = f"{name}: how many robots so that {wanted}{steady}?"
-    document = ReportDocument(name, [Text(asked), Listed(list(headline(session, price)), mark="")])
+    return f"how many {question.quantity.noun}s so that {wanted}{steady}?"
+
+
+def conditions_table(sessions: Mapping[str, SizingSession]) -> Table:
+    """The answer of each condition: fleet, runs that decided it, and what it reaches on most days."""
+    question = next(iter(sessions.values())).question
+    share = f"on {shown_share(question.success_share)} of days"
+    what = f"mean {question.target.metric}" if question.mean else f"share, {confidence(question)}"
+    rows = []
+    for condition, session in sessions.items():
+        answers = "; ".join(
+            (f"{label(search.strategy)}: " if len(question.strategies) > 1 else "")
+            + sentence(search, session)
+            for search in session.searches
+        )
+        found, bound = session.answered, session.bound
+        value = judged_by(found, question) if found else None
+        rows.append(
+            [
+                condition,
+                answers or "not begun",
+                "-" if value is None else with_half(value) if question.mean else between(value),
+                f"{session.spent:,}",
+                reached(question.target, bound.value) if bound and bound.value is not None else "-",
+            ]
+        )
+    return Table(("condition", "answer", what, "runs", share), rows, left=2)
+
+
+def answer_blocks(session: SizingSession, price: float) -> Iterator[Block]:
+    """The answer under one condition, its candidates and follow-ups."""
+    question = session.question
+    yield Listed(list(headline(session, price)), mark="")
+    yield from bound_blocks(session)
     for search in session.searches:
-        document.add(*search_blocks(search, session, len(question.strategies) > 1))
-    document.add(Listed(best_lines(session.best), mark=""))
-    document.add(Listed(moved_lines(session, question)), Listed(list(method(session, ends))))
-    return document
+        yield from search_blocks(search, session, len(question.strategies) > 1)
+    yield Listed(best_lines(session.best, question), mark="")
+    yield Listed(moved_lines(session, question))
 
 
 def headline(session: SizingSession, price: float) -> Iterator[str]:
@@ -94,12 +140,126 @@ def headline(session: SizingSession, price: float) -> Iterator[str]:
     for search in session.searches:
         who = f"{label(search.strategy)}: " if several else "Answer: "
         yield who + sentence(search, session) + priced(search, price) + unfinished(search)
-    place = session.place
+    place, question = session.place, session.question
     if several and place is not None:
         known = "" if session.settled else " known to meet it"
-        yield f"Smallest fleet{known}: {count(place.robots, 'robot')} with {label(place.strategy)}"
+        yield f"Smallest fleet{known}: {question.quantity.many(place.size)} with {label(place.strategy)}"
+    if place is not None and not question.mean:
+        yield promise(question, place.size)
     if not session.complete:
         yield "Interrupted: results so far"
+
+
+def promise(question: Question, size: int) -> str:
+    """What is shown of a fleet that passes, in one sentence."""
+    share = f"at least {shown_share(question.success_share)}"
+    if not question.assure:
+        share = f"more than {shown_share(question.success_share - question.indifference)}"
+    does = performance(question, size, question.target.value)
+    sure = shown_share(1 - question.alpha)
+    return f"{does[0].upper()}{does[1:]} on {share} of days, with {sure} confidence"
+
+
+def performance(question: Question, size: int, value: float | None) -> str:
+    """What a fleet does: "26 robots deliver 480 per hour or more"."""
+    target, many = question.target, question.quantity.many(size)
+    if value is None:
+        return f"with {many} {target.metric} has no bound, because too many runs did not finish"
+    if target.metric == "throughput" and question.quantity == ROBOTS:
+        return f"{many} deliver{'s' if size == 1 else ''} {reached(target, value)}"
+    return f"with {many} {target.metric} is {reached(target, value)}"
+
+
+def reached(target: Target, value: float) -> str:
+    """A value of the metric as a bound in the reader's unit: "480 per hour or more"."""
+    return f"{in_readers_unit(target, value)} or {'less' if target.at_most else 'more'}"
+
+
+def in_readers_unit(target: Target, value: float) -> str:
+    """A value of the metric in the unit in which the target was given."""
+    text = f"{number(value)} {target.unit}"
+    if target.unit == "share":
+        text = percent(value)
+    elif target.time.startswith("/"):
+        text = (
+            f"{number(value / target.ticks)} per {PER_TIME.get(target.time[1:], target.time[1:])}"
+        )
+    elif target.time:
+        text = f"{number(value / target.ticks)} {target.time}"
+    return text
+
+
+def bound_blocks(session: SizingSession) -> Iterator[Block]:
+    """What the answer reaches on a share of days, and the command that shows the worst of them."""
+    question, place, bound = session.question, session.place, session.bound
+    if place is None:
+        return
+    share = f"On {shown_share(question.success_share)} of days"
+    if bound is None:
+        yield Text(f"{share}: not examined, {too_little(session, bound_days(question))}")
+        return
+    end = "highest" if question.target.at_most else "lowest"
+    yield Text(
+        f"{share} {performance(question, place.size, bound.value)} ({shown_share(1 - bound.error)} "
+        f"confidence; the {ordinal(bound.rank)}{end} of {bound.days:,} further days)"
+    )
+    command = session.watch(place, bound.worst)
+    if command:
+        value = "not finished"
+        if bound.worst_value is not None:
+            value = in_readers_unit(question.target, bound.worst_value)
+        yield Text(f"The worst of these days ({value}):")
+        yield Text(command, code=True)
+
+
+def ordinal(rank: int) -> str:
+    """The place of a day from the worst one: "", "2nd ", "3rd ", "4th "."""
+    tens = "th" if 10 <= rank % 100 <= 20 else {1: "st", 2: "nd", 3: "rd"}.get(rank % 10, "th")
+    return "" if rank == 1 else f"{rank}{tens} "
+
+
+def belief(session: SizingSession, place: FleetConfig) -> str:
+    """What the runs so far say about a fleet: "40 robots: 57 of 60 days meet the target, undecided"."""
+    question, fleet = session.question, session.question.quantity.many(place.size)
+    if place.percent:
+        return f"{fleet}, durations {place.percent:+d} %"
+    searches = [one for one in session.searches if one.strategy == place.strategy]
+    found = searches[0].find(place.size) if searches else None
+    if found is None or not found.runs:
+        return fleet
+    known = f"{found.met(question):,} of {len(found.runs):,} days meet the target"
+    if question.mean:
+        mean = found.mean(question.target.metric)
+        value = "-" if mean is None else number(mean.value)
+        known = f"mean {question.target.metric} {value} on {len(found.runs):,} days"
+    return f"{fleet}: {known}, {found.verdict}"
+
+
+def forecast(question: Question) -> Iterator[str]:
+    """How many days a fleet takes to pass with a sure share, with Wald's test, and if they are fixed."""
+    share, error = question.success_share, question.alpha / question.candidates
+    true = [1 - (1 - share) * part for part in FORECAST_MISSES]
+    most = min(question.budget, FORECAST_RUNS)
+    days = [
+        f"{'more than ' if one.undecided > 0.5 else ''}{one.runs:,.0f}{{}} {shown_share(one.share)}"
+        for one in expected_runs(question.share_test, true, most)
+    ]
+    yield (
+        f"--assure: a fleet passes after about {days[0].format(' days if')} of its days meet the target, "
+        f"{', '.join(one.format(' at') for one in days[1:])}"
+    )
+    if share + DEFAULT_INDIFFERENCE < 1:
+        wald = expected_runs(share_test(share, DEFAULT_INDIFFERENCE, error), true, most)
+        more = shown_share(share - DEFAULT_INDIFFERENCE)
+        yield (
+            f"without --assure, to show more than {more} by Wald's test: "
+            f"{', '.join(f'{one.runs:,.0f}' for one in wald)} days"
+        )
+    fixed = [f"{fixed_runs(share, error, misses):,}" for misses in range(4)]
+    yield (
+        f"with a fixed number: {fixed[0]} days without a miss, {fixed[1]} with one, {fixed[2]} with two, "
+        f"{fixed[3]} with three"
+    )
 
 
 def label(strategy: str) -> str:
@@ -110,12 +270,12 @@ def label(strategy: str) -> str:
 
 def sentence(search: FleetSearch, session: SizingSession) -> str:
     """The answer for one strategy, in words."""
-    answer, last = search.answer, session.question.last
+    answer, last, many = search.answer, session.question.last, session.question.quantity.many
     if answer.kind == "answered":
-        return count(answer.robots or 0, "robot")
+        return many(answer.size or 0)
     if answer.kind == "not reachable":
-        return f"not reachable up to {count(last, 'robot')}"
-    upper = f"{answer.robots}" if answer.robots else f"{last}, or more"
+        return f"not reachable up to {many(last)}"
+    upper = f"{answer.size}" if answer.size else f"{last}, or more"
     share = f"its share of the budget, {search.budget:,} runs, is spent"
     spent = share if len(session.question.strategies) > 1 else "the budget is spent"
     why = spent if session.complete else "interrupted"
@@ -124,14 +284,14 @@ def sentence(search: FleetSearch, session: SizingSession) -> str:
 
 def priced(search: FleetSearch, price: float) -> str:
     """The price of the answer's fleet, in words."""
-    if not price or search.answer.robots is None:
+    if not price or search.answer.size is None:
         return ""
-    return f", {number(search.answer.robots * price)} at {number(price)} each"
+    return f", {number(search.answer.size * price)} at {number(price)} each"
 
 
 def unfinished(search: FleetSearch) -> str:
     """The number of unfinished runs of the answer's fleet, in words."""
-    found = search.find(search.answer.robots or 0)
+    found = search.find(search.answer.size or 0)
     if found is None or not found.censored:
         return ""
     return f"; {found.censored:,} of {count(len(found.runs), 'run')} did not finish"
@@ -146,13 +306,13 @@ def search_blocks(search: FleetSearch, session: SizingSession, several: bool) ->
     yield Listed(list(candidate_notes(search, question)), mark="")
     yield Text("\n".join(picture(search, question)), code=True)
     lines = [
-        f"{one.place.robots}: fails without a run, {one.excluded}"
+        f"{one.place.size}: fails without a run, {one.excluded}"
         for one in search.candidates
         if one.excluded
     ]
-    shown_one = search.find(search.answer.robots or 0) or last_run(search)
+    shown_one = search.find(search.answer.size or 0) or last_run(search)
     if shown_one is not None and shown_one.runs:
-        lines += spent_time(shown_one)
+        lines += spent_time(shown_one, question)
     gain = session.gains.get(search.strategy)
     if gain is not None:
         lines += gain_lines(gain, question)
@@ -168,7 +328,7 @@ def candidate_notes(search: FleetSearch, question: Question) -> Iterator[str]:
         if lacking:
             what = f"{count(lacking, 'run')} without {question.target.metric}"
             yield (
-                f"{one.place.robots}: {what}, because nothing was completed; these runs miss the target"
+                f"{one.place.size}: {what}, because nothing was completed; these runs miss the target"
             )
 
 
@@ -181,21 +341,28 @@ def candidates_table(search: FleetSearch, question: Question) -> Table:
     """Robots, runs, runs that met the target, unfinished runs, share, mean, and verdict."""
     rows = []
     for one in search.candidates:
-        mean = one.mean(question.target.metric)
+        mean_value = one.mean(question.target.metric)
         verdict = "fails (bound)" if one.excluded else one.verdict
         rows.append(
             [
-                str(one.place.robots),
+                str(one.place.size),
                 f"{len(one.runs):,}",
                 f"{one.met(question):,}" if one.runs else "-",
                 f"{one.censored:,}" if one.runs else "-",
                 between(one.share(question)) if one.runs else "-",
-                "-" if mean is None else with_half(mean),
+                "-" if mean_value is None else with_half(mean_value),
                 verdict + (f" after {one.after:,}" if one.after and verdict != "undecided" else ""),
             ]
         )
-    share = f"share, {percent(1 - question.alpha, 0)}"
-    heads = ("robots", "runs", "met", "unfinished", share, f"mean {question.target.metric}")
+    share = f"share, {confidence(question)}"
+    heads = (
+        f"{question.quantity.noun}s",
+        "runs",
+        "met",
+        "unfinished",
+        share,
+        f"mean {question.target.metric}",
+    )
     return Table((*heads, "verdict"), rows, left=0, also_left=(6,))
 
 
@@ -215,18 +382,18 @@ def with_half(interval: Interval) -> str:
     return f"{number(value)} +- {number(high - value)}"
 
 
-def spent_time(candidate: Candidate) -> Iterator[str]:
+def spent_time(candidate: Candidate, question: Question) -> Iterator[str]:
     """Lost time by cause, and the utilization of robots, stations and chargers."""
-    robots = candidate.place.robots
     lost = sorted(lost_by_cause(candidate).items(), key=lambda item: -item[1])
-    whole = robots * mean_of(candidate, "measured")
+    whole = mean_of(candidate, ROBOT_TICKS)
     lost = [(name, ticks) for name, ticks in lost if ticks >= MIN_SHARE_SHOWN * whole]
     if lost and whole > 0:
         causes = [
             f"{percent(ticks / whole)} {METRIC_CATALOGUE[name][1].split(':')[0].split(',')[0]}"
             for name, ticks in lost[:MAX_CAUSES]
         ]
-        yield f"Robot time lost with {count(robots, 'robot')}: {'; '.join(causes)}"
+        fleet = question.quantity.many(candidate.place.size)
+        yield f"Robot time lost with {fleet}: {'; '.join(causes)}"
     uses = [
         f"{what} {percent(mean_of(candidate, name))}"
         for name, what in USES.items()
@@ -238,14 +405,16 @@ def spent_time(candidate: Candidate) -> Iterator[str]:
 
 def gain_lines(gain: MarginalGain, question: Question) -> Iterator[str]:
     """The effect of the last robot on the metric."""
+    last = question.quantity.many(question.step).removeprefix("1 ")
+    last = f"The last {last} ({gain.size - question.step} -> {gain.size})"
     if gain.refused:
-        yield f"The last robot ({gain.robots - 1} -> {gain.robots}): not examined, {gain.refused}"
+        yield f"{last}: not examined, {gain.refused}"
     if gain.effect is None:
         return
     effect, metric = gain.effect, question.target.metric
     relative = "" if effect.relative is None else f", {100 * effect.relative.value:+.1f} %"
     yield (
-        f"The last robot ({gain.robots - 1} -> {gain.robots}) changes mean {metric} by "
+        f"{last} change{'s' if question.step == 1 else ''} mean {metric} by "
         f"{interval_text(effect.difference)}{relative}"
     )
 
@@ -257,7 +426,7 @@ def interval_text(interval: Interval) -> str:
     return f"{interval.value:+,.4g} ({interval.low:+,.4g} to {interval.high:+,.4g})"
 
 
-def best_lines(best: StrategySelection | None) -> list[str]:
+def best_lines(best: StrategySelection | None, question: Question) -> list[str]:
     """The best strategy for a fleet size."""
     if best is None:
         return []
@@ -266,7 +435,7 @@ def best_lines(best: StrategySelection | None) -> list[str]:
         f"{label(name)} {number(mean)} ({count(runs, 'run')})" for name, mean, runs in found
     )
     zone = f"indifference zone {number(best.zone)}"
-    head = f"With {count(best.robots, 'robot')} (Kim & Nelson; {zone}): {means}"
+    head = f"With {question.quantity.many(best.size)} (Kim & Nelson; {zone}): {means}"
     if len(best.left) == 1:
         return [head, f"Best: {label(best.left[0])}"]
     return [head, f"No statistically significant difference: {', '.join(map(label, best.left))}"]
@@ -287,15 +456,15 @@ def moved_lines(session: SizingSession, question: Question) -> list[str]:
         elif percent_off not in session.changes:
             lines.append(how + "not examined because they are too short to change by whole ticks")
         else:
-            lines.append(how + f"not examined, {too_little(session, place)}")
+            needed = TRIAL_RUNS * len(around(place, question))
+            lines.append(how + f"not examined, {too_little(session, needed)}")
     return lines
 
 
-def too_little(session: SizingSession, place: FleetConfig) -> str:
-    """Why durations were not varied."""
+def too_little(session: SizingSession, needed: int) -> str:
+    """Why the answer was not followed up."""
     if not session.complete:
         return "interrupted"
-    needed = TRIAL_RUNS * len(around(place, session.question))
     left = session.question.budget - session.spent
     return f"{count(needed, 'run')} are needed, but only {left:,} of the budget are left"
 
@@ -326,13 +495,13 @@ def changed(settings: Sequence[str]) -> str:
 def moved_line(moved: SensitivityResult, question: Question) -> str:
     """One sentence for a change of durations."""
     refused = [
-        f"{one.place.robots}: not examined, {one.refused}" for one in moved.around if one.refused
+        f"{one.place.size}: not examined, {one.refused}" for one in moved.around if one.refused
     ]
     if not moved.fleets:
         return "; ".join(refused)
     found = moved.smallest(question)
     shares = ", ".join(
-        f"{one.place.robots}: "
+        f"{one.place.size}: "
         + (
             f"{number(mean.value) if (mean := one.mean(question.target.metric)) else '-'}"
             if question.mean
@@ -340,9 +509,10 @@ def moved_line(moved: SensitivityResult, question: Question) -> str:
         )
         for one in moved.fleets
     )
-    last = moved.fleets[-1].place.robots
-    answer = f"more than {last} robots" if found is None else count(found, "robot")
-    if found == moved.fleets[0].place.robots and found > 1:
+    last = moved.fleets[-1].place.size
+    many = question.quantity.many
+    answer = f"more than {many(last)}" if found is None else many(found)
+    if found == moved.fleets[0].place.size and found > 1:
         answer += " or fewer"
     runs = len(moved.fleets[0].runs)
     what = "mean" if question.mean else "share"
@@ -350,10 +520,11 @@ def moved_line(moved: SensitivityResult, question: Question) -> str:
     return "; ".join([told, *refused])
 
 
-def method(session: SizingSession, ends: str) -> Iterator[str]:
+def method(sessions: Mapping[str, SizingSession], ends: str) -> Iterator[str]:
     """The meaning of the answer, the runs used, and the assumptions."""
-    question = session.question
-    sure = percent(1 - question.alpha, 0)
+    first = next(iter(sessions.values()))
+    question = first.question
+    sure = shown_share(1 - question.alpha)
     after = f" after the first {count(question.warm_up, 'tick')}" if question.warm_up else ""
     if question.mean:
         yield (f"Estimand: the mean of {question.target.metric}{after} over independent runs.")
@@ -367,27 +538,38 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
         test = "Batur & Kim's test on means of 10 runs (at least 20 means)"
     else:
         yield (
-            f"Estimand: the share of independent runs that reach {question.target.text}{after}; "
+            f"Estimand: the share of independent runs (days) that reach {question.target.text}{after}; "
             f"required: {percent(question.success_share)}."
         )
-        low, high = zone(question)
-        yield (
-            f"Indifference zone {question.indifference:g}: with {sure} confidence every fleet that "
-            f"reaches it in {percent(high)} of runs or more passes and every fleet in {percent(low)} "
-            "or fewer fails; in between either verdict is possible."
-        )
+        yield verdict_meaning(question, sure)
         test = "Wald's sequential test"
+        if question.assure:
+            test = (
+                f"its confidence sequence of level {confidence(question)} (beta mixture, Robbins)"
+            )
     yield (
         f"Each fleet is tested by {test} with error {question.alpha:g} / {question.candidates}; no fleet "
         "is inferred from another. Intervals of shares are confidence sequences, which stay valid under "
         "sequential stopping; intervals of means are for orientation only."
     )
-    yield (
-        f"Used {session.spent:,} of {question.budget:,} runs, "
-        f"{session.after:,} of them after the search. " + ends
+    if first.bound is not None:
+        yield (
+            f"The bound for {shown_share(question.success_share)} of days is an order statistic of "
+            f"{first.bound.days:,} runs that follow those of the verdict."
+        )
+    if len(sessions) > 1:
+        yield (
+            f"Each condition is a search of its own: {sure} confidence holds for each answer, not for "
+            "all together. The same replication has the same seed under all conditions."
+        )
+    spent, budget = (
+        sum(one.spent for one in sessions.values()),
+        sum(one.question.budget for one in sessions.values()),
     )
+    following = sum(one.after for one in sessions.values())
+    yield f"Used {spent:,} of {budget:,} runs, {following:,} of them after the search. " + ends
     demand = "replication r has the same seed, and so the same demand, for every fleet"
-    if session.same_orders:
+    if first.same_orders:
         demand = (
             "replication r has the same seed for every fleet; all runs have the same listed orders, so "
             "the answer holds for these orders only"
@@ -398,236 +580,18 @@ def method(session: SizingSession, ends: str) -> Iterator[str]:
     )
 
 
-def picture(search: FleetSearch, question: Question) -> Iterator[str]:
-    """One line for each candidate that was run: its value and interval, and the indifference zone."""
-    judged = [(one, judged_by(one, question)) for one in search.candidates if one.runs]
-    found = [(one, interval) for one, interval in judged if interval is not None]
-    if not found:
-        return
-    least, most = zone(question)
-    low, high = scale([interval for _, interval in found], question)
-    what = f"mean {question.target.metric}" if question.mean else "share"
-    confidence = percent(1 - question.alpha, 0)
-    yield f"robots  {what} with its {confidence} interval; {MARK_TARGET} indifference zone"
-    for one, interval in found:
-        line = drawn(interval, (least, most), low, high)
-        yield f"{one.place.robots:6}  {line.rstrip()}"
-    ends = (shown(low), shown(high)) if question.mean else (percent(low, 0), percent(high, 0))
-    yield f"        {ends[0]}{ends[1]:>{CHART_WIDTH - len(ends[0])}}"
-
-
-def judged_by(candidate: Candidate, question: Question) -> Interval | None:
-    """The deciding value of a candidate: the share of runs that meet the target, or the mean."""
-    return candidate.mean(question.target.metric) if question.mean else candidate.share(question)
-
-
-def zone(question: Question) -> tuple[float, float]:
-    """The ends of the indifference zone, between which either verdict is possible."""
-    centre = question.target.value if question.mean else question.success_share
-    return centre - question.indifference, centre + question.indifference
-
-
-def scale(intervals: list[Interval], question: Question) -> tuple[float, float]:
-    """The ends of the scale: 0 and 1 for shares, else a range that contains all means and the zone."""
-    if not question.mean:
-        return 0.0, 1.0
-    reached = [
-        end for one in intervals for end in (one.value, one.low, one.high) if end is not None
-    ]
-    return math.floor(min(*reached, *zone(question))), math.ceil(max(*reached, *zone(question)))
-
-
-def drawn(interval: Interval, marks: tuple[float, float], low: float, high: float) -> str:
-    """An interval on a scale from low to high."""
-
-    def column(value: float) -> int:
-        inside = min(max((value - low) / (high - low), 0.0), 1.0)
-        return round(inside * (CHART_WIDTH - 1))
-
-    cells = [" "] * CHART_WIDTH
-    if interval.low is not None and interval.high is not None:
-        for at in range(column(interval.low), column(interval.high) + 1):
-            cells[at] = MARK_INTERVAL
-    for mark in marks:
-        cells[column(mark)] = MARK_TARGET
-    cells[column(interval.value)] = MARK_VALUE
-    return "".join(cells)
-
-
-def curves(session: SizingSession) -> list[Curves]:
-    """Curves over fleet size: share of runs that meet the target, and mean of its metric."""
-    question = session.question
-    metric, ends = question.target.metric, [float(question.first), float(question.last)]
-    shares = [strategy_line(search, question, False) for search in session.searches]
-    means = [strategy_line(search, question, True) for search in session.searches]
-    wanted = (
-        []
-        if question.mean
-        else [level(f"wanted {percent(question.success_share, 0)}", ends, question.success_share)]
+def verdict_meaning(question: Question, sure: str) -> str:
+    """What a verdict on a share shows."""
+    if question.assure:
+        share = shown_share(question.success_share)
+        return (
+            f"With {sure} confidence every fleet that passes meets the target on at least {share} of "
+            "days, and every fleet that fails on fewer. There is no indifference zone, so a fleet whose "
+            f"share is close to {share} takes many days."
+        )
+    low, high = zone(question)
+    return (
+        f"Indifference zone {question.indifference:g}: with {sure} confidence every fleet that "
+        f"reaches it in {percent(high)} of runs or more passes and every fleet in {percent(low)} "
+        "or fewer fails; in between either verdict is possible."
     )
-    target = level(f"target {shown(question.target.value)}", ends, question.target.value)
-    return [
-        Curves(
-            f"share of runs with {question.target.text}",
-            "robots",
-            "share",
-            [*shares, *wanted],
-            from_zero=True,
-        ),
-        Curves(
-            f"mean {metric} by robots",
-            "robots",
-            question.target.unit,
-            [*means, target],
-            from_zero=True,
-        ),
-    ]
-
-
-def strategy_line(search: FleetSearch, question: Question, mean: bool) -> ReportCurve:
-    """The candidates of one strategy that were run."""
-    found: list[tuple[int, Interval]] = []
-    for one in search.candidates:
-        interval = one.mean(question.target.metric) if mean else one.share(question)
-        if one.runs and interval is not None:
-            found.append((one.place.robots, interval))
-    name = search.strategy.partition("=")[2]
-    value = [one.value for _, one in found]
-    low = [one.value if one.low is None else one.low for _, one in found]
-    high = [one.value if one.high is None else one.high for _, one in found]
-    return ReportCurve(name, [float(robots) for robots, _ in found], value, low, high)
-
-
-def level(name: str, ends: list[float], value: float) -> ReportCurve:
-    """A horizontal line."""
-    return ReportCurve(name, ends, [value] * 2, [value] * 2, [value] * 2)
-
-
-# The answer as JSON and as a Python object.
-
-
-@dataclass(frozen=True)
-class SizingResult:
-    """The answer of a sizing session."""
-
-    robots: int | None  # the smallest fleet that meets the target, as far as known
-    strategy: str | None  # the setting with which it does; "": the scenario's own
-    settled: bool  # whether no smaller fleet may yet meet it
-    record: dict[str, Any]  # everything, as `automaton size --json` prints it
-
-    @property
-    def candidates(self) -> pa.Table:
-        """The tested fleets, one row for each; needs pyarrow (extra `experiments`)."""
-        from automaton.studies.sweeps.result_store import arrow
-
-        rows = [
-            {"strategy": answer["strategy"], **flat(candidate)}
-            for answer in self.record["answers"]
-            for candidate in answer["candidates"]
-        ]
-        return arrow().Table.from_pylist(rows)
-
-
-def flat(candidate: dict[str, Any]) -> dict[str, Any]:
-    """A candidate of the JSON object as a row, with intervals as three columns."""
-    row = {name: candidate[name] for name in ROW_KEYS}
-    for name in ("share", "mean"):
-        interval = candidate[name] or {}
-        row[name] = interval.get("value")
-        row |= {f"{name}_{end}": interval.get(end) for end in ("low", "high")}
-    return row
-
-
-def sized(session: SizingSession, name: str, seed: int) -> SizingResult:
-    """The answer of a session."""
-    record = as_json(session, name, seed, 0.0)
-    return SizingResult(record["robots"], record["strategy"], record["settled"], record)
-
-
-def as_json(session: SizingSession, name: str, seed: int, price: float) -> dict[str, Any]:
-    """The content of the report as JSON; independent of the number of workers."""
-    question, place = session.question, session.place
-    return {
-        "scenario": name,
-        "seed": seed,
-        "target": {
-            "metric": question.target.metric,
-            "sense": "<=" if question.target.at_most else ">=",
-            "value": question.target.value,
-            "unit": question.target.unit,
-        },
-        "estimand": "mean" if question.mean else "share",
-        "warm_up": question.warm_up,
-        "success_share": None if question.mean else question.success_share,
-        "indifference": question.indifference,
-        "alpha": question.alpha,
-        "candidates": question.candidates,
-        "budget": question.budget,
-        "spent": session.spent,
-        "complete": session.complete,
-        "same_orders": session.same_orders,
-        "robots": None if place is None else place.robots,
-        "strategy": None if place is None else place.strategy,
-        "settled": session.settled,
-        "price": place.robots * price if price and place is not None else None,
-        "answers": [search_as_json(one, session) for one in session.searches],
-        "best": plain(session.best),
-        "sensitivity": [moved_as_json(moved, question) for moved in session.moved],
-    }
-
-
-def search_as_json(search: FleetSearch, session: SizingSession) -> dict[str, Any]:
-    """One strategy."""
-    gain = session.gains.get(search.strategy)
-    return {
-        "strategy": search.strategy,
-        **search.answer._asdict(),
-        "spent": search.spent,
-        "candidates": [candidate_as_json(one, session.question) for one in search.candidates],
-        "gain": None if gain is None else gain_as_json(gain),
-    }
-
-
-def candidate_as_json(candidate: Candidate, question: Question) -> dict[str, Any]:
-    """One fleet."""
-    share = candidate.share(question)
-    mean = candidate.mean(question.target.metric)
-    return {
-        "robots": candidate.place.robots,
-        "runs": len(candidate.runs),
-        "met": candidate.met(question),
-        "unfinished": candidate.censored,
-        "verdict": candidate.verdict,
-        "after": candidate.after,
-        "excluded": candidate.excluded or None,
-        "refused": candidate.refused or None,
-        "share": plain(share) if candidate.runs else None,
-        "mean": plain(mean),
-        "lost": lost_by_cause(candidate),
-        "use": {
-            what: mean_of(candidate, name)
-            for name, what in USES.items()
-            if any(name in run.figures for run in candidate.runs)
-        },
-    }
-
-
-def gain_as_json(gain: MarginalGain) -> dict[str, Any]:
-    """The effect of the last robot: difference with interval, correlation and variance ratio."""
-    return {"robots": gain.robots, "refused": gain.refused or None, "effect": plain(gain.effect)}
-
-
-def plain(value: Any) -> Any:
-    """Nested named tuples as JSON objects."""
-    if not hasattr(value, "_asdict"):
-        return value
-    return {name: plain(one) for name, one in value._asdict().items()}
-
-
-def moved_as_json(moved: SensitivityResult, question: Question) -> dict[str, Any]:
-    """The fleets around the answer under changed durations, as JSON objects."""
-    return {
-        "percent": moved.percent,
-        "smallest": moved.smallest(question),
-        "fleets": [candidate_as_json(one, question) for one in moved.around],
-    }

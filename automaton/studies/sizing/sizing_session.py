@@ -1,51 +1,33 @@
 """A sizing session: a search for each strategy, then follow-up analyses of the answer.
 
-The follow-ups use the rest of the budget: the gain of the last robot, the best strategy, and the
-sensitivity of the answer to durations that are 10 % off. Runs of the fleets of one scenario are spread
-over the cores. Replication r has the same seed, hash(seed, r), and so the same demand, for every fleet
-and strategy.
+The follow-ups use the rest of the budget: the gain of the last robot, the best strategy, the
+sensitivity of the answer to durations that are 10 % off, and what it reaches on a share of days.
 """
 
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
-from functools import cache, partial
-from pathlib import Path
-from typing import Any, Final, NamedTuple
+from dataclasses import dataclass, field
+from typing import Final, NamedTuple
 
-import msgspec
 import numpy as np
 
-from automaton.engine.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTION_TRY_DROP
-from automaton.errors import InputError
-from automaton.floor.cells import STATION
-from automaton.runs.headless import run_marked
-from automaton.runs.metric_catalogue import in_coarse_ticks
-from automaton.runs.metrics import counted, metrics_of
-from automaton.runs.run_diagnosis import JamWatch, note_jam
-from automaton.runs.simulation import Simulation
-from automaton.scenario.document import Override, keys_of, parse_setting
-from automaton.scenario.schema import Scenario
-from automaton.scenario.unavailable_metrics import (
-    OF_DUE_TIMES,
-    OF_TIMES,
-    TASK_METRICS,
-    not_measured,
-    warm_up_of,
-)
+from automaton.errors import InputError, alternatives
+from automaton.strategy import lookup
 from automaton.studies.inference.intervals import STUDENT_MIN_RUNS, Effect, effect
 from automaton.studies.inference.proportions import (
     FIRST_STAGE_RUNS,
     RUNS_PER_BATCH,
     batches,
+    bound_rank,
+    fixed_runs,
     select_least,
 )
-from automaton.studies.process_pool import PersistentPool
+from automaton.studies.sizing.fleet_runs import Checked, Fleets
 from automaton.studies.sizing.fleet_search import (
     DEFAULT_MEAN_INDIFFERENCE,
+    PARKING,
     Candidate,
     FleetConfig,
     FleetRun,
@@ -53,39 +35,43 @@ from automaton.studies.sizing.fleet_search import (
     InfeasibleFleetError,
     Question,
     Runner,
-    Target,
+    mean_of,
 )
-from automaton.studies.sweeps.run_keys import replication_seeds
-from automaton.units import Unit, count, ticks_and_time, unit
-from automaton.world.bounds import bounds, least_ticks, most_throughput
-from automaton.world.floor_parts import places_of_chargers
-from automaton.world.resolve import Resolved, resolve
 
-PERCENTS_OFF: Final = (-10, 10)  # changes of durations in percent
-MOVES_LATE: Final = "world.extra_tick_probability"  # lengthens moves that take only a few ticks
 TRIAL_RUNS: Final = 100  # runs of each fleet under changed durations
 SELECTION_ROUND_RUNS: Final = 100  # runs of each strategy
 LARGEST_FLEET_RUNS: Final = 60  # runs of the largest fleet, to show its lost time
-ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # metrics that exist once an order is delivered
-STATION_USE = "station_use"  # share of the time of all stations in which they serve a robot
-MEASURED_TICKS = "measured"  # number of ticks that the metrics cover
-MOVE_KEY = re.compile(r"durations\.move[.=]")
-PLAIN_KEY = re.compile(r"[\w-]+")  # a name that can be part of a dotted key
-CHARGER_USE = "charger_use"  # share of the time of all charging places in which a robot charges
+PARKING_ZONE: Final = 0.01  # of the mean: a smaller gain by parking does not matter
+BOUND_DAYS: Final = 300  # runs of the answer's fleet, for the bound that most days reach
+BOUND_ERROR: Final = 0.01  # of this bound
 
 
 class MarginalGain(NamedTuple):
     """The effect of the last robot on the metric of the target."""
 
-    robots: int
+    size: int
     effect: Effect | None  # fleet with the last robot against fleet without it, over finished runs
     refused: str = ""  # why the smaller fleet cannot be run
+
+
+class DayBound(NamedTuple):
+    """What a fleet reaches on a share of days: the k-th worst of a fixed number of them.
+
+    The days follow those that decided about the fleet, so choosing it does not bias the bound.
+    """
+
+    days: int
+    rank: int  # k
+    value: float | None  # the metric on the k-th worst day; None: not finished or measured
+    worst: int  # the replication that was worst
+    worst_value: float | None
+    error: float = BOUND_ERROR
 
 
 class StrategySelection(NamedTuple):
     """The best of several strategies for a fleet size."""
 
-    robots: int
+    size: int
     strategies: tuple[str, ...]  # the compared strategies
     left: tuple[str, ...]  # the best one, or several if the budget was too small to separate them
     means: tuple[float, ...]
@@ -136,7 +122,7 @@ class SensitivityResult:
 
     def smallest(self, question: Question) -> int | None:
         """The smallest of these fleets whose estimate meets the target; None without any."""
-        return next((one.place.robots for one in self.fleets if seems_to_meet(one, question)), None)
+        return next((one.place.size for one in self.fleets if seems_to_meet(one, question)), None)
 
 
 def seems_to_meet(candidate: Candidate, question: Question) -> bool:
@@ -155,29 +141,30 @@ def whole(candidate: Candidate, question: Question) -> bool:
 
 
 def gain_of(
-    candidates: Sequence[Candidate], robots: int, run_budget: RunBudget, question: Question
+    candidates: Sequence[Candidate], size: int, run_budget: RunBudget, question: Question
 ) -> MarginalGain:
-    """The gain of the last robot: compare both fleet sizes with STUDENT_MIN_RUNS runs each."""
-    metric = question.target.metric
-    by_robots = {one.place.robots: one for one in candidates}
-    with_it = by_robots.get(robots)
-    if with_it is None or robots < 2:
-        return MarginalGain(robots, None)
-    place = with_it.place._replace(robots=robots - 1)
-    without = by_robots.get(robots - 1) or Candidate(place)
+    """The gain of the last step of size: compare both fleets with STUDENT_MIN_RUNS runs each."""
+    metric, smaller = question.target.metric, size - question.step
+    by_size = {one.place.size: one for one in candidates}
+    with_it = by_size.get(size)
+    if with_it is None or smaller < 1:
+        return MarginalGain(size, None)
+    without = by_size.get(smaller) or Candidate(with_it.place._replace(size=smaller))
     if not all(
         run_budget.extend_runs(one, STUDENT_MIN_RUNS, question) for one in (with_it, without)
     ):
-        return MarginalGain(robots, None, without.refused)
+        return MarginalGain(size, None, without.refused)
+    return MarginalGain(size, paired_effect(with_it.runs, without.runs, metric))
+
+
+def paired_effect(runs: Sequence[FleetRun], base: Sequence[FleetRun], metric: str) -> Effect | None:
+    """The effect on a metric over pairs of finished runs with the same seed; None without two pairs."""
     pairs = [
         (float(a.figures[metric]), float(b.figures[metric]))
-        for a, b in zip(with_it.runs, without.runs, strict=False)
+        for a, b in zip(runs, base, strict=False)
         if a.finished and b.finished and metric in a.figures and metric in b.figures
     ]
-    if len(pairs) < 2:
-        return MarginalGain(robots, None)
-    a, b = np.array(pairs).T
-    return MarginalGain(robots, effect(a, b))
+    return effect(*np.array(pairs).T) if len(pairs) >= 2 else None
 
 
 def best_of(
@@ -210,7 +197,7 @@ def best_of(
         left = [rivals[index] for index in selected.left]
         if len(left) == 1 or not all(grown):
             return StrategySelection(
-                robots=rivals[0].place.robots,
+                size=rivals[0].place.size,
                 strategies=tuple(one.place.strategy for one in rivals),
                 left=tuple(one.place.strategy for one in left),
                 means=tuple(sign * float(one.mean()) for one in values),
@@ -220,22 +207,116 @@ def best_of(
         until = RUNS_PER_BATCH * selected.batches + SELECTION_ROUND_RUNS
 
 
+def day_bound(candidate: Candidate, run_budget: RunBudget, question: Question) -> DayBound | None:
+    """What a candidate reaches on a share of days; None if too little of the budget is left."""
+    days, since = bound_days(question), candidate.after
+    if not run_budget.extend_runs(candidate, since + days, question):
+        return None
+    target = question.target
+    lacking = math.inf if target.at_most else -math.inf  # as bad as can be
+    values = [
+        float(run.figures[target.metric])
+        if run.finished and target.metric in run.figures
+        else lacking
+        for run in candidate.runs[since : since + days]
+    ]
+    order = sorted(range(days), key=lambda day: -values[day] if target.at_most else values[day])
+    rank = bound_rank(days, question.success_share, BOUND_ERROR)
+    value, worst = values[order[rank - 1]], values[order[0]]
+    return DayBound(
+        days,
+        rank,
+        value if math.isfinite(value) else None,
+        since + order[0],
+        worst if math.isfinite(worst) else None,
+    )
+
+
+def bound_days(question: Question) -> int:
+    """The number of days of a bound: enough to leave out some, or to have one at all."""
+    return max(BOUND_DAYS, fixed_runs(question.success_share, BOUND_ERROR))
+
+
 def around(answer: FleetConfig, question: Question) -> list[int]:
-    """Fleet sizes from one robot less to one more, up to the largest size of the question."""
-    return [n for n in range(answer.robots - 1, answer.robots + 2) if 1 <= n <= question.last]
+    """Sizes from one step less to one more, up to the largest size of the question."""
+    near = (answer.size + by * question.step for by in (-1, 0, 1))
+    return [size for size in near if 1 <= size <= question.last]
 
 
 def sensitivity(
     answer: FleetConfig, run_budget: RunBudget, question: Question, percents: Sequence[int]
 ) -> Iterator[SensitivityResult]:
-    """Run the fleets from one robot less to one more with durations changed by some percents."""
+    """Run the fleets from one step less to one more with durations changed by some percents."""
     for percent in percents:
-        places = [answer._replace(robots=n, percent=percent) for n in around(answer, question)]
+        places = [answer._replace(size=n, percent=percent) for n in around(answer, question)]
         moved = SensitivityResult(percent, [Candidate(place) for place in places])
         for one in moved.around:
             if not run_budget.extend_runs(one, TRIAL_RUNS, question) and not one.refused:
                 return
         yield moved
+
+
+@dataclass
+class ParkingSession:
+    """Would the fleet do better if only some of its robots had orders and the others were parked?
+
+    Kim & Nelson's procedure selects among the fleet as it is and each limit. Fresh pairs of runs then
+    compare the selected limit with the fleet as it is, and with a fleet that has no other robots.
+    """
+
+    question: Question  # its target gives metric and direction, its sizes the limits
+    robots: int
+    run: Runner
+    best: StrategySelection | None = None
+    gain: Effect | None = None  # of the best limit against the fleet as it is
+    alone: Effect | None = None  # of a fleet with so few robots against the fleet as it is
+    refused: str = ""  # why that fleet cannot be run
+    spent: int = 0
+
+    def go(self) -> None:
+        """Select a limit, then compare it on fresh runs."""
+        question, run_budget = self.question, RunBudget(self.run, self.question.budget)
+        limits = (f"{PARKING}={size}" for size in question.sizes if size < self.robots)
+        fleets = [Candidate(FleetConfig(self.robots, setting)) for setting in ("", *limits)]
+        run_budget.extend_runs(fleets[0], RUNS_PER_BATCH * FIRST_STAGE_RUNS, question)
+        metric = question.target.metric
+        zone = PARKING_ZONE * abs(mean_of(fleets[0], metric))
+        if zone > 0:
+            self.best = best_of(fleets, run_budget, question, zone)
+        self.spent = run_budget.spent
+        if self.limit is None or self.best is None:
+            return
+        first = max(self.best.runs)
+        as_it_is = self._fresh(fleets[0].place, first)
+        limited = FleetConfig(self.robots, self.best.left[0])
+        self.gain = paired_effect(self._fresh(limited, first), as_it_is, metric)
+        try:
+            few = self._fresh(FleetConfig(self.limit), first)
+            self.alone = paired_effect(few, as_it_is, metric)
+        except InfeasibleFleetError as error:
+            self.refused = error.message
+
+    def _fresh(self, place: FleetConfig, first: int) -> Sequence[FleetRun]:
+        runs = self.run(place, first, STUDENT_MIN_RUNS)
+        self.spent += len(runs)
+        return runs
+
+    @property
+    def limit(self) -> int | None:
+        """The selected number of robots with orders; None if it is the fleet as it is, or unclear."""
+        if self.best is None or len(self.best.left) != 1 or not self.best.left[0]:
+            return None
+        return int(self.best.left[0].partition("=")[2])
+
+    @property
+    def is_better(self) -> bool:
+        """Whether fresh runs confirm that parking gains at least PARKING_ZONE."""
+        change = None if self.gain is None else self.gain.relative
+        if change is None or change.low is None or change.high is None:
+            return False
+        if self.question.target.at_most:
+            return change.high < 0 and change.value <= -PARKING_ZONE
+        return change.low > 0 and change.value >= PARKING_ZONE
 
 
 @dataclass
@@ -250,8 +331,10 @@ class SizingSession:
     gains: dict[str, MarginalGain] = field(default_factory=dict)  # by strategy
     best: StrategySelection | None = None
     moved: list[SensitivityResult] = field(default_factory=list)
+    bound: DayBound | None = None  # what the answer reaches on a share of days
     budget_left: RunBudget | None = None  # for the follow-ups of the searches
     complete: bool = False  # whether the session ended without interruption
+    watch: Callable[[FleetConfig, int], str] = lambda place, replication: ""  # command to see a run
     same_orders: bool = False  # whether all runs have the same orders, from a list or a file
 
     def go(self) -> None:
@@ -269,8 +352,8 @@ class SizingSession:
     def _follow_up(self, run_budget: RunBudget) -> None:
         question, self.budget_left = self.question, run_budget
         for search in self.searches:
-            last = search.answer.robots or self._largest(search)
-            if search.answer.robots is None:
+            last = search.answer.size or self._largest(search)
+            if search.answer.size is None:
                 self._show(search, run_budget)
             if last is not None:
                 self.gains[search.strategy] = gain_of(search.candidates, last, run_budget, question)
@@ -278,9 +361,12 @@ class SizingSession:
         if place is None:
             return
         if len(question.strategies) > 1:
-            self.best = best_of(self._rivals(place.robots), run_budget, question)
+            self.best = best_of(self._rivals(place.size), run_budget, question)
         for moved in sensitivity(self.place or place, run_budget, question, list(self.changes)):
             self.moved.append(moved)
+        found = self.answered
+        if found is not None:
+            self.bound = day_bound(found, run_budget, question)
 
     def _show(self, search: FleetSearch, run_budget: RunBudget) -> None:
         """Run the largest fleet, to show why it misses the target."""
@@ -289,12 +375,19 @@ class SizingSession:
             run_budget.extend_runs(candidate, LARGEST_FLEET_RUNS, self.question)
 
     def _largest(self, search: FleetSearch) -> int | None:
-        return search.candidates[-1].place.robots if search.candidates else None
+        return search.candidates[-1].place.size if search.candidates else None
 
     def _rivals(self, robots: int) -> list[Candidate]:
         """The candidates of all strategies with this number of robots that meet the target."""
         found = [search.find(robots) for search in self.searches]
         return [one for one in found if one is not None and one.verdict == "meets"]
+
+    @property
+    def answered(self) -> Candidate | None:
+        """The candidate of `place`."""
+        place = self.place
+        searches = (one for one in self.searches if place and one.strategy == place.strategy)
+        return next((one.find(place.size) for one in searches if place), None)
 
     @property
     def after(self) -> int:
@@ -310,12 +403,12 @@ class SizingSession:
     def place(self) -> FleetConfig | None:
         """The smallest fleet that meets the target with any strategy; the best of equal ones."""
         known = [
-            FleetConfig(search.answer.robots, search.strategy)
+            FleetConfig(search.answer.size, search.strategy)
             for search in self.searches
-            if search.answer.kind == "answered" and search.answer.robots is not None
+            if search.answer.kind == "answered" and search.answer.size is not None
         ]
-        least = min((place.robots for place in known), default=None)
-        smallest = [place for place in known if place.robots == least]
+        least = min((place.size for place in known), default=None)
+        smallest = [place for place in known if place.size == least]
         if self.best is not None and len(self.best.left) == 1:
             smallest = [one for one in smallest if one.strategy == self.best.left[0]] or smallest
         return smallest[0] if smallest else None
@@ -327,162 +420,33 @@ class SizingSession:
         if place is None or len(self.searches) < len(self.question.strategies):
             return False
         unsure = [search.answer.least for search in self.searches]
-        return all(least is None or least >= place.robots for least in unsure)
+        return all(least is None or least >= place.size for least in unsure)
 
 
-# The runs of fleets.
-
-
-def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
-    """Run to the end; return metrics after the warm-up, with the use of stations and chargers."""
-    resolved = simulation.resolved
-    fleet = count(resolved.scenario.fleet.robots, "robot")
-    allocation = resolved.strategies["allocation"].name
-    where = f"{resolved.scenario.name}, {fleet}, {allocation}, seed {simulation.seed}"
-    since = run_marked(simulation, watch=JamWatch(partial(note_jam, where))).warm_up
-    figures, now = metrics_of(simulation, since), counted(simulation)
-    since = now.none() if since is None else since
-    ticks, elapsed = now.actions - since.actions, max(1, now.tick - since.tick)
-    figures[MEASURED_TICKS] = elapsed // simulation.resolved.scenario.refine
-    world, floor_plan = simulation.world, simulation.resolved.floor_plan
-    stations = int(np.count_nonzero(floor_plan.kind == STATION))
-    places = sum(places_of_chargers(resolved.scenario, floor_plan).values())
-    if stations:
-        handling = int(ticks[[ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP]].sum())
-        # Pods are picked and dropped in storage.
-        served = int((now.station_busy - since.station_busy).sum())
-        used = served if len(world.trips.pod) else handling
-        figures[STATION_USE] = used / (stations * elapsed)
-    if places and world.rules.battery:
-        figures[CHARGER_USE] = float(ticks[ACTION_CHARGE].sum()) / (places * elapsed)
-    return in_coarse_ticks(figures, simulation.resolved.scenario.refine)
-
-
-class Fleets:
-    """A `Runner` of one scenario. Raises InfeasibleFleetError for a fleet that cannot be run."""
-
-    def __init__(
-        self,
-        scenario: str | Path | Mapping[str, Any] | Scenario,
-        settings: Sequence[str | Override],
-        seed: int | None,
-        rounds: PersistentPool,
-    ) -> None:
-        self._scenario, self._settings, self._rounds = scenario, tuple(settings), rounds
-        self.base = resolve(scenario, settings).unrefined
-        self.seed = self.base.scenario.seed if seed is None else seed
-        self.resolved = cache(self._resolved)  # by fleet
-
-    def __call__(self, place: FleetConfig, first: int, number: int) -> list[FleetRun]:
-        """Run replications first .. first + number - 1."""
-        resolved = self.resolved(place)
-        seeds = replication_seeds(self.seed, first, number)
-        results = self._rounds.run([(resolved, seed) for seed in seeds])
-        return [FleetRun(result.finished, result.metrics) for result in results]
-
-    def _resolved(self, place: FleetConfig) -> Resolved:
-        changes = longer(self.base, place.percent) if place.percent else []
-        try:
-            return resolve(self._scenario, (*self._settings, *typed(place), *changes))
-        except InputError as error:
-            raise InfeasibleFleetError(error.message, error.file, error.line) from None
-
-    def check(self, question: Question) -> None:
-        """Check that the question suits the scenario, and that smallest and largest fleets can be run.
-
-        Raises InputError.
-        """
-        if not self.ends_with_orders and not question.warm_up:
-            raise InputError(
-                "--target: runs end at a given tick (stop: {when: never}), so their metrics would "
-                "include the start-up; set a warm-up period in ticks: --set measure.warm_up=N"
-            )
-        if not self.ends_with_orders and question.target.metric == "makespan":
-            raise InputError(
-                "--target: runs end at a given tick (stop: {when: never}), so makespan "
-                "is the same for every fleet; use throughput or a time of orders"
-            )
-        for strategy in question.strategies:
-            for robots in sorted({question.first, question.last}):
-                try:
-                    self.resolved(FleetConfig(robots, strategy))
-                except InputError as error:
-                    unsaid = (one for one in for_any_fleet(self.base) if one not in error.message)
-                    settings = " ".join(f"--set {setting}" for setting in unsaid)
-                    hint = f"; for other fleet sizes use {settings}" if settings else ""
-                    raise InputError(error.message + hint, error.file, error.line) from None
-
-    def excluded(self, question: Question) -> dict[int, str]:
-        """The fleet sizes that fail with any strategy, each with the bound that excludes it."""
-        found = bounds(self.base)
-        reasons = {}
-        for robots in range(question.first, question.last + 1):
-            target, why = question.target, ""
-            if target.metric == "makespan" and target.at_most and self.ends_with_orders:
-                least, reason = least_ticks(found, robots)
-                if least > target.value:
-                    many = "infinite"
-                    if math.isfinite(least):
-                        many = f"at least {ticks_and_time(math.ceil(least), self.tick)}"
-                    why = f"makespan is {many}: {reason}"
-            if target.metric == "throughput" and not target.at_most:
-                most, reason = most_throughput(found, robots, self.measured or math.inf)
-                if most < target.value:
-                    why = f"throughput is at most {most:,.3g}: {reason}"
-            if why:
-                reasons[robots] = why
-        return reasons
-
-    @property
-    def changes(self) -> dict[int, list[str]]:
-        """The settings that change durations by each of PERCENTS_OFF, where this is possible."""
-        found = {percent: longer(self.base, percent) for percent in PERCENTS_OFF}
-        return {percent: settings for percent, settings in found.items() if settings}
-
-    @property
-    def tick(self) -> Unit:
-        """The unit of a tick."""
-        return unit(self.base.scenario.units.tick)
-
-    @property
-    def warm_up(self) -> int | None:
-        """Ticks that metrics exclude; None for runs that end with their orders, which count whole."""
-        return None if self.ends_with_orders else warm_up_of(self.base.scenario)
-
-    @property
-    def measured(self) -> int:
-        """Ticks that metrics of a steady state cover; 0 if runs end with their orders."""
-        return 0 if self.warm_up is None else self.base.scenario.stop.max_duration - self.warm_up
-
-    @property
-    def ends_with_orders(self) -> bool:
-        """Whether runs end when all orders are delivered, not at a given tick."""
-        return self.base.scenario.stop.when != "never"
-
-
-class Checked:
-    """A runner that checks that the first run has the metric of the target.
-
-    `tell` is called before each round with the fleet and the number of runs made so far.
-    """
-
-    def __init__(
-        self,
-        fleets: Fleets,
-        question: Question,
-        tell: Callable[[FleetConfig, int, Question], None] | None = None,
-    ) -> None:
-        self.fleets, self.question, self.tell, self.runs = fleets, question, tell, 0
-
-    def __call__(self, place: FleetConfig, first: int, number: int) -> Sequence[FleetRun]:
-        """Run replications like Fleets. Raises InputError if the target's metric is not measured."""
-        if self.tell is not None:
-            self.tell(place, self.runs, self.question)
-        if self.runs == 0:
-            run = self.fleets(place, 0, 1)[0]
-            check_measured(self.question.target, run, self.fleets.base.scenario)
-        self.runs += number
-        return self.fleets(place, first, number)
+def parking_of(fleets: Fleets, runner: Checked) -> ParkingSession:
+    """The comparison for the runner's question. Raises InputError if the scenario cannot limit it."""
+    question, allocation = runner.question, fleets.base.strategies["allocation"].name
+    if "active" not in lookup.parameters_type("allocation", allocation).__struct_fields__:
+        able = [
+            name
+            for name in lookup.names("allocation")
+            if "active" in lookup.parameters_type("allocation", name).__struct_fields__
+        ]
+        raise InputError(
+            f"{question.quantity.option}: allocation {allocation} cannot limit the number of robots with "
+            f"an order; use {alternatives(able)}"
+        )
+    robots = fleets.base.scenario.fleet.robots
+    if question.last > robots:
+        text = f"the fleet has {robots:,} robots, so no more can have orders"
+        raise InputError(f"{question.quantity.option} {question.last}: {text}")
+    fewest = RUNS_PER_BATCH * FIRST_STAGE_RUNS * (1 + len(question.sizes))
+    if question.budget < fewest:
+        text = (
+            f"the first stage takes {fewest:,} runs; a larger --step has fewer numbers to compare"
+        )
+        raise InputError(f"--budget {question.budget:,}: {text}")
+    return ParkingSession(question, robots, runner)
 
 
 def session_of(fleets: Fleets, runner: Checked) -> SizingSession:
@@ -493,112 +457,6 @@ def session_of(fleets: Fleets, runner: Checked) -> SizingSession:
         runner,
         fleets.excluded(runner.question),
         fleets.changes,
+        watch=fleets.watch,
         same_orders=fleets.base.has_same_orders,
     )
-
-
-def for_any_fleet(resolved: Resolved) -> list[str]:
-    """Settings that remove what ties a scenario to its number of robots."""
-    settings = []
-    if isinstance(resolved.scenario.fleet.start, tuple):
-        settings.append("fleet.start=random")
-    if isinstance(resolved.scenario.fleet.heading, tuple):
-        settings.append("fleet.heading=null")
-    if resolved.zoning.design is not None:
-        settings.append("strategy.zoning.design=null")
-    return settings
-
-
-def typed(place: FleetConfig) -> Iterator[Override]:
-    """The settings of a fleet, with the options that errors name as their source."""
-    yield Override(f"--robots {place.robots}", keys_of("fleet.robots"), place.robots)
-    if place.strategy:
-        option = f"--strategies {place.strategy.removeprefix('strategy.')}"
-        yield replace(parse_setting(place.strategy), argument=option)
-
-
-def check_measured(target: Target, run: FleetRun, scenario: Scenario) -> None:
-    """Raise InputError if runs of a scenario cannot have the metric of the target.
-
-    A run without finished orders or tasks has no times, but other runs may have them.
-    """
-    nothing_yet = {
-        **dict.fromkeys(TASK_METRICS, scenario.measure is not None),
-        **dict.fromkeys(ORDER_METRICS, not run.figures["delivered"]),
-        **dict.fromkeys(OF_DUE_TIMES, "not_yet_due" in run.figures),
-        "part_flow_time": "parts_finished" in run.figures,
-    }
-    if target.metric not in run.figures and not nothing_yet.get(target.metric):
-        known = ", ".join(name for name in run.figures if not name.startswith("lost_"))
-        need = not_measured(scenario).get(target.metric)
-        hint = f"; it needs {need}" if need else ""
-        raise InputError(
-            f"--target: this scenario does not measure {target.metric}{hint}; it has {known}"
-        )
-
-
-def longer(resolved: Resolved, percent: int) -> list[str]:
-    """Settings that change all durations by some percent; in whole ticks except visits at stations.
-
-    Moves of a few ticks become longer by a random extra tick; they cannot become shorter.
-    """
-    scenario = resolved.scenario
-    settings = []
-    for key, ticks in ticks_by_key(scenario).items():
-        other = round(ticks * (1 + percent / 100))
-        if other != ticks:
-            settings.append(f"{key}={other}")
-    for key, duration in handling_by_key(scenario).items():
-        settings.append(f"{key}={duration * (1 + percent / 100):g}")
-    chance = max(scenario.durations.moves) * percent / 100
-    moves_as_before = not any(MOVE_KEY.search(setting) for setting in settings)
-    if (
-        moves_as_before
-        and percent > 0
-        and not scenario.world.extra_tick_probability
-        and chance <= 1
-    ):
-        settings.append(f"{MOVES_LATE}={chance:g}")
-    return settings
-
-
-def ticks_by_key(scenario: Scenario) -> dict[str, int]:
-    """All durations of operations in a scenario and its robot types, by key."""
-    ticks: dict[str, int] = {}
-    sections = [("durations", scenario.durations)] + [
-        (f"fleet.types.{number}.durations", kind.durations)
-        for number, kind in enumerate(scenario.fleet.types)
-    ]
-    for key, durations in sections:
-        for name, value in msgspec.to_builtins(durations).items():
-            if isinstance(value, int):
-                ticks[f"{key}.{name}"] = value
-            elif name in ("move", "turn") and value is not None:
-                ticks |= {f"{key}.{name}.{load}": one for load, one in value.items()}
-    return ticks
-
-
-def handling_by_key(scenario: Scenario) -> dict[str, float]:
-    """All durations of visits at stations in a scenario, in unrounded ticks, by key.
-
-    Measured distributions are not included.
-    """
-    sections = {"durations.handling": scenario.durations.handling} | {
-        f"stations.{name}.handling": station.handling
-        for name, station in scenario.stations.items()
-        if PLAIN_KEY.fullmatch(name)
-    }
-    return {
-        key: duration
-        for section, handling in sections.items()
-        for key, duration in _numbers(section, msgspec.to_builtins(handling))
-    }
-
-
-def _numbers(key: str, value: Any) -> Iterator[tuple[str, float]]:
-    """The numbers above 0 of a section, by key."""
-    if isinstance(value, dict):
-        for name, one in value.items():
-            yield from _numbers(f"{key}.{name}", one)
-    elif isinstance(value, int | float) and value > 0:
-        yield key, value

@@ -27,14 +27,13 @@ from automaton.commands.arguments import (
 )
 from automaton.commands.sweep_command import progress
 from automaton.documents.report_document import Heading, ReportDocument, Text
-from automaton.scenario.document import Document, Override, parse_setting
+from automaton.scenario.document import Override, parse_setting
 from automaton.units import count
 from automaton.world.scenario_warnings import scenario_warnings
 
 if TYPE_CHECKING:
     from automaton.scenario.schema import Scenario
     from automaton.studies.reports.build_report import StudyReport
-    from automaton.studies.sweeps.study import Study
     from automaton.studies.sweeps.sweep_plan import SweepPlan
     from automaton.studies.sweeps.sweep_session import SweepResult
     from automaton.world.resolved import Resolved

@@ -39,8 +39,7 @@ from automaton.studies.inference.steady_state import (
     mser5,
     replication_deletion,
 )
-from automaton.studies.reports.comparisons import comparisons
-from automaton.studies.reports.first_page import answers
+from automaton.studies.reports.comparisons import answers, comparisons
 from automaton.studies.reports.what_if import NO_DIFFERENCE, what_ifs
 from automaton.studies.sizing.fleet_search import (
     FleetConfig,

@@ -14,7 +14,6 @@ from automaton.studies.inference.intervals import (
     STUDENT_MIN_RUNS,
     bonferroni,
     effect,
-    holm,
     incomplete_beta,
     mean_interval,
     skewness,
@@ -166,23 +165,6 @@ def test_coverage_of_skewed_runs_in_small() -> None:
     pool = np.random.default_rng(4).gamma(1.1, 1, 50_000)  # skew 1.9, that of table-top runs
     found = coverage(drawn_from(pool, 5), float(pool.mean()), STUDENT_MIN_RUNS, 400)
     assert 0.91 <= found <= 0.98
-
-
-def test_holm_by_hand() -> None:
-    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert holm([0.5, 0.9]) == [1.0, 1.0]
-    assert holm([]) == []
-    with pytest.raises(ValueError):
-        holm([1.2])
-
-
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=20))
-def test_holm_lies_between_the_p_value_and_bonferronis(p_values: list[float]) -> None:
-    for p, adjusted in zip(p_values, holm(p_values), strict=True):
-        assert p <= adjusted <= min(1.0, p * len(p_values)) + 1e-12 or adjusted >= p
-    order = sorted(range(len(p_values)), key=lambda i: p_values[i])
-    adjusted_in_order = [holm(p_values)[i] for i in order]
-    assert adjusted_in_order == sorted(adjusted_in_order)
 
 
 def test_bonferronis_level() -> None:

@@ -13,11 +13,10 @@ from synthetic_results import synthetic_store
 
 from automaton.documents.report_document import Curves, ReportDocument
 from automaton.documents.text_output import as_text
-from automaton.studies.reports.comparisons import comparisons
+from automaton.studies.reports.comparisons import comparisons, is_what_if
 from automaton.studies.reports.study_results import Results
 from automaton.studies.reports.what_if import (
     WhatIf,
-    is_what_if,
     sentence,
     what_if_page,
     what_if_picture,

@@ -1,7 +1,9 @@
 """The contents of a results folder by design point, as read by reports.
 
-A failed run has no metrics. An unfinished run has metrics, but they do not predict its final values, so
-means exclude it; every table states the number of such runs.
+A run is complete if it met its stop condition or a limit that is an end, such as the end of a shift;
+complete runs enter all means and comparisons, with orders open or robots deadlocked. A failed run has no
+metrics. An unfinished run has metrics, but they do not predict its final values, so means exclude it;
+every table states the number of such runs and the bias of the mean.
 
 A comparison of points with identical runs is pointless, because the factor has no effect there. For
 example, with one robot, all right-of-way rules give the same digest for every seed. Tables mark such

@@ -26,18 +26,19 @@ from automaton.documents.report_document import (
     Table,
     Text,
 )
-from automaton.studies.inference.intervals import NO_SPREAD_WARNING, STUDENT_MIN_RUNS
+from automaton.studies.inference.intervals import STUDENT_MIN_RUNS
 from automaton.studies.reports.comparison_tables import difference_cells
 from automaton.studies.reports.comparisons import (
     Comparison,
     compared_runs,
     declared_pairs,
+    direction_of,
+    mean_of,
     pairing_remark,
     point_name,
     precision_remark,
     setting_text,
 )
-from automaton.studies.reports.first_page import direction_of, mean_of
 from automaton.studies.reports.metric_tables import MAX_CURVES, figure
 from automaton.studies.reports.study_results import Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point, Study
@@ -66,11 +67,6 @@ class WhatIf(NamedTuple):
     verdict: str
 
 
-def is_what_if(results: Results) -> bool:
-    """Whether the points of a study have names and are compared with one of them."""
-    return results.study.is_named and results.analysis.comparisons == BASELINE
-
-
 def what_ifs(results: Results, compared: Sequence[Comparison]) -> list[WhatIf]:
     """Each named point against its baseline, for each metric of the analysis that runs have."""
     outcomes = []
@@ -93,23 +89,18 @@ def what_ifs(results: Results, compared: Sequence[Comparison]) -> list[WhatIf]:
 
 def sure_verdict(results: Results, one: Comparison, point: Point, base: Point) -> str:
     """The verdict on a comparison; unclear if the point that seems better has lost runs."""
-    verdict = verdict_of(one, results.analysis.error)
+    verdict = verdict_of(one)
     seems_better = {BETTER: point, WORSE: base}.get(verdict)
     if seems_better is not None and has_lost_runs(results, seems_better):
         return UNCLEAR
     return verdict
 
 
-def verdict_of(one: Comparison, error: float) -> str:
+def verdict_of(one: Comparison) -> str:
     """Whether a change makes a metric better or worse."""
-    difference = one.effect.difference
-    low, high = difference.low, difference.high
-    is_apart = low is not None and high is not None and (low > 0 or high < 0)
-    if difference.warning == NO_SPREAD_WARNING:
-        is_apart = one.adjusted < error
-    if not is_apart:
+    if not one.is_significant:
         return NO_DIFFERENCE
-    is_higher = difference.value > 0
+    is_higher = one.effect.difference.value > 0
     better = direction_of(one.metric)
     if better is None:
         return HIGHER if is_higher else LOWER

@@ -94,7 +94,7 @@ def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -
 
 
 def bias_of(results: Results, point: Point, metric: str) -> str:
-    """The bias of a mean that leaves runs out: "too low", "too high", "may be biased"; else "".
+    """The bias of a mean that leaves runs out: "is too low", "is too high", "may be biased"; else "".
 
     Unfinished runs would make it worse, and so would runs without anything to measure.
     """
@@ -102,7 +102,7 @@ def bias_of(results: Results, point: Point, metric: str) -> str:
     if not results.values(point, metric):
         return ""
     if better and counts.censored + unmeasured(results, point, metric):
-        return "too low" if better == "lowest" else "too high"
+        return "is too low" if better == "lowest" else "is too high"
     return "may be biased" if counts.censored + counts.failed else ""
 
 
@@ -121,8 +121,7 @@ def bias_text(results: Results, point: Point, metric: str) -> str:
         for at, (runs, reason) in enumerate(lost)
     ]
     bias = bias_of(results, point, metric)
-    is_mean = "; the mean " + bias.replace("too", "is too")
-    return ", ".join(parts) + is_mean * bool(bias)
+    return ", ".join(parts) + (f"; the mean {bias}" if bias else "")
 
 
 def unmeasured(results: Results, point: Point, metric: str) -> int:
@@ -182,7 +181,7 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
             sd = figure(None if one.sd is None else one.sd * scale.factor)
             cells = [figure(interval.value), *end_cells(interval), sd]
         cells += [limit_cell(one.bound, scale.factor)] if is_bounded else []
-        rows.append(cells + ([bias or "-"] if any(biases) else []))
+        rows.append(cells + ([bias.removeprefix("is ") or "-"] if any(biases) else []))
     yield point_table(results, heads, rows)
     if is_bounded:
         yield Text(

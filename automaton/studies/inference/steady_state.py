@@ -9,19 +9,15 @@ A minimum in the second half means that the series is not stationary or too shor
 
 Replication-deletion (20 or more replications): each replication contributes its mean after the cut.
 
-Batch means (fewer replications, or one long series): the series is divided into 10 batches or slightly
-more, whose means have Student's interval, widened by the correlation time tau of the N observations:
+Batch means (fewer replications, or one long series): about 10 batches, whose means have Student's
+interval, widened by the correlation time tau of the N observations:
 
     half-width = t(batches - 1) s / sqrt(batches) (1 + (60 tau / N)^1.5)
 
-tau is estimated from single observations and from means of increasing numbers of them, since deliveries
-in windows are a slow series with noise, which lag 1 alone does not reveal. Batches that are too short
-hide variance, and a short series of a queue has often not seen its long busy periods, so its variance
-and tau are too small together. Refusing such series makes this worse: the ones that pass are those that
-misjudge themselves (a test of independence left 83 % coverage of M/M/1 with 5,000 customers, where 95 %
-was printed). So only series of fewer than 8 tau are refused, and the others pay with width: 2 % at 800
-tau, 52 % at 93 tau, a factor of 3 at 38 tau. 60 and 1.5 come from trials, in which the coverage of 95 %
-intervals is at least 93 % (`tests/helpers/statistics_trials.py batches`).
+Short batches hide variance, and a short series of a queue has not seen its long busy periods. Refusing
+such series makes it worse, since those pass that misjudge themselves (after a test of independence, 83 %
+of the intervals of M/M/1 with 5,000 customers held). So only series below 8 tau are refused. 60 and 1.5
+come from trials, in which 93 % of intervals hold (`tests/helpers/statistics_trials.py batches`).
 """
 
 from __future__ import annotations

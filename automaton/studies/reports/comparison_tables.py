@@ -403,8 +403,8 @@ def factor_effects(results: Results, metric: str) -> FactorEffects | None:
     common = results.study.common_random_numbers
 
     def interval(weights: Array) -> Interval | None:
-        found = contrast(runs, means, weights, level, common)
-        return None if found is None else found.unless_vague(float(means.mean()))
+        effect = contrast(runs, means, weights, level, common)
+        return None if effect is None else effect.unless_vague(float(means.mean()))
 
     main = tuple(
         MainEffect(

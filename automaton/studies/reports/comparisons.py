@@ -4,20 +4,13 @@
     pairs     all pairs of points
     answer    each point with the leading one, under the same conditions
 
-One family of tests answers all questions (Bonferroni): two means differ significantly if the interval
-of their difference excludes 0, or equivalently if m p < error, with m tests in the family. The family
-has the declared comparisons, and for each condition the undeclared comparisons of one point with all
-others. Then no false difference is reported, and no best point eliminated, in at least 1 - error of
-studies, whatever the means: a best point is eliminated only by one of its own comparisons (multiple
-comparisons with the best, Hsu 1984). If all other points are worse than the leading one, it is the best.
+One family of m tests answers all questions (Bonferroni): two means differ significantly if the interval
+of their difference excludes 0, that is, if m p < error. It has the declared comparisons, and for each
+condition those of one point with all others, since a best point can only be eliminated by its own tests
+(multiple comparisons with the best, Hsu 1984). A point whose mean leaves runs out looks too good: it may
+be worse than another one, never better. Identical runs are not compared, or count once.
 
-Runs that are unfinished, failed or lack a metric make a mean look too good. A point with such runs may
-be found worse than another one, never better. Points with identical runs and values are not compared,
-and comparisons between identical points count once.
-
-The intervals in the report decide whether a study has enough runs for its declared precision, and how
-many runs come next. These are the intervals of all comparisons, at the level of their family, or
-without comparisons the intervals of all means.
+The intervals decide whether a study has enough runs for its declared precision, and how many come next.
 """
 
 from __future__ import annotations
@@ -61,16 +54,9 @@ LOWER_IS_BETTER: Final = frozenset((
     "battery_depletions", "breakdowns", "towed", "downtime", "delayed_share", "distance",
     "part_flow_time", "messages", "illegal_answers", "deadlocks_resolved",
 ))  # fmt: skip
-CONDITIONS: Final = (
-    SCENARIO_FACTOR,
-    "layout",
-    "orders",
-    "durations",
-    "faults",
-    "stop",
-    "units",
-    "measure",
-)
+CONDITIONS: Final = frozenset((
+    SCENARIO_FACTOR, "layout", "orders", "durations", "faults", "stop", "units", "measure",
+))  # fmt: skip
 HELPS: Final = 0.95  # pairing helps below this variance ratio or this share of the runs
 COVERAGE_NOTE: Final = (
     "the intervals decided the number of runs, so their coverage is slightly lower than with a number "
@@ -442,15 +428,15 @@ def _answer(
     results: Results, metric: str, conditions: str, points: Sequence[Point], family: int
 ) -> Answer:
     compared = _distinct(results, metric, points)
-    whole = [point for point in compared if is_complete(results, point, metric)]
+    complete = [point for point in compared if is_complete(results, point, metric)]
     better = direction_of(metric)
     sign = -1 if better == "highest" else 1
-    ranked = sorted(whole, key=lambda point: sign * mean_of(results, point, metric))
-    others = [*ranked[1:], *(one for one in compared if one not in whole)]
+    ranked = sorted(complete, key=lambda point: sign * mean_of(results, point, metric))
+    others = [*ranked[1:], *(one for one in compared if one not in complete)]
     leading = ranked[:1] if better else []
     tested = [compare(results, metric, one, other, family) for one in leading for other in others]
     against = [one for one in tested if one is not None]  # the leading point has all runs
-    kept = [
+    contenders = [
         one.b for one in against if not one.is_significant or sign * one.effect.difference.value > 0
     ]
     few = min((len(results.values(point, metric)) for point in compared), default=0)
@@ -459,7 +445,7 @@ def _answer(
         better,
         conditions,
         compared,
-        (*leading, *kept),
+        (*leading, *contenders),
         tuple(point for point in points if not is_complete(results, point, metric)),
         tuple(against),
         few if few < STUDENT_MIN_RUNS else 0,

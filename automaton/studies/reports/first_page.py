@@ -1,9 +1,7 @@
 """The first page of a report: the question, the answer with its confidence, and a picture.
 
-The answer is the best point of a study, or the set of points that contains the best one. Points are
-compared if they differ by choices, such as fleet and strategies. Conditions, such as orders and floor,
-divide a study into separate questions. The tests are those of the table of comparisons (see
-`comparisons`), so both agree.
+Points that differ by choices, such as fleet and strategies, are compared, by the tests of the table of
+comparisons. Conditions, such as orders and floor, divide a study into separate questions.
 """
 
 from __future__ import annotations

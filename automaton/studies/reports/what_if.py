@@ -5,8 +5,7 @@
     higher, lower    as better and worse, for a metric of which neither is better
     identical runs   all runs of the two points have equal digests: the change has no effect
 
-The intervals are those of the declared comparisons, so all verdicts hold simultaneously. If all runs of
-a comparison differ by the same amount, its interval has no width, and its adjusted p value decides.
+All verdicts hold simultaneously. If all pairs differ by the same amount, the adjusted p decides.
 """
 
 from __future__ import annotations

@@ -167,6 +167,24 @@ def test_coverage_of_skewed_runs_in_small() -> None:
     assert 0.91 <= found <= 0.98
 
 
+@given(
+    st.lists(st.floats(-100, 1000).map(lambda one: round(one, 3)), min_size=2, max_size=7),
+    st.lists(st.floats(1, 1000).map(lambda one: round(one, 3)), min_size=2, max_size=7),
+)
+def test_few_runs_give_no_interval_wider_than_the_mean(x: list[float], y: list[float]) -> None:
+    own, against = mean_interval(x), effect(x, y)
+    shown = own.unless_vague()
+    for interval, size in (
+        (shown, abs(own.value)),
+        (against.difference, sum(y) / len(y)),
+        (against.relative, 1.0),
+    ):
+        if interval is not None and interval.low is not None and interval.high is not None:
+            assert interval.n >= 5 or interval.high - interval.low <= size * (1 + 1e-9)
+    assert shown == own or (shown.low, shown.n < 5) == (None, True)
+    assert shown.value == own.value
+
+
 def test_bonferronis_level() -> None:
     assert bonferroni(0.95, 10) == pytest.approx(0.995)
     with pytest.raises(ValueError):

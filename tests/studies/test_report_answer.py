@@ -15,8 +15,10 @@ from hypothesis import strategies as st
 from statistics_trials import lost_best
 from synthetic_results import noise, study_of, synthetic_store
 
-from automaton.documents.report_document import Curves, Listed, Table, Text
+from automaton.documents.report_document import Curves, Listed, ReportDocument, Table, Text
+from automaton.documents.text_output import as_text
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.studies.reports.comparison_tables import comparison_section, effects_section
 from automaton.studies.reports.comparisons import (
     HIGHER_IS_BETTER,
     LOWER_IS_BETTER,
@@ -265,6 +267,22 @@ def test_what_two_sided_tests_do_not_show_is_not_called_best() -> None:
         said.append((answer.best is not None, against.effect.p < 0.05, against.effect.p < 0.1))
     assert all(is_best == is_sure for is_best, is_sure, _ in said)
     assert {(False, False, True), (True, True, True), (False, False, False)} == set(said)
+
+
+def test_a_wide_interval_of_three_runs_is_printed_nowhere() -> None:
+    study = study_of({"fleet.robots": (1, 2)}, 3, comparisons="pairs")
+    for spread, is_vague in ((300, True), (1, False)):
+        results = synthetic_store(study, lambda p, r, s=spread: 200 + s * (r - 1) * (1 - 2 * p))
+        document = ReportDocument("few", list(first_page(results, answers(results), [], [])))
+        for section in (metric_section(results, {}, "makespan"), comparison_section(results)):
+            document.add(*section)
+        document.add(*effects_section(results))
+        said = " ".join(as_text(document).split())
+        assert ("200 ticks, too few runs for an interval" in said) == is_vague
+        for table in (block for block in document.blocks if isinstance(block, Table)):
+            for name in {"95 % low", "low"} & set(table.head):
+                low = [row[table.head.index(name)] for row in table.rows]
+                assert ("too few runs" in low) == is_vague
 
 
 def test_without_runs_there_is_no_answer() -> None:

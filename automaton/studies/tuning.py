@@ -32,9 +32,9 @@ from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Override
 from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.strategy import lookup
-from automaton.studies.inference.intervals import Effect, Interval, effect, mean_interval
+from automaton.studies.inference.intervals import TOO_FEW, Effect, Interval, effect, mean_interval
 from automaton.studies.process_pool import PersistentPool, RunResult
-from automaton.studies.reports.first_page import direction_of
+from automaton.studies.reports.comparisons import direction_of
 from automaton.studies.sweeps.run_keys import replication_seeds
 from automaton.units import count
 from automaton.world.resolve import Resolved, resolve
@@ -288,7 +288,7 @@ def compare(
     if len(measured) < 2:
         return
     values = [[float(run.metrics[metric]) for run in runs] for runs in zip(*measured, strict=True)]
-    tuned.winner, tuned.own = mean_interval(values[0]), mean_interval(values[-1])
+    tuned.winner, tuned.own = (mean_interval(one).unless_vague() for one in (values[0], values[-1]))
     if best != 0:
         tuned.gain = effect(values[0], values[1], paired=True)
 
@@ -334,8 +334,7 @@ def conclusion(tuned: Tuned) -> str:
     if tuned.gain is None:
         return f"The unchanged scenario is best: {tuned.metric} {with_ends(tuned.own)}, {runs}"
     by = with_ends(tuned.gain.difference)
-    low, high = tuned.gain.difference.low, tuned.gain.difference.high
-    is_shown = low is not None and high is not None and (low > 0 or high < 0)
+    is_shown = tuned.gain.p < 1 - tuned.gain.difference.level
     head = "Best" if is_shown else "No statistically significant gain over the unchanged scenario"
     text = f"{head}: {tuned.metric} {with_ends(tuned.winner)}, unchanged {with_ends(tuned.own)}; "
     if tuned.gain.relative is not None:
@@ -346,7 +345,7 @@ def conclusion(tuned: Tuned) -> str:
 def with_ends(interval: Interval) -> str:
     """A mean with its interval."""
     if interval.low is None or interval.high is None:
-        return shown(interval.value)
+        return f"{shown(interval.value)} ({TOO_FEW})"
     return f"{shown(interval.value)} ({shown(interval.low)} to {shown(interval.high)})"
 
 

@@ -14,7 +14,6 @@ from automaton.studies.inference.intervals import (
     STUDENT_MIN_RUNS,
     bonferroni,
     effect,
-    holm,
     incomplete_beta,
     mean_interval,
     skewness,
@@ -168,21 +167,22 @@ def test_coverage_of_skewed_runs_in_small() -> None:
     assert 0.91 <= found <= 0.98
 
 
-def test_holm_by_hand() -> None:
-    assert holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
-    assert holm([0.5, 0.9]) == [1.0, 1.0]
-    assert holm([]) == []
-    with pytest.raises(ValueError):
-        holm([1.2])
-
-
-@given(st.lists(st.floats(0, 1), min_size=1, max_size=20))
-def test_holm_lies_between_the_p_value_and_bonferronis(p_values: list[float]) -> None:
-    for p, adjusted in zip(p_values, holm(p_values), strict=True):
-        assert p <= adjusted <= min(1.0, p * len(p_values)) + 1e-12 or adjusted >= p
-    order = sorted(range(len(p_values)), key=lambda i: p_values[i])
-    adjusted_in_order = [holm(p_values)[i] for i in order]
-    assert adjusted_in_order == sorted(adjusted_in_order)
+@given(
+    st.lists(st.floats(-100, 1000).map(lambda one: round(one, 3)), min_size=2, max_size=7),
+    st.lists(st.floats(1, 1000).map(lambda one: round(one, 3)), min_size=2, max_size=7),
+)
+def test_few_runs_give_no_interval_wider_than_the_mean(x: list[float], y: list[float]) -> None:
+    own, against = mean_interval(x), effect(x, y)
+    shown = own.unless_vague()
+    for interval, size in (
+        (shown, abs(own.value)),
+        (against.difference, sum(y) / len(y)),
+        (against.relative, 1.0),
+    ):
+        if interval is not None and interval.low is not None and interval.high is not None:
+            assert interval.n >= 5 or interval.high - interval.low <= size * (1 + 1e-9)
+    assert shown == own or (shown.low, shown.n < 5) == (None, True)
+    assert shown.value == own.value
 
 
 def test_bonferronis_level() -> None:

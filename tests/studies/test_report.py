@@ -122,7 +122,7 @@ def test_the_report_as_one_html_file_that_loads_nothing(
     assert tags.open == [] and tags.loads == []
     text = out.read_text()
     for told in ("estimand", "Student&#x27;s", "automaton sweep study.yaml", "<svg", "Lost time",
-                 "p Holm", "var. ratio", "lower bound"):  # fmt: skip
+                 "adjusted p", "var. ratio", "lower bound"):  # fmt: skip
         assert told in text
     folded = text.partition("<details><summary>study.yaml</summary>")[2].partition("</details>")[0]
     assert "name: tiny" in folded
@@ -244,7 +244,7 @@ def test_what_was_not_measured_is_in_no_mean() -> None:
     (table,) = tables(blocks := list(metric_section(results, {}, "makespan")))
     assert [row[1] for row in table.rows] == ["100", "100"]
     (listed, *_) = (block for block in blocks if isinstance(block, Listed))
-    assert listed.items[0].startswith("robots 1: makespan was not measured in 20 of 60 runs")
+    assert listed.items[0].startswith("robots 1: 20 of 60 runs have no makespan; the mean is")
 
 
 def test_runs_that_lack_are_told() -> None:

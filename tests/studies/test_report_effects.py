@@ -132,7 +132,7 @@ def test_a_point_without_runs_leaves_no_effects() -> None:
     results = synthetic_store(study_of(FACTORS), lambda p, r: None if p == 4 else noise(p, r))
     assert factor_effects(results, "makespan") is None
     texts = [block.text for block in effects_section(results) if isinstance(block, Text)]
-    assert texts == ["Main effects cannot be estimated: a point has no finished run with makespan."]
+    assert texts == ["Main effects cannot be estimated: a point has no complete run with makespan."]
 
 
 def test_tables_have_a_line_for_each_level_and_for_each_pair() -> None:

@@ -160,7 +160,7 @@ def test_json_has_the_answer_and_the_numbers_of_the_rows(folder: Path, capsys: A
     assert told == pytest.approx(means(folder))
     (answer,) = data["answers"]
     assert answer["leading"] in answer["candidates"] and answer["metric"] == "makespan"
-    assert [one["p_holm"] for one in data["comparisons"]] and data["effects"][0]["main"]
+    assert [one["p_adjusted"] for one in data["comparisons"]] and data["effects"][0]["main"]
     assert data["points"][1]["levels"]["strategy.allocation"] == {"name": "cooperative"}
 
 

@@ -25,8 +25,8 @@ from automaton.documents.report_document import (
     Text,
 )
 from automaton.studies.reports.comparison_tables import comparison_section, effects_section
-from automaton.studies.reports.comparisons import comparisons
-from automaton.studies.reports.first_page import answers, first_page
+from automaton.studies.reports.comparisons import answers, comparisons
+from automaton.studies.reports.first_page import first_page
 from automaton.studies.reports.metric_tables import metric_section
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import Analysis, Study

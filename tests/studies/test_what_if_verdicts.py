@@ -13,11 +13,10 @@ from synthetic_results import synthetic_store
 
 from automaton.documents.report_document import Curves, ReportDocument
 from automaton.documents.text_output import as_text
-from automaton.studies.reports.comparisons import comparisons
+from automaton.studies.reports.comparisons import comparisons, is_what_if
 from automaton.studies.reports.study_results import Results
 from automaton.studies.reports.what_if import (
     WhatIf,
-    is_what_if,
     sentence,
     what_if_page,
     what_if_picture,
@@ -88,7 +87,7 @@ def test_pairs_that_are_left_out_are_counted_in_the_verdict() -> None:
     study = made_up("today", "slower")
     results = synthetic_store(study, runs(0, 5), finished=lambda p, r: (p, r) != (1, 3))
     table = what_if_table(results, what_ifs(results, comparisons(results)))
-    assert table.rows[-1][-1] == "worse (1 of 8 pairs left out)"
+    assert table.rows[-1][-1] == "worse (1 of 8 pairs left out; its mean is too low)"
 
 
 def test_a_point_that_lost_runs_is_never_called_better() -> None:
@@ -99,6 +98,8 @@ def test_a_point_that_lost_runs_is_never_called_better() -> None:
     assert "unclear: makespan -5" in sentence(
         results, what_ifs(results, comparisons(results)), (results.points[1], results.points[0])
     )
+    unmeasured = synthetic_store(study, lambda p, r: None if p and r == 3 else runs(0, -5)(p, r))
+    assert verdicts(unmeasured) == ["unclear"]
     lost = {"finished": lambda p, r: (p, r) != (0, 3)}
     assert verdicts(synthetic_store(study, runs(0, -5), **lost)) == ["better"]
     assert verdicts(synthetic_store(study, runs(0, 5), **lost)) == ["unclear"]

@@ -4,7 +4,7 @@
     two, paired   mean and interval of the differences of runs with the same seed
     two, unpaired difference of means; Welch's interval, degrees of freedom of Satterthwaite (1946)
     relative      a / b - 1, by the delta method on log a - log b, which stays correct for skewed ratios
-    several       Holm's tests, with Bonferroni's intervals
+    several       Bonferroni's levels
 
 Metrics of fleets are skewed, so intervals from few runs have too low coverage; with fewer than 60 runs
 a warning states skew and n. Resampling does not help: for 10 runs with skew 0.65 to 0.89, corrected
@@ -30,6 +30,8 @@ import numpy.typing as npt
 Values = npt.NDArray[np.float64]
 
 STUDENT_MIN_RUNS: Final = 60  # fewer runs give a warning
+MIN_RUNS: Final = 5  # fewer runs give no interval that is wider than the mean
+TOO_FEW: Final = "too few runs"
 DEFAULT_CONFIDENCE: Final = 0.95
 ROUNDING: Final = 1e-12
 NO_SPREAD_WARNING: Final = "all runs have the same value: the error of the mean cannot be estimated"
@@ -63,6 +65,18 @@ class Interval(NamedTuple):
     def not_below_zero(self) -> Interval:
         """The interval cut off at 0, for a quantity that is never negative; the coverage is the same."""
         return self if self.low is None or self.low >= 0 else self._replace(low=0.0)
+
+    def unless_vague(self, mean: float | None = None) -> Interval:
+        """Without its ends if fewer than MIN_RUNS runs make it wider than the mean it refers to.
+
+        `mean`: of a difference, the mean that it is compared with.
+        """
+        if self.low is None or self.high is None or self.n >= MIN_RUNS:
+            return self
+        if self.high - self.low <= abs(self.value if mean is None else mean):
+            return self
+        why = f"{TOO_FEW}: the interval would be wider than the mean"
+        return self._replace(low=None, high=None, warning=why)
 
     def holds(self, truth: float) -> bool:
         """Whether the interval contains a value; False without bounds."""
@@ -155,9 +169,10 @@ def effect(
     if paired and not pairs:
         raise ValueError(f"{len(x)} and {len(y)} runs are not pairs")
     difference = mean_interval(x - y, level) if paired else unpaired(x, y, level)
+    ratio = relative(x, y, paired, level)
     return Effect(
-        difference=difference,
-        relative=relative(x, y, paired, level),
+        difference=difference.unless_vague(float(y.mean())),
+        relative=None if ratio is None else ratio.unless_vague(1.0),
         p=_p_value(x, y, paired),
         paired=paired,
         correlation=correlation(x, y) if pairs else None,
@@ -181,10 +196,11 @@ def variance_ratio(x: Values, y: Values) -> float:
 def unpaired(x: Values, y: Values, level: float = DEFAULT_CONFIDENCE) -> Interval:
     """mean x - mean y of independent samples, with Welch's interval."""
     difference, n = float(x.mean() - y.mean()), min(len(x), len(y))
+    if constant(x) and constant(y):
+        return Interval(difference, difference, difference, n, "Welch", level, NO_SPREAD_WARNING)
     error, degrees = _welch(x, y)
     half = student(degrees, level) * error
-    ends = difference - half, difference + half
-    return Interval(difference, *ends, n, "Welch", level, few(x, y) if error else NO_SPREAD_WARNING)
+    return Interval(difference, difference - half, difference + half, n, "Welch", level, few(x, y))
 
 
 def relative(
@@ -223,31 +239,18 @@ def _p_value(x: Values, y: Values, paired: bool) -> float:
     Without variance the t tests would give 0. Of all permutations of the runs, two are as extreme as
     the observed one: itself, and its reverse, which exists only for samples of equal size.
     """
+    difference = float(x.mean() - y.mean())
+    if constant(x - y) if paired else constant(x) and constant(y):
+        ways = 2 ** len(x) if paired else math.comb(len(x) + len(y), len(x))
+        return 1.0 if difference == 0 else (2 if len(x) == len(y) else 1) / ways
     if paired:
         error, degrees = float((x - y).std(ddof=1)) / math.sqrt(len(x)), float(len(x) - 1)
     else:
         error, degrees = _welch(x, y)
-    difference = float(x.mean() - y.mean())
-    if error <= 1e-12 * abs(difference) or error == 0:
-        ways = 2 ** len(x) if paired else math.comb(len(x) + len(y), len(x))
-        return 1.0 if difference == 0 else (2 if len(x) == len(y) else 1) / ways
     return tails(difference / error, degrees)
 
 
-# Multiple comparisons. A family is the set of comparisons that are corrected together. Holm (1979): the
-# i-th smallest of m p values is multiplied by m - i + 1, and is at least as large as the one before it.
-# The probability of any false finding in the family then stays below the level under any dependence.
-
-
-def holm(p_values: Sequence[float]) -> list[float]:
-    """Holm-adjusted p values in the given order, at most 1. Raises ValueError outside 0..1."""
-    if any(not 0 <= p <= 1 for p in p_values):
-        raise ValueError("p values lie between 0 and 1")
-    adjusted, largest = [0.0] * len(p_values), 0.0
-    for rank, index in enumerate(sorted(range(len(p_values)), key=lambda i: p_values[i])):
-        largest = max(largest, min(1.0, (len(p_values) - rank) * p_values[index]))
-        adjusted[index] = largest
-    return adjusted
+# Multiple comparisons. A family is the set of comparisons that are corrected together.
 
 
 def bonferroni(level: float, comparisons: int) -> float:

@@ -31,12 +31,15 @@ from automaton.studies.reports.comparison_tables import (
     not_cut,
 )
 from automaton.studies.reports.comparisons import (
+    Answer,
     Comparison,
+    answers,
     comparisons,
+    is_what_if,
     point_name,
     stopping_remarks,
 )
-from automaton.studies.reports.first_page import Answer, answers, first_page
+from automaton.studies.reports.first_page import first_page
 from automaton.studies.reports.metric_tables import (
     Scenarios,
     curves,
@@ -45,7 +48,7 @@ from automaton.studies.reports.metric_tables import (
     steady_section,
 )
 from automaton.studies.reports.study_results import LENGTHS, Results, read_results, units_of_points
-from automaton.studies.reports.what_if import is_what_if, what_if_page
+from automaton.studies.reports.what_if import what_if_page
 from automaton.studies.sweeps.result_store import STUDY_FILE, Store, content_of, study_document_in
 from automaton.studies.sweeps.run_keys import fingerprint
 from automaton.studies.sweeps.study import Study
@@ -126,8 +129,9 @@ def read_report(store: Store) -> StudyReport:
     scenarios, lacking = scenarios_of(store)
     results = replace(results, units=units_of_points(scenarios.values(), len(results.points)))
     notes = [*remarks(results), *started_cold(results, scenarios), *([lacking] if lacking else [])]
-    best = [] if is_what_if(results) else answers(results)
-    return StudyReport(results, scenarios, best, comparisons(results), notes, lacking)
+    compared = comparisons(results)
+    best = [] if is_what_if(results) else answers(results, compared)
+    return StudyReport(results, scenarios, best, compared, notes, lacking)
 
 
 def numbered_points(study: Study) -> str:
@@ -234,8 +238,8 @@ def remarks(results: Results) -> Iterator[str]:
         yield f"{count(missing, 'run')} of {results.study.runs:,} not done yet: metrics may change"
     if censored:
         yield (
-            f"{count(censored, 'run')} did not finish within the limit; means exclude these runs, which "
-            "favours points with unfinished runs"
+            f"{count(censored, 'run')} did not finish within the limit; means exclude these runs, so a "
+            "point that has some looks too good and is never called best"
         )
     if failed:
         reasons = {reason for reason in results.columns["error"] if reason}

@@ -14,6 +14,7 @@ from automaton.documents.report_document import Block, Heading, NumberText, Tabl
 from automaton.studies.inference.intervals import (
     NO_SPREAD_WARNING,
     STUDENT_MIN_RUNS,
+    TOO_FEW,
     Interval,
     bonferroni,
     mean_interval,
@@ -35,15 +36,17 @@ from automaton.studies.reports.comparisons import (
     precision_remark,
     setting_text,
     stopping_text,
+    tests_of_best,
     varied_factors,
 )
-from automaton.studies.reports.metric_tables import RUN_HEADS, Scenarios, figure
+from automaton.studies.reports.metric_tables import RUN_HEADS, Scenarios, end_cells, figure
 from automaton.studies.reports.study_results import Cut, MetricScale, Results
 from automaton.studies.sweeps.study import SCENARIO_FACTOR
 from automaton.units import count, percent, ticks_and_time
 
 INTERVALS: Final = f"Student's t, with a warning about skew below {STUDENT_MIN_RUNS} runs"
 NO_WARM_UP: Final = "none: metrics cover whole runs"
+ADJUSTED: Final = "adjusted p"
 MAX_REASONS: Final = 6  # reasons for missing comparisons
 Array = npt.NDArray[np.float64]
 ROUND_OFF: Final = 1e-12  # of the sum of absolute terms; smaller sums count as 0
@@ -63,7 +66,7 @@ def design(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     keys = dict.fromkeys(key for point in study.points for key in point.settings)
     varied = [name for name in keys if name.startswith("durations.")]
     rows = [
-        ["estimand", "mean of each metric over independent runs that finished"],
+        ["estimand", "mean of each metric over independent complete runs"],
         ["design", f"{endings}; {count(len(study.points), 'point')}, {runs_planned(results)}"],
         ["runs", fixed(results)],
         ["seeds", f"study seed {study.seed}; {seeds}, {common}"],
@@ -154,7 +157,7 @@ def family(results: Results) -> str:
         if analysis.precision is None
         else f"; target half-width {percent(analysis.precision)} of the reference mean"
     )
-    return f"{what}, {pairs}; family: {scope}, p by Holm, intervals by Bonferroni{wanted}"
+    return f"{what}, {pairs}; family: {scope}, Bonferroni{wanted}"
 
 
 # The declared comparisons.
@@ -222,19 +225,20 @@ def why_none(results: Results) -> str:
         return "; ".join(reasons[:MAX_REASONS]) + (f"; and {more:,} more" if more > 0 else "")
     if not any(results.has(metric) for metric in metrics):
         return f"no run has {', '.join(metrics)}"
-    return "each point needs two finished runs"
+    return "each point needs two complete runs"
 
 
 def comparison_text(results: Results, compared: list[Comparison]) -> str:
     """How to read the table of comparisons."""
     sizes = sorted({one.family for one in compared})
     families = " and ".join(f"{size}" for size in sizes)
+    answer = tests_of_best(results)
+    with_answer = f", {answer:,} of them for the best point on the first page" if answer else ""
     return (
-        f"Differences of means, {family(results)}; comparisons in the family: {families}. Differences "
-        f"with Holm-adjusted p below {results.analysis.error:g} are called significant. The intervals "
-        f"of a family hold simultaneously with {percent(1 - results.analysis.error, 0)} confidence. "
-        f"An interval may include 0 although p < {results.analysis.error:g}, or exclude 0 although p "
-        "is larger, because intervals use Bonferroni and p uses Holm."
+        f"Differences of means, {family(results)}; tests in the family: {families}{with_answer}. A "
+        "difference is called significant if its interval excludes 0, that is, if p times the number of "
+        f"tests is below {results.analysis.error:g}. All of a family hold simultaneously with "
+        f"{percent(1 - results.analysis.error, 0)} confidence."
     )
 
 
@@ -242,7 +246,7 @@ def comparison_table(results: Results, metric: str, compared: list[Comparison]) 
     """One line for each comparison of a metric."""
     study, scale = results.study, results.scale(metric)
     heads = [*factor_heads(study), "against", f"difference, {scale.unit}", "low", "high"]
-    heads += ["relative", "p Holm", "correlation", "var. ratio"]
+    heads += ["relative", ADJUSTED, "correlation", "var. ratio"]
     planned = results.analysis.precision is not None
     heads += ["needs paired", "unpaired"] if planned else []
     heads += RUN_HEADS
@@ -281,10 +285,12 @@ def difference_cells(difference: Interval | None, scale: MetricScale) -> list[st
     if difference is None:
         return ["-"] * 3
     shown = scale.of(difference)
-    return [
-        "-" if end is None else NumberText(f"{end:+,.4g}", end)
-        for end in (shown.value, shown.low, shown.high)
-    ]
+    return [signed(shown.value), *end_cells(shown, signed)]
+
+
+def signed(value: float) -> str:
+    """A difference as a cell."""
+    return NumberText(f"{value:+,.4g}", value)
 
 
 def p_text(p: float) -> str:
@@ -296,6 +302,8 @@ def relative_text(relative: Interval | None) -> str:
     """A relative effect with its interval, in percent."""
     if relative is None:
         return "-"
+    if relative.low is None:
+        return f"{100 * relative.value:+.1f} % ({TOO_FEW})"
     ends = ("-" if end is None else f"{100 * end:+.1f}" for end in (relative.low, relative.high))
     return f"{100 * relative.value:+.1f} % ({' to '.join(ends)})"
 
@@ -395,7 +403,8 @@ def factor_effects(results: Results, metric: str) -> FactorEffects | None:
     common = results.study.common_random_numbers
 
     def interval(weights: Array) -> Interval | None:
-        return contrast(runs, means, weights, level, common)
+        effect = contrast(runs, means, weights, level, common)
+        return None if effect is None else effect.unless_vague(float(means.mean()))
 
     main = tuple(
         MainEffect(
@@ -527,7 +536,7 @@ def effects_section(results: Results) -> Iterator[Block]:
         yield Heading(f"{metric} by factor", 3)
         if effects is None:
             yield Text(
-                f"Main effects cannot be estimated: a point has no finished run with {metric}."
+                f"Main effects cannot be estimated: a point has no complete run with {metric}."
             )
             continue
         if effects.shares:

@@ -1,15 +1,16 @@
-"""The declared comparisons of a study, corrected by family, and the names of points in reports.
+"""The comparisons of a study, its best point, and the names of points in reports.
 
     baseline  each other level of the baseline's factors with the baseline, at equal other levels
     pairs     all pairs of points
+    answer    each point with the leading one, under the same conditions
 
-The p values of a family are adjusted by Holm, the intervals by Bonferroni; all of them hold
-simultaneously. Points with identical runs and values are not compared, and comparisons between
-identical points count once.
+One family of m tests answers all questions (Bonferroni): two means differ significantly if the interval
+of their difference excludes 0, that is, if m p < error. It has the declared comparisons, and for each
+condition those of one point with all others, since a best point can only be eliminated by its own tests
+(multiple comparisons with the best, Hsu 1984). A point whose mean leaves runs out looks too good: it may
+be worse than another one, never better. Identical runs are not compared, or count once.
 
-The intervals in the report decide whether a study has enough runs for its declared precision, and how
-many runs come next. These are the intervals of all comparisons, at the level of their family, or
-without comparisons the intervals of all means.
+The intervals decide whether a study has enough runs for its declared precision, and how many come next.
 """
 
 from __future__ import annotations
@@ -18,15 +19,15 @@ import itertools
 import json
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Final, NamedTuple
+from typing import TYPE_CHECKING, Any, Final, Literal, NamedTuple
 
 from automaton.studies.inference.intervals import (
+    STUDENT_MIN_RUNS,
     Effect,
     bonferroni,
     checked,
     effect,
     fewest,
-    holm,
     next_round,
     paired_runs,
     unpaired_runs,
@@ -38,6 +39,24 @@ from automaton.units import count, percent
 if TYPE_CHECKING:
     from automaton.studies.sweeps.result_store import Store
 
+Direction = Literal["lowest", "highest"]
+
+HIGHER_IS_BETTER: Final = frozenset((
+    "delivered", "throughput", "throughput_per_robot", "lines_done", "lines_per_visit",
+    "parts_finished", "min_charge", "balanced_share", "ticks_per_second",
+))  # fmt: skip
+LOWER_IS_BETTER: Final = frozenset((
+    "makespan", "ticks", "operations", "operations_per_robot", "empty_moves_share",
+    "empty_operations_share", "empty_ticks_share", "ticks_per_operation", "legs_per_order",
+    "blocked_share", "task_time", "delay", "delay_p95", "slowdown_ticks", "retreats", "lead_time",
+    "lead_time_p95", "lead_time_p99", "lead_time_max", "late_share", "tardiness", "tardiness_p95",
+    "tardiness_p99", "oldest_order", "starved_robots", "energy", "repair_energy",
+    "battery_depletions", "breakdowns", "towed", "downtime", "delayed_share", "distance",
+    "part_flow_time", "messages", "illegal_answers", "deadlocks_resolved",
+))  # fmt: skip
+CONDITIONS: Final = frozenset((
+    SCENARIO_FACTOR, "layout", "orders", "durations", "faults", "stop", "units", "measure",
+))  # fmt: skip
 HELPS: Final = 0.95  # pairing helps below this variance ratio or this share of the runs
 COVERAGE_NOTE: Final = (
     "the intervals decided the number of runs, so their coverage is slightly lower than with a number "
@@ -169,14 +188,20 @@ class Comparison(NamedTuple):
     a: Point
     b: Point
     effect: Effect
-    adjusted: float  # Holm-adjusted p value
-    family: int  # number of comparisons in the family
+    adjusted: float  # p value times the number of tests in the family, at most 1
+    is_significant: bool  # adjusted p below the error of the study
+    family: int  # number of tests in the family
     runs: tuple[int, int]  # runs of a and b that count
     needed: RunsNeeded | None  # None: no precision is declared, or the reference mean is 0
 
 
+def is_what_if(results: Results) -> bool:
+    """Whether the points of a study have names and are compared with one of them."""
+    return results.study.is_named and results.analysis.comparisons == "baseline"
+
+
 def comparisons(results: Results) -> list[Comparison]:
-    """All possible comparisons; those with fewer than two runs are omitted."""
+    """All possible declared comparisons; those with fewer than two runs are omitted."""
     analysis = results.analysis
     pairs = list(declared_pairs(results))
     metrics = [metric for metric in analysis.metrics if results.has(metric)]
@@ -232,22 +257,33 @@ def _is(point: Point, levels: Levels) -> bool:
 def _family(
     results: Results, metrics: list[str], pairs: list[tuple[Point, Point]]
 ) -> Iterator[Comparison]:
-    analysis = results.analysis
-    usable = []
-    for metric in metrics:
-        for a, b in differing(results, metric, pairs):
-            x, y = compared_runs(results, a, b, metric)
-            if min(len(x), len(y)) >= 2:
-                usable.append((metric, a, b, x, y))
-    if not usable:
-        return
-    level = bonferroni(1 - analysis.error, len(usable))
-    common = results.study.common_random_numbers
-    effects = [_effect(x, y, results.study.paired, level, common) for _, _, _, x, y in usable]
-    adjusted = holm([one.p for one in effects])
-    for (metric, a, b, x, y), found, p in zip(usable, effects, adjusted, strict=True):
-        needed = runs_needed(x, y, analysis.precision, level, common)
-        yield Comparison(metric, a, b, found, p, len(usable), (len(x), len(y)), needed)
+    usable = [
+        (metric, a, b)
+        for metric in metrics
+        for a, b in differing(results, metric, pairs)
+        if min(map(len, compared_runs(results, a, b, metric))) >= 2
+    ]
+    has_answer = results.analysis.metrics[0] in metrics if metrics else False
+    family = len(usable) + (tests_of_best(results) if has_answer else 0)
+    for metric, a, b in usable:
+        one = compare(results, metric, a, b, family)
+        yield from [] if one is None else [one]
+
+
+def compare(results: Results, metric: str, a: Point, b: Point, family: int) -> Comparison | None:
+    """`a` against `b`, as one of `family` tests; None with fewer than two runs."""
+    x, y = compared_runs(results, a, b, metric)
+    if min(len(x), len(y)) < 2:
+        return None
+    analysis, common = results.analysis, results.study.common_random_numbers
+    level = bonferroni(1 - analysis.error, family)
+    found = _effect(x, y, results.study.paired, level, common)
+    adjusted = min(1.0, family * found.p)
+    needed = runs_needed(x, y, analysis.precision, level, common)
+    runs = len(x), len(y)
+    return Comparison(
+        metric, a, b, found, adjusted, adjusted < analysis.error, family, runs, needed
+    )
 
 
 def compared_runs(
@@ -334,6 +370,142 @@ def precision_remark(compared: list[Comparison], precision: float | None) -> str
     if paired < HELPS * unpaired:
         return f"{what}: pairing saves {percent(1 - paired / unpaired, 0)} of the runs."
     return f"{what}: pairing does not help."
+
+
+# The best point, or the set of points that contains it.
+
+
+class Answer(NamedTuple):
+    """The answer about the best point under some conditions."""
+
+    metric: str
+    better: Direction | None  # None: no direction is better
+    conditions: str  # "scenario tabletop-1"; "": all points are compared
+    compared: tuple[Point, ...]  # only the first of identical points; at least two runs each
+    candidates: tuple[Point, ...]  # the best is one of them; the leading point comes first
+    incomplete: tuple[Point, ...]  # some of their runs are missing in their means
+    against: tuple[Comparison, ...]  # the leading point against others
+    few_runs: int  # least runs of a point, if too few for Student's t; else 0
+
+    @property
+    def leading(self) -> Point | None:
+        """The complete point with the best mean."""
+        return self.candidates[0] if self.candidates else None
+
+    @property
+    def best(self) -> Point | None:
+        """The best point, if the runs determine it."""
+        is_settled = len(self.candidates) == 1 and len(self.compared) > 1
+        return self.candidates[0] if is_settled else None
+
+
+def direction_of(metric: str) -> Direction | None:
+    """Whether the lowest or the highest mean of a metric is best; None if neither is."""
+    if metric in HIGHER_IS_BETTER:
+        return "highest"
+    if metric in LOWER_IS_BETTER or metric.startswith("lost_"):
+        return "lowest"
+    return None
+
+
+def answers(results: Results, declared: Sequence[Comparison] | None = None) -> list[Answer]:
+    """The answers for the first metric of the analysis, one for each condition; simultaneously valid.
+
+    `declared`: the declared comparisons, if already computed. Empty if no run has any metric.
+    """
+    if not results.analysis.metrics:
+        return []
+    metric = results.analysis.metrics[0]
+    by_metric = results.analysis.family == "metric"
+    known = comparisons(results) if declared is None else declared
+    sizes = [one.family for one in known if not by_metric or one.metric == metric]
+    family = sizes[0] if sizes else tests_of_best(results)
+    groups = groups_by_condition(results)
+    return [_answer(results, metric, name, points, family) for name, points in groups.items()]
+
+
+def _answer(
+    results: Results, metric: str, conditions: str, points: Sequence[Point], family: int
+) -> Answer:
+    compared = _distinct(results, metric, points)
+    complete = [point for point in compared if is_complete(results, point, metric)]
+    better = direction_of(metric)
+    sign = -1 if better == "highest" else 1
+    ranked = sorted(complete, key=lambda point: sign * mean_of(results, point, metric))
+    others = [*ranked[1:], *(one for one in compared if one not in complete)]
+    leading = ranked[:1] if better else []
+    tested = [compare(results, metric, one, other, family) for one in leading for other in others]
+    against = [one for one in tested if one is not None]  # the leading point has all runs
+    contenders = [
+        one.b for one in against if not one.is_significant or sign * one.effect.difference.value > 0
+    ]
+    few = min((len(results.values(point, metric)) for point in compared), default=0)
+    return Answer(
+        metric,
+        better,
+        conditions,
+        compared,
+        (*leading, *contenders),
+        tuple(point for point in points if not is_complete(results, point, metric)),
+        tuple(against),
+        few if few < STUDENT_MIN_RUNS else 0,
+    )
+
+
+def _distinct(results: Results, metric: str, points: Sequence[Point]) -> tuple[Point, ...]:
+    """The points with at least two runs, without those that have the same runs as an earlier one."""
+    identical = results.identical(metric)
+    first: dict[int, Point] = {}
+    for point in points:
+        if len(results.values(point, metric)) >= 2:
+            first.setdefault(identical[point.number], point)
+    return tuple(first.values())
+
+
+def tests_of_best(results: Results) -> int:
+    """The tests of the answers besides the declared ones: those of one point of each group."""
+    metric = results.analysis.metrics[0]
+    if direction_of(metric) is None or is_what_if(results):
+        return 0
+    identical = results.identical(metric)
+    declared = {
+        frozenset((identical[a.number], identical[b.number])) for a, b in declared_pairs(results)
+    }
+    tests = 0
+    for points in groups_by_condition(results).values():
+        own = [identical[point.number] for point in _distinct(results, metric, points)]
+        undeclared = [sum(frozenset((a, b)) not in declared for b in own if a != b) for a in own]
+        tests += max(undeclared, default=0)
+    return tests
+
+
+def groups_by_condition(results: Results) -> dict[str, list[Point]]:
+    """The points by conditions, within which they are compared; "" if no condition varies."""
+    study, conditions = results.study, condition_factors(results)
+    groups: dict[str, list[Point]] = {}
+    for point in results.points:
+        name = levels_named(study, point, conditions)
+        groups.setdefault(name, []).append(point)
+    return groups
+
+
+def condition_factors(results: Results) -> list[str]:
+    """The varied factors that are conditions; none if nothing else varies: they are compared then."""
+    varied = varied_columns(results.study)
+    conditions = [name for name in varied if name.partition(".")[0] in CONDITIONS]
+    return [] if len(conditions) == len(varied) else conditions
+
+
+def mean_of(results: Results, point: Point, metric: str) -> float:
+    """The mean of a metric over the runs of a point."""
+    values = results.values(point, metric).values()
+    return math.fsum(values) / len(values)
+
+
+def is_complete(results: Results, point: Point, metric: str) -> bool:
+    """Whether all planned runs of a point (at least two) are complete and have a metric."""
+    measured = len(results.values(point, metric))
+    return measured >= 2 and measured == results.counts(point).planned
 
 
 # The declared precision, and the number of runs that it needs.

@@ -21,11 +21,17 @@ from automaton.printable import FORMULA_SIGNS
 from automaton.studies.inference.intervals import Interval
 from automaton.studies.reports.build_report import StudyReport
 from automaton.studies.reports.comparison_tables import factor_effects
-from automaton.studies.reports.comparisons import Comparison, point_name
-from automaton.studies.reports.first_page import Answer, answer_sentence, mean_of, question
+from automaton.studies.reports.comparisons import (
+    Answer,
+    Comparison,
+    is_what_if,
+    mean_of,
+    point_name,
+)
+from automaton.studies.reports.first_page import answer_sentence, question
 from automaton.studies.reports.metric_tables import Scenarios, summary
 from automaton.studies.reports.study_results import Results, described
-from automaton.studies.reports.what_if import is_what_if, what_if_question, what_if_records
+from automaton.studies.reports.what_if import what_if_question, what_if_records
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, SERIES_COLUMN, SUMS_COLUMN, Point
 from automaton.tables.table_files import MAX_SHEET_ROWS, too_many_in_sheet
 
@@ -109,7 +115,7 @@ def comparison_records(results: Results, compared: Sequence[Comparison]) -> Iter
             "relative_low": found.relative.low if found.relative else None,
             "relative_high": found.relative.high if found.relative else None,
             "p": found.p,
-            "p_holm": one.adjusted,
+            "p_adjusted": one.adjusted,
             "family": one.family,
             "paired": found.paired,
             "correlation": found.correlation,

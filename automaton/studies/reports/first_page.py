@@ -1,210 +1,44 @@
 """The first page of a report: the question, the answer with its confidence, and a picture.
 
-The answer is the best point of a study, or the set of points that contains the best one. Points are
-compared if they differ by choices, such as fleet and strategies. Conditions, such as orders and floor,
-divide a study into separate questions. Points with failed, missing or unfinished runs are not compared,
-because means exclude such runs.
-
-    point i is eliminated if it is significantly worse than the leading point b:
-    mean i - mean b > t(1 - error / (k - 1)) times its standard error, one-sided
-
-The best of k points then remains with a probability of at least 1 - error, under any dependence (subset
-selection: Gupta 1965, with Bonferroni's inequality). If one point remains, it is the best.
+Points that differ by choices, such as fleet and strategies, are compared, by the tests of the table of
+comparisons. Conditions, such as orders and floor, divide a study into separate questions.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Sequence
-from typing import Final, Literal, NamedTuple
+from typing import Final
 
 from automaton.documents.report_document import Block, Heading, Listed, NumberText, Table, Text
-from automaton.studies.inference.intervals import (
-    NO_SPREAD_WARNING,
-    STUDENT_MIN_RUNS,
-    Effect,
-    effect,
-)
-from automaton.studies.reports.comparison_tables import p_text, relative_text
+from automaton.studies.inference.intervals import STUDENT_MIN_RUNS, TOO_FEW
+from automaton.studies.reports.comparison_tables import ADJUSTED, p_text, relative_text
 from automaton.studies.reports.comparisons import (
+    Answer,
     Comparison,
-    compared_runs,
+    condition_factors,
+    direction_of,
     heads_by_factor,
     level_text,
     levels_named,
+    mean_of,
     varied_columns,
     varied_factors,
 )
-from automaton.studies.reports.metric_tables import ROBOTS_FACTOR, interval_of, is_numeric, picture
+from automaton.studies.reports.metric_tables import (
+    ROBOTS_FACTOR,
+    bias_text,
+    interval_of,
+    is_numeric,
+    picture,
+)
 from automaton.studies.reports.study_results import Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point
 from automaton.units import count, number, percent
 
-Direction = Literal["lowest", "highest"]
-
-HIGHER_IS_BETTER: Final = frozenset((
-    "delivered", "throughput", "throughput_per_robot", "lines_done", "lines_per_visit",
-    "parts_finished", "min_charge", "balanced_share", "ticks_per_second",
-))  # fmt: skip
-LOWER_IS_BETTER: Final = frozenset((
-    "makespan", "ticks", "operations", "operations_per_robot", "empty_moves_share",
-    "empty_operations_share", "empty_ticks_share", "ticks_per_operation", "legs_per_order",
-    "blocked_share", "task_time", "delay", "delay_p95", "slowdown_ticks", "retreats", "lead_time",
-    "lead_time_p95", "lead_time_p99", "lead_time_max", "late_share", "tardiness", "tardiness_p95",
-    "tardiness_p99", "oldest_order", "starved_robots", "energy", "repair_energy",
-    "battery_depletions", "breakdowns", "towed", "downtime", "delayed_share", "distance",
-    "part_flow_time", "messages", "illegal_answers", "deadlocks_resolved",
-))  # fmt: skip
-CONDITIONS: Final = (
-    SCENARIO_FACTOR,
-    "layout",
-    "orders",
-    "durations",
-    "faults",
-    "stop",
-    "units",
-    "measure",
-)
 MAX_NAMED: Final = 3  # points in a sentence
 MAX_LEVELS_NAMED: Final = 8  # of a factor
 MAX_SENTENCES: Final = 6  # answers in sentences; more appear only in the table
 _WORSE: Final = {"lowest": "lower", "highest": "higher"}
-
-
-def direction_of(metric: str) -> Direction | None:
-    """Whether the lowest or the highest mean of a metric is best; None if neither is."""
-    if metric in HIGHER_IS_BETTER:
-        return "highest"
-    if metric in LOWER_IS_BETTER or metric.startswith("lost_"):
-        return "lowest"
-    return None
-
-
-# The best point, or the set of points that contains it.
-
-
-class Answer(NamedTuple):
-    """The answer about the best point under some conditions."""
-
-    metric: str
-    better: Direction | None  # None: no direction is better
-    conditions: str  # "scenario tabletop-1"; "": all points are compared
-    compared: tuple[Point, ...]  # only the first of identical points
-    candidates: tuple[Point, ...]  # the best is one of them; the leading point comes first
-    incomplete: tuple[Point, ...]  # not compared because some of their runs did not finish
-    few_runs: int  # least runs of a point, if too few for Student's t; else 0
-    level: float  # confidence level
-
-    @property
-    def leading(self) -> Point | None:
-        """The point with the best mean."""
-        return self.candidates[0] if self.candidates else None
-
-    @property
-    def best(self) -> Point | None:
-        """The best point, if the runs determine it."""
-        is_settled = len(self.candidates) == 1 and len(self.compared) > 1
-        return self.candidates[0] if is_settled else None
-
-
-def answers(results: Results) -> list[Answer]:
-    """The answers for the first metric of the analysis, one for each condition; simultaneously valid.
-
-    Empty if no run has any metric.
-    """
-    if not results.analysis.metrics:
-        return []
-    metric = results.analysis.metrics[0]
-    groups = groups_by_condition(results)
-    level = 1 - results.analysis.error / len(groups)
-    return [_answer(results, metric, name, points, level) for name, points in groups.items()]
-
-
-def groups_by_condition(results: Results) -> dict[str, list[Point]]:
-    """The points by conditions, within which they are compared; "" if no condition varies."""
-    study, conditions = results.study, condition_factors(results)
-    groups: dict[str, list[Point]] = {}
-    for point in results.points:
-        name = levels_named(study, point, conditions)
-        groups.setdefault(name, []).append(point)
-    return groups
-
-
-def condition_factors(results: Results) -> list[str]:
-    """The varied factors that are conditions; none if nothing else varies: they are compared then."""
-    varied = varied_columns(results.study)
-    conditions = [name for name in varied if name.partition(".")[0] in CONDITIONS]
-    return [] if len(conditions) == len(varied) else conditions
-
-
-def _answer(
-    results: Results, metric: str, conditions: str, points: Sequence[Point], level: float
-) -> Answer:
-    identical = results.identical(metric)
-    complete = [point for point in points if is_complete(results, point, metric)]
-    first = {identical[point.number]: point for point in reversed(complete)}
-    compared = tuple(sorted(first.values(), key=lambda point: point.number))
-    better = direction_of(metric)
-    ranked = sorted(
-        compared,
-        key=lambda point: mean_of(results, point, metric) * (-1 if better == "highest" else 1),
-    )
-    kept_in = [] if better is None else list(_candidates(results, metric, ranked, better, level))
-    counts = [len(results.values(point, metric)) for point in compared]
-    few = min(counts, default=0)
-    return Answer(
-        metric,
-        better,
-        conditions,
-        compared,
-        tuple(kept_in),
-        tuple(point for point in points if point not in complete),
-        few if few < STUDENT_MIN_RUNS else 0,
-        level,
-    )
-
-
-def is_complete(results: Results, point: Point, metric: str) -> bool:
-    """Whether all planned runs of a point (at least two) finished and have a metric."""
-    measured = len(results.values(point, metric))
-    return measured >= 2 and measured == results.counts(point).planned
-
-
-def mean_of(results: Results, point: Point, metric: str) -> float:
-    """The mean of a metric over the runs of a point."""
-    values = results.values(point, metric).values()
-    return math.fsum(values) / len(values)
-
-
-def _candidates(
-    results: Results, metric: str, ranked: Sequence[Point], better: Direction, level: float
-) -> Iterator[Point]:
-    """The points that are not significantly worse than the first one."""
-    if not ranked:
-        return
-    yield ranked[0]
-    error = (1 - level) / max(1, len(ranked) - 1)
-    for point in ranked[1:]:
-        if not is_worse(results, metric, point, ranked[0], better, error):
-            yield point
-
-
-def is_worse(
-    results: Results, metric: str, point: Point, other: Point, better: Direction, error: float
-) -> bool:
-    """Whether a point is significantly worse than another one, with this one-sided error."""
-    x, y = compared_runs(results, point, other, metric)
-    if min(len(x), len(y)) < 2:
-        return False
-    tested = effect(list(x.values()), list(y.values()), results.study.paired, 1 - 2 * error)
-    difference = tested.difference
-    # Runs without variance allow only a permutation test.
-    if difference.warning == NO_SPREAD_WARNING:
-        is_apart = tested.p / 2 <= error
-        return is_apart and (difference.value > 0) == (better == "lowest")
-    if difference.low is None or difference.high is None:
-        return False
-    return difference.low > 0 if better == "lowest" else difference.high < 0
 
 
 # Whether the best point is at the limit of the tested range, beyond which better ones may exist.
@@ -233,14 +67,6 @@ def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
 
 
 # The page.
-
-
-class Opponent(NamedTuple):
-    """The point that the leading point of an answer is compared with."""
-
-    point: Point
-    effect: Effect
-    adjusted: float | None  # Holm-adjusted p value of a declared comparison
 
 
 def first_page(
@@ -324,30 +150,34 @@ def _verdict(results: Results, answer: Answer) -> str:
     of = count(len(answer.compared), "point")
     sure = f"{percent(1 - results.analysis.error, 0)} confidence"
     if not answer.compared:
-        return f"No answer: no point has at least two runs that all finished with {metric}."
+        return f"No answer: no point has at least two complete runs with {metric}."
     if len(answer.compared) == 1:
         return f"Only {_with_mean(results, answer, answer.compared[0])} has usable results."
     if answer.better is None:
         ordered = sorted(answer.compared, key=lambda point: mean_of(results, point, metric))
         low, high = (_with_mean(results, answer, point) for point in (ordered[0], ordered[-1]))
         return f"No best point: {metric} has no better direction. Means range from {low} to {high}."
-    assert leading is not None
+    if leading is None:
+        return f"No best point: no point has {metric} in all of its runs."
     if answer.best is not None:
         return (
             f"Best, with {sure}: {_with_mean(results, answer, leading)}. None of the {of} "
             f"compared has a {_WORSE[answer.better]} mean {metric}."
         )
-    names = [_with_mean(results, answer, point) for point in answer.candidates[:MAX_NAMED]]
-    more = len(answer.candidates) - len(names)
+    first, *names = (_with_mean(results, answer, one) for one in answer.candidates[:MAX_NAMED])
+    more = len(answer.candidates) - 1 - len(names)
     rest = f"; and {more:,} more" if more else ""
     others = len(answer.compared) - len(answer.candidates)
-    apart = (
-        f"; {f'{others:,} others are' if others > 1 else 'the other is'} worse" if others else ""
-    )
+    text = f"No statistically significant difference between {first} and {names[0]}."
+    if len(answer.candidates) > 2:
+        same = f"{'; '.join(names)}{rest}"
+        text = f"No statistically significant difference from the leading point, {first}: {same}."
+    if not others:
+        return text
+    apart = f"{others:,} others are" if others > 1 else "the other is"
     return (
-        f"No statistically significant difference: {'; '.join(names)}{rest}. With {sure} one of "
-        f"these {len(answer.candidates)} has the {answer.better} mean {metric} of the {of} "
-        f"compared{apart}."
+        f"{text} With {sure} one of these {len(answer.candidates)} has the {answer.better} mean "
+        f"{metric} of the {of} compared; {apart} worse."
     )
 
 
@@ -355,8 +185,9 @@ def certainty(results: Results, answers: Sequence[Answer]) -> str:
     """The confidence of the answers, and its limits."""
     sure, few = percent(1 - results.analysis.error, 0), max(one.few_runs for one in answers)
     sentences = [f"In brackets: means with {sure} confidence intervals."]
-    if len(answers) > 1:
-        sentences.append(f"All answers hold simultaneously with {sure} confidence.")
+    declared = " and comparisons" if results.analysis.comparisons != "none" else ""
+    if len(answers) > 1 or declared:
+        sentences.append(f"All answers{declared} hold simultaneously with {sure} confidence.")
     if few:
         sentences.append(
             f"A point has only {min(a.few_runs for a in answers if a.few_runs)} runs: with fewer than "
@@ -368,15 +199,13 @@ def certainty(results: Results, answers: Sequence[Answer]) -> str:
 
 
 def _limits(results: Results, answer: Answer) -> Iterator[str]:
-    """The points that an answer excludes, in a sentence."""
-    if answer.incomplete:
-        names = [_name(results, point) for point in answer.incomplete[:MAX_NAMED]]
-        more = len(answer.incomplete) - len(names)
-        rest = f"; and {more:,} more" if more else ""
-        yield (
-            "Not compared, because runs are missing, failed, unfinished or not measured: "
-            f"{'; '.join(names)}{rest}."
-        )
+    """The points that cannot be the best because of their runs, in a sentence."""
+    texts = [(point, bias_text(results, point, answer.metric)) for point in answer.incomplete]
+    names = [f"{_name(results, point)} ({text})" for point, text in texts if text]
+    if names:
+        more = len(names) - MAX_NAMED
+        rest = f"; and {more:,} more" if more > 0 else ""
+        yield f"Not called best, because runs are left out: {'; '.join(names[:MAX_NAMED])}{rest}."
 
 
 def table_words(results: Results, table: Table) -> Iterator[str]:
@@ -385,9 +214,9 @@ def table_words(results: Results, table: Table) -> Iterator[str]:
         levels = results.analysis.baseline_levels.items()
         what = ", ".join(f"{key} {level_text(results.study, key, one)}" for key, one in levels)
         yield f"baseline: {what}, as the study declares."
-    if "p Holm" in table.head:
+    if ADJUSTED in table.head:
         yield (
-            "p Holm: p value adjusted for all comparisons of the family (Holm); a difference is called "
+            f"{ADJUSTED}: p value times the number of tests (Bonferroni); a difference is called "
             f"significant below {results.analysis.error:g}."
         )
 
@@ -419,7 +248,7 @@ def mean_text(results: Results, point: Point, metric: str) -> str:
     shown = scale.of(interval)
     unit = "" if scale.unit == "share" else f" {scale.unit}"
     if shown.low is None or shown.high is None:
-        return f"{number(shown.value)}{unit}"
+        return f"{number(shown.value)}{unit}, {TOO_FEW} for an interval"
     return f"{number(shown.value)}{unit}, {number(shown.low)} to {number(shown.high)}"
 
 
@@ -427,25 +256,24 @@ def answer_table(
     results: Results, answers: Sequence[Answer], compared: Sequence[Comparison]
 ) -> Table | None:
     """The leading point of each answer against the baseline, else against the next best point."""
-    rows, has_p = [], False
+    rows = []
     for answer in answers:
         leading = answer.leading
         if leading is None:
             continue
         scale = results.scale(answer.metric)
-        opponent = opponent_of(results, answer, compared)
+        one = opponent_of(results, answer, compared)
         cells = ["-"] * 5
-        if opponent is not None:
-            adjusted = opponent.adjusted
-            has_p = has_p or adjusted is not None
-            value = mean_of(results, opponent.point, answer.metric) * scale.factor
-            difference = opponent.effect.difference.value * scale.factor
+        if one is not None:
+            other = one.b
+            value = mean_of(results, other, answer.metric) * scale.factor
+            difference = one.effect.difference.value * scale.factor
             cells = [
-                _name(results, opponent.point),
+                _name(results, other),
                 NumberText(number(value), value),
                 NumberText(f"{difference:+,.4g}", difference),
-                relative_text(opponent.effect.relative),
-                "-" if adjusted is None else p_text(adjusted),
+                relative_text(one.effect.relative),
+                p_text(one.adjusted),
             ]
         elif any(one.b.number == leading.number for one in compared):
             cells[0] = "is the baseline"
@@ -460,32 +288,20 @@ def answer_table(
     all_best = all(answer.best is not None for answer in answers if answer.leading is not None)
     head = [*several, "best point" if all_best else "leading point"]
     unit = results.scale(metric).unit
-    head += [f"mean {metric}, {unit}", against, "its mean", "difference", "relative", "p Holm"]
+    head += [f"mean {metric}, {unit}", against, "its mean", "difference", "relative", ADJUSTED]
     left = 1 + len(several)
-    if not has_p:
-        head, rows = head[:-1], [row[:-1] for row in rows]
     return Table(head, rows, left=left, also_left=(left + 1, left + 4))
 
 
 def opponent_of(
     results: Results, answer: Answer, compared: Sequence[Comparison]
-) -> Opponent | None:
-    """The baseline of a leading point; if none is declared, the next best point."""
+) -> Comparison | None:
+    """The leading point against its baseline; if none is declared, against the next best point."""
     leading, metric = answer.leading, answer.metric
     if leading is None:
         return None
     if results.analysis.baseline:
-        for one in compared:
-            if one.metric == metric and one.a.number == leading.number:
-                return Opponent(one.b, one.effect, one.adjusted)
-        return None
-    others = [point for point in answer.compared if point.number != leading.number]
-    if not others:
-        return None
+        declared = (one for one in compared if one.metric == metric)
+        return next((one for one in declared if one.a.number == leading.number), None)
     sign = -1 if answer.better == "highest" else 1
-    next_best = min(others, key=lambda point: sign * mean_of(results, point, metric))
-    x, y = compared_runs(results, leading, next_best, metric)
-    if min(len(x), len(y)) < 2:
-        return None
-    tested = effect(list(x.values()), list(y.values()), results.study.paired, answer.level)
-    return Opponent(next_best, tested, None)
+    return min(answer.against, key=lambda one: sign * mean_of(results, one.b, metric), default=None)

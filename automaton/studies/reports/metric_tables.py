@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -21,8 +21,10 @@ from automaton.documents.report_document import (
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.scenario.orders import DRAWN_GENERATORS
 from automaton.studies.inference.intervals import (
+    MIN_RUNS,
     NO_SPREAD_WARNING,
     STUDENT_MIN_RUNS,
+    TOO_FEW,
     Interval,
     mean_interval,
     skewness,
@@ -34,6 +36,7 @@ from automaton.studies.inference.steady_state import (
     replication_deletion,
 )
 from automaton.studies.reports.comparisons import (
+    direction_of,
     factor_cells,
     factor_heads,
     heads_by_factor,
@@ -90,11 +93,47 @@ def summary(results: Results, scenarios: Scenarios, point: Point, metric: str) -
     )
 
 
+def bias_of(results: Results, point: Point, metric: str) -> str:
+    """The bias of a mean that leaves runs out: "is too low", "is too high", "may be biased"; else "".
+
+    Unfinished runs would make it worse, and so would runs without anything to measure.
+    """
+    counts, better = results.counts(point), direction_of(metric)
+    if not results.values(point, metric):
+        return ""
+    if better and counts.censored + unmeasured(results, point, metric):
+        return "is too low" if better == "lowest" else "is too high"
+    return "may be biased" if counts.censored + counts.failed else ""
+
+
+def bias_text(results: Results, point: Point, metric: str) -> str:
+    """The runs that a mean leaves out, and its bias: "3 of 20 runs did not finish; ..."; else ""."""
+    counts = results.counts(point)
+    reasons = (
+        (counts.censored, "did not finish"),
+        (counts.failed, "failed"),
+        (unmeasured(results, point, metric), f"have no {metric}"),
+        (counts.missing, "are not done yet"),
+    )
+    lost = [(runs, reason) for runs, reason in reasons if runs]
+    parts = [
+        f"{runs:,}{'' if at else f' of {counts.planned:,} runs'} {reason}"
+        for at, (runs, reason) in enumerate(lost)
+    ]
+    bias = bias_of(results, point, metric)
+    return ", ".join(parts) + (f"; the mean {bias}" if bias else "")
+
+
+def unmeasured(results: Results, point: Point, metric: str) -> int:
+    """Number of complete runs of a point without a metric, because nothing that it measures ended."""
+    return results.counts(point).finished - len(results.values(point, metric))
+
+
 def interval_of(results: Results, metric: str, values: Sequence[float]) -> Interval | None:
     """The mean of a metric over runs; None without runs. Metrics of the catalogue are never negative."""
     if not values:
         return None
-    interval = mean_interval(values, 1 - results.analysis.error)
+    interval = mean_interval(values, 1 - results.analysis.error).unless_vague()
     return interval.not_below_zero() if is_ours(metric) else interval
 
 
@@ -131,15 +170,18 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
     is_bounded = any(one.bound is not None for one in points)
     level = percent(1 - results.analysis.error, 0)
     limit = "upper bound" if metric == "throughput" else "lower bound"
+    biases = [bias_of(results, one.point, metric) if one.interval else "" for one in points]
     heads = ["mean", f"{level} low", "high", "sd", *([limit] if is_bounded else [])]
+    heads += ["bias"] if any(biases) else []
     rows = []
-    for one in points:
+    for one, bias in zip(points, biases, strict=True):
         cells = ["-"] * 4
         if one.interval is not None:
             interval = scale.of(one.interval)
-            ends = [figure(end) for end in (interval.value, interval.low, interval.high)]
-            cells = [*ends, figure(None if one.sd is None else one.sd * scale.factor)]
-        rows.append([*cells, *([limit_cell(one.bound, scale.factor)] if is_bounded else [])])
+            sd = figure(None if one.sd is None else one.sd * scale.factor)
+            cells = [figure(interval.value), *end_cells(interval), sd]
+        cells += [limit_cell(one.bound, scale.factor)] if is_bounded else []
+        rows.append(cells + ([bias.removeprefix("is ") or "-"] if any(biases) else []))
     yield point_table(results, heads, rows)
     if is_bounded:
         yield Text(
@@ -147,15 +189,27 @@ def metric_section(results: Results, scenarios: Scenarios, metric: str) -> Itera
             "divided among the robots, and from the capacity of stations and chargers."
         )
     lacking = [
-        f"{point_name(results.study, one.point)}: {metric} was not measured in {without} of "
-        f"{count(one.counts.finished, 'run')} because nothing that it measures was completed; the mean "
-        "excludes these runs"
-        for one in points
-        if one.interval is not None and (without := one.counts.finished - one.interval.n)
+        f"{point_name(results.study, one.point)}: {bias_text(results, one.point, metric)}"
+        for one, bias in zip(points, biases, strict=True)
+        if bias
     ]
     if lacking:
         yield Listed(lacking)
     yield from warnings(results, points)
+
+
+def figure(value: float | None) -> str:
+    """A metric as a cell: four digits, more for large values; "-" for None."""
+    if value is None:
+        return "-"
+    return NumberText(f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}", value)
+
+
+def end_cells(interval: Interval, form: Callable[[float], str] = figure) -> list[str]:
+    """The ends of an interval as two cells; a missing one says so if there are too few runs."""
+    if interval.low is None and interval.n < MIN_RUNS:
+        return [TOO_FEW, "-"]
+    return ["-" if end is None else form(end) for end in (interval.low, interval.high)]
 
 
 def limit_cell(bound: float | None, factor: float) -> str:
@@ -197,13 +251,6 @@ def point_table(results: Results, heads: Sequence[str], cells: Sequence[Sequence
         rows.append([*factor_cells(results.study, point), *own, *runs, *same])
     head = [*factors, *heads, *RUN_HEADS, *same_heads(results)]
     return Table(head, rows, left=max(1, len(factors)))
-
-
-def figure(value: float | None) -> str:
-    """A metric as a cell: four digits, more for large values; "-" for None."""
-    if value is None:
-        return "-"
-    return NumberText(f"{value:,.1f}" if abs(value) >= 1000 else f"{value:.4g}", value)
 
 
 # Points with identical runs (equal digests), and factors without effect.
@@ -343,7 +390,7 @@ def steady_section(results: Results) -> Iterator[Block]:
         cells = ["-"] * 3
         if isinstance(found, Interval):
             interval = scale.of(found)
-            cells = [figure(end) for end in (interval.value, interval.low, interval.high)]
+            cells = [figure(interval.value), *end_cells(interval)]
         elif found is not None:
             refused.append(f"{point_name(results.study, point)}: {found}")
         own = cut.found.get(point.number)

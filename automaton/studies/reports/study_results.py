@@ -1,7 +1,8 @@
 """The contents of a results folder by design point, as read by reports.
 
-A failed run has no metrics. An unfinished run has metrics, but they do not predict its final values, so
-means exclude it; every table states the number of such runs.
+A run is complete if it met its stop condition or a limit that is an end, such as the end of a shift, even
+with orders open or robots deadlocked. Means exclude unfinished runs, whose metrics do not predict their
+final values, and failed runs, which have none; every table states their number and the bias of the mean.
 
 A comparison of points with identical runs is pointless, because the factor has no effect there. For
 example, with one robot, all right-of-way rules give the same digest for every seed. Tables mark such

@@ -1,12 +1,11 @@
 """Named points of a study against the baseline: one table, one picture, and a verdict for each metric.
 
     better, worse    the interval of the difference excludes 0
-    unclear          the same, but runs of the point that seems better did not finish or failed
+    unclear          the same, but the mean of the point that seems better leaves runs out
     higher, lower    as better and worse, for a metric of which neither is better
     identical runs   all runs of the two points have equal digests: the change has no effect
 
-The intervals are those of the declared comparisons, so all verdicts hold simultaneously. If all runs of
-a comparison differ by the same amount, its interval has no width, and its adjusted p value decides.
+All verdicts hold simultaneously. If all pairs differ by the same amount, the adjusted p decides.
 """
 
 from __future__ import annotations
@@ -26,19 +25,20 @@ from automaton.documents.report_document import (
     Table,
     Text,
 )
-from automaton.studies.inference.intervals import NO_SPREAD_WARNING, STUDENT_MIN_RUNS
+from automaton.studies.inference.intervals import STUDENT_MIN_RUNS
 from automaton.studies.reports.comparison_tables import difference_cells
 from automaton.studies.reports.comparisons import (
     Comparison,
     compared_runs,
     declared_pairs,
+    direction_of,
+    mean_of,
     pairing_remark,
     point_name,
     precision_remark,
     setting_text,
 )
-from automaton.studies.reports.first_page import direction_of, mean_of
-from automaton.studies.reports.metric_tables import MAX_CURVES, figure
+from automaton.studies.reports.metric_tables import MAX_CURVES, bias_of, figure
 from automaton.studies.reports.study_results import Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point, Study
 from automaton.units import count, percent
@@ -66,11 +66,6 @@ class WhatIf(NamedTuple):
     verdict: str
 
 
-def is_what_if(results: Results) -> bool:
-    """Whether the points of a study have names and are compared with one of them."""
-    return results.study.is_named and results.analysis.comparisons == BASELINE
-
-
 def what_ifs(results: Results, compared: Sequence[Comparison]) -> list[WhatIf]:
     """Each named point against its baseline, for each metric of the analysis that runs have."""
     outcomes = []
@@ -93,33 +88,27 @@ def what_ifs(results: Results, compared: Sequence[Comparison]) -> list[WhatIf]:
 
 def sure_verdict(results: Results, one: Comparison, point: Point, base: Point) -> str:
     """The verdict on a comparison; unclear if the point that seems better has lost runs."""
-    verdict = verdict_of(one, results.analysis.error)
+    verdict = verdict_of(one)
     seems_better = {BETTER: point, WORSE: base}.get(verdict)
-    if seems_better is not None and has_lost_runs(results, seems_better):
+    if seems_better is not None and has_lost_runs(results, seems_better, one.metric):
         return UNCLEAR
     return verdict
 
 
-def verdict_of(one: Comparison, error: float) -> str:
+def verdict_of(one: Comparison) -> str:
     """Whether a change makes a metric better or worse."""
-    difference = one.effect.difference
-    low, high = difference.low, difference.high
-    is_apart = low is not None and high is not None and (low > 0 or high < 0)
-    if difference.warning == NO_SPREAD_WARNING:
-        is_apart = one.adjusted < error
-    if not is_apart:
+    if not one.is_significant:
         return NO_DIFFERENCE
-    is_higher = difference.value > 0
+    is_higher = one.effect.difference.value > 0
     better = direction_of(one.metric)
     if better is None:
         return HIGHER if is_higher else LOWER
     return BETTER if is_higher == (better == "highest") else WORSE
 
 
-def has_lost_runs(results: Results, point: Point) -> bool:
-    """Whether runs of a point did not finish or failed; without them its means look too good."""
-    counts = results.counts(point)
-    return counts.censored + counts.failed > 0
+def has_lost_runs(results: Results, point: Point, metric: str) -> bool:
+    """Whether runs of a point are not in its mean of a metric, which therefore looks too good."""
+    return len(results.values(point, metric)) < results.counts(point).done
 
 
 # The first page.
@@ -253,13 +242,18 @@ def mean_cell(results: Results, point: Point, metric: str) -> str:
 
 
 def left_out_text(results: Results, one: WhatIf) -> str:
-    """The number of planned runs that a comparison cannot use; "" if it uses all."""
+    """The number of planned runs that a comparison cannot use, and the bias; "" if it uses all."""
     if one.comparison is None:
         return ""
     planned = results.study.max_replications
     lacking = planned - min(one.comparison.runs)
     what = "pair" if results.study.paired else "run"
-    return f" ({lacking:,} of {count(planned, what)} left out)" if lacking else ""
+    biases = [
+        f"; {whose} mean {bias}"
+        for whose, point in (("its", one.point), ("the baseline's", one.base))
+        if (bias := bias_of(results, point, one.metric))
+    ]
+    return f" ({lacking:,} of {count(planned, what)} left out{''.join(biases)})" if lacking else ""
 
 
 def reading_lines(results: Results, outcomes: Sequence[WhatIf]) -> Iterator[str]:
@@ -281,8 +275,8 @@ def reading_lines(results: Results, outcomes: Sequence[WhatIf]) -> Iterator[str]
         )
     if any(one.verdict == UNCLEAR for one in outcomes):
         yield (
-            f"{UNCLEAR}: runs of the point that seems better failed or did not finish; they may be its "
-            "worst."
+            f"{UNCLEAR}: the mean of the point that seems better leaves out runs that failed, did not "
+            "finish or have no such metric; they may be its worst."
         )
     few = min((min(one.runs) for one in compared), default=STUDENT_MIN_RUNS)
     if few < STUDENT_MIN_RUNS:

@@ -474,12 +474,13 @@ class Candidate:
 
     def share(self, question: Question) -> Interval:
         """The share of runs that meet the target, with an interval valid under sequential stopping."""
-        return confidence_sequence(self.met(question), len(self.runs), question.level)
+        share = confidence_sequence(self.met(question), len(self.runs), question.level)
+        return share.unless_vague()
 
     def mean(self, metric: str) -> Interval | None:
         """The mean of a metric over the finished runs; None without any."""
         values = self.values(metric)
-        return mean_interval(values).not_below_zero() if values else None
+        return mean_interval(values).unless_vague().not_below_zero() if values else None
 
 
 def meets(run: FleetRun, question: Question) -> bool:

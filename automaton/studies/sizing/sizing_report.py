@@ -19,7 +19,7 @@ from automaton.documents.report_document import (
     Text,
 )
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
-from automaton.studies.inference.intervals import Interval
+from automaton.studies.inference.intervals import TOO_FEW, Interval
 from automaton.studies.inference.proportions import expected_runs, fixed_runs, share_test
 from automaton.studies.sizing.fleet_runs import MOVES_LATE, PERCENTS_OFF, ROBOT_TICKS
 from automaton.studies.sizing.fleet_search import (
@@ -368,15 +368,16 @@ def candidates_table(search: FleetSearch, question: Question) -> Table:
 
 def between(interval: Interval) -> str:
     """A share with its interval."""
-    low, high = interval.low or 0.0, 1.0 if interval.high is None else interval.high
-    return f"{interval.value:.3f} ({low:.3f} to {high:.3f})"
+    if interval.low is None or interval.high is None:
+        return f"{interval.value:.3f} ({TOO_FEW})"
+    return f"{interval.value:.3f} ({interval.low:.3f} to {interval.high:.3f})"
 
 
 def with_half(interval: Interval) -> str:
     """A mean with its half-width, or with the ends of an interval that is cut off at 0."""
     value, low, high = interval.value, interval.low, interval.high
     if low is None or high is None:
-        return number(value)
+        return f"{number(value)} ({TOO_FEW})"
     if low == 0 and high > 2 * value:
         return f"{number(value)} (0 to {number(high)})"
     return f"{number(value)} +- {number(high - value)}"
@@ -422,7 +423,7 @@ def gain_lines(gain: MarginalGain, question: Question) -> Iterator[str]:
 def interval_text(interval: Interval) -> str:
     """A difference with its interval."""
     if interval.low is None or interval.high is None:
-        return f"{interval.value:+,.4g}"
+        return f"{interval.value:+,.4g} ({TOO_FEW})"
     return f"{interval.value:+,.4g} ({interval.low:+,.4g} to {interval.high:+,.4g})"
 
 

@@ -178,8 +178,9 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
     family: Annotated[
         Literal["metric", "study"],
         Meta(
-            description="The family of comparisons that is corrected for together. metric: the "
-            "comparisons of one metric; study: all comparisons."
+            description="The family of tests that is corrected for together. metric: the "
+            "comparisons of one metric; study: all comparisons. Those that the best point needs count "
+            "with the first metric."
         ),
     ] = "study"
     error: Annotated[

@@ -26,7 +26,13 @@ from automaton.studies.reports.first_page import Answer, answer_sentence, mean_o
 from automaton.studies.reports.metric_tables import Scenarios, summary
 from automaton.studies.reports.study_results import Results, described
 from automaton.studies.reports.what_if import is_what_if, what_if_question, what_if_records
-from automaton.studies.sweeps.study import SCENARIO_FACTOR, SERIES_COLUMN, SUMS_COLUMN, Point
+from automaton.studies.sweeps.study import (
+    PERIODS_COLUMN,
+    SCENARIO_FACTOR,
+    SERIES_COLUMN,
+    SUMS_COLUMN,
+    Point,
+)
 from automaton.tables.table_files import MAX_SHEET_ROWS, too_many_in_sheet
 
 Record = dict[str, Any]
@@ -164,8 +170,9 @@ def rows_table(table: Any) -> Any:
 
 
 def without_sums(table: Any) -> Any:
-    """A table without the sums by stretch of time, which spreadsheets cannot read."""
-    return table.select([name for name in table.column_names if name != SUMS_COLUMN])
+    """A table without sums by stretch and by period, which spreadsheets cannot read."""
+    names = [name for name in table.column_names if name not in (SUMS_COLUMN, PERIODS_COLUMN)]
+    return table.select(names)
 
 
 def columns_for_sheets(table: Any) -> dict[str, list[Any]]:

@@ -30,6 +30,7 @@ from automaton.studies.sweeps.pools import (
     FutureLike,
     SweepChunk,
     figures_of,
+    numbers_of_periods,
 )
 from automaton.studies.sweeps.result_store import (
     Copies,
@@ -54,6 +55,7 @@ from automaton.studies.sweeps.run_keys import (
 from automaton.studies.sweeps.study import Point
 from automaton.studies.sweeps.sweep_plan import SweepPlan, describe_point
 from automaton.units import count
+from automaton.world.resolved import Resolved
 
 CHUNK_S: Final = 0.3  # long enough to make sending cheap, short enough to show progress
 MAX_SWEEP_CHUNK: Final = 100  # runs
@@ -592,12 +594,12 @@ def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]
     row = figures_of(simulation, window, CountedStretches(None, stretches))
     cut = not simulation.finished and simulation.tick < limit
     if cut and resolved.scenario.ends_at_limit:
-        return seconds * limit / simulation.tick, False, row_bytes(plan, row)
-    return seconds, cut, row_bytes(plan, row)
+        return seconds * limit / simulation.tick, False, row_bytes(plan, row, resolved)
+    return seconds, cut, row_bytes(plan, row, resolved)
 
 
-def row_bytes(plan: SweepPlan, row: Row) -> int:
+def row_bytes(plan: SweepPlan, row: Row, resolved: Resolved) -> int:
     """Bytes of an uncompressed row."""
     numbers = len(row["metrics"]) + len(plan.study.factor_names) + len(row.get("series") or ())
-    numbers += sum(map(len, row.get("sums", {}).values()))
+    numbers += sum(map(len, row.get("sums", {}).values())) + numbers_of_periods(resolved)
     return TEXT_BYTES + NUMBER_BYTES * (numbers + 8)

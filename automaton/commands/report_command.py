@@ -39,6 +39,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--csv", type=Path, metavar="FILE", help=text)
     text = "write a Parquet file with all rows, for pandas, polars or DuckDB"
     add("--parquet", type=Path, metavar="FILE", help=text)
+    text = "write a CSV file with a line per point and hour (or --every)"
+    add("--periods", type=Path, metavar="FILE", help=text)
+    add(
+        "--every",
+        metavar="PERIOD",
+        help="show results by this period instead of by hour: a time such as 30min, a multiple of 15 min",
+    )
     add(
         "--floor",
         type=whole("a design point", 0),
@@ -72,7 +79,7 @@ def run(args: argparse.Namespace) -> int:
     check_files(args)
     store = Store(args.folder)
     report = read_report(store)
-    document = document_of(report, store, args.floor)
+    document = document_of(report, store, args.floor, args.every)
     wrote = write_files(args, store, report, document)
     if args.plots is not None:
         wrote += write_plots(document.blocks, args.plots)
@@ -91,6 +98,7 @@ def check_files(args: argparse.Namespace) -> None:
     from automaton.studies.reports.export import (
         COMPARISONS_BEGIN,
         PARQUET_BEGINS,
+        PERIODS_BEGIN,
         ROWS_BEGIN,
         SUMMARY_BEGINS,
     )
@@ -100,6 +108,7 @@ def check_files(args: argparse.Namespace) -> None:
         (args.parquet, PARQUET_BEGINS),
         (args.summary, SUMMARY_BEGINS),
         (args.comparisons, COMPARISONS_BEGIN),
+        (args.periods, PERIODS_BEGIN),
         (args.xlsx, WORKBOOK_BEGINS),
     ):
         if path is not None:
@@ -121,6 +130,7 @@ def write_files(
         write_rows_csv,
         write_workbook,
     )
+    from automaton.studies.reports.site_pages import period_records
     from automaton.studies.reports.study_results import measured_rows
 
     results = report.results
@@ -129,6 +139,9 @@ def write_files(
         rows, _ = measured_rows(store)
     if args.summary or args.xlsx:
         summaries = without_empty(list(summary_records(results, report.scenarios)))
+    if args.periods or args.xlsx:
+        records = period_records(results, report.scenarios, args.every)
+        periods = without_empty(list(records))
     compared = without_empty(list(comparison_records(results, report.compared)))
     if args.csv is not None:
         write_rows_csv(rows, args.csv)
@@ -142,7 +155,10 @@ def write_files(
     if args.comparisons is not None:
         write_records_csv(compared, ("metric", "point", "against", "difference"), args.comparisons)
         wrote.append(args.comparisons)
+    if args.periods is not None:
+        write_records_csv(periods, ("point", "point_name", "runs", "from"), args.periods)
+        wrote.append(args.periods)
     if args.xlsx is not None:
-        write_workbook(document, summaries, compared, rows, args.xlsx)
+        write_workbook(document, summaries, compared, periods, rows, args.xlsx)
         wrote.append(args.xlsx)
     return wrote

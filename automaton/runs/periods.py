@@ -150,7 +150,9 @@ def kept_periods(resolved: Resolved, columns: Mapping[str, Sequence[float]]) -> 
     """The periods of a run from their PERIOD_COLUMNS, without queues of single stations."""
     periods = []
     for k, begin in enumerate(columns["begin"]):
-        row = {name: values[k] if values else None for name, values in columns.items()}
+        row: dict[str, Any] = {
+            name: values[k] if values else None for name, values in columns.items()
+        }
         for name in ("stations", "chargers"):
             row[name] = () if row[name] is None else (row[name],)
         row |= {"begin": int(begin), "end": int(row["end"]), "name": moment(resolved, int(begin))}

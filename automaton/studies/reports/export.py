@@ -15,7 +15,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.atomic_write import atomic_writer
-from automaton.documents.report_document import Block, Folded, PageBreak, ReportDocument, Text
+from automaton.documents.report_document import (
+    Block,
+    Folded,
+    NumberText,
+    PageBreak,
+    ReportDocument,
+    Text,
+)
 from automaton.documents.workbook import fill_sheet, openpyxl, sheet_lines
 from automaton.printable import FORMULA_SIGNS
 from automaton.studies.inference.intervals import Interval
@@ -39,7 +46,9 @@ Record = dict[str, Any]
 ROWS_BEGIN: Final = b"key,"  # the first column
 SUMMARY_BEGINS: Final = b"point,"
 COMPARISONS_BEGIN: Final = b"metric,"
+PERIODS_BEGIN: Final = b"point,point_name,runs,"
 PARQUET_BEGINS: Final = b"PAR1"
+SHARE_COLUMNS: Final = ("mean", "low", "high", "sd", "bound", "difference")  # of a share
 SEED_COLUMN: Final = "seed"  # a number of 63 bits
 Records = Sequence[Mapping[str, Any]]
 
@@ -242,11 +251,17 @@ def write_parquet(table: Any, path: Path) -> None:
 #     summary      a line for each point and metric, in the units of the runs
 #     tables       the tables of the report, in the units of the reader
 #     comparisons  a line for each declared comparison, in the units of the runs
+#     periods      a line for each point and period, in the units of the runs
 #     rows         a line for each run
 
 
 def write_workbook(
-    document: ReportDocument, summaries: Records, compared: Records, rows: Any, path: Path
+    document: ReportDocument,
+    summaries: Records,
+    compared: Records,
+    periods: Records,
+    rows: Any,
+    path: Path,
 ) -> None:
     """Write a workbook with a report and its rows. Raises InputError, also without openpyxl."""
     book = openpyxl("workbooks are written").Workbook(write_only=True)
@@ -256,13 +271,35 @@ def write_workbook(
     columns = columns_for_sheets(rows_table(rows))
     columns.pop(SERIES_COLUMN, None)  # a list by window, longer than a cell may be
     fill_sheet(book, "answer", (line for b in document.blocks[:end] for line in sheet_lines(b)))
-    fill_sheet(book, "summary", record_lines(summaries), has_head=True)
+    fill_sheet(book, "summary", record_lines(with_percent(summaries)), has_head=True)
     fill_sheet(book, "tables", (line for b in document.blocks[end:] for line in table_lines_of(b)))
-    fill_sheet(book, "comparisons", record_lines(compared), has_head=True)
+    fill_sheet(book, "comparisons", record_lines(with_percent(compared)), has_head=True)
+    fill_sheet(book, "periods", record_lines(with_percent(periods)), has_head=True)
+    shares = {name for name in columns if described(name)[0] == "share"}
+    columns |= {name: list(map(as_percent, columns[name])) for name in shares}
     lines = [list(columns), *zip(*columns.values(), strict=True)]
     fill_sheet(book, "rows", lines, has_head=True)
     with atomic_writer(path) as file:
         book.save(file)
+
+
+def with_percent(records: Records) -> Records:
+    """The records with shares as percentages, whose cells keep their fractions."""
+    return [
+        {
+            name: as_percent(value)
+            if name.startswith(("relative", "stations", "chargers"))
+            or (record.get("unit") == "share" and name in SHARE_COLUMNS)
+            else value
+            for name, value in record.items()
+        }
+        for record in records
+    ]
+
+
+def as_percent(value: Any) -> Any:
+    """A share as a cell in percent."""
+    return NumberText(f"{100 * value:.2f} %", value) if isinstance(value, float) else value
 
 
 def record_lines(records: Records) -> Iterable[Sequence[Any]]:

@@ -1,9 +1,9 @@
-"""The first page of a report: the question, the answer with its confidence, and a picture.
+"""The first page of a report: the question, the decision, a picture, caveats, and the answer.
 
-The answer is the best point of a study, or the set of points that contains the best one. Points are
-compared if they differ by choices, such as fleet and strategies. Conditions, such as orders and floor,
-divide a study into separate questions. Points with failed, missing or unfinished runs are not compared,
-because means exclude such runs.
+The decision says what to do, and follows from the answer: the best point of a study, or the set of points
+that contains the best one. Points are compared if they differ by choices, such as fleet and strategies.
+Conditions, such as orders and floor, divide a study into separate questions. Points with failed, missing
+or unfinished runs are not compared, because means exclude such runs.
 
     point i is eliminated if it is significantly worse than the leading point b:
     mean i - mean b > t(1 - error / (k - 1)) times its standard error, one-sided
@@ -38,7 +38,7 @@ from automaton.studies.reports.comparisons import (
 from automaton.studies.reports.metric_tables import ROBOTS_FACTOR, interval_of, is_numeric, picture
 from automaton.studies.reports.study_results import Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point
-from automaton.units import count, number, percent
+from automaton.units import count, duration, number, percent
 
 Direction = Literal["lowest", "highest"]
 
@@ -68,6 +68,7 @@ CONDITIONS: Final = (
 MAX_NAMED: Final = 3  # points in a sentence
 MAX_LEVELS_NAMED: Final = 8  # of a factor
 MAX_SENTENCES: Final = 6  # answers in sentences; more appear only in the table
+COSTS: Final = (ROBOTS_FACTOR, "floor.open_stations", "floor.open_chargers")  # fewer are cheaper
 _WORSE: Final = {"lowest": "lower", "highest": "higher"}
 
 
@@ -249,26 +250,155 @@ def first_page(
     compared: Sequence[Comparison],
     notes: Sequence[str],
 ) -> Iterator[Block]:
-    """Question, answer, the best point against the baseline, a picture, and caveats."""
+    """Question, decision, a picture, caveats, and the answers with their confidence."""
     if not answers:
-        yield Heading("Answer")
-        yield Text("No answer: no run has metrics.", strong=True)
+        yield Heading("Decision")
+        yield Text("Sweep again: no run has metrics yet.", strong=True)
     else:
         yield Heading("Question")
         yield Text(question(results))
-        yield Heading("Answer")
-        lines = answer_lines(results, answers)
+        yield Heading("Decision")
+        lines = decision_lines(results, answers)
         yield Listed(lines, strong=True) if len(lines) > 1 else Text(lines[0], strong=True)
+        drawn = picture(results, answers[0].metric)
+        yield from [drawn] if drawn is not None else []
+    yield from caveats(notes)
+    if answers:
+        yield Heading("Answer", 3)
+        lines = answer_lines(results, answers)
+        yield Listed(lines) if len(lines) > 1 else Text(lines[0])
         yield Text(certainty(results, answers))
         table = answer_table(results, answers, compared)
-        drawn = picture(results, answers[0].metric)
         if table is not None:
             yield table
             yield from (Text(line) for line in table_words(results, table))
-        yield from [drawn] if drawn is not None else []
+
+
+def caveats(notes: Sequence[str]) -> Iterator[Block]:
+    """What to know before one acts on the decision."""
     if notes:
         yield Text("Caveats:")
         yield Listed(notes)
+
+
+# The decision: what to do, in a sentence.
+
+
+def decision_lines(results: Results, answers: Sequence[Answer]) -> list[str]:
+    """What to do, under each condition; only the first ones of many."""
+    lines = [
+        f"{answer.conditions}: {decision(results, answer)}"
+        if answer.conditions
+        else decision(results, answer)
+        for answer in answers[:MAX_SENTENCES]
+    ]
+    more = len(answers) - len(lines)
+    return [*lines, *([f"The table below has {more:,} more conditions."] if more else [])]
+
+
+def decision(results: Results, answer: Answer) -> str:
+    """What to do: the cheapest of the points that may be the best, or what is missing for a choice."""
+    metric, chosen, leading = answer.metric, recommended(answer), answer.leading
+    if not answer.compared:
+        return f"Make more runs: no point has two runs, all of them complete, with {metric}."
+    if len(answer.compared) == 1:
+        return (
+            f"Take {_name(results, answer.compared[0])}: no other point has usable results (mean "
+            f"{metric} {mean_text(results, answer.compared[0], metric)})."
+        )
+    if chosen is None or leading is None:
+        return (
+            f"Choose by other metrics: a low {metric} is neither better nor worse than a high one."
+        )
+    if chosen is not leading:
+        return (
+            f"{_subject(results, chosen, 'is enough', 'are enough')}: "
+            f"{_subject(results, leading, 'is', 'are')} not significantly better in {metric} "
+            f"({_difference(results, answer, chosen, leading)})."
+        )
+    name = _subject(results, chosen)
+    if answer.best is None:
+        rest = [point for point in answer.candidates if point is not chosen]
+        return (
+            f"{name}: the {answer.better} mean {metric}, {_value(results, chosen, metric)}. "
+            f"{_listed_names(results, rest)} would do as well: no significant difference."
+        )
+    others = [point for point in answer.compared if point is not chosen]
+    sign = -1 if answer.better == "highest" else 1
+    following = min(others, key=lambda point: sign * mean_of(results, point, metric))
+    return (
+        f"{name}: the {answer.better} mean {metric}, {_value(results, chosen, metric)}. Next comes "
+        f"{_subject(results, following)} ({_difference(results, answer, following, chosen)})."
+    )
+
+
+def recommended(answer: Answer) -> Point | None:
+    """Of the points that may be the best, the one with the fewest robots, stations and chargers.
+
+    The leading point, if the points do not differ in these alone.
+    """
+    leading = answer.leading
+    if leading is None:
+        return None
+
+    def beside(point: Point) -> list[tuple[str, str]]:
+        return sorted((key, repr(one)) for key, one in point.levels.items() if key not in COSTS)
+
+    alike = [point for point in answer.candidates if beside(point) == beside(leading)]
+    if any(not isinstance(p.levels.get(key, 0), int) for p in alike for key in COSTS):
+        return leading
+    return min(alike, key=lambda point: [point.levels.get(key, 0) for key in COSTS])
+
+
+def decision_points(
+    results: Results, answers: Sequence[Answer], compared: Sequence[Comparison]
+) -> list[Point]:
+    """The points that a decision is about: recommended, leading, and the opponent of the latter."""
+    points: dict[int, Point] = {}
+    for answer in answers:
+        opponent = opponent_of(results, answer, compared)
+        for point in (recommended(answer), answer.leading, opponent and opponent.point):
+            points |= {} if point is None else {point.number: point}
+    return list(points.values())
+
+
+def _subject(results: Results, point: Point, one: str = "", several: str = "") -> str:
+    """A point with a verb: "6 robots are", "routing b is"."""
+    name = _name(results, point)
+    robots = name.removeprefix("robots ")
+    if robots != name and robots.isdecimal():
+        return f"{count(int(robots), 'robot')} {one if robots == '1' else several}".strip()
+    return f"{name} {one}".strip()
+
+
+def _listed_names(results: Results, points: Sequence[Point]) -> str:
+    """The names of points, at most MAX_NAMED."""
+    names = [_subject(results, point) for point in points[:MAX_NAMED]]
+    more = len(points) - len(names)
+    return " or ".join([*names, *([f"{more:,} more"] if more else [])])
+
+
+def _value(results: Results, point: Point, metric: str) -> str:
+    """The mean of a point with its unit."""
+    scale = results.scale(metric)
+    return f"{number(mean_of(results, point, metric) * scale.factor)} {scale.unit}"
+
+
+def _difference(results: Results, answer: Answer, point: Point, other: Point) -> str:
+    """The mean of a point, and how it differs from the mean of another: "4.25 min, 9 s more"."""
+    metric = answer.metric
+    value, base = (mean_of(results, one, metric) for one in (point, other))
+    scale, off = results.scale(metric), value - base
+    amount, unit = abs(off) * scale.factor, scale.unit
+    if described(metric)[0] == "ticks":
+        amount, unit = duration(abs(off), results.units.tick)
+    elif unit == "%":
+        unit = "percentage points"
+    relative = f", {100 * off / base:+.1f} %" if base else ""
+    return (
+        f"{_value(results, point, metric)} instead of {_value(results, other, metric)}: "
+        f"{number(amount)} {unit} {'more' if off > 0 else 'less'}{relative}"
+    )
 
 
 def question(results: Results) -> str:
@@ -277,9 +407,10 @@ def question(results: Results) -> str:
     conditions = condition_factors(results)
     choices = [name for name in varied_columns(study) if name not in conditions]
     varied = _listing(results, choices)
-    what = f"What is the mean {metric}{f' by {varied}' if varied else ''}"
+    unit = results.scale(metric).unit
+    what = f"What is the mean {metric} in {unit}{f' by {varied}' if varied else ''}"
     if (better := direction_of(metric)) and len(study.points) > 1:
-        what = f"Which of {varied} gives the {better} mean {metric}"
+        what = f"Which of {varied} gives the {better} mean {metric} in {unit}"
     each = f", for each {_listing(results, conditions)}" if conditions else ""
     _, meaning = described(metric)
     runs = f"{count(len(study.points), 'point')} with {count(study.max_replications, 'run')} each"
@@ -417,7 +548,7 @@ def mean_text(results: Results, point: Point, metric: str) -> str:
         return "-"
     scale = results.scale(metric)
     shown = scale.of(interval)
-    unit = "" if scale.unit == "share" else f" {scale.unit}"
+    unit = f" {scale.unit}"
     if shown.low is None or shown.high is None:
         return f"{number(shown.value)}{unit}"
     return f"{number(shown.value)}{unit}, {number(shown.low)} to {number(shown.high)}"

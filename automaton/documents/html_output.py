@@ -262,7 +262,7 @@ def map_svg(heat: HeatMap) -> str:
     high, wide = field.shape
     most = float(field[np.isfinite(field)].max(initial=0))
     cell = max(3, min(WIDEST_CELL, MAP_WIDTH // wide, MAP_HEIGHT // high))
-    width = MAP_LEFT + max(wide * cell, SCALE_STEP * len(SCALE_STEPS)) + SWATCH
+    width = MAP_LEFT + max(wide * cell, SCALE_STEP * len(SCALE_STEPS)) + MAP_LEFT
     bottom = SWATCH + high * cell
     parts = [svg_open(width, bottom + 4 * SWATCH, heat.title)]
     for (row, column), value in np.ndenumerate(field):
@@ -275,7 +275,7 @@ def map_svg(heat: HeatMap) -> str:
         parts.append(svg_text(MAP_LEFT + x * pixels, bottom + 14, number(x), "middle"))
     for y in round_marks(0, rows * heat.side):
         parts.append(svg_text(MAP_LEFT - 6, SWATCH + y * pixels + 4, number(y), "end"))
-    parts.append(svg_text(MAP_LEFT - 6, bottom + 14, heat.axis, "end"))
+    parts.append(svg_text(MAP_LEFT + wide * cell + 14, bottom + 14, heat.axis, "start"))
     for place, part in enumerate(SCALE_STEPS if most else ()):
         at, below = MAP_LEFT + SCALE_STEP * place, bottom + 2 * SWATCH
         parts.append(
@@ -357,6 +357,9 @@ svg text { font: 12px system-ui, sans-serif; fill: #333 }
   .page-end ~ .drawing svg text { font-size: 12px }
   .drawing.map svg { max-height: 115mm }
   .drawing.site svg { max-height: 42mm }
+  .drawing.panels { break-inside: auto }
+  .panels figure { break-inside: avoid }
+  .drawing.map svg text { font-size: 16px }
   .drawing.panels figure svg { max-height: none; width: 100% }
   .drawing.panels > svg { max-height: none }
   pre { white-space: pre-wrap; overflow-wrap: anywhere }

@@ -30,7 +30,13 @@ from automaton.studies.reports.comparisons import (
     point_name,
     stopping_remarks,
 )
-from automaton.studies.reports.first_page import Answer, answers, decision_points, first_page
+from automaton.studies.reports.first_page import (
+    Answer,
+    answer_section,
+    answers,
+    decision_points,
+    first_page,
+)
 from automaton.studies.reports.metric_tables import (
     Scenarios,
     curves,
@@ -91,7 +97,7 @@ def document_of(
         first = what_if_page(results, report.compared, report.notes)
         points = [results.points[n] for n in what_if_points(results, report.compared)]
     else:
-        first = first_page(results, report.answers, report.compared, report.notes)
+        first = first_page(results, report.answers, report.notes)
         points = decision_points(results, report.answers, report.compared)
     document.add(*first, PageBreak())
     document.add(*(changes_section(study) if is_what_if(results) else ()))
@@ -110,6 +116,7 @@ def add_comparisons(document: ReportDocument, report: StudyReport) -> None:
     if is_what_if(results):
         document.add(*what_if_section(results, report.compared))
     else:
+        document.add(*answer_section(results, report.answers, report.compared))
         document.add(*comparison_section(results, report.compared))
     if not results.study.is_named:
         document.add(*effects_section(results))

@@ -36,7 +36,7 @@ from automaton.studies.reports.comparisons import (
     varied_factors,
 )
 from automaton.studies.reports.metric_tables import ROBOTS_FACTOR, interval_of, is_numeric, picture
-from automaton.studies.reports.study_results import Results, described
+from automaton.studies.reports.study_results import PERCENT, Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point
 from automaton.units import count, duration, number, percent
 
@@ -245,12 +245,9 @@ class Opponent(NamedTuple):
 
 
 def first_page(
-    results: Results,
-    answers: Sequence[Answer],
-    compared: Sequence[Comparison],
-    notes: Sequence[str],
+    results: Results, answers: Sequence[Answer], notes: Sequence[str]
 ) -> Iterator[Block]:
-    """Question, decision, a picture, caveats, and the answers with their confidence."""
+    """Question, decision, the answers with their confidence, a picture, and caveats."""
     if not answers:
         yield Heading("Decision")
         yield Text("Sweep again: no run has metrics yet.", strong=True)
@@ -258,20 +255,28 @@ def first_page(
         yield Heading("Question")
         yield Text(question(results))
         yield Heading("Decision")
-        lines = decision_lines(results, answers)
-        yield Listed(lines, strong=True) if len(lines) > 1 else Text(lines[0], strong=True)
+        yield from sentences(decision_lines(results, answers), strong=True)
+        yield from sentences(answer_lines(results, answers))
+        yield Text(certainty(results, answers))
         drawn = picture(results, answers[0].metric)
         yield from [drawn] if drawn is not None else []
     yield from caveats(notes)
-    if answers:
-        yield Heading("Answer", 3)
-        lines = answer_lines(results, answers)
-        yield Listed(lines) if len(lines) > 1 else Text(lines[0])
-        yield Text(certainty(results, answers))
-        table = answer_table(results, answers, compared)
-        if table is not None:
-            yield table
-            yield from (Text(line) for line in table_words(results, table))
+
+
+def answer_section(
+    results: Results, answers: Sequence[Answer], compared: Sequence[Comparison]
+) -> Iterator[Block]:
+    """The leading points against the baseline or the next best, in a table."""
+    table = answer_table(results, answers, compared)
+    if table is not None:
+        yield Heading("Leading points")
+        yield table
+        yield from (Text(line) for line in table_words(results, table))
+
+
+def sentences(lines: Sequence[str], strong: bool = False) -> Iterator[Block]:
+    """One paragraph, or a list of several."""
+    yield Listed(lines, strong=strong) if len(lines) > 1 else Text(lines[0], strong=strong)
 
 
 def caveats(notes: Sequence[str]) -> Iterator[Block]:
@@ -310,26 +315,25 @@ def decision(results: Results, answer: Answer) -> str:
         return (
             f"Choose by other metrics: a low {metric} is neither better nor worse than a high one."
         )
+    edges = " ".join(edge_sentences(results, answer))
     if chosen is not leading:
+        with_leading = _subject(results, leading)
         return (
-            f"{_subject(results, chosen, 'is enough', 'are enough')}: "
-            f"{_subject(results, leading, 'is', 'are')} not significantly better in {metric} "
-            f"({_difference(results, answer, chosen, leading)})."
-        )
-    name = _subject(results, chosen)
+            f"{_subject(results, chosen, 'is enough', 'are enough')}: mean {metric} "
+            f"{_beside(results, answer, chosen, leading)} than {with_leading}, which is no significant "
+            f"difference. {edges}"
+        ).strip()
+    best = f"{_subject(results, chosen)}: the {answer.better} mean {metric}, "
+    best += _value(results, chosen, metric)
     if answer.best is None:
         rest = [point for point in answer.candidates if point is not chosen]
-        return (
-            f"{name}: the {answer.better} mean {metric}, {_value(results, chosen, metric)}. "
-            f"{_listed_names(results, rest)} would do as well: no significant difference."
-        )
+        would_do = f"{_listed_names(results, rest)} would do as well: no significant difference."
+        return f"{best}. {would_do} {edges}".strip()
     others = [point for point in answer.compared if point is not chosen]
     sign = -1 if answer.better == "highest" else 1
     following = min(others, key=lambda point: sign * mean_of(results, point, metric))
-    return (
-        f"{name}: the {answer.better} mean {metric}, {_value(results, chosen, metric)}. Next comes "
-        f"{_subject(results, following)} ({_difference(results, answer, following, chosen)})."
-    )
+    next_best = f"{_subject(results, following)}, {_beside(results, answer, following, chosen)}"
+    return f"{best}; next: {next_best}. {edges}".strip()
 
 
 def recommended(answer: Answer) -> Point | None:
@@ -384,21 +388,19 @@ def _value(results: Results, point: Point, metric: str) -> str:
     return f"{number(mean_of(results, point, metric) * scale.factor)} {scale.unit}"
 
 
-def _difference(results: Results, answer: Answer, point: Point, other: Point) -> str:
-    """The mean of a point, and how it differs from the mean of another: "4.25 min, 9 s more"."""
+def _beside(results: Results, answer: Answer, point: Point, other: Point) -> str:
+    """The mean of a point, and its difference from another: "4.25 min, 9 s more (+3.6 %)"."""
     metric = answer.metric
     value, base = (mean_of(results, one, metric) for one in (point, other))
     scale, off = results.scale(metric), value - base
     amount, unit = abs(off) * scale.factor, scale.unit
     if described(metric)[0] == "ticks":
         amount, unit = duration(abs(off), results.units.tick)
-    elif unit == "%":
+    elif scale is PERCENT:
         unit = "percentage points"
-    relative = f", {100 * off / base:+.1f} %" if base else ""
-    return (
-        f"{_value(results, point, metric)} instead of {_value(results, other, metric)}: "
-        f"{number(amount)} {unit} {'more' if off > 0 else 'less'}{relative}"
-    )
+    relative = f" ({100 * off / base:+.1f} %)" if base and scale is not PERCENT else ""
+    more = "more" if off > 0 else "less"
+    return f"{_value(results, point, metric)}, {number(amount)} {unit} {more}{relative}"
 
 
 def question(results: Results) -> str:
@@ -446,8 +448,7 @@ def answer_lines(results: Results, answers: Sequence[Answer]) -> list[str]:
 def answer_sentence(results: Results, answer: Answer) -> str:
     """The answer about the best point, with its confidence."""
     start = f"{answer.conditions}: " if answer.conditions else ""
-    edges = edge_sentences(results, answer)
-    return start + " ".join([_verdict(results, answer), *edges, *_limits(results, answer)])
+    return start + " ".join([_verdict(results, answer), *_limits(results, answer)])
 
 
 def _verdict(results: Results, answer: Answer) -> str:

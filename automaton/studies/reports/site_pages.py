@@ -61,8 +61,9 @@ MAX_HOURLY_POINTS: Final = 4
 MAX_DEADLOCKED: Final = 4  # points in a sentence
 SECTIONS: Final = (
     *("units", "fleet", "durations", "orders", "pods", "stations", "battery", "faults", "areas"),
-    *("floor", "strategy", "world", "information", "stop", "measure", "refine", "decide"),
+    *("floor", "strategy", "world", "stop", "measure"),
 )
+LEAST_ERROR: Final = 0.01  # of a rounded value, from which it is printed
 WITH_DEFAULTS: Final = ("durations", "strategy")  # sections of which all values are shown
 PLACES: Final = ("at", "queue", "start", "list")  # cells of the floor, which the picture shows
 UNMARKED: Final = ("wall", "floor", "track", "turntable")  # kinds of cells that are not counted
@@ -117,14 +118,13 @@ def input_rows(points: Sequence[Resolved]) -> list[list[str]]:
     kinds = [(kind.name, int((plan.kind == kind.code).sum())) for kind in CELL_KINDS]
     rows = [["floor", size_text(points[0])]]
     rows += [[f"cells: {name}", f"{n:,}"] for name, n in kinds if n and name not in UNMARKED]
-    values: dict[str, list[str]] = {}
-    for inputs in map(inputs_of, points):
-        for key, text in inputs.items():
-            known = values.setdefault(key, [])
-            if text not in known:
-                known.append(text)
-    for key, texts in values.items():
-        rows.append([key, texts[0] if len(texts) == 1 else f"varied: {', '.join(texts)}"])
+    every = [inputs_of(resolved) for resolved in points]
+    keys = dict.fromkeys(key for inputs in every for key in inputs)
+    for key in sorted(keys, key=lambda key: SECTIONS.index(key.partition(".")[0])):
+        texts = list(dict.fromkeys(inputs[key] for inputs in every if key in inputs))
+        varied = "varied: " if len(texts) > 1 else ""
+        some = "" if all(key in inputs for inputs in every) else "at some points: "
+        rows.append([key, f"{some or varied}{', '.join(texts)}"])
     return rows
 
 
@@ -134,7 +134,7 @@ def inputs_of(resolved: Resolved) -> dict[str, str]:
     texts = {one.key: one.text for one in resolved.conversions}
     tick = units_of(resolved)[0]
     for one in roundings(resolved):
-        if one.exact != one.value:
+        if not one.conversion.is_moment and abs(one.error) >= LEAST_ERROR:
             texts[one.conversion.key] += f" (simulated {one.difference(tick)})"
     ticks = tick_keys(scenario)
     inputs = {}
@@ -151,18 +151,26 @@ def inputs_of(resolved: Resolved) -> dict[str, str]:
 
 def settings_in(value: Any, key: str) -> Iterator[tuple[str, Any]]:
     """The settings of a section with their keys, without defaults."""
-    if isinstance(value, msgspec.Struct):
+    if is_struct(value):
         for field in msgspec.structs.fields(value):
             inner = getattr(value, field.name)
             if field.encode_name not in PLACES and (
                 key in WITH_DEFAULTS or inner != default_of(field)
             ):
                 yield from settings_in(inner, f"{key}.{field.encode_name}")
-    elif isinstance(value, Mapping) and key not in WITH_DEFAULTS and "name" not in value:
+    elif isinstance(value, Mapping) and "name" not in value:
         for name, inner in value.items():
             yield from settings_in(inner, f"{key}.{name}")
+    elif isinstance(value, tuple) and 0 < len(value) <= MAX_ENTRIES and is_struct(value[0]):
+        for place, inner in enumerate(value):
+            yield from settings_in(inner, f"{key}[{place}]")
     elif value not in (None, "", "none", (), {}):
         yield key, value
+
+
+def is_struct(value: Any) -> bool:
+    """Whether a value is a section of a scenario."""
+    return isinstance(value, msgspec.Struct)
 
 
 def default_of(field: Any) -> Any:
@@ -176,7 +184,12 @@ def value_text(value: Any) -> str:
     """A setting as in a file; of a long list, the number of its entries."""
     if isinstance(value, Sequence) and not isinstance(value, str) and len(value) > MAX_ENTRIES:
         return count(len(value), "entry", "entries")
-    return setting_text(msgspec.to_builtins(value))
+    if isinstance(value, Mapping):
+        return ", ".join(
+            str(one) if key == "name" else f"{key} {one}" for key, one in value.items()
+        )
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    return number(value) if is_number else setting_text(msgspec.to_builtins(value))
 
 
 def with_equal_joined(inputs: Mapping[str, str], names: Iterable[str]) -> dict[str, str]:
@@ -214,7 +227,8 @@ def hours_section(
     first = scenarios[found[0][0].number]
     has = {name for name in OPTIONAL_COLUMNS if results.has(name)}
     flow = flow_name(first)
-    yield Heading("Results by hour" if every is None else f"Results by {every}")
+    length = time_text(found[0][1][0].ticks, units_of(first)[0])
+    yield Heading(f"Results by {'hour' if length in ('1 h', '60 min') else length}")
     yield Text(
         f"Means over the complete runs of the points of the decision: {flow} done {rate_unit(first)}, "
         f"{flow} open at the end of a period, numbers of robots, and the share of time in which "
@@ -267,7 +281,8 @@ def runs_by_period(
     ticks = ticks_of_period(resolved, every)
     if every is None:
         longest = max((run[-1].end for run in runs), default=0)
-        ticks *= -(-longest // (ticks * MAX_PERIODS_SHOWN)) or 1
+        many = -(-longest // (ticks * MAX_PERIODS_SHOWN)) or 1
+        ticks = ticks * many if longest >= 2 * ticks else kept
     if ticks % kept:
         shortest = time_text(kept, units_of(resolved)[0])
         raise InputError(
@@ -369,7 +384,7 @@ def floor_maps(
     ticks = (
         f"{simulation.tick:,} ticks" if not after else f"ticks {after + 1:,} to {simulation.tick:,}"
     )
-    note = f"one run, seed {seed}, {ticks}"
+    note = f"One run, seed {seed}, {ticks}"
     if simulation.digest != digest:
         note += "; the current code gives a different result than the study"
     zone = grid.traffic_zone.max(axis=1)

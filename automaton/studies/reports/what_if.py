@@ -39,7 +39,7 @@ from automaton.studies.reports.comparisons import (
 )
 from automaton.studies.reports.first_page import caveats, direction_of, mean_of
 from automaton.studies.reports.metric_tables import MAX_CURVES, figure
-from automaton.studies.reports.study_results import Results, described
+from automaton.studies.reports.study_results import PERCENT, Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point, Study
 from automaton.units import count, percent
 
@@ -240,10 +240,10 @@ def change_text(results: Results, one: WhatIf) -> str:
     """A significant difference: "lead_time -12.3 %", or in the unit of the metric."""
     assert one.comparison is not None
     share, scale = relative_ends(results, one)[0], results.scale(one.metric)
-    if not math.isnan(share) and scale.unit != "%":
+    if not math.isnan(share) and scale is not PERCENT:
         return f"{one.metric} {share:+.1f} %"
     value = one.comparison.effect.difference.value * scale.factor
-    unit = "percentage points" if scale.unit == "%" else scale.unit
+    unit = "percentage points" if scale is PERCENT else scale.unit
     return f"{one.metric} {value:+,.4g} {unit}"
 
 
@@ -273,7 +273,8 @@ def what_if_row(results: Results, one: WhatIf) -> list[str]:
     if one.comparison is not None:
         cells = difference_cells(one.comparison.effect.difference, results.scale(one.metric))
         share, *_ = relative_ends(results, one)
-        relative = "-" if math.isnan(share) else NumberText(f"{share:+.1f} %", share / 100)
+        is_relative = not math.isnan(share) and results.scale(one.metric) is not PERCENT
+        relative = "-" if not is_relative else NumberText(f"{share:+.1f} %", share / 100)
     mean = mean_cell(results, one.point, one.metric)
     return [one.point.name, mean, *cells, relative, one.verdict + left_out_text(results, one)]
 
@@ -343,6 +344,8 @@ def what_if_picture(results: Results, outcomes: Sequence[WhatIf]) -> Curves | No
         return None
     hidden = len(pairs) - len(lines)
     title = f"difference from {results.analysis.baseline}"
+    if any(results.scale(metric) is PERCENT for metric in metrics):
+        title += ", of shares in percentage points"
     title += f", {hidden} more not shown" if hidden else ""
     return Curves(title, "metric", "%", lines, x_names=metrics, from_zero=True)
 
@@ -353,8 +356,17 @@ def picture_line(
     """The relative differences of a point, by metric."""
     own = [one for one in outcomes if one.point.number == point.number]
     x = [float(metrics.index(one.metric)) for one in own]
-    ends = zip(*(relative_ends(results, one) for one in own), strict=True)
+    ends = zip(*(drawn_ends(results, one) for one in own), strict=True)
     return ReportCurve(point_name(results.study, point), x, *map(list, ends))
+
+
+def drawn_ends(results: Results, one: WhatIf) -> tuple[float, float, float]:
+    """A difference and the ends of its interval as drawn: relative, but of shares in points."""
+    if one.comparison is None or results.scale(one.metric) is not PERCENT:
+        return relative_ends(results, one)
+    shown = PERCENT.of(one.comparison.effect.difference)
+    low, high = (math.nan if end is None else end for end in (shown.low, shown.high))
+    return shown.value, low, high
 
 
 def relative_ends(results: Results, one: WhatIf) -> tuple[float, float, float]:

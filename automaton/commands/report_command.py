@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     if has_text:
         from automaton.studies.reports.export import as_json
 
-        output.write(lambda: document, lambda: as_json(report))
+        output.write(lambda: document, lambda: as_json(report, args.every))
     return 0
 
 

@@ -329,8 +329,10 @@ td.n, th.l.n { white-space: nowrap }
 pre { background: #f4f4f2; padding: .7rem; overflow-x: auto }
 summary { cursor: pointer; font-weight: 600 }
 .drawing { margin: .8rem 0 }
-.site svg { max-height: 240px }
-.site p { margin: .2rem 0 0; font-size: .9rem; color: #555 }
+.site { float: right; width: 36%; margin: 0 0 .6rem 1.5rem; text-align: right }
+.site svg { max-height: 200px }
+.site p { margin: .2rem 0 0; font-size: .85rem; color: #555 }
+.answer { clear: both }
 .panels figure { display: inline-block; width: 31%; margin: .3rem 1.5% .3rem 0; vertical-align: top }
 .panels figcaption { font-size: .9rem; font-weight: 600 }
 .panels figure svg { width: 100%; height: auto; max-height: none }
@@ -345,18 +347,18 @@ svg text { font: 12px system-ui, sans-serif; fill: #333 }
   th, td { padding-right: .5rem }
   thead { display: table-header-group }
   tr, .drawing, svg, .answer, .short { break-inside: avoid }
-  h1, h2, h3, h4, p:has(+ .wide) { break-after: avoid }
+  h1, h2, h3, h4, p:has(+ .wide), p:has(+ div > ul) { break-after: avoid }
   .wide { overflow-x: visible }
   .turned { page: turned }
   .turned table { font-size: 8pt; width: 100% }
   .turned td, .turned th { padding-right: .35rem }
   .page-end { break-after: page }
-  svg { max-height: 74mm; width: auto }
+  svg { max-height: 70mm; width: auto }
   svg text { font-size: 13.5px }
   .page-end ~ .drawing svg { max-height: 104mm }
   .page-end ~ .drawing svg text { font-size: 12px }
   .drawing.map svg { max-height: 115mm }
-  .drawing.site svg { max-height: 42mm }
+  .drawing.site svg { max-height: 38mm }
   .drawing.panels { break-inside: auto }
   .panels figure { break-inside: avoid }
   .drawing.map svg text { font-size: 16px }

@@ -34,7 +34,7 @@ from automaton.scenario.unavailable_metrics import not_measured, warm_up_of
 from automaton.strategy import lookup
 from automaton.studies.inference.intervals import Effect, Interval, effect, mean_interval
 from automaton.studies.process_pool import PersistentPool, RunResult
-from automaton.studies.reports.first_page import direction_of
+from automaton.studies.reports.metric_tables import direction_of
 from automaton.studies.sweeps.run_keys import replication_seeds
 from automaton.units import count
 from automaton.world.resolve import Resolved, resolve

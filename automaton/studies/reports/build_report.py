@@ -87,6 +87,17 @@ def document_of(
     Raises InputError for floors that cannot be drawn, and for periods that runs do not have.
     """
     results, scenarios = report.results, report.scenarios
+    document = opening_of(report, every)
+    add_floors(document, results, scenarios, floors, report.lacking)
+    add_comparisons(document, report)
+    document.add(*design(results, scenarios), Text(numbered_points(results.study)))
+    add_repeat(document, store)
+    return document
+
+
+def opening_of(report: StudyReport, every: str | None = None) -> ReportDocument:
+    """The first page, what was asked in detail, and the results by hour. Raises InputError."""
+    results, scenarios = report.results, report.scenarios
     study = results.study
     document = ReportDocument(study.name)
     document.add(Heading(study.name, 1), *site_picture(results, scenarios))
@@ -103,10 +114,6 @@ def document_of(
     document.add(*(changes_section(study) if is_what_if(results) else ()))
     document.add(*inputs_section(results, scenarios))
     document.add(*hours_section(results, scenarios, points or results.points, every))
-    add_floors(document, results, scenarios, floors, report.lacking)
-    add_comparisons(document, report)
-    document.add(*design(results, scenarios), Text(numbered_points(study)))
-    add_repeat(document, store)
     return document
 
 

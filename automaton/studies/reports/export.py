@@ -29,8 +29,16 @@ from automaton.studies.inference.intervals import Interval
 from automaton.studies.reports.build_report import StudyReport
 from automaton.studies.reports.comparison_tables import factor_effects
 from automaton.studies.reports.comparisons import Comparison, point_name
-from automaton.studies.reports.first_page import Answer, answer_sentence, mean_of, question
+from automaton.studies.reports.first_page import (
+    Answer,
+    answer_sentence,
+    decision,
+    mean_of,
+    question,
+    recommended,
+)
 from automaton.studies.reports.metric_tables import Scenarios, summary
+from automaton.studies.reports.site_pages import period_records
 from automaton.studies.reports.study_results import Results, described
 from automaton.studies.reports.what_if import is_what_if, what_if_question, what_if_records
 from automaton.studies.sweeps.study import (
@@ -146,6 +154,8 @@ def answer_records(
             "conditions": answer.conditions,
             "metric": answer.metric,
             "better": answer.better,
+            "decision": decision(results, answer),
+            "recommended": None if (point := recommended(answer)) is None else point.number,
             "sentence": sentence,
             "certainty": 1 - results.analysis.error,  # of all answers together
             "best": None if best is None else best.number,
@@ -319,8 +329,11 @@ def table_lines_of(block: Block) -> list[Sequence[Any]]:
 # One JSON object.
 
 
-def as_json(report: StudyReport) -> dict[str, Any]:
-    """The report as printed by `automaton report --json`; missing values are null."""
+def as_json(report: StudyReport, every: str | None = None) -> dict[str, Any]:
+    """The report as printed by `automaton report --json`; missing values are null.
+
+    `every`: the period of results by hour. Raises InputError.
+    """
     results = report.results
     study, analysis = results.study, results.analysis
     is_compared = is_what_if(results)
@@ -347,6 +360,7 @@ def as_json(report: StudyReport) -> dict[str, Any]:
             for point in results.points
         ],
         "metrics": list(summary_records(results, report.scenarios)),
+        "periods": list(period_records(results, report.scenarios, every)),
         "effects": list(effect_records(results)),
         "comparisons": list(comparison_records(results, report.compared)),
         "what_if": list(what_if_records(results, report.compared)) if is_compared else [],

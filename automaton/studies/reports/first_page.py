@@ -16,7 +16,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Final, Literal, NamedTuple
+from typing import Final, NamedTuple
 
 from automaton.documents.report_document import Block, Heading, Listed, NumberText, Table, Text
 from automaton.studies.inference.intervals import (
@@ -35,26 +35,18 @@ from automaton.studies.reports.comparisons import (
     varied_columns,
     varied_factors,
 )
-from automaton.studies.reports.metric_tables import ROBOTS_FACTOR, interval_of, is_numeric, picture
+from automaton.studies.reports.metric_tables import (
+    ROBOTS_FACTOR,
+    Direction,
+    direction_of,
+    interval_of,
+    is_numeric,
+    picture,
+)
 from automaton.studies.reports.study_results import PERCENT, Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point
 from automaton.units import count, duration, number, percent
 
-Direction = Literal["lowest", "highest"]
-
-HIGHER_IS_BETTER: Final = frozenset((
-    "delivered", "throughput", "throughput_per_robot", "lines_done", "lines_per_visit",
-    "parts_finished", "min_charge", "balanced_share", "ticks_per_second",
-))  # fmt: skip
-LOWER_IS_BETTER: Final = frozenset((
-    "makespan", "ticks", "operations", "operations_per_robot", "empty_moves_share",
-    "empty_operations_share", "empty_ticks_share", "ticks_per_operation", "legs_per_order",
-    "blocked_share", "task_time", "delay", "delay_p95", "slowdown_ticks", "retreats", "lead_time",
-    "lead_time_p95", "lead_time_p99", "lead_time_max", "late_share", "tardiness", "tardiness_p95",
-    "tardiness_p99", "oldest_order", "starved_robots", "energy", "repair_energy",
-    "battery_depletions", "breakdowns", "towed", "downtime", "delayed_share", "distance",
-    "part_flow_time", "messages", "illegal_answers", "deadlocks_resolved",
-))  # fmt: skip
 CONDITIONS: Final = (
     SCENARIO_FACTOR,
     "layout",
@@ -70,15 +62,6 @@ MAX_LEVELS_NAMED: Final = 8  # of a factor
 MAX_SENTENCES: Final = 6  # answers in sentences; more appear only in the table
 COSTS: Final = (ROBOTS_FACTOR, "floor.open_stations", "floor.open_chargers")  # fewer are cheaper
 _WORSE: Final = {"lowest": "lower", "highest": "higher"}
-
-
-def direction_of(metric: str) -> Direction | None:
-    """Whether the lowest or the highest mean of a metric is best; None if neither is."""
-    if metric in HIGHER_IS_BETTER:
-        return "highest"
-    if metric in LOWER_IS_BETTER or metric.startswith("lost_"):
-        return "lowest"
-    return None
 
 
 # The best point, or the set of points that contains it.
@@ -329,11 +312,19 @@ def decision(results: Results, answer: Answer) -> str:
         rest = [point for point in answer.candidates if point is not chosen]
         would_do = f"{_listed_names(results, rest)} would do as well: no significant difference."
         return f"{best}. {would_do} {edges}".strip()
-    others = [point for point in answer.compared if point is not chosen]
+    following = next_best(results, answer)
+    assert following is not None
+    after = f"{_subject(results, following)}, {_beside(results, answer, following, chosen)}"
+    return f"{best}; next: {after}. {edges}".strip()
+
+
+def next_best(results: Results, answer: Answer) -> Point | None:
+    """The point with the best mean but one; None without a leading point."""
+    others = [point for point in answer.compared if point is not answer.leading]
     sign = -1 if answer.better == "highest" else 1
-    following = min(others, key=lambda point: sign * mean_of(results, point, metric))
-    next_best = f"{_subject(results, following)}, {_beside(results, answer, following, chosen)}"
-    return f"{best}; next: {next_best}. {edges}".strip()
+    if answer.leading is None or not others:
+        return None
+    return min(others, key=lambda point: sign * mean_of(results, point, answer.metric))
 
 
 def recommended(answer: Answer) -> Point | None:
@@ -357,11 +348,12 @@ def recommended(answer: Answer) -> Point | None:
 def decision_points(
     results: Results, answers: Sequence[Answer], compared: Sequence[Comparison]
 ) -> list[Point]:
-    """The points that a decision is about: recommended, leading, and the opponent of the latter."""
+    """The points that a decision is about: recommended, leading, its opponent, and the next best."""
     points: dict[int, Point] = {}
     for answer in answers:
         opponent = opponent_of(results, answer, compared)
-        for point in (recommended(answer), answer.leading, opponent and opponent.point):
+        own = [recommended(answer), answer.leading, opponent and opponent.point]
+        for point in (*own, next_best(results, answer)):
             points |= {} if point is None else {point.number: point}
     return list(points.values())
 
@@ -611,13 +603,11 @@ def opponent_of(
             if one.metric == metric and one.a.number == leading.number:
                 return Opponent(one.b, one.effect, one.adjusted)
         return None
-    others = [point for point in answer.compared if point.number != leading.number]
-    if not others:
+    other = next_best(results, answer)
+    if other is None:
         return None
-    sign = -1 if answer.better == "highest" else 1
-    next_best = min(others, key=lambda point: sign * mean_of(results, point, metric))
-    x, y = compared_runs(results, leading, next_best, metric)
+    x, y = compared_runs(results, leading, other, metric)
     if min(len(x), len(y)) < 2:
         return None
     tested = effect(list(x.values()), list(y.values()), results.study.paired, answer.level)
-    return Opponent(next_best, tested, None)
+    return Opponent(other, tested, None)

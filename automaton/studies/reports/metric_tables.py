@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Final, NamedTuple
+from typing import Final, Literal, NamedTuple
 
 import numpy as np
 
@@ -55,6 +55,22 @@ from automaton.units import count, number, percent, ticks_and_time
 from automaton.world.bounds import bounds, least_ticks
 from automaton.world.resolved import Resolved
 
+Direction = Literal["lowest", "highest"]
+
+HIGHER_IS_BETTER: Final = frozenset((
+    "delivered", "throughput", "throughput_per_robot", "lines_done", "lines_per_visit",
+    "parts_finished", "min_charge", "balanced_share", "ticks_per_second",
+))  # fmt: skip
+LOWER_IS_BETTER: Final = frozenset((
+    "makespan", "ticks", "operations", "operations_per_robot", "empty_moves_share",
+    "empty_operations_share", "empty_ticks_share", "ticks_per_operation", "legs_per_order",
+    "blocked_share", "task_time", "delay", "delay_p95", "slowdown_ticks", "retreats", "lead_time",
+    "lead_time_p95", "lead_time_p99", "lead_time_max", "late_share", "tardiness", "tardiness_p95",
+    "tardiness_p99", "oldest_order", "starved_robots", "energy", "repair_energy",
+    "battery_depletions", "breakdowns", "towed", "downtime", "delayed_share", "distance",
+    "part_flow_time", "messages", "illegal_answers", "deadlocks_resolved", "deadlocks",
+    "deadlock_time", "longest_standstill", "station_queue_share", "charger_queue_share",
+))  # fmt: skip
 MAX_SAME_RUNS_NAMED: Final = 6  # pairs of points
 Scenarios = Mapping[int, Resolved]  # by number of the point; points without a file are missing
 RUN_HEADS = ("runs", "unfinished", "failed")
@@ -101,6 +117,15 @@ def interval_of(results: Results, metric: str, values: Sequence[float]) -> Inter
 def is_ours(metric: str) -> bool:
     """Whether a metric is built in; such metrics are never negative."""
     return metric in METRIC_CATALOGUE or metric in RUN_METRICS
+
+
+def direction_of(metric: str) -> Direction | None:
+    """Whether the lowest or the highest mean of a metric is best; None if neither is."""
+    if metric in HIGHER_IS_BETTER:
+        return "highest"
+    if metric in LOWER_IS_BETTER or metric.startswith("lost_"):
+        return "lowest"
+    return None
 
 
 def bound(scenarios: Scenarios, point: Point, metric: str) -> float | None:

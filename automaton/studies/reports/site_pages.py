@@ -215,7 +215,7 @@ def hours_section(
     found = [
         (point, periods)
         for point in points[:MAX_HOURLY_POINTS]
-        if len(periods := mean_periods(results, scenarios, point, every)) > 1
+        if len(periods := mean_periods(runs_by_period(results, scenarios, point, every))) > 1
     ]
     if not found:
         if every is not None:
@@ -258,11 +258,8 @@ def panels(
     return Panels("Results by hour", charts)
 
 
-def mean_periods(
-    results: Results, scenarios: Scenarios, point: Point, every: str | None
-) -> list[Period]:
-    """The mean periods of the complete runs of a point; [] if they have none. Raises InputError."""
-    runs = runs_by_period(results, scenarios, point, every)
+def mean_periods(runs: Sequence[Sequence[Period]]) -> list[Period]:
+    """The means of the periods of some runs, each of the runs that come to it."""
     most = max(map(len, runs), default=0)
     return [mean_period([run[k] for run in runs if len(run) > k]) for k in range(most)]
 
@@ -296,7 +293,7 @@ def period_records(results: Results, scenarios: Scenarios, every: str | None) ->
     """One record for each point and period, in ticks, robots and shares."""
     for point in results.points:
         runs = runs_by_period(results, scenarios, point, every)
-        for k, one in enumerate(mean_periods(results, scenarios, point, every)):
+        for k, one in enumerate(mean_periods(runs)):
             row = {"point": point.number, "point_name": point_name(results.study, point)}
             row |= {"runs": sum(len(run) > k for run in runs), "from": one.name}
             for name, value in one.as_json().items():

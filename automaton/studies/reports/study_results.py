@@ -615,7 +615,10 @@ def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
     lists_of_rows = (SERIES_COLUMN, SUMS_COLUMN, PERIODS_COLUMN)
     names = [name for name in table.column_names if name not in lists_of_rows]
     columns: dict[str, Sequence[Any]] = {name: table.column(name).to_pylist() for name in names}
-    columns[PERIODS_COLUMN] = table.column(PERIODS_COLUMN)  # many numbers, of which few are read
+    if PERIODS_COLUMN in table.column_names:
+        columns[PERIODS_COLUMN] = table.column(
+            PERIODS_COLUMN
+        )  # many numbers, of which few are read
     if SERIES_COLUMN in table.column_names:
         columns[SERIES_COLUMN] = lists(table.column(SERIES_COLUMN))
     columns[TICKS_PER_SECOND] = [

@@ -37,8 +37,8 @@ from automaton.studies.reports.comparisons import (
     precision_remark,
     setting_text,
 )
-from automaton.studies.reports.first_page import caveats, direction_of, mean_of
-from automaton.studies.reports.metric_tables import MAX_CURVES, figure
+from automaton.studies.reports.first_page import caveats, mean_of
+from automaton.studies.reports.metric_tables import MAX_CURVES, direction_of, figure
 from automaton.studies.reports.study_results import PERCENT, Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point, Study
 from automaton.units import count, percent

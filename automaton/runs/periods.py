@@ -26,7 +26,7 @@ from automaton.world.resolved import Resolved
 
 HOUR_S: Final = 3600
 MAX_PERIODS: Final = 10_000
-MAX_KEPT_PERIODS: Final = 400  # of a run of a sweep; beyond it, its periods are hours
+MAX_KEPT_PERIODS: Final = 1000  # of a run of a sweep; beyond it, its periods are hours
 QUARTERS: Final = 4  # of an hour
 MAX_PERIOD_TEXT: Final = 40  # of a period as text
 MAX_LOOKS: Final = 64  # beyond which an interval doubles

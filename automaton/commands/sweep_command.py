@@ -107,7 +107,7 @@ def crew_of(args: argparse.Namespace) -> Backend:
 
 def dry_run(args: argparse.Namespace, output: Output, plan: Any) -> int:
     """Print the estimated time and disk space of the sweep."""
-    from automaton.runs.cores import cores
+    from automaton.runs.first_compilation import cores
     from automaton.studies.sweeps.pools import LocalPool
     from automaton.studies.sweeps.sweep_session import forecast
 

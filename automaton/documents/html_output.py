@@ -24,7 +24,6 @@ from automaton.documents.report_document import (
     Block,
     CharacterPicture,
     Curves,
-    Drawing,
     Folded,
     Heading,
     HeatMap,
@@ -33,6 +32,7 @@ from automaton.documents.report_document import (
     Panels,
     ReportCurve,
     ReportDocument,
+    SvgDrawing,
     Table,
     Text,
     has_no_line,
@@ -140,13 +140,13 @@ def panels_html(panels: Panels) -> str:
     parts = [svg_open(WHOLE.width, LEGEND_LINE * len(names), "legend")]
     for index, name in enumerate(names):
         parts += legend_parts(name, line_style(index), 2, LEGEND_LINE * (index + 0.5))
-    figures = [
-        f"<figure><figcaption>{escape(chart_title(chart))}</figcaption>"
+    charts = [
+        f'<div class="panel"><b>{escape(chart_title(chart))}</b>'
         f"{svg_open(SMALL.width, SMALL.height, chart.title)}{''.join(plot_parts(chart, SMALL))}</svg>"
-        "</figure>"
+        "</div>"
         for chart in panels.charts
     ]
-    return f"{''.join(parts)}</svg>\n{''.join(figures)}"
+    return f"{''.join(parts)}</svg>\n{''.join(charts)}"
 
 
 def chart_title(curves: Curves) -> str:
@@ -333,9 +333,9 @@ summary { cursor: pointer; font-weight: 600 }
 .site svg { max-height: 200px }
 .site p { margin: .2rem 0 0; font-size: .85rem; color: #555 }
 .answer { clear: both }
-.panels figure { display: inline-block; width: 31%; margin: .3rem 1.5% .3rem 0; vertical-align: top }
-.panels figcaption { font-size: .9rem; font-weight: 600 }
-.panels figure svg { width: 100%; height: auto; max-height: none }
+.panel { display: inline-block; width: 31%; margin: .3rem 1.5% .3rem 0; vertical-align: top }
+.panel b { font-size: .9rem; display: block }
+.panel svg { width: 100%; height: auto; max-height: none }
 svg { max-width: 100%; height: auto }
 svg text { font: 12px system-ui, sans-serif; fill: #333 }
 @page { size: A4; margin: 14mm 13mm }
@@ -360,9 +360,9 @@ svg text { font: 12px system-ui, sans-serif; fill: #333 }
   .drawing.map svg { max-height: 115mm }
   .drawing.site svg { max-height: 38mm }
   .drawing.panels { break-inside: auto }
-  .panels figure { break-inside: avoid }
+  .panel { break-inside: avoid }
   .drawing.map svg text { font-size: 16px }
-  .drawing.panels figure svg { max-height: none; width: 100% }
+  .drawing.panel svg { max-height: none; width: 100% }
   .drawing.panels > svg { max-height: none }
   pre { white-space: pre-wrap; overflow-wrap: anywhere }
 }
@@ -449,7 +449,7 @@ def html_parts(block: Block) -> Iterator[str]:
         yield f'<div class="drawing">{curves_svg(block)}</div>'
     elif isinstance(block, Panels):
         yield f'<div class="drawing panels">{panels_html(block)}</div>'
-    elif isinstance(block, Drawing):
+    elif isinstance(block, SvgDrawing):
         yield f'<div class="drawing site">{block.svg}<p>{escape(block.caption)}</p></div>'
     elif isinstance(block, HeatMap):
         yield f'<div class="drawing map">{map_svg(block)}</div>'

@@ -182,7 +182,7 @@ class Panels:
 
 
 @dataclass(frozen=True)
-class Drawing:
+class SvgDrawing:
     """An SVG on pages; as text only its caption."""
 
     svg: str
@@ -222,7 +222,7 @@ Block = (
     | Table
     | Curves
     | Panels
-    | Drawing
+    | SvgDrawing
     | HeatMap
     | Folded
     | PageBreak

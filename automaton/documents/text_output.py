@@ -23,7 +23,6 @@ from automaton.documents.report_document import (
     Block,
     CharacterPicture,
     Curves,
-    Drawing,
     Folded,
     Heading,
     HeatMap,
@@ -32,6 +31,7 @@ from automaton.documents.report_document import (
     Panels,
     ReportDocument,
     StyledText,
+    SvgDrawing,
     Table,
     Text,
     has_no_line,
@@ -160,7 +160,7 @@ def block_lines(block: Block, width: int, is_styled: bool) -> Iterator[Line]:
             rest = " " * len(block.mark) + ("" if block.mark.strip() else INDENT)
             lines = wrapped(item, width, block.mark, rest)
             yield from ([(line, "bold" if block.strong else "")] for line in lines)
-    elif isinstance(block, Drawing):
+    elif isinstance(block, SvgDrawing):
         yield from ([(line, "")] for line in wrapped(block.caption, width))
     elif isinstance(block, CharacterPicture):
         yield from ([*row] for row in block.rows)
@@ -524,7 +524,7 @@ def markdown_lines(block: Block) -> Iterator[str]:
         yield f"{'#' * block.level} {escaped(block.text, HTML_SIGNS)}"
     elif isinstance(block, Text) and not block.code:
         yield f"**{escaped(block.text)}**" if block.strong else paragraph(block.text)
-    elif isinstance(block, Drawing):
+    elif isinstance(block, SvgDrawing):
         yield paragraph(block.caption)
     elif isinstance(block, Folded):
         from html import escape  # slow to import: it reads a table of 2,231 names

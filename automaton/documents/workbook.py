@@ -12,12 +12,12 @@ from automaton.atomic_write import atomic_writer
 from automaton.documents.report_document import (
     Block,
     CharacterPicture,
-    Drawing,
     Folded,
     Heading,
     Listed,
     NumberText,
     ReportDocument,
+    SvgDrawing,
     Table,
     Text,
 )
@@ -160,7 +160,7 @@ def sheet_lines(block: Block) -> list[Sequence[Any]]:
         return [[line] for line in block.text.splitlines()]
     if isinstance(block, Listed):
         return [[item] for item in block.items]
-    if isinstance(block, Drawing):
+    if isinstance(block, SvgDrawing):
         return [[block.caption]]
     if isinstance(block, Table):
         return [[], block.flat_head, *([_plain(cell) for cell in row] for row in block.rows), []]

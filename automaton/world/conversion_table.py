@@ -159,8 +159,8 @@ def plain_number_line(data: dict[str, Any], scale: Scale) -> str:
 
 def tick_keys(scenario: Scenario) -> set[str]:
     """The keys of a scenario whose values are numbers of ticks."""
-    found = _ticks_in(plain_data(scenario), plan_of(Scenario), ())
-    return {".".join(map(str, keys)) for keys, _ in found}
+    plain = plain_data(scenario)
+    return {".".join(map(str, keys)) for keys, _ in _ticks_in(plain, plan_of(Scenario), ())}
 
 
 def _ticks_in(value: Any, plan: Plan, keys: Keys) -> Iterator[tuple[Keys, float]]:

@@ -93,7 +93,7 @@ def test_the_fewest_robots_that_may_be_the_best_are_enough() -> None:
     assert recommended(answer) is answer.candidates[1]
     said = decided(results)
     assert said.startswith("2 robots are enough: mean makespan ")
-    assert "more (+0.0 %) than 3 robots, which is no significant difference." in said
+    assert "more (+0.0 %) than 3 robots, which is not significant." in said
 
 
 def test_points_that_differ_in_more_than_robots_are_not_called_enough() -> None:

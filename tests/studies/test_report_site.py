@@ -102,8 +102,8 @@ def test_the_report_has_a_table_and_small_charts_by_hour(
     assert out.index("\nResults by hour\n") < out.index("\nMetrics\n") < out.index("\nDesign\n")
     page = tmp_path / "report.html"
     report(capsys, str(hours), "--out", str(page))
-    assert page.read_text().count("<figcaption>") == 4
-    assert "<figcaption>on orders (robots)</figcaption>" in page.read_text()
+    assert page.read_text().count('<div class="panel">') == 4
+    assert "<b>on orders (robots)</b>" in page.read_text()
 
 
 def test_periods_of_another_length_are_multiples_of_those_that_were_kept(

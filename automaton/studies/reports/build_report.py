@@ -101,7 +101,7 @@ def opening_of(report: StudyReport, every: str | None = None) -> ReportDocument:
     study = results.study
     document = ReportDocument(study.name)
     document.add(Heading(study.name, 1), *site_picture(results, scenarios))
-    dated = [f"Results of {results.made}."] if results.made else []
+    dated = [f"Results of {results.date}."] if results.date else []
     summary = " ".join([*dated, *([study.summary] if study.summary else [])])
     document.add(*([Text(summary)] if summary else []))
     if is_what_if(results):

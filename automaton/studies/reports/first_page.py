@@ -303,15 +303,16 @@ def decision(results: Results, answer: Answer) -> str:
         with_leading = _subject(results, leading)
         return (
             f"{_subject(results, chosen, 'is enough', 'are enough')}: mean {metric} "
-            f"{_beside(results, answer, chosen, leading)} than {with_leading}, which is no significant "
-            f"difference. {edges}"
+            f"{_beside(results, answer, chosen, leading)} than {with_leading}, which is not significant. "
+            f"{edges}"
         ).strip()
     best = f"{_subject(results, chosen)}: the {answer.better} mean {metric}, "
     best += _value(results, chosen, metric)
     if answer.best is None:
         rest = [point for point in answer.candidates if point is not chosen]
-        would_do = f"{_listed_names(results, rest)} would do as well: no significant difference."
-        return f"{best}. {would_do} {edges}".strip()
+        return (
+            f"{best}; not significantly better than {_listed_names(results, rest)}. {edges}".strip()
+        )
     following = next_best(results, answer)
     assert following is not None
     after = f"{_subject(results, following)}, {_beside(results, answer, following, chosen)}"

@@ -16,11 +16,11 @@ import numpy as np
 from automaton.documents.report_document import (
     Block,
     Curves,
-    Drawing,
     Heading,
     HeatMap,
     Panels,
     ReportCurve,
+    SvgDrawing,
     Table,
     Text,
 )
@@ -48,7 +48,7 @@ from automaton.studies.reports.comparisons import point_name, setting_text
 from automaton.studies.reports.metric_tables import Scenarios
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import PERIODS_COLUMN, Point
-from automaton.units import count, duration, number, unit
+from automaton.units import Unit, count, duration, number, unit
 from automaton.world.conversion_table import roundings, tick_keys
 from automaton.world.resolved import Resolved
 
@@ -80,7 +80,7 @@ def site_picture(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     floor = drawn_floor(resolved)
     sites = list(dict.fromkeys(point.scenario for point in results.points))
     name = sites[0] if len(sites) == 1 else f"{sites[0]}, the first of {len(sites)} scenarios"
-    yield Drawing(floor_svg(floor, empty_moment()), f"{name}: {size_text(resolved)}")
+    yield SvgDrawing(floor_svg(floor, empty_moment()), f"{name}: {size_text(resolved)}")
 
 
 def size_text(resolved: Resolved) -> str:
@@ -143,10 +143,15 @@ def inputs_of(resolved: Resolved) -> dict[str, str]:
             if key in texts:
                 inputs[key] = texts[key]
             elif key in ticks and isinstance(value, int | float):
-                inputs[key] = time_text(value, tick)
+                inputs[key] = tick_text(value, tick)
             else:
                 inputs[key] = value_text(value)
     return with_equal_joined(inputs, scenario.stations)
+
+
+def tick_text(ticks: float, tick: Unit) -> str:
+    """A number of ticks in the unit of the site: "22 cycles", "1 cycle"."""
+    return f"1 {tick.name}" if tick.of(ticks) == 1 else time_text(ticks, tick)
 
 
 def settings_in(value: Any, key: str) -> Iterator[tuple[str, Any]]:
@@ -212,44 +217,44 @@ def hours_section(
     results: Results, scenarios: Scenarios, points: Sequence[Point], every: str | None
 ) -> Iterator[Block]:
     """Small charts and a table for each of these points. Raises InputError for a period too short."""
-    found = [
+    by_point = [
         (point, periods)
         for point in points[:MAX_HOURLY_POINTS]
         if len(periods := mean_periods(runs_by_period(results, scenarios, point, every))) > 1
     ]
-    if not found:
+    if not by_point:
         if every is not None:
             raise InputError(
                 f"--every {every}: no run has two such periods; they need a tick that is a time "
                 "(units.tick)"
             )
         return
-    first = scenarios[found[0][0].number]
+    first = scenarios[by_point[0][0].number]
     has = {name for name in OPTIONAL_COLUMNS if results.has(name)}
     flow = flow_name(first)
-    length = time_text(found[0][1][0].ticks, units_of(first)[0])
+    length = time_text(by_point[0][1][0].ticks, units_of(first)[0])
     yield Heading(f"Results by {'hour' if length in ('1 h', '60 min') else length}")
     yield Text(
         f"Means over the complete runs of the points of the decision: {flow} done {rate_unit(first)}, "
         f"{flow} open at the end of a period, numbers of robots, and the share of time in which "
         "stations and chargers are busy."
     )
-    yield panels(results, first, found, has)
-    for point, periods in found:
+    yield panels(results, first, by_point, has)
+    for point, periods in by_point:
         yield Heading(point_name(results.study, point), 3)
         yield periods_table(scenarios[point.number], periods, has)
 
 
 def panels(
-    results: Results, first: Resolved, found: Sequence[tuple[Point, list[Period]]], has: set[str]
+    results: Results, first: Resolved, by_point: Sequence[tuple[Point, list[Period]]], has: set[str]
 ) -> Panels:
     """A small chart for each column of the table, with a line for each point."""
-    longest = max((periods for _, periods in found), key=len)
+    longest = max((periods for _, periods in by_point), key=len)
     names = [one.name for one in longest]
     charts = []
     for column in shown_columns(first, longest, has):
         lines = []
-        for point, periods in found:
+        for point, periods in by_point:
             values, none = [column.value(one) for one in periods], [math.nan] * len(periods)
             x = list(range(len(periods)))
             lines.append(ReportCurve(point_name(results.study, point), x, values, none, none))
@@ -269,8 +274,8 @@ def runs_by_period(
 ) -> list[list[Period]]:
     """The periods of each complete run of a point. Raises InputError."""
     resolved = scenarios.get(point.number)
-    kept = 0 if resolved is None else kept_period(resolved)
-    stored = results.stored(point, PERIODS_COLUMN) if kept else []
+    quarter = 0 if resolved is None else kept_period(resolved)
+    stored = results.stored(point, PERIODS_COLUMN) if quarter else []
     if resolved is None or not stored:
         return []
     columns = [column.as_py() for is_complete, column in stored if is_complete]
@@ -279,13 +284,13 @@ def runs_by_period(
     if every is None:
         longest = max((run[-1].end for run in runs), default=0)
         many = -(-longest // (ticks * MAX_PERIODS_SHOWN)) or 1
-        ticks = ticks * many if longest >= 2 * ticks else kept
-    if ticks % kept:
-        shortest = time_text(kept, units_of(resolved)[0])
+        ticks = ticks * many if longest >= 2 * ticks else quarter
+    if ticks % quarter:
+        shortest = time_text(quarter, units_of(resolved)[0])
         raise InputError(
             f"--every {every}: the runs were counted in periods of {shortest}; give a multiple of it"
         )
-    many = ticks // kept
+    many = ticks // quarter
     return [[joined(run[at : at + many]) for at in range(0, len(run), many)] for run in runs]
 
 
@@ -310,34 +315,34 @@ def period_records(results: Results, scenarios: Scenarios, every: str | None) ->
 def deadlock_remarks(results: Results, scenarios: Scenarios) -> Iterator[str]:
     """A sentence about deadlocks: where, the longest one, and whether the means include these runs."""
     names = ("deadlocks", "longest_standstill", "standstill_at", "standstill_from", "seed")
-    found = [
+    by_point = [
         (point, runs)
         for point in results.points
         if (runs := [run for run in results.stored(point, *names) if run[1]])
     ]
-    if not found:
+    if not by_point:
         return
-    runs = [run for _, own in found for run in own]
+    runs = [run for _, own in by_point for run in own]
     done = sum(results.counts(point).done for point in results.points)
     where = [
         f"{point_name(results.study, point)} ({len(own):,} of "
         f"{count(results.counts(point).done, 'run')})"
-        for point, own in sorted(found, key=lambda one: -len(one[1]))[:MAX_DEADLOCKED]
+        for point, own in sorted(by_point, key=lambda one: -len(one[1]))[:MAX_DEADLOCKED]
     ]
-    more = len(found) - len(where)
+    more = len(by_point) - len(where)
     rest = f"; and {count(more, 'more point')}" if more else ""
     yield (
         f"deadlocks in {len(runs):,} of {count(done, 'run')}: {'; '.join(where)}{rest}. "
-        f"{longest_text(results, scenarios, found)} {included_text(runs)}"
+        f"{longest_text(results, scenarios, by_point)} {included_text(runs)}"
     )
 
 
 def longest_text(
-    results: Results, scenarios: Scenarios, found: Sequence[tuple[Point, list[tuple[Any, ...]]]]
+    results: Results, scenarios: Scenarios, by_point: Sequence[tuple[Point, list[tuple[Any, ...]]]]
 ) -> str:
     """The longest deadlock of all runs, with its place and time."""
     point, run = max(
-        ((point, run) for point, runs in found for run in runs), key=lambda one: one[1][2] or 0
+        ((point, run) for point, runs in by_point for run in runs), key=lambda one: one[1][2] or 0
     )
     _, _, ticks, cell, begin, seed = run
     lasted, name = duration(ticks or 0, results.units.tick)
@@ -427,5 +432,5 @@ def laid_out(resolved: Resolved, values: Array) -> Array:
     """(height, width) values of cells; NaN where robots cannot drive."""
     floor_plan = resolved.floor_plan
     field = np.where(DRIVABLE[floor_plan.kind.reshape(-1)], values, np.nan)
-    whole: Array = field.reshape(floor_plan.kind.shape)[1:-1, 1:-1]
-    return whole
+    inner: Array = field.reshape(floor_plan.kind.shape)[1:-1, 1:-1]
+    return inner

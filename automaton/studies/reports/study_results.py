@@ -393,7 +393,7 @@ class Results:
     cut: Cut | None = None  # of a steady state, whose metrics start after the cut
     warm_ups: Sequence[int] = (0,)  # ticks that the scenarios exclude from metrics of their runs
     units: ReportUnits = field(default_factory=ReportUnits)  # units of metrics in reports
-    made: str = ""  # date of the latest row
+    date: str = ""  # of the latest row
 
     @cached_property
     def _rows(self) -> dict[int, npt.NDArray[np.int64]]:
@@ -596,7 +596,7 @@ def read_results(store: Store) -> Results:
         rounds=rounds if isinstance(rounds, tuple) else (),
         at_most=store.declared.max_replications,
         cut=cut,
-        made=latest_date(store.files()),
+        date=latest_date(store.files()),
         warm_ups=sorted({point.warm_up for point in store.manifest.points}),
     )
 

@@ -190,7 +190,7 @@ def candidates_table(search: FleetSearch, question: Question) -> Table:
                 f"{one.met(question):,}" if one.runs else "-",
                 f"{one.censored:,}" if one.runs else "-",
                 between(one.share(question)) if one.runs else "-",
-                "-" if mean is None else with_half(mean),
+                "-" if mean is None else with_half(mean, question.target.unit),
                 verdict + (f" after {one.after:,}" if one.after and verdict != "undecided" else ""),
             ]
         )
@@ -202,17 +202,23 @@ def candidates_table(search: FleetSearch, question: Question) -> Table:
 def between(interval: Interval) -> str:
     """A share with its interval."""
     low, high = interval.low or 0.0, 1.0 if interval.high is None else interval.high
-    return f"{interval.value:.3f} ({low:.3f} to {high:.3f})"
+    return f"{percent(interval.value)} ({100 * low:.1f} to {100 * high:.1f})"
 
 
-def with_half(interval: Interval) -> str:
+def with_half(interval: Interval, unit: str) -> str:
     """A mean with its half-width, or with the ends of an interval that is cut off at 0."""
     value, low, high = interval.value, interval.low, interval.high
+    text = mean_text(value, unit)
     if low is None or high is None:
-        return number(value)
+        return text
     if low == 0 and high > 2 * value:
-        return f"{number(value)} (0 to {number(high)})"
-    return f"{number(value)} +- {number(high - value)}"
+        return f"{text} (0 to {mean_text(high, unit)})"
+    return f"{text} +- {mean_text(high - value, unit)}"
+
+
+def mean_text(value: float, unit: str) -> str:
+    """A mean of a metric; a share in percent."""
+    return f"{number(100 * value)} %" if unit == "share" else number(value)
 
 
 def spent_time(candidate: Candidate) -> Iterator[str]:
@@ -331,15 +337,7 @@ def moved_line(moved: SensitivityResult, question: Question) -> str:
     if not moved.fleets:
         return "; ".join(refused)
     found = moved.smallest(question)
-    shares = ", ".join(
-        f"{one.place.robots}: "
-        + (
-            f"{number(mean.value) if (mean := one.mean(question.target.metric)) else '-'}"
-            if question.mean
-            else f"{percent(one.met(question) / len(one.runs), 0)}"
-        )
-        for one in moved.fleets
-    )
+    shares = ", ".join(f"{one.place.robots}: {moved_text(one, question)}" for one in moved.fleets)
     last = moved.fleets[-1].place.robots
     answer = f"more than {last} robots" if found is None else count(found, "robot")
     if found == moved.fleets[0].place.robots and found > 1:
@@ -348,6 +346,14 @@ def moved_line(moved: SensitivityResult, question: Question) -> str:
     what = "mean" if question.mean else "share"
     told = f"{answer} ({what} by robots, {runs} runs each: {shares})"
     return "; ".join([told, *refused])
+
+
+def moved_text(candidate: Candidate, question: Question) -> str:
+    """The deciding value of a candidate: the mean, or the share of runs that met the target."""
+    if not question.mean:
+        return percent(candidate.met(question) / len(candidate.runs), 0)
+    mean = candidate.mean(question.target.metric)
+    return "-" if mean is None else mean_text(mean.value, question.target.unit)
 
 
 def method(session: SizingSession, ends: str) -> Iterator[str]:
@@ -458,43 +464,48 @@ def curves(session: SizingSession) -> list[Curves]:
     """Curves over fleet size: share of runs that meet the target, and mean of its metric."""
     question = session.question
     metric, ends = question.target.metric, [float(question.first), float(question.last)]
-    shares = [strategy_line(search, question, False) for search in session.searches]
-    means = [strategy_line(search, question, True) for search in session.searches]
+    shares = [strategy_line(search, question, False, 100) for search in session.searches]
+    wanted_percent = 100 * question.success_share
+    scale_of_mean, unit = (
+        (100, "%") if question.target.unit == "share" else (1, question.target.unit)
+    )
     wanted = (
         []
         if question.mean
-        else [level(f"wanted {percent(question.success_share, 0)}", ends, question.success_share)]
+        else [level(f"wanted {percent(question.success_share, 0)}", ends, wanted_percent)]
     )
-    target = level(f"target {shown(question.target.value)}", ends, question.target.value)
+    means = [strategy_line(search, question, True, scale_of_mean) for search in session.searches]
+    value = scale_of_mean * question.target.value
+    target = level(f"target {shown(value)}", ends, value)
     return [
         Curves(
             f"share of runs with {question.target.text}",
             "robots",
-            "share",
+            "%",
             [*shares, *wanted],
             from_zero=True,
         ),
         Curves(
             f"mean {metric} by robots",
             "robots",
-            question.target.unit,
+            unit,
             [*means, target],
             from_zero=True,
         ),
     ]
 
 
-def strategy_line(search: FleetSearch, question: Question, mean: bool) -> ReportCurve:
-    """The candidates of one strategy that were run."""
+def strategy_line(search: FleetSearch, question: Question, mean: bool, scale: float) -> ReportCurve:
+    """The candidates of one strategy that were run; values are multiplied by `scale`."""
     found: list[tuple[int, Interval]] = []
     for one in search.candidates:
         interval = one.mean(question.target.metric) if mean else one.share(question)
         if one.runs and interval is not None:
             found.append((one.place.robots, interval))
     name = search.strategy.partition("=")[2]
-    value = [one.value for _, one in found]
-    low = [one.value if one.low is None else one.low for _, one in found]
-    high = [one.value if one.high is None else one.high for _, one in found]
+    value = [scale * one.value for _, one in found]
+    low = [scale * (one.value if one.low is None else one.low) for _, one in found]
+    high = [scale * (one.value if one.high is None else one.high) for _, one in found]
     return ReportCurve(name, [float(robots) for robots, _ in found], value, low, high)
 
 

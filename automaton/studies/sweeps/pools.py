@@ -30,8 +30,7 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.runs.cores import cores
-from automaton.runs.first_compilation import compiled_parts
+from automaton.runs.first_compilation import compiled_parts, cores
 from automaton.runs.headless import (
     CountedStretches,
     attribute_strategy_errors,
@@ -380,8 +379,8 @@ def run_one(
             simulation = Simulation(resolved, run.seed, patience=patience)
             where = f"{resolved.scenario.name}, point {run.point}, seed {run.seed}"
             watch = JamWatch(partial(note_jam, where))
-            kept = kept_period(resolved)
-            periods = PeriodMarks(kept) if kept else None
+            ticks = kept_period(resolved)
+            periods = PeriodMarks(ticks) if ticks else None
             marks = run_marked(simulation, windows.stretch, watch, periods)
             row |= figures_of(simulation, windows.window, marks)
             if periods is not None:
@@ -406,8 +405,8 @@ def is_ctrl_c(error: BaseException) -> bool:
 
 def numbers_of_periods(resolved: Resolved) -> int:
     """How many numbers a row stores about the periods of the longest run."""
-    kept = kept_period(resolved)
-    return len(PERIOD_COLUMNS) * -(-resolved.scenario.stop.max_duration // kept) if kept else 0
+    ticks = kept_period(resolved)
+    return len(PERIOD_COLUMNS) * -(-resolved.scenario.stop.max_duration // ticks) if ticks else 0
 
 
 def figures_of(simulation: Simulation, window: int, marks: CountedStretches) -> Row:

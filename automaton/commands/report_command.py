@@ -123,6 +123,7 @@ def write_files(
     """Write the requested tables; return their files. Raises InputError."""
     from automaton.studies.reports.export import (
         comparison_records,
+        periods_of_points,
         summary_records,
         without_empty,
         write_parquet,
@@ -130,7 +131,6 @@ def write_files(
         write_rows_csv,
         write_workbook,
     )
-    from automaton.studies.reports.site_pages import period_records
     from automaton.studies.reports.study_results import measured_rows
 
     results = report.results
@@ -140,8 +140,7 @@ def write_files(
     if args.summary or args.xlsx:
         summaries = without_empty(list(summary_records(results, report.scenarios)))
     if args.periods or args.xlsx:
-        records = period_records(results, report.scenarios, args.every)
-        periods = without_empty(list(records))
+        periods = periods_of_points(report, args.every)
     compared = without_empty(list(comparison_records(results, report.compared)))
     if args.csv is not None:
         write_rows_csv(rows, args.csv)

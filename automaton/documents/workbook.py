@@ -25,7 +25,7 @@ from automaton.errors import InputError
 from automaton.printable import one_line
 
 WHOLE_TEXT: Final = re.compile(r"0|[1-9]\d{0,14}|[1-9]\d{0,2}(,\d{3}){1,4}")
-PERCENT_TEXT: Final = re.compile(r"[+-]?\d[\d,]*(\.\d+)? %")
+PERCENT_CELL: Final = re.compile(r"[+-]?\d[\d,]*(\.\d+)? %")
 WORKBOOK_BEGINS: Final = b"PK"
 MAX_CELL_TEXT: Final = 32_000  # characters; Excel's limit is 32,767
 WIDEST_COLUMN: Final = 40  # characters
@@ -173,7 +173,7 @@ def _plain(cell: str) -> Any:
     """A cell as a number if it is one: with all its digits, a percentage, or a whole one."""
     if isinstance(cell, NumberText):
         return cell
-    if PERCENT_TEXT.fullmatch(cell):
+    if PERCENT_CELL.fullmatch(cell):
         return NumberText(cell, float(cell.removesuffix(" %").replace(",", "")) / 100)
     is_whole = WHOLE_TEXT.fullmatch(cell) is not None  # 007 is a name
     return int(cell.replace(",", "")) if is_whole else cell

@@ -167,6 +167,11 @@ def answer_records(
         }
 
 
+def periods_of_points(report: StudyReport, every: str | None) -> list[Record]:
+    """One record for each point and period. Raises InputError for a period that runs do not have."""
+    return without_empty(list(period_records(report.results, report.scenarios, every)))
+
+
 def without_empty(records: Sequence[Mapping[str, Any]]) -> list[Record]:
     """The records without columns that are empty in all of them."""
     used = {name for record in records for name, value in record.items() if not is_empty(value)}

@@ -24,13 +24,10 @@ from automaton.documents.report_document import (
     Table,
     Text,
 )
-from automaton.drawings.floor_svg import floor_svg
-from automaton.drawings.moment import drawn_floor, empty_moment
 from automaton.engine.observation import LOST_EVER, visits_of
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
 from automaton.floor.cells import CELL_KINDS
-from automaton.floor.floor_plan import DRIVABLE
 from automaton.runs.bottleneck import flow_name, joined, rate_unit
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.metric_catalogue import units_of
@@ -43,7 +40,7 @@ from automaton.runs.periods import (
     ticks_of_period,
 )
 from automaton.runs.run_report import OPTIONAL_COLUMNS, periods_table, shown_columns, time_text
-from automaton.runs.simulation import Simulation
+from automaton.runs.simulation import Simulation, empty_floor
 from automaton.studies.reports.comparisons import point_name, setting_text
 from automaton.studies.reports.metric_tables import Scenarios
 from automaton.studies.reports.study_results import Results
@@ -65,7 +62,7 @@ SECTIONS: Final = (
 )
 LEAST_ERROR: Final = 0.01  # of a rounded value, from which it is printed
 WITH_DEFAULTS: Final = ("durations", "strategy")  # sections of which all values are shown
-PLACES: Final = ("at", "queue", "start", "list")  # cells of the floor, which the picture shows
+PLACE_KEYS: Final = ("at", "queue", "start", "list")  # cells of the floor, which the picture shows
 UNMARKED: Final = ("wall", "floor", "track", "turntable")  # kinds of cells that are not counted
 
 
@@ -77,10 +74,9 @@ def site_picture(results: Results, scenarios: Scenarios) -> Iterator[Block]:
     resolved = scenarios.get(0)
     if resolved is None:
         return
-    floor = drawn_floor(resolved)
     sites = list(dict.fromkeys(point.scenario for point in results.points))
     name = sites[0] if len(sites) == 1 else f"{sites[0]}, the first of {len(sites)} scenarios"
-    yield SvgDrawing(floor_svg(floor, empty_moment()), f"{name}: {size_text(resolved)}")
+    yield SvgDrawing(empty_floor(resolved).svg, f"{name}: {size_text(resolved)}")
 
 
 def size_text(resolved: Resolved) -> str:
@@ -159,7 +155,7 @@ def settings_in(value: Any, key: str) -> Iterator[tuple[str, Any]]:
     if is_struct(value):
         for field in msgspec.structs.fields(value):
             inner = getattr(value, field.name)
-            if field.encode_name not in PLACES and (
+            if field.encode_name not in PLACE_KEYS and (
                 key in WITH_DEFAULTS or inner != default_of(field)
             ):
                 yield from settings_in(inner, f"{key}.{field.encode_name}")
@@ -431,6 +427,7 @@ def by_cell(lost: Array, zone: Array) -> Array:
 def laid_out(resolved: Resolved, values: Array) -> Array:
     """(height, width) values of cells; NaN where robots cannot drive."""
     floor_plan = resolved.floor_plan
-    field = np.where(DRIVABLE[floor_plan.kind.reshape(-1)], values, np.nan)
+    drivable = np.array([kind.drivable for kind in CELL_KINDS])
+    field = np.where(drivable[floor_plan.kind.reshape(-1)], values, np.nan)
     inner: Array = field.reshape(floor_plan.kind.shape)[1:-1, 1:-1]
     return inner

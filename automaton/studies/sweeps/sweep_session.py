@@ -55,7 +55,6 @@ from automaton.studies.sweeps.run_keys import (
 from automaton.studies.sweeps.study import Point
 from automaton.studies.sweeps.sweep_plan import SweepPlan, describe_point
 from automaton.units import count
-from automaton.world.resolved import Resolved
 
 CHUNK_S: Final = 0.3  # long enough to make sending cheap, short enough to show progress
 MAX_SWEEP_CHUNK: Final = 100  # runs
@@ -594,12 +593,16 @@ def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]
     row = figures_of(simulation, window, CountedStretches(None, stretches))
     cut = not simulation.finished and simulation.tick < limit
     if cut and resolved.scenario.ends_at_limit:
-        return seconds * limit / simulation.tick, False, row_bytes(plan, row, resolved)
-    return seconds, cut, row_bytes(plan, row, resolved)
+        return (
+            seconds * limit / simulation.tick,
+            False,
+            row_bytes(plan, row, numbers_of_periods(resolved)),
+        )
+    return seconds, cut, row_bytes(plan, row, numbers_of_periods(resolved))
 
 
-def row_bytes(plan: SweepPlan, row: Row, resolved: Resolved) -> int:
-    """Bytes of an uncompressed row."""
+def row_bytes(plan: SweepPlan, row: Row, in_periods: int) -> int:
+    """Bytes of an uncompressed row; `in_periods`: numbers that its periods have."""
     numbers = len(row["metrics"]) + len(plan.study.factor_names) + len(row.get("series") or ())
-    numbers += sum(map(len, row.get("sums", {}).values())) + numbers_of_periods(resolved)
+    numbers += sum(map(len, row.get("sums", {}).values())) + in_periods
     return TEXT_BYTES + NUMBER_BYTES * (numbers + 8)

@@ -208,7 +208,7 @@ def surroundings() -> str:
 
     from automaton.engine.jit.kernel_cache import cache_root
     from automaton.engine.jit.numba_parts import LINKS_OTHERWISE
-    from automaton.runs.cores import cores
+    from automaton.runs.first_compilation import cores
 
     way = "the fast way: functions that only kernels call are compiled once, inside their callers"
     if LINKS_OTHERWISE:

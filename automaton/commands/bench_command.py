@@ -8,7 +8,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
-import json
 import os
 import platform
 import sys
@@ -16,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from automaton.bench import BENCH_PARTS
-from automaton.commands.arguments import note, print_document, progress_bar
+from automaton.commands.arguments import add_output_arguments, note, output_of, progress_bar
 from automaton.errors import InputError, nearest
 
 if TYPE_CHECKING:
@@ -29,7 +28,7 @@ REPEAT = 7
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton bench`."""
     parts = ";\n".join(f"{name}: {part.summary}" for name, part in BENCH_PARTS.items())
-    parser.add_argument("--json", action="store_true", help="print a JSON list, not a table")
+    add_output_arguments(parser)
     parser.add_argument(
         "--only",
         action="append",
@@ -48,6 +47,7 @@ def run(args: argparse.Namespace) -> int:
     """Measure and print; Ctrl-C prints what has been measured."""
     if args.repeat < 1:
         raise InputError(f"--repeat must be at least 1, not {args.repeat}")
+    output = output_of(args)
     parts = chosen(args.only, args.compile, args.startup)
     wanted = measurements(parts)
     figures: list[MeasuredFigure] = []
@@ -55,10 +55,11 @@ def run(args: argparse.Namespace) -> int:
     try:
         unmeasured = measure(wanted, args.repeat, figures)
     finally:
-        if args.json:
-            print(json.dumps([figure._asdict() for figure in figures], indent=2))
-        elif figures:
-            print_document(figures_document(figures, args.repeat))
+        if args.json or figures:
+            output.write(
+                lambda: figures_document(figures, args.repeat),
+                lambda: [figure._asdict() for figure in figures],
+            )
     return 1 if unmeasured else 0
 
 

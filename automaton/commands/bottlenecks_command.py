@@ -47,9 +47,9 @@ from automaton.documents.report_document import (
 from automaton.errors import InputError, nearest
 from automaton.floor.drawn_floors import floor_picture
 from automaton.studies import bottlenecks as search
-from automaton.studies.reports.build_report import lost_by_cell
 from automaton.studies.reports.comparison_tables import difference_cells, p_text, relative_text
-from automaton.studies.reports.first_page import direction_of
+from automaton.studies.reports.comparisons import direction_of
+from automaton.studies.reports.site_pages import lost_by_cell
 from automaton.studies.reports.study_results import (
     Results,
     described,

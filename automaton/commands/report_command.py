@@ -35,6 +35,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--parquet", type=Path, metavar="FILE", help=text)
     text = "write a zip with all inputs, results, versions and digests, for `automaton verify`"
     add("--archive", type=Path, metavar="FILE", help=text)
+    text = "write a CSV file with a line per point and hour (or --every)"
+    add("--periods", type=Path, metavar="FILE", help=text)
+    add(
+        "--every",
+        metavar="PERIOD",
+        help="show results by this period instead of by hour: a time such as 30min, a multiple of 15 min",
+    )
     add(
         "--floor",
         type=whole("a design point", 0),
@@ -64,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     check_files(args)
     store = Store(args.folder)
     report = read_report(store)
-    document = document_of(report, store, args.floor)
+    document = document_of(report, store, args.floor, args.every)
     wrote = write_files(args, book, store, report, document)
     if args.plots is not None:
         wrote += write_plots(document.blocks, args.plots)
@@ -73,7 +80,7 @@ def run(args: argparse.Namespace) -> int:
     if book is None:
         from automaton.studies.reports.export import as_json
 
-        output.write(lambda: document, lambda: as_json(report))
+        output.write(lambda: document, lambda: as_json(report, args.every))
     return 0
 
 
@@ -83,6 +90,7 @@ def check_files(args: argparse.Namespace) -> None:
     from automaton.studies.reports.export import (
         COMPARISONS_BEGIN,
         PARQUET_BEGINS,
+        PERIODS_BEGIN,
         ROWS_BEGIN,
         SUMMARY_BEGINS,
     )
@@ -94,6 +102,7 @@ def check_files(args: argparse.Namespace) -> None:
         (args.summary, SUMMARY_BEGINS),
         (args.comparisons, COMPARISONS_BEGIN),
         (args.archive, ARCHIVE_BEGINS),
+        (args.periods, PERIODS_BEGIN),
     ):
         if path is not None:
             check_replaced(path, begins)
@@ -109,6 +118,7 @@ def write_files(
     """Write the requested tables and the workbook; return their files. Raises InputError."""
     from automaton.studies.reports.export import (
         comparison_records,
+        periods_of_points,
         summary_records,
         without_empty,
         write_parquet,
@@ -124,6 +134,8 @@ def write_files(
         rows, _ = measured_rows(store)
     if args.summary or book:
         summaries = without_empty(list(summary_records(results, report.scenarios)))
+    if args.periods or book:
+        periods = periods_of_points(report, args.every)
     compared = without_empty(list(comparison_records(results, report.compared)))
     if args.csv is not None:
         write_rows_csv(rows, args.csv)
@@ -137,8 +149,11 @@ def write_files(
     if args.comparisons is not None:
         write_records_csv(compared, ("metric", "point", "against", "difference"), args.comparisons)
         wrote.append(args.comparisons)
+    if args.periods is not None:
+        write_records_csv(periods, ("point", "point_name", "runs", "from"), args.periods)
+        wrote.append(args.periods)
     if book is not None:
-        write_workbook(document, summaries, compared, rows, book)
+        write_workbook(document, summaries, compared, periods, rows, book)
         wrote.append(book)
     if args.archive is not None:
         from automaton.documents.html_output import as_html

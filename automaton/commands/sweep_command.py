@@ -122,7 +122,7 @@ def forecast_of(
     args: argparse.Namespace, plan: Any, folder: Path | None, retry_failed: bool = False
 ) -> Forecast:
     """The runs of a plan that a folder lacks, and their time by a few pilot runs."""
-    from automaton.runs.cores import cores
+    from automaton.runs.first_compilation import cores
     from automaton.studies.sweeps.pools import LocalPool
     from automaton.studies.sweeps.sweep_session import forecast
 

@@ -26,7 +26,7 @@ from automaton.commands.arguments import (
     whole,
 )
 from automaton.commands.sweep_command import progress
-from automaton.documents.report_document import Heading, ReportDocument, Text
+from automaton.documents.report_document import ReportDocument, Text
 from automaton.scenario.document import Override, parse_setting
 from automaton.units import count
 from automaton.world.scenario_warnings import scenario_warnings
@@ -179,12 +179,12 @@ def folder_of(out: Path | None) -> Iterator[Path]:
 
 
 def document_of(report: StudyReport, out: Path | None) -> ReportDocument:
-    """The comparison as a document."""
-    from automaton.studies.reports.what_if import what_if_page
+    """The comparison as a document, in the order of a report."""
+    from automaton.studies.reports.build_report import opening_of
+    from automaton.studies.reports.what_if import what_if_section
 
-    title = report.results.study.name
-    document = ReportDocument(title, [Heading(title, 1)])
-    document.add(*what_if_page(report.results, report.compared, report.notes))
+    document = opening_of(report)
+    document.add(*what_if_section(report.results, report.compared))
     if out is not None:
         command = f"automaton report {shlex.quote(str(out))}"
         document.add(Text(f"All runs are in {out}; `{command}` shows further tables."))

@@ -12,6 +12,7 @@ import math
 import re
 import textwrap
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from html import escape
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -28,8 +29,10 @@ from automaton.documents.report_document import (
     HeatMap,
     Listed,
     PageBreak,
+    Panels,
     ReportCurve,
     ReportDocument,
+    SvgDrawing,
     Table,
     Text,
     has_no_line,
@@ -39,11 +42,12 @@ from automaton.documents.text_output import coarse
 from automaton.errors import InputError
 from automaton.units import number
 
-WIDTH, HEIGHT, LEFT, TOP, RIGHT, BOTTOM = 640, 320, 70, 14, 14, 44
 LEGEND_LINE: Final = 18  # pixels
+MOST_SMALL_MARKS: Final = 12  # points of a line with marks in a small chart
 MAP_WIDTH, MAP_HEIGHT = 960, 720  # maximum pixels: width of the page, height of a screen
 WIDEST_CELL: Final = 40  # pixels
-WIDEST_MAP: Final = 200  # cells; larger floors are drawn by means of blocks
+WIDEST_MAP, TALLEST_MAP = 200, 150  # cells; larger floors are drawn by means of blocks
+MAP_LEFT, SCALE_STEP = 46, 90  # pixels: of the axis, and between steps of the scale
 MIN_NAME_WIDTH: Final = 90  # pixels; minimum width of a name below the x axis
 SCALE_STEPS: Final = (0.0, 0.1, 0.25, 0.5, 0.75, 1.0)  # of the maximum, in the scale of a map
 SWATCH: Final = 18  # pixels
@@ -95,43 +99,97 @@ def line_style(index: int) -> LineStyle:
 # Curves and maps as SVG.
 
 
+class Frame(NamedTuple):
+    """The size of a chart in pixels."""
+
+    width: int
+    height: int
+    left: int
+    top: int
+    right: int
+    bottom: int
+
+    @property
+    def inner(self) -> int:
+        """The width of the plot area."""
+        return self.width - self.left - self.right
+
+
+WHOLE: Final = Frame(640, 320, 70, 14, 14, 44)
+SMALL: Final = Frame(300, 150, 46, 8, 6, 26)
+
+
 def curves_svg(curves: Curves) -> str:
     """Curves with bars for their intervals, and a legend below."""
     if not curves.values:
         return f"<p>{escape(curves.title)}: no metrics</p>"
+    title = f"{curves.title} ({curves.y_label})"
+    height = WHOLE.height + LEGEND_LINE * len(curves.lines)
+    parts = [svg_open(WHOLE.width, height, curves.title), *plot_parts(curves, WHOLE)]
+    middle = WHOLE.left + WHOLE.inner / 2
+    parts.append(svg_text(middle, WHOLE.height - WHOLE.bottom + 34, curves.x_label, "middle"))
+    for index, line in enumerate(curves.lines):
+        y = WHOLE.height + LEGEND_LINE * index + 2
+        parts += legend_parts(line.name or curves.y_label, line_style(index), WHOLE.left, y)
+    return f"<h4>{escape(title)}</h4>\n{''.join(parts)}</svg>"
+
+
+def panels_html(panels: Panels) -> str:
+    """Small charts in rows below one legend."""
+    names = [line.name for line in panels.charts[0].lines]
+    parts = [svg_open(WHOLE.width, LEGEND_LINE * len(names), "legend")]
+    for index, name in enumerate(names):
+        parts += legend_parts(name, line_style(index), 2, LEGEND_LINE * (index + 0.5))
+    charts = [
+        f'<div class="panel"><b>{escape(chart_title(chart))}</b>'
+        f"{svg_open(SMALL.width, SMALL.height, chart.title)}{''.join(plot_parts(chart, SMALL))}</svg>"
+        "</div>"
+        for chart in panels.charts
+    ]
+    return f"{''.join(parts)}</svg>\n{''.join(charts)}"
+
+
+def chart_title(curves: Curves) -> str:
+    """The title of a chart with its unit, unless it is the same."""
+    same = curves.title == curves.y_label
+    return curves.title if same else f"{curves.title} ({curves.y_label})"
+
+
+def legend_parts(name: str, style: LineStyle, x: float, y: float) -> list[str]:
+    """The line and the mark of a curve, and its name."""
+    return [
+        f'<line x1="{x}" x2="{x + 34}" y1="{y}" y2="{y}" {stroke(style)}/>'
+        f'<path d="{style.path}" transform="translate({x + 17},{y})" fill="{style.colour}"/>',
+        svg_text(x + 42, y + 4, name, "start"),
+    ]
+
+
+def plot_parts(curves: Curves, frame: Frame) -> Iterator[str]:
+    """The axes of curves, and the curves."""
     low, high = curves.span
     left, right = span(curves.x)
-    margin = 30 if curves.x_names or len(curves.x) > 1 else 0  # keeps marks off the axis
+    # Keeps marks off the axis.
+    margin = (30 if frame is WHOLE else 8) if curves.x_names or len(curves.x) > 1 else 0
 
     def x_at(value: float) -> float:
-        part = (value - left) / (right - left)
-        return LEFT + margin + part * (WIDTH - LEFT - RIGHT - 2 * margin)
+        return frame.left + margin + (value - left) / (right - left) * (frame.inner - 2 * margin)
 
     def y_at(value: float) -> float:
-        return HEIGHT - BOTTOM - (value - low) / (high - low) * (HEIGHT - TOP - BOTTOM)
+        inner = frame.height - frame.top - frame.bottom
+        return frame.height - frame.bottom - (value - low) / (high - low) * inner
 
-    parts = [svg_open(WIDTH, HEIGHT + LEGEND_LINE * len(curves.lines), curves.title)]
     for value in round_marks(low, high):
         y = y_at(value)
         colour = "#888" if value == low else "#ddd"
-        parts.append(
-            f'<line x1="{LEFT}" x2="{WIDTH - RIGHT}" y1="{y:.1f}" y2="{y:.1f}" stroke="{colour}"/>'
-        )
-        parts.append(svg_text(LEFT - 6, y + 4, number(value), "end"))
-    parts += x_labels(curves, x_at)
-    middle = (LEFT + WIDTH - RIGHT) / 2
-    parts.append(svg_text(middle, HEIGHT - BOTTOM + 34, curves.x_label, "middle"))
+        x2 = frame.width - frame.right
+        yield f'<line x1="{frame.left}" x2="{x2}" y1="{y:.1f}" y2="{y:.1f}" stroke="{colour}"/>'
+        yield svg_text(frame.left - 6, y + 4, number(value), "end")
+    yield from x_labels(curves, x_at, frame)
     for index, line in enumerate(curves.lines):
-        style, y = line_style(index), HEIGHT + LEGEND_LINE * index + 2
         place = beside(x_at, MARK_STEP * curves.shift(index))
-        parts += line_parts(line, place, y_at, style, bool(curves.x_names))
-        parts.append(
-            f'<line x1="{LEFT}" x2="{LEFT + 34}" y1="{y}" y2="{y}" {stroke(style)}/>'
-            f'<path d="{style.path}" transform="translate({LEFT + 17},{y})" fill="{style.colour}"/>'
-        )
-        parts.append(svg_text(LEFT + 42, y + 4, line.name or curves.y_label, "start"))
-    title = f"{curves.title} ({curves.y_label})"
-    return f"<h4>{escape(title)}</h4>\n{''.join(parts)}</svg>"
+        has_marks = frame is WHOLE or len(line.x) <= MOST_SMALL_MARKS
+        is_joined = not curves.x_names or curves.is_in_order
+        yield from line_parts(line, place, y_at, line_style(index), is_joined, has_marks)
 
 
 def beside(x_at: Callable[[float], float], shift: float) -> Callable[[float], float]:
@@ -148,18 +206,18 @@ def round_marks(low: float, high: float) -> list[float]:
     return [step * place for place in range(first, last + 1)]
 
 
-def x_labels(curves: Curves, x_at: Callable[[float], float]) -> Iterator[str]:
+def x_labels(curves: Curves, x_at: Callable[[float], float], frame: Frame) -> Iterator[str]:
     """The numbers or names below the x axis, as far as they fit."""
     free = 0.0
     for x in curves.x:
         text = curves.x_names[int(x)] if curves.x_names else number(x)
-        room = (WIDTH - LEFT - RIGHT) / max(1, len(curves.x))
+        room = frame.inner / max(1, len(curves.x))
         shown = (
             text if len(text) * 6.5 <= max(room, MIN_NAME_WIDTH) else text[: int(room / 6.5)] + "…"
         )
         half = len(shown) * 3.3
         if x_at(x) - half >= free:
-            yield svg_text(x_at(x), HEIGHT - BOTTOM + 16, shown, "middle")
+            yield svg_text(x_at(x), frame.height - frame.bottom + 16, shown, "middle")
             free = x_at(x) + half + 4
 
 
@@ -168,15 +226,16 @@ def line_parts(
     x_at: Callable[[float], float],
     y_at: Callable[[float], float],
     style: LineStyle,
-    is_named: bool,
+    is_joined: bool,
+    has_marks: bool,
 ) -> Iterator[str]:
-    """One curve; without connecting lines if the x values are names."""
+    """One curve; with connecting lines if the x values have an order."""
     points = [
         (x_at(x), y_at(value))
         for x, value in zip(line.x, line.value, strict=True)
         if math.isfinite(value)
     ]
-    if not is_named:
+    if is_joined:
         path = " ".join(f"{x:.1f},{y:.1f}" for x, y in points)
         yield f'<polyline points="{path}" fill="none" {stroke(style)}/>'
     for x, low, high in zip(line.x, line.low, line.high, strict=True):
@@ -185,7 +244,7 @@ def line_parts(
                 f'<line x1="{x_at(x):.1f}" x2="{x_at(x):.1f}" y1="{y_at(low):.1f}" '
                 f'y2="{y_at(high):.1f}" stroke="{style.colour}"/>'
             )
-    for x, y in points:
+    for x, y in points if has_marks else ():
         yield f'<path d="{style.path}" transform="translate({x:.1f},{y:.1f})" fill="{style.colour}"/>'
 
 
@@ -196,26 +255,36 @@ def stroke(style: LineStyle) -> str:
 
 
 def map_svg(heat: HeatMap) -> str:
-    """A floor of coloured cells with a scale below."""
-    field = coarse(heat.field, max(1, math.ceil(heat.field.shape[1] / WIDEST_MAP)))
+    """A floor of coloured cells with axes, and a scale below."""
+    rows, columns = heat.field.shape
+    block = max(1, math.ceil(columns / WIDEST_MAP), math.ceil(rows / TALLEST_MAP))
+    field = coarse(heat.field, block)
     high, wide = field.shape
     most = float(field[np.isfinite(field)].max(initial=0))
     cell = max(3, min(WIDEST_CELL, MAP_WIDTH // wide, MAP_HEIGHT // high))
-    width = max(wide * cell, 90 * len(SCALE_STEPS))
-    parts = [svg_open(width, high * cell + 2 * SWATCH, heat.title)]
+    width = MAP_LEFT + max(wide * cell, SCALE_STEP * len(SCALE_STEPS)) + MAP_LEFT
+    bottom = SWATCH + high * cell
+    parts = [svg_open(width, bottom + 4 * SWATCH, heat.title)]
     for (row, column), value in np.ndenumerate(field):
         parts.append(
-            f'<rect x="{column * cell}" y="{row * cell}" width="{cell}" height="{cell}" '
-            f'fill="{heat_colour(float(value), most)}"/>'
+            f'<rect x="{MAP_LEFT + column * cell}" y="{SWATCH + row * cell}" width="{cell}" '
+            f'height="{cell}" fill="{heat_colour(float(value), most)}"/>'
         )
+    pixels = cell / (block * heat.side)  # of a unit of the axes
+    for x in round_marks(0, columns * heat.side):
+        parts.append(svg_text(MAP_LEFT + x * pixels, bottom + 14, number(x), "middle"))
+    for y in round_marks(0, rows * heat.side):
+        parts.append(svg_text(MAP_LEFT - 6, SWATCH + y * pixels + 4, number(y), "end"))
+    parts.append(svg_text(MAP_LEFT + wide * cell + 14, bottom + 14, heat.axis, "start"))
     for place, part in enumerate(SCALE_STEPS if most else ()):
-        x, y = 90 * place, high * cell + SWATCH / 2
+        at, below = MAP_LEFT + SCALE_STEP * place, bottom + 2 * SWATCH
         parts.append(
-            f'<rect x="{x}" y="{y}" width="{SWATCH}" height="{SWATCH}" stroke="#888" '
+            f'<rect x="{at}" y="{below}" width="{SWATCH}" height="{SWATCH}" stroke="#888" '
             f'fill="{heat_colour(part * most, most)}"/>'
         )
-        parts.append(svg_text(x + SWATCH + 4, y + 13, number(part * most), "start"))
-    caption = f"{heat.title} (most: {number(most)} {heat.unit}). {heat.note}".strip()
+        parts.append(svg_text(at + SWATCH + 4, below + 13, number(part * most), "start"))
+    what = f"Colour: {heat.unit} in a cell" if block == 1 else f"Colour: mean {heat.unit} of a cell"
+    caption = f"{heat.title}. {what}. {heat.note}".strip()
     return f"<h4>{escape(caption)}</h4>\n{''.join(parts)}</svg>"
 
 
@@ -260,6 +329,13 @@ td.n, th.l.n { white-space: nowrap }
 pre { background: #f4f4f2; padding: .7rem; overflow-x: auto }
 summary { cursor: pointer; font-weight: 600 }
 .drawing { margin: .8rem 0 }
+.site { float: right; width: 36%; margin: 0 0 .6rem 1.5rem; text-align: right }
+.site svg { max-height: 200px }
+.site p { margin: .2rem 0 0; font-size: .85rem; color: #555 }
+.answer { clear: both }
+.panel { display: inline-block; width: 31%; margin: .3rem 1.5% .3rem 0; vertical-align: top }
+.panel b { font-size: .9rem; display: block }
+.panel svg { width: 100%; height: auto; max-height: none }
 svg { max-width: 100%; height: auto }
 svg text { font: 12px system-ui, sans-serif; fill: #333 }
 @page { size: A4; margin: 14mm 13mm }
@@ -271,17 +347,23 @@ svg text { font: 12px system-ui, sans-serif; fill: #333 }
   th, td { padding-right: .5rem }
   thead { display: table-header-group }
   tr, .drawing, svg, .answer, .short { break-inside: avoid }
-  h1, h2, h3, h4, p:has(+ .wide) { break-after: avoid }
+  h1, h2, h3, h4, p:has(+ .wide), p:has(+ div > ul) { break-after: avoid }
   .wide { overflow-x: visible }
   .turned { page: turned }
   .turned table { font-size: 8pt; width: 100% }
   .turned td, .turned th { padding-right: .35rem }
   .page-end { break-after: page }
-  svg { max-height: 74mm; width: auto }
+  svg { max-height: 70mm; width: auto }
   svg text { font-size: 13.5px }
   .page-end ~ .drawing svg { max-height: 104mm }
   .page-end ~ .drawing svg text { font-size: 12px }
   .drawing.map svg { max-height: 115mm }
+  .drawing.site svg { max-height: 38mm }
+  .drawing.panels { break-inside: auto }
+  .panel { break-inside: avoid }
+  .drawing.map svg text { font-size: 16px }
+  .drawing.panel svg { max-height: none; width: 100% }
+  .drawing.panels > svg { max-height: none }
   pre { white-space: pre-wrap; overflow-wrap: anywhere }
 }
 """
@@ -365,6 +447,10 @@ def html_parts(block: Block) -> Iterator[str]:
         yield '<div class="page-end"></div>'
     elif isinstance(block, Curves):
         yield f'<div class="drawing">{curves_svg(block)}</div>'
+    elif isinstance(block, Panels):
+        yield f'<div class="drawing panels">{panels_html(block)}</div>'
+    elif isinstance(block, SvgDrawing):
+        yield f'<div class="drawing site">{block.svg}<p>{escape(block.caption)}</p></div>'
     elif isinstance(block, HeatMap):
         yield f'<div class="drawing map">{map_svg(block)}</div>'
 
@@ -422,6 +508,9 @@ def write_plots(blocks: Sequence[Block], folder: Path) -> list[Path]:
 
 
 def _written(kind: Any, block: Block, folder: Path) -> Iterator[Path]:
+    if isinstance(block, Panels):
+        for chart in block.charts:
+            yield from _written(kind, replace(chart, title=f"{block.title}, {chart.title}"), folder)
     if not isinstance(block, Curves | HeatMap):
         return
     import matplotlib
@@ -454,7 +543,8 @@ def draw_curves(figure: Any, axes: Any, curves: Curves) -> None:
         down = [value - low for value, low in zip(line.value, line.low, strict=True)]
         up = [high - value for value, high in zip(line.value, line.high, strict=True)]
         style = line_style(index)
-        dashes = "none" if curves.x_names else (0, style.dashes) if style.dashes else "solid"
+        is_joined = not curves.x_names or curves.is_in_order
+        dashes = "none" if not is_joined else (0, style.dashes) if style.dashes else "solid"
         axes.errorbar(
             [x + PLOT_STEP * curves.shift(index) for x in line.x],
             line.value,
@@ -482,11 +572,11 @@ def draw_curves(figure: Any, axes: Any, curves: Curves) -> None:
 
 def draw_map(figure: Any, axes: Any, heat: HeatMap) -> None:
     """Draw a floor in colours."""
-    image = axes.imshow(heat.field, cmap="inferno", interpolation="nearest")
+    rows, columns = heat.field.shape
+    extent = (0, columns * heat.side, rows * heat.side, 0)
+    image = axes.imshow(heat.field, cmap="inferno", interpolation="nearest", extent=extent)
     title = "\n".join(textwrap.wrap(heat.title, WIDEST_TITLE))
-    axes.set(title=title, xlabel=heat.note)
-    axes.set_xticks([])
-    axes.set_yticks([])
+    axes.set(title=title, xlabel=f"{heat.axis}\n{heat.note}", ylabel=heat.axis)
     figure.colorbar(image, label=heat.unit)
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
@@ -109,7 +110,7 @@ class Table:
         grouped = sum(size for _, size in self.groups)
         return len(self.head) - grouped if grouped else max(1, self.left)
 
-    @property
+    @cached_property
     def columns(self) -> list[tuple[str, ...]]:
         """The cells of each column, starting with its heading."""
         return list(zip(self.head, *(row for row in self.rows if row), strict=True))
@@ -138,8 +139,8 @@ class ReportCurve:
 class Curves:
     """Curves with intervals over a number, such as the number of robots, or over names.
 
-    `x_names`: names of x = 0, 1, ..., which are not connected by lines. `from_zero`: start the scale
-    of values at 0.
+    `x_names`: names of x = 0, 1, ..., which are not connected by lines unless they are in order, such
+    as hours. `from_zero`: start the scale of values at 0.
     """
 
     title: str
@@ -148,6 +149,7 @@ class Curves:
     lines: Sequence[ReportCurve]
     x_names: Sequence[str] = ()
     from_zero: bool = False
+    is_in_order: bool = False
 
     @property
     def x(self) -> list[float]:
@@ -156,7 +158,8 @@ class Curves:
 
     def shift(self, line: int) -> float:
         """The place of a curve beside its x, in steps from the middle; 0 where x are numbers."""
-        return line - (len(self.lines) - 1) / 2 if self.x_names else 0.0
+        is_beside = self.x_names and not self.is_in_order
+        return line - (len(self.lines) - 1) / 2 if is_beside else 0.0
 
     @property
     def values(self) -> list[float]:
@@ -171,13 +174,31 @@ class Curves:
 
 
 @dataclass(frozen=True)
+class Panels:
+    """Small charts with the same lines, side by side on pages; tables have their values as text."""
+
+    title: str
+    charts: Sequence[Curves]
+
+
+@dataclass(frozen=True)
+class SvgDrawing:
+    """An SVG on pages; as text only its caption."""
+
+    svg: str
+    caption: str
+
+
+@dataclass(frozen=True)
 class HeatMap:
-    """A number for each cell of a floor; NaN for walls."""
+    """A number for each cell of a floor; NaN for walls. A cell is `side` long, in the unit `axis`."""
 
     title: str
     unit: str
     field: npt.NDArray[Any]  # (height, width) float
     note: str = ""
+    axis: str = "cells"
+    side: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -193,7 +214,19 @@ class PageBreak:
     """The end of a page, or of a sheet of a workbook."""
 
 
-Block = Heading | Text | Listed | CharacterPicture | Table | Curves | HeatMap | Folded | PageBreak
+Block = (
+    Heading
+    | Text
+    | Listed
+    | CharacterPicture
+    | Table
+    | Curves
+    | Panels
+    | SvgDrawing
+    | HeatMap
+    | Folded
+    | PageBreak
+)
 
 
 def has_no_line(block: Block) -> bool:

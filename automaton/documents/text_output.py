@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import shutil
 import sys
 import textwrap
@@ -27,8 +28,10 @@ from automaton.documents.report_document import (
     HeatMap,
     Listed,
     PageBreak,
+    Panels,
     ReportDocument,
     StyledText,
+    SvgDrawing,
     Table,
     Text,
     has_no_line,
@@ -54,8 +57,11 @@ HELD_SIGN: Final = "\0%"  # replaces " %" while text wraps, to keep it with its 
 HEAD_STYLE: Final = "bold underline"
 SGR: Final = {"bold": "1", "underline": "4", "reverse": "7"}  # terminal codes
 COLOURS: Final = {"red": "31", "green": "32", "yellow": "33", "cyan": "36"}
-SIGNS = "\\|*_`<"  # special characters of Markdown
-HTML_SIGNS = "\\<"  # characters escaped in titles, which contain names
+SIGNS = "\\|*_`<["  # special characters of Markdown
+HTML_SIGNS = "\\<["  # characters escaped in titles, which contain names
+BLOCK_SIGN = re.compile(
+    r"\s*(?=[-+>#=~])|\s*\d+(?=[.)]\s)"
+)  # begins a list, a title or a quotation
 CURVE_MARKS: Final = "ox+*#%@&"
 INTERVAL_MARK: Final = ":"
 CHART_HEIGHT: Final = 14
@@ -154,6 +160,8 @@ def block_lines(block: Block, width: int, is_styled: bool) -> Iterator[Line]:
             rest = " " * len(block.mark) + ("" if block.mark.strip() else INDENT)
             lines = wrapped(item, width, block.mark, rest)
             yield from ([(line, "bold" if block.strong else "")] for line in lines)
+    elif isinstance(block, SvgDrawing):
+        yield from ([(line, "")] for line in wrapped(block.caption, width))
     elif isinstance(block, CharacterPicture):
         yield from ([*row] for row in block.rows)
     elif isinstance(block, Table):
@@ -452,12 +460,18 @@ def shaded(heat: HeatMap, width: int) -> Iterator[str]:
     """A floor in shades; large floors by means of blocks of cells."""
     import numpy as np  # slow to import, and most documents have no maps
 
-    field = coarse(heat.field, max(1, math.ceil(heat.field.shape[1] / width)))
+    rows, columns = heat.field.shape
+    margin = len(number(rows * heat.side)) + 2
+    block = max(1, math.ceil(columns / max(1, width - margin)))
+    field, step = coarse(heat.field, block), block * heat.side
     known = field[np.isfinite(field)]
     most = float(known.max(initial=0))
     yield f"{heat.title} (most: {number(most)} {heat.unit})"
-    for row in field:
-        yield "".join(shade(value, most) for value in row).rstrip()
+    scale = "".join(f"{number(x * step):<10}" for x in range(0, field.shape[1], 10))
+    yield f"{'':{margin}}{scale}{heat.axis}"
+    for y, row in enumerate(field):
+        label = "" if y % 5 else number(y * step)
+        yield f"{label:>{margin - 1}} {''.join(shade(value, most) for value in row)}".rstrip()
     steps = most / len(SHADES)
     scale_text = ", ".join(
         f"{sign} up to {number((index + 1) * steps)}" for index, sign in enumerate(SHADES)
@@ -499,7 +513,7 @@ def as_markdown(document: ReportDocument) -> str:
     """The document as Markdown; charts are preformatted text."""
     lines: list[str] = []
     for block in document.blocks:
-        if not isinstance(block, PageBreak) and not has_no_line(block):
+        if not isinstance(block, PageBreak | Panels) and not has_no_line(block):
             lines += [*markdown_lines(block), ""]
     return "\n".join(lines).rstrip() + "\n"
 
@@ -509,7 +523,9 @@ def markdown_lines(block: Block) -> Iterator[str]:
     if isinstance(block, Heading):
         yield f"{'#' * block.level} {escaped(block.text, HTML_SIGNS)}"
     elif isinstance(block, Text) and not block.code:
-        yield f"**{escaped(block.text)}**" if block.strong else escaped(block.text)
+        yield f"**{escaped(block.text)}**" if block.strong else paragraph(block.text)
+    elif isinstance(block, SvgDrawing):
+        yield paragraph(block.caption)
     elif isinstance(block, Folded):
         from html import escape  # slow to import: it reads a table of 2,231 names
 
@@ -521,7 +537,7 @@ def markdown_lines(block: Block) -> Iterator[str]:
     elif has_no_line(block):
         return
     elif isinstance(block, Listed):
-        *first, last = map(escaped, block.items)
+        *first, last = map(paragraph, block.items)
         if block.mark:
             yield from (f"- {item}" for item in (*first, last))
         else:
@@ -549,6 +565,13 @@ def escaped(text: str, signs: str = SIGNS) -> str:
     for sign in signs:
         text = text.replace(sign, f"\\{sign}")
     return text
+
+
+def paragraph(text: str) -> str:
+    """Text as a paragraph, which must not begin like another block."""
+    plain_text = escaped(text)
+    begin = BLOCK_SIGN.match(plain_text)
+    return plain_text if begin is None else f"{begin[0]}\\{plain_text[begin.end() :]}"
 
 
 def fenced(lines: Sequence[str]) -> Iterator[str]:

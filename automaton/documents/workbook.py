@@ -17,6 +17,7 @@ from automaton.documents.report_document import (
     Listed,
     NumberText,
     ReportDocument,
+    SvgDrawing,
     Table,
     Text,
 )
@@ -24,6 +25,7 @@ from automaton.errors import InputError
 from automaton.printable import one_line
 
 WHOLE_TEXT: Final = re.compile(r"0|[1-9]\d{0,14}|[1-9]\d{0,2}(,\d{3}){1,4}")
+PERCENT_CELL: Final = re.compile(r"[+-]?\d[\d,]*(\.\d+)? %")
 WORKBOOK_BEGINS: Final = b"PK"
 MAX_CELL_TEXT: Final = 32_000  # characters; Excel's limit is 32,767
 WIDEST_COLUMN: Final = 40  # characters
@@ -81,6 +83,8 @@ def fill_sheet(
     sheet, rows = book.create_sheet(name), [list(line) for line in lines]
     if has_head:
         sheet.freeze_panes = "A2"
+        columns = max(map(len, rows), default=1)
+        sheet.auto_filter.ref = f"A1:{_letter(columns - 1)}{max(1, len(rows))}"
     decimals = []
     for column in range(max(map(len, rows), default=0)):
         cells = [
@@ -114,6 +118,8 @@ def number_format(value: Any, decimals: int) -> str:
         if exponent:
             return "0.000E+00"
         decimals = len(mantissa.rstrip(" %").partition(".")[2])
+        if mantissa.endswith("%"):
+            return f"0.{'0' * decimals} %" if decimals else "0 %"
     elif isinstance(value, bool) or not isinstance(value, int | float):
         return ""
     elif isinstance(value, int):
@@ -154,6 +160,8 @@ def sheet_lines(block: Block) -> list[Sequence[Any]]:
         return [[line] for line in block.text.splitlines()]
     if isinstance(block, Listed):
         return [[item] for item in block.items]
+    if isinstance(block, SvgDrawing):
+        return [[block.caption]]
     if isinstance(block, Table):
         return [[], block.flat_head, *([_plain(cell) for cell in row] for row in block.rows), []]
     if isinstance(block, Folded):
@@ -162,8 +170,10 @@ def sheet_lines(block: Block) -> list[Sequence[Any]]:
 
 
 def _plain(cell: str) -> Any:
-    """A cell as a number if it is one: with all its digits, or a whole one such as 1,235 robots."""
+    """A cell as a number if it is one: with all its digits, a percentage, or a whole one."""
     if isinstance(cell, NumberText):
         return cell
+    if PERCENT_CELL.fullmatch(cell):
+        return NumberText(cell, float(cell.removesuffix(" %").replace(",", "")) / 100)
     is_whole = WHOLE_TEXT.fullmatch(cell) is not None  # 007 is a name
     return int(cell.replace(",", "")) if is_whole else cell

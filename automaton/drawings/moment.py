@@ -124,6 +124,13 @@ def moment_of(floor: DrawnFloor, world: Any, observation: Any) -> Moment:
     )
 
 
+def empty_moment() -> Moment:
+    """A floor without robots and loads."""
+    none, cells = np.zeros(0), np.zeros(0, np.int32)
+    looks = RobotLooks(*(np.zeros(0, np.uint8) for _ in RobotLooks._fields))
+    return Moment(0, none, none, looks, cells, cells, cells, cells, cells)
+
+
 def full_cells(world: Any, floor: DrawnFloor) -> Cells:
     """(k,) cells with a load or pod: slots for one load, and loads left on the floor."""
     slots = world.slots

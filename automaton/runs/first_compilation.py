@@ -20,10 +20,16 @@ from multiprocessing import parent_process
 from automaton.engine.batches import decide_signature
 from automaton.engine.features import compiled_feature
 from automaton.engine.jit.kernel import COMPILATIONS, jit_is_on, world_marker
-from automaton.runs.cores import cores
 from automaton.scenario.schema import Faults
 from automaton.strategy.contract import Strategy, compiled_decide
 from automaton.world.resolved import Resolved
+
+
+def cores() -> int:
+    """Return the number of CPU cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
 
 
 @contextmanager

@@ -333,22 +333,28 @@ class CountedStretches(NamedTuple):
 
 
 def run_marked(
-    simulation: Simulation, every: int = 0, watch: JamWatch | None = None
+    simulation: Simulation,
+    every: int = 0,
+    watch: JamWatch | None = None,
+    periods: PeriodMarks | None = None,
 ) -> CountedStretches:
-    """Run to the end; `every`: length of a stretch in ticks, 0 for no stretches."""
+    """Run to the end; `every`: length of a stretch in ticks, 0 for no stretches.
+
+    `periods` keeps what was counted at the ends of periods.
+    """
     scenario = simulation.resolved.scenario
     warm_up, limit = warm_up_of(scenario), scenario.stop.max_duration
     borders = range(every, limit, every) if every else range(0)
     at = {}
     for tick in sorted({*borders, *((warm_up,) if warm_up else ())}):
-        run_to_end(simulation, until=tick, watch=watch)
+        run_to_end(simulation, until=tick, watch=watch, marks=periods)
         if simulation.tick == tick:
             at[tick] = counted(simulation)
         if simulation.tick == warm_up:
             simulation.world.deadlocks.count.longest = (
                 0  # of those that end later, it is entered again
             )
-    run_to_end(simulation, watch=watch)
+    run_to_end(simulation, watch=watch, marks=periods)
     return CountedStretches(at.get(warm_up), [at[tick] for tick in borders if tick in at])
 
 

@@ -52,6 +52,11 @@ SUMS: Final = (
     *("parts_finished", "part_flow_times"),
     *COUNTED_BY_STRATEGIES,
 )
+# What rows store of each period of a run: fields of Period; "stations" and "chargers" are means.
+PERIOD_COLUMNS: Final = (
+    *("begin", "end", "done", "backlog", "late", "on_orders", "in_traffic", "in_station_queues"),
+    *("charging", "to_chargers", "for_chargers", "down", "stations", "chargers"),
+)
 TASK_SUMS: Final = {*SUMS, "robots", "completed", "watched_robot_ticks"} - {*COUNTED_BY_STRATEGIES}
 
 

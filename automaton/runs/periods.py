@@ -1,12 +1,14 @@
 """A run by hour or any other period: flow, what robots did, how busy stations and chargers were.
 
 A run whose report has no periods is measured by period, too: the bottleneck depends on when a
-resource was saturated.
+resource was saturated. Runs of a sweep keep theirs by quarter of an hour, so that a report can show the
+means of several runs by hour or another multiple.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from fractions import Fraction
 from typing import Any, Final, NamedTuple
 
@@ -22,7 +24,7 @@ from automaton.engine.state import (
     World,
 )
 from automaton.errors import InputError
-from automaton.runs.metric_sums import TRAFFIC_SUMS
+from automaton.runs.metric_sums import PERIOD_COLUMNS, TRAFFIC_SUMS
 from automaton.runs.metrics import Counted, counted
 from automaton.runs.progress import asked_orders, has_lines
 from automaton.runs.task_metrics import Measured, summed
@@ -32,6 +34,8 @@ from automaton.world.resolved import Resolved
 
 HOUR_S: Final = 3600
 MAX_PERIODS: Final = 10_000
+MAX_KEPT_PERIODS: Final = 1000  # of a run of a sweep; beyond it, its periods are hours
+QUARTERS: Final = 4  # of an hour
 MAX_PERIOD_TEXT: Final = 40  # of a period as text
 MAX_LOOKS: Final = 64  # beyond which an interval doubles
 FIRST_INTERVAL: Final = 256  # ticks
@@ -43,9 +47,9 @@ class Period(NamedTuple):
     begin: int  # the tick before the first one
     end: int  # the last one
     name: str  # the clock time of `begin`, or its tick
-    done: int  # orders; where pods are carried, lines
-    backlog: int  # of the same, known and not done at the end
-    late: int | None  # orders that were due and are late; None without due times
+    done: float  # orders; where pods are carried, lines
+    backlog: float  # of the same, known and not done at the end
+    late: float | None  # orders that were due and are late; None without due times
     on_orders: float
     in_traffic: float  # robots that lose time in traffic
     in_station_queues: float
@@ -145,6 +149,56 @@ def ticks_of_period(resolved: Resolved, text: str | None) -> int:
             f"{MAX_PERIODS:,} are allowed"
         )
     return round(ticks)
+
+
+def kept_period(resolved: Resolved) -> int:
+    """Ticks of the periods that a run of a sweep keeps; 0 for none, where a tick is not a time."""
+    hour, longest = ticks_of_period(resolved, None), resolved.scenario.stop.max_duration
+    if not hour or longest > hour * MAX_KEPT_PERIODS:
+        return 0
+    has_quarters = hour % QUARTERS == 0 and longest <= hour * MAX_KEPT_PERIODS // QUARTERS
+    return hour // QUARTERS if has_quarters else hour
+
+
+def period_columns(periods: Sequence[Period]) -> dict[str, list[float]]:
+    """The PERIOD_COLUMNS of periods; a column that is not measured is empty."""
+    columns: dict[str, list[float]] = {}
+    for name in PERIOD_COLUMNS:
+        values = [getattr(one, name) for one in periods]
+        if name in ("stations", "chargers"):
+            values = [sum(one) / len(one) if one else None for one in values]
+        columns[name] = [] if None in values else [float(one) for one in values]
+    return columns
+
+
+def kept_periods(resolved: Resolved, columns: Mapping[str, Sequence[float]]) -> list[Period]:
+    """The periods of a run from their PERIOD_COLUMNS, without queues of single stations."""
+    periods = []
+    for k, begin in enumerate(columns["begin"]):
+        row: dict[str, Any] = {
+            name: values[k] if values else None for name, values in columns.items()
+        }
+        for name in ("stations", "chargers"):
+            row[name] = () if row[name] is None else (row[name],)
+        row |= {"begin": int(begin), "end": int(row["end"]), "name": moment(resolved, int(begin))}
+        periods.append(Period(**row, station_queues=(), charger_queues=()))
+    return periods
+
+
+def mean_period(periods: Sequence[Period]) -> Period:
+    """The mean of the same period of several runs, in which it may end at different ticks."""
+    first, ticks = periods[0], sum(one.ticks for one in periods)
+    mean = {
+        name: sum(getattr(one, name) for one in periods) / len(periods)
+        for name in ("done", "backlog", *(["late"] if first.late is not None else []))
+    }
+    for name in PERIOD_COLUMNS[PERIOD_COLUMNS.index("on_orders") : -2]:
+        mean[name] = sum(getattr(one, name) * one.ticks for one in periods) / ticks
+    for name in ("stations", "chargers"):
+        shares = [getattr(one, name) for one in periods]
+        pairs = [zip(shares, periods, strict=True)] if first._asdict()[name] else []
+        mean |= {name: tuple(sum(s[0] * one.ticks for s, one in pair) / ticks for pair in pairs)}
+    return first._replace(end=first.begin + round(ticks / len(periods)), **mean)
 
 
 def moment(resolved: Resolved, tick: int) -> str:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Container, Mapping, Sequence
+from typing import Any, NamedTuple
 
 from automaton.documents.report_document import (
     Heading,
@@ -44,7 +44,6 @@ ROBOT_COLUMNS = {  # heading: metric of the robot
     "slowdown": "slowdown_ticks",
 }
 SLOWDOWN = "slowdown_ticks"
-ROBOT_HEADS = ("on orders", "in traffic", "in queues", "charging", "wait to charge", "down")
 ROWS_SHOWN = 50  # of stations, chargers and robots
 GROUP_HEADS = ("orders", "delivered", "lead time", "95th percentile", "late")
 METRICS_TOLD = (
@@ -73,7 +72,8 @@ def run_document(resolved: Resolved, outcome: Outcome) -> ReportDocument:
     document.add(
         *[Text(text) for text in bottleneck_sentences(resolved, outcome.periods, outcome.stations)]
     )
-    document.add(*([periods_table(resolved, outcome, tick)] if outcome.by_period else []))
+    if outcome.by_period:
+        document.add(periods_table(resolved, outcome.periods, outcome.metrics))
     document.add(uses_table(outcome))
     document.add(Heading("All metrics", 3), metrics_table(outcome, tick, cell))
     document.add(*([types_table(outcome, tick)] if outcome.types else []))
@@ -144,45 +144,68 @@ def throughput_text(per_1000_ticks: float, tick: Unit) -> str:
     return f"{number(an_hour)} orders an hour"
 
 
-def periods_table(resolved: Resolved, outcome: Outcome, tick: Unit) -> Table:
-    """One line for each period: flow, what robots did on average, how busy the rest was."""
-    periods, has = outcome.periods, outcome.metrics
+class PeriodColumn(NamedTuple):
+    """A column of the table of periods."""
+
+    head: str
+    unit: str
+    value: Callable[[Period], float]
+    digits: int = 0
+
+    def text(self, period: Period) -> str:
+        """The cell of a period."""
+        value = self.value(period)
+        text = f"{round(value, self.digits):,.{self.digits}f}"
+        return NumberText(f"{text} %", value / 100) if self.unit == "%" else NumberText(text, value)
+
+
+OPTIONAL_COLUMNS = {  # metric: heading of the columns that runs with it have
+    "late_share": ("late",),
+    "lost_station_queue": ("in queues",),
+    "lost_charger_queue": ("charging", "wait to charge"),
+    "downtime": ("down",),
+}
+
+
+def shown_columns(
+    resolved: Resolved, periods: Sequence[Period], has: Container[str]
+) -> list[PeriodColumn]:
+    """The columns of a table of periods; `has`: the metrics that were measured."""
     what = flow_name(resolved)
-    columns: list[tuple[str, bool, Callable[[Period], str]]] = [
-        ("from", True, lambda one: one.name),
-        (
-            f"{what}/h" if tick.seconds else f"{what}/1000",
-            True,
-            lambda one: number(round(rate(resolved, one))),
-        ),
-        ("backlog", True, lambda one: number(one.backlog)),
-        ("late", "late_share" in has, lambda one: number(one.late or 0)),
-        ("on orders", True, lambda one: robots_text(one.on_orders)),
-        ("in traffic", True, lambda one: robots_text(one.in_traffic)),
-        ("in queues", "lost_station_queue" in has, lambda one: robots_text(one.in_station_queues)),
-        ("charging", "lost_charger_queue" in has, lambda one: robots_text(one.charging)),
-        ("wait to charge", "lost_charger_queue" in has, lambda one: robots_text(one.for_chargers)),
-        ("down", "downtime" in has, lambda one: robots_text(one.down)),
-        ("stations", bool(periods[0].stations), lambda one: mean_percent(one.stations)),
-        ("chargers", bool(periods[0].chargers), lambda one: percent(one.charger_share, 0)),
+    per = f"{what}/h" if units_of(resolved)[0].seconds else f"{what}/1000"
+    columns = [
+        PeriodColumn(per, per, lambda one: rate(resolved, one)),
+        PeriodColumn("backlog", what, lambda one: one.backlog),
+        PeriodColumn("late", "orders", lambda one: one.late or 0),
+        PeriodColumn("on orders", "robots", lambda one: one.on_orders, 1),
+        PeriodColumn("in traffic", "robots", lambda one: one.in_traffic, 1),
+        PeriodColumn("in queues", "robots", lambda one: one.in_station_queues, 1),
+        PeriodColumn("charging", "robots", lambda one: one.charging, 1),
+        PeriodColumn("wait to charge", "robots", lambda one: one.for_chargers, 1),
+        PeriodColumn("down", "robots", lambda one: one.down, 1),
     ]
-    shown = [(head, text) for head, is_shown, text in columns if is_shown]
-    rows = [[text(one) for _, text in shown] for one in periods]
-    heads = [head for head, _ in shown]
-    robots = [head for head in heads if head in ROBOT_HEADS]
-    busy = len(heads) - heads.index(robots[-1]) - 1
-    groups = [("robots", len(robots)), *([("busy", busy)] if busy else [])]
-    return Table(heads, rows, groups=groups)
+    hidden = {h for name, heads in OPTIONAL_COLUMNS.items() if name not in has for h in heads}
+    columns = [column for column in columns if column.head not in hidden]
+    if periods[0].stations:
+        columns.append(PeriodColumn("stations", "%", lambda one: mean_percent(one.stations)))
+    if periods[0].chargers:
+        columns.append(PeriodColumn("chargers", "%", lambda one: mean_percent(one.chargers)))
+    return columns
 
 
-def robots_text(mean: float) -> str:
-    """A mean number of robots."""
-    return f"{mean:.1f}"
+def periods_table(resolved: Resolved, periods: Sequence[Period], has: Container[str]) -> Table:
+    """One line for each period: flow, what robots did on average, how busy the rest was."""
+    columns = shown_columns(resolved, periods, has)
+    rows = [[one.name, *(column.text(one) for column in columns)] for one in periods]
+    units = [column.unit for column in columns]
+    groups = [("robots", units.count("robots")), ("busy", units.count("%"))]
+    heads = ["from", *(column.head for column in columns)]
+    return Table(heads, rows, groups=[group for group in groups if group[1]])
 
 
-def mean_percent(shares: Sequence[float]) -> str:
-    """The mean of some shares."""
-    return percent(sum(shares) / len(shares), 0)
+def mean_percent(shares: Sequence[float]) -> float:
+    """The mean of some shares, in percent."""
+    return 100 * sum(shares) / len(shares)
 
 
 def uses_table(outcome: Outcome) -> Table:

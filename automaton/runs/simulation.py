@@ -15,7 +15,7 @@ import numpy as np
 from automaton import garbage
 from automaton.drawings.floor_svg import FloorPicture
 from automaton.drawings.looks import THEMES, Theme
-from automaton.drawings.moment import drawn_floor, moment_of
+from automaton.drawings.moment import drawn_floor, empty_moment, moment_of
 from automaton.engine import loop as loop_kernels
 from automaton.engine.digest import DIGEST_NAMES, combine, digest_world
 from automaton.engine.distance_tables import (
@@ -543,6 +543,11 @@ def tables_in(structs: Iterable[Struct]) -> Iterator[DistanceTables]:
         else:
             parts = (getattr(one, name) for name in one._fields)
             yield from tables_in(part for part in parts if isinstance(part, Struct))
+
+
+def empty_floor(resolved: Resolved) -> FloorPicture:
+    """The floor of a scenario without robots and loads."""
+    return FloorPicture(drawn_floor(resolved), empty_moment(), resolved.scenario.name)
 
 
 def floor_picture(

@@ -19,8 +19,7 @@ from types import FrameType, TracebackType
 from typing import Any, Final, NamedTuple, TypeVar
 
 from automaton.errors import WorkerDiedError
-from automaton.runs.cores import cores
-from automaton.runs.first_compilation import compiled_parts
+from automaton.runs.first_compilation import compiled_parts, cores
 from automaton.runs.headless import attribute_strategy_errors, is_finished, run_to_end
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation

@@ -16,6 +16,7 @@ from typing import Any, Final, NamedTuple
 
 from automaton.engine.state import BATTERY_PERCENT
 from automaton.errors import InputError, Keys
+from automaton.scenario.order_lines import plain_data
 from automaton.scenario.quantities import Dimension, Scale, rounded
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import Conversion, Plan, plan_of
@@ -152,7 +153,8 @@ def plain_number_line(data: dict[str, Any], scale: Scale) -> str:
         return ""
     first: dict[str, float] = {}
     for keys, value in _ticks_in(data, plan_of(Scenario), ()):
-        first.setdefault(".".join(key for key in keys if isinstance(key, str)), value)
+        if value > 1:
+            first.setdefault(".".join(key for key in keys if isinstance(key, str)), value)
     words = []
     for key, ticks in list(first.items())[:MOST_KEYS]:
         time, unit = duration(ticks, scale.unit)
@@ -163,10 +165,16 @@ def plain_number_line(data: dict[str, Any], scale: Scale) -> str:
     return f"read in ticks of {scale.tick}: {', '.join(words)}{more}"
 
 
+def tick_keys(scenario: Scenario) -> set[str]:
+    """The keys of a scenario whose values are numbers of ticks."""
+    plain = plain_data(scenario)
+    return {".".join(map(str, keys)) for keys, _ in _ticks_in(plain, plan_of(Scenario), ())}
+
+
 def _ticks_in(value: Any, plan: Plan, keys: Keys) -> Iterator[tuple[Keys, float]]:
-    """The plain numbers of ticks above 1, with their keys."""
+    """The plain numbers of ticks, with their keys."""
     if isinstance(value, int | float) and not isinstance(value, bool):
-        if plan.place is not None and plan.place.quantity.counted == "tick" and value > 1:
+        if plan.place is not None and plan.place.quantity.counted == "tick":
             yield keys, value
     elif isinstance(value, dict):
         for name, inner in value.items():

@@ -72,7 +72,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def same_everywhere(text: str) -> str:
     """Without what depends on the code's state and the machine."""
-    return re.sub(r"[0-9a-f]{16}; python.*?(?=\s*(\||\n|<))", "CODE", text)
+    text = re.sub(r"[0-9a-f]{16}; python.*?(?=\s*(\||\n|<))", "CODE", text)
+    return re.sub(r"Results of \d{4}-\d\d-\d\d", "Results of DATE", text)
 
 
 def test_the_report_in_text(folder: Path, capsys: Any, grid_snapshot: Callable[..., None]) -> None:
@@ -325,8 +326,8 @@ def test_a_chart_by_hand() -> None:
 
 def test_a_map_by_hand() -> None:
     field = np.array([[math.nan, 0.0, 8.0], [math.nan, 1.0, 4.0]])
-    drawn = list(shaded(HeatMap("Lost", "ticks", field, "one run"), 80))
-    assert drawn[:3] == ["Lost (most: 8 ticks)", " ·@", " .="]
+    drawn = list(shaded(HeatMap("Lost", "ticks", field, "one run", "m", 1.5), 80))
+    assert drawn[:4] == ["Lost (most: 8 ticks)", "   0         m", " 0  ·@", "    .="]
     assert drawn[-1] == "one run"
     assert coarse(field, 2).tolist()[0] == [0.5, 6.0]
 
@@ -336,6 +337,15 @@ def test_text_of_users_is_escaped() -> None:
     page = as_html(document)
     assert "<script>" not in page and "<i>" not in page and "&lt;script&gt;" in page
     assert r"\<script>\|\*" in as_markdown(document)
+    for text, shown in (
+        ("[a](b)", r"\[a](b)"),
+        ("# a", r"\# a"),
+        ("- a", r"\- a"),
+        ("2. a", r"2\. a"),
+        ("1.5 min", "1.5 min"),
+    ):
+        listed = [Text(text), Listed([text])]
+        assert as_markdown(ReportDocument("", listed)) == f"{shown}\n\n- {shown}\n"
     assert "| a\\|b |" in as_markdown(document)
     assert as_markdown(ReportDocument("", [Heading("<b>", 2)])) == "## \\<b>\n"
     assert as_text(document).startswith("<script>|*")

@@ -28,10 +28,13 @@ from automaton.studies.reports.comparisons import (
     groups_by_condition,
 )
 from automaton.studies.reports.first_page import (
+    answer_section,
     answer_sentence,
     answer_table,
+    decision,
     first_page,
     question,
+    recommended,
 )
 from automaton.studies.reports.metric_tables import metric_section
 from automaton.studies.reports.study_results import Results
@@ -50,6 +53,11 @@ def results_of(
 def sentence(results: Results) -> str:
     (answer,) = answers(results)
     return answer_sentence(results, answer)
+
+
+def decided(results: Results) -> str:
+    (answer,) = answers(results)
+    return decision(results, answer)
 
 
 def test_a_best_point_is_named_with_its_certainty() -> None:
@@ -76,16 +84,44 @@ def test_points_that_cannot_be_told_apart_are_named_with_the_leading_one_first()
 
 
 def test_a_best_point_at_the_edge_of_what_was_tried_says_where_to_go_on() -> None:
-    said = [sentence(results_of(lambda p, r, b=b: noise(p, r) + 20 * abs(p - b))) for b in range(3)]
+    said = [decided(results_of(lambda p, r, b=b: noise(p, r) + 20 * abs(p - b))) for b in range(3)]
     edge = "The best is at the limit of the tested range: try more than 3 robots."
     assert [edge in one for one in said] == [False, False, True]
     assert "edge" not in said[0] + said[1]  # fewer than 1 robot there are not
 
 
+def test_the_fewest_robots_that_may_be_the_best_are_enough() -> None:
+    """Three robots are ahead of two by chance; one is worse. A decision never begins with doubts."""
+    lead = lambda p, r: (50.0, 0.5 * (-1) ** r, -0.01)[p]  # noqa: E731
+    results = results_of(lambda p, r: noise(0, r) + lead(p, r))
+    (answer,) = answers(results)
+    assert [point.number for point in answer.candidates] == [2, 1]
+    assert recommended(answer) is answer.candidates[1]
+    said = decided(results)
+    assert said.startswith("2 robots are enough: mean makespan ")
+    assert "more (+0.0 %) than 3 robots, which is not significant." in said
+
+
+def test_points_that_differ_in_more_than_robots_are_not_called_enough() -> None:
+    factors = {"fleet.robots": (1, 2), "strategy.allocation": ("a", "b")}
+    results = synthetic_store(study_of(factors), lambda p, r: noise(p, r) - 5 * (p == 3))
+    (answer,) = answers(results)
+    assert len(answer.candidates) > 1 and recommended(answer) is not None
+    assert decided(results).startswith("robots 2, allocation b: the lowest mean makespan, ")
+
+
+def test_a_decision_without_enough_runs_says_what_to_do() -> None:
+    assert decided(results_of(noise, runs=1)).startswith("Make more runs: no point has two runs")
+    only = results_of(noise, finished=lambda p, r: p == 1)
+    assert decided(only).startswith(
+        "Take robots 2: no other point has usable results (mean makespan "
+    )
+
+
 def test_the_table_of_the_answer_says_what_its_heads_mean() -> None:
     study = study_of({"fleet.robots": (1, 2)}, comparisons="baseline", baseline={"fleet.robots": 1})
     results = synthetic_store(study, lambda p, r: noise(p, r) - 20 * p)
-    page = list(first_page(results, answers(results), comparisons(results), []))
+    page = list(answer_section(results, answers(results), comparisons(results)))
     at = next(number for number, block in enumerate(page) if isinstance(block, Table))
     baseline, adjusted = (str(block.text) for block in page[at + 1 : at + 3])
     assert baseline.startswith("baseline: ") and baseline.endswith(
@@ -336,8 +372,9 @@ def test_the_first_page_compares_with_the_baseline_and_has_one_picture() -> None
     factors = {"fleet.robots": (1, 2), "strategy.allocation": ("a", "b")}
     study = study_of(factors, comparisons="baseline", baseline={"strategy.allocation": "a"})
     results = synthetic_store(study, lambda p, r: noise(p, r) - 30 * (p == 3))
-    blocks = list(first_page(results, answers(results), comparisons(results), ["a remark"]))
-    (table,) = (block for block in blocks if isinstance(block, Table))
+    blocks = list(first_page(results, answers(results), ["a remark"]))
+    given = answer_section(results, answers(results), comparisons(results))
+    (table,) = (block for block in given if isinstance(block, Table))
     declared = next(one for one in comparisons(results) if one.a.number == 3)
     assert table.head[0] == "best point"
     assert list(table.rows[0][:1]) == ["robots 2, allocation b"]
@@ -345,7 +382,9 @@ def test_the_first_page_compares_with_the_baseline_and_has_one_picture() -> None
     assert table.rows[0][4].value == declared.effect.difference.value  # type: ignore[attr-defined]
     (drawn,) = (block for block in blocks if isinstance(block, Curves))
     assert drawn.title == "makespan by fleet.robots"
-    assert next(b.text for b in blocks if isinstance(b, Text) and b.strong).startswith("Best, with")
+    assert next(b.text for b in blocks if isinstance(b, Text) and b.strong).startswith(
+        "robots 2, allocation b: the lowest mean makespan, "
+    )
     assert blocks[-1] == Listed(["a remark"])
 
 
@@ -365,14 +404,14 @@ def test_where_all_runs_failed_the_page_says_so() -> None:
         name="made up", scenario="tabletop-mini", factors={"fleet.robots": (1, 2)}, replications=2
     )
     results = synthetic_store(study, lambda p, r: None, error=lambda p, r: "it broke")
-    blocks = list(first_page(results, answers(results), [], ["2 runs failed"]))
-    assert Text("No answer: no run has metrics.", strong=True) in blocks
+    blocks = list(first_page(results, answers(results), ["2 runs failed"]))
+    assert Text("Sweep again: no run has metrics yet.", strong=True) in blocks
     assert blocks[-1] == Listed(["2 runs failed"])
 
 
 def test_without_numbers_the_picture_is_over_names() -> None:
     results = synthetic_store(study_of({"strategy.allocation": ("a", "b", "c")}), noise)
-    blocks = first_page(results, answers(results), [], [])
+    blocks = first_page(results, answers(results), [])
     (drawn,) = (block for block in blocks if isinstance(block, Curves))
     assert drawn.x == [0, 1, 2] and list(drawn.x_names) == ["a", "b", "c"]
 

@@ -79,7 +79,7 @@ def means(folder: Path) -> dict[tuple[int, str], float]:
 def test_the_workbook_has_the_numbers_of_the_rows(folder: Path) -> None:
     rows = rows_of(folder)
     book = openpyxl.load_workbook(folder / "report.xlsx")
-    assert book.sheetnames == ["answer", "summary", "tables", "comparisons", "rows"]
+    assert book.sheetnames == [*("answer", "summary", "tables", "comparisons", "periods", "rows")]
     told = sheet(folder, "rows")
     assert len(told) == len(rows) == 12
     for line, row in zip(told, rows, strict=True):
@@ -97,7 +97,7 @@ def test_the_workbook_has_the_numbers_of_the_rows(folder: Path) -> None:
 def test_sheets_for_readers_have_the_answer_and_numbers_as_such(folder: Path) -> None:
     book = openpyxl.load_workbook(folder / "report.xlsx")
     answer = [row[0] for row in book["answer"].iter_rows(values_only=True)]
-    assert {"tiny", "Question", "Answer"} <= set(answer)
+    assert {"tiny", "Question", "Decision"} <= set(answer)
     lines = list(book["tables"].iter_rows(values_only=True))
     at = next(
         number for number, line in enumerate(lines) if line[:3] == ("robots", "allocation", "mean")

@@ -26,7 +26,7 @@ from automaton.documents.report_document import (
 )
 from automaton.studies.reports.comparison_tables import comparison_section, effects_section
 from automaton.studies.reports.comparisons import answers, comparisons
-from automaton.studies.reports.first_page import first_page
+from automaton.studies.reports.first_page import answer_section, first_page
 from automaton.studies.reports.metric_tables import metric_section
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import Analysis, Study
@@ -71,8 +71,9 @@ def results_like(name: str) -> Results:
 def blocks_of(results: Results) -> list[Block]:
     """What a report on them prints, without the parts that need a folder."""
     blocks: list[Block] = [
-        *first_page(results, answers(results), comparisons(results), []),
+        *first_page(results, answers(results), []),
         PageBreak(),
+        *answer_section(results, answers(results), comparisons(results)),
         *effects_section(results),
     ]
     for metric in results.analysis.metrics:
@@ -158,7 +159,7 @@ def test_the_first_page_has_the_answer_and_its_picture(name: str, tmp_path: Path
     results = results_like(name)
     pages = words_on_paper(printed(as_html(ReportDocument(name, blocks_of(results))), tmp_path))
     metric = results.analysis.metrics[0]
-    assert "Question" in pages[0] and "Answer" in pages[0] and f"{metric} by " in pages[0]
+    assert "Question" in pages[0] and "Decision" in pages[0] and f"{metric} by " in pages[0]
     assert "Effects of the factors" in pages[1]
 
 
@@ -188,7 +189,7 @@ def test_what_is_said_below_a_wide_table_is_on_its_page() -> None:
 def test_lines_differ_by_more_than_colour() -> None:
     factors = {"fleet.robots": (1, 2), "strategy.allocation": tuple("abcdefgh")}
     results = synthetic_store(study_of(factors, 4), noise)
-    page = divs(list(first_page(results, answers(results), [], [])))
+    page = divs(list(first_page(results, answers(results), [])))
     strokes = {line.partition('stroke-dasharray="')[2].partition('"')[0]
                for line in page.split("<polyline")[1:]}  # fmt: skip
     marks = {line.partition('d="')[2].partition('"')[0]

@@ -33,7 +33,7 @@ def half_seconds(largest: float = 2400.0) -> Results:
         ("throughput", 50, 7.2, "orders/h"),
         ("throughput_per_robot", 5, 7.2, "orders/h and robot"),
         ("distance", 10, 1.2, "m"),
-        ("utilization", 0.5, 1, "share"),
+        ("utilization", 0.5, 100, "%"),
         ("my_counter", 3, 1, "times"),
     ],
 )

@@ -21,6 +21,7 @@ from automaton.studies.reports.what_if import (
     what_if_page,
     what_if_picture,
     what_if_records,
+    what_if_section,
     what_if_table,
     what_ifs,
 )
@@ -136,7 +137,9 @@ def test_a_change_is_one_sentence_with_differences_first() -> None:
 def test_the_page_calls_points_by_their_names_in_one_table_and_one_picture() -> None:
     study = made_up("today", "a much faster hall", "slower")
     results = synthetic_store(study, runs(0, -5, 5))
-    blocks = list(what_if_page(results, comparisons(results), ["a caveat"]))
+    compared = comparisons(results)
+    blocks = list(what_if_page(results, compared, ["a caveat"]))
+    blocks += what_if_section(results, compared)
     assert sum(isinstance(block, Curves) for block in blocks) == 1
     text = as_text(ReportDocument("made up", blocks))
     assert text.count("verdict") == 1 and "a caveat" in text

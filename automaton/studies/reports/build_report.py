@@ -7,22 +7,14 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Final, NamedTuple
 
-import numpy as np
-
 from automaton.documents.report_document import (
     Folded,
     Heading,
-    HeatMap,
     PageBreak,
     ReportDocument,
     Text,
 )
-from automaton.engine.observation import LOST_EVER, visits_of
-from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
-from automaton.floor.floor_plan import DRIVABLE
-from automaton.runs.headless import attribute_strategy_errors
-from automaton.runs.simulation import Simulation
 from automaton.scenario.unavailable_metrics import warm_up_of
 from automaton.studies.reports.comparison_tables import (
     comparison_section,
@@ -39,7 +31,11 @@ from automaton.studies.reports.comparisons import (
     point_name,
     stopping_remarks,
 )
-from automaton.studies.reports.first_page import first_page
+from automaton.studies.reports.first_page import (
+    answer_section,
+    decision_points,
+    first_page,
+)
 from automaton.studies.reports.metric_tables import (
     Scenarios,
     curves,
@@ -47,14 +43,25 @@ from automaton.studies.reports.metric_tables import (
     same_remarks,
     steady_section,
 )
+from automaton.studies.reports.site_pages import (
+    deadlock_remarks,
+    floor_maps,
+    hours_section,
+    inputs_section,
+    site_picture,
+)
 from automaton.studies.reports.study_results import LENGTHS, Results, read_results, units_of_points
-from automaton.studies.reports.what_if import what_if_page
+from automaton.studies.reports.what_if import (
+    changes_section,
+    what_if_page,
+    what_if_points,
+    what_if_section,
+)
 from automaton.studies.sweeps.result_store import STUDY_FILE, Store, content_of, study_document_in
 from automaton.studies.sweeps.run_keys import fingerprint
 from automaton.studies.sweeps.study import Study
 from automaton.studies.sweeps.sweep_plan import resolved_study
 from automaton.units import count
-from automaton.world.resolved import Resolved
 
 MAX_POINTS_IN_REMARK: Final = 6
 NOT_DECLARED = (
@@ -70,20 +77,53 @@ def compose(store: Store, floors: Sequence[int] = ()) -> ReportDocument:
     return document_of(read_report(store), store, floors)
 
 
-def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -> ReportDocument:
-    """The document of a report. Raises InputError for floors that cannot be drawn."""
-    results, scenarios, lacking = report.results, report.scenarios, report.lacking
+def document_of(
+    report: StudyReport, store: Store, floors: Sequence[int] = (), every: str | None = None
+) -> ReportDocument:
+    """The document of a report; `every`: a period of its results by hour, such as "30min".
+
+    Raises InputError for floors that cannot be drawn, and for periods that runs do not have.
+    """
+    results, scenarios = report.results, report.scenarios
+    document = opening_of(report, every)
+    add_floors(document, results, scenarios, floors, report.lacking)
+    add_comparisons(document, report)
+    document.add(*design(results, scenarios), Text(numbered_points(results.study)))
+    add_repeat(document, store)
+    return document
+
+
+def opening_of(report: StudyReport, every: str | None = None) -> ReportDocument:
+    """The first page, what was asked in detail, and the results by hour. Raises InputError."""
+    results, scenarios = report.results, report.scenarios
     study = results.study
     document = ReportDocument(study.name)
-    document.add(Heading(study.name, 1))
-    if study.summary:
-        document.add(Text(study.summary))
+    document.add(Heading(study.name, 1), *site_picture(results, scenarios))
+    dated = [f"Results of {results.date}."] if results.date else []
+    summary = " ".join([*dated, *([study.summary] if study.summary else [])])
+    document.add(*([Text(summary)] if summary else []))
     if is_what_if(results):
         first = what_if_page(results, report.compared, report.notes)
+        points = [results.points[n] for n in what_if_points(results, report.compared)]
     else:
-        first = first_page(results, report.answers, report.compared, report.notes)
+        first = first_page(results, report.answers, report.notes)
+        points = decision_points(results, report.answers, report.compared)
     document.add(*first, PageBreak())
-    if not study.is_named:
+    document.add(*(changes_section(study) if is_what_if(results) else ()))
+    document.add(*inputs_section(results, scenarios))
+    document.add(*hours_section(results, scenarios, points or results.points, every))
+    return document
+
+
+def add_comparisons(document: ReportDocument, report: StudyReport) -> None:
+    """Add the comparisons of points, the effects of factors, and the tables and curves of metrics."""
+    results, scenarios = report.results, report.scenarios
+    if is_what_if(results):
+        document.add(*what_if_section(results, report.compared))
+    else:
+        document.add(*answer_section(results, report.answers, report.compared))
+        document.add(*comparison_section(results, report.compared))
+    if not results.study.is_named:
         document.add(*effects_section(results))
     document.add(Heading("Metrics"))
     for metric in results.analysis.metrics:
@@ -94,16 +134,10 @@ def document_of(report: StudyReport, store: Store, floors: Sequence[int] = ()) -
     for metric in results.quantiles:
         document.add(*metric_section(results, scenarios, metric), Text(NOT_DECLARED))
     document.add(*steady_section(results))
-    if not is_what_if(results):
-        document.add(*comparison_section(results, report.compared))
     # The first page may show one of the curves already.
     drawn = [one for one in curves(results) if one not in document.blocks]
     if drawn:
         document.add(Heading("Curves"), *drawn)
-    add_floors(document, results, scenarios, floors, lacking)
-    document.add(*design(results, scenarios), Text(numbered_points(study)))
-    add_repeat(document, store)
-    return document
 
 
 class StudyReport(NamedTuple):
@@ -128,7 +162,8 @@ def read_report(store: Store) -> StudyReport:
         raise InputError(why, str(store.folder))
     scenarios, lacking = scenarios_of(store)
     results = replace(results, units=units_of_points(scenarios.values(), len(results.points)))
-    notes = [*remarks(results), *started_cold(results, scenarios), *([lacking] if lacking else [])]
+    notes = [*deadlock_remarks(results, scenarios), *remarks(results)]
+    notes += [*started_cold(results, scenarios), *([lacking] if lacking else [])]
     compared = comparisons(results)
     best = [] if is_what_if(results) else answers(results, compared)
     return StudyReport(results, scenarios, best, compared, notes, lacking)
@@ -188,7 +223,7 @@ def add_floors(
     if not floors:
         return
 
-    document.add(Heading("Floors"))
+    document.add(Heading("Maps"))
     for number in floors:
         if number >= len(results.points):
             last = len(results.points) - 1
@@ -291,73 +326,3 @@ def points_named(results: Results, numbers: Sequence[int]) -> str:
     ]
     more = len(numbers) - len(names)
     return "; ".join(names) + (f"; and {more:,} more" if more else "")
-
-
-# Maps of lost time and visits at a design point, from the repetition of one of its runs.
-
-
-def floor_maps(
-    resolved: Resolved, seed: int, digest: str, name: str, after: int = 0
-) -> Iterator[HeatMap]:
-    """Maps of the lost robot ticks and the visits of each cell, in the ticks after tick `after`.
-
-    `digest`: digest of the run in the results; a note reports a repetition with another digest.
-    """
-    with attribute_strategy_errors(resolved):
-        simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
-        simulation.run(after)
-        before = observed(simulation)
-        simulation.run()
-    grid = simulation.world.grid
-    lost, in_zone, visits = (
-        now - then for now, then in zip(observed(simulation), before, strict=True)
-    )
-    ticks = (
-        f"{simulation.tick:,} ticks" if not after else f"ticks {after + 1:,} to {simulation.tick:,}"
-    )
-    note = f"one run, seed {seed}, {ticks}"
-    if simulation.digest != digest:
-        note += "; the current code gives a different result than the study"
-    zone = grid.traffic_zone.max(axis=1)
-    slowed = np.where(zone == NIL, 0.0, by_cell(in_zone, zone))
-    yield HeatMap(f"Lost time, {name}", "robot ticks", laid_out(resolved, lost), note)
-    if slowed.any():
-        title = f"Reduced speed, {name}"
-        yield HeatMap(title, "robot ticks by cell of a zone", laid_out(resolved, slowed), note)
-    yield HeatMap(f"Visits, {name}", "robots", laid_out(resolved, visits), note)
-
-
-def observed(simulation: Simulation) -> tuple[Array, Array, Array]:
-    """Lost robot ticks by cell, ticks at reduced speed by zone, and visits by cell, all so far."""
-    grid, observation = simulation.world.grid, simulation.observation
-    return (
-        observation.lost_ticks_by_cell[:, LOST_EVER].astype(np.float64),
-        observation.lost_in_zone.astype(np.float64),
-        visits_of(observation.flow, grid.offset).astype(np.float64),
-    )
-
-
-def lost_by_cell(resolved: Resolved, seeds: Sequence[int]) -> Array:
-    """(C,) lost robot ticks of a run by cell, the mean over seeds, in ticks of the scenario."""
-    lost: Array = np.zeros(resolved.floor_plan.kind.size)
-    for seed in seeds:
-        with attribute_strategy_errors(resolved):
-            simulation = Simulation(resolved, seed, on_observe=Simulation.empty_observation)
-            simulation.run()
-        lost += observed(simulation)[0]
-    return lost / (len(seeds) * resolved.scenario.refine)
-
-
-def by_cell(lost: Array, zone: Array) -> Array:
-    """(C,) ticks of each zone, spread evenly over its cells."""
-    cells = np.bincount(zone[zone != NIL], minlength=len(lost))
-    shared: Array = (lost / np.maximum(cells, 1))[np.maximum(zone, 0)]
-    return shared
-
-
-def laid_out(resolved: Resolved, values: Array) -> Array:
-    """(height, width) values of cells; NaN where robots cannot drive."""
-    floor_plan = resolved.floor_plan
-    field = np.where(DRIVABLE[floor_plan.kind.reshape(-1)], values, np.nan)
-    whole: Array = field.reshape(floor_plan.kind.shape)[1:-1, 1:-1]
-    return whole

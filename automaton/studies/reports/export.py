@@ -15,7 +15,14 @@ from pathlib import Path
 from typing import Any, Final
 
 from automaton.atomic_write import atomic_writer
-from automaton.documents.report_document import Block, Folded, PageBreak, ReportDocument, Text
+from automaton.documents.report_document import (
+    Block,
+    Folded,
+    NumberText,
+    PageBreak,
+    ReportDocument,
+    Text,
+)
 from automaton.documents.workbook import fill_sheet, openpyxl, sheet_lines
 from automaton.printable import FORMULA_SIGNS
 from automaton.studies.inference.intervals import Interval
@@ -28,18 +35,32 @@ from automaton.studies.reports.comparisons import (
     mean_of,
     point_name,
 )
-from automaton.studies.reports.first_page import answer_sentence, question
+from automaton.studies.reports.first_page import (
+    answer_sentence,
+    decision,
+    question,
+    recommended,
+)
 from automaton.studies.reports.metric_tables import Scenarios, summary
+from automaton.studies.reports.site_pages import period_records
 from automaton.studies.reports.study_results import Results, described
 from automaton.studies.reports.what_if import what_if_question, what_if_records
-from automaton.studies.sweeps.study import SCENARIO_FACTOR, SERIES_COLUMN, SUMS_COLUMN, Point
+from automaton.studies.sweeps.study import (
+    PERIODS_COLUMN,
+    SCENARIO_FACTOR,
+    SERIES_COLUMN,
+    SUMS_COLUMN,
+    Point,
+)
 from automaton.tables.table_files import MAX_SHEET_ROWS, too_many_in_sheet
 
 Record = dict[str, Any]
 ROWS_BEGIN: Final = b"key,"  # the first column
 SUMMARY_BEGINS: Final = b"point,"
 COMPARISONS_BEGIN: Final = b"metric,"
+PERIODS_BEGIN: Final = b"point,point_name,runs,"
 PARQUET_BEGINS: Final = b"PAR1"
+SHARE_COLUMNS: Final = ("mean", "low", "high", "sd", "bound", "difference")  # of a share
 SEED_COLUMN: Final = "seed"  # a number of 63 bits
 Records = Sequence[Mapping[str, Any]]
 
@@ -137,6 +158,8 @@ def answer_records(
             "conditions": answer.conditions,
             "metric": answer.metric,
             "better": answer.better,
+            "decision": decision(results, answer),
+            "recommended": None if (point := recommended(answer)) is None else point.number,
             "sentence": sentence,
             "certainty": 1 - results.analysis.error,  # of all answers together
             "best": None if best is None else best.number,
@@ -146,6 +169,11 @@ def answer_records(
             "compared": [point.number for point in answer.compared],
             "incomplete": [point.number for point in answer.incomplete],
         }
+
+
+def periods_of_points(report: StudyReport, every: str | None) -> list[Record]:
+    """One record for each point and period. Raises InputError for a period that runs do not have."""
+    return without_empty(list(period_records(report.results, report.scenarios, every)))
 
 
 def without_empty(records: Sequence[Mapping[str, Any]]) -> list[Record]:
@@ -170,8 +198,9 @@ def rows_table(table: Any) -> Any:
 
 
 def without_sums(table: Any) -> Any:
-    """A table without the sums by stretch of time, which spreadsheets cannot read."""
-    return table.select([name for name in table.column_names if name != SUMS_COLUMN])
+    """A table without sums by stretch and by period, which spreadsheets cannot read."""
+    names = [name for name in table.column_names if name not in (SUMS_COLUMN, PERIODS_COLUMN)]
+    return table.select(names)
 
 
 def columns_for_sheets(table: Any) -> dict[str, list[Any]]:
@@ -241,11 +270,17 @@ def write_parquet(table: Any, path: Path) -> None:
 #     summary      a line for each point and metric, in the units of the runs
 #     tables       the tables of the report, in the units of the reader
 #     comparisons  a line for each declared comparison, in the units of the runs
+#     periods      a line for each point and period, in the units of the runs
 #     rows         a line for each run
 
 
 def write_workbook(
-    document: ReportDocument, summaries: Records, compared: Records, rows: Any, path: Path
+    document: ReportDocument,
+    summaries: Records,
+    compared: Records,
+    periods: Records,
+    rows: Any,
+    path: Path,
 ) -> None:
     """Write a workbook with a report and its rows. Raises InputError, also without openpyxl."""
     book = openpyxl("workbooks are written").Workbook(write_only=True)
@@ -255,13 +290,35 @@ def write_workbook(
     columns = columns_for_sheets(rows_table(rows))
     columns.pop(SERIES_COLUMN, None)  # a list by window, longer than a cell may be
     fill_sheet(book, "answer", (line for b in document.blocks[:end] for line in sheet_lines(b)))
-    fill_sheet(book, "summary", record_lines(summaries), has_head=True)
+    fill_sheet(book, "summary", record_lines(with_percent(summaries)), has_head=True)
     fill_sheet(book, "tables", (line for b in document.blocks[end:] for line in table_lines_of(b)))
-    fill_sheet(book, "comparisons", record_lines(compared), has_head=True)
+    fill_sheet(book, "comparisons", record_lines(with_percent(compared)), has_head=True)
+    fill_sheet(book, "periods", record_lines(with_percent(periods)), has_head=True)
+    shares = {name for name in columns if described(name)[0] == "share"}
+    columns |= {name: list(map(as_percent, columns[name])) for name in shares}
     lines = [list(columns), *zip(*columns.values(), strict=True)]
     fill_sheet(book, "rows", lines, has_head=True)
     with atomic_writer(path) as file:
         book.save(file)
+
+
+def with_percent(records: Records) -> Records:
+    """The records with shares as percentages, whose cells keep their fractions."""
+    return [
+        {
+            name: as_percent(value)
+            if name.startswith(("relative", "stations", "chargers"))
+            or (record.get("unit") == "share" and name in SHARE_COLUMNS)
+            else value
+            for name, value in record.items()
+        }
+        for record in records
+    ]
+
+
+def as_percent(value: Any) -> Any:
+    """A share as a cell in percent."""
+    return NumberText(f"{100 * value:.2f} %", value) if isinstance(value, float) else value
 
 
 def record_lines(records: Records) -> Iterable[Sequence[Any]]:
@@ -281,8 +338,11 @@ def table_lines_of(block: Block) -> list[Sequence[Any]]:
 # One JSON object.
 
 
-def as_json(report: StudyReport) -> dict[str, Any]:
-    """The report as printed by `automaton report --json`; missing values are null."""
+def as_json(report: StudyReport, every: str | None = None) -> dict[str, Any]:
+    """The report as printed by `automaton report --json`; missing values are null.
+
+    `every`: the period of results by hour. Raises InputError.
+    """
     results = report.results
     study, analysis = results.study, results.analysis
     is_compared = is_what_if(results)
@@ -309,6 +369,7 @@ def as_json(report: StudyReport) -> dict[str, Any]:
             for point in results.points
         ],
         "metrics": list(summary_records(results, report.scenarios)),
+        "periods": list(period_records(results, report.scenarios, every)),
         "effects": list(effect_records(results)),
         "comparisons": list(comparison_records(results, report.compared)),
         "what_if": list(what_if_records(results, report.compared)) if is_compared else [],

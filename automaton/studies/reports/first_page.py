@@ -1,7 +1,8 @@
-"""The first page of a report: the question, the answer with its confidence, and a picture.
+"""The first page of a report: the question, the decision, a picture, caveats, and the answer.
 
-Points that differ by choices, such as fleet and strategies, are compared, by the tests of the table of
-comparisons. Conditions, such as orders and floor, divide a study into separate questions.
+The decision says what to do, and follows from the answer: the best point of a study, or the points that
+may be the best. Points that differ by choices, such as fleet and strategies, are compared, by the tests
+of the table of comparisons. Conditions, such as orders and floor, divide a study into separate questions.
 """
 
 from __future__ import annotations
@@ -31,13 +32,14 @@ from automaton.studies.reports.metric_tables import (
     is_numeric,
     picture,
 )
-from automaton.studies.reports.study_results import Results, described
+from automaton.studies.reports.study_results import PERCENT, Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point
-from automaton.units import count, number, percent
+from automaton.units import count, duration, number, percent
 
 MAX_NAMED: Final = 3  # points in a sentence
 MAX_LEVELS_NAMED: Final = 8  # of a factor
 MAX_SENTENCES: Final = 6  # answers in sentences; more appear only in the table
+COSTS: Final = (ROBOTS_FACTOR, "floor.open_stations", "floor.open_chargers")  # fewer are cheaper
 _WORSE: Final = {"lowest": "lower", "highest": "higher"}
 
 
@@ -70,31 +72,172 @@ def edge_sentences(results: Results, answer: Answer) -> Iterator[str]:
 
 
 def first_page(
-    results: Results,
-    answers: Sequence[Answer],
-    compared: Sequence[Comparison],
-    notes: Sequence[str],
+    results: Results, answers: Sequence[Answer], notes: Sequence[str]
 ) -> Iterator[Block]:
-    """Question, answer, the best point against the baseline, a picture, and caveats."""
+    """Question, decision, the answers with their confidence, a picture, and caveats."""
     if not answers:
-        yield Heading("Answer")
-        yield Text("No answer: no run has metrics.", strong=True)
+        yield Heading("Decision")
+        yield Text("Sweep again: no run has metrics yet.", strong=True)
     else:
         yield Heading("Question")
         yield Text(question(results))
-        yield Heading("Answer")
-        lines = answer_lines(results, answers)
-        yield Listed(lines, strong=True) if len(lines) > 1 else Text(lines[0], strong=True)
+        yield Heading("Decision")
+        yield from sentences(decision_lines(results, answers), strong=True)
+        yield from sentences(answer_lines(results, answers))
         yield Text(certainty(results, answers))
-        table = answer_table(results, answers, compared)
         drawn = picture(results, answers[0].metric)
-        if table is not None:
-            yield table
-            yield from (Text(line) for line in table_words(results, table))
         yield from [drawn] if drawn is not None else []
+    yield from caveats(notes)
+
+
+def answer_section(
+    results: Results, answers: Sequence[Answer], compared: Sequence[Comparison]
+) -> Iterator[Block]:
+    """The leading points against the baseline or the next best, in a table."""
+    table = answer_table(results, answers, compared)
+    if table is not None:
+        yield Heading("Leading points")
+        yield table
+        yield from (Text(line) for line in table_words(results, table))
+
+
+def sentences(lines: Sequence[str], strong: bool = False) -> Iterator[Block]:
+    """One paragraph, or a list of several."""
+    yield Listed(lines, strong=strong) if len(lines) > 1 else Text(lines[0], strong=strong)
+
+
+def caveats(notes: Sequence[str]) -> Iterator[Block]:
+    """What to know before one acts on the decision."""
     if notes:
         yield Text("Caveats:")
         yield Listed(notes)
+
+
+# The decision: what to do, in a sentence.
+
+
+def decision_lines(results: Results, answers: Sequence[Answer]) -> list[str]:
+    """What to do, under each condition; only the first ones of many."""
+    lines = [
+        f"{answer.conditions}: {decision(results, answer)}"
+        if answer.conditions
+        else decision(results, answer)
+        for answer in answers[:MAX_SENTENCES]
+    ]
+    more = len(answers) - len(lines)
+    return [*lines, *([f"The table below has {more:,} more conditions."] if more else [])]
+
+
+def decision(results: Results, answer: Answer) -> str:
+    """What to do: the cheapest of the points that may be the best, or what is missing for a choice."""
+    metric, chosen, leading = answer.metric, recommended(answer), answer.leading
+    if not answer.compared:
+        return f"Make more runs: no point has two runs, all of them complete, with {metric}."
+    if len(answer.compared) == 1:
+        return (
+            f"Take {_name(results, answer.compared[0])}: no other point has usable results (mean "
+            f"{metric} {mean_text(results, answer.compared[0], metric)})."
+        )
+    if chosen is None or leading is None:
+        return (
+            f"Choose by other metrics: a low {metric} is neither better nor worse than a high one."
+        )
+    edges = " ".join(edge_sentences(results, answer))
+    if chosen is not leading:
+        with_leading = _subject(results, leading)
+        return (
+            f"{_subject(results, chosen, 'is enough', 'are enough')}: mean {metric} "
+            f"{_beside(results, answer, chosen, leading)} than {with_leading}, which is not significant. "
+            f"{edges}"
+        ).strip()
+    best = f"{_subject(results, chosen)}: the {answer.better} mean {metric}, "
+    best += _value(results, chosen, metric)
+    if answer.best is None:
+        rest = [point for point in answer.candidates if point is not chosen]
+        return (
+            f"{best}; not significantly better than {_listed_names(results, rest)}. {edges}".strip()
+        )
+    following = next_best(results, answer)
+    assert following is not None
+    after = f"{_subject(results, following)}, {_beside(results, answer, following, chosen)}"
+    return f"{best}; next: {after}. {edges}".strip()
+
+
+def next_best(results: Results, answer: Answer) -> Point | None:
+    """The point with the best mean but one; None without a leading point."""
+    others = [point for point in answer.compared if point is not answer.leading]
+    sign = -1 if answer.better == "highest" else 1
+    if answer.leading is None or not others:
+        return None
+    return min(others, key=lambda point: sign * mean_of(results, point, answer.metric))
+
+
+def recommended(answer: Answer) -> Point | None:
+    """Of the points that may be the best, the one with the fewest robots, stations and chargers.
+
+    The leading point, if the points do not differ in these alone.
+    """
+    leading = answer.leading
+    if leading is None:
+        return None
+
+    def beside(point: Point) -> list[tuple[str, str]]:
+        return sorted((key, repr(one)) for key, one in point.levels.items() if key not in COSTS)
+
+    alike = [point for point in answer.candidates if beside(point) == beside(leading)]
+    if any(not isinstance(p.levels.get(key, 0), int) for p in alike for key in COSTS):
+        return leading
+    return min(alike, key=lambda point: [point.levels.get(key, 0) for key in COSTS])
+
+
+def decision_points(
+    results: Results, answers: Sequence[Answer], compared: Sequence[Comparison]
+) -> list[Point]:
+    """The points that a decision is about: recommended, leading, its opponent, and the next best."""
+    points: dict[int, Point] = {}
+    for answer in answers:
+        opponent = opponent_of(results, answer, compared)
+        own = [recommended(answer), answer.leading, opponent and opponent.point]
+        for point in (*own, next_best(results, answer)):
+            points |= {} if point is None else {point.number: point}
+    return list(points.values())
+
+
+def _subject(results: Results, point: Point, one: str = "", several: str = "") -> str:
+    """A point with a verb: "6 robots are", "routing b is"."""
+    name = _name(results, point)
+    robots = name.removeprefix("robots ")
+    if robots != name and robots.isdecimal():
+        return f"{count(int(robots), 'robot')} {one if robots == '1' else several}".strip()
+    return f"{name} {one}".strip()
+
+
+def _listed_names(results: Results, points: Sequence[Point]) -> str:
+    """The names of points, at most MAX_NAMED."""
+    names = [_subject(results, point) for point in points[:MAX_NAMED]]
+    more = len(points) - len(names)
+    return " or ".join([*names, *([f"{more:,} more"] if more else [])])
+
+
+def _value(results: Results, point: Point, metric: str) -> str:
+    """The mean of a point with its unit."""
+    scale = results.scale(metric)
+    return f"{number(mean_of(results, point, metric) * scale.factor)} {scale.unit}"
+
+
+def _beside(results: Results, answer: Answer, point: Point, other: Point) -> str:
+    """The mean of a point, and its difference from another: "4.25 min, 9 s more (+3.6 %)"."""
+    metric = answer.metric
+    value, base = (mean_of(results, one, metric) for one in (point, other))
+    scale, off = results.scale(metric), value - base
+    amount, unit = abs(off) * scale.factor, scale.unit
+    if described(metric)[0] == "ticks":
+        amount, unit = duration(abs(off), results.units.tick)
+    elif scale is PERCENT:
+        unit = "percentage points"
+    relative = f" ({100 * off / base:+.1f} %)" if base and scale is not PERCENT else ""
+    more = "more" if off > 0 else "less"
+    return f"{_value(results, point, metric)}, {number(amount)} {unit} {more}{relative}"
 
 
 def question(results: Results) -> str:
@@ -103,9 +246,10 @@ def question(results: Results) -> str:
     conditions = condition_factors(results)
     choices = [name for name in varied_columns(study) if name not in conditions]
     varied = _listing(results, choices)
-    what = f"What is the mean {metric}{f' by {varied}' if varied else ''}"
+    unit = results.scale(metric).unit
+    what = f"What is the mean {metric} in {unit}{f' by {varied}' if varied else ''}"
     if (better := direction_of(metric)) and len(study.points) > 1:
-        what = f"Which of {varied} gives the {better} mean {metric}"
+        what = f"Which of {varied} gives the {better} mean {metric} in {unit}"
     each = f", for each {_listing(results, conditions)}" if conditions else ""
     _, meaning = described(metric)
     runs = f"{count(len(study.points), 'point')} with {count(study.max_replications, 'run')} each"
@@ -141,8 +285,7 @@ def answer_lines(results: Results, answers: Sequence[Answer]) -> list[str]:
 def answer_sentence(results: Results, answer: Answer) -> str:
     """The answer about the best point, with its confidence."""
     start = f"{answer.conditions}: " if answer.conditions else ""
-    edges = edge_sentences(results, answer)
-    return start + " ".join([_verdict(results, answer), *edges, *_limits(results, answer)])
+    return start + " ".join([_verdict(results, answer), *_limits(results, answer)])
 
 
 def _verdict(results: Results, answer: Answer) -> str:
@@ -246,7 +389,7 @@ def mean_text(results: Results, point: Point, metric: str) -> str:
         return "-"
     scale = results.scale(metric)
     shown = scale.of(interval)
-    unit = "" if scale.unit == "share" else f" {scale.unit}"
+    unit = f" {scale.unit}"
     if shown.low is None or shown.high is None:
         return f"{number(shown.value)}{unit}, {TOO_FEW} for an interval"
     return f"{number(shown.value)}{unit}, {number(shown.low)} to {number(shown.high)}"

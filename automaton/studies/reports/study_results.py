@@ -16,7 +16,9 @@ import itertools
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
@@ -31,6 +33,7 @@ from automaton.studies.inference.intervals import Interval
 from automaton.studies.inference.steady_state import NotSteadyError, mser5, mser5_of_means
 from automaton.studies.sweeps.run_keys import declared_by
 from automaton.studies.sweeps.study import (
+    PERIODS_COLUMN,
     RUN_METRICS,
     SERIES_COLUMN,
     SUMS_COLUMN,
@@ -91,6 +94,9 @@ class MetricScale(NamedTuple):
         )
 
 
+PERCENT: Final = MetricScale(100.0, "%")
+
+
 class ReportUnits(NamedTuple):
     """The units of a tick and of a cell's side that all points of a study share."""
 
@@ -101,6 +107,8 @@ class ReportUnits(NamedTuple):
         """The scale of a metric; `largest`: its largest mean, in the unit of the runs."""
         unit, _ = described(metric)
         seconds = self.tick.seconds
+        if unit == "share":
+            return PERCENT
         if unit == "ticks":
             amount, name = duration(largest or 1.0, self.tick)
             return MetricScale(amount / (largest or 1.0), name)
@@ -386,6 +394,7 @@ class Results:
     cut: Cut | None = None  # of a steady state, whose metrics start after the cut
     warm_ups: Sequence[int] = (0,)  # ticks that the scenarios exclude from metrics of their runs
     units: ReportUnits = field(default_factory=ReportUnits)  # units of metrics in reports
+    date: str = ""  # of the latest row
 
     @cached_property
     def _rows(self) -> dict[int, npt.NDArray[np.int64]]:
@@ -551,6 +560,14 @@ class Results:
             return []
         return [column[row] for row in self._rows[point.number] if column[row] is not None]
 
+    def stored(self, point: Point, *names: str) -> list[tuple[Any, ...]]:
+        """Whether each run of a point is complete, and its values in these columns, if any."""
+        columns = [self.columns.get(name) for name in names]
+        return [
+            (self._finished(row), *(None if one is None else one[row] for one in columns))
+            for row in self._rows[point.number]
+        ]
+
     def first_run(self, point: Point) -> tuple[int, str] | None:
         """Seed and digest of a point's first run that has metrics."""
         for row in self._rows[point.number]:
@@ -580,14 +597,29 @@ def read_results(store: Store) -> Results:
         rounds=rounds if isinstance(rounds, tuple) else (),
         at_most=store.declared.max_replications,
         cut=cut,
+        date=latest_date(store.files()),
         warm_ups=sorted({point.warm_up for point in store.manifest.points}),
     )
 
 
+def latest_date(files: Sequence[Path]) -> str:
+    """The date on which the latest of some files was written; "" without files."""
+    latest = max((path.stat().st_mtime for path in files), default=None)
+    return "" if latest is None else datetime.fromtimestamp(latest, UTC).date().isoformat()
+
+
 def columns_of(table: pa.Table) -> dict[str, Sequence[Any]]:
-    """Columns as lists, with deliveries by window as arrays and without sums by stretch."""
-    names = [name for name in table.column_names if name not in (SERIES_COLUMN, SUMS_COLUMN)]
+    """Columns as lists, with deliveries by window as arrays and without sums by stretch.
+
+    Periods remain an Arrow column.
+    """
+    lists_of_rows = (SERIES_COLUMN, SUMS_COLUMN, PERIODS_COLUMN)
+    names = [name for name in table.column_names if name not in lists_of_rows]
     columns: dict[str, Sequence[Any]] = {name: table.column(name).to_pylist() for name in names}
+    if PERIODS_COLUMN in table.column_names:
+        columns[PERIODS_COLUMN] = table.column(
+            PERIODS_COLUMN
+        )  # many numbers, of which few are read
     if SERIES_COLUMN in table.column_names:
         columns[SERIES_COLUMN] = lists(table.column(SERIES_COLUMN))
     columns[TICKS_PER_SECOND] = [

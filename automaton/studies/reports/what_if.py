@@ -38,8 +38,9 @@ from automaton.studies.reports.comparisons import (
     precision_remark,
     setting_text,
 )
+from automaton.studies.reports.first_page import caveats
 from automaton.studies.reports.metric_tables import MAX_CURVES, bias_of, figure
-from automaton.studies.reports.study_results import Results, described
+from automaton.studies.reports.study_results import PERCENT, Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point, Study
 from automaton.units import count, percent
 
@@ -117,32 +118,64 @@ def has_lost_runs(results: Results, point: Point, metric: str) -> bool:
 def what_if_page(
     results: Results, compared: Sequence[Comparison], notes: Sequence[str]
 ) -> Iterator[Block]:
-    """Question, answer, the table of all comparisons, a picture, caveats, and what was changed."""
+    """Question, decision, a picture, and caveats."""
     outcomes = what_ifs(results, compared)
     yield Heading("Question")
     yield Text(what_if_question(results))
-    yield Heading("Answer")
+    yield Heading("Decision")
     if not outcomes:
         yield Text(no_answer(results), strong=True)
     else:
-        yield Listed(
-            [sentence(results, outcomes, pair) for pair in pairs_of(outcomes)], strong=True
-        )
-        yield what_if_table(results, outcomes)
-        yield Listed(list(reading_lines(results, outcomes)), mark="")
+        yield Text(what_if_decision(results, outcomes), strong=True)
+        yield Listed([sentence(results, outcomes, pair) for pair in pairs_of(outcomes)])
         drawn = what_if_picture(results, outcomes)
         yield from [] if drawn is None else [drawn]
-    if notes:
-        yield Text("Caveats:")
-        yield Listed(notes)
-    yield from changes_section(results.study)
+    yield from caveats(notes)
+
+
+def what_if_section(results: Results, compared: Sequence[Comparison]) -> Iterator[Block]:
+    """The table of all comparisons, and how to read it."""
+    outcomes = what_ifs(results, compared)
+    if outcomes:
+        yield Heading("Comparisons")
+        yield what_if_table(results, outcomes)
+        yield Listed(list(reading_lines(results, outcomes)), mark="")
+
+
+def what_if_points(results: Results, compared: Sequence[Comparison]) -> list[int]:
+    """The numbers of the baselines and of the points compared with them."""
+    pairs = pairs_of(what_ifs(results, compared))
+    return list(dict.fromkeys(one.number for pair in pairs for one in reversed(pair)))
+
+
+def what_if_decision(results: Results, outcomes: Sequence[WhatIf]) -> str:
+    """Which changes improve the first metric."""
+    metric, base = outcomes[0].metric, results.analysis.baseline
+    own = [one for one in outcomes if one.metric == metric]
+    changes = count(len(own), "change")
+    better = [one for one in own if one.verdict == BETTER]
+    if not better:
+        if direction_of(metric) is None:
+            return f"Choose by other metrics: a low {metric} is neither better nor worse than a high one."
+        none = "the change does not improve" if len(own) == 1 else f"none of {changes} improves"
+        return f"Keep {base}: {none} {metric} significantly."
+    sign = -1 if direction_of(metric) == "highest" else 1
+    better.sort(key=lambda one: sign * mean_of(results, one.point, metric))
+    texts = []
+    for one in better:
+        change = change_text(results, one).removeprefix(metric).strip()
+        texts.append(f"{point_name(results.study, one.point)} ({change})")
+    if len(own) == 1:
+        return f"Do it: {texts[0]} improves {metric}."
+    verb = "improves" if len(better) == 1 else "improve"
+    return f"{len(better):,} of {changes} {verb} {metric}: {'; '.join(texts)}."
 
 
 def no_answer(results: Results) -> str:
     """Why no point can be compared with the baseline."""
     if not results.analysis.metrics:
-        return "No answer: no run has any of the metrics."
-    return "No answer: the study has no point beside the baseline."
+        return "Sweep again, or choose other metrics: no run has any of these."
+    return "Add points to the study: it has none beside the baseline."
 
 
 def pairs_of(outcomes: Sequence[WhatIf]) -> list[tuple[Point, Point]]:
@@ -197,10 +230,11 @@ def change_text(results: Results, one: WhatIf) -> str:
     """A significant difference: "lead_time -12.3 %", or in the unit of the metric."""
     assert one.comparison is not None
     share, scale = relative_ends(results, one)[0], results.scale(one.metric)
-    if not math.isnan(share):
+    if not math.isnan(share) and scale is not PERCENT:
         return f"{one.metric} {share:+.1f} %"
     value = one.comparison.effect.difference.value * scale.factor
-    return f"{one.metric} {value:+,.4g} {scale.unit}"
+    unit = "percentage points" if scale is PERCENT else scale.unit
+    return f"{one.metric} {value:+,.4g} {unit}"
 
 
 def what_if_table(results: Results, outcomes: Sequence[WhatIf]) -> Table:
@@ -229,7 +263,8 @@ def what_if_row(results: Results, one: WhatIf) -> list[str]:
     if one.comparison is not None:
         cells = difference_cells(one.comparison.effect.difference, results.scale(one.metric))
         share, *_ = relative_ends(results, one)
-        relative = "-" if math.isnan(share) else NumberText(f"{share:+.1f} %", share)
+        is_relative = not math.isnan(share) and results.scale(one.metric) is not PERCENT
+        relative = "-" if not is_relative else NumberText(f"{share:+.1f} %", share / 100)
     mean = mean_cell(results, one.point, one.metric)
     return [one.point.name, mean, *cells, relative, one.verdict + left_out_text(results, one)]
 
@@ -304,6 +339,8 @@ def what_if_picture(results: Results, outcomes: Sequence[WhatIf]) -> Curves | No
         return None
     hidden = len(pairs) - len(lines)
     title = f"difference from {results.analysis.baseline}"
+    if any(results.scale(metric) is PERCENT for metric in metrics):
+        title += ", of shares in percentage points"
     title += f", {hidden} more not shown" if hidden else ""
     return Curves(title, "metric", "%", lines, x_names=metrics, from_zero=True)
 
@@ -314,8 +351,17 @@ def picture_line(
     """The relative differences of a point, by metric."""
     own = [one for one in outcomes if one.point.number == point.number]
     x = [float(metrics.index(one.metric)) for one in own]
-    ends = zip(*(relative_ends(results, one) for one in own), strict=True)
+    ends = zip(*(drawn_ends(results, one) for one in own), strict=True)
     return ReportCurve(point_name(results.study, point), x, *map(list, ends))
+
+
+def drawn_ends(results: Results, one: WhatIf) -> tuple[float, float, float]:
+    """A difference and the ends of its interval as drawn: relative, but of shares in points."""
+    if one.comparison is None or results.scale(one.metric) is not PERCENT:
+        return relative_ends(results, one)
+    shown = PERCENT.of(one.comparison.effect.difference)
+    low, high = (math.nan if end is None else end for end in (shown.low, shown.high))
+    return shown.value, low, high
 
 
 def relative_ends(results: Results, one: WhatIf) -> tuple[float, float, float]:

@@ -127,43 +127,43 @@ def curves(session: SizingSession, condition: str = "") -> list[Curves]:
     under, sizes = f"{condition}: " if condition else "", f"{session.question.quantity.noun}s"
     question = session.question
     metric, ends = question.target.metric, [float(question.first), float(question.last)]
-    shares = [strategy_line(search, question, False) for search in session.searches]
-    means = [strategy_line(search, question, True) for search in session.searches]
-    wanted = (
-        []
-        if question.mean
-        else [level(f"wanted {percent(question.success_share, 0)}", ends, question.success_share)]
-    )
-    target = level(f"target {shown(question.target.value)}", ends, question.target.value)
+    is_share = question.target.unit == "share"
+    factor, unit = (100, "%") if is_share else (1, question.target.unit)
+    shares = [strategy_line(search, question, False, 100) for search in session.searches]
+    means = [strategy_line(search, question, True, factor) for search in session.searches]
+    share = question.success_share
+    wanted = [] if question.mean else [level(f"wanted {percent(share, 0)}", ends, 100 * share)]
+    value = factor * question.target.value
+    target = level(f"target {shown(value)}", ends, value)
     return [
         Curves(
             f"{under}share of runs with {question.target.text}",
             sizes,
-            "share",
+            "%",
             [*shares, *wanted],
             from_zero=True,
         ),
         Curves(
             f"{under}mean {metric} by {sizes}",
             sizes,
-            question.target.unit,
+            unit,
             [*means, target],
             from_zero=True,
         ),
     ]
 
 
-def strategy_line(search: FleetSearch, question: Question, mean: bool) -> ReportCurve:
-    """The candidates of one strategy that were run."""
+def strategy_line(search: FleetSearch, question: Question, mean: bool, scale: float) -> ReportCurve:
+    """The candidates of one strategy that were run; values are multiplied by `scale`."""
     drawable: list[tuple[int, Interval]] = []
     for one in search.candidates:
         interval = one.mean(question.target.metric) if mean else one.share(question)
         if one.runs and interval is not None:
             drawable.append((one.place.size, interval))
     name = search.strategy.partition("=")[2]
-    value = [one.value for _, one in drawable]
-    low = [one.value if one.low is None else one.low for _, one in drawable]
-    high = [one.value if one.high is None else one.high for _, one in drawable]
+    value = [scale * one.value for _, one in drawable]
+    low = [scale * (one.value if one.low is None else one.low) for _, one in drawable]
+    high = [scale * (one.value if one.high is None else one.high) for _, one in drawable]
     return ReportCurve(name, [float(robots) for robots, _ in drawable], value, low, high)
 
 

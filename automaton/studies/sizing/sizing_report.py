@@ -115,7 +115,11 @@ def conditions_table(sessions: Mapping[str, SizingSession]) -> Table:
             [
                 condition,
                 answers or "not begun",
-                "-" if value is None else with_half(value) if question.mean else between(value),
+                "-"
+                if value is None
+                else with_half(value, question.target.unit)
+                if question.mean
+                else between(value),
                 f"{session.spent:,}",
                 reached(question.target, bound.value) if bound and bound.value is not None else "-",
             ]
@@ -350,7 +354,7 @@ def candidates_table(search: FleetSearch, question: Question) -> Table:
                 f"{one.met(question):,}" if one.runs else "-",
                 f"{one.censored:,}" if one.runs else "-",
                 between(one.share(question)) if one.runs else "-",
-                "-" if mean_value is None else with_half(mean_value),
+                "-" if mean_value is None else with_half(mean_value, question.target.unit),
                 verdict + (f" after {one.after:,}" if one.after and verdict != "undecided" else ""),
             ]
         )
@@ -369,18 +373,24 @@ def candidates_table(search: FleetSearch, question: Question) -> Table:
 def between(interval: Interval) -> str:
     """A share with its interval."""
     if interval.low is None or interval.high is None:
-        return f"{interval.value:.3f} ({TOO_FEW})"
-    return f"{interval.value:.3f} ({interval.low:.3f} to {interval.high:.3f})"
+        return f"{percent(interval.value)} ({TOO_FEW})"
+    return f"{percent(interval.value)} ({100 * interval.low:.1f} to {100 * interval.high:.1f})"
 
 
-def with_half(interval: Interval) -> str:
+def with_half(interval: Interval, unit: str) -> str:
     """A mean with its half-width, or with the ends of an interval that is cut off at 0."""
     value, low, high = interval.value, interval.low, interval.high
+    text = mean_text(value, unit)
     if low is None or high is None:
-        return f"{number(value)} ({TOO_FEW})"
+        return f"{text} ({TOO_FEW})"
     if low == 0 and high > 2 * value:
-        return f"{number(value)} (0 to {number(high)})"
-    return f"{number(value)} +- {number(high - value)}"
+        return f"{text} (0 to {mean_text(high, unit)})"
+    return f"{text} +- {mean_text(high - value, unit)}"
+
+
+def mean_text(value: float, unit: str) -> str:
+    """A mean of a metric; a share in percent."""
+    return f"{number(100 * value)} %" if unit == "share" else number(value)
 
 
 def spent_time(candidate: Candidate, question: Question) -> Iterator[str]:
@@ -501,15 +511,7 @@ def moved_line(moved: SensitivityResult, question: Question) -> str:
     if not moved.fleets:
         return "; ".join(refused)
     found = moved.smallest(question)
-    shares = ", ".join(
-        f"{one.place.size}: "
-        + (
-            f"{number(mean.value) if (mean := one.mean(question.target.metric)) else '-'}"
-            if question.mean
-            else f"{percent(one.met(question) / len(one.runs), 0)}"
-        )
-        for one in moved.fleets
-    )
+    shares = ", ".join(f"{one.place.size}: {moved_text(one, question)}" for one in moved.fleets)
     last = moved.fleets[-1].place.size
     many = question.quantity.many
     answer = f"more than {many(last)}" if found is None else many(found)
@@ -519,6 +521,14 @@ def moved_line(moved: SensitivityResult, question: Question) -> str:
     what = "mean" if question.mean else "share"
     told = f"{answer} ({what} by robots, {runs} runs each: {shares})"
     return "; ".join([told, *refused])
+
+
+def moved_text(candidate: Candidate, question: Question) -> str:
+    """The deciding value of a candidate: the mean, or the share of runs that met the target."""
+    if not question.mean:
+        return percent(candidate.met(question) / len(candidate.runs), 0)
+    mean = candidate.mean(question.target.metric)
+    return "-" if mean is None else mean_text(mean.value, question.target.unit)
 
 
 def method(sessions: Mapping[str, SizingSession], ends: str) -> Iterator[str]:

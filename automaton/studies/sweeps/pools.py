@@ -30,17 +30,18 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.runs.cores import cores
-from automaton.runs.first_compilation import compiled_parts
+from automaton.runs.first_compilation import compiled_parts, cores
 from automaton.runs.headless import (
     CountedStretches,
     attribute_strategy_errors,
     is_finished,
+    longest_deadlock,
     run_marked,
     sums_by_stretch,
 )
 from automaton.runs.metric_catalogue import in_coarse_ticks
 from automaton.runs.metrics import metrics_of
+from automaton.runs.periods import PeriodMarks, kept_period, period_columns
 from automaton.runs.progress import asked_orders
 from automaton.runs.provenance import Sources, package_sources, plugin_sources
 from automaton.runs.run_diagnosis import JamWatch, note_jam
@@ -55,7 +56,12 @@ from automaton.studies.sweeps.run_keys import (
     hashed,
     reason,
 )
-from automaton.studies.sweeps.study import SERIES_COLUMN, SUMS_COLUMN
+from automaton.studies.sweeps.study import (
+    PERIOD_COLUMNS,
+    PERIODS_COLUMN,
+    SERIES_COLUMN,
+    SUMS_COLUMN,
+)
 from automaton.world.resolved import Resolved
 
 CHUNK_BEGUN_TOPIC: Final = "automaton: chunk begun"  # Dask event topic
@@ -371,8 +377,12 @@ def run_one(
             simulation = Simulation(resolved, run.seed, patience=patience)
             where = f"{resolved.scenario.name}, point {run.point}, seed {run.seed}"
             watch = JamWatch(partial(note_jam, where))
-            marks = run_marked(simulation, windows.stretch, watch)
+            ticks = kept_period(resolved)
+            periods = PeriodMarks(ticks) if ticks else None
+            marks = run_marked(simulation, windows.stretch, watch, periods)
             row |= figures_of(simulation, windows.window, marks)
+            if periods is not None:
+                row[PERIODS_COLUMN] = period_columns(periods.periods(simulation))
     except InputError as error:
         row["error"] = reason(str(error))
     except BaseException as error:  # any error goes into the row; other runs continue
@@ -391,6 +401,12 @@ def is_ctrl_c(error: BaseException) -> bool:
     return isinstance(error, KeyboardInterrupt) and heard and not deaf
 
 
+def numbers_of_periods(resolved: Resolved) -> int:
+    """How many numbers a row stores about the periods of the longest run."""
+    ticks = kept_period(resolved)
+    return len(PERIOD_COLUMNS) * -(-resolved.scenario.stop.max_duration // ticks) if ticks else 0
+
+
 def figures_of(simulation: Simulation, window: int, marks: CountedStretches) -> Row:
     """The columns of a row with the results of a run; `window`: its length in ticks, 0 for none."""
     orders = asked_orders(simulation.world)
@@ -405,6 +421,10 @@ def figures_of(simulation: Simulation, window: int, marks: CountedStretches) -> 
         "digest": simulation.digest,
         "metrics": metrics,
     }
+    deadlock = longest_deadlock(simulation)
+    if deadlock is not None:
+        row["standstill_at"] = str(deadlock.cell)
+        row["standstill_from"] = deadlock.first_tick // refinement
     if window:
         windows = simulation.tick // window
         done = np.maximum(delivered, 1)  # ticks count from 1

@@ -42,6 +42,8 @@ from automaton.studies.sweeps.run_keys import (
     reason,
 )
 from automaton.studies.sweeps.study import (
+    PERIOD_COLUMNS,
+    PERIODS_COLUMN,
     RESULT_COLUMNS,
     SERIES_COLUMN,
     SUMS_COLUMN,
@@ -211,6 +213,8 @@ def schema_of(study: Study, manifest: Manifest) -> pa.Schema:
         fields.append(pa.field(SERIES_COLUMN, pa.list_(pa.int32())))
         sums = [pa.field(name, pa.list_(pa.int64())) for name in sum_names(manifest.counted)]
         fields.append(pa.field(SUMS_COLUMN, pa.struct(sums)))
+    periods = [pa.field(name, pa.list_(pa.float64())) for name in PERIOD_COLUMNS]
+    fields.append(pa.field(PERIODS_COLUMN, pa.struct(periods)))
     return pa.schema(fields)
 
 
@@ -530,7 +534,7 @@ def table_of(rows: list[Row], store: Store, schema: Any) -> Any:
     for field in schema:
         if field.name in known:
             values = known[field.name]
-        elif field.name in (*RESULT_COLUMNS, SERIES_COLUMN, SUMS_COLUMN):
+        elif field.name in (*RESULT_COLUMNS, SERIES_COLUMN, SUMS_COLUMN, PERIODS_COLUMN):
             values = [row.get(field.name) for row in rows]
         else:
             values = [row["metrics"].get(field.name) for row in rows]

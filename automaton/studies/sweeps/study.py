@@ -20,6 +20,7 @@ from msgspec import Meta
 
 from automaton.errors import InputError, InvalidValueError, nearest
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
+from automaton.runs.metric_sums import PERIOD_COLUMNS as PERIOD_COLUMNS
 from automaton.runs.metric_sums import SUMS
 from automaton.scenario.document import Document, parse
 from automaton.scenario.floor_section import SCHEMA_REFERENCE
@@ -52,15 +53,16 @@ RESULT_COLUMNS: Final = {
     "orders": "int",
     "delivered": "int",
     "digest": "text",
+    "standstill_at": "text",  # cell of the longest deadlock; null without one
+    "standstill_from": "int",  # its first tick
     "wall_s": "float",  # of the run, including set-up
     "cpu_s": "float",
 }
 SERIES_COLUMN: Final = "series"  # deliveries in each window; only in steady-state studies
-# Sums of automaton.runs.metric_sums in each stretch of several windows; only in steady-state studies.
-SUMS_COLUMN: Final = "sums"
+SUMS_COLUMN: Final = "sums"  # SUMS in each stretch of several windows; likewise
+PERIODS_COLUMN: Final = "periods"  # PERIOD_COLUMNS by quarter of an hour; null without times
 TICKS_PER_SECOND: Final = "ticks_per_second"  # computed in reports: `ticks` / `cpu_s`
-# Names that an analysis may use as metrics beside those of the catalogue: unit and meaning.
-RUN_METRICS: Final = {
+RUN_METRICS: Final = {  # further metrics that an analysis may use: unit and meaning
     "ticks": ("ticks", "length of the run"),
     "orders": ("orders", "number of orders of the run"),
     TICKS_PER_SECOND: (

@@ -31,6 +31,7 @@ from automaton.studies.sweeps.pools import (
     FutureLike,
     SweepChunk,
     figures_of,
+    numbers_of_periods,
 )
 from automaton.studies.sweeps.result_store import (
     STUDY_FILE,
@@ -589,12 +590,16 @@ def pilot(plan: SweepPlan, point: int, budget: float) -> tuple[float, bool, int]
     row = figures_of(simulation, window, CountedStretches(None, stretches))
     cut = not simulation.finished and simulation.tick < limit
     if cut and resolved.scenario.ends_at_limit:
-        return seconds * limit / simulation.tick, False, row_bytes(plan, row)
-    return seconds, cut, row_bytes(plan, row)
+        return (
+            seconds * limit / simulation.tick,
+            False,
+            row_bytes(plan, row, numbers_of_periods(resolved)),
+        )
+    return seconds, cut, row_bytes(plan, row, numbers_of_periods(resolved))
 
 
-def row_bytes(plan: SweepPlan, row: Row) -> int:
-    """Bytes of an uncompressed row."""
+def row_bytes(plan: SweepPlan, row: Row, in_periods: int) -> int:
+    """Bytes of an uncompressed row; `in_periods`: numbers that its periods have."""
     numbers = len(row["metrics"]) + len(plan.study.factor_names) + len(row.get("series") or ())
-    numbers += sum(map(len, row.get("sums", {}).values()))
+    numbers += sum(map(len, row.get("sums", {}).values())) + in_periods
     return TEXT_BYTES + NUMBER_BYTES * (numbers + 8)

@@ -405,7 +405,7 @@ def reading(findings: Findings) -> Iterator[str]:
     metric, ranked = findings.asked.metric, findings.ranked
     yield (
         f"{metric}: {described(metric)[1]}. The {count(len(ranked), 'interval')} and p values hold "
-        "simultaneously (Bonferroni, Holm): p < 0.05 is significant."
+        "simultaneously (Bonferroni): p < 0.05 is significant."
     )
     if any(one.helps and one.equals_first for one in ranked):
         yield "=: the difference to the first is not significant."

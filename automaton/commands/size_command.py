@@ -196,7 +196,7 @@ def quantity_of(args: argparse.Namespace) -> SearchQuantity:
 def compare_parked(args: argparse.Namespace, output: Output, fleets: Fleets) -> int:
     """Compare numbers of robots with orders, the others being parked, and report."""
     from automaton.runs.metric_catalogue import METRIC_CATALOGUE
-    from automaton.studies.reports.first_page import direction_of
+    from automaton.studies.reports.comparisons import direction_of
     from automaton.studies.sizing.fleet_runs import Checked
     from automaton.studies.sizing.fleet_search import Target, make_question, read_robots
     from automaton.studies.sizing.sizing_figures import parking_as_json, parking_document

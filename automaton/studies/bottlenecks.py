@@ -4,7 +4,7 @@
     screening  some pairs of runs for each candidate
     confirmed  the FINALISTS best and all that may be as good, by runs with fresh seeds
 
-Effects, intervals (Bonferroni) and p values (Holm) come from the fresh seeds alone, so selection by the
+Effects, intervals and p values (both Bonferroni) come from the fresh seeds alone, so selection by the
 screening does not bias them. Robots may lose no time at a bottleneck, because a detour causes no
 queue: the ticks lost near a change are listed beside its effect, not used to rank it.
 """
@@ -23,7 +23,7 @@ import yaml
 
 from automaton.errors import InputError
 from automaton.scenario.changing_floor import cells_of_set
-from automaton.studies.inference.intervals import Effect, bonferroni, effect, holm
+from automaton.studies.inference.intervals import Effect, bonferroni, effect
 from automaton.studies.reports.comparisons import compared_runs
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.run_keys import fingerprint
@@ -420,7 +420,7 @@ class RankedChange(NamedTuple):
 
     number: int  # of its point
     effect: Effect  # against the scenario as it is; intervals hold simultaneously
-    adjusted: float  # Holm-adjusted p
+    adjusted: float  # p times the number of confirmed changes, at most 1
     gain: float  # above 0 if the change makes the metric better
     equals_first: bool  # whether the difference to the first is not significant
     pairs: int
@@ -445,8 +445,15 @@ def ranking(results: Results, metric: str, is_higher_better: bool) -> list[Ranke
     effects = [paired(results, number, 0, metric, level) for number in numbers]
     sign = 1 if is_higher_better else -1
     ranked = [
-        RankedChange(number, one, p, sign * one.difference.value, False, one.difference.n)
-        for number, one, p in zip(numbers, effects, holm([e.p for e in effects]), strict=True)
+        RankedChange(
+            number,
+            one,
+            min(1.0, len(numbers) * one.p),
+            sign * one.difference.value,
+            False,
+            one.difference.n,
+        )
+        for number, one in zip(numbers, effects, strict=True)
     ]
     ranked.sort(key=lambda one: -one.gain)
     first, *others = ranked

@@ -197,7 +197,7 @@ def decision_points(
     points: dict[int, Point] = {}
     for answer in answers:
         opponent = opponent_of(results, answer, compared)
-        own = [recommended(answer), answer.leading, opponent and opponent.point]
+        own = [recommended(answer), answer.leading, opponent and opponent.b]
         for point in (*own, next_best(results, answer)):
             points |= {} if point is None else {point.number: point}
     return list(points.values())

@@ -25,6 +25,7 @@ from automaton.floor.cells import STATION
 from automaton.runs.headless import run_marked
 from automaton.runs.metric_catalogue import in_coarse_ticks
 from automaton.runs.metrics import counted, metrics_of
+from automaton.runs.provenance import sources_of
 from automaton.runs.run_diagnosis import JamWatch, note_jam
 from automaton.runs.simulation import Simulation
 from automaton.scenario.document import Override, keys_of, parse_setting
@@ -54,7 +55,6 @@ from automaton.studies.sweeps.run_keys import (
     hashed,
     plugins_of,
     replication_seeds,
-    sources_of,
 )
 from automaton.units import Unit, count, ticks_and_time, unit
 from automaton.world.bounds import bounds, least_ticks, most_throughput

@@ -313,6 +313,8 @@ def show(
     ends = f"A run that does not finish within {limit} fails."
     if not fleets.ends_with_orders:
         ends = f"Every run lasts {limit}."
+    elif scenario.ends_at_limit:
+        ends = f"A run ends with its orders, or after {limit}."
     if scenario.units.tick != "1 tick":
         ends += f" 1 tick = {shown_unit(scenario.units.tick)}."
     if scenario.refine > 1:

@@ -272,10 +272,11 @@ class Fleets:
 
         Raises InputError.
         """
-        if not self.ends_with_orders and not question.warm_up:
+        if self.is_steady and not question.warm_up:
             raise InputError(
                 "--target: runs end at a given tick (stop: {when: never}), so their metrics would "
-                "include the start-up; set a warm-up period in ticks: --set measure.warm_up=N"
+                "include the start-up; set a warm-up period in ticks, --set measure.warm_up=N, or "
+                "units.clock if a run is a working day"
             )
         if not self.ends_with_orders and question.target.metric == "makespan":
             raise InputError(
@@ -337,13 +338,19 @@ class Fleets:
 
     @property
     def warm_up(self) -> int | None:
-        """Ticks that metrics exclude; None for runs that end with their orders, which count whole."""
-        return None if self.ends_with_orders else warm_up_of(self.base.scenario)
+        """Ticks that metrics exclude; None for runs that count whole."""
+        return warm_up_of(self.base.scenario) if self.is_steady else None
 
     @property
     def measured(self) -> int:
-        """Ticks that metrics of a steady state cover; 0 if runs end with their orders."""
+        """Ticks that metrics of a steady state cover; 0 for runs that count whole."""
         return 0 if self.warm_up is None else self.base.scenario.stop.max_duration - self.warm_up
+
+    @property
+    def is_steady(self) -> bool:
+        """Whether runs show a steady state: they end at a given tick, and are no working days."""
+        is_day = self.base.scenario.units.clock is not None and not warm_up_of(self.base.scenario)
+        return not self.ends_with_orders and not is_day
 
     @property
     def ends_with_orders(self) -> bool:

@@ -212,8 +212,9 @@ def own_changes(
     args: argparse.Namespace, settings: Sequence[Any]
 ) -> Iterator[search.CandidateChange]:
     """The changes in the file of --changes. Raises InputError with its line."""
-    own = read_changes(args.changes) if args.changes else ()
-    first: dict[str, str] = {}
+    if args.changes is None:
+        return
+    own, first = read_changes(args.changes), dict[str, str]()
     for one, resolved in zip(own, resolve_changes(args.scenario, settings, own), strict=True):
         earlier = first.setdefault(fingerprint(resolved), one.name)
         if earlier != one.name:

@@ -47,7 +47,6 @@ from automaton.documents.report_document import (
 from automaton.errors import InputError, nearest
 from automaton.floor.drawn_floors import floor_picture
 from automaton.studies import bottlenecks as search
-from automaton.studies.reports.build_report import lost_by_cell
 from automaton.studies.reports.comparison_tables import difference_cells, p_text, relative_text
 from automaton.studies.reports.first_page import direction_of
 from automaton.studies.reports.study_results import (
@@ -182,6 +181,8 @@ def run(args: argparse.Namespace) -> int:
     free = (name for name in BASE_NAMES if name not in {one.name for one in own})
     base_name = [*unchanged, *free, BASE_NAMES[-1]][0]
     asked = asked_of(args, base, base_name, levels_of(settings))
+    from automaton.studies.reports.build_report import lost_by_cell  # needs Numba
+
     lost = lost_by_cell(resolved, replication_seeds(base.scenario.seed, 0, LOOKED_AT))
     changes = search.candidates_of(
         base,

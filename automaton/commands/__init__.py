@@ -20,55 +20,69 @@ from automaton.errors import InputError, WorkerDiedError, nearest
 from automaton.printable import OutputError, PrintedText, one_line
 from automaton.runs.interruption import TerminatedError, signals_raise
 
-COMMANDS = {  # name: (module with add_arguments(parser) and run(args) -> int, summary)
-    "run": ("automaton.commands.run", "run a scenario and print its metrics"),
-    "sweep": (
-        "automaton.commands.sweep_command",
-        "run or resume a study of many runs",
-    ),
-    "watch": ("automaton.commands.watch", "watch a scenario in the terminal"),
-    "replay": ("automaton.commands.replay", "view a recording, or compare two"),
-    "explain": ("automaton.commands.explain", "explain why a robot waits at a tick"),
-    "branch": ("automaton.commands.branch", "continue a recording from a tick with other settings"),
-    "cast": ("automaton.commands.cast_command", "make a film or a picture of a recording"),
-    "serve": ("automaton.commands.serve", "serve the viewer to browsers"),
-    "report": ("automaton.commands.report_command", "report on the results of a sweep"),
-    "what-if": (
-        "automaton.commands.what_if_command",
-        "compare changes of a scenario with the scenario as it is",
-    ),
-    "bottlenecks": (
-        "automaton.commands.bottlenecks_command",
-        "rank single changes of a scenario by their effect",
-    ),
-    "size": ("automaton.commands.size_command", "find the smallest fleet that meets a target"),
-    "tune": ("automaton.commands.tune", "find the best strategies for a scenario"),
-    "reproduce": ("automaton.commands.reproduce", "reproduce a published table"),
-    "train": (
-        "automaton.commands.train",
-        "train a predictor of traffic (needs fleet-automaton[learn])",
-    ),
-    "verify": (
-        "automaton.commands.verify",
-        "run a recording again and report the first difference",
-    ),
-    "import": (
-        "automaton.commands.import_command",
-        "import a layout or benchmark from another tool",
-    ),
-    "export": (
-        "automaton.commands.export_command",
-        "export a recording or a floor for another tool",
-    ),
-    "check": ("automaton.commands.check", "check scenario and study files"),
-    "schema": (
-        "automaton.commands.schema_command",
-        "print the JSON Schema of scenarios or studies",
-    ),
-    "list": ("automaton.commands.list_", "list scenarios, studies, floors and strategies"),
-    "compile": ("automaton.commands.compile_command", "compile everything for a batch in advance"),
-    "bench": ("automaton.commands.bench_command", "measure the speed of this machine"),
+GROUPS = {  # subject: {name: (module with add_arguments(parser) and run(args) -> int, summary)}
+    "scenarios": {
+        "list": ("automaton.commands.list_", "list scenarios, studies, floors and strategies"),
+        "check": ("automaton.commands.check", "check scenario and study files"),
+        "schema": (
+            "automaton.commands.schema_command",
+            "print the JSON Schema of scenarios or studies",
+        ),
+        "import": (
+            "automaton.commands.import_command",
+            "import a layout or benchmark from another tool",
+        ),
+        "export": (
+            "automaton.commands.export_command",
+            "export a recording or a floor for another tool",
+        ),
+    },
+    "one run": {
+        "run": ("automaton.commands.run", "run a scenario and print its metrics"),
+        "watch": ("automaton.commands.watch", "watch a scenario in the terminal"),
+        "replay": ("automaton.commands.replay", "view a recording, or compare two"),
+        "explain": ("automaton.commands.explain", "explain why a robot waits at a tick"),
+        "branch": (
+            "automaton.commands.branch",
+            "continue a recording from a tick with other settings",
+        ),
+        "cast": ("automaton.commands.cast_command", "make a film or a picture of a recording"),
+        "serve": ("automaton.commands.serve", "serve the viewer to browsers"),
+        "verify": (
+            "automaton.commands.verify",
+            "run a recording again and report the first difference",
+        ),
+    },
+    "decisions": {
+        "size": ("automaton.commands.size_command", "find the smallest fleet that meets a target"),
+        "what-if": (
+            "automaton.commands.what_if_command",
+            "compare changes of a scenario with the scenario as it is",
+        ),
+        "bottlenecks": (
+            "automaton.commands.bottlenecks_command",
+            "rank single changes of a scenario by their effect",
+        ),
+        "tune": ("automaton.commands.tune", "find the best strategies for a scenario"),
+    },
+    "studies": {
+        "sweep": ("automaton.commands.sweep_command", "run or resume a study of many runs"),
+        "report": ("automaton.commands.report_command", "report on the results of a sweep"),
+        "reproduce": ("automaton.commands.reproduce", "reproduce a published table"),
+        "train": (
+            "automaton.commands.train",
+            "train a predictor of traffic (needs fleet-automaton[learn])",
+        ),
+    },
+    "this machine": {
+        "compile": (
+            "automaton.commands.compile_command",
+            "compile everything for a batch in advance",
+        ),
+        "bench": ("automaton.commands.bench_command", "measure the speed of this machine"),
+    },
 }
+COMMANDS = {name: command for group in GROUPS.values() for name, command in group.items()}
 
 LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
 DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 141, 143
@@ -187,11 +201,16 @@ def _dispatch(arguments: list[str], debug: bool) -> int:
 def usage() -> str:
     """The text of `automaton --help`."""
     width = max(map(len, COMMANDS)) + 2
-    commands = "\n".join(f"  {name:<{width}}{summary}" for name, (_, summary) in COMMANDS.items())
+    commands = "\n\n".join(
+        "\n".join(
+            [f"{subject}:", *(f"  {name:<{width}}{text}" for name, (_, text) in group.items())]
+        )
+        for subject, group in GROUPS.items()
+    )
     return (
         "usage: automaton COMMAND [--help] [--debug] ...\n\n"
         "Simulate fleets of mobile robots in warehouses as a cellular automaton.\n\n"
-        f"commands:\n{commands}\n\n"
+        f"{commands}\n\n"
         f"options:\n"
         f"  {'--help':<{width}}show this text; after COMMAND, the help of that command\n"
         f"  {'--version':<{width}}show the version; with --verbose, also Python and the machine\n"

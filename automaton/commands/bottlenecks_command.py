@@ -182,6 +182,8 @@ def run(args: argparse.Namespace) -> int:
     free = (name for name in BASE_NAMES if name not in {one.name for one in own})
     base_name = [*unchanged, *free, BASE_NAMES[-1]][0]
     asked = asked_of(args, base, base_name, levels_of(settings))
+    from automaton.studies.reports.build_report import lost_by_cell  # needs Numba
+
     lost = lost_by_cell(resolved, replication_seeds(base.scenario.seed, 0, LOOKED_AT))
     changes = search.candidates_of(
         base,
@@ -212,8 +214,9 @@ def own_changes(
     args: argparse.Namespace, settings: Sequence[Any]
 ) -> Iterator[search.CandidateChange]:
     """The changes in the file of --changes. Raises InputError with its line."""
-    own = read_changes(args.changes) if args.changes else ()
-    first: dict[str, str] = {}
+    if args.changes is None:
+        return
+    own, first = read_changes(args.changes), dict[str, str]()
     for one, resolved in zip(own, resolve_changes(args.scenario, settings, own), strict=True):
         earlier = first.setdefault(fingerprint(resolved), one.name)
         if earlier != one.name:

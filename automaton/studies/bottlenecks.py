@@ -167,13 +167,9 @@ def energy_changes(resolved: Resolved) -> Iterator[CandidateChange]:
     Charge and rates are shares of the capacity: a battery twice as large loses charge half as fast and
     gains it half as fast.
     """
-    scenario = resolved.scenario
-    if scenario.battery is None:
+    if resolved.scenario.battery is None:
         return
-    sections: list[tuple[str, Any]] = [("battery", scenario.battery)]
-    sections += [
-        (f"fleet.types.{k}.battery", t.battery) for k, t in enumerate(scenario.fleet.types)
-    ]
+    sections = sections_of(resolved, "battery")
     rates = {f"{key}.charge_rate": own.charge_rate for key, own in sections if own.charge_rate}
     drain = {
         f"{key}.drain.{name}": scaled(rate, 0.5)
@@ -206,8 +202,7 @@ def fleet_changes(resolved: Resolved) -> Iterator[CandidateChange]:
             where = f"{key}.durations.move" if kind else "durations.move"
             settings = halves({where: durations.move if own is None else own})
             yield CandidateChange(FLEET, f"moves{of_type} x 0.5", settings)
-    sections: list[tuple[str, Any]] = [("durations", durations)]
-    sections += [(f"fleet.types.{k}.durations", t.durations) for k, t in enumerate(fleet.types)]
+    sections = sections_of(resolved, "durations")
     for name in ("turn", "pick", "drop"):
         settings = halves({f"{key}.{name}": getattr(part, name) for key, part in sections})
         yield CandidateChange(FLEET, f"{name}s x 0.5", settings)
@@ -216,21 +211,27 @@ def fleet_changes(resolved: Resolved) -> Iterator[CandidateChange]:
 
 def limit_changes(resolved: Resolved) -> Iterator[CandidateChange]:
     """The number of robots with an order 10 % lower and higher, where the allocation limits it."""
-    choices: list[tuple[str, str, Any]] = [
-        (f"fleet.types.{number}.strategy.allocation", f" of type {kind.name}", own)
+    choices: dict[tuple[str, str], Any] = {
+        (f"fleet.types.{number}.strategy.allocation", f" of type {kind.name}"): own
         for number, (kind, own) in enumerate(
             zip(resolved.scenario.fleet.types, resolved.own_allocations, strict=False)
         )
-    ]
-    for key, of_type, choice in [
-        ("strategy.allocation", "", resolved.strategies["allocation"]),
-        *choices,
-    ]:
-        limit: int = getattr(choice and choice.parameters, "active", None) or 0
-        for step in (-1, 1) if limit else ():
-            value = limit + step * max(1, round(limit / 10))
+    }
+    choices["strategy.allocation", ""] = resolved.strategies["allocation"]
+    for (key, of_type), choice in choices.items():
+        limit = getattr(choice and choice.parameters, "active", None) or 0
+        step = max(1, round(limit / 10))
+        for value in (limit - step, limit + step) if limit else ():
             name = f"{value} active robots{of_type}"
             yield CandidateChange(FLEET, name, {f"{key}.active": value})
+
+
+def sections_of(resolved: Resolved, name: str) -> list[tuple[str, Any]]:
+    """The keys and contents of a section of the scenario and of its robot types."""
+    scenario = resolved.scenario
+    sections = [(name, getattr(scenario, name))]
+    types = enumerate(scenario.fleet.types)
+    return sections + [(f"fleet.types.{k}.{name}", getattr(kind, name)) for k, kind in types]
 
 
 def halves(durations: Settings) -> Settings:

@@ -49,7 +49,6 @@ from automaton.floor.drawn_floors import floor_picture
 from automaton.studies import bottlenecks as search
 from automaton.studies.reports.comparison_tables import difference_cells, p_text, relative_text
 from automaton.studies.reports.comparisons import direction_of
-from automaton.studies.reports.site_pages import lost_by_cell
 from automaton.studies.reports.study_results import (
     Results,
     described,

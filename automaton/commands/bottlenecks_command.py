@@ -181,7 +181,7 @@ def run(args: argparse.Namespace) -> int:
     free = (name for name in BASE_NAMES if name not in {one.name for one in own})
     base_name = [*unchanged, *free, BASE_NAMES[-1]][0]
     asked = asked_of(args, base, base_name, levels_of(settings))
-    from automaton.studies.reports.build_report import lost_by_cell  # needs Numba
+    from automaton.studies.reports.site_pages import lost_by_cell  # needs Numba
 
     lost = lost_by_cell(resolved, replication_seeds(base.scenario.seed, 0, LOOKED_AT))
     changes = search.candidates_of(

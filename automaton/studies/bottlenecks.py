@@ -23,7 +23,13 @@ import yaml
 
 from automaton.errors import InputError
 from automaton.scenario.changing_floor import cells_of_set
-from automaton.studies.inference.intervals import Effect, bonferroni, effect
+from automaton.studies.inference.intervals import (
+    Effect,
+    Interval,
+    bonferroni,
+    effect,
+    mean_interval,
+)
 from automaton.studies.reports.comparisons import compared_runs
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.run_keys import fingerprint
@@ -374,7 +380,7 @@ def screened(results: Results, metric: str, is_higher_better: bool) -> list[Scre
     for number, status in statuses(results, metric).items():
         outcome = ScreenedChange(number, status)
         if status == SCREENED:
-            difference = paired(results, number, 0, metric, SCREENING_LEVEL).difference
+            difference = paired_difference(results, number, 0, metric, SCREENING_LEVEL)
             gain = difference.value if is_higher_better else -difference.value
             outcome = outcome._replace(gain=gain, high=gain + (difference.half or 0.0))
         outcomes.append(outcome)
@@ -470,7 +476,13 @@ def paired(results: Results, a: int, b: int, metric: str, level: float) -> Effec
     return effect(list(x.values()), list(y.values()), True, level)
 
 
+def paired_difference(results: Results, a: int, b: int, metric: str, level: float) -> Interval:
+    """The difference of two points with its interval, however few pairs there are."""
+    x, y = compared_runs(results, results.points[a], results.points[b], metric)
+    return mean_interval(np.subtract(list(x.values()), list(y.values())), level)
+
+
 def is_equal(results: Results, a: int, b: int, metric: str, level: float) -> bool:
     """Whether the difference of two points is not significant; False for fewer than two pairs."""
     pairs = len(compared_runs(results, results.points[a], results.points[b], metric)[0])
-    return pairs >= 2 and paired(results, a, b, metric, level).difference.holds(0.0)
+    return pairs >= 2 and paired_difference(results, a, b, metric, level).holds(0.0)

@@ -104,7 +104,9 @@ def test_the_fewest_robots_that_may_be_the_best_are_enough() -> None:
 
 def test_points_that_differ_in_more_than_robots_are_not_called_enough() -> None:
     factors = {"fleet.robots": (1, 2), "strategy.allocation": ("a", "b")}
-    results = synthetic_store(study_of(factors), lambda p, r: noise(p, r) - 5 * (p == 3))
+    results = synthetic_store(
+        study_of(factors), lambda p, r: noise(p, r) - 5 * (p == 3) + 30 * (p == 1)
+    )
     (answer,) = answers(results)
     assert len(answer.candidates) > 1 and recommended(answer) is not None
     assert decided(results).startswith("robots 2, allocation b: the lowest mean makespan, ")
@@ -309,7 +311,8 @@ def test_a_wide_interval_of_three_runs_is_printed_nowhere() -> None:
     study = study_of({"fleet.robots": (1, 2)}, 3, comparisons="pairs")
     for spread, is_vague in ((300, True), (1, False)):
         results = synthetic_store(study, lambda p, r, s=spread: 200 + s * (r - 1) * (1 - 2 * p))
-        document = ReportDocument("few", list(first_page(results, answers(results), [], [])))
+        document = ReportDocument("few", list(first_page(results, answers(results), [])))
+        document.add(*answer_section(results, answers(results), comparisons(results)))
         for section in (metric_section(results, {}, "makespan"), comparison_section(results)):
             document.add(*section)
         document.add(*effects_section(results))

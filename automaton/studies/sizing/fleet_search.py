@@ -474,8 +474,7 @@ class Candidate:
 
     def share(self, question: Question) -> Interval:
         """The share of runs that meet the target, with an interval valid under sequential stopping."""
-        share = confidence_sequence(self.met(question), len(self.runs), question.level)
-        return share.unless_vague()
+        return confidence_sequence(self.met(question), len(self.runs), question.level)
 
     def mean(self, metric: str) -> Interval | None:
         """The mean of a metric over the finished runs; None without any."""

@@ -353,7 +353,7 @@ def candidates_table(search: FleetSearch, question: Question) -> Table:
                 f"{len(one.runs):,}",
                 f"{one.met(question):,}" if one.runs else "-",
                 f"{one.censored:,}" if one.runs else "-",
-                between(one.share(question)) if one.runs else "-",
+                between(one.share(question).unless_vague()) if one.runs else "-",
                 "-" if mean_value is None else with_half(mean_value, question.target.unit),
                 verdict + (f" after {one.after:,}" if one.after and verdict != "undecided" else ""),
             ]

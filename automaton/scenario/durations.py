@@ -107,15 +107,15 @@ class Handling(ConfigSection, frozen=True, kw_only=True):
 class MoveByLoad(ConfigSection, frozen=True, kw_only=True):
     """Durations of a move without and with a load."""
 
-    empty: Annotated[MoveTicks, Meta(description="Duration of a move without a load.")]
-    loaded: Annotated[MoveTicks, Meta(description="Duration of a move with any load.")]
+    empty: Annotated[MoveTicks, Meta(description="Duration without a load.")]
+    loaded: Annotated[MoveTicks, Meta(description="Duration with any load.")]
 
 
 class TurnByLoad(ConfigSection, frozen=True, kw_only=True):
     """Durations of a turn without and with a load."""
 
-    empty: Annotated[TurnTicks, Meta(description="Duration of a turn without a load.")]
-    loaded: Annotated[TurnTicks, Meta(description="Duration of a turn with any load.")]
+    empty: Annotated[TurnTicks, Meta(description="Duration without a load.")]
+    loaded: Annotated[TurnTicks, Meta(description="Duration with any load.")]
 
 
 class ByLoad(NamedTuple):
@@ -138,36 +138,21 @@ class Durations(ConfigSection, frozen=True, kw_only=True):
     """The duration of each operation, in ticks."""
 
     move: Annotated[
-        Move,
-        Meta(
-            description="Duration of a move to the next cell; {empty, loaded}: without and with a "
-            "load."
-        ),
+        Move, Meta(description="Duration of a move; {empty, loaded}: without and with a load.")
     ] = 1
     turn: Annotated[
         Turn,
-        Meta(
-            description="Duration of a turn by 90 degrees; {empty, loaded}: without and with a "
-            "load."
-        ),
+        Meta(description="Duration of a 90 degree turn; {empty, loaded}: without and with a load."),
     ] = 1
     pick: Annotated[
         TicksOrNone,
-        Meta(
-            description="Duration of picking up a load; 0: the robot picks it up on arrival, "
-            "within the move."
-        ),
+        Meta(description="Duration of a pick; 0: the robot picks up on arrival, within the move."),
     ] = 1
     drop: Annotated[
         TicksOrNone,
-        Meta(
-            description="Duration of dropping a load; 0: the robot drops it on arrival, within "
-            "the move."
-        ),
+        Meta(description="Duration of a drop; 0: the robot drops on arrival, within the move."),
     ] = 1
-    try_drop: Annotated[
-        Ticks, Meta(description="Duration of checking whether a load can be dropped.")
-    ] = 1
+    try_drop: Annotated[Ticks, Meta(description="Duration of a try to drop a load.")] = 1
     handling_jitter: Annotated[
         int,
         quantity(

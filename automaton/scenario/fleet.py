@@ -38,13 +38,7 @@ HEADING_COUNTS: Final[dict[Kinematics, int]] = {"omni": 1, "rail": 2, "different
 ALL, EMPTY, LOADED = GROUPS = ("all", "empty", "loaded")  # to which areas may be closed
 Percent = Annotated[float, Meta(ge=0, le=100)]
 Rate = Annotated[
-    float,
-    quantity(
-        CHARGE_RATE,
-        ge=0,
-        le=100,
-        description="Percent of a full battery per tick of the operation.",
-    ),
+    float, quantity(CHARGE_RATE, ge=0, le=100, description="Percent per tick of the operation.")
 ]
 GivingRate = Annotated[
     float,
@@ -391,10 +385,7 @@ class Fault(ConfigSection, frozen=True, kw_only=True):
 
     robot: Annotated[int, Meta(ge=0, le=999_999, description="The number of the robot, from 0.")]
     at: Annotated[
-        int,
-        quantity(
-            MOMENT, ge=1, le=2_000_000_000, description="The tick in which the robot breaks down."
-        ),
+        int, quantity(MOMENT, ge=1, le=2_000_000_000, description="The tick of the breakdown.")
     ]
 
 

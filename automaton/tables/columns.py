@@ -84,8 +84,7 @@ ORDER_COLUMNS: Final = (
     TableColumn(
         "late",
         FLAG,
-        "whether the order was done after its due time, or is open and past due at the end; "
-        "empty: unknown",
+        "whether the order was done late, or is open and past due at the end; empty: unknown",
     ),
     TableColumn("lines", INTEGER, "number of lines of the order; empty if orders have no lines"),
     TableColumn("name", TEXT, "name of the order in the list or file of lines"),
@@ -105,9 +104,7 @@ LINE_COLUMNS: Final = (
     TableColumn("lifted", TICKS, "first tick in which the pod is on the robot"),
     TableColumn("arrived", TICKS, "tick in which the robot arrived at the station"),
     TableColumn("begun", TICKS, "first tick of the visit that serves the line"),
-    TableColumn(
-        "done", TICKS, "tick in which the visit ended; empty: the visit is open at the end"
-    ),
+    TableColumn("done", TICKS, "tick in which the visit ended; empty: open at the end"),
 )
 TRIP_COLUMNS: Final = (
     TableColumn("trip", INTEGER, "number of the trip, or of the order if orders have no lines"),
@@ -121,12 +118,8 @@ TRIP_COLUMNS: Final = (
     TableColumn("picked", TICKS, "first tick in which the load is on the robot"),
     TableColumn("delivered", TICKS, "first tick in which the load is at its target"),
     TableColumn("stops", INTEGER, "number of stops done"),
-    TableColumn(
-        "moves", INTEGER, "number of moves with the load; without a load, since the order was taken"
-    ),
-    TableColumn(
-        "drive", TICKS, "ticks of the moves counted in `moves`, and of the turns between them"
-    ),
+    TableColumn("moves", INTEGER, "moves with the load; without a load, since the order was taken"),
+    TableColumn("drive", TICKS, "ticks of `moves` and of the turns between them"),
     TableColumn(
         "least_drive",
         TICKS,
@@ -151,9 +144,7 @@ EVENT_COLUMNS: Final = (
         "x", INTEGER, "column of the robot's cell, for events of loads and of robots that go down"
     ),
     TableColumn("y", INTEGER, "row of the robot's cell, for the same events"),
-    TableColumn(
-        "rule", TEXT, "layer and rule of an `illegal decision`; `value` is what the strategy gave"
-    ),
+    TableColumn("rule", TEXT, "layer and rule of an `illegal decision`; `value`: what was given"),
 )
 STATE_COLUMNS: Final = (
     TableColumn("tick", TICKS, "tick at whose end the robot has the state"),
@@ -161,8 +152,7 @@ STATE_COLUMNS: Final = (
     TableColumn(
         "x",
         INTEGER,
-        "column of the robot's cell; during a long move the cell that it leaves; empty: off the "
-        "floor",
+        "column of the robot's cell; in a long move the cell that it leaves; empty: off the floor",
     ),
     TableColumn("y", INTEGER, "row of the robot's cell"),
     TableColumn("heading", TEXT, "E, S, W or N; on rails EW or NS; empty: the robot never turns"),

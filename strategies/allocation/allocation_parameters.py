@@ -137,11 +137,7 @@ class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=T
         10.0
     )
     idle: Annotated[
-        Literal["park", "stay"],
-        Meta(
-            description="Behavior of robots without an order. park: they drive home; stay: they "
-            "stay where they are."
-        ),
+        Literal["park", "stay"], Meta(description="Behavior of robots without an order.")
     ] = "park"
     storage: Storage = "fixed"
 
@@ -295,8 +291,7 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
         Literal["release", "keep"],
         Meta(
             description="Orders of a robot that charges, queues for a charger or is about to. "
-            "release: it returns them as soon as another robot has no order left; keep: it keeps "
-            "them."
+            "release: returned as soon as another robot has no order left; keep: kept."
         ),
     ] = "release"
 

@@ -30,14 +30,8 @@ def random_ticks(clause: str) -> Any:
 class Waits(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """How long a blocked robot waits, in ticks."""
 
-    wait_empty: Annotated[Span, random_ticks("a robot without a load waits before it retries")] = (
-        1,
-        5,
-    )
-    wait_loaded: Annotated[Span, random_ticks("a robot with a load waits before it retries")] = (
-        5,
-        10,
-    )
+    wait_empty: Annotated[Span, random_ticks("a robot without a load waits to retry")] = (1, 5)
+    wait_loaded: Annotated[Span, random_ticks("a robot with a load waits to retry")] = (5, 10)
 
     def __post_init__(self) -> None:
         for name in self.__struct_fields__:
@@ -169,12 +163,7 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
         int, Meta(ge=0, le=100, description="Attempts per robot and tick to improve the plans.")
     ] = 0
     repair_pushes: Annotated[
-        int,
-        Meta(
-            ge=1,
-            le=1_000_000,
-            description="Pushes after which an attempt to improve the plans is abandoned.",
-        ),
+        int, Meta(ge=1, le=1_000_000, description="Pushes after which an attempt to improve ends.")
     ] = 100
     visits: Annotated[
         int,

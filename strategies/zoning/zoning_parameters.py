@@ -132,12 +132,7 @@ class Monitoring(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True):
         Meta(description="Whether orders go to robots of other zones while zones are unbalanced."),
     ] = True
     tolerance: Annotated[
-        float,
-        Meta(
-            ge=0,
-            le=1,
-            description="Largest imbalance SVp (0 to 1) at which zones count as balanced.",
-        ),
+        float, Meta(ge=0, le=1, description="Largest imbalance SVp at which zones are balanced.")
     ] = 0.2
     window: Annotated[
         Minutes, Meta(description="Minutes for which a delivery counts in the measured flow.")
@@ -202,9 +197,7 @@ class Annealing(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True
 class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     """A genetic algorithm over zone designs."""
 
-    population: Annotated[
-        int, Meta(ge=2, le=1000, description="Number of designs in a generation.")
-    ] = 60
+    population: Annotated[int, Meta(ge=2, le=1000, description="Designs in a generation.")] = 60
     generations: Annotated[int, Meta(ge=1, le=10_000, description="Number of generations.")] = 100
     selected: Annotated[
         int,
@@ -215,13 +208,7 @@ class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
         ),
     ] = 10
     mutation: Annotated[
-        float,
-        Meta(
-            ge=0,
-            le=0.95,
-            description="Probability that a new design, mutated once, is mutated once more, and "
-            "so on.",
-        ),
+        float, Meta(ge=0, le=0.95, description="Probability of one more mutation after each one.")
     ] = 0.45
     matched: Annotated[
         bool,
@@ -232,10 +219,7 @@ class Genetic(Repairing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     ] = True
     poses: Annotated[
         tuple[tuple[int, int], ...] | None,
-        Meta(
-            description="Reference cell [x, y] of each robot, from which `matched` measures the "
-            "distance to zones; left out: the start cells."
-        ),
+        Meta(description="Cell [x, y] of each robot for `matched`; left out: the start cells."),
     ] = None
 
 
@@ -248,15 +232,10 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
         Meta(description="L_TOL: minutes by which the load of a zone may differ from the mean."),
     ] = 18.0
     patience: Annotated[
-        Minutes,
-        Meta(
-            description="T_LT: minutes after a robot was last in balance from which it may start a "
-            "redesign."
-        ),
+        Minutes, Meta(description="T_LT: minutes without balance before a robot may redesign.")
     ] = 15.0
     hysteresis: Annotated[
-        Minutes,
-        Meta(description="Minutes for which a robot is in or out of tolerance before it acts."),
+        Minutes, Meta(description="Minutes in or out of tolerance before a robot acts.")
     ] = 6.5
     look: Annotated[
         Seconds, Meta(description="Seconds between two measurements of a robot's own load.")
@@ -265,25 +244,18 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
         Seconds, Meta(description="T_AC: seconds between two rounds of averaging.")
     ] = 120.0
     rounds: Annotated[
-        int, Meta(ge=1, le=10_000, description="Number of steps of the consensus algorithm.")
+        int, Meta(ge=1, le=10_000, description="Steps of the consensus algorithm.")
     ] = 100
     turns: Annotated[
         int, Meta(ge=1, le=100, description="E_t: number of turns that each robot leads.")
     ] = 2
-    iterations: Annotated[
-        int, Meta(ge=1, le=1000, description="I_t: number of exchanges in a turn.")
-    ] = 10
+    iterations: Annotated[int, Meta(ge=1, le=1000, description="I_t: exchanges in a turn.")] = 10
     hot: Annotated[float, Meta(gt=0, le=1000, description="T_i: initial temperature.")] = 4.5
     cold: Annotated[float, Meta(gt=0, le=1000, description="T_f: final temperature.")] = 0.3
     tip_pairs: TipPairs = "last"
     scale: Annotated[
         float,
-        quantity(
-            MINUTES,
-            gt=0,
-            le=1000,
-            description="k: factor of the temperature, in minutes (Algorithm 4).",
-        ),
+        quantity(MINUTES, gt=0, le=1000, description="k: factor of the temperature, minutes."),
     ] = 10.0
     pause: Annotated[
         Seconds, Meta(description="Seconds for which robots stand still during a redesign.")

@@ -99,6 +99,12 @@ def test_parts_are_chosen_by_name_and_by_option() -> None:
     ]
 
 
+def test_help_has_a_line_for_each_part(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "--help"]) == 0
+    begun = [line.split(":")[0].strip() for line in capsys.readouterr().out.splitlines()]
+    assert [name for name in begun if name in BENCH_PARTS] == list(BENCH_PARTS)
+
+
 def test_a_figure_is_the_median_between_the_extremes_after_a_warm_up() -> None:
     values = iter([1000.0, 3.0, 1.0, 2.00004, 7.0, 9.0])
     figure = take(Measurement("it", "s", lambda: lambda: next(values)), 5)

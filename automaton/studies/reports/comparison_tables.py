@@ -143,7 +143,8 @@ def family(results: Results) -> str:
     """The declared comparisons and their correction."""
     analysis = results.analysis
     if analysis.comparisons == "none":
-        return "none declared"
+        tests = count(tests_of_best(results), "test")
+        return f"none declared; the best point by {tests} in one family, Bonferroni"
     what = "all pairs of points"
     if analysis.comparisons == "baseline" and analysis.baseline:
         levels = analysis.baseline_levels.items()

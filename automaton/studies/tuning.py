@@ -163,6 +163,7 @@ class Tuned:
     own: Interval | None = None  # mean of the unchanged scenario in the final runs
     gain: Effect | None = None  # winner against unchanged scenario; None if they are the same
     unfinished: int = 0  # final pairs in which a run did not finish
+    lost: int = 0  # of them, those in which the winner did not finish
 
 
 def measure(simulation: Simulation) -> dict[str, float | int]:
@@ -285,6 +286,7 @@ def compare(
     metric = tuned.metric
     measured = [pair for pair in pairs if not math.isnan(mean_of(pair, metric))]
     tuned.unfinished = len(pairs) - len(measured)
+    tuned.lost = sum(math.isnan(mean_of(pair[:1], metric)) for pair in pairs)
     if len(measured) < 2:
         return
     values = [[float(run.metrics[metric]) for run in runs] for runs in zip(*measured, strict=True)]
@@ -336,6 +338,8 @@ def conclusion(tuned: Tuned) -> str:
     by = with_ends(tuned.gain.difference)
     is_shown = tuned.gain.p < 1 - tuned.gain.difference.level
     head = "Best" if is_shown else "No statistically significant gain over the unchanged scenario"
+    if is_shown and tuned.lost:
+        head = f"Unclear, because the winner did not finish in {tuned.lost} of its final runs"
     text = f"{head}: {tuned.metric} {with_ends(tuned.winner)}, unchanged {with_ends(tuned.own)}; "
     if tuned.gain.relative is not None:
         by += f", {100 * tuned.gain.relative.value:+,.1f} %"

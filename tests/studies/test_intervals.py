@@ -222,10 +222,17 @@ def test_effects_turn_round(a: list[float], b: list[float]) -> None:
     assert 0 <= one.p <= 1
 
 
-def test_a_ratio_that_may_be_anything_has_no_upper_end() -> None:
-    found = effect([1.0, 2.0], [1.0, 3.0], level=bonferroni(0.95, 200)).relative
-    assert found is not None and (found.low, found.high) == (pytest.approx(-1), None)
-    assert found.value == pytest.approx(-0.25)
+@given(NUMBERS, st.lists(st.floats(1, 1e6), min_size=2, max_size=80))
+def test_a_relative_effect_says_what_its_difference_says(a: list[float], b: list[float]) -> None:
+    found = effect(a, b)
+    assert found.relative is not None
+    signs = [
+        [0 if end is None else np.sign(end) for end in (one.low, one.value, one.high)]
+        for one in (found.relative, found.difference)
+    ]
+    assert signs[0] == signs[1]
+    assert min(a) < 0 or found.relative.low is None or found.relative.low >= -1
+    assert found.relative.value == pytest.approx(np.mean(a) / np.mean(b) - 1, abs=1e-9)
 
 
 def test_unequal_numbers_are_no_pairs() -> None:

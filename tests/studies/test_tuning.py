@@ -9,7 +9,8 @@ from typing import Any
 import pytest
 
 from automaton.commands import main
-from automaton.studies.tuning import candidates_of, in_words, make_plan
+from automaton.studies.inference.intervals import effect, mean_interval
+from automaton.studies.tuning import Tuned, candidates_of, conclusion, in_words, make_plan
 from automaton.world.resolve import resolve
 
 CROWD = """name: crowd
@@ -128,3 +129,17 @@ def test_settings_of_a_file_are_those_that_are_typed(crowd: str, tmp_path: Path)
     assert resolved.strategies["right_of_way"].parameters.repair_tries == 1
     path.write_text("- 1\n")
     assert main(["check", crowd, "--set", f"@{path}"]) == 2
+
+
+def test_a_winner_that_did_not_always_finish_is_not_called_best() -> None:
+    """Its mean leaves out the runs that went wrong; those of the unchanged scenario do not help it."""
+    winner, own = [10.0, 11.0, 12.0, 10.5, 11.5], [20.0, 21.0, 23.0, 20.5, 21.5]
+    for lost, head in (
+        (0, "Best: makespan 11 "),
+        (2, "Unclear, because the winner did not finish in 2"),
+    ):
+        tuned = Tuned(
+            "makespan", 90, 1, winner=mean_interval(winner), own=mean_interval(own), unfinished=2,
+            gain=effect(winner, own, paired=True), lost=lost,
+        )  # fmt: skip
+        assert conclusion(tuned).startswith(head)

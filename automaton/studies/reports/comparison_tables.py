@@ -143,7 +143,8 @@ def family(results: Results) -> str:
     """The declared comparisons and their correction."""
     analysis = results.analysis
     if analysis.comparisons == "none":
-        return "none declared"
+        tests = count(tests_of_best(results), "test")
+        return f"none declared; the best point by {tests} in one family, Bonferroni"
     what = "all pairs of points"
     if analysis.comparisons == "baseline" and analysis.baseline:
         levels = analysis.baseline_levels.items()
@@ -302,10 +303,10 @@ def relative_text(relative: Interval | None) -> str:
     """A relative effect with its interval, in percent."""
     if relative is None:
         return "-"
-    if relative.low is None:
+    if relative.low is None or relative.high is None:
         return f"{100 * relative.value:+.1f} % ({TOO_FEW})"
-    ends = ("-" if end is None else f"{100 * end:+.1f}" for end in (relative.low, relative.high))
-    return f"{100 * relative.value:+.1f} % ({' to '.join(ends)})"
+    low, high = 100 * relative.low, 100 * relative.high
+    return f"{100 * relative.value:+.1f} % ({low:+.1f} to {high:+.1f})"
 
 
 # Effects of the factors of a study, and their interactions.

@@ -464,7 +464,7 @@ def _distinct(results: Results, metric: str, points: Sequence[Point]) -> tuple[P
 
 def tests_of_best(results: Results) -> int:
     """The tests of the answers besides the declared ones: those of one point of each group."""
-    metric = results.analysis.metrics[0]
+    metric = results.analysis.metrics[0] if results.analysis.metrics else ""
     if direction_of(metric) is None or is_what_if(results):
         return 0
     identical = results.identical(metric)

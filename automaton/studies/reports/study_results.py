@@ -86,12 +86,7 @@ class MetricScale(NamedTuple):
 
     def of(self, interval: Interval) -> Interval:
         """An interval in this unit."""
-        low, high = interval.low, interval.high
-        return interval._replace(
-            value=interval.value * self.factor,
-            low=None if low is None else low * self.factor,
-            high=None if high is None else high * self.factor,
-        )
+        return interval.times(self.factor)
 
 
 PERCENT: Final = MetricScale(100.0, "%")

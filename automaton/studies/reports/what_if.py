@@ -368,16 +368,11 @@ def relative_ends(results: Results, one: WhatIf) -> tuple[float, float, float]:
     """A difference and the ends of its interval in percent of the baseline's mean; NaN if unknown."""
     if one.verdict == IDENTICAL:
         return 0.0, 0.0, 0.0
-    unknown = (math.nan, math.nan, math.nan)
-    if one.comparison is None:
-        return unknown
-    _, base = compared_runs(results, one.point, one.base, one.metric)
-    mean = math.fsum(base.values()) / len(base)
-    if mean <= 0:
-        return unknown
-    difference = one.comparison.effect.difference
-    ends = (difference.value, difference.low, difference.high)
-    value, low, high = (math.nan if end is None else 100 * end / mean for end in ends)
+    relative = None if one.comparison is None else one.comparison.effect.relative
+    if relative is None:
+        return math.nan, math.nan, math.nan
+    ends = (relative.value, relative.low, relative.high)
+    value, low, high = (math.nan if end is None else 100 * end for end in ends)
     return value, low, high
 
 

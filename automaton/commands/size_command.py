@@ -173,14 +173,14 @@ def run(args: argparse.Namespace) -> int:
 
 def quantity_of(args: argparse.Namespace) -> SearchQuantity:
     """What the search varies. Raises InputError."""
-    from automaton.studies.sizing.fleet_search import PARKING, ROBOTS, VARIED, quantity_named
+    from automaton.studies.sizing.fleet_search import PARKING, ROBOT_COUNT, VARIED, quantity_named
 
     if (args.robots is None) == (args.vary is None):
         raise InputError(
             "size needs either --robots A..B, or --vary stations A..B or chargers A..B"
         )
-    quantity = ROBOTS if args.vary is None else quantity_named(args.vary[0])
-    if args.mix is not None and quantity != ROBOTS:
+    quantity = ROBOT_COUNT if args.vary is None else quantity_named(args.vary[0])
+    if args.mix is not None and quantity != ROBOT_COUNT:
         raise InputError("--mix: the fleet stays as it is; use it with --robots")
     if quantity == VARIED[PARKING]:
         useless = (option for option in NOT_FOR_PARKING if getattr(args, option))

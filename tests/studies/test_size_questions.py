@@ -487,7 +487,7 @@ def test_a_crowd_is_better_with_a_part_of_it_parked() -> None:
 
 @pytest.mark.parametrize("means", [(90.0, 95.0, 100.0, 100.0), (90.0, 95.0, 100.6, 100.0)])
 def test_a_gain_below_the_zone_is_none(means: tuple[float, ...]) -> None:
-    session, text = parked(crowd(dict(zip(("10", "20", "30", ""), means, strict=True))))
+    session, text = parked(crowd(dict(zip(("10", "20", "30", ""), means, strict=True)), spread=0.5))
     assert not session.is_better and "No number of parked robots is better by 1 %" in text
     if session.limit is not None:
         assert "With a fleet of 30 robots, without parked ones: 40 starts are listed" in text

@@ -502,6 +502,35 @@ def test_a_budget_that_separates_no_limits_leaves_it_undecided() -> None:
     )
 
 
+def test_ctrl_c_prints_that_nothing_is_known_about_parking(capsys: Any, monkeypatch: Any) -> None:
+    def interrupted(*_: Any) -> list[FleetRun]:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Fleets, "_run", interrupted)
+    code, out, _ = size(capsys, "random-400", "--vary", ACTIVE, "100..300")
+    assert code == 130 and "Undecided: " in out
+
+
+def test_a_crowd_that_jams_is_not_compared() -> None:
+    runs = crowd({"10": 100.0, "20": 110.0, "30": 100.0, "": 120.0}, alone=90.0)
+
+    def run(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
+        jammed = not place.strategy and place.size == 40
+        return [one._replace(finished=not jammed) for one in runs(place, first, number)]
+
+    _, text = parked(run)
+    assert "Not compared, since runs did not finish: all with orders" in text
+    assert "No number of parked robots is better" in text and "not comparable" in text
+
+
+def test_few_days_give_a_bound_if_they_are_enough() -> None:
+    for budget, days in ((200, None), (340, 122), (1000, 300)):
+        question = make_question(Target("makespan", True, 200.0), (1, 1), budget=budget)
+        session = SizingSession(question, ranked)
+        session.go()
+        assert (session.bound and session.bound.days) == days
+
+
 def test_the_command_compares_numbers_of_robots_with_orders(capsys: Any) -> None:
     given = ("random-400", "--set", "fleet.robots=10", "--set", "stop.max_duration=40", "--set",
              "measure.warm_up=10", "--vary", ACTIVE, "5..10", "--step", "5")  # fmt: skip

@@ -272,16 +272,7 @@ class Fleets:
 
         Raises InputError.
         """
-        if not self.ends_with_orders and not question.warm_up:
-            raise InputError(
-                "--target: runs end at a given tick (stop: {when: never}), so their metrics would "
-                "include the start-up; set a warm-up period in ticks: --set measure.warm_up=N"
-            )
-        if not self.ends_with_orders and question.target.metric == "makespan":
-            raise InputError(
-                "--target: runs end at a given tick (stop: {when: never}), so makespan "
-                "is the same for every fleet; use throughput or a time of orders"
-            )
+        self.check_stop(question)
         for strategy in question.strategies:
             for size in sorted({question.first, question.last}):
                 try:
@@ -289,6 +280,24 @@ class Fleets:
                 except InputError as error:
                     hint = self._hint(error.message)
                     raise InputError(error.message + hint, error.file, error.line) from None
+
+    def check_stop(self, question: Question) -> None:
+        """Check that the metric of runs that end at a given tick depends on the fleet.
+
+        Raises InputError.
+        """
+        if self.ends_with_orders:
+            return
+        ends = "--target: runs end at a given tick (stop: {when: never}), so"
+        if not question.warm_up:
+            raise InputError(
+                f"{ends} their metrics would include the start-up; set a warm-up period in ticks: "
+                "--set measure.warm_up=N"
+            )
+        if question.target.metric == "makespan":
+            raise InputError(
+                f"{ends} makespan is the same for every fleet; use throughput or a time of orders"
+            )
 
     def _hint(self, objection: str) -> str:
         """What frees the scenario from its number of robots, if that is varied."""

@@ -507,7 +507,9 @@ def test_ctrl_c_prints_that_nothing_is_known_about_parking(capsys: Any, monkeypa
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Fleets, "_run", interrupted)
-    code, out, _ = size(capsys, "random-400", "--vary", ACTIVE, "100..300")
+    code, out, _ = size(
+        capsys, "random-400", "--vary", ACTIVE, "100..300", "--set", "measure.warm_up=5"
+    )
     assert code == 130 and "Undecided: " in out
 
 
@@ -524,7 +526,7 @@ def test_a_crowd_that_jams_is_not_compared() -> None:
 
 
 def test_few_days_give_a_bound_if_they_are_enough() -> None:
-    for budget, days in ((200, None), (340, 122), (1000, 300)):
+    for budget, days in ((150, None), (200, 130), (1000, 300)):
         question = make_question(Target("makespan", True, 200.0), (1, 1), budget=budget)
         session = SizingSession(question, ranked)
         session.go()

@@ -7,6 +7,7 @@ Exit code 0: answered; 1: not reached, undecided, or a worker died; 2: bad input
 from __future__ import annotations
 
 import argparse
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
     from automaton.scenario.document import Override
     from automaton.studies.sizing.fleet_runs import Fleets
     from automaton.studies.sizing.fleet_search import FleetConfig, Question, SearchQuantity
-    from automaton.studies.sizing.sizing_session import SizingSession
+    from automaton.studies.sizing.sizing_session import ParkingSession, SizingSession
 
 
 PARKING_STEPS = 5  # from the least to the greatest number of robots with orders
@@ -155,14 +156,7 @@ def run(args: argparse.Namespace) -> int:
         first = next(iter(sessions.values()))
         for sentence in forecast(first.question) if args.assure else ():
             note(sentence)
-        cut: BaseException | None = None
-        try:
-            for session in sessions.values():
-                session.go()
-        except (KeyboardInterrupt, WorkerDiedError) as error:
-            cut = error
-        finally:
-            show_line("")
+        cut = interruption_of(list(sessions.values()))
         show(args, output, sessions, next(iter(fleets.values())))
         if args.plots is not None:
             draw(args.plots, sessions)
@@ -171,16 +165,30 @@ def run(args: argparse.Namespace) -> int:
     return 0 if all(session.settled for session in sessions.values()) else 1
 
 
+def interruption_of(
+    sessions: Sequence[SizingSession | ParkingSession],
+) -> BaseException | None:
+    """Carry out sessions; return Ctrl-C or the death of a worker, after which results are printed."""
+    try:
+        for session in sessions:
+            session.go()
+    except (KeyboardInterrupt, WorkerDiedError) as error:
+        return error
+    finally:
+        show_line("")
+    return None
+
+
 def quantity_of(args: argparse.Namespace) -> SearchQuantity:
     """What the search varies. Raises InputError."""
-    from automaton.studies.sizing.fleet_search import PARKING, ROBOTS, VARIED, quantity_named
+    from automaton.studies.sizing.fleet_search import PARKING, ROBOT_COUNT, VARIED, quantity_named
 
     if (args.robots is None) == (args.vary is None):
         raise InputError(
             "size needs either --robots A..B, or --vary stations A..B or chargers A..B"
         )
-    quantity = ROBOTS if args.vary is None else quantity_named(args.vary[0])
-    if args.mix is not None and quantity != ROBOTS:
+    quantity = ROBOT_COUNT if args.vary is None else quantity_named(args.vary[0])
+    if args.mix is not None and quantity != ROBOT_COUNT:
         raise InputError("--mix: the fleet stays as it is; use it with --robots")
     if quantity == VARIED[PARKING]:
         useless = (option for option in NOT_FOR_PARKING if getattr(args, option))
@@ -222,15 +230,14 @@ def compare_parked(args: argparse.Namespace, output: Output, fleets: Fleets) -> 
         f"{place.strategy or 'all robots with orders'}; {runs:,} of at most {args.budget:,} runs"
     )
     session = parking_of(fleets, runner)
-    try:
-        session.go()
-    finally:
-        show_line("")
+    cut = interruption_of([session])
     name = fleets.base.scenario.name
     output.write(
         lambda: parking_document(session, name),
         lambda: parking_as_json(session, name, fleets.seed),
     )
+    if cut is not None:
+        raise cut
     return 0 if session.best is not None and len(session.best.left) == 1 else 1
 
 

@@ -15,7 +15,7 @@ COMMANDS = {
     "run": ("run tabletop-mini --until 300", "--out"),
     "size": (
         "size tabletop-mini --target makespan<=3000 --robots 1..3 --workers 1 --budget 200",
-        "--out",
+        "--report",
     ),
     "reproduce": ("reproduce tabletop --seeds 1 --strategies independent --workers 1", "--out"),
     "sweep": ("sweep {study} --out {folder}/results --workers 1", "--report"),

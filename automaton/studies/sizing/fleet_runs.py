@@ -40,7 +40,7 @@ from automaton.scenario.unavailable_metrics import (
 )
 from automaton.studies.process_pool import PersistentPool
 from automaton.studies.sizing.fleet_search import (
-    ROBOTS,
+    ROBOT_COUNT,
     FleetConfig,
     FleetRun,
     InfeasibleFleetError,
@@ -66,7 +66,7 @@ MOVES_LATE: Final = "world.extra_tick_probability"  # lengthens moves that take 
 ORDER_METRICS = (*OF_TIMES, "legs_per_order")  # metrics that exist once an order is delivered
 STATION_USE = "station_use"  # share of the time of all stations in which they serve a robot
 CHARGER_USE = "charger_use"  # share of the time of all charging places in which a robot charges
-ROBOT_TICKS = "robot_ticks"  # ticks that the metrics cover, summed over the robots
+FLEET_TICKS = "robot_ticks"  # ticks that the metrics cover, summed over the robots
 MOVE_KEY = re.compile(r"durations\.move[.=]")
 PLAIN_KEY = re.compile(r"[\w-]+")  # a name that can be part of a dotted key
 MIX = re.compile(r"([^=]+)=\s*(\d{1,7}(?:\s*:\s*\d{1,7})*)\s*")
@@ -83,7 +83,7 @@ def run_and_measure_use(simulation: Simulation) -> dict[str, float | int]:
     figures, now = metrics_of(simulation, since), counted(simulation)
     since = now.none() if since is None else since
     ticks, elapsed = now.actions - since.actions, max(1, now.tick - since.tick)
-    figures[ROBOT_TICKS] = resolved.scenario.fleet.robots * elapsed // resolved.scenario.refine
+    figures[FLEET_TICKS] = resolved.scenario.fleet.robots * elapsed // resolved.scenario.refine
     world, floor_plan = simulation.world, simulation.resolved.floor_plan
     stations = int(np.count_nonzero(floor_plan.kind == STATION))
     places = sum(places_of_chargers(resolved.scenario, floor_plan).values())
@@ -204,7 +204,7 @@ class Fleets:
         settings: Sequence[str | Override],
         seed: int | None,
         rounds: PersistentPool,
-        quantity: SearchQuantity = ROBOTS,
+        quantity: SearchQuantity = ROBOT_COUNT,
         mix: str | None = None,
         run_store: KeptRuns | None = None,
     ) -> None:
@@ -272,17 +272,7 @@ class Fleets:
 
         Raises InputError.
         """
-        if self.is_steady and not question.warm_up:
-            raise InputError(
-                "--target: runs end at a given tick (stop: {when: never}), so their metrics would "
-                "include the start-up; set a warm-up period in ticks, --set measure.warm_up=N, or "
-                "units.clock if a run is a working day"
-            )
-        if not self.ends_with_orders and question.target.metric == "makespan":
-            raise InputError(
-                "--target: runs end at a given tick (stop: {when: never}), so makespan "
-                "is the same for every fleet; use throughput or a time of orders"
-            )
+        self.check_stop(question)
         for strategy in question.strategies:
             for size in sorted({question.first, question.last}):
                 try:
@@ -291,9 +281,27 @@ class Fleets:
                     hint = self._hint(error.message)
                     raise InputError(error.message + hint, error.file, error.line) from None
 
+    def check_stop(self, question: Question) -> None:
+        """Check that the metric of runs that end at a given tick depends on the fleet.
+
+        Raises InputError.
+        """
+        if self.ends_with_orders:
+            return
+        ends = "--target: runs end at a given tick (stop: {when: never}), so"
+        if self.is_steady and not question.warm_up:
+            raise InputError(
+                f"{ends} their metrics would include the start-up; set a warm-up period in ticks, "
+                "--set measure.warm_up=N, or units.clock if a run is a working day"
+            )
+        if question.target.metric == "makespan":
+            raise InputError(
+                f"{ends} makespan is the same for every fleet; use throughput or a time of orders"
+            )
+
     def _hint(self, objection: str) -> str:
         """What frees the scenario from its number of robots, if that is varied."""
-        if self.quantity != ROBOTS:
+        if self.quantity != ROBOT_COUNT:
             return ""
         types = self.base.scenario.fleet.types
         if self.mix is None and types and all(kind.robots for kind in types):
@@ -304,7 +312,7 @@ class Fleets:
 
     def excluded(self, question: Question) -> dict[int, str]:
         """The fleet sizes that fail with any strategy, each with the bound that excludes it."""
-        if self.quantity != ROBOTS:
+        if self.quantity != ROBOT_COUNT:
             return {}
         limits = bounds(self.base)
         reasons = {}

@@ -103,10 +103,10 @@ class SearchQuantity(NamedTuple):
         return count(number, self.noun)
 
 
-ROBOTS: Final = SearchQuantity("fleet.robots", "robot", "--robots")
+ROBOT_COUNT: Final = SearchQuantity("fleet.robots", "robot", "--robots")
 PARKING: Final = "strategy.allocation.active"  # varied by a comparison of means, not by a search
 VARIED: Final = {
-    "robots": ROBOTS,
+    "robots": ROBOT_COUNT,
     "stations": SearchQuantity("floor.open_stations", "station", "--vary stations"),
     "chargers": SearchQuantity("floor.open_chargers", "charger", "--vary chargers"),
     PARKING: SearchQuantity("fleet.robots", "robot", f"--vary {PARKING}"),
@@ -130,7 +130,7 @@ class Question(NamedTuple):
         False  # whether a fleet passes only if the share is shown, not the zone around it
     )
     step: int = 1  # from one size to the next
-    quantity: SearchQuantity = ROBOTS
+    quantity: SearchQuantity = ROBOT_COUNT
 
     @property
     def sizes(self) -> range:
@@ -178,7 +178,7 @@ def make_question(
     warm_up: int | None = None,
     assure: bool = False,
     step: int = 1,
-    quantity: SearchQuantity = ROBOTS,
+    quantity: SearchQuantity = ROBOT_COUNT,
 ) -> Question:
     """Create a checked question. A steady state uses the mean unless a share is asked for.
 
@@ -332,7 +332,7 @@ def _tick_seconds(tick: Unit | None, text: str) -> float:
     return tick.seconds
 
 
-def read_robots(text: str, quantity: SearchQuantity = ROBOTS) -> tuple[int, int]:
+def read_robots(text: str, quantity: SearchQuantity = ROBOT_COUNT) -> tuple[int, int]:
     """Read a range of sizes such as "1..12", or "5". Raises InputError."""
     found = _RANGE.fullmatch(text)
     if found is None:
@@ -359,7 +359,9 @@ def robots_of(given: str | int | tuple[int, int] | list[int]) -> tuple[int, int]
     return checked_robots(pair[0], pair[1])
 
 
-def checked_robots(first: int, last: int, quantity: SearchQuantity = ROBOTS) -> tuple[int, int]:
+def checked_robots(
+    first: int, last: int, quantity: SearchQuantity = ROBOT_COUNT
+) -> tuple[int, int]:
     """The smallest and the largest size to test. Raises InputError."""
     if not 1 <= first <= last <= MAX_FLEET_SIZE:
         raise InputError(

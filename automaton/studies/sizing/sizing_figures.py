@@ -389,6 +389,9 @@ def parking_lines(session: ParkingSession) -> Iterator[str]:
     if limit is not None:
         change = session.refused or relative_change(session.alone)
         yield f"With a fleet of {limit:,} robots, without parked ones: {change}"
+    limits = {"", *(f"{PARKING}={size}" for size in session.question.sizes if size < robots)}
+    for setting in sorted(limits - set(session.best.strategies)):
+        yield f"Not compared, since runs did not finish: {setting.partition('=')[2] or 'all'} with orders"
 
 
 def relative_change(effect: Effect | None) -> str:

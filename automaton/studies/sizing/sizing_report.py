@@ -21,10 +21,10 @@ from automaton.documents.report_document import (
 from automaton.runs.metric_catalogue import METRIC_CATALOGUE
 from automaton.studies.inference.intervals import TOO_FEW, Interval
 from automaton.studies.inference.proportions import expected_runs, fixed_runs, share_test
-from automaton.studies.sizing.fleet_runs import MOVES_LATE, PERCENTS_OFF, ROBOT_TICKS
+from automaton.studies.sizing.fleet_runs import FLEET_TICKS, MOVES_LATE, PERCENTS_OFF
 from automaton.studies.sizing.fleet_search import (
     DEFAULT_INDIFFERENCE,
-    ROBOTS,
+    ROBOT_COUNT,
     Candidate,
     FleetConfig,
     FleetSearch,
@@ -169,7 +169,7 @@ def performance(question: Question, size: int, value: float | None) -> str:
     target, many = question.target, question.quantity.many(size)
     if value is None:
         return f"with {many} {target.metric} has no bound, because too many runs did not finish"
-    if target.metric == "throughput" and question.quantity == ROBOTS:
+    if target.metric == "throughput" and question.quantity == ROBOT_COUNT:
         return f"{many} deliver{'s' if size == 1 else ''} {reached(target, value)}"
     return f"with {many} {target.metric} is {reached(target, value)}"
 
@@ -396,7 +396,7 @@ def mean_text(value: float, unit: str) -> str:
 def spent_time(candidate: Candidate, question: Question) -> Iterator[str]:
     """Lost time by cause, and the utilization of robots, stations and chargers."""
     lost = sorted(lost_by_cause(candidate).items(), key=lambda item: -item[1])
-    whole = mean_of(candidate, ROBOT_TICKS)
+    whole = mean_of(candidate, FLEET_TICKS)
     lost = [(name, ticks) for name, ticks in lost if ticks >= MIN_SHARE_SHOWN * whole]
     if lost and whole > 0:
         causes = [

@@ -209,8 +209,9 @@ def best_of(
 
 def day_bound(candidate: Candidate, run_budget: RunBudget, question: Question) -> DayBound | None:
     """What a candidate reaches on a share of days; None if too little of the budget is left."""
-    days, since = bound_days(question), candidate.after
-    if not run_budget.extend_runs(candidate, since + days, question):
+    since = candidate.after
+    days = min(max(BOUND_DAYS, bound_days(question)), len(candidate.runs) - since + run_budget.left)
+    if days < bound_days(question) or not run_budget.extend_runs(candidate, since + days, question):
         return None
     target = question.target
     lacking = math.inf if target.at_most else -math.inf  # as bad as can be
@@ -233,8 +234,8 @@ def day_bound(candidate: Candidate, run_budget: RunBudget, question: Question) -
 
 
 def bound_days(question: Question) -> int:
-    """The number of days of a bound: enough to leave out some, or to have one at all."""
-    return max(BOUND_DAYS, fixed_runs(question.success_share, BOUND_ERROR))
+    """The least number of days that have a bound."""
+    return fixed_runs(question.success_share, BOUND_ERROR)
 
 
 def around(answer: FleetConfig, question: Question) -> list[int]:
@@ -446,6 +447,7 @@ def parking_of(fleets: Fleets, runner: Checked) -> ParkingSession:
             f"the first stage takes {fewest:,} runs; a larger --step has fewer numbers to compare"
         )
         raise InputError(f"--budget {question.budget:,}: {text}")
+    fleets.check_stop(question)
     return ParkingSession(question, robots, runner)
 
 

@@ -204,6 +204,9 @@ def test_a_moved_folder_of_results_needs_nothing_from_elsewhere(
     (command,) = (line for line in capsys.readouterr().out.splitlines() if "--out ." in line)
     assert command.strip() == "automaton sweep study.yaml --out . && automaton report ."
     assert main(command.partition(" && ")[0].split()[1:]) == 0
+    monkeypatch.chdir(moved.parent)  # a folder above the files
+    assert main(["sweep", "elsewhere/study.yaml", "--out", "elsewhere"]) == 0
+    monkeypatch.chdir(moved)
     assert Store(moved).rows().equals(rows)
     (moved / "rows").rename(tmp_path / "rows")
     assert plain(swept_here(moved / "study.yaml", moved)) == plain(rows)

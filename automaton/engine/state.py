@@ -448,7 +448,7 @@ PURPOSE_MAKING_WAY: Final = 3  # it undoes what was driven for an order
 
 TRAIL_MOVES: Final = 4  # moves that may be undone; a power of two
 MOST_PERIODS: Final = (
-    1024  # of a report whose undone moves are told apart; the last holds all others
+    1024  # of a report whose undone moves are counted apart; the last holds all others
 )
 
 

@@ -12,6 +12,7 @@ from automaton.recording.contents import Content
 from automaton.recording.frames import Recording, StoredFrames
 from automaton.recording.header import changed, resolved_of
 from automaton.runs.metrics import metrics_of
+from automaton.runs.periods import Period, PeriodMarks, ticks_of_period
 from automaton.runs.simulation import Simulation
 from automaton.world.resolved import Resolved
 
@@ -40,6 +41,7 @@ class WatchedRun:
         self._since_keyframe = 0.0
         self._keyframe_took = 0.0
         self._at = 0
+        self.marks = PeriodMarks(ticks_of_period(resolved, None))  # at the front
 
     @property
     def floor_plan(self) -> FloorPlan:
@@ -128,7 +130,9 @@ class WatchedRun:
         """Compute the next ticks, and store a keyframe from time to time."""
         before = self.leading_simulation.tick
         begun = time.perf_counter()
-        self._compute(before + (self._slice if most is None else min(most, self._slice)))
+        until = before + (self._slice if most is None else min(most, self._slice))
+        self._compute(min(until, self.marks.next_mark(before)))
+        self.marks.look(self.leading_simulation)
         took = time.perf_counter() - begun
         if took < COMPUTE_SLICE_S / 2 and self.leading_simulation.tick - before == self._slice:
             self._slice *= 2
@@ -155,6 +159,10 @@ class WatchedRun:
     def metrics(self) -> dict[str, float | int]:
         """The metrics of the run up to the shown tick."""
         return metrics_of(self.shown)
+
+    def periods(self) -> list[Period]:
+        """The periods that have ended by the shown tick."""
+        return [one for one in self.marks.ended(self.leading_simulation) if one.end <= self._at]
 
     def resolved_at(self, tick: int) -> Resolved:
         """The scenario with its strategies that applies in the tick after `tick`."""

@@ -114,6 +114,10 @@ class PeriodMarks:
             self._ticks *= 2
             self._marks = [one for one in self._marks if one.tick % self._ticks == 0]
 
+    def ended(self, run: Measured) -> list[Period]:
+        """The periods of a run that have ended."""
+        return periods_of(run, self._marks) if self._marks else []
+
     def periods(self, run: Measured) -> list[Period]:
         """The periods of a run up to now; the last one may be shorter."""
         now = counted(run)
@@ -269,7 +273,7 @@ def flow(world: World, borders: Array) -> tuple[Array, Array]:
             np.where(orders.is_known, orders.release, np.iinfo(np.int64).max),
             orders.done,
         )
-    ends = np.maximum(done[done != NIL], 1)
+    ends = np.maximum(done[(done != NIL) & (done <= borders[-1])], 1)
     in_stretch = summed(ends, np.ones(len(ends)), borders)
     known = np.searchsorted(np.sort(release), borders[1:], side="right")
     return in_stretch, known - np.cumsum(in_stretch)

@@ -22,6 +22,7 @@ PACKAGES: Final = ("automaton", "strategies", "layouts")
 # Files of these packages that determine runs: code, networks, and data that the code may read.
 DECIDING: Final = (".py", ".npz", ".yaml", ".json")
 LIBRARIES: Final = ("fleet-automaton", "numpy", "numba", "msgspec")
+MAIN: Final = "__main__"  # the script of a Python program, which has no module specification
 MANIFEST: Final = "sweep.json"  # a folder with this file holds results, no sources
 Sources = dict[str, str]  # file -> 16 hex digits of its content
 
@@ -66,7 +67,13 @@ def plugin_files(plugin: str) -> tuple[Path, list[Path]]:
     and so on. What it imports by a computed name is not found.
     """
     top = plugin.partition(".")[0]
-    root = home_of(top)
+    if top == MAIN:
+        file = getattr(sys.modules[MAIN], "__file__", None)
+        if file is None:  # a notebook
+            return Path(), []
+        root, top = Path(file).absolute().parent, Path(file).stem
+    else:
+        root = home_of(top)
     files_by_name: dict[str, list[Path]] = {}
     waiting = [top]
     while waiting:

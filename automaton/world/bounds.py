@@ -434,8 +434,8 @@ def energy_of_trip(
     drain = battery.drain
     used = drain.move * (empty + drain.loaded_factor * loaded)
     used += drain.wait * drain.loaded_factor * handling
-    given = battery.charge_rate
-    curve = given if isinstance(given, tuple) else ((0.0, given),)
+    charging = battery.charge_rate
+    curve = charging if isinstance(charging, tuple) else ((0.0, charging),)
     ends = [*(begin for begin, _ in curve[1:]), 100.0]
     parts = [
         (max(end - max(begin, battery.reserve), 0.0), rate)

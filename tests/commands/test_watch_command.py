@@ -36,8 +36,8 @@ def test_without_a_terminal_the_figures_come_as_text(
     assert main(["run", "tabletop-mini"]) == 0
     report = capsys.readouterr().out.splitlines()
     assert "finished after 1,474 cycles" in printed
-    uses = next(k for k, line in enumerate(report) if line.startswith("robot time"))
-    assert report[uses:] == printed.splitlines()[-len(report[uses:]) :]
+    begin = next(k for k, line in enumerate(report) if line.startswith("metric  "))
+    assert report[begin:] == printed.splitlines()[-len(report[begin:]) :]
     (recording,) = state.iterdir()
     assert read_recording(recording).complete
     assert main(["verify", str(recording)]) == 0

@@ -11,8 +11,9 @@ from whole_floors import drawn_whole, resolved_whole
 
 from automaton.engine.state import GOAL_STOP
 from automaton.errors import InputError
+from automaton.runs.headless import run_once
 from automaton.runs.metrics import counted, metrics_by_robot, metrics_of, uses_of_run, uses_of_time
-from automaton.runs.periods import PeriodMarks
+from automaton.runs.periods import Period, PeriodMarks
 from automaton.runs.simulation import Simulation
 from automaton.strategy.api import CMD_STEP, Strategy
 from automaton.world.resolve import resolve
@@ -39,6 +40,15 @@ def test_all_uses_together_are_the_time_of_the_fleet(
 def test_so_they_are_on_floors_that_nobody_drew(seed: int) -> None:
     for until in (1, 77, 400):
         check_uses(whole(seed), until)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_in_periods_they_are_the_time_of_the_fleet_too(seed: int) -> None:
+    resolved = whole(seed)
+    for period in run_once(resolved, until=300, every=60).periods:
+        uses = period[Period._fields.index("on_orders") : Period._fields.index("stations")]
+        assert sum(uses) == pytest.approx(resolved.scenario.fleet.robots), period
+        assert min(uses) > -0.1, period
 
 
 def check_uses(resolved: Resolved, until: int) -> None:

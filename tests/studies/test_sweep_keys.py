@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from pathlib import Path
+from types import ModuleType
 
 import pytest
 from sweep_studies import environment, plain, swept_here
@@ -204,6 +205,9 @@ def test_a_moved_folder_of_results_needs_nothing_from_elsewhere(
     (command,) = (line for line in capsys.readouterr().out.splitlines() if "--out ." in line)
     assert command.strip() == "automaton sweep study.yaml --out . && automaton report ."
     assert main(command.partition(" && ")[0].split()[1:]) == 0
+    monkeypatch.chdir(moved.parent)  # a folder above the files
+    assert main(["sweep", "elsewhere/study.yaml", "--out", "elsewhere"]) == 0
+    monkeypatch.chdir(moved)
     assert Store(moved).rows().equals(rows)
     (moved / "rows").rename(tmp_path / "rows")
     assert plain(swept_here(moved / "study.yaml", moved)) == plain(rows)
@@ -252,6 +256,23 @@ def test_a_plug_in_counts_with_what_it_imports_and_not_with_what_lies_beside_it(
     found = set(sources_of(("followed_plug_in",))) - set(sources_of())
     tools = {f"followed_tools/{name}" for name in ("__init__.py", "deep.py", "table.csv")}
     assert found == {"followed_plug_in.py", "followed_costs.py", *tools}
+
+
+def test_the_script_of_a_program_counts_with_what_it_imports(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A class of a script is found as __main__:NAME; a notebook has no file."""
+    for file, text in {
+        "script.py": "import main_costs\n",
+        "main_costs.py": "",
+        "other.py": "",
+    }.items():
+        (tmp_path / file).write_text(text)
+    script = ModuleType("__main__")
+    monkeypatch.setitem(sys.modules, "__main__", script)
+    assert sources_of(("__main__",)) == sources_of()
+    script.__file__ = str(tmp_path / "script.py")
+    assert set(sources_of(("__main__",))) - set(sources_of()) == {"script.py", "main_costs.py"}
 
 
 def test_a_link_that_leads_nowhere_is_no_source(

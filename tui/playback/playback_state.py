@@ -14,6 +14,7 @@ from automaton.history.divergence import Divergence
 from automaton.history.snapshot import Snapshot
 from automaton.history.watched_run import WatchedRun
 from automaton.runs.metrics import OPERATION_STATES, executed_ticks, metrics_of
+from automaton.runs.periods import Period
 from automaton.runs.progress import Jam, largest_jam, starved_robots
 from automaton.runs.simulation import Simulation
 from tui.registration import layer_named
@@ -71,6 +72,7 @@ class RunFigures:
     active: Array  # (n,) float64: share of active ticks
     starved: Array  # (k,) identities of starved robots, ascending
     jam: Jam | None  # the largest group of these that stands together
+    periods: tuple[Period, ...]  # that have ended by then
 
 
 def figures_of(run: WatchedRun) -> RunFigures:
@@ -82,7 +84,8 @@ def figures_of(run: WatchedRun) -> RunFigures:
     operations = world.tally.operations[by_identity][:, OPERATION_STATES].sum((1, 2))
     starved = np.sort(world.robots.identity[starved_robots(world)])
     jam = largest_jam(world, run.floor_plan)
-    return RunFigures(shown.tick, metrics_of(shown), operations, active, starved, jam)
+    periods = tuple(run.periods())
+    return RunFigures(shown.tick, metrics_of(shown), operations, active, starved, jam, periods)
 
 
 class LongTick(NamedTuple):

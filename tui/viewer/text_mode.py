@@ -195,6 +195,8 @@ def outcome_of(run: WatchedRun, last_worked: np.ndarray) -> Outcome:
         priorities=metrics_by_priority(front),
         classes=metrics_by_class(front),
         uses=uses_of_run(front),
+        periods=(periods := run.marks.periods(front)),
+        by_period=run.marks.is_fixed and len(periods) > 1,
         deadlock=longest_deadlock(front),
         illegal=illegal_decisions(front.world, front.resolved.floor_plan),
     )

@@ -12,7 +12,7 @@ filled or a line, so that two curves differ by more than their colours.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import accumulate
 from typing import Final
 
@@ -38,7 +38,9 @@ from automaton.engine.state import (
 )
 from automaton.history.event_history import Curve
 from automaton.history.fleet_summary import FleetSummary, summarize
+from automaton.runs.bottleneck import flow_name, rate, rate_unit
 from automaton.runs.metrics import METRIC_CATALOGUE
+from automaton.runs.periods import Period
 from automaton.units import count, number, percent
 from tui.playback.panel_view import JamChosen, TickChosen, View, middle_robot
 from tui.widgets.panel import (
@@ -69,6 +71,7 @@ SHORT_UNIT: Final = "/kt"  # where there is little room
 
 CURVE_ROWS: Final = 3
 MAX_SLOW_ZONES_LISTED: Final = 5
+PERIODS_SHOWN: Final = 6
 
 
 class Figures(TextPanel):
@@ -88,6 +91,7 @@ class Figures(TextPanel):
             return lines
         parts = (
             self._now(view, width),
+            last_periods(view, width),
             *self._curves(view, width),
             self._lost(view, width),
             slow_zones(view),
@@ -271,6 +275,41 @@ class Figures(TextPanel):
             self.post_message(JamChosen())
         else:
             super().follow(link, column)
+
+
+def last_periods(view: View, width: int) -> list[Line]:
+    """What was done in the last periods, what robots did on average, and how busy the rest was.
+
+    The columns that do not fit are left out.
+    """
+    periods = view.playback.figures[view.side].periods[-PERIODS_SHOWN:]
+    if not periods:
+        return []
+    resolved, first = view.run.resolved, periods[0]
+    waiting = ("in_traffic", "in_station_queues", "for_chargers")
+    columns: list[tuple[str, Callable[[Period], str]]] = [
+        ("from", lambda one: one.name.removeprefix("tick ")),
+        (flow_name(resolved), lambda one: number(round(rate(resolved, one)))),
+        ("open", lambda one: number(one.backlog)),
+        ("work", lambda one: f"{one.on_orders:.1f}"),
+        ("wait", lambda one: f"{sum(getattr(one, name) for name in waiting):.1f}"),
+    ]
+    if first.chargers:
+        columns.append(("charge", lambda one: f"{one.charging:.1f}"))
+    if first.stations:
+        columns.append(("stations", lambda one: percent(sum(one.stations) / len(one.stations), 0)))
+    if first.chargers:
+        columns.append(("chargers", lambda one: percent(one.charger_share, 0)))
+    rows, used = [""] * (1 + len(periods)), 0
+    for head, text in columns:
+        cells = [head, *(text(one) for one in periods)]
+        wide = max(map(len, cells)) + bool(used)
+        if used + wide > width:
+            break
+        used += wide
+        rows = [row + f"{cell:>{wide}}" for row, cell in zip(rows, cells, strict=True)]
+    unit = f" {flow_name(resolved)} {rate_unit(resolved)}, robots"
+    return [line(title("last periods"), dim(unit)), line(dim(rows[0])), *map(line, rows[1:])]
 
 
 def slow_zones(view: View) -> list[Line]:

@@ -2,7 +2,8 @@
 
     DIR/sweep.json      the manifest: study, points, seeds, and hashes of the code
     DIR/study.yaml      the study as declared, for you and for another sweep
-    DIR/my-floor.yaml   the study's own scenarios and their files, at their paths relative to the study
+    DIR/my-floor.yaml   the study's own scenarios, files and strategies, at their relative paths
+    DIR/outside/        those that lie elsewhere, by the name of their folder
     DIR/rows/*.parquet  rows; each file is named by its content, so damage is detected
     DIR/rows/*.bad      damaged files; their runs are repeated
 

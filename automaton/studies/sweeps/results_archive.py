@@ -188,12 +188,12 @@ def repeat_results(
             raise InputError(text, str(path)) from None
         again = sweep_into(Path(folder), plan, backend, on_rows=on_rows).store
         rows = rows_by_run(store)
-        found = [
+        differences = [
             text
             for run, row in rows_by_run(again).items()
             if run in rows and (text := first_difference(store, rows[run], row))
         ]
-        return RepeatedResults(store.study.name, len(rows), found, changes)
+        return RepeatedResults(store.study.name, len(rows), differences, changes)
 
 
 def rows_by_run(store: Store) -> dict[tuple[int, int], dict[str, Any]]:

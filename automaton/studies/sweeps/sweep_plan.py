@@ -374,21 +374,21 @@ def check_study(name: str | Path) -> tuple[Study, tuple[Resolved, ...]]:
 class CopyPlaces:
     """The files of a study, each with its path in a results folder.
 
-    Files below one of `homes` keep their paths there; others are in OUTSIDE_FOLDER, by the name of their
-    folder.
+    Files below `home` keep their paths there; others are in OUTSIDE_FOLDER, by the name of their folder.
     """
 
-    def __init__(self, homes: Iterable[Path]) -> None:
-        self.homes = [Path(os.path.abspath(home)) for home in homes]
+    def __init__(self, home: Path) -> None:
+        self.home = Path(os.path.abspath(home))
         self.files: dict[str, Path] = {}  # path in the results folder -> file
         self._folders: dict[Path, str] = {}  # folders elsewhere -> their names in OUTSIDE_FOLDER
 
     def place(self, file: Path) -> str:
         """The path of a file in the results folder, where it will be copied."""
         path = Path(os.path.abspath(file))
-        near = (path.relative_to(home) for home in self.homes if path.is_relative_to(home))
-        for place in near:
-            if place.parts[0] not in RESERVED_FILE_NAMES and self._take(place.as_posix(), path):
+        if path.is_relative_to(self.home):
+            place = path.relative_to(self.home)
+            if place.parts[0] not in RESERVED_FILE_NAMES:
+                self.files[place.as_posix()] = path
                 return place.as_posix()
         if path.parent not in self._folders:
             first = name = path.parent.name or "root"
@@ -398,7 +398,7 @@ class CopyPlaces:
                 name = f"{first}-{number}"
             self._folders[path.parent] = name
         place = Path(OUTSIDE_FOLDER, self._folders[path.parent], path.name)
-        self._take(place.as_posix(), path)
+        self.files[place.as_posix()] = path
         return place.as_posix()
 
     def names_in(self, data: Any, bases: Sequence[Path], scenario: str) -> dict[str, str]:
@@ -415,9 +415,6 @@ class CopyPlaces:
             names[name] = name if os.path.normpath(name) == renamed else renamed
         return names
 
-    def _take(self, place: str, path: Path) -> bool:
-        return self.files.setdefault(place, path) == path
-
 
 def whole_study(
     document: Document, study: Study, text: str, scenarios: tuple[Resolved, ...]
@@ -427,7 +424,7 @@ def whole_study(
     Scenarios and files that lie outside the study's folder get other names, in the text and in the
     copies of scenarios. Raises InputError.
     """
-    places = CopyPlaces([document.folder if document.file else Path(), Path()])
+    places = CopyPlaces(document.folder)
     texts: dict[str, bytes] = {}  # place of a scenario -> its text, if names in it change
     renamed: dict[str, str] = {}  # scenario as named in the study -> its place
     files: dict[str, set[str]] = {}  # file as named in the study -> its names for the scenarios

@@ -49,6 +49,19 @@ def test_figures_tell_orders_rates_robots_and_causes(width: int) -> None:
         assert name in said_then
 
 
+def test_the_last_periods_that_have_ended_by_the_shown_tick() -> None:
+    """The columns on the right are left out where there is no room."""
+    view = moment(600, "depots", "units.clock=06:00", "units.tick=20 s")
+    run = view.runs[0]
+    assert [one.name for one in view.playback.figures[0].periods] == ["06:00", "07:00", "08:00"]
+    told = shown(Figures(), view, WIDE, 80)
+    done = sum(one.done for one in view.playback.figures[0].periods)
+    assert "last periods orders an hour, robots from orders open work wait charge chargers" in told
+    assert 0 < done <= int((run.leading_simulation.world.orders.delivered > 0).sum())
+    assert "chargers" not in shown(Figures(), view, NARROW, 80).partition("throughput, ")[0][-200:]
+    assert "last periods" not in shown(Figures(), moment(100, "depots"), WIDE, 80)
+
+
 @pytest.mark.parametrize("width", [NARROW, WIDE])
 def test_a_fleet_that_is_stuck_shows_how_long_and_where(width: int) -> None:
     view = moment(700, "tabletop-1", "fleet.robots=5", "strategy.right_of_way=wait")

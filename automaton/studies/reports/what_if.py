@@ -175,10 +175,11 @@ def what_if_decision(results: Results, outcomes: Sequence[WhatIf]) -> str:
     for one in better:
         change = change_text(results, one).removeprefix(metric).strip()
         texts.append(f"{point_name(results.study, one.point)} ({change})")
+    sure = f"with {percent(1 - results.analysis.error, 0)} confidence"
     if len(own) == 1:
-        return f"Do it: {texts[0]} improves {metric}."
+        return f"Do it: {texts[0]} improves {metric} {sure}."
     verb = "improves" if len(better) == 1 else "improve"
-    return f"{len(better):,} of {changes} {verb} {metric}: {'; '.join(texts)}."
+    return f"{len(better):,} of {changes} {verb} {metric} {sure}: {'; '.join(texts)}."
 
 
 def no_answer(results: Results) -> str:

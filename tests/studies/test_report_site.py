@@ -148,6 +148,30 @@ def test_runs_keep_quarters_of_an_hour_while_they_are_few(
     assert kept_period(resolve("tabletop-mini", [*settings, "refine=4"])) == refined
 
 
+def test_each_scenario_has_hours_of_its_own(capsys: Any, tmp_path: Path) -> None:
+    """Of these two only one has chargers, and only the other one counts lines."""
+    both = """
+name: both
+scenario: [depots, goods-mini]
+points:
+  - {name: as it is}
+  - {name: fine, set: {refine: 2}}
+set: {units.tick: 10 s, stop.max_duration: 3h}
+replications: 2
+"""
+    out = swept(tmp_path, both)
+    code, text, err = report(
+        capsys, str(out), "--every", "30min", "--out", str(tmp_path / "a.html")
+    )
+    assert code == 0, err
+    page = (tmp_path / "a.html").read_text()
+    first, _, second = page.partition("Results by 30 min, depots")[2].partition(
+        "Results by 30 min, goods-mini"
+    )
+    assert "<b>chargers (%)</b>" in first and "<b>orders/h</b>" in first
+    assert "<b>lines/h</b>" in second and "<b>orders/h</b>" not in second
+
+
 # Deadlocks.
 
 

@@ -155,7 +155,8 @@ def kept_periods(resolved: Resolved, columns: Mapping[str, Sequence[float]]) -> 
         }
         for name in ("stations", "chargers"):
             row[name] = () if row[name] is None else (row[name],)
-        row |= {"begin": int(begin), "end": int(row["end"]), "name": moment(resolved, int(begin))}
+        name = moment(resolved.unrefined, int(begin) // resolved.scenario.refine)
+        row |= {"begin": int(begin), "end": int(row["end"]), "name": name}
         periods.append(Period(**row, station_queues=(), charger_queues=()))
     return periods
 

@@ -160,11 +160,10 @@ set: {units.tick: 10 s, stop.max_duration: 3h}
 replications: 2
 """
     out = swept(tmp_path, both)
-    code, text, err = report(
-        capsys, str(out), "--every", "30min", "--out", str(tmp_path / "a.html")
-    )
-    assert code == 0, err
-    page = (tmp_path / "a.html").read_text()
+    file = tmp_path / "a.html"
+    assert report(capsys, str(out), "--every", "30min", "--out", str(file))[0] == 0
+    page = file.read_text()
+    assert page.count("tick 180</td>") == 4  # also in finer ticks
     first, _, second = page.partition("Results by 30 min, depots")[2].partition(
         "Results by 30 min, goods-mini"
     )

@@ -162,7 +162,7 @@ def what_if_decision(results: Results, outcomes: Sequence[WhatIf]) -> str:
     """Which changes improve the first metric."""
     metric, base = outcomes[0].metric, results.analysis.baseline
     own = [one for one in outcomes if one.metric == metric]
-    changes = count(len(own), "change")
+    changes = count(len(own), "comparison" if several(results.study) else "change")
     better = [one for one in own if one.verdict == BETTER]
     if not better:
         if direction_of(metric) is None:

@@ -383,8 +383,8 @@ def cell_width(text: str) -> int:
 
 
 def longest_word(text: str) -> int:
-    """The width of the longest word in a text."""
-    return max(map(cell_width, text.split()), default=0)
+    """The width of the longest word in a text; " %" belongs to the word before it."""
+    return max(map(cell_width, text.replace(" %", HELD_SIGN).split()), default=0)
 
 
 # Curves and maps of floors in characters.

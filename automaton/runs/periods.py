@@ -184,7 +184,8 @@ def kept_periods(resolved: Resolved, columns: Mapping[str, Sequence[float]]) -> 
         }
         for name in ("stations", "chargers"):
             row[name] = () if row[name] is None else (row[name],)
-        row |= {"begin": int(begin), "end": int(row["end"]), "name": moment(resolved, int(begin))}
+        name = moment(resolved.unrefined, int(begin) // resolved.scenario.refine)
+        row |= {"begin": int(begin), "end": int(row["end"]), "name": name}
         periods.append(Period(**row, station_queues=(), charger_queues=()))
     return periods
 
@@ -192,10 +193,12 @@ def kept_periods(resolved: Resolved, columns: Mapping[str, Sequence[float]]) -> 
 def mean_period(periods: Sequence[Period]) -> Period:
     """The mean of the same period of several runs, in which it may end at different ticks."""
     first, ticks = periods[0], sum(one.ticks for one in periods)
-    mean = {
+    mean: dict[str, Any] = {
         name: sum(getattr(one, name) for one in periods) / len(periods)
-        for name in ("done", "backlog", *(["late"] if first.late is not None else []))
+        for name in ("done", "backlog")
     }
+    late = [one.late for one in periods if one.late is not None]
+    mean["late"] = sum(late) / len(late) if late else None
     for name in PERIOD_COLUMNS[PERIOD_COLUMNS.index("on_orders") : -2]:
         mean[name] = sum(getattr(one, name) * one.ticks for one in periods) / ticks
     for name in ("stations", "chargers"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Container, Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -204,8 +205,8 @@ def periods_table(resolved: Resolved, periods: Sequence[Period], has: Container[
 
 
 def mean_percent(shares: Sequence[float]) -> float:
-    """The mean of some shares, in percent."""
-    return 100 * sum(shares) / len(shares)
+    """The mean of some shares, in percent; NaN without any."""
+    return 100 * sum(shares) / len(shares) if shares else math.nan
 
 
 def uses_table(outcome: Outcome) -> Table:

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator
 from operator import itemgetter
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -292,6 +293,19 @@ def test_bench_prints_a_table(capsys: pytest.CaptureFixture[str]) -> None:
     assert lines[0].split() == ["measured", "median", "low", "high", "unit"]
     assert lines[2].startswith("loop, idle fleet") and lines[2].endswith("ns per tick")
     assert any(line.startswith("1 sample each at most; ") for line in lines)
+
+
+@pytest.mark.parametrize(
+    ("name", "begins"),
+    [("a.md", b"| measured |"), ("a.html", b"<!doctype html>"), ("a.xlsx", b"PK")],
+)
+def test_bench_writes_the_formats_of_other_commands(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, begins: bytes
+) -> None:
+    one = Measurement("first", "s", lambda: lambda: 1.0)
+    monkeypatch.setattr(bench_command, "measurements", lambda parts: [one])
+    assert main(["bench", "--only", "loop", "--repeat", "1", "--out", str(tmp_path / name)]) == 0
+    assert (tmp_path / name).read_bytes().startswith(begins)
 
 
 def test_interrupted_it_prints_what_it_has(

@@ -49,6 +49,11 @@ def test_the_answer_names_every_change_with_its_verdict(
     assert "- slower turns: worse: makespan +" in said
     assert "- earlier retreat: same runs as today in makespan." in said
     assert "durations.pick" in said.partition("What was changed")[2]
+    heads = ("Question", "Decision", "What was changed", "Inputs", "Comparisons")
+    places = [said.index(f"\n{head}\n") for head in heads]
+    assert places == sorted(places)
+    decided = said.partition("\nDecision\n")[2]
+    assert "Keep today: none of 3 changes improves makespan significantly." in decided
     assert list((here / "temporary").iterdir()) == []
 
 

@@ -148,6 +148,27 @@ def test_runs_keep_quarters_of_an_hour_while_they_are_few(
     assert kept_period(resolve("tabletop-mini", [*settings, "refine=4"])) == refined
 
 
+def test_each_scenario_has_hours_of_its_own(capsys: Any, tmp_path: Path) -> None:
+    """Of these two only the first has chargers, and only the second has stations."""
+    both = """
+name: both
+scenario: [depots, factory-types]
+points:
+  - {name: as it is}
+  - {name: fine, set: {refine: 2}}
+replications: 2
+"""
+    file = tmp_path / "a.html"
+    assert report(capsys, str(swept(tmp_path, both)), "--out", str(file))[0] == 0
+    page = file.read_text()
+    assert page.count("tick 3,600</td>") == 2  # also in finer ticks
+    first, _, second = page.partition("Results by hour, depots")[2].partition(
+        "Results by hour, factory-types"
+    )
+    assert "<b>chargers (%)</b>" in first and "<b>stations (%)</b>" not in first
+    assert "<b>stations (%)</b>" in second and "<b>chargers (%)</b>" not in second
+
+
 # Deadlocks.
 
 

@@ -330,6 +330,7 @@ def test_a_mean_whose_interval_would_reach_below_0_is_told_with_its_ends() -> No
     one.runs = [FleetRun(True, {"starved_robots": count}) for count in (4.0, 4.0, 4.0, 5.0)]
     mean = one.mean("starved_robots")
     assert mean is not None and with_half(mean, "robots") == "4.25 +- 0.7956"
+    assert with_half(mean, "share") == "425 % +- 79.56 %"
 
 
 def test_means_are_drawn_on_a_scale_that_holds_them_and_the_zone() -> None:

@@ -213,51 +213,57 @@ def with_equal_joined(inputs: Mapping[str, str], names: Iterable[str]) -> dict[s
 def hours_section(
     results: Results, scenarios: Scenarios, points: Sequence[Point], every: str | None
 ) -> Iterator[Block]:
-    """Small charts and a table for each of these points. Raises InputError for a period too short."""
-    by_point = [
-        (point, periods)
-        for point in points[:MAX_HOURLY_POINTS]
-        if len(periods := mean_periods(runs_by_period(results, scenarios, point, every))) > 1
-    ]
-    if not by_point:
+    """Small charts for each scenario of these points, and a table for each point.
+
+    Raises InputError for a period that runs do not have.
+    """
+    sites: dict[str, list[tuple[Point, list[Period]]]] = {}
+    for point in points:
+        periods = mean_periods(runs_by_period(results, scenarios, point, every))
+        if len(periods) > 1:
+            sites.setdefault(point.scenario, []).append((point, periods))
+    if not sites:
         if every is not None:
             raise InputError(
                 f"--every {every}: no run has two such periods; they need a tick that is a time "
                 "(units.tick)"
             )
         return
-    first = scenarios[by_point[0][0].number]
     has = {name for name in OPTIONAL_COLUMNS if results.has(name)}
-    flow = flow_name(first)
-    length = time_text(by_point[0][1][0].ticks, units_of(first)[0])
-    yield Heading(f"Results by {'hour' if length in ('1 h', '60 min') else length}")
-    yield Text(
-        f"Means over the complete runs of the points of the decision: {flow} done {rate_unit(first)}, "
-        f"{flow} open at the end of a period, numbers of robots, and the share of time in which "
-        "stations and chargers are busy."
-    )
-    yield panels(results, first, by_point, has)
-    for point, periods in by_point:
-        yield Heading(point_name(results.study, point), 3)
-        yield periods_table(scenarios[point.number], periods, has)
+    for place, (name, shown) in enumerate(list(sites.items())[:MAX_SITES]):
+        shown = shown[:MAX_HOURLY_POINTS]
+        resolved = scenarios[shown[0][0].number]
+        flow, length = flow_name(resolved), time_text(shown[0][1][0].ticks, units_of(resolved)[0])
+        by = "hour" if length in ("1 h", "60 min") else length
+        yield Heading(f"Results by {by}{f', {name}' if len(sites) > 1 else ''}")
+        if place == 0:
+            yield Text(
+                f"Means over the complete runs of the points of the decision: {flow} done "
+                f"{rate_unit(resolved)}, {flow} open at the end of a period, numbers of robots, and the "
+                "share of time in which stations and chargers are busy."
+            )
+        yield panels(results, resolved, shown, has)
+        for point, periods in shown:
+            yield Heading(point_name(results.study, point), 3)
+            yield periods_table(scenarios[point.number], periods, has)
 
 
 def panels(
-    results: Results, first: Resolved, by_point: Sequence[tuple[Point, list[Period]]], has: set[str]
+    results: Results, resolved: Resolved, shown: Sequence[tuple[Point, list[Period]]], has: set[str]
 ) -> Panels:
-    """A small chart for each column of the table, with a line for each point."""
-    longest = max((periods for _, periods in by_point), key=len)
+    """A small chart for each column of the table, with a line for each point of a scenario."""
+    longest = max((periods for _, periods in shown), key=len)
     names = [one.name for one in longest]
     charts = []
-    for column in shown_columns(first, longest, has):
+    for column in shown_columns(resolved, longest, has):
         lines = []
-        for point, periods in by_point:
+        for point, periods in shown:
             values, none = [column.value(one) for one in periods], [math.nan] * len(periods)
             x = list(range(len(periods)))
             lines.append(ReportCurve(point_name(results.study, point), x, values, none, none))
         title, unit = column.head, column.unit
         charts.append(Curves(title, "from", unit, lines, names, from_zero=True, is_in_order=True))
-    return Panels("Results by hour", charts)
+    return Panels(f"Results by hour, {shown[0][0].scenario}", charts)
 
 
 def mean_periods(runs: Sequence[Sequence[Period]]) -> list[Period]:

@@ -152,7 +152,7 @@ def what_if_decision(results: Results, outcomes: Sequence[WhatIf]) -> str:
     """Which changes improve the first metric."""
     metric, base = outcomes[0].metric, results.analysis.baseline
     own = [one for one in outcomes if one.metric == metric]
-    changes = count(len(own), "change")
+    changes = count(len(own), "comparison" if several(results.study) else "change")
     better = [one for one in own if one.verdict == BETTER]
     if not better:
         if direction_of(metric) is None:
@@ -165,10 +165,11 @@ def what_if_decision(results: Results, outcomes: Sequence[WhatIf]) -> str:
     for one in better:
         change = change_text(results, one).removeprefix(metric).strip()
         texts.append(f"{point_name(results.study, one.point)} ({change})")
+    sure = f"with {percent(1 - results.analysis.error, 0)} confidence"
     if len(own) == 1:
-        return f"Do it: {texts[0]} improves {metric}."
+        return f"Do it: {texts[0]} improves {metric} {sure}."
     verb = "improves" if len(better) == 1 else "improve"
-    return f"{len(better):,} of {changes} {verb} {metric}: {'; '.join(texts)}."
+    return f"{len(better):,} of {changes} {verb} {metric} {sure}: {'; '.join(texts)}."
 
 
 def no_answer(results: Results) -> str:

@@ -48,7 +48,7 @@ UNNAMEABLE: Final = "--set cannot name a station whose name has a dot or '='"
 
 CHANGES_NOTHING: Final = "changes nothing"
 JAMS: Final = "jams"
-TOO_FEW: Final = "too few pairs"
+FEW_PAIRS: Final = "too few pairs"
 SCREENED: Final = "screened"
 CONFIRMED: Final = "confirmed"
 
@@ -369,7 +369,7 @@ class ScreenedChange(NamedTuple):
     """A change after its runs with the first seeds; `gain`: above 0 if it makes the metric better."""
 
     number: int  # of its point
-    status: str  # SCREENED, CHANGES_NOTHING, JAMS or TOO_FEW
+    status: str  # SCREENED, CHANGES_NOTHING, JAMS or FEW_PAIRS
     gain: float = math.nan
     high: float = math.nan  # upper end of the interval of the gain, at SCREENING_LEVEL
 
@@ -398,7 +398,7 @@ def statuses(results: Results, metric: str) -> dict[int, str]:
         elif jammed_runs(results, point.number) > 2 * jams:
             status = JAMS
         elif len(compared_runs(results, point, base, metric)[0]) < 2:
-            status = TOO_FEW
+            status = FEW_PAIRS
         by_point[point.number] = status
     return by_point
 

@@ -52,7 +52,8 @@ LOWER_IS_BETTER: Final = frozenset((
     "lead_time_p95", "lead_time_p99", "lead_time_max", "late_share", "tardiness", "tardiness_p95",
     "tardiness_p99", "oldest_order", "starved_robots", "energy", "repair_energy",
     "battery_depletions", "breakdowns", "towed", "downtime", "delayed_share", "distance",
-    "part_flow_time", "messages", "illegal_answers", "deadlocks_resolved",
+    "part_flow_time", "messages", "illegal_answers", "deadlocks_resolved", "deadlocks",
+    "deadlock_time", "longest_standstill", "station_queue_share", "charger_queue_share",
 ))  # fmt: skip
 CONDITIONS: Final = frozenset((
     SCENARIO_FACTOR, "layout", "orders", "durations", "faults", "stop", "units", "measure",

@@ -329,7 +329,7 @@ def test_the_fewest_stations_that_meet_the_target(capsys: Any, hall: str) -> Non
 def test_the_fewest_chargers_that_meet_the_target(capsys: Any, tmp_path: Path) -> None:
     file, battery = (
         tmp_path / "charged.yaml",
-        "{drain: {move: 0.5, turn: 0, wait: 0.05}, charge_rate: 0.5",
+        "{drain: {move: 0.5, turn: 0, wait: 0.05}, charge_rate: 0.5, initial_charge: 60}",
     )
     charged = HALL.replace("=t===t===t==\n    ============", "=t===t===t==\n    c====c==c==c")
     charged = charged.replace("routing: shortest", "routing: shortest, charging: threshold")

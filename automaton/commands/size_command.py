@@ -119,7 +119,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     text = "compare these strategies, such as independent,cooperative"
     add("--strategies", metavar="A,B", help=text)
-    text = "print the price of the fleet, at P per robot"
+    text = "print the price of the fleet, at P per robot (or per station or charger that varies)"
     add("--price", type=positive, default=0.0, metavar="P", help=text)
     text = "keep the runs in this folder; the same command then does only the missing runs"
     add("--out", type=Path, metavar="DIR", help=text)
@@ -191,11 +191,10 @@ def quantity_of(args: argparse.Namespace) -> SearchQuantity:
     if args.mix is not None and quantity != ROBOT_COUNT:
         raise InputError("--mix: the fleet stays as it is; use it with --robots")
     if quantity == VARIED[PARKING]:
-        useless = (option for option in NOT_FOR_PARKING if getattr(args, option))
-        for option in useless:
-            raise InputError(
-                f"--{option.replace('_', '-')}: {quantity.option} compares means; omit it"
-            )
+        useless = [option for option in NOT_FOR_PARKING if getattr(args, option)]
+        if useless:
+            option = useless[0].replace("_", "-")
+            raise InputError(f"--{option}: {quantity.option} compares means; omit it")
     elif args.target is None:
         raise InputError("size needs a target, such as --target 'makespan<=3000'")
     return quantity

@@ -326,6 +326,31 @@ def test_the_fewest_stations_that_meet_the_target(capsys: Any, hall: str) -> Non
     assert "The last station (1 -> 2) changes mean lead_time_p95 by -" in out
 
 
+def test_the_fewest_chargers_that_meet_the_target(capsys: Any, tmp_path: Path) -> None:
+    file, battery = (
+        tmp_path / "charged.yaml",
+        "{drain: {move: 0.5, turn: 0, wait: 0.05}, charge_rate: 0.5, initial_charge: 60}",
+    )
+    charged = HALL.replace("=t===t===t==\n    ============", "=t===t===t==\n    c====c==c==c")
+    charged = charged.replace("routing: shortest", "routing: shortest, charging: threshold")
+    file.write_text(f"{charged}battery: {battery}\n", encoding="utf-8")
+    options = (
+        "--set",
+        "fleet.robots=5",
+        "--vary",
+        "chargers",
+        "1..4",
+        "--step",
+        "3",
+        "--budget",
+        "200",
+    )
+    record = as_record(capsys, str(file), *options, "--target", "lead_time_p95<=700", *QUICK)
+    assert (record["varied"], record["chargers"]) == ("floor.open_chargers", 4)
+    few, many = record["answers"][0]["candidates"]
+    assert few["use"]["chargers"] > many["use"]["chargers"] > 0
+
+
 @pytest.mark.parametrize(
     ("options", "reason"),
     [

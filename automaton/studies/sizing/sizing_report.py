@@ -476,8 +476,7 @@ def too_little(session: SizingSession, needed: int) -> str:
     """Why the answer was not followed up."""
     if not session.complete:
         return "interrupted"
-    left = session.question.budget - session.spent
-    return f"{count(needed, 'run')} are needed, but only {left:,} of the budget are left"
+    return f"{count(needed, 'run')} are needed, but only {session.left:,} of the budget are left"
 
 
 def changed(settings: Sequence[str]) -> str:

@@ -332,6 +332,7 @@ class SizingSession:
     gains: dict[str, MarginalGain] = field(default_factory=dict)  # by strategy
     best: StrategySelection | None = None
     moved: list[SensitivityResult] = field(default_factory=list)
+    left: int = 0  # of the budget, before the bound takes its runs
     bound: DayBound | None = None  # what the answer reaches on a share of days
     budget_left: RunBudget | None = None  # for the follow-ups of the searches
     complete: bool = False  # whether the session ended without interruption
@@ -365,7 +366,7 @@ class SizingSession:
             self.best = best_of(self._rivals(place.size), run_budget, question)
         for moved in sensitivity(self.place or place, run_budget, question, list(self.changes)):
             self.moved.append(moved)
-        found = self.answered
+        self.left, found = run_budget.left, self.answered
         if found is not None:
             self.bound = day_bound(found, run_budget, question)
 

@@ -214,7 +214,7 @@ def test_a_flipped_byte_is_noticed_wherever_it_is(whole: bytes, tmp_path: Path) 
         (stored.preamble() + b"\x01\x02", "cut short before its first frame ends"),
         (
             struct.pack("<12sH", stored.MAGIC, 9),
-            "has format 9, but this version of automaton reads format 6",
+            "has format 9, but this version of automaton reads format 7",
         ),
     ],
 )

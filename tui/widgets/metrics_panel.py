@@ -89,10 +89,11 @@ class Figures(TextPanel):
             # Indented lines belong to the line before.
             self.ends = [at for at, one in enumerate(lines) if one and one[0].text[:1] != " "]
             return lines
+        periods, curves = last_periods(view, width), self._curves(view, width)
+        by_hour = view.run.marks.is_fixed
         parts = (
             self._now(view, width),
-            last_periods(view, width),
-            *self._curves(view, width),
+            *((periods, *curves) if by_hour else (*curves, periods)),
             self._lost(view, width),
             slow_zones(view),
             self._all(view, width),
@@ -308,7 +309,7 @@ def last_periods(view: View, width: int) -> list[Line]:
             break
         used += wide
         rows = [row + f"{cell:>{wide}}" for row, cell in zip(rows, cells, strict=True)]
-    unit = f" {flow_name(resolved)} {rate_unit(resolved)}, robots"
+    unit = f" {flow_name(resolved)}/{'h' if rate_unit(resolved) == 'an hour' else '1000 ticks'}"
     return [line(title("last periods"), dim(unit)), line(dim(rows[0])), *map(line, rows[1:])]
 
 

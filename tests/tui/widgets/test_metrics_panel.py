@@ -56,7 +56,7 @@ def test_the_last_periods_that_have_ended_by_the_shown_tick() -> None:
     assert [one.name for one in view.playback.figures[0].periods] == ["06:00", "07:00", "08:00"]
     told = shown(Figures(), view, WIDE, 80)
     done = sum(one.done for one in view.playback.figures[0].periods)
-    assert "last periods orders an hour, robots from orders open work wait charge chargers" in told
+    assert "last periods orders/h from orders open work wait charge chargers" in told
     assert 0 < done <= int((run.leading_simulation.world.orders.delivered > 0).sum())
     assert "chargers" not in shown(Figures(), view, NARROW, 80).partition("throughput, ")[0][-200:]
     assert "last periods" not in shown(Figures(), moment(100, "depots"), WIDE, 80)

@@ -119,7 +119,7 @@ def obstacles_of(snapshot: Snapshot, floor_plan: FloorPlan, members: list[int]) 
     is_down = np.isin(fleet.status, (STATUS_FAILED, STATUS_DEPLETED)) & (fleet.cell != NIL)
     is_down[members] = False
     by_cell = {int(fleet.cell[robot]): int(robot) for robot in np.flatnonzero(is_down)}
-    found: dict[int, str] = {}
+    texts: dict[int, str] = {}
     for member in members:
         cell = int(fleet.cell[member])
         for direction, beside in enumerate(floor_plan.neighbours(cell)):
@@ -128,8 +128,8 @@ def obstacles_of(snapshot: Snapshot, floor_plan: FloorPlan, members: list[int]) 
                 text = (
                     f"{out_of_order(snapshot, by_cell[beside])}; at ({x}, {y}) it blocks a way out"
                 )
-                found[by_cell[beside]] = f"{text} of the wait cycle"
-    return tuple(found[robot] for robot in sorted(found))
+                texts[by_cell[beside]] = f"{text} of the wait cycle"
+    return tuple(texts[robot] for robot in sorted(texts))
 
 
 def held_when_down(fleet: FleetSnapshot) -> Array:

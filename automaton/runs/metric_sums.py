@@ -55,7 +55,8 @@ SUMS: Final = (
 # What rows store of each period of a run: fields of Period; "stations" and "chargers" are means.
 PERIOD_COLUMNS: Final = (
     *("begin", "end", "done", "backlog", "late", "on_orders", "in_traffic", "in_station_queues"),
-    *("charging", "to_chargers", "for_chargers", "down", "stations", "chargers"),
+    *("charging", "to_chargers", "for_chargers", "aside", "down", "delayed", "refused", "idle"),
+    *("stations", "chargers"),
 )
 TASK_SUMS: Final = {*SUMS, "robots", "completed", "watched_robot_ticks"} - {*COUNTED_BY_STRATEGIES}
 

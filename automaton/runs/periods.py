@@ -169,14 +169,16 @@ def period_columns(periods: Sequence[Period]) -> dict[str, list[float]]:
     columns: dict[str, list[float]] = {}
     for name in PERIOD_COLUMNS:
         values = [getattr(one, name) for one in periods]
-        if name in ("stations", "chargers"):
+        if name == "stations":
             values = [sum(one) / len(one) if one else None for one in values]
+        elif name == "chargers":
+            values = [one.charger_share if one.chargers else None for one in periods]
         columns[name] = [] if None in values else [float(one) for one in values]
     return columns
 
 
 def kept_periods(resolved: Resolved, columns: Mapping[str, Sequence[float]]) -> list[Period]:
-    """The periods of a run from their PERIOD_COLUMNS, without queues of single stations."""
+    """The periods of a run from their PERIOD_COLUMNS, with all stations and chargers as one."""
     periods = []
     for k, begin in enumerate(columns["begin"]):
         row: dict[str, Any] = {
@@ -186,7 +188,8 @@ def kept_periods(resolved: Resolved, columns: Mapping[str, Sequence[float]]) -> 
             row[name] = () if row[name] is None else (row[name],)
         name = moment(resolved.unrefined, int(begin) // resolved.scenario.refine)
         row |= {"begin": int(begin), "end": int(row["end"]), "name": name}
-        periods.append(Period(**row, station_queues=(), charger_queues=()))
+        places = (1,) * len(row["chargers"])
+        periods.append(Period(**row, station_queues=(), charger_queues=(), places=places))
     return periods
 
 

@@ -340,14 +340,14 @@ def exchange(by_rest, a, b):
 @kernel
 def next_available(by_rest, marks, at):
     """The first mark of an available order from `at` on, or the number of marks."""
-    found, count = at, marks.count[0]
-    while found < count and marks.taken[U(by_rest.place[U(found)])]:
-        found = np.int64(by_rest.ahead[U(found)])
-    while at < found:
+    later, count = at, marks.count[0]
+    while later < count and marks.taken[U(by_rest.place[U(later)])]:
+        later = np.int64(by_rest.ahead[U(later)])
+    while at < later:
         following = np.int64(by_rest.ahead[U(at)])
-        by_rest.ahead[U(at)] = found
+        by_rest.ahead[U(at)] = later
         at = following
-    return found
+    return later
 
 
 @kernel

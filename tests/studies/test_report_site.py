@@ -260,7 +260,7 @@ def test_shares_are_percent_for_readers_and_fractions_for_programs(
     (row, _) = [one for one in csv.DictReader(table.open()) if one["metric"] == "blocked_share"]
     section = out.partition("\nblocked_share\n")[2][:600]
     assert "(%)" in section and f" {100 * float(row['mean']):.4g} " in section
-    report(capsys, str(hours), "--xlsx", str(book_file))
+    report(capsys, str(hours), "--out", str(book_file))
     book = openpyxl.load_workbook(book_file)
     assert book["summary"].auto_filter.ref and book["periods"].auto_filter.ref
     cells = {cell.value: cell for line in book["summary"] for cell in line}

@@ -93,7 +93,7 @@ def as_record(capsys: Any, *arguments: str) -> dict[str, Any]:
 
 
 @settings(max_examples=50, deadline=None)
-@given(st.lists(st.floats(0, 1), max_size=250), st.sampled_from([0.3, 0.9, 0.99]))
+@given(st.lists(st.floats(0, 1), max_size=250), st.sampled_from([0.3, 0.87, 0.99]))
 def test_a_fleet_passes_when_its_confidence_sequence_reaches_the_share(
     draws: list[float], share: float
 ) -> None:
@@ -255,7 +255,7 @@ def test_each_condition_has_the_answer_that_it_has_alone(capsys: Any, tmp_path: 
         }
     code, out, _ = size(capsys, *asked, "--conditions", str(file), "--budget", "6000")
     assert code == 0
-    assert re.search(r"^calm +2 robots +0\.\d{3} .* ticks or less$", out, re.M)
+    assert re.search(r"^calm +2 robots +\d+\.\d % .* ticks or less$", out, re.M)
     assert re.search(r"^slow turns +3 robots ", out, re.M)
     assert "Each condition is a search of its own: 90 % confidence holds for each answer" in out
     code, _, err = size(capsys, *asked, "--conditions", str(file), "--budget", "16")

@@ -356,7 +356,7 @@ class Fleets:
 
     @property
     def is_steady(self) -> bool:
-        """Whether runs show a steady state: they end at a given tick, and are no working days."""
+        """Whether runs show a steady state: they end at a given tick, and none is a working day."""
         is_day = self.base.scenario.units.clock is not None and not warm_up_of(self.base.scenario)
         return not self.ends_with_orders and not is_day
 

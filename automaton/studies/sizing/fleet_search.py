@@ -71,8 +71,9 @@ class Target(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The target as the user types it."""
-        return f"{self.metric} {'<=' if self.at_most else '>='} {shown(self.value)}"
+        """The target in words; a share in percent."""
+        value = f"{shown(100 * self.value)} %" if self.unit == "share" else shown(self.value)
+        return f"{self.metric} {'<=' if self.at_most else '>='} {value}"
 
     @property
     def unit(self) -> str:

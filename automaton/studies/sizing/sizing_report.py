@@ -426,8 +426,17 @@ def gain_lines(gain: MarginalGain, question: Question) -> Iterator[str]:
     relative = "" if effect.relative is None else f", {100 * effect.relative.value:+.1f} %"
     yield (
         f"{last} change{'s' if question.step == 1 else ''} mean {metric} by "
-        f"{interval_text(effect.difference)}{relative}"
+        f"{change_text(effect.difference, question.target.unit)}{relative}"
     )
+
+
+def change_text(difference: Interval, unit: str) -> str:
+    """A difference of means with its interval; of shares, in percentage points."""
+    if unit != "share":
+        return interval_text(difference)
+    low, high = (None if end is None else 100 * end for end in (difference.low, difference.high))
+    points = difference._replace(value=100 * difference.value, low=low, high=high)
+    return f"{interval_text(points)} percentage points"
 
 
 def interval_text(interval: Interval) -> str:

@@ -160,7 +160,8 @@ def test_the_first_page_has_the_answer_and_its_picture(name: str, tmp_path: Path
     pages = words_on_paper(printed(as_html(ReportDocument(name, blocks_of(results))), tmp_path))
     metric = results.analysis.metrics[0]
     assert "Question" in pages[0] and "Decision" in pages[0] and f"{metric} by " in pages[0]
-    assert "Effects of the factors" in pages[1]
+    assert "Leading points" in pages[1]
+    assert "Effects of the factors" in pages[1] + pages[2], "a wide table is on a page of its own"
 
 
 def divs(blocks: Sequence[Block]) -> str:

@@ -7,8 +7,9 @@ of the table of comparisons. Conditions, such as orders and floor, divide a stud
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from typing import Final
+from typing import Any, Final
 
 from automaton.documents.report_document import Block, Heading, Listed, NumberText, Table, Text
 from automaton.studies.inference.intervals import STUDENT_MIN_RUNS, TOO_FEW
@@ -36,6 +37,7 @@ from automaton.studies.reports.study_results import PERCENT, Results, described
 from automaton.studies.sweeps.study import SCENARIO_FACTOR, Point
 from automaton.units import count, duration, number, percent
 
+NEGLIGIBLE: Final = 0.05  # share by which a dearer point may be better without being worth it
 MAX_NAMED: Final = 3  # points in a sentence
 MAX_LEVELS_NAMED: Final = 8  # of a factor
 MAX_SENTENCES: Final = 6  # answers in sentences; more appear only in the table
@@ -144,19 +146,25 @@ def decision(results: Results, answer: Answer) -> str:
         )
     edges = " ".join(edge_sentences(results, answer))
     if chosen is not leading:
-        with_leading = _subject(results, leading)
+        lead = most_lead(answer, chosen)
         return (
             f"{_subject(results, chosen, 'is enough', 'are enough')}: mean {metric} "
-            f"{_beside(results, answer, chosen, leading)} than {with_leading}, which is not significant. "
-            f"{edges}"
+            f"{_beside(results, answer, chosen, leading)} than {_subject(results, leading)}, which is "
+            f"not significant and at most {percent(lead)}. {edges}"
         ).strip()
     best = f"{_subject(results, chosen)}: the {answer.better} mean {metric}, "
     best += _value(results, chosen, metric)
     if answer.best is None:
         rest = [point for point in answer.candidates if point is not chosen]
+        cheaper = min(alike_but_for_costs(answer), key=costs_of)
+        more = ""
+        if costs_of(cheaper) < costs_of(chosen):
+            more = (
+                f"Make more runs to see whether {_subject(results, cheaper, 'is', 'are')} enough."
+            )
         return (
-            f"{best}; not significantly better than {_listed_names(results, rest)}. {edges}".strip()
-        )
+            f"{best}; not significantly better than {_listed_names(results, rest)}. {more} {edges}"
+        ).strip()
     following = next_best(results, answer)
     assert following is not None
     after = f"{_subject(results, following)}, {_beside(results, answer, following, chosen)}"
@@ -173,21 +181,41 @@ def next_best(results: Results, answer: Answer) -> Point | None:
 
 
 def recommended(answer: Answer) -> Point | None:
-    """Of the points that may be the best, the one with the fewest robots, stations and chargers.
+    """The leading point, or a cheaper one to which it is shown to be better by NEGLIGIBLE at most.
 
-    The leading point, if the points do not differ in these alone.
+    Cheaper points differ from it in their robots, stations and chargers alone.
     """
+    alike = alike_but_for_costs(answer)
+    good = [one for one in alike if one is answer.leading or most_lead(answer, one) <= NEGLIGIBLE]
+    return min(good, key=costs_of, default=None)
+
+
+def alike_but_for_costs(answer: Answer) -> list[Point]:
+    """The candidates that differ from the leading point in COSTS alone, and itself."""
     leading = answer.leading
     if leading is None:
-        return None
+        return []
 
     def beside(point: Point) -> list[tuple[str, str]]:
         return sorted((key, repr(one)) for key, one in point.levels.items() if key not in COSTS)
 
     alike = [point for point in answer.candidates if beside(point) == beside(leading)]
-    if any(not isinstance(p.levels.get(key, 0), int) for p in alike for key in COSTS):
-        return leading
-    return min(alike, key=lambda point: [point.levels.get(key, 0) for key in COSTS])
+    are_numbers = all(isinstance(p.levels.get(key, 0), int) for p in alike for key in COSTS)
+    return alike if are_numbers else [leading]
+
+
+def costs_of(point: Point) -> list[Any]:
+    """The numbers of robots, stations and chargers of a point."""
+    return [point.levels.get(key, 0) for key in COSTS]
+
+
+def most_lead(answer: Answer, point: Point) -> float:
+    """By how much the leading point may be better than a point, as a share; inf if that is unknown."""
+    for one in answer.against:
+        ends = one.effect.relative
+        if one.b is point and ends is not None and ends.low is not None and ends.high is not None:
+            return -ends.low if answer.better == "lowest" else ends.high
+    return math.inf
 
 
 def decision_points(

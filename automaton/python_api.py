@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from automaton.errors import InputError, alternatives, refuse
-from automaton.floor.cells import NIL
+from automaton.floor.floor_plan import NIL
 from automaton.studies.sweeps.study import Study
 
 if TYPE_CHECKING:

@@ -18,7 +18,7 @@ from automaton.engine import observation
 from automaton.engine import state as codes
 from automaton.engine.robot_states import is_charging, is_queueing
 from automaton.engine.state import Array
-from automaton.floor.cells import DIRECTIONS
+from automaton.floor.floor_plan import DIRECTIONS
 
 
 class RobotState(IntEnum):

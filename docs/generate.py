@@ -29,7 +29,7 @@ from automaton.engine.jit.structs import SCRATCH, Struct
 from automaton.engine.observation import CAUSES, DEADLOCK_TICKS, EVENT_NAMES
 from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.engine.refusals import DECISION_RULES, RULE_BITS, DecisionRule
-from automaton.floor.cells import CELL_KINDS, SYMBOLS, Symbol
+from automaton.floor.floor_plan import CELL_KINDS, SYMBOLS, Symbol
 from automaton.history.breakpoints import FIELDS
 from automaton.recording import contents, frames
 from automaton.runs import headless

@@ -16,8 +16,19 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from automaton.floor.cells import ALL_EXITS, DESTINATION, FLOOR, NORTH, SHELF, SOUTH, STATION, WALL
-from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
+from automaton.floor.floor_plan import (
+    ALL_EXITS,
+    DESTINATION,
+    FLOOR,
+    NORTH,
+    SHELF,
+    SOUTH,
+    STATION,
+    WALL,
+    FloorPlan,
+    bordered,
+    make_floor_plan,
+)
 
 CORRIDOR: Final = 2  # rows
 FIRST_STATION: Final = 2  # its column

@@ -23,8 +23,16 @@ import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from automaton.floor.cells import ALL_EXITS, CHARGER, FLOOR, STATION, UNLIMITED
-from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
+from automaton.floor.floor_plan import (
+    ALL_EXITS,
+    CHARGER,
+    FLOOR,
+    STATION,
+    UNLIMITED,
+    FloorPlan,
+    bordered,
+    make_floor_plan,
+)
 
 CELL: Final = 10  # metres; a robot drives 1 m/s
 TABLE_WIDTH: Final = 9

@@ -19,8 +19,15 @@ import msgspec
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from automaton.floor.cells import ALL_EXITS, FLOOR, STATION, UNLIMITED
-from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
+from automaton.floor.floor_plan import (
+    ALL_EXITS,
+    FLOOR,
+    STATION,
+    UNLIMITED,
+    FloorPlan,
+    bordered,
+    make_floor_plan,
+)
 
 FEET: Final[dict[str, tuple[float, float]]] = {  # point: feet from the west and from the south
     **{"A": (70, 390), "B": (190, 390), "C": (230, 390), "D": (290, 390), "E": (70, 315)},

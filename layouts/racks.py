@@ -18,8 +18,16 @@ import numpy as np
 import numpy.typing as npt
 from msgspec import Meta
 
-from automaton.floor.cells import ALL_EXITS, DOCK, FLOOR, RACK
-from automaton.floor.floor_plan import CellBytes, FloorPlan, bordered, make_floor_plan
+from automaton.floor.floor_plan import (
+    ALL_EXITS,
+    DOCK,
+    FLOOR,
+    RACK,
+    CellBytes,
+    FloorPlan,
+    bordered,
+    make_floor_plan,
+)
 
 AISLE_EVERY: Final = 3  # an aisle, then two rows of racks
 HIGHWAYS: Final = (1, 3)

@@ -19,8 +19,15 @@ import numpy as np
 import numpy.typing as npt
 from msgspec import Meta
 
-from automaton.floor.cells import ALL_EXITS, FLOOR, WALL
-from automaton.floor.floor_plan import CellBytes, FloorPlan, bordered, make_floor_plan
+from automaton.floor.floor_plan import (
+    ALL_EXITS,
+    FLOOR,
+    WALL,
+    CellBytes,
+    FloorPlan,
+    bordered,
+    make_floor_plan,
+)
 
 Side = Annotated[int, Meta(ge=2, le=4096)]
 

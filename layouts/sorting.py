@@ -13,8 +13,16 @@ import msgspec
 import numpy as np
 from msgspec import Meta
 
-from automaton.floor.cells import ALL_EXITS, DOCK, FLOOR, RACK, WALL
-from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
+from automaton.floor.floor_plan import (
+    ALL_EXITS,
+    DOCK,
+    FLOOR,
+    RACK,
+    WALL,
+    FloorPlan,
+    bordered,
+    make_floor_plan,
+)
 
 CHUTE_EVERY: Final = 3
 FIRST_CHUTE: Final = 3  # column

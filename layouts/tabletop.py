@@ -14,7 +14,7 @@ from typing import Annotated
 import msgspec
 from msgspec import Meta
 
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     ALL_EXITS,
     ALONG_X,
     ALONG_Y,
@@ -23,8 +23,10 @@ from automaton.floor.cells import (
     SHELF,
     TRACK,
     TURNTABLE,
+    FloorPlan,
+    bordered,
+    make_floor_plan,
 )
-from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
 
 
 class Tabletop(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_only=True):

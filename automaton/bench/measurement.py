@@ -14,8 +14,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from automaton.floor.cells import ALL_EXITS, FLOOR, UNLIMITED
-from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
+from automaton.floor.floor_plan import (
+    ALL_EXITS,
+    FLOOR,
+    UNLIMITED,
+    FloorPlan,
+    bordered,
+    make_floor_plan,
+)
 from automaton.scenario.schema import LAYER_NAMES, Durations, Fleet, Scenario, Stop, Strategies
 from automaton.strategy import lookup
 from automaton.world.resolved import Resolved, StrategyChoice

@@ -21,7 +21,7 @@ from automaton.bench.measurement import (
     scene,
 )
 from automaton.engine.state import ACTION_MOVE, GOAL_PICK, NIL, Array, World
-from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
+from automaton.floor.floor_plan import EAST, NORTH, SOUTH, WEST
 from automaton.runs.simulation import Simulation
 
 ROBOTS, SIDE, TICKS = 10_000, 1000, 500

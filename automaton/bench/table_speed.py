@@ -17,8 +17,7 @@ from automaton.bench.measurement import Measurement, Sample, cpu_seconds
 from automaton.engine.distance_tables import DistanceTables
 from automaton.engine.state import Array, Grid
 from automaton.engine.table_building import Costs, build_tables
-from automaton.floor.cells import ALL_EXITS, FLOOR
-from automaton.floor.floor_plan import FloorPlan, bordered, make_floor_plan
+from automaton.floor.floor_plan import ALL_EXITS, FLOOR, FloorPlan, bordered, make_floor_plan
 from automaton.world.prepared_floor import cell_flags_of, floor_for
 
 NS_PER_CELL = "ns per drivable cell"

@@ -28,8 +28,8 @@ from automaton.commands.arguments import (
 )
 from automaton.documents.report_document import INDENT, Listed, ReportDocument
 from automaton.errors import InputError, refuse
-from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF
 from automaton.floor.drawn_floors import write_matrix
+from automaton.floor.floor_plan import DESTINATION, DOCK, RACK, SHELF
 from automaton.scenario.columns import QuarantinedRows, rows_as_written
 from automaton.scenario.document import Document
 from automaton.scenario.reading import Reading, document_of, is_study, read

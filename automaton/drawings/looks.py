@@ -21,7 +21,7 @@ from automaton.engine.state import (
     STATUS_FAILED,
     STATUS_TOWED,
 )
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     ALL_EXITS,
     BAY,
     CELL_KINDS,
@@ -31,9 +31,9 @@ from automaton.floor.cells import (
     TRACK,
     TURNTABLE,
     WALL,
+    FloorPlan,
     opposite_exits,
 )
-from automaton.floor.floor_plan import FloorPlan
 
 Theme = Literal["dark", "light"]
 THEMES: Final[tuple[Theme, ...]] = ("dark", "light")

@@ -20,7 +20,7 @@ from automaton.drawings.looks import (
     WITH_LOAD,
     colour_of,
 )
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     CELL_KINDS,
     DIRECTION_VECTORS,
     FLOOR,

@@ -121,7 +121,7 @@ class Grid(Struct, role=CONSTANT):
     headings: int = field(
         "int64", "poses per cell: the most headings that any robot type distinguishes"
     )
-    kind: Array = field("(C,) uint8", "kind of each cell; values in automaton.floor.cells")
+    kind: Array = field("(C,) uint8", "kind of each cell; values in automaton.floor.floor_plan")
     cell_flags: Array = field(
         "(C,) uint8", "bits 0-3 exits E S W N, bit 4 may turn, bits 5-6 capacity (0 unlimited)"
     )

@@ -32,7 +32,7 @@ from automaton.exchange.imported_floor import (
 )
 from automaton.exchange.problem import connected_parts
 from automaton.exchange.ros_map import Mask, RosMap, read_ros_map
-from automaton.floor.cells import DIRECTIONS, EXIT_EAST, EXIT_NORTH, EXIT_SOUTH, EXIT_WEST
+from automaton.floor.floor_plan import DIRECTIONS, EXIT_EAST, EXIT_NORTH, EXIT_SOUTH, EXIT_WEST
 from automaton.strategy.lookup import IMPORTED, default_for
 from automaton.units import count
 

@@ -22,8 +22,15 @@ import numpy.typing as npt
 
 from automaton.errors import InputError
 from automaton.exchange.graphs.graph import distinct
-from automaton.floor.cells import CELL_KINDS, CHARGER, DIRECTIONS, FLOOR, STATION, WALL
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import (
+    CELL_KINDS,
+    CHARGER,
+    DIRECTIONS,
+    FLOOR,
+    STATION,
+    WALL,
+    FloorPlan,
+)
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 from automaton.units import exact_time

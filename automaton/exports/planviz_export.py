@@ -24,8 +24,7 @@ from automaton.engine.record_codes import (
 )
 from automaton.errors import InputError
 from automaton.exchange.planviz import ACTION_MODEL, HEADING_LETTERS, NO_TASK, VERSION
-from automaton.floor.cells import NIL
-from automaton.floor.floor_plan import DRIVABLE
+from automaton.floor.floor_plan import DRIVABLE, NIL
 from automaton.recording.contents import FRAME_KIND_CONDITIONS, FRAME_KIND_TICKS, Content
 from automaton.recording.frames import Recording
 from automaton.scenario.refinement import refined_data

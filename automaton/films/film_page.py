@@ -35,7 +35,7 @@ from automaton.films.recorded_stretch import (
     deflated,
     play_stretch,
 )
-from automaton.floor.cells import CELL_KINDS
+from automaton.floor.floor_plan import CELL_KINDS
 from automaton.recording.recording_reader import read_recording
 from automaton.units import count
 from automaton.vocabulary import COLOUR_WORDS, RobotState, phrase_of

@@ -31,7 +31,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError, alternatives
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     ALL_EXITS,
     ALONG_X,
     ALONG_Y,
@@ -39,6 +39,8 @@ from automaton.floor.cells import (
     CELL_KINDS,
     DIRECTIONS,
     DOCK,
+    DRIVABLE,
+    ENTRIES,
     FLOOR,
     KIND_BY_NAME,
     NO_EXITS,
@@ -47,13 +49,9 @@ from automaton.floor.cells import (
     SYMBOLS,
     TRACK,
     WALL,
-    Symbol,
-)
-from automaton.floor.floor_plan import (
-    DRIVABLE,
-    ENTRIES,
     CellBytes,
     FloorPlan,
+    Symbol,
     bordered,
     home_of,
     make_floor_plan,

@@ -19,7 +19,7 @@ from typing import Any, Final, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     ABOVE_OR_BELOW,
     CELL_KINDS,
     EAST,
@@ -30,8 +30,10 @@ from automaton.floor.cells import (
     SOUTH,
     STORAGE,
     WEST,
+    Cells,
+    FloorPlan,
+    may_turn,
 )
-from automaton.floor.floor_plan import Cells, FloorPlan, may_turn
 
 Mask = npt.NDArray[np.bool_]  # (cells,) flat
 

@@ -23,15 +23,15 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from automaton.errors import InputError
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     DIRECTION_VECTORS,
     EAST,
     NIL,
     NORTH,
     SOUTH,
     WEST,
+    FloorPlan,
 )
-from automaton.floor.floor_plan import FloorPlan
 
 Mask = npt.NDArray[np.bool_]
 Numbers = npt.NDArray[np.int32]

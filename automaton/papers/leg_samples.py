@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.floor.cells import DOCK, RACK
+from automaton.floor.floor_plan import DOCK, RACK
 from automaton.papers.training_settings import measured
 from automaton.scenario.robot_types import RobotType, types_of
 from automaton.world.prepared_floor import PreparedFloor, floor_for, frozen

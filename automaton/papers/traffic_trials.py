@@ -18,7 +18,7 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 
 from automaton.engine.state import ACTION_COUNT, NIL, Array, Grid
-from automaton.floor.cells import DOCK, EAST, RACK
+from automaton.floor.floor_plan import DOCK, EAST, RACK
 from automaton.papers.reproduction_study import Case, Key, PublishedTable, read_once
 from automaton.papers.training_report import COLUMNS, PRINTED_TABLES, TrainingRow, from_json
 from automaton.scenario.floor_section import generator_type

@@ -33,7 +33,7 @@ from automaton.engine.record_codes import (
 )
 from automaton.engine.state import STRATEGY_COUNT, Orders, Robots, World
 from automaton.errors import InputError
-from automaton.floor.cells import ALL_EXITS, CELL_KINDS
+from automaton.floor.floor_plan import ALL_EXITS, CELL_KINDS
 from automaton.printable import cleaned
 
 FRAME_KIND_HEADER: Final = 1  # the inputs of the run

@@ -17,8 +17,16 @@ import numpy as np
 
 from automaton.engine.record_codes import KEYFRAME_TICKS
 from automaton.errors import InputError, refuse
-from automaton.floor.cells import CELL_KINDS, DIRECTION_VECTORS, NIL, SHELF, STATION, STORAGE
-from automaton.floor.floor_plan import FloorPlan, bays_of
+from automaton.floor.floor_plan import (
+    CELL_KINDS,
+    DIRECTION_VECTORS,
+    NIL,
+    SHELF,
+    STATION,
+    STORAGE,
+    FloorPlan,
+    bays_of,
+)
 from automaton.recording.contents import (
     CONDITIONS_ARRAYS,
     FRAME_KIND_CONDITIONS,

@@ -16,8 +16,7 @@ from automaton.engine.refusals import (
 from automaton.engine.right_of_way import MAX_COMMAND_TICKS
 from automaton.engine.state import BATTERY_FULL, LAYER_NAMES, NIL, World
 from automaton.engine.zoning import MAX_HALT_TICKS
-from automaton.floor.cells import DIRECTIONS
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import DIRECTIONS, FloorPlan
 from automaton.units import count
 
 SHOWN: Final = 3  # illegal decisions that a report names

@@ -27,8 +27,7 @@ from automaton.engine.state import (
     World,
 )
 from automaton.errors import InputError
-from automaton.floor.cells import EAST, WEST
-from automaton.floor.floor_plan import DRIVABLE
+from automaton.floor.floor_plan import DRIVABLE, EAST, WEST
 from automaton.world.starts import occupy_starts
 
 OF_THE_BUFFERS: Final = (

@@ -10,8 +10,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.floor.cells import STORAGE
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import STORAGE, FloorPlan
 from automaton.floor.reachability import has_storage
 from automaton.scenario.orders import OrderLine
 from automaton.scenario.schema import Scenario

@@ -14,8 +14,7 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.floor.cells import STATION
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import STATION, FloorPlan
 from automaton.scenario.orders import ENDS, Line, LineDemand, Orders
 from automaton.scenario.quantities import DueAt
 from automaton.scenario.table_fields import NO_DUE, NOTHING

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Final, Literal
 
 from msgspec import Meta, field
 
-from automaton.floor.cells import DESTINATION, DOCK, RACK, SHELF, STATION
+from automaton.floor.floor_plan import DESTINATION, DOCK, RACK, SHELF, STATION
 from automaton.scenario.arrivals import Arrivals, MeanTime
 from automaton.scenario.quantities import (
     GAP,

@@ -29,7 +29,7 @@ from automaton.engine.record_codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
-from automaton.floor.cells import CHARGER
+from automaton.floor.floor_plan import CHARGER
 from automaton.verification.motion_rules import Acts, Complaint, ReplayedMotion, Rows
 from automaton.verification.move_time_rules import (
     DRAWS,

@@ -18,7 +18,7 @@ from automaton.engine.record_codes import (
     EXECUTED_WAIT,
     MOVE_NORTH,
 )
-from automaton.floor.cells import CELL_KINDS
+from automaton.floor.floor_plan import CELL_KINDS
 from automaton.verification.move_time_rules import CoarseTicks
 
 NIL: Final = -1

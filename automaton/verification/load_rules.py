@@ -28,7 +28,7 @@ from automaton.engine.record_codes import (
     MOVE_NORTH,
     PICKED_ON_ARRIVAL,
 )
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     ABOVE_OR_BELOW,
     ANY_LOADS,
     BESIDE,

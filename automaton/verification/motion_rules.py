@@ -39,7 +39,7 @@ from automaton.engine.record_codes import (
     TURN_LEFT,
     TURN_RIGHT,
 )
-from automaton.floor.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
+from automaton.floor.floor_plan import CELL_KINDS, EAST, NORTH, SOUTH, WEST
 from automaton.verification.move_time_rules import NIL, MoveTimes, Types
 
 HANDLING: Final = {

@@ -11,7 +11,7 @@ from decimal import Context, Decimal
 from statistics import NormalDist
 from typing import Any, Final
 
-from automaton.floor.cells import CELL_KINDS, EAST, NORTH, SOUTH, WEST
+from automaton.floor.floor_plan import CELL_KINDS, EAST, NORTH, SOUTH, WEST
 from automaton.scenario.order_lines import plain_data
 from automaton.scenario.refinement import refined_data
 

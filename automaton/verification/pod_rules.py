@@ -13,7 +13,7 @@ from itertools import pairwise
 from typing import Any, Final
 
 from automaton.engine.record_codes import ACTION_MASK, MOVE_NORTH
-from automaton.floor.cells import CELL_KINDS, STORAGE
+from automaton.floor.floor_plan import CELL_KINDS, STORAGE
 from automaton.verification.motion_rules import Acts, Complaint, ReplayedMotion
 from automaton.verification.move_time_rules import NIL
 

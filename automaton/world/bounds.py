@@ -27,8 +27,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.engine.state import NIL, Array
-from automaton.floor.cells import STATION, STORAGE
-from automaton.floor.floor_plan import may_turn
+from automaton.floor.floor_plan import STATION, STORAGE, may_turn
 from automaton.floor.reachability import NO_WAY, backward_exits, slot_access, ticks_between
 from automaton.scenario.carried_pods import pod_cells, transports_of
 from automaton.scenario.durations import Distribution, Handling

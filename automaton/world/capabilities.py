@@ -17,8 +17,7 @@ import numpy.typing as npt
 
 from automaton.engine.state import NIL, Array
 from automaton.errors import Keys
-from automaton.floor.cells import STORAGE
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import STORAGE, FloorPlan
 from automaton.floor.reachability import (
     Driving,
     Mask,

@@ -18,7 +18,7 @@ import numpy as np
 from automaton.engine import random_numbers
 from automaton.engine.facilities import Slots, Stations, Stops
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array, Orders
-from automaton.floor.cells import DESTINATION, DOCK, RACK, STATION
+from automaton.floor.floor_plan import DESTINATION, DOCK, RACK, STATION
 from automaton.scenario.orders import (
     DRAWN_GENERATORS,
     OrderLine,

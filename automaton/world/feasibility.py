@@ -9,15 +9,16 @@ import numpy as np
 
 from automaton.engine.state import GATE_BLOCK, GATE_LIFT
 from automaton.errors import Finding, InputError, Keys, nearest, refuse
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     CELL_KINDS,
     CHARGER,
+    DRIVABLE,
     STORAGE,
     TRACK,
     TURNTABLE,
     UNLIMITED,
+    FloorPlan,
 )
-from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.floor.reachability import (
     rack_stands,
 )

@@ -12,8 +12,7 @@ from typing import Final
 import numpy as np
 
 from automaton.engine.state import GATE_CLOSING
-from automaton.floor.cells import CHARGER, STATION, STORAGE
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import CHARGER, STATION, STORAGE, FloorPlan
 from automaton.floor.reachability import DeadEnds, Mask, dead_ends_of, reached, to_and_from
 from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.changing_floor import Lift

@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import Finding, InputError, InvalidValueError, Keys
-from automaton.floor.cells import CHARGER, FLOOR, STATION, UNLIMITED
-from automaton.floor.floor_plan import DRIVABLE, FloorPlan
+from automaton.floor.floor_plan import CHARGER, DRIVABLE, FLOOR, STATION, UNLIMITED, FloorPlan
 from automaton.scenario.changing_floor import (
     Block,
     Cell,

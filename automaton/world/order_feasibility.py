@@ -9,17 +9,18 @@ import numpy as np
 
 from automaton.engine.state import NIL
 from automaton.errors import Finding, Keys, alternatives
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     ANY_LOADS,
     CELL_KINDS,
     DESTINATION,
     DIRECTIONS,
     DOCK,
+    DRIVABLE,
     RACK,
     SHELF,
     STATION,
+    FloorPlan,
 )
-from automaton.floor.floor_plan import DRIVABLE, FloorPlan
 from automaton.floor.reachability import (
     closed_step,
     reached,

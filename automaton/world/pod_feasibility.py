@@ -9,8 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import WHOLE_LIST, Finding, Keys, nearest
-from automaton.floor.cells import DIRECTIONS, STATION, STORAGE
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import DIRECTIONS, STATION, STORAGE, FloorPlan
 from automaton.floor.reachability import Mask, to_and_from
 from automaton.scenario.carried_pods import (
     carries_pods,

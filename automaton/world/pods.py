@@ -11,8 +11,7 @@ import numpy.typing as npt
 from automaton.engine.facilities import Lines, Pods, PodStations, Slots, Stops, Trips
 from automaton.engine.random_numbers import STREAM_LINE_DEMAND, draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, Array, Orders
-from automaton.floor.cells import STORAGE
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import STORAGE, FloorPlan
 from automaton.floor.reachability import ticks_between
 from automaton.scenario.carried_pods import carries_pods, pod_cells, pod_numbers, skus_of
 from automaton.scenario.order_lines import LineTable, listed_lines

@@ -12,8 +12,7 @@ import numpy as np
 from automaton.engine.state import MAY_TURN, NIL, NO_WAY_THROUGH, Array, Grid, Workspace
 from automaton.engine.table_building import Costs, build_tables, bytes_taken, renew
 from automaton.errors import InputError
-from automaton.floor.cells import STORAGE
-from automaton.floor.floor_plan import DRIVABLE, UNBOUNDED, FloorPlan, may_turn
+from automaton.floor.floor_plan import DRIVABLE, STORAGE, UNBOUNDED, FloorPlan, may_turn
 from automaton.floor.reachability import has_storage, slot_access
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of

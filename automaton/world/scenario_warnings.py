@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Final, NamedTuple
 import numpy as np
 
 from automaton.errors import Finding, InputError, Keys, alternatives
-from automaton.floor.cells import CHARGER, SHELF, STATION, UNLIMITED
+from automaton.floor.floor_plan import CHARGER, SHELF, STATION, UNLIMITED
 from automaton.floor.reachability import steps_from
 from automaton.scenario.arrivals import Mean, MeanTime
 from automaton.scenario.carried_pods import transports_of

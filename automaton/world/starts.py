@@ -6,8 +6,7 @@ import numpy as np
 
 from automaton.engine.random_numbers import STREAM_CHARGES, STREAM_STARTS
 from automaton.engine.state import BATTERY_FULL, NIL, Array, Grid
-from automaton.floor.cells import DIRECTIONS, UNLIMITED
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import DIRECTIONS, UNLIMITED, FloorPlan
 from automaton.floor.reachability import rack_stands
 from automaton.scenario.robot_types import type_of_each, types_of
 from automaton.scenario.schema import Battery, Scenario

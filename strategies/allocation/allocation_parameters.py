@@ -7,8 +7,7 @@ from typing import Annotated, Any, Literal
 import msgspec
 from msgspec import Meta
 
-from automaton.floor.cells import ANY_LOADS, CELL_KINDS
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import ANY_LOADS, CELL_KINDS, FloorPlan
 from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.order_lines import has_tours, kinds_of_sources, priorities_of
 from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from automaton.floor.cells import CHARGER, STATION
+from automaton.floor.floor_plan import CHARGER, STATION
 from automaton.strategy.api import (
     ACTION_COUNT,
     ACTION_MOVE,

@@ -15,8 +15,7 @@ import yaml
 from msgspec import Meta
 
 from automaton.errors import InputError, nearest
-from automaton.floor.cells import NIL
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import NIL, FloorPlan
 from automaton.floor.reachability import grouped, slot_access
 from automaton.floor.traffic_zones import road_network
 from automaton.scenario.floor_section import point_names

@@ -42,7 +42,7 @@ from automaton.bench.step_speed import (
 from automaton.commands import bench_command, main
 from automaton.commands.bench_command import chosen, measurements
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_ZONING, NIL, World
-from automaton.floor.cells import UNLIMITED
+from automaton.floor.floor_plan import UNLIMITED
 from strategies.routing.astar import LARGER_G
 from tui.bench import viewer_speed
 

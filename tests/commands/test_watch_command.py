@@ -11,7 +11,7 @@ import pytest
 from viewer_harness import branch, record
 
 from automaton.commands import main
-from automaton.floor.cells import DESTINATION
+from automaton.floor.floor_plan import DESTINATION
 from automaton.history.divergence import first_difference
 from automaton.recording.contents import FRAME_KIND_TICKS
 from automaton.recording.frames import FRAME, PREAMBLE

@@ -11,7 +11,7 @@ from reference_motion import Robot, splitmix64
 from refinement_trials import drawn_case
 
 from automaton.engine.state import NIL
-from automaton.floor.cells import DIRECTIONS, EAST
+from automaton.floor.floor_plan import DIRECTIONS, EAST
 from automaton.runs.pictures.pictures import Following
 
 

@@ -10,7 +10,7 @@ from idle_waits import run_to_end
 from pod_scenes import pod_scene
 
 from automaton.engine.state import NIL
-from automaton.floor.cells import CHARGER, STATION
+from automaton.floor.floor_plan import CHARGER, STATION
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve
 from automaton.world.starts import homes

@@ -32,9 +32,8 @@ from automaton.engine.motion import (
     vacate,
 )
 from automaton.engine.state import NIL, World
-from automaton.floor.cells import EAST, WEST
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.floor_plan import DRIVABLE, FloorPlan
+from automaton.floor.floor_plan import DRIVABLE, EAST, WEST, FloorPlan
 from automaton.runs.pictures.pictures import Following
 from automaton.scenario.schema import Durations, Fleet, Scenario, WorldRules
 from automaton.world import building as build

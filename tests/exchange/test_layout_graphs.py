@@ -15,7 +15,7 @@ from automaton.exchange.graphs.fit import Fit, draw, fit_graph
 from automaton.exchange.graphs.graph import staircase
 from automaton.exchange.graphs.import_graph import corners, largest_part, walk
 from automaton.exchange.graphs.lif import read_lif
-from automaton.floor.cells import ALL_EXITS, CHARGER, FLOOR, STATION, SYMBOLS, Symbol
+from automaton.floor.floor_plan import ALL_EXITS, CHARGER, FLOOR, STATION, SYMBOLS, Symbol
 
 RING = {"A": (0.0, 0.0), "B": (4.0, 0.0), "C": (4.0, 2.0), "D": (0.0, 2.0)}
 AROUND = ["A-B", "B-C", "C-D", "D-A"]

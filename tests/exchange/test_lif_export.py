@@ -22,9 +22,8 @@ from automaton.errors import InputError
 from automaton.exchange.graphs.import_graph import import_lif
 from automaton.exchange.imported_floor import ImportOptions
 from automaton.exchange.lif_export import LIF_VERSIONS, floor_graph, lif_file
-from automaton.floor.cells import CHARGER, STATION
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import CHARGER, STATION, FloorPlan
 from automaton.scenario.text_files import shipped
 from automaton.world.floor_parts import all_station_names
 from automaton.world.resolve import Resolved, resolve

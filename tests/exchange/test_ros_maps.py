@@ -18,7 +18,7 @@ from automaton.errors import InputError
 from automaton.exchange.image_floor import read_image_floor
 from automaton.exchange.imported_floor import ImportOptions
 from automaton.exchange.ros_map import ImageValues, classes, read_ros_map
-from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
+from automaton.floor.floor_plan import EAST, NORTH, SOUTH, WEST
 from automaton.scenario.quantities import Fraction
 from automaton.world.resolve import resolve
 

@@ -6,8 +6,7 @@ from collections import deque
 
 import pytest
 
-from automaton.floor.cells import CHARGER
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import CHARGER, FloorPlan
 from layouts.depots import (
     CELL,
     CELL_OF_POSITION,

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from automaton.errors import InputError
-from automaton.floor.cells import (
+from automaton.floor.drawn_floors import draw_floor, symbol_of
+from automaton.floor.floor_plan import (
     ALL_EXITS,
     ALONG_X,
     ALONG_Y,
@@ -17,9 +18,8 @@ from automaton.floor.cells import (
     DIRECTIONS,
     SYMBOLS,
     TURNTABLE,
+    FloorPlan,
 )
-from automaton.floor.drawn_floors import draw_floor, symbol_of
-from automaton.floor.floor_plan import FloorPlan
 from automaton.floor.reachability import (
     reached,
     slots_beside,

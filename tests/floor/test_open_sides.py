@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from automaton.errors import InputError
-from automaton.floor.cells import EXIT_NORTH, EXIT_SOUTH
 from automaton.floor.drawn_floors import draw_floor, floor_drawing, symbol_of
+from automaton.floor.floor_plan import EXIT_NORTH, EXIT_SOUTH
 
 STORAGE = ">>>>\n^pqv\n^<<<"
 

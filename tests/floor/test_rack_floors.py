@@ -5,8 +5,8 @@ import pytest
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.floor.cells import DOCK, FLOOR, RACK
 from automaton.floor.drawn_floors import write_matrix
+from automaton.floor.floor_plan import DOCK, FLOOR, RACK
 from automaton.floor.reachability import reached
 from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.runs.pictures import floor_picture

@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from automaton.engine.state import NIL
-from automaton.floor.cells import DIRECTION_VECTORS, EAST, NORTH, SOUTH, WEST
 from automaton.floor.drawn_floors import draw_floor
+from automaton.floor.floor_plan import DIRECTION_VECTORS, EAST, NORTH, SOUTH, WEST
 from automaton.floor.traffic_zones import ZONE_MODES, traffic_zones_of
 from layouts.tabletop import Tabletop
 

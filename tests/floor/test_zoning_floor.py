@@ -10,8 +10,7 @@ from zoning_scenes import DISTANCES, drawn, factory
 
 from automaton.engine.state import NIL
 from automaton.errors import InputError
-from automaton.floor.cells import DIRECTION_VECTORS
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import DIRECTION_VECTORS, FloorPlan
 from automaton.world.building import roads_of
 from layouts.factory import FEET, SEGMENTS, Factory
 from layouts.racks import Racks

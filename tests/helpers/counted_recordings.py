@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from typing import Any, Final
 
 from automaton.engine import record_codes as codes
-from automaton.floor.cells import CHARGER, STORAGE
+from automaton.floor.floor_plan import CHARGER, STORAGE
 from automaton.recording.contents import FRAME_KIND_KEYFRAME, FRAME_KIND_TICKS
 from automaton.recording.frames import Recording
 

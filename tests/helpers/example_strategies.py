@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from automaton.floor.cells import CHARGER
+from automaton.floor.floor_plan import CHARGER
 from automaton.strategy.api import (
     BATTERY_FULL,
     CMD_DROP_AT,

@@ -27,7 +27,7 @@ from automaton.engine.state import (
     STATUS_TOWED,
     World,
 )
-from automaton.floor.cells import CHARGER, RACK, STATION
+from automaton.floor.floor_plan import CHARGER, RACK, STATION
 
 Edge = tuple[int, int]
 OFF_THE_FLOOR = (STATUS_TOWED, STATUS_REMOVED)

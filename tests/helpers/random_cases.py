@@ -12,9 +12,8 @@ from random_floors import pictures
 from random_strategies import Mood
 
 from automaton.errors import InputError
-from automaton.floor.cells import STATION
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import STATION, FloorPlan
 from automaton.floor.reachability import to_and_from
 from automaton.floor.traffic_zones import ZONE_MODES
 from automaton.scenario.durations import MoveByLoad, TypeDurations

@@ -12,7 +12,7 @@ import numpy as np
 from reference_motion import splitmix64
 
 from automaton.engine.state import LAYER_NAMES
-from automaton.floor.cells import CHARGER
+from automaton.floor.floor_plan import CHARGER
 from automaton.strategy import paths
 from automaton.strategy.api import (
     BATTERY_FULL,

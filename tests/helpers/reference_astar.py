@@ -7,7 +7,7 @@ from collections.abc import Collection
 
 from reference_paths import FAR, Pose, Ways
 
-from automaton.floor.cells import EAST, NORTH, SOUTH, WEST
+from automaton.floor.floor_plan import EAST, NORTH, SOUTH, WEST
 
 ORDER = (NORTH, SOUTH, EAST, WEST)
 

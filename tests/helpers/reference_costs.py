@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 from reference_paths import FAR, HEADINGS, Pose
 
-from automaton.floor.cells import CELL_KINDS
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import CELL_KINDS, FloorPlan
 
 
 class CostSet(NamedTuple):

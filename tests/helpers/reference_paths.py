@@ -9,8 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from typing import NamedTuple
 
-from automaton.floor.cells import CELL_KINDS
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import CELL_KINDS, FloorPlan
 
 HEADINGS = {"omni": 1, "rail": 2, "differential": 4}
 FAR = 1 << 30

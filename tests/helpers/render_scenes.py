@@ -9,9 +9,8 @@ import numpy as np
 
 from automaton.engine.facilities import Gates
 from automaton.engine.state import BATTERY_FULL, NIL
-from automaton.floor.cells import DESTINATION, FLOOR
 from automaton.floor.drawn_floors import draw_floor
-from automaton.floor.floor_plan import FloorPlan, make_floor_plan
+from automaton.floor.floor_plan import DESTINATION, FLOOR, FloorPlan, make_floor_plan
 from automaton.world.gates import NO_GATES
 from automaton.world.resolve import resolve
 from tui.render import styles

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from automaton.engine.state import LAYER_NAMES
-from automaton.floor.cells import FLOOR, UNLIMITED, Symbol
 from automaton.floor.drawn_floors import draw_floor
+from automaton.floor.floor_plan import FLOOR, UNLIMITED, Symbol
 from automaton.runs.simulation import Simulation
 from automaton.scenario.schema import Durations, Fleet, Orders, Scenario, Stop, WorldRules
 from automaton.strategy.api import (

@@ -29,7 +29,7 @@ from automaton.engine.state import (
     STATUS_UP,
     World,
 )
-from automaton.floor.cells import STATION
+from automaton.floor.floor_plan import STATION
 
 WANTED = (
     *("following in a queue", "rotating ring", "refused swap", "allowed swap", "contested cell"),

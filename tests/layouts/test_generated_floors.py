@@ -7,8 +7,8 @@ from textwrap import dedent
 import numpy as np
 import pytest
 
-from automaton.floor.cells import FLOOR
 from automaton.floor.drawn_floors import floor_picture
+from automaton.floor.floor_plan import FLOOR
 from automaton.floor.reachability import to_and_from
 from layouts.aisles import Aisles
 from layouts.random_floor import RandomFloor, Rooms, largest_part

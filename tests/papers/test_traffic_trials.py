@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 from automaton.engine.state import Array
-from automaton.floor.cells import RACK
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import RACK, FloorPlan
 from automaton.papers.traffic_trials import (
     TRIAL_ROBOTS,
     Setting,

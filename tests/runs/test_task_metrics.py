@@ -11,7 +11,7 @@ from metrics_of_some_runs import OF_OTHER_RUNS
 
 from automaton.commands import main
 from automaton.engine.state import LAYER_ALLOCATION
-from automaton.floor.cells import DOCK, RACK
+from automaton.floor.floor_plan import DOCK, RACK
 from automaton.floor.reachability import rack_stands
 from automaton.recording.recorder import MemoryRecorder
 from automaton.runs.metrics import METRIC_CATALOGUE, metrics_of

@@ -9,7 +9,7 @@ import pytest
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.floor.cells import DIRECTIONS
+from automaton.floor.floor_plan import DIRECTIONS
 from automaton.world.building import build_world
 from automaton.world.resolve import resolve
 

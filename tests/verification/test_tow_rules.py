@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from handmade_recordings import header
 
-from automaton.floor.cells import CELL_KINDS, STORAGE
+from automaton.floor.floor_plan import CELL_KINDS, STORAGE
 from automaton.verification.motion_rules import ReplayedMotion
 from automaton.verification.pod_rules import LoadedWays
 

@@ -11,7 +11,7 @@ from drawn_scenes import recorded_run, scene
 
 from automaton.commands import main
 from automaton.errors import InputError
-from automaton.floor.cells import CHARGER, FLOOR, STATION
+from automaton.floor.floor_plan import CHARGER, FLOOR, STATION
 from automaton.recording.header import resolved_of
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
 from automaton.verification.validator import validate_stored

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from automaton.bench.steering_speed import BUSY_CROWD, busy_fleet
-from automaton.floor.cells import WALL
+from automaton.floor.floor_plan import WALL
 from automaton.history.watched_run import WatchedRun
 from automaton.world.resolve import Resolved, resolve
 from tui.bench.viewer_speed import Walk, walkers

@@ -35,8 +35,7 @@ from automaton.bench.measurement import (
     wall_seconds,
 )
 from automaton.bench.steering_speed import BUSY_CROWD, busy_fleet
-from automaton.floor.cells import DIRECTION_VECTORS, FLOOR, TURNTABLE, WALL
-from automaton.floor.floor_plan import make_floor_plan
+from automaton.floor.floor_plan import DIRECTION_VECTORS, FLOOR, TURNTABLE, WALL, make_floor_plan
 from automaton.history.live_run import LiveRun
 from automaton.history.playback import Keyframes
 from automaton.history.snapshot import take_snapshot

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from automaton.engine.state import NIL
-from automaton.floor.cells import FLOOR
+from automaton.floor.floor_plan import FLOOR
 from automaton.floor.traffic_zones import TrafficZones
 from tui.render import styles
 from tui.render.cell_looks import TINT_COLOURS, TINT_LETTERS, TINTS, Canvas

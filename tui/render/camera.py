@@ -22,8 +22,7 @@ from typing import Any, Final, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from automaton.floor.cells import WALL
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import WALL, FloorPlan
 
 Place = tuple[int, int]  # row, column of the screen
 

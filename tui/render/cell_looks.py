@@ -20,7 +20,7 @@ from automaton.drawings.looks import (
     KIND_MASK,
     LOOK_COUNT,
 )
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     ALONG_X,
     ALONG_Y,
     BAY,

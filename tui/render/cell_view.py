@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 
 from automaton.drawings.looks import KIND_MASK
 from automaton.engine.state import NIL
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     EXIT_EAST,
     EXIT_NORTH,
     EXIT_SOUTH,

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 
 from automaton.drawings.looks import DETAIL_OUTSIDE, KIND_MASK, LOOK_COUNT
 from automaton.engine.state import NIL
-from automaton.floor.cells import BAY, CHARGER, DESTINATION, DOCK, STATION, WALL
+from automaton.floor.floor_plan import BAY, CHARGER, DESTINATION, DOCK, STATION, WALL
 from tui.render import drawn_robots as fleet
 from tui.render import styles
 from tui.render.camera import Camera, CellRectangle, PicturePart, blocks, part_of

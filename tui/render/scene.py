@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 
 from automaton.drawings.looks import DETAIL_SHIFT, Looks, looks_of
 from automaton.engine.state import GOAL_STOP, NIL
-from automaton.floor.cells import FLOOR, UNLIMITED
-from automaton.floor.floor_plan import DRIVABLE, FloorPlan
+from automaton.floor.floor_plan import DRIVABLE, FLOOR, UNLIMITED, FloorPlan
 from automaton.floor.traffic_zones import TrafficZones, traffic_zones_of
 from automaton.history.snapshot import shut_cells
 from tui.registration import layer_named, layers

@@ -19,7 +19,7 @@ from textual.widgets import Input, Static
 
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError, nearest
-from automaton.floor.cells import KIND_BY_NAME, WALL
+from automaton.floor.floor_plan import KIND_BY_NAME, WALL
 from automaton.history.breakpoints import robots_where
 from automaton.history.state_words import load_words
 from automaton.scenario.order_lines import line_texts, listed_lines

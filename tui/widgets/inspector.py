@@ -11,8 +11,15 @@ from automaton.engine.state import (
     ORDER_UNRELEASED,
     ORDER_WAITING,
 )
-from automaton.floor.cells import ANY_LOADS, BAY, CHARGER, DIRECTIONS, STORAGE, UNLIMITED
-from automaton.floor.floor_plan import DRIVABLE
+from automaton.floor.floor_plan import (
+    ANY_LOADS,
+    BAY,
+    CHARGER,
+    DIRECTIONS,
+    DRIVABLE,
+    STORAGE,
+    UNLIMITED,
+)
 from automaton.units import count
 from automaton.world.floor_parts import places_of_chargers
 from tui.playback.panel_view import OrderChosen, View

@@ -12,7 +12,7 @@ import numpy as np
 from automaton.drawings import looks
 from automaton.drawings.looks import DETAIL_OUTSIDE, DETAIL_SHIFT, KIND_MASK
 from automaton.engine.state import GATE_CLOSING, GATE_DOOR, STATUS_DEPLETED, STATUS_FAILED
-from automaton.floor.cells import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
+from automaton.floor.floor_plan import CELL_KINDS, FLOOR, SHELF, STORAGE, TRACK, WALL
 from automaton.vocabulary import COLOUR_WORDS, CONDITION_WORDS
 from tui.playback.panel_view import Picture, View
 from tui.render import drawn_robots as fleet

@@ -21,7 +21,7 @@ from automaton.engine.state import (
     ORDER_DELIVERED,
     ORDER_WAITING,
 )
-from automaton.floor.cells import (
+from automaton.floor.floor_plan import (
     ANY_LOADS,
     CELL_KINDS,
     DIRECTIONS,

@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from automaton.engine.facilities import ServiceZones
 from automaton.engine.state import NIL, ORDER_CARRIED, ORDER_WAITING
 from automaton.errors import InputError
-from automaton.floor.cells import DIRECTIONS
-from automaton.floor.floor_plan import DRIVABLE
+from automaton.floor.floor_plan import DIRECTIONS, DRIVABLE
 from automaton.floor.traffic_zones import TrafficZones, traffic_zones_of
 from automaton.scenario.robot_types import RobotType
 from automaton.units import count

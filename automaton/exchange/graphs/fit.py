@@ -33,7 +33,8 @@ from automaton.exchange.graphs.graph import (
     turned,
 )
 from automaton.exchange.imported_floor import MAX_WRITTEN_CELLS, ImportOptions, check_size
-from automaton.floor.cells import (
+from automaton.floor.drawn_floors import MAX_FLOOR_SIDE, Legend, draw_floor, legend_entry
+from automaton.floor.floor_plan import (
     ALL_EXITS,
     CHARGER,
     DIRECTION_VECTORS,
@@ -43,7 +44,6 @@ from automaton.floor.cells import (
     SYMBOLS,
     Symbol,
 )
-from automaton.floor.drawn_floors import MAX_FLOOR_SIDE, Legend, draw_floor, legend_entry
 
 WALL_MARK: Final = "#"
 SINGLE_EXITS: Final = (1, 2, 4, 8)  # sets of one exit

@@ -23,7 +23,7 @@ import numpy as np
 import numpy.typing as npt
 
 from automaton.errors import InputError
-from automaton.floor.cells import DIRECTION_VECTORS
+from automaton.floor.floor_plan import DIRECTION_VECTORS
 from automaton.printable import one_line
 
 FARTHEST_NODE: Final = 1e9  # metres

@@ -37,7 +37,7 @@ from automaton.exchange.imported_floor import (
     ImportReport,
     check_values,
 )
-from automaton.floor.cells import DIRECTION_VECTORS, STATION
+from automaton.floor.floor_plan import DIRECTION_VECTORS, STATION
 from automaton.strategy.lookup import IMPORTED, default_for
 from automaton.units import count
 

@@ -49,8 +49,7 @@ from automaton.engine.state import (
     World,
 )
 from automaton.errors import InputError
-from automaton.floor.cells import DIRECTIONS
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import DIRECTIONS, FloorPlan
 from automaton.runs.progress import has_lines
 from automaton.vocabulary import (
     ACTION_PHRASES,

@@ -45,9 +45,8 @@ from automaton.engine.state import (
     World,
 )
 from automaton.errors import InputError, alternatives
-from automaton.floor.cells import DIRECTIONS, STORAGE
 from automaton.floor.drawn_floors import Drawing, Legend, draw_floor, floor_drawing, legend_entry
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import DIRECTIONS, STORAGE, FloorPlan
 from automaton.runs.pictures.picture_lines import (
     NEEDS,
     DrawnOrder,

@@ -27,8 +27,7 @@ from automaton.documents.report_document import (
 from automaton.engine.observation import LOST_EVER, visits_of
 from automaton.engine.state import NIL, Array
 from automaton.errors import InputError
-from automaton.floor.cells import CELL_KINDS
-from automaton.floor.floor_plan import DRIVABLE
+from automaton.floor.floor_plan import CELL_KINDS, DRIVABLE
 from automaton.runs.bottleneck import flow_name, joined, rate_unit
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.metric_catalogue import units_of

@@ -21,7 +21,7 @@ import numpy as np
 
 from automaton.engine.state import ACTION_CHARGE, ACTION_DROP, ACTION_PICK, ACTION_TRY_DROP
 from automaton.errors import InputError, nearest
-from automaton.floor.cells import STATION
+from automaton.floor.floor_plan import STATION
 from automaton.runs.headless import run_marked
 from automaton.runs.metric_catalogue import in_coarse_ticks
 from automaton.runs.metrics import counted, metrics_of

@@ -21,7 +21,7 @@ from automaton.engine.state import NIL
 from automaton.errors import InputError
 from automaton.films import recorded_stretch
 from automaton.films.film_page import page_of
-from automaton.floor.cells import CELL_KINDS, SHELF
+from automaton.floor.floor_plan import CELL_KINDS, SHELF
 from automaton.history.explanation import link_of
 from automaton.history.fleet_summary import summarize
 from automaton.history.playback import Playback

@@ -5,7 +5,7 @@ from __future__ import annotations
 from automaton.drawings import looks as drawings
 from automaton.drawings.looks import PALETTE
 from automaton.drawings.moment import drawn_floor, moment_of
-from automaton.floor.cells import CELL_KINDS
+from automaton.floor.floor_plan import CELL_KINDS
 from automaton.history.snapshot import take_snapshot
 from automaton.runs.simulation import Simulation
 from automaton.world.resolve import resolve

@@ -8,7 +8,7 @@ from render_scenes import composed, drawn, make_scene, shipped, signs
 from render_scenes import text as picture
 
 from automaton.engine.state import BATTERY_FULL
-from automaton.floor.cells import STATION
+from automaton.floor.floor_plan import STATION
 from tui.render.compose import compose
 from tui.render.scene import Scene
 from tui.render.styles import ASCII, UNICODE, GlyphSet

@@ -8,7 +8,7 @@ from panel_harness import moment, of_cell, shown
 from render_scenes import camera_at, composed, drawn, fg, make_scene, signs, text
 
 from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_WAITING
-from automaton.floor.cells import DOCK, RACK
+from automaton.floor.floor_plan import DOCK, RACK
 from layouts.racks import Racks
 from tui.render import styles
 from tui.render.compose import compose

@@ -15,7 +15,7 @@ from textual.screen import ModalScreen
 from textual.widgets import Input, Static
 
 from automaton.errors import InputError
-from automaton.floor.cells import TURNTABLE
+from automaton.floor.floor_plan import TURNTABLE
 from automaton.history.breakpoints import FIELDS
 from automaton.scenario.quantities import Scale, read_clock
 from tui.screens.breakpoint_dialog import BreakpointsScreen, StopCondition, StopList

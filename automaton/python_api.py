@@ -493,7 +493,7 @@ class RecordedRun:
         past.
         """
         from automaton.history.playback import Playback
-        from automaton.recording.header import changed, resolved_of
+        from automaton.recording.frames import changed, resolved_of
         from automaton.runs.headless import PastRules, computed
 
         tick = self._tick(at)
@@ -532,7 +532,7 @@ class RecordedRun:
         `folder`: a new folder to which the tables are written as Parquet. Raises InputError.
         """
         from automaton.history.playback import Playback
-        from automaton.recording.header import resolved_of
+        from automaton.recording.frames import resolved_of
         from automaton.tables.table_run import WantedTables, table_run
 
         recording = self._recording

@@ -20,7 +20,7 @@ from automaton.errors import InputError, WorkerDiedError, nearest
 from automaton.printable import OutputError, PrintedText, one_line
 from automaton.runs.interruption import TerminatedError, signals_raise
 
-SUBJECTS = {  # subject: {name: (module with add_arguments(parser) and run(args) -> int, summary)}
+COMMANDS_BY_SUBJECT = {  # {name: (module with add_arguments(parser) and run(args) -> int, summary)}
     "scenarios": {
         "list": ("automaton.commands.list_", "list scenarios, studies, floors and strategies"),
         "check": ("automaton.commands.check", "check scenario and study files"),
@@ -82,7 +82,9 @@ SUBJECTS = {  # subject: {name: (module with add_arguments(parser) and run(args)
         "bench": ("automaton.commands.bench_command", "measure the speed of this machine"),
     },
 }
-COMMANDS = {name: command for group in SUBJECTS.values() for name, command in group.items()}
+COMMANDS = {
+    name: command for group in COMMANDS_BY_SUBJECT.values() for name, command in group.items()
+}
 
 LONGEST_ERROR = 300  # characters of an internal error; compilers write pages
 DONE, FAILED, BAD_INPUT, INTERRUPTED, BROKEN_PIPE, TERMINATED = 0, 1, 2, 130, 141, 143
@@ -205,7 +207,7 @@ def usage() -> str:
         "\n".join(
             [f"{subject}:", *(f"  {name:<{width}}{text}" for name, (_, text) in group.items())]
         )
-        for subject, group in SUBJECTS.items()
+        for subject, group in COMMANDS_BY_SUBJECT.items()
     )
     return (
         "usage: automaton COMMAND [--help] [--debug] ...\n\n"

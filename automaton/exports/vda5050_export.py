@@ -45,8 +45,7 @@ from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
 from automaton.history.playback import Playback
 from automaton.recording.contents import Content
-from automaton.recording.frames import Recording
-from automaton.recording.header import floor_plan_of
+from automaton.recording.frames import Recording, floor_plan_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.quantities import Scale
 from automaton.scenario.refinement import refined_data

@@ -28,8 +28,7 @@ from automaton.engine.state import BATTERY_PERCENT, NIL
 from automaton.errors import InputError
 from automaton.history.fleet_summary import summary_of
 from automaton.history.playback import Playback
-from automaton.recording.frames import Recording
-from automaton.recording.header import resolved_of
+from automaton.recording.frames import Recording, resolved_of
 from automaton.recording.recording_reader import title_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.text_files import is_recording

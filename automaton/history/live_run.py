@@ -33,8 +33,15 @@ from automaton.recording.contents import (
     FRAME_KIND_TICKS,
     Content,
 )
-from automaton.recording.frames import FRAME, PREAMBLE, Payload, StoredFrames, payload_of
-from automaton.recording.header import changed, resolved_of
+from automaton.recording.frames import (
+    FRAME,
+    PREAMBLE,
+    Payload,
+    StoredFrames,
+    changed,
+    payload_of,
+    resolved_of,
+)
 from automaton.recording.recorder import BaseRecorder, RecordingFile
 from automaton.runs.headless import attribute_strategy_errors
 from automaton.runs.simulation import Simulation

@@ -20,8 +20,7 @@ from automaton.engine.observation import Observation
 from automaton.engine.state import LAYER_NAMES, Array, Clock, World
 from automaton.errors import InputError
 from automaton.recording.contents import Content
-from automaton.recording.frames import StoredFrames
-from automaton.recording.header import changed, resolved_of
+from automaton.recording.frames import StoredFrames, changed, resolved_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.state_copy import arrays_of_run, copy_clock, ragged_arrays, used_entries
 from automaton.strategy.contract import Strategy, WaitRanges

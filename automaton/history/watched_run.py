@@ -9,8 +9,7 @@ from automaton.floor.floor_plan import FloorPlan
 from automaton.history.event_history import EventHistory
 from automaton.history.playback import Keyframes, Playback
 from automaton.recording.contents import Content
-from automaton.recording.frames import Recording, StoredFrames
-from automaton.recording.header import changed, resolved_of
+from automaton.recording.frames import Recording, StoredFrames, changed, resolved_of
 from automaton.runs.metrics import metrics_of
 from automaton.runs.periods import Period, PeriodMarks, ticks_of_period
 from automaton.runs.simulation import Simulation

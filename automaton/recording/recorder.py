@@ -33,8 +33,16 @@ from automaton.recording.contents import (
     Content,
     DecodedFrame,
 )
-from automaton.recording.frames import Chain, Payload, Recording, payload_of, preamble
-from automaton.recording.header import header_of, rules_of, state_of
+from automaton.recording.frames import (
+    Chain,
+    Payload,
+    Recording,
+    header_of,
+    payload_of,
+    preamble,
+    rules_of,
+    state_of,
+)
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
 from automaton.scenario.text_files import is_recording

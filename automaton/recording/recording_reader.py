@@ -55,12 +55,12 @@ from automaton.recording.frames import (
     Recording,
     StoredFrames,
     decode,
+    floor_plan_of,
+    own_allocation_of,
     tick_of,
 )
-from automaton.recording.header import floor_plan_of, own_allocation_of
-from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
-from automaton.scenario.order_lines import plain_data
+from automaton.scenario.order_lines import carries_pods, plain_data
 from automaton.scenario.orders import MAX_DRAWN_LINES, MAX_STOPS, LineDemand
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated

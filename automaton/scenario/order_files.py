@@ -35,11 +35,17 @@ from automaton.scenario.arrivals import (
     hour_text,
     missing_hours,
 )
-from automaton.scenario.carried_pods import pod_cells, pod_names, pod_numbers, skus_of
 from automaton.scenario.changing_floor import Cell
 from automaton.scenario.columns import QuarantinedRows
 from automaton.scenario.document import Document
-from automaton.scenario.order_lines import Day, LineTable
+from automaton.scenario.order_lines import (
+    Day,
+    LineTable,
+    pod_cells,
+    pod_names,
+    pod_numbers,
+    skus_of,
+)
 from automaton.scenario.orders import (
     MAX_STOPS,
     LineColumns,

@@ -45,8 +45,7 @@ from automaton.runs.progress import asked_count, asked_orders, has_lines
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_lower_bounds import least_way_ticks
 from automaton.runs.task_metrics import Measured
-from automaton.scenario.carried_pods import pod_names
-from automaton.scenario.order_lines import line_column, line_texts, listed_lines
+from automaton.scenario.order_lines import line_column, line_texts, listed_lines, pod_names
 from automaton.scenario.table_fields import NOTHING
 from automaton.tables.columns import (
     INTEGER,

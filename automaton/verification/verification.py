@@ -35,8 +35,14 @@ from automaton.recording.contents import (
     Content,
     DecodedFrame,
 )
-from automaton.recording.frames import Recording
-from automaton.recording.header import changed, header_of, resolved_of, rules_of, state_of
+from automaton.recording.frames import (
+    Recording,
+    changed,
+    header_of,
+    resolved_of,
+    rules_of,
+    state_of,
+)
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.illegal_decisions import IllegalDecisions, illegal_decisions
 from automaton.runs.metrics import metrics_of

@@ -29,9 +29,8 @@ import numpy.typing as npt
 from automaton.engine.state import NIL, Array
 from automaton.floor.floor_plan import STATION, STORAGE, may_turn
 from automaton.floor.reachability import NO_WAY, backward_exits, slot_access, ticks_between
-from automaton.scenario.carried_pods import pod_cells, transports_of
 from automaton.scenario.durations import Distribution, Handling
-from automaton.scenario.order_lines import line_column, listed_lines
+from automaton.scenario.order_lines import line_column, listed_lines, pod_cells, transports_of
 from automaton.scenario.orders import DRAWN_GENERATORS, ENDS, Orders, Parts
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Battery, ChargeRange, Scenario

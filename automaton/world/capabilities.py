@@ -28,7 +28,7 @@ from automaton.floor.reachability import (
     slot_access,
     to_and_from,
 )
-from automaton.scenario.carried_pods import transports_of
+from automaton.scenario.order_lines import transports_of
 from automaton.scenario.orders import ENDS
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of, type_of_each, types_of
 from automaton.scenario.schema import Scenario

@@ -14,8 +14,8 @@ import numpy as np
 from automaton.engine.state import GATE_CLOSING
 from automaton.floor.floor_plan import CHARGER, STATION, STORAGE, FloorPlan
 from automaton.floor.reachability import DeadEnds, Mask, dead_ends_of, reached, to_and_from
-from automaton.scenario.carried_pods import carries_pods
 from automaton.scenario.changing_floor import Lift
+from automaton.scenario.order_lines import carries_pods
 from automaton.scenario.pods import PodStation
 from automaton.strategy.lookup import ROUTED, STEERS, declares, default_for
 from automaton.units import count

@@ -28,8 +28,8 @@ from automaton.floor.reachability import (
     slots_beside,
 )
 from automaton.scenario.arrivals import expected_orders, second_of_week
-from automaton.scenario.carried_pods import transports_of
 from automaton.scenario.floor_section import Floor
+from automaton.scenario.order_lines import transports_of
 from automaton.scenario.orders import MAX_DRAWN_LINES, OrderLine
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Scenario

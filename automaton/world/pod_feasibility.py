@@ -11,7 +11,8 @@ import numpy.typing as npt
 from automaton.errors import WHOLE_LIST, Finding, Keys, nearest
 from automaton.floor.floor_plan import DIRECTIONS, STATION, STORAGE, FloorPlan
 from automaton.floor.reachability import Mask, to_and_from
-from automaton.scenario.carried_pods import (
+from automaton.scenario.changing_floor import Cell
+from automaton.scenario.order_lines import (
     carries_pods,
     is_of_pod,
     pod_cells,
@@ -19,7 +20,6 @@ from automaton.scenario.carried_pods import (
     pod_numbers,
     skus_of,
 )
-from automaton.scenario.changing_floor import Cell
 from automaton.scenario.orders import Line, OrderLine, Orders
 from automaton.scenario.pods import Pods, PodStation
 from automaton.scenario.schema import Scenario

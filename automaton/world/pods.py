@@ -13,8 +13,14 @@ from automaton.engine.random_numbers import STREAM_LINE_DEMAND, draw_releases
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, Array, Orders
 from automaton.floor.floor_plan import STORAGE, FloorPlan
 from automaton.floor.reachability import ticks_between
-from automaton.scenario.carried_pods import carries_pods, pod_cells, pod_numbers, skus_of
-from automaton.scenario.order_lines import LineTable, listed_lines
+from automaton.scenario.order_lines import (
+    LineTable,
+    carries_pods,
+    listed_lines,
+    pod_cells,
+    pod_numbers,
+    skus_of,
+)
 from automaton.scenario.orders import Line, LineDemand, PerOrder
 from automaton.scenario.schema import Handling, Scenario
 from automaton.scenario.table_fields import NOTHING

@@ -13,8 +13,7 @@ import msgspec
 
 from automaton.errors import InvalidValueError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.carried_pods import carries_pods, pod_cells, pod_names
-from automaton.scenario.order_lines import Day
+from automaton.scenario.order_lines import Day, carries_pods, pod_cells, pod_names
 from automaton.scenario.refinement import refined, refined_value, too_long
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.table_reader import ReadFile

@@ -13,8 +13,7 @@ from automaton.errors import Finding, InputError, Keys, alternatives
 from automaton.floor.floor_plan import CHARGER, SHELF, STATION, UNLIMITED
 from automaton.floor.reachability import steps_from
 from automaton.scenario.arrivals import Mean, MeanTime
-from automaton.scenario.carried_pods import transports_of
-from automaton.scenario.order_lines import has_due_times, line_column, listed_lines
+from automaton.scenario.order_lines import has_due_times, line_column, listed_lines, transports_of
 from automaton.strategy.lookup import AVOIDS_TRAFFIC, KEEPS_WAY_BACK, STEERS, declares, files_of
 from automaton.units import SECONDS_PER_UNIT, count, ticks_and_time, unit
 from automaton.world.conversion_table import coarse_conversions

@@ -8,8 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import ANY_LOADS, CELL_KINDS, FloorPlan
-from automaton.scenario.carried_pods import carries_pods
-from automaton.scenario.order_lines import has_tours, kinds_of_sources, priorities_of
+from automaton.scenario.order_lines import carries_pods, has_tours, kinds_of_sources, priorities_of
 from automaton.scenario.quantities import CELLS, MOMENT, TIME, quantity
 from automaton.scenario.schema import Scenario
 

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.carried_pods import carries_pods
+from automaton.scenario.order_lines import carries_pods
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
 from strategies.allocation.allocation_parameters import refusal_of_tours

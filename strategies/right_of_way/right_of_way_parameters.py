@@ -9,7 +9,7 @@ import numpy as np
 from msgspec import Meta
 
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.carried_pods import carries_pods
+from automaton.scenario.order_lines import carries_pods
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import MAX_MOVE_TICKS, Scenario

@@ -23,7 +23,7 @@ from automaton.atomic_write import atomic_writer
 from automaton.engine.state import ACTION_MOVE, ACTION_TURN, NIL, Array, Grid
 from automaton.errors import InputError
 from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.carried_pods import carries_pods
+from automaton.scenario.order_lines import carries_pods
 from automaton.scenario.quantities import TIME, quantity
 from automaton.scenario.schema import Scenario
 

@@ -33,8 +33,7 @@ from automaton.recording.contents import (
     MAX_PLACES,
     DecodedFrame,
 )
-from automaton.recording.frames import Recording, preamble
-from automaton.recording.header import resolved_of
+from automaton.recording.frames import Recording, preamble, resolved_of
 from automaton.recording.recorder import MemoryRecorder, Recorder
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation

@@ -9,7 +9,7 @@ from typing import Any
 from drawn_scenes import recorded_run, scene
 
 from automaton.commands import main
-from automaton.recording.header import resolved_of
+from automaton.recording.frames import resolved_of
 from automaton.runs.simulation import Simulation
 from automaton.runs.task_metrics import metrics_by_class
 from automaton.verification.validator import validate_stored

@@ -12,7 +12,7 @@ from drawn_scenes import recorded_run, scene
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.floor.floor_plan import CHARGER, FLOOR, STATION
-from automaton.recording.header import resolved_of
+from automaton.recording.frames import resolved_of
 from automaton.studies.sweeps.sweep_plan import make_sweep_plan
 from automaton.verification.validator import validate_stored
 from automaton.world.resolve import Resolved, resolve

@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from automaton.errors import InputError
-from automaton.recording.frames import MAGIC, Recording
-from automaton.recording.header import resolved_of
+from automaton.recording.frames import MAGIC, Recording, resolved_of
 from automaton.recording.recording_reader import (
     Head,
     heads_of,

@@ -17,7 +17,7 @@ from automaton.history.fleet_summary import summary_of
 from automaton.history.live_run import LiveDivergence, LiveRun
 from automaton.history.narration import SENTENCES, Scope, kinds_named, narrate
 from automaton.history.watched_run import WatchedRun
-from automaton.recording.header import changed, resolved_of
+from automaton.recording.frames import changed, resolved_of
 from automaton.recording.recording_reader import branches_of
 from automaton.runs.headless import (
     Outcome,

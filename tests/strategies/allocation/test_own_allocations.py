@@ -18,8 +18,7 @@ from automaton.engine.record_codes import CHANGE_DROPPED
 from automaton.engine.state import LAYER_ALLOCATION, LAYER_NAMES, NIL, STRATEGY_COUNT
 from automaton.errors import InputError
 from automaton.recording.contents import FRAME_KIND_TICKS
-from automaton.recording.frames import Recording, encoded
-from automaton.recording.header import resolved_of
+from automaton.recording.frames import Recording, encoded, resolved_of
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.headless import run_once
 from automaton.runs.run_report import heading

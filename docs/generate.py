@@ -146,7 +146,8 @@ def _argument(action: argparse.Action) -> str:
     if not action.option_strings:
         optional = action.nargs in ("?", "*")
         return code(f"[{value}]" if optional else value)
-    suffix = "" if action.nargs == 0 else f" {value}"
+    values = " ".join(value) if isinstance(value, tuple) else value
+    suffix = "" if action.nargs == 0 else f" {values}"
     return ", ".join(code(option + suffix) for option in action.option_strings)
 
 

@@ -139,7 +139,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--only", type=kinds_of, default=search.KINDS, metavar="KINDS", help=text)
     text = "also try the changes in a YAML file, each as {name: NAME, set: {KEY: VALUE, ...}}"
     add("--changes", type=Path, metavar="FILE", help=text)
-    text = "try at most N changes, those near much lost time first (default: 150)"
+    text = "try at most N changes, first those near which most time is lost (default: 150)"
     add("--most", type=whole("a number of changes", 1, 10_000), default=150, metavar="N", help=text)
     add(
         "--pairs",
@@ -161,7 +161,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--recompute",
         action="store_true",
-        help="with --out, ignore results of other code or of other changes in the folder",
+        help="with --out, ignore results in the folder if they come from other code or other changes",
     )
     text = "list the changes, and estimate the time from a few pilot runs"
     add("--dry-run", action="store_true", help=text)

@@ -67,11 +67,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add("--target", metavar="T", help=text)
     add("--robots", metavar="A..B", help="test fleets of A to B robots")
     text = (
-        "instead, test A to B open stations or chargers with the fleet as it is; or compare limits of "
-        "strategy.allocation.active, for --target METRIC (default: throughput or makespan)"
+        "instead of --robots: test A to B open stations or chargers with the fleet as it is; or find the "
+        "best limit strategy.allocation.active by --target METRIC (default: throughput or makespan)"
     )
     add("--vary", nargs=2, metavar=("WHAT", "A..B"), help=text)
-    text = "test every Nth number (default: 1; of strategy.allocation.active: five steps)"
+    text = (
+        "test every Nth number (default: 1; for strategy.allocation.active, five steps from A to B)"
+    )
     add("--step", type=whole("a step", 1), metavar="N", help=text)
     text = "with --robots, keep TYPE at N robots (slow=12), or all types in a ratio (slow:fast=1:3)"
     add("--mix", metavar="TYPE=N", help=text)
@@ -81,8 +83,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--success-share",
         type=positive_share,
         metavar="P",
-        help="require this share of the runs to meet the target (default: 0.95; in a steady state: "
-        "--mean)",
+        help="require this share of the runs to meet the target (default: 0.95; in a steady state the "
+        "mean has to meet it, as with --mean)",
     )
     add(
         "--mean",
@@ -93,8 +95,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--assure",
         action="store_true",
-        help="let a fleet pass only if at least the required share of all days is shown to meet the "
-        "target",
+        help="let a fleet pass only if it is shown that at least the required share of all days meets "
+        "the target",
     )
     add(
         "--indifference",

@@ -54,7 +54,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=whole("a number of pairs", 2, MAX_PAIRS),
         default=20,
         metavar="N",
-        help="run each change with the same N seeds as the scenario as it is (default: 20)",
+        help="run each change and the unchanged scenario with the same N seeds (default: 20)",
     )
     add(
         "--metric",
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--recompute",
         action="store_true",
-        help="with --out, ignore results in the folder that other code or other changes produced",
+        help="with --out, ignore results in the folder if they come from other code or other changes",
     )
     add_timeout_argument(parser)
     add_output_arguments(parser, "--report")

@@ -175,7 +175,7 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
         Literal["park", "stay"],
         Meta(
             description="Behavior of robots without an order. park: they drive home; stay: they "
-            "stay where they are, as always do robots that get no order because of `active`."
+            "stay where they are. Robots that get no order because of `active` always stay."
         ),
     ] = "park"
 
@@ -281,8 +281,8 @@ class Auctions(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):
     reauction_after: Annotated[
         Annotated[int, quantity(TIME, ge=0, le=1_000_000)] | None,
         Meta(
-            description="Ticks by which a robot may finish its list of orders later than planned; "
-            "a robot that will be later returns the list. null: never."
+            description="Greatest delay, in ticks, with which a robot may finish its list of "
+            "orders; a robot that will be later returns the list. null: never."
         ),
     ] = None
     while_charging: Annotated[

@@ -269,8 +269,8 @@ class Decentralized(Zones, forbid_unknown_fields=True, frozen=True, kw_only=True
     drop_near: Annotated[
         Annotated[float, quantity(LENGTH, ge=0, le=1_000_000)],
         Meta(
-            description="Distance of the next station of an order from the transfer station up to "
-            "which the load skips the transfer station; 0: never."
+            description="If the next station of an order is at most this far from the transfer "
+            "station, the load goes directly to the next station; 0: never."
         ),
     ] = 0.0
 

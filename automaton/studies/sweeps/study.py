@@ -181,8 +181,8 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
         Literal["metric", "study"],
         Meta(
             description="The family of tests that is corrected for together. metric: the "
-            "comparisons of one metric; study: all comparisons. Those that the best point needs count "
-            "with the first metric."
+            "comparisons of one metric; study: all comparisons. Comparisons that decide which point "
+            "is best belong to the family of the first metric."
         ),
     ] = "study"
     error: Annotated[

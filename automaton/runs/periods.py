@@ -234,6 +234,8 @@ def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
         # Moves of this period that were undone, even later, and not those of earlier ones.
         undone = float(world.time_use.undone[before.period + 1 : mark.period + 1].sum())
         undone -= mark.undone - before.undone
+        if before.period == mark.period:
+            undone = 0.0  # beyond MOST_PERIODS it is not known when a move was driven
 
         def robots(
             *names: str, mark: Counted = mark, since: Counted = before, of: int = ticks

@@ -78,7 +78,8 @@ def plugin_files(plugin: str) -> tuple[Path, list[Path]]:
     waiting = [top]
     while waiting:
         name = waiting.pop()
-        if name in files_by_name or name in PACKAGES or name in sys.stdlib_module_names:
+        is_foreign = name in PACKAGES or name in sys.stdlib_module_names
+        if name in files_by_name or (is_foreign and name != top):
             continue
         files_by_name[name] = _module_files(root, name)
         if not is_installed(root):

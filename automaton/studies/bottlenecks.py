@@ -485,4 +485,4 @@ def paired_difference(results: Results, a: int, b: int, metric: str, level: floa
 def is_equal(results: Results, a: int, b: int, metric: str, level: float) -> bool:
     """Whether the difference of two points is not significant; False for fewer than two pairs."""
     pairs = len(compared_runs(results, results.points[a], results.points[b], metric)[0])
-    return pairs >= 2 and paired_difference(results, a, b, metric, level).holds(0.0)
+    return pairs >= 2 and paired(results, a, b, metric, level).p >= 1 - level

@@ -393,7 +393,10 @@ def pod_flow(resolved: Resolved) -> PodFlow | None:
     scenario, fleet, floor_plan = resolved.scenario, resolved.fleet, resolved.floor_plan
     if scenario.orders.lines is None:
         return None
-    handling, least = mean_handling(scenario), least_handling(scenario)
+    rules = handling_by_station(scenario, len(floor_plan.stations))
+    units = mean_units(scenario)
+    means, leasts = [mean_handling(one, units) for one in rules], [*map(least_handling, rules)]
+    handling, least = sum(means) / len(means), min(leasts)
     stops = scenario.pods.max_stops
     turns = least_turns(resolved) * fleet.least_loaded_turn
     passing = turns + 2 * fleet.least_loaded_move - 1
@@ -407,19 +410,19 @@ def pod_flow(resolved: Resolved) -> PodFlow | None:
         ticks = own.empty + drive + operations + handling
         used, rate = energy_of_trip(kind.battery, own.empty, drive, handling)
         trip, to_pod = trip + many * ticks, to_pod + many * own.empty
-        robots += many / (ticks + (used / rate if used else 0.0))
+        robots += many / (ticks + (used / rate if used and rate else 0.0))
         energy, supply = energy + many * used, supply + many * rate
         most += many * stops / max(operations + own.least + stops * least, 1)
-    n, stations = sum(fleet.counts), len(floor_plan.stations)
+    n = sum(fleet.counts)
     places = sum(places_of_chargers(scenario, floor_plan).values())
     return PodFlow(
         trip / n,
         to_pod / n,
         robots,
-        stations / (handling + passing),
+        sum(1 / max(one + passing, 1) for one in means),
         supply * places / energy if energy and places else math.inf,
         most,
-        stations / max(least + passing, 1),
+        sum(1 / max(one + passing, 1) for one in leasts),
     )
 
 
@@ -459,20 +462,27 @@ def least_turns(resolved: Resolved) -> int:
     return least
 
 
-def mean_handling(scenario: Scenario) -> float:
-    """Mean ticks of a visit for one line, of durations.handling."""
-    handling: Handling = scenario.durations.handling
-    line = mean_of(handling.line) if isinstance(handling.line, Distribution) else handling.line
-    units = 1.0
+def handling_by_station(scenario: Scenario, stations: int) -> list[Handling]:
+    """The handling times of each station: its own, or durations.handling."""
+    usual: Handling = scenario.durations.handling
+    own = [station.handling or usual for station in scenario.stations.values()][:stations]
+    return [*own, *[usual] * (stations - len(own))]
+
+
+def mean_units(scenario: Scenario) -> float:
+    """The mean number of units of a line."""
     lines = listed_lines(scenario.orders)
-    if lines:
-        units = float(line_column(lines, "units").mean())
+    return float(line_column(lines, "units").mean()) if lines else 1.0
+
+
+def mean_handling(handling: Handling, units: float) -> float:
+    """Mean ticks of a visit for one line."""
+    line = mean_of(handling.line) if isinstance(handling.line, Distribution) else handling.line
     return handling.visit + line + units * handling.unit
 
 
-def least_handling(scenario: Scenario) -> float:
-    """Least ticks of a visit, of durations.handling."""
-    handling: Handling = scenario.durations.handling
+def least_handling(handling: Handling) -> float:
+    """Least ticks of a visit."""
     line = handling.line
     if isinstance(line, Distribution):
         line = line.uniform.least if line.uniform is not None else 0

@@ -172,11 +172,13 @@ def effect(
         raise ValueError(f"{len(x)} and {len(y)} runs are not pairs")
     reference = float(y.mean())
     difference = mean_interval(x - y, level) if paired else unpaired(x, y, level)
-    difference = difference.unless_vague(reference)
+    difference, p = difference.unless_vague(reference), _p_value(x, y, paired)
+    if difference.warning == NO_SPREAD_WARNING and p >= 1 - level:
+        difference = difference._replace(low=None, high=None)  # without width it would exclude 0
     return Effect(
         difference=difference,
         relative=relative(difference, reference, float(x.min())),
-        p=_p_value(x, y, paired),
+        p=p,
         paired=paired,
         correlation=correlation(x, y) if pairs else None,
         variance_ratio=variance_ratio(x, y) if pairs else None,
@@ -236,7 +238,8 @@ def _p_value(x: Values, y: Values, paired: bool) -> float:
     difference = float(x.mean() - y.mean())
     if constant(x - y) if paired else constant(x) and constant(y):
         ways = 2 ** len(x) if paired else math.comb(len(x) + len(y), len(x))
-        return 1.0 if difference == 0 else (2 if len(x) == len(y) else 1) / ways
+        is_none = abs(difference) <= ROUNDING * max(np.abs(x).max(), np.abs(y).max())
+        return 1.0 if is_none else (2 if len(x) == len(y) else 1) / ways
     if paired:
         error, degrees = float((x - y).std(ddof=1)) / math.sqrt(len(x)), float(len(x) - 1)
     else:

@@ -147,7 +147,9 @@ def expected_runs(
     runs, width = np.zeros(len(shares)), 1
     for first in range(1, most + 1, RUNS_PER_FORECAST_STEP):
         n = np.arange(first, min(first + RUNS_PER_FORECAST_STEP, most + 1))[:, None]
-        width = min(width + len(n), most)  # no verdict has more misses than before and these runs
+        width = min(
+            width + len(n), most + 1
+        )  # no verdict has more misses than before and these runs
         missed = np.minimum(misses[:width], n)
         is_decided = np.abs(test.ratio(n - missed, missed)) >= test.bound
         for decided in is_decided:

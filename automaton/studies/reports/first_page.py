@@ -134,6 +134,11 @@ def decision(results: Results, answer: Answer) -> str:
     """What to do: the cheapest of the points that may be the best, or what is missing for a choice."""
     metric, chosen, leading = answer.metric, recommended(answer), answer.leading
     if not answer.compared:
+        counts = [results.counts(point) for point in results.points]
+        if any(one.failed for one in counts):
+            return f"See why runs failed: no point has two complete runs with {metric}."
+        if any(one.censored for one in counts):
+            return f"Raise stop.max_duration: no point has two complete runs with {metric}."
         return f"Make more runs: no point has two runs, all of them complete, with {metric}."
     if len(answer.compared) == 1:
         return (
@@ -200,13 +205,17 @@ def alike_but_for_costs(answer: Answer) -> list[Point]:
         return sorted((key, repr(one)) for key, one in point.levels.items() if key not in COSTS)
 
     alike = [point for point in answer.candidates if beside(point) == beside(leading)]
-    are_numbers = all(isinstance(p.levels.get(key, 0), int) for p in alike for key in COSTS)
-    return alike if are_numbers else [leading]
+    varied = [key for key in COSTS if key in leading.levels]
+    known = [p for p in alike if [k for k in COSTS if k in p.levels] == varied]
+    if any(not isinstance(p.levels[key], int) for p in known for key in varied):
+        return [leading]
+    most = costs_of(leading)
+    return [p for p in known if all(a <= b for a, b in zip(costs_of(p), most, strict=True))]
 
 
 def costs_of(point: Point) -> list[Any]:
-    """The numbers of robots, stations and chargers of a point."""
-    return [point.levels.get(key, 0) for key in COSTS]
+    """The numbers of robots, stations and chargers of a point, as far as it lists them."""
+    return [point.levels[key] for key in COSTS if key in point.levels]
 
 
 def most_lead(answer: Answer, point: Point) -> float:

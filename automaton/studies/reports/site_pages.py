@@ -237,9 +237,9 @@ def hours_section(
         yield Heading(f"Results by {by}{f', {name}' if len(sites) > 1 else ''}")
         if place == 0:
             yield Text(
-                f"Means over the complete runs of the points of the decision: {flow} done "
-                f"{rate_unit(resolved)}, {flow} open at the end of a period, numbers of robots, and the "
-                "share of time in which stations and chargers are busy."
+                "Means over the complete runs of the points of the decision that reach the period: "
+                f"{flow} done {rate_unit(resolved)}, {flow} open at its end, numbers of robots, and "
+                "the share of time in which stations and chargers are busy."
             )
         yield panels(results, resolved, shown, has)
         for point, periods in shown:
@@ -297,17 +297,19 @@ def runs_by_period(
 
 
 def period_records(results: Results, scenarios: Scenarios, every: str | None) -> Iterator[Record]:
-    """One record for each point and period, in ticks, robots and shares."""
+    """One record for each point and period, in ticks of the scenario, robots and shares."""
     for point in results.points:
         runs = runs_by_period(results, scenarios, point, every)
+        refine = scenarios[point.number].scenario.refine if runs else 1
         for k, one in enumerate(mean_periods(runs)):
             row = {"point": point.number, "point_name": point_name(results.study, point)}
             row |= {"runs": sum(len(run) > k for run in runs), "from": one.name}
             for name, value in one.as_json().items():
                 if name.endswith("queues") and isinstance(value, list):
                     continue
-                row[name] = (sum(value) or None) if isinstance(value, list) else value
-            del row["name"]
+                row[name] = (sum(value) if value else None) if isinstance(value, list) else value
+            row |= {"begin": one.begin // refine, "end": one.end // refine}
+            del row["name"], row["places"]
             yield row
 
 

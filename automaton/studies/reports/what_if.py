@@ -151,7 +151,10 @@ def what_if_points(results: Results, compared: Sequence[Comparison]) -> list[int
 def what_if_decision(results: Results, outcomes: Sequence[WhatIf]) -> str:
     """Which changes improve the first metric."""
     metric, base = outcomes[0].metric, results.analysis.baseline
-    own = [one for one in outcomes if one.metric == metric]
+    every = [one for one in outcomes if one.metric == metric]
+    own = [one for one in every if one.verdict != TOO_FEW_PAIRS]
+    if not own:
+        return f"See why runs did not finish: no change can be compared in {metric}."
     changes = count(len(own), "comparison" if several(results.study) else "change")
     better = [one for one in own if one.verdict == BETTER]
     if not better:

@@ -611,6 +611,6 @@ def verdict_meaning(question: Question, sure: str) -> str:
     low, high = zone(question)
     return (
         f"Indifference zone {question.indifference:g}: with {sure} confidence every fleet that "
-        f"meets the target in at least {percent(high)} of runs passes, and every fleet that meets it in "
-        f"at most {percent(low)} fails; in between either verdict is possible."
+        f"meets the target in {percent(high)} of runs or more passes, and every fleet that meets it in "
+        f"{percent(low)} or fewer fails; in between either verdict is possible."
     )

@@ -164,7 +164,9 @@ def paired_effect(runs: Sequence[FleetRun], base: Sequence[FleetRun], metric: st
         for a, b in zip(runs, base, strict=False)
         if a.finished and b.finished and metric in a.figures and metric in b.figures
     ]
-    return effect(*np.array(pairs).T) if len(pairs) >= 2 else None
+    if len(pairs) < 2:
+        return None
+    return effect([a for a, _ in pairs], [b for _, b in pairs], paired=True)
 
 
 def best_of(

@@ -15,6 +15,7 @@ import itertools
 import shlex
 import tempfile
 import zipfile
+import zlib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path, PurePosixPath
@@ -172,6 +173,8 @@ def unpack(path: Path, folder: Path) -> None:
                     raise InputError(f"is damaged: {name} has changed", str(path))
                 (folder / place).parent.mkdir(parents=True, exist_ok=True)
                 (folder / place).write_bytes(content)
+    except (zlib.error, RuntimeError) as error:  # a changed byte; encryption, unknown compression
+        raise InputError(f"is damaged: {error}", str(path)) from None
     except (zipfile.BadZipFile, msgspec.DecodeError, OSError, EOFError) as error:
         raise InputError(f"is not an archive of results: {error}", str(path)) from None
 

@@ -42,7 +42,9 @@ def crowd(many: int) -> View:
         for field in fields(FleetSnapshot)
     }
     metrics = view.playback.figures[0].metrics
-    figures = RunFigures(300, metrics, np.arange(many), np.full(many, 0.5), np.zeros(0, int), None)
+    figures = RunFigures(
+        300, metrics, np.arange(many), np.full(many, 0.5), np.zeros(0, int), None, ()
+    )
     snapshot = replace(view.snapshot, robots=FleetSnapshot(**copies))
     return replace(view, playback=replace(view.playback, snapshots=(snapshot,), figures=(figures,)))
 

@@ -89,8 +89,8 @@ class SteeringParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True
             TIME,
             ge=1,
             le=1_000_000,
-            description="Once a wait cycle has lasted as long as the longest action of its robots "
-            "plus this many ticks, one of them steps aside.",
+            description="One robot of a wait cycle steps aside once the cycle has lasted as long "
+            "as the longest action of its robots plus this many ticks.",
         ),
     ] = 64
 

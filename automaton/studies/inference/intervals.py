@@ -173,7 +173,7 @@ def effect(
     reference = float(y.mean())
     difference = mean_interval(x - y, level) if paired else unpaired(x, y, level)
     difference, p = difference.unless_vague(reference), _p_value(x, y, paired)
-    if difference.warning == NO_SPREAD_WARNING and p >= 1 - level:
+    if difference.warning == NO_SPREAD_WARNING and 1 - level <= p < 1:
         difference = difference._replace(low=None, high=None)  # without width it would exclude 0
     return Effect(
         difference=difference,

@@ -56,6 +56,17 @@ def test_chargers_and_charging_are_part_of_the_estimate() -> None:
     assert "limited by chargers (62 by 4 chargers" in said
 
 
+def test_a_station_with_handling_of_its_own_raises_the_bound() -> None:
+    usual = pod_flow(resolve("goods-mini"))
+    faster = pod_flow(resolve("goods-mini", ["stations.P1.handling={line: 1}"]))
+    assert usual is not None and faster is not None
+    assert faster.most_stations > usual.most_stations and faster.most_robots > usual.most_robots
+
+
+def test_a_battery_without_a_range_to_charge_has_no_charging_time() -> None:
+    assert bounds_in_words(resolve("goods-60x40", ["battery.reserve=100"]))
+
+
 def drawn(number: int) -> Resolved:
     """The scenario of a number, or of one of the next ones that is not refused and has lines."""
     for other in range(number, number + 20):

@@ -71,6 +71,7 @@ NOT_OF_ROWS: Final = ("tick",)  # mistakes of the scenario that rows bring to li
 CALLED: Final = {"from": "location", "to": "location", "sku": "SKU"}  # fields, in mistakes
 MAX_SHOWN_VALUES: Final = 5  # of a column, in an error or a note
 MAX_SHOWN_NAMES: Final = 8  # of known names, in an error
+MAX_KEPT_ROWS: Final = 5_000_000  # of tables that were read, at some 40 bytes a row
 NO_TIMES: Final = Scale("1 tick")  # for tables without times
 
 Array = NDArray[np.int32]
@@ -241,8 +242,45 @@ def read_table(
     NameField that the scenario defines. Raises InputError for a file that cannot be read as a table.
     """
     called = None if named is None else named.of_fields
-    fields = fields_of(kind, known)
-    return read_columns(path, fields, options, called, scale, kind.needed, kind.may_rename)
+    how = (kind.__name__, options, called, scale, {name: dict(one) for name, one in known.items()})
+
+    def read() -> TableColumns:
+        fields = fields_of(kind, known)
+        return read_columns(path, fields, options, called, scale, kind.needed, kind.may_rename)
+
+    return _KEPT.table(path, repr(how), read)
+
+
+class KeptTables:
+    """Tables without mistakes that this process has read: a study resolves many variants of a scenario.
+
+    The content of a file decides whether it is read again, not its time.
+    """
+
+    def __init__(self) -> None:
+        self.tables: dict[tuple[str, str], TableColumns] = {}
+
+    def table(self, path: Path, how: str, read: Callable[[], TableColumns]) -> TableColumns:
+        """The table of a file that was read in this way before; otherwise the one that `read` returns."""
+        content = content_hash(path)
+        key = str(path), f"{content} {how}"
+        table = self.tables.get(key)
+        if table is None:
+            table = read()
+            if not content or table.errors.kinds:
+                return table
+            self.tables[key] = table
+            while sum(map(len, self.tables.values())) > MAX_KEPT_ROWS:
+                del self.tables[next(iter(self.tables))]
+        return replace(  # a copy: callers change it
+            table,
+            values=dict(table.values),
+            errors=RowErrors(table.path),
+            counts=replace(table.counts),
+        )
+
+
+_KEPT: Final = KeptTables()
 
 
 def read_columns(

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from doc_commands import in_this_process
 from sweep_studies import small_study
 
 from automaton.commands import main
@@ -33,6 +35,12 @@ COMMANDS = {
 }
 TIMES = re.compile(r"computed in \S+ ms|\(?[\d,.]+ (s|ms|minutes)\b\S*")
 DRAWN = re.compile(r"^[^A-Za-z]*$|[|+].*[|:o-]{3}|^ {8}")  # scales and curves, which do not wrap
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quickly(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with in_this_process(tmp_path_factory.mktemp("work")):
+        yield
 
 
 @pytest.fixture(scope="module")

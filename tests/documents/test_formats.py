@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from pathlib import Path
 
 import openpyxl
 import pytest
+from doc_commands import in_this_process
 from sweep_studies import small_study
 
 from automaton.commands import main
@@ -21,6 +23,12 @@ COMMANDS = {
     "sweep": ("sweep {study} --out {folder}/results --workers 1", "--report"),
 }
 BEGINS = {".md": "", ".html": "<!doctype html>", ".txt": "", ".json": "{"}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def quickly(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    with in_this_process(tmp_path_factory.mktemp("work")):
+        yield
 
 
 @pytest.mark.parametrize("name", COMMANDS)

@@ -21,6 +21,7 @@ from typing import Any, Final
 
 import pytest
 from docs_pages import ROOT, Block, Page
+from remembered_runs import remembered_runs
 
 from automaton.commands import COMMANDS, main
 from automaton.studies import process_pool
@@ -96,11 +97,15 @@ def write_files(page: Page, folder: Path) -> None:
 
 @contextlib.contextmanager
 def in_this_process(folder: Path) -> Iterator[None]:
-    """Work in a folder, with sweeps and sizes in this process and screens of one width.
+    """Work in a folder, with sweeps and sizes in this process, equal runs once, screens of one width.
 
     Afterwards modules of the folder are forgotten, and nothing is left elsewhere.
     """
-    with pytest.MonkeyPatch.context() as patch, ThreadPoolExecutor(1) as executor:
+    with (
+        remembered_runs(),
+        pytest.MonkeyPatch.context() as patch,
+        ThreadPoolExecutor(1) as executor,
+    ):
         patch.setattr(process_pool, "cores", lambda: 1)
         patch.setattr(pools, "LocalPool", lambda workers=None: pools.ExternalExecutor(executor))
         patch.setenv("COLUMNS", WIDTH)

@@ -19,11 +19,12 @@ def remembered_runs() -> Iterator[None]:
     """Meanwhile this process carries out no run of many a second time; workers carry out theirs."""
     known: dict[Any, RunResult] = {}
     carry_out = process_pool.run_chunk
+    encode = msgspec.json.Encoder(enc_hook=lambda table: None).encode  # the files tell its rows
 
     @wraps(carry_out)  # workers are sent the name of the original
     def run_chunk(chunk: Chunk) -> tuple[int, list[RunResult]]:
         keys = [
-            (msgspec.json.encode(resolved.scenario), resolved.files, seed, chunk.conduct)
+            (encode(resolved.scenario), resolved.files, seed, chunk.conduct)
             for resolved, seed in chunk.jobs
         ]
         for key, job in zip(keys, chunk.jobs, strict=True):

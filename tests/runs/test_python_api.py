@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from doc_commands import in_this_process
 from docs_pages import page
 from everything_on import scenario_of
 
@@ -219,9 +220,9 @@ def test_a_strategy_that_decides_otherwise_cannot_be_saved(tmp_path: Path) -> No
     assert not os.listdir(tmp_path)
 
 
-def test_the_examples_of_the_page_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(tmp_path)
+def test_the_examples_of_the_page_run(tmp_path: Path) -> None:
     examples = [one.text for one in page("docs/reference/python.md").blocks]
     assert len(examples) >= len(automaton.OFFERED)
-    for example in examples:
-        exec(example, {"__name__": "example"})
+    with in_this_process(tmp_path):
+        for example in examples:
+            exec(example, {"__name__": "example"})

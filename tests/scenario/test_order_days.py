@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
 from collections import Counter
 from pathlib import Path
@@ -14,6 +15,7 @@ from drawn_scenes import recorded_run
 from automaton.commands import main
 from automaton.errors import InputError
 from automaton.runs.simulation import Simulation
+from automaton.scenario import table_reader
 from automaton.scenario.order_lines import line_column, listed_lines
 from automaton.scenario.reading import named_files
 from automaton.studies.sweeps.run_keys import fingerprint
@@ -162,3 +164,27 @@ def test_check_and_run_say_which_file_was_drawn(tmp_path: Path, capsys: Any) -> 
     assert f"orders of {name}, 1 of 3 files of days/*.csv" in capsys.readouterr().out
     assert main(["run", file, "--until", "1", "--json"]) in (0, 1)
     assert json.loads(capsys.readouterr().out)["order_file"] == name
+
+
+def test_a_file_is_read_again_only_if_its_content_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: list[str] = []
+    by_csv = table_reader.read_csv_columns
+
+    def counted(path: Path, *more: Any) -> Any:
+        read.append(path.name)
+        return by_csv(path, *more)
+
+    monkeypatch.setattr(table_reader, "read_csv_columns", counted)
+    first = days(tmp_path)
+    again = resolve(tmp_path / "days.yaml", ["durations.pick=3"], 1)
+    assert sorted(read) == sorted(DAYS) and again.days[0].orders == first.days[0].orders
+    resolve(tmp_path / "days.yaml", ["units.tick=2 s"])  # other ticks from the same texts
+    assert len(read) == 2 * len(DAYS)
+    stamp = (tmp_path / "days/mon.csv").stat()
+    (tmp_path / "days/mon.csv").write_text(DAYS["mon.csv"].replace("06:01,2", "06:01,3"))
+    os.utime(tmp_path / "days/mon.csv", ns=(stamp.st_atime_ns, stamp.st_mtime_ns))
+    changed = resolve(tmp_path / "days.yaml")
+    assert read[2 * len(DAYS) :] == ["mon.csv"]
+    assert changed.days[0].orders != first.days[0].orders

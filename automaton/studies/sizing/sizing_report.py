@@ -279,11 +279,13 @@ def sentence(search: FleetSearch, session: SizingSession) -> str:
         return many(answer.size or 0)
     if answer.kind == "not reachable":
         return f"not reachable up to {many(last)}"
-    upper = f"{answer.size}" if answer.size else f"{last}, or more"
+    between = f"between {answer.least} and {answer.size or f'{last}, or more'}"
+    if not answer.size and answer.least == last:
+        between = f"whether {many(last)} are enough"
     share = f"its share of the budget, {search.budget:,} runs, is spent"
     spent = share if len(session.question.strategies) > 1 else "the budget is spent"
     why = spent if session.complete else "interrupted"
-    return f"undecided between {answer.least} and {upper} ({why})"
+    return f"undecided {between} ({why})"
 
 
 def priced(search: FleetSearch, price: float) -> str:

@@ -254,7 +254,7 @@ def size(
     `workers`: spawned processes, by default one per core; 1: none. `overrides`: as in `simulate`. Raises
     InputError, and WorkerDied if a process dies.
 
-        automaton.size("tabletop-1", "makespan<=2400", robots=(1, 6), workers=1).robots
+        automaton.size("tabletop-mini", "makespan<=2000", robots=(1, 3), budget=400, workers=1).robots
     """
     from automaton.studies.process_pool import PersistentPool
     from automaton.studies.sizing.fleet_runs import Checked, Fleets, run_and_measure_use

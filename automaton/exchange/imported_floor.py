@@ -246,9 +246,10 @@ def _signless(value: float, digits: int) -> str:
 
 # A problem as a scenario, its starts and its tasks.
 #
-# Robots are differential, begin facing east, and take a tick for a move and for a turn; one robot fits
-# in a cell. The strategies are named, so that `--set strategy.right_of_way=...` compares others. In
-# problems of 2024 a task may change robots until it is begun, so tasks are matched again in each tick.
+# Robots are differential, begin facing east, and take as many ticks for a turn as for a move, usually
+# one; one robot fits in a cell. The strategies are named, so that `--set strategy.right_of_way=...`
+# compares others. From 2024 on a task may change robots until it is begun, so tasks are matched again in
+# each tick.
 
 
 def imported_files(problem: Problem, stem: str, ticks: int) -> dict[str, str]:
@@ -287,8 +288,9 @@ def scenario_text(problem: Problem, starts: str, tasks: str, ticks: int) -> str:
         "name": problem.name[:200],
         "summary": f"{size}, {count(len(problem.tasks), 'task')}, imported.",
         "fleet": fleet | {"heading": "east"},
-        "durations": {"move": 1, "turn": 1},
+        "durations": {"move": problem.action_ticks, "turn": problem.action_ticks},
         "orders": orders,
+        **({} if problem.delays is None else {"faults": {"delays": dict(problem.delays)}}),
         "strategy": strategy,
         "stop": {"when": "never" if problem.repeat else "delivered", "max_duration": ticks},
         "seed": 1,

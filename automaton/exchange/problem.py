@@ -19,9 +19,10 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Final, Literal, NamedTuple
+from typing import Any, Final, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -75,6 +76,8 @@ class Problem:
     revealed: float = 1.0
     repeat: bool = True
     skip_reached: bool = False  # a robot skips a task on whose first cell it is already
+    action_ticks: int = 1  # of a move and of a turn
+    delays: Mapping[str, Any] | None = None  # the section `faults.delays` of its scenario
     starts_from: ListedLines = field(default_factory=lambda: ListedLines(""))
     tasks_from: ListedLines = field(default_factory=lambda: ListedLines(""))
 

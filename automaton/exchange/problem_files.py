@@ -13,8 +13,12 @@ The league: a JSON file that names the other files, relative to itself:
      "teamSize": 2, "numTasksReveal": 1.5, "version": "2024 LoRR"}
 
 Agents and tasks: lines that begin with # are skipped; a count comes first, then a line for each entry,
-with cells as row * width + column. Tasks of 2024 are 1 to 5 cells with commas, in a pool. Tasks of 2023
-are single cells, assigned round-robin (`taskAssignmentStrategy`).
+with cells as row * width + column. From 2024 on tasks are 1 to 5 cells with commas, in a pool. Tasks of
+2023 are single cells, assigned round-robin (`taskAssignmentStrategy`). In 2026 an action takes
+`agentCounter` ticks, and robots are delayed:
+
+    "agentCounter": 3, "delayConfig": {"eventModel": "bernoulli", "pDelay": 0.01, "minDelay": 1,
+     "maxDelay": 4, "durationModel": "gaussian", "gaussMeanRatio": 0.5, "gaussStdRatio": 0.22}
 
 Sources: the experiments of A. Yukhnevich and A. Andreychuk, Enhancing PIBT via Multi-Action Operations,
 AAAI-26. The competition's start kit, Input_Output_Format.md; leagueofrobotrunners.org.
@@ -24,7 +28,7 @@ from __future__ import annotations
 
 import random
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -68,7 +72,13 @@ AGENTS: Final = "agents_*.csv"
 AGENT_COLUMNS: Final = ("agent id", "row", "col")
 TASK_COLUMNS: Final = ("targets",)
 MAX_TASK_CELLS: Final = 5
+MAX_TEAM: Final = 1_000_000
+MAX_ACTION_TICKS: Final = 1000
+MAX_DELAY: Final = 1_000_000  # ticks
 MAX_REVEAL: Final = 1000.0  # tasks open at once for each robot
+POOLED: Final = ("2024", "2026")  # versions
+EVENT_MODELS: Final = ("bernoulli", "poisson")
+DURATION_MODELS: Final = ("uniform", "gaussian")
 STRATEGIES_OF_2023: Final = ("roundrobin", "roundrobin-fixed")
 FILES: Final = {"mapFile": "a map", "agentFile": "the starts", "taskFile": "the tasks"}
 
@@ -234,7 +244,7 @@ def read_league_problem(path: Path, robots: int | None = None) -> Problem:
     for key, meaning in FILES.items():
         if not isinstance(data.get(key), str) or not data[key]:
             raise InputError(_missing(data, key, f"the file of {meaning}"), file)
-    team = _number(data, "teamSize", file, integral=True)
+    team = _number(data, "teamSize", file, 1, MAX_TEAM)
     if robots is not None and robots > team:
         raise InputError(f"--robots {robots} but the problem has {int(team)} robots", file)
     grid = read_map(folder / data["mapFile"])
@@ -253,10 +263,45 @@ def read_league_problem(path: Path, robots: int | None = None) -> Problem:
             assignment=assignment,
             revealed=revealed,
             repeat=repeat,
+            action_ticks=int(_number(data, "agentCounter", file, 1, MAX_ACTION_TICKS, default=1)),
+            delays=_delays(data, file),
             starts_from=starts_from,
             tasks_from=ListedLines(tasks.path, tasks.lines),
         )
     )
+
+
+def _delays(data: dict[str, Any], file: str) -> dict[str, Any] | None:
+    """The delays of a problem of 2026 as a scenario has them; None: none."""
+    said = data.get("delayConfig")
+    if said is None:
+        return None
+    if not isinstance(said, dict):
+        raise InputError(f"delayConfig must be a mapping, found {shown(said)}", file)
+    probability = _number(said, "pDelay", file, 0, 1, integral=False)
+    least = int(_number(said, "minDelay", file, 1, MAX_DELAY))
+    most = int(_number(said, "maxDelay", file, least, MAX_DELAY))
+    events = _one_of(said, "eventModel", EVENT_MODELS, file)
+    durations = _one_of(said, "durationModel", DURATION_MODELS, file)
+    if not probability:
+        return None
+    delays: dict[str, Any] = {
+        "probability": probability,
+        "events": events,
+        "ticks": {"from": least, "to": most},
+    }
+    if durations == "gaussian":
+        mean = _number(said, "gaussMeanRatio", file, 0, 1, integral=False)
+        deviation = _number(said, "gaussStdRatio", file, 0, 10, integral=False)
+        delays["distribution"] = {"gaussian": {"mean_ratio": mean, "sd_ratio": deviation}}
+    return delays
+
+
+def _one_of(data: dict[str, Any], key: str, allowed: Sequence[str], file: str) -> str:
+    value = data.get(key)
+    if value not in allowed:
+        raise InputError(_missing(data, key, " or ".join(allowed)), file)
+    return str(value)
 
 
 def read_agents(path: Path) -> tuple[Cells, ListedLines]:
@@ -282,10 +327,13 @@ def _mapping(path: Path) -> dict[str, Any]:
 def _rules(data: dict[str, Any], file: str) -> tuple[Assignment, float, bool]:
     """Return the assignment of tasks, the open tasks per robot, and whether tasks repeat."""
     version = str(data.get("version") or "")
-    if "2024" in version:
-        return "pool", _number(data, "numTasksReveal", file), True
+    if any(year in version for year in POOLED):
+        return "pool", _number(data, "numTasksReveal", file, 1, MAX_REVEAL, integral=False), True
     if version and "2023" not in version:
-        text = f"version must be '2024 LoRR', or '2023 LoRR' or left out, found {shown(version)}"
+        text = (
+            "version must be '2026 LoRR', '2024 LoRR', '2023 LoRR' or left out, "
+            f"found {shown(version)}"
+        )
         raise InputError(text, file)
     strategy = data.get("taskAssignmentStrategy", STRATEGIES_OF_2023[0])
     if strategy not in STRATEGIES_OF_2023:
@@ -298,15 +346,23 @@ def _rules(data: dict[str, Any], file: str) -> tuple[Assignment, float, bool]:
     return "round-robin", 1.0, strategy == STRATEGIES_OF_2023[0]
 
 
-def _number(data: dict[str, Any], key: str, file: str, integral: bool = False) -> float:
-    value = data.get(key)
+def _number(
+    data: dict[str, Any],
+    key: str,
+    file: str,
+    least: float,
+    most: float,
+    integral: bool = True,
+    default: float | None = None,
+) -> float:
+    value = data.get(key, default)
     if value is None:
         raise InputError(_missing(data, key, "a number"), file)
     kinds = int if integral else (int, float)
-    most = 1_000_000 if integral else MAX_REVEAL
-    if isinstance(value, bool) or not isinstance(value, kinds) or not 1 <= value <= most:
+    if isinstance(value, bool) or not isinstance(value, kinds) or not least <= value <= most:
         kind = "a whole number" if integral else "a number"
-        raise InputError(f"{key} must be {kind} from 1 to {most:,.0f}, found {shown(value)}", file)
+        text = f"{key} must be {kind} from {least:,.10g} to {most:,.0f}, found {shown(value)}"
+        raise InputError(text, file)
     return float(value)
 
 

@@ -9,9 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from automaton.commands import main
 from automaton.errors import InputError
 from automaton.exchange.problem import Problem, connected_parts, read_map
 from automaton.exchange.problem_files import read_problem
+from automaton.scenario.fleet import BellDelays
+from automaton.world.resolve import resolve
 
 # x 0123   a part of its own at x 3, y 2
 MAP = """type octile
@@ -23,6 +26,10 @@ SE.@
 TOW.
 """
 AGENTS = "# of two robots\n2\n0\n5\n"
+DELAYS = {
+    **{"seed": 0, "minDelay": 5, "maxDelay": 12, "eventModel": "poisson", "pDelay": 0.003},
+    **{"durationModel": "gaussian", "gaussMeanRatio": 0.4, "gaussStdRatio": 0.22},
+}
 TASKS = "# tasks\n3\n1,4\n6\n0,1,4,5,6\n"
 
 
@@ -85,6 +92,22 @@ def test_a_problem_of_2024_is_a_pool(tmp_path: Path) -> None:
     assert problem.name == "problem" and problem.starts.tolist() == [0, 5]
     assert problem.tasks == ((1, 4), (6,), (0, 1, 4, 5, 6))
     assert (problem.assignment, problem.open_tasks, problem.repeat) == ("pool", 3, True)
+
+
+def test_in_a_problem_of_2026_actions_take_ticks_and_robots_are_delayed(tmp_path: Path) -> None:
+    league(tmp_path, version="2026 LoRR", agentCounter=3, delayConfig=DELAYS)
+    assert main(["import", f"{tmp_path}/problem.json", "--out", f"{tmp_path}/x.yaml"]) == 0
+    scenario = resolve(tmp_path / "x.yaml").scenario
+    assert (scenario.durations.move, scenario.durations.turn) == (3, 3)
+    assert scenario.orders.assign == "pool" and scenario.orders.revealed == 1.5
+    delays = scenario.faults.delays
+    assert delays is not None and isinstance(delays.distribution, BellDelays)
+    assert (delays.probability, delays.events) == (0.003, "poisson")
+    assert (delays.ticks.least, delays.ticks.most) == (5, 12)
+    assert delays.distribution.gaussian.mean_ratio == 0.4
+    assert main(["run", f"{tmp_path}/x.yaml", "--until", "200"]) in (0, 1)
+    none = league(tmp_path, version="2026 LoRR", delayConfig=DELAYS | {"pDelay": 0})
+    assert read_problem(none).delays is None and read_problem(none).action_ticks == 1
 
 
 def test_the_first_robots_of_a_problem_are_a_smaller_one(tmp_path: Path) -> None:
@@ -236,13 +259,28 @@ def test_a_task_in_two_parts_of_the_map_is_refused(tmp_path: Path) -> None:
         ({"numTasksReveal": "all"}, "numTasksReveal must be a number from 1 to 1,000, found 'all'"),
         (
             {"version": "2031 LoRR"},
-            "version must be '2024 LoRR', or '2023 LoRR' or left out, found",
+            "version must be '2026 LoRR', '2024 LoRR', '2023 LoRR' or left out, found",
         ),
         ({"taskFile": 3}, "taskFile must be the file of the tasks, found '3'"),
         ({"taskFile": "b.tasks"}, "b.tasks: no such file"),
         (
             {"version": None, "taskAssignmentStrategy": "greedy"},
             "taskAssignmentStrategy must be roundrobin or roundrobin-fixed (a problem of 2023)",
+        ),
+        (
+            {"agentCounter": 0},
+            "problem.json: agentCounter must be a whole number from 1 to 1,000, found 0",
+        ),
+        ({"delayConfig": 3}, "delayConfig must be a mapping, found 3"),
+        ({"delayConfig": {}}, "the key 'pDelay' (a number) is missing"),
+        ({"delayConfig": DELAYS | {"pDelay": 2}}, "pDelay must be a number from 0 to 1, found 2"),
+        (
+            {"delayConfig": DELAYS | {"maxDelay": 4}},
+            "maxDelay must be a whole number from 5 to 1,000,000, found 4",
+        ),
+        (
+            {"delayConfig": DELAYS | {"eventModel": "often"}},
+            "eventModel must be bernoulli or poisson, found 'often'",
         ),
     ],
 )

@@ -44,7 +44,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--vda5050",
         type=Path,
         metavar="JSONL",
-        help="write VDA 5050 `state` messages, one per line, per robot and period",
+        help="write VDA 5050 `state` messages: one line for each robot and period",
     )
     formats.add_argument(
         "--lif", type=Path, metavar="LIF", help="write the floor of a scenario as VDMA LIF"

@@ -54,8 +54,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--robots",
         type=whole("a number of robots", 1, 1_000_000),
         metavar="N",
-        help="set the number of robots. Their start cells: of a problem, the first N; of a folder, "
-        "those of its file with N starts; of a bare map, random ones",
+        help="set the number of robots. A problem starts its first N robots, a folder those of its file "
+        "with N starts; a map without starts gets random ones",
     )
     add(
         "--ticks",
@@ -69,8 +69,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def add_layout_arguments(parser: argparse.ArgumentParser) -> None:
-    """Arguments for layouts only."""
-    add = parser.add_argument_group("layouts only").add_argument
+    """Arguments for layouts and images."""
+    add = parser.add_argument_group("layouts and images").add_argument
     add("--floor", type=Path, metavar="FILE", help="write the drawn floor to FILE")
     add(
         "--cell",

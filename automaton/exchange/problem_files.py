@@ -76,7 +76,7 @@ MAX_TEAM: Final = 1_000_000
 MAX_ACTION_TICKS: Final = 1000
 MAX_DELAY: Final = 1_000_000  # ticks
 MAX_REVEAL: Final = 1000.0  # tasks open at once for each robot
-POOLED: Final = ("2024", "2026")  # versions
+POOL_VERSIONS: Final = ("2024", "2026")  # versions
 EVENT_MODELS: Final = ("bernoulli", "poisson")
 DURATION_MODELS: Final = ("uniform", "gaussian")
 STRATEGIES_OF_2023: Final = ("roundrobin", "roundrobin-fixed")
@@ -327,7 +327,7 @@ def _mapping(path: Path) -> dict[str, Any]:
 def _rules(data: dict[str, Any], file: str) -> tuple[Assignment, float, bool]:
     """Return the assignment of tasks, the open tasks per robot, and whether tasks repeat."""
     version = str(data.get("version") or "")
-    if any(year in version for year in POOLED):
+    if any(year in version for year in POOL_VERSIONS):
         return "pool", _number(data, "numTasksReveal", file, 1, MAX_REVEAL, integral=False), True
     if version and "2023" not in version:
         text = (

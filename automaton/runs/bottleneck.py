@@ -111,7 +111,7 @@ def bottleneck_sentences(
         f"{subject(first.resource)} the bottleneck, saturated for {share} of the run; the longest "
         f"stretch was {stretch_text(resolved, stretch)}: "
         f"{'; '.join(facts(first.resource, stretch, robots, names))}.",
-        f"Meanwhile {'; '.join(others(first.resource, stretch, robots))}.",
+        f"In this stretch {'; '.join(others(first.resource, stretch, robots))}.",
     ]
     for one in [first, *more]:
         fall = rate_fall(resolved, periods, one)

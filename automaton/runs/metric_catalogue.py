@@ -56,12 +56,12 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "blocked_share": (
         "share",
-        "share lost in traffic of the time in which robots have something to do; queues of "
-        "stations and chargers are not counted",
+        "share of the time in which robots have something to do that they lose in traffic, without "
+        "queues of stations and chargers",
     ),
     "station_queue_share": (
         "share",
-        "share spent in queues of stations of the time in which robots have something to do",
+        "share of the time in which robots have something to do that they spend in queues of stations",
     ),
     "charger_queue_share": (
         "share",
@@ -98,7 +98,7 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     ),
     "lost_making_way": (
         "ticks",
-        "time spent for orders on moves that later moves undo, and on turns that the next move "
+        "time spent on moves for orders that later moves undo, and on turns that the next move "
         "did not need",
     ),
     "slowdown_ticks": (

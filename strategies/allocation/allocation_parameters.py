@@ -163,8 +163,9 @@ class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only
     reassign: Annotated[
         Ticks | None,
         Meta(
-            description="Ticks after which orders are matched again; only orders that have no "
-            "load and are not begun take part. null: a robot keeps its order."
+            description="Ticks after which the orders that no robot has begun, and that have no load, "
+            "are assigned again to all robots that have none or one of these. null: a robot keeps "
+            "its order."
         ),
     ] = None
     active: Annotated[

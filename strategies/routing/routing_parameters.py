@@ -159,8 +159,9 @@ class Avoidance(TieBreaking, forbid_unknown_fields=True, frozen=True, kw_only=Tr
     closed_from: Annotated[
         Literal["A", "more than A"],
         Meta(
-            description="How many other robots close a zone. A: A or more. more than A: as Shaji "
-            "Bhattathiri, Li and Kuhl print it; then one robot alone never closes a zone."
+            description="How many other robots a zone must have to be avoided at threshold A. A: A or "
+            "more. more than A: as Shaji Bhattathiri, Li and Kuhl print it; then a zone with one "
+            "robot is never avoided."
         ),
     ] = "A"
 

@@ -521,15 +521,15 @@ def moved_line(moved: SensitivityResult, question: Question) -> str:
     if not moved.fleets:
         return "; ".join(refused)
     found = moved.smallest(question)
-    shares = ", ".join(f"{one.place.size}: {moved_text(one, question)}" for one in moved.fleets)
+    shares = ", ".join(f"{moved_text(one, question)} with {one.place.size}" for one in moved.fleets)
     last = moved.fleets[-1].place.size
     many = question.quantity.many
     answer = f"more than {many(last)}" if found is None else many(found)
     if found == moved.fleets[0].place.size and found > 1:
         answer += " or fewer"
     runs = len(moved.fleets[0].runs)
-    what = "mean" if question.mean else "share"
-    told = f"{answer} ({what} by robots, {runs} runs each: {shares})"
+    what = "mean" if question.mean else "target met by"
+    told = f"{answer} ({what} {shares}; {runs} runs each)"
     return "; ".join([told, *refused])
 
 

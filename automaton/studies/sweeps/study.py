@@ -165,16 +165,16 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
     baseline: Annotated[
         Levels | NonEmptyText | None,
         Meta(
-            description="Levels of some factors; points with these levels are the baseline. Of points "
-            "with names: the name of one, by default of the first."
+            description="The points with these levels of some factors are the baseline. For points with "
+            "names, the name of the baseline (default: the first)."
         ),
     ] = None
     comparisons: Annotated[
         Literal["none", "baseline", "pairs"],
         Meta(
-            description="baseline: each other level of the baseline's factors with the baseline, "
-            "at equal levels of the other factors; pairs: all pairs of points. Points with names are "
-            "compared with the baseline by default."
+            description="Which points are compared. baseline: each point that differs from a baseline "
+            "only in the baseline's factors, with it; pairs: every point with every other. Points with "
+            "names are compared with the baseline by default."
         ),
     ] = "none"
     family: Annotated[
@@ -191,9 +191,10 @@ class Analysis(ConfigSection, frozen=True, kw_only=True):
     precision: Annotated[
         Annotated[float, Meta(ge=1e-6, le=1)] | None,
         Meta(
-            description="Target half-width of the intervals of differences, relative to the mean of "
-            "the baseline (without comparisons: of means, relative to the mean). The report says how "
-            "many runs that takes; with replications: {at_most: N} the sweep makes them."
+            description="Target half-width of the intervals of differences, as a share of the mean of "
+            "the baseline; without comparisons, of the intervals of means, as a share of the mean. The "
+            "report says how many runs that takes; with replications: {at_most: N} the sweep makes "
+            "them."
         ),
     ] = None
 

@@ -33,7 +33,7 @@ from automaton.world.resolve import Resolved, resolve
 GUIDANCE_TICKS: Final = 1000
 TASKS_EACH: Final = 200  # per robot: more than it can do
 NEVER_ASIDE: Final = 1_000_000  # ticks: the authors' robots do not break wait cycles
-METRIC: Final = "tasks_per_tick"
+TASKS_PER_TICK: Final = "tasks_per_tick"
 
 UNWEIGHTED: Final = "unweighted"
 
@@ -51,31 +51,30 @@ class Setup:
 BLOCKS: Final = {"generator": "shelf-blocks", "columns": 36, "rows": 33, "block": 10}
 OPEN: Final = {"generator": "random", "columns": 48, "rows": 48, "obstacles": 0}
 ALTERNATELY: Final = ("stations", "racks")
-ELSEWHERE: Final = "1, goals outside dead ends"
-EVERYWHERE: Final = "1, goals everywhere"
+GOALS_OUTSIDE: Final = "1, goals outside dead ends"
+GOALS_EVERYWHERE: Final = "1, goals everywhere"
 
 SETUPS: Final = {
-    ELSEWHERE: Setup("random-32-32-20", 400, "no-dead-ends"),
-    EVERYWHERE: Setup("random-32-32-20", 400, "all"),
+    GOALS_OUTSIDE: Setup("random-32-32-20", 400, "no-dead-ends"),
+    GOALS_EVERYWHERE: Setup("random-32-32-20", 400, "all"),
     "2": Setup("warehouse-33-36", 400, ALTERNATELY, BLOCKS),
     "4": Setup("empty-48-48", 1000, "all", OPEN),
     "10": Setup("warehouse-33-36", 150, ALTERNATELY, BLOCKS),
 }
-FILES: Final = {  # of the authors, without .json, by floor and weights
+AUTHORS_FILES: Final = {  # of the authors, without .json, by floor and weights
     ("random-32-32-20", UNWEIGHTED): "pibt_random_unweight_32x32",
     ("warehouse-33-36", UNWEIGHTED): "pibt_warehouse_33x36_w_mode",
     ("empty-48-48", UNWEIGHTED): "pibt_empty-48-48",
 }
 
-PRINTED: Final = {
-    (EVERYWHERE, UNWEIGHTED): 5.52,
+PRINTED_TASKS_PER_TICK: Final = {
     ("2", UNWEIGHTED): 5.22,
     ("4", UNWEIGHTED): 19.48,
     ("10", UNWEIGHTED): 3.75,
 }
 # Mean and standard error of an independent program that follows the authors' code.
-PROTOTYPE: Final = {
-    (ELSEWHERE, UNWEIGHTED): (5.616, 0.021),
+PROTOTYPE_TASKS_PER_TICK: Final = {
+    (GOALS_OUTSIDE, UNWEIGHTED): (5.616, 0.021),
     ("2", UNWEIGHTED): (5.216, 0.013),
     ("4", UNWEIGHTED): (19.397, 0.033),
     ("10", UNWEIGHTED): (3.749, 0.005),
@@ -91,15 +90,15 @@ class GuidanceCase(RunCase):
 
 
 def published(key: Key, metric: str) -> float | None:
-    """The printed figure."""
+    """The printed number of tasks per tick."""
     setup, weights = map(str, key)
-    return PRINTED.get((setup, weights))
+    return PRINTED_TASKS_PER_TICK.get((setup, weights))
 
 
 def prototype(key: Key, metric: str) -> tuple[float, float] | None:
     """The prototype's mean and its standard error."""
     setup, weights = map(str, key)
-    return PROTOTYPE.get((setup, weights))
+    return PROTOTYPE_TASKS_PER_TICK.get((setup, weights))
 
 
 # The authors' floors.
@@ -127,11 +126,11 @@ def found_files(folder: Path) -> dict[tuple[str, str], Path]:
     if not folder.is_dir():
         raise InputError("is not a folder", str(folder))
     paths = {path.stem: path for path in sorted(folder.rglob("*.json")) if path.is_file()}
-    found = {key: paths[stem] for key, stem in FILES.items() if stem in paths}
-    if not found:
-        names = ", ".join(f"{stem}.json" for stem in list(FILES.values())[:2])
+    known = {key: paths[stem] for key, stem in AUTHORS_FILES.items() if stem in paths}
+    if not known:
+        names = ", ".join(f"{stem}.json" for stem in list(AUTHORS_FILES.values())[:2])
         raise InputError(f"has no floor of the authors, such as {names}", str(folder))
-    return found
+    return known
 
 
 # Runs.
@@ -183,7 +182,7 @@ def runs_on(files: Mapping[tuple[str, str], Path]) -> Runner:
 
 def per_tick(result: RunResult) -> RunResult:
     """The result of a run with the finished tasks per tick as its only metric."""
-    return result._replace(metrics={METRIC: result.metrics["delivered"] / GUIDANCE_TICKS})
+    return result._replace(metrics={TASKS_PER_TICK: result.metrics["delivered"] / GUIDANCE_TICKS})
 
 
 def tables_of(files: Mapping[tuple[str, str], Path]) -> list[PublishedTable]:
@@ -202,7 +201,7 @@ def tables_of(files: Mapping[tuple[str, str], Path]) -> list[PublishedTable]:
                 title=f"Setup {name}: {setup.floor}, {setup.robots:,} robots; tasks per tick",
                 name=f"setup-{name}",
                 cases=fixed(cases),
-                panels=((METRIC,),),
+                panels=((TASKS_PER_TICK,),),
                 run=runs_on(files),
                 published=published,
                 prototype=prototype,
@@ -221,11 +220,11 @@ def reproduction_of(files: Mapping[tuple[str, str], Path]) -> Reproduction:
         WITHOUT_TABLES,
         tables=tuple(tables),
         headlines=tuple(
-            Headline(f"{setup}: {weights}", cell=(METRIC, (setup, weights)), digits=3)
+            Headline(f"{setup}: {weights}", cell=(TASKS_PER_TICK, (setup, weights)), digits=3)
             for setup, weights in keys
         ),
         source=WITHOUT_TABLES.source + ("" if files else "; setup 1 needs --data FOLDER"),
-        remarks=REMARKS[1:] if files else REMARKS,
+        remarks=GUIDANCE_REMARKS[1:] if files else GUIDANCE_REMARKS,
     )
 
 
@@ -239,18 +238,18 @@ WHERE_FLOORS_ARE: Final = (
     "not part of the project: it is on GitHub (lunjohnzhang/ggo_public, folder maps/competition). "
     "`automaton reproduce guidance --data FOLDER` reads it."
 )
-REMARKS: Final = (
+GUIDANCE_REMARKS: Final = (
     WHERE_FLOORS_ARE,
     "A run has 1,000 ticks from random starts, no warm-up. Robots know one task at a time. Ties between "
     "equal steps are fixed (west, east, south, north): with ties by hash, the default of pibt, the "
-    "unweighted figures differ by up to 5 %.",
+    "unweighted numbers differ by up to 5 %.",
     "The prototype is an independent program that orders robots as the authors do: by the time since "
     "their last finished task, then by the distance to their goal. pibt orders by the time alone, which "
     "lowers throughput by up to 0.5 %.",
-    "Setup 1 as printed measures a fleet that shrinks: until March 2024 the authors' robots retired "
-    "where their goal had at most one neighbour (145 to 201 of 400 during a run). Here all robots drive, "
-    "so figures with goals everywhere are not comparable with the printed ones; those without goals in "
-    "dead ends are compared with the prototype.",
+    "Setup 1 as printed (unweighted 5.52, crisscross 6.84) measures a fleet that shrinks: until March "
+    "2024 the authors' robots retired where their goal had at most one neighbour (145 to 201 of 400 in a "
+    "run), the fewer the better the weights. Here all robots drive, so no printed number stands beside "
+    "them. Without the rules of dead ends that pibt has, such a fleet jams.",
 )
 
 WITHOUT_TABLES: Final = Reproduction(

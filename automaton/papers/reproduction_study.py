@@ -184,7 +184,7 @@ def unpublished(key: Key, metric: str) -> float | None:
 
 
 def without_prototype(key: Key, metric: str) -> tuple[float, float] | None:
-    """No other program has computed a figure."""
+    """No independent program has computed it."""
     return None
 
 

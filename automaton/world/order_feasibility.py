@@ -276,8 +276,8 @@ def check_tours(fleet: FleetOnFloor) -> Iterator[Finding]:
     meanings = {"stations": "station", "racks": "cell above or below a rack"}
     for name, cells in zip(names, groups, strict=True):
         if not len(cells):
-            found = meanings.get(name, "cell outside dead ends")
-            yield Finding(("orders", "cells"), f"tours need a {found}, but robots reach none")
+            needed = meanings.get(name, "cell outside dead ends")
+            yield Finding(("orders", "cells"), f"tours need a {needed}, but robots reach none")
 
 
 def check_service(fleet: FleetOnFloor) -> Iterator[Finding]:

@@ -51,8 +51,8 @@ def _group(name: StopGroup, floor_plan: FloorPlan, within: Array) -> Array:
         of_racks = floor_plan.kind.reshape(-1)[floor_plan.slots] == RACK
         cells = slot_access(floor_plan)[of_racks].reshape(-1)
     cells = np.unique(cells[cells != NIL]).astype(np.int64)
-    found: Array = cells[within[cells] != 0]
-    return found
+    reached: Array = cells[within[cells] != 0]
+    return reached
 
 
 def order_count(scenario: Scenario, floor_plan: FloorPlan) -> int:

@@ -49,12 +49,12 @@ def test_setup_10_agrees_with_the_prototype() -> None:
 
 
 def test_the_authors_floor_is_run(data: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Goals outside the dead end are reached sooner: the run differs from that with all goals."""
+    """Once with goals outside the dead end, once with goals everywhere."""
     arguments = ["--data", str(data), "--tables", "setup-1", "--seeds", "1", "--workers", "1"]
     assert main(["reproduce", "guidance", *arguments, "--json"]) == 0
     rows = json.loads(capsys.readouterr().out)["rows"]
-    assert [row["paper"] for row in rows if row["case"]["weights"] == "unweighted"] == [None, 5.52]
-    assert rows[0]["prototype"] == 5.616 and rows[0]["mean"] > 5
+    assert {row["paper"] for row in rows} == {None}, "in print, robots retire"
+    assert rows[0]["prototype"] == 5.616 and rows[0]["mean"] != rows[1]["mean"] > 5
     assert from_data(data).tables[0].name == "setup-1"
     assert "setup-1" not in [table.name for table in REPRODUCTION.tables]
     assert "lunjohnzhang/ggo_public" in REPRODUCTION.remarks[0]

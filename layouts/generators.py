@@ -14,4 +14,5 @@ GENERATORS: Final[dict[str, str]] = {
     "rooms": "layouts.random_floor:Rooms",
     "aisles": "layouts.aisles:Aisles",
     "sorting": "layouts.sorting:Sorting",
+    "shelf-blocks": "layouts.shelf_blocks:ShelfBlocks",
 }

@@ -147,6 +147,15 @@ def as_json(reproduced: Reproduced, judged: list[JudgedClaim]) -> dict[str, Any]
                 **({"half_width": row.half_width, "rank": row.rank} if row.ranked else {}),
                 **({"paper_sd": row.paper_sd} if row.paper_sd is not None else {}),
                 **({"stored": True} if row.stored else {}),
+                **(
+                    {
+                        "prototype": row.prototype[0],
+                        "prototype_se": row.prototype[1],
+                        "standard_errors": row.standard_errors,
+                    }
+                    if row.prototype
+                    else {}
+                ),
                 **({"low": row.exact.low, "high": row.exact.high} if row.exact else {}),
             }
             for row in reproduced.rows()

@@ -36,6 +36,7 @@ STYLES = {
 }  # fmt: skip
 SHORT_LABELS = {"configuration": "cfg", "robots": "N"}
 PRINTED_SD = "(sd)"
+DIFFERENCE = "diff/se"
 EXPLANATION = (
     "A claim holds if the 95 % interval of each of its quantities lies in the range. It does not hold "
     "if one interval lies outside; otherwise it is undecided. If all runs agree, the claim is not "
@@ -142,6 +143,8 @@ def of_cell(headline: Headline, row: FigureRow) -> Line:
         ends = row.mean - row.half_width, row.mean + row.half_width
     paper = "-" if row.paper is None else shown(row.paper) + unit
     error = "" if row.error is None else f"error {100 * row.error:+.1f} %"
+    if row.standard_errors is not None:
+        error = f"prototype {row.standard_errors:+.1f} se"
     return headline.label, paper, with_ends(shown, row.mean, ends) + unit, "-", error
 
 
@@ -291,6 +294,8 @@ def panel_table(
         name: heads_of(made_of, name in printed, name in exact, name in deviations)
         for name in metrics
     }
+    for name in {row.metric for row in rows if row.prototype is not None} & columns.keys():
+        columns[name] += ["prototype", DIFFERENCE]
     head = [SHORT_LABELS.get(label, label) for label in labels]
     head += [name for heads in columns.values() for name in heads]
     lines: list[list[str]] = []
@@ -338,12 +343,15 @@ def figures(row: FigureRow | None, heads: Sequence[str], table: PublishedTable) 
     error = "-" if row.error is None else f"{100 * row.error:+.1f} %"
     cells = {"paper": row.paper, "ours": row.mean, "sd": row.sd, "se": row.se, "stored": row.mean}
     cells[PRINTED_SD] = row.paper_sd
+    cells["prototype"] = None if row.prototype is None else row.prototype[0]
+    difference = "-" if row.standard_errors is None else f"{row.standard_errors:+.1f}"
     rank = "" if row.rank is None else percent(row.rank, 0)
     shown = {
         head: "-" if value is None else in_table(value, row.metric, table)
         for head, value in cells.items()
     }
-    return [(shown | {"error": error, "95 %": around(row, table), "rank": rank})[h] for h in heads]
+    shown |= {"error": error, "95 %": around(row, table), "rank": rank, DIFFERENCE: difference}
+    return [shown[head] for head in heads]
 
 
 def around(row: FigureRow, table: PublishedTable) -> str:

@@ -183,6 +183,11 @@ def unpublished(key: Key, metric: str) -> float | None:
     return None
 
 
+def without_prototype(key: Key, metric: str) -> tuple[float, float] | None:
+    """No independent program has computed it."""
+    return None
+
+
 # Repetitions by key of a case -> (metric, key) and its values, one for each repetition.
 Together = Callable[
     [Mapping[Key, Sequence[MeasuredRepetition]]], Iterator[tuple[tuple[str, Key], list[float]]]
@@ -210,6 +215,8 @@ class PublishedTable:
     grouped: int = -1  # lines with equal labels[:grouped] form a group
     spread: Literal["sd", "se"] = "sd"  # shown spread: of single repetitions, or of their mean
     printed_sd: Callable[[Key, str], float | None] = unpublished  # printed sd by case, metric
+    # Mean and standard error of an independent program by case, metric.
+    prototype: Callable[[Key, str], tuple[float, float] | None] = without_prototype
     premise: str = ""  # the table's premise if tables differ in it; the last label of its cases
     stored: Callable[[], str] | None = None  # origin of figures that are read, not computed
 
@@ -278,6 +285,15 @@ class FigureRow:
     exact: Interval | None = None  # Clopper and Pearson's interval of a share of repetitions
     stored: bool = False  # whether it was read from a file
     paper_sd: float | None = None  # printed standard deviation
+    prototype: tuple[float, float] | None = None  # mean and standard error of another program
+
+    @property
+    def standard_errors(self) -> float | None:
+        """The difference to the other program's mean in joint standard errors."""
+        if self.prototype is None or self.se is None:
+            return None
+        joint = math.hypot(self.se, self.prototype[1])
+        return (self.mean - self.prototype[0]) / joint if joint else None
 
     @property
     def se(self) -> float | None:
@@ -351,6 +367,7 @@ class MadeTable:
             exact,
             stored=self.table.stored is not None,
             paper_sd=self.table.printed_sd(case.key, metric),
+            prototype=self.table.prototype(case.key, metric),
         )
 
     def samples(self) -> Iterator[tuple[tuple[str, Key], list[float]]]:
@@ -578,6 +595,10 @@ REPRODUCTIONS = {  # name: (module with REPRODUCTION, summary)
     "fleets": (
         "automaton.papers.fleet_study",
         "hundreds of robots on grids, pibt and epibt (Yukhnevich & Andreychuk; Robot Runners)",
+    ),
+    "guidance": (
+        "automaton.papers.guidance_study",
+        "hundreds of robots on streets: tasks per tick with pibt (Zhang et al., Table 3)",
     ),
     "queues": (
         "automaton.papers.queue_study",

@@ -47,14 +47,13 @@ from automaton.scenario.order_lines import (
     skus_of,
 )
 from automaton.scenario.orders import (
-    MAX_STOPS,
     LineColumns,
     LineDemand,
     OrderLine,
     TransportColumns,
     Transports,
 )
-from automaton.scenario.quantities import DueAt, Scale
+from automaton.scenario.quantities import MAX_STOPS, DueAt, Scale
 from automaton.scenario.schema import Scenario
 from automaton.scenario.table_fields import (
     NO_DUE,

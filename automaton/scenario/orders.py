@@ -11,6 +11,7 @@ from automaton.floor.floor_plan import DESTINATION, DOCK, RACK, SHELF, STATION
 from automaton.scenario.arrivals import Arrivals, MeanTime
 from automaton.scenario.quantities import (
     GAP,
+    MAX_STOPS,
     TIME,
     ConfigSection,
     Due,
@@ -19,9 +20,12 @@ from automaton.scenario.quantities import (
     Pair,
     Shares,
     SingleLine,
+    StopCount,
+    StopRange,
     Tick,
     Ticks,
     Weight,
+    WeightRange,
     check_shares,
     due_tick,
     quantity,
@@ -43,7 +47,6 @@ from automaton.scenario.table_fields import (
 # Generators that draw `count` orders.
 DRAWN_GENERATORS: Final = ("dock-to-rack", "stations", "visits", "tours")
 MAX_DRAWN_LINES: Final = 1_000_000
-MAX_STOPS: Final = 64  # of an order
 MAX_STOP_TICKS: Final = 65_535
 ENDS: Final = {  # generator: kinds of slots of its sources and targets
     "full-shelves": (SHELF, DESTINATION),
@@ -291,30 +294,8 @@ class LineDemand(TableOptions, frozen=True, kw_only=True):
             )
 
 
-class WeightRange(ConfigSection, frozen=True, kw_only=True):
-    """A range of weights; each order draws one, uniformly distributed."""
-
-    least: Annotated[Weight, Meta(description="The least weight.")] = field(name="from")
-    most: Annotated[Weight, Meta(description="The greatest weight.")] = field(name="to")
-
-    def __post_init__(self) -> None:
-        if self.least > self.most:
-            raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
-
-
 Cells = Annotated[tuple[Pair, ...], Meta(min_length=1, max_length=MAX_STOPS)]
-StopCount = Annotated[int, Meta(ge=1, le=MAX_STOPS)]
-
-
-class StopRange(ConfigSection, frozen=True, kw_only=True):
-    """A range of the number of stops; each order draws one, uniformly distributed."""
-
-    least: Annotated[StopCount, Meta(description="The least number of stops.")] = field(name="from")
-    most: Annotated[StopCount, Meta(description="The greatest number of stops.")] = field(name="to")
-
-    def __post_init__(self) -> None:
-        if self.least > self.most:
-            raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
+StopGroup = Literal["stations", "racks"]
 
 
 class OrderStop(ConfigSection, frozen=True, kw_only=True):
@@ -457,14 +438,23 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             "as $ hold a load. "
             "dock-to-rack: `count` loads wait at random docks, each for a random rack. stations: each "
             "load goes from one random station to another. visits: a robot must visit a random station. "
-            "tours: a robot must visit `stops` random cells in sequence, out of all cells that it "
-            "can reach, never the same cell twice in succession."
+            "tours: a robot must visit `stops` random cells in sequence, never the same cell twice in "
+            "succession, unless `assign` is round-robin."
         ),
     ] = None
     stops: Annotated[
         StopCount | StopRange,
         Meta(description="Number of stops of each order of tours, or a range {from, to}."),
     ] = 1
+    cells: Annotated[
+        Literal["all", "no-dead-ends"] | tuple[StopGroup, StopGroup],
+        Meta(
+            description="Cells of the stops of tours, among those that robots reach. all: every cell; "
+            "no-dead-ends: cells outside dead ends; [stations, racks], or any two of these: for each "
+            "robot alternately a station and a cell above or below a rack. A robot that starts on a "
+            "cell of the first group begins with the second."
+        ),
+    ] = "all"
     count: Annotated[
         Annotated[int, Meta(ge=1, le=1_000_000)] | None,
         Meta(
@@ -541,8 +531,9 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     assign: Annotated[
         Literal["pool", "round-robin"],
         Meta(
-            description="Who may do a task. pool: any robot. round-robin: n robots share the tasks in "
-            "turn, so tasks r, r + n, r + 2 n and so on belong to robot r."
+            description="Who may do a task or tour. pool: any robot. round-robin: n robots share them "
+            "in turn, so numbers r, r + n, r + 2 n and so on belong to robot r, which knows one at a "
+            "time. Then tours depend only on the seed and the robot."
         ),
     ] = "pool"
     skip_reached: Annotated[
@@ -551,8 +542,7 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
     ] = False
 
     def __post_init__(self) -> None:
-        if self.generator != "tours" and self.stops != 1:
-            raise ValueError("stops belong to the generator tours, or to each order of a list")
+        self._check_tours()
         given = [self.generator, self.listed, self.parts, self.lines, self.tasks, self.transports]
         if sum(form is not None for form in given) != 1:
             raise ValueError(
@@ -576,16 +566,30 @@ class Orders(ConfigSection, frozen=True, kw_only=True):
             raise ValueError(f"count belongs to the generators {', '.join(DRAWN_GENERATORS)}")
         self._check_arrivals()
 
+    def _check_tours(self) -> None:
+        tours, alternate = self.generator == "tours", isinstance(self.cells, tuple)
+        dealt_out = tours and self.assign == "round-robin"
+        arrive = self.mean_interarrival_time > 0 or self.arrivals is not None
+        for is_wrong, text in (
+            (self.stops != 1 and not tours, "stops belong to the generator tours, or to each order of "
+             "a list"),
+            (self.cells != "all" and not tours, "cells belong to the generator tours"),
+            (dealt_out and arrive, "assign: round-robin reveals one order per robot; leave out "
+             "mean_interarrival_time and arrivals"),
+            (alternate and not dealt_out, "two groups of cells need assign: round-robin"),
+            (alternate and isinstance(self.stops, StopRange), "two groups of cells need a fixed number "
+             "of stops, not a range"),
+        ):  # fmt: skip
+            if is_wrong:
+                raise ValueError(text)
+
     def _check_tasks(self) -> None:
         if self.tasks is None:
-            for name, is_set in (
-                ("repeat", self.repeat),
-                ("revealed", self.revealed is not None),
-                ("assign", self.assign != "pool"),
-                ("skip_reached", self.skip_reached),
-            ):
-                if is_set:
+            for name in ("repeat", "revealed", "skip_reached"):
+                if getattr(self, name):
                     raise ValueError(f"{name} belongs to tasks")
+            if self.assign != "pool" and self.generator != "tours":
+                raise ValueError("assign belongs to tasks and to the generator tours")
             return
         if not self.tasks:
             raise ValueError("tasks must hold at least one task")

@@ -538,6 +538,36 @@ class ConfigSection(msgspec.Struct, frozen=True, forbid_unknown_fields=True, kw_
     """A section of a scenario: immutable; unknown keys are errors."""
 
 
+class WeightRange(ConfigSection, frozen=True, kw_only=True):
+    """A range of weights; each order draws one, uniformly distributed."""
+
+    least: Annotated[Weight, Meta(description="The least weight.")] = msgspec.field(name="from")
+    most: Annotated[Weight, Meta(description="The greatest weight.")] = msgspec.field(name="to")
+
+    def __post_init__(self) -> None:
+        if self.least > self.most:
+            raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
+
+
+MAX_STOPS: Final = 64  # of an order
+StopCount = Annotated[int, Meta(ge=1, le=MAX_STOPS)]
+
+
+class StopRange(ConfigSection, frozen=True, kw_only=True):
+    """A range of the number of stops; each order draws one, uniformly distributed."""
+
+    least: Annotated[StopCount, Meta(description="The least number of stops.")] = msgspec.field(
+        name="from"
+    )
+    most: Annotated[StopCount, Meta(description="The greatest number of stops.")] = msgspec.field(
+        name="to"
+    )
+
+    def __post_init__(self) -> None:
+        if self.least > self.most:
+            raise ValueError(f"from ({self.least}) must not be above to ({self.most})")
+
+
 class DueAt(ConfigSection, frozen=True, kw_only=True):
     """A due time that does not depend on the release."""
 

@@ -10,7 +10,7 @@ determine its release ticks.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Final
 
 import numpy as np
@@ -22,20 +22,22 @@ from automaton.floor.floor_plan import DESTINATION, DOCK, RACK, STATION
 from automaton.scenario.orders import (
     DRAWN_GENERATORS,
     OrderLine,
-    StopRange,
 )
 from automaton.scenario.orders import Orders as OrdersGiven
+from automaton.scenario.quantities import MAX_STOPS
 from automaton.scenario.schema import Scenario
 from automaton.world.capabilities import FleetOnFloor, Service, served_with_load, service_for
-from automaton.world.draws import (
-    geometric,
-    integers,
-)
+from automaton.world.draws import geometric, integers, uniform_draws
 from automaton.world.prepared_floor import PreparedFloor
 from automaton.world.release_ticks import PARTS, gaps, profile_ticks, ticks_by_rank
 from automaton.world.resolved import Resolved
 from automaton.world.rules import may_fail
-from automaton.world.task_lists import assign_in_turn, cells_of_tasks, order_count
+from automaton.world.task_lists import (
+    assign_in_turn,
+    cells_of_tasks,
+    order_count,
+    stop_groups,
+)
 
 DRAW_RELEASE_SEQUENCE, DRAW_WEIGHT = 2, 3  # draws of an order besides its two ends
 DRAW_STOP_COUNT: Final = 4
@@ -61,7 +63,7 @@ def build_orders(
         released, coming = releases(resolved.scenario, len(source), seed)
     weight = weights(resolved.scenario.orders, len(source), seed)
     slots = slots_of(resolved, floor, service, source)
-    first_stop, stops = build_stops(resolved, service, len(source), seed)
+    first_stop, stops = build_stops(resolved, service, len(source), seed, homes)
     orders = orders_of(source, target, released, coming, weight, first_stop)
     if resolved.scenario.orders.listed is not None:
         orders.priority[:] = [line.priority for line in resolved.scenario.orders.listed]
@@ -321,7 +323,7 @@ def drawn_sequence(count: int, seed: int) -> Array:
 
 
 def build_stops(
-    resolved: Resolved, service: Service, orders: int, seed: int
+    resolved: Resolved, service: Service, orders: int, seed: int, homes: Array
 ) -> tuple[Array, Stops]:
     """(orders + 1,) int32 the index of the first stop of each order, and all stops."""
     demand = resolved.scenario.orders
@@ -338,7 +340,11 @@ def build_stops(
         count, cells = stops_of_tasks(resolved, orders)
     elif demand.generator == "tours":
         count = stop_counts(demand, orders, seed)
-        cells = drawn_stops(cells_of_all(service), count, seed)
+        groups = stop_groups(demand, resolved.floor_plan, service.reachable)
+        if demand.assign == "round-robin":
+            cells = stops_of_robots(groups, count, homes, seed)
+        else:
+            cells = drawn_stops(groups[0], count, seed)
     first = np.concatenate([[0], np.cumsum(count)]).astype(np.int32)
     if ticks is None:
         ticks = np.zeros(len(cells), np.int32)
@@ -355,15 +361,29 @@ def stops_of_tasks(resolved: Resolved, orders: int) -> tuple[Array, Array]:
     return count[line], cells[begins + within]
 
 
-def cells_of_all(service: Service) -> Array:
-    """The cells that robots of every type reach and return from."""
-    cells: Array = np.flatnonzero(service.reachable.all(axis=0))
+def stops_of_robots(groups: Sequence[Array], count: Array, homes: Array, seed: int) -> Array:
+    """The stops of orders that robots share in turn, one order after another: `count` of each.
+
+    Draws depend on the robot and the number of its order. Two groups alternate, beginning with the first
+    unless the robot starts in it.
+    """
+    order = np.repeat(np.arange(len(count)), count)
+    within = np.arange(len(order)) - np.repeat(np.cumsum(count) - count, count)
+    number, robot = np.divmod(order, len(homes))
+    address = random_numbers.STREAM_VISITS, number * MAX_STOPS + within, robot
+    share = uniform_draws(seed, address)
+    begins = np.isin(homes, groups[0])[robot]
+    group = (number * count[order] + within + begins) % len(groups)
+    cells = np.zeros(len(order), np.int64)
+    for place, members in enumerate(groups):
+        chosen = group == place
+        cells[chosen] = members[(share[chosen] * len(members)).astype(np.int64)]
     return cells
 
 
 def stop_counts(orders: OrdersGiven, count: int, seed: int) -> Array:
     """(count,) int64: the number of stops of each order."""
-    if not isinstance(orders.stops, StopRange):
+    if isinstance(orders.stops, int):
         return np.full(count, orders.stops, np.int64)
     least, most = orders.stops.least, orders.stops.most
     counts: Array = least + integers(

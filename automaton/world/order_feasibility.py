@@ -36,7 +36,7 @@ from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import dotted
 from automaton.units import ticks_and_time, unit
 from automaton.world.capabilities import FleetOnFloor
-from automaton.world.task_lists import MAX_TASK_ORDERS, order_count
+from automaton.world.task_lists import MAX_TASK_ORDERS, order_count, stop_groups
 
 REQUIRED_KINDS = {  # kinds of cells that a generator needs
     "dock-to-rack": (DOCK, RACK),
@@ -265,6 +265,21 @@ def closed_way(fleet: FleetOnFloor, cell: int) -> str:
     )
 
 
+def check_tours(fleet: FleetOnFloor) -> Iterator[Finding]:
+    """Tours have cells to visit."""
+    orders = fleet.scenario.orders
+    groups = stop_groups(orders, fleet.floor_plan, fleet.within)
+    if orders.cells == "all" and len(groups[0]) < 2:
+        yield Finding(("layout",), "the orders tours need two cells, but robots reach only one")
+        return
+    names = orders.cells if isinstance(orders.cells, tuple) else (orders.cells,)
+    meanings = {"stations": "station", "racks": "cell above or below a rack"}
+    for name, cells in zip(names, groups, strict=True):
+        if not len(cells):
+            needed = meanings.get(name, "cell outside dead ends")
+            yield Finding(("orders", "cells"), f"tours need a {needed}, but robots reach none")
+
+
 def check_service(fleet: FleetOnFloor) -> Iterator[Finding]:
     """Robots reach the docks and racks that orders name, and some of each required kind."""
     orders, floor_plan = fleet.scenario.orders, fleet.floor_plan
@@ -278,9 +293,8 @@ def check_service(fleet: FleetOnFloor) -> Iterator[Finding]:
             found = f"no {name}" if few == 1 else f"fewer than two {name}s"
             yield Finding(("layout",), f"{found} can be served: {why}")
 
-    if orders.generator == "tours" and np.count_nonzero(fleet.within.all(axis=0)) < 2:
-        text = "the orders tours need two cells, but robots reach only one"
-        yield Finding(("layout",), text)
+    if orders.generator == "tours":
+        yield from check_tours(fleet)
 
     def because(cell: int) -> str:
         if fleet.service.accessible[:, fleet.slot_of[cell]].any():

@@ -1,4 +1,4 @@
-"""Lists of tasks: the number of orders that they become, and round-robin assignment to robots.
+"""Tours and lists of tasks: their cells, the number of orders, and round-robin assignment to robots.
 
 A repeated list has no end, but the arrays of a world need a number of orders: an upper bound on the
 tasks that the robots can do until the run ends. A robot does at most one stop per tick, and between two
@@ -15,8 +15,9 @@ import numpy as np
 from automaton.engine.facilities import Stops
 from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, Array
 from automaton.engine.state import Orders as OrderArrays
-from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.orders import Orders
+from automaton.floor.floor_plan import RACK, FloorPlan
+from automaton.floor.reachability import dead_ends_of, slot_access
+from automaton.scenario.orders import Orders, StopGroup
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import Scenario
 
@@ -32,6 +33,26 @@ def cells_of_tasks(orders: Orders, floor_plan: FloorPlan) -> tuple[Array, Array]
     x, y = np.array([cell for task in tasks for cell in task], np.int64).T
     cells: Array = (y + 1) * (floor_plan.width + 2) + x + 1
     return count, cells
+
+
+def stop_groups(orders: Orders, floor_plan: FloorPlan, reachable: Array) -> list[Array]:
+    """The cells of the stops of tours, one array for each group; `reachable`: (K, C) by robot type."""
+    within: Array = np.logical_and.reduce(reachable, axis=0)
+    if isinstance(orders.cells, tuple):
+        return [_group(name, floor_plan, within) for name in orders.cells]
+    if orders.cells == "no-dead-ends":
+        within = within & (dead_ends_of(floor_plan).number == NIL)
+    return [np.flatnonzero(within)]
+
+
+def _group(name: StopGroup, floor_plan: FloorPlan, within: Array) -> Array:
+    cells = floor_plan.stations
+    if name == "racks":
+        of_racks = floor_plan.kind.reshape(-1)[floor_plan.slots] == RACK
+        cells = slot_access(floor_plan)[of_racks].reshape(-1)
+    cells = np.unique(cells[cells != NIL]).astype(np.int64)
+    reached: Array = cells[within[cells] != 0]
+    return reached
 
 
 def order_count(scenario: Scenario, floor_plan: FloorPlan) -> int:

@@ -46,6 +46,7 @@ ONLY_READ: Final = {
     "reproduce auctions-floor": "test_reproduce_auctions_floor",
     "reproduce zoning": "test_reproduce_zoning",
     "reproduce fleets": "test_reproduce_fleets",
+    "reproduce guidance": "test_reproduce_guidance",
     "reproduce queues": "test_reproduce_queues",
 }
 LEAVES: Final = (

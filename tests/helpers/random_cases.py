@@ -18,7 +18,7 @@ from automaton.floor.reachability import to_and_from
 from automaton.floor.traffic_zones import ZONE_MODES
 from automaton.scenario.durations import MoveByLoad, TypeDurations
 from automaton.scenario.fleet import FleetType, Kinematics
-from automaton.scenario.orders import WeightRange
+from automaton.scenario.quantities import WeightRange
 from automaton.scenario.robot_types import floor_by_type, types_of
 from automaton.scenario.schema import (
     Area,

@@ -12,6 +12,7 @@ from automaton.floor.floor_plan import FLOOR
 from automaton.floor.reachability import to_and_from
 from layouts.aisles import Aisles
 from layouts.random_floor import RandomFloor, Rooms, largest_part
+from layouts.shelf_blocks import ShelfBlocks
 from layouts.sorting import Sorting
 
 
@@ -52,6 +53,20 @@ from layouts.sorting import Sorting
             #..r..r..#
             i........i
             #........#
+            """,
+        ),
+        (
+            ShelfBlocks(columns=12, rows=9, block=3),
+            """
+            ............
+            t..........t
+            ..rrr.rrr...
+            ............
+            t..........t
+            ............
+            ..rrr.rrr...
+            t..........t
+            ............
             """,
         ),
         (

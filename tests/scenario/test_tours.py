@@ -58,6 +58,25 @@ WRONG = (
     ("{tasks: [[[0, 0]]], skip_reached: true}", "skip_reached needs assign: round-robin"),
     ("{generator: tours, count: 3, repeat: true}", "repeat belongs to tasks"),
     ("{tasks: [[[0, 0]], [[0, 0], [5, 0]]]}", "orders.tasks[1][1]: the stop [5, 0] is a wall"),
+    ("{generator: stations, count: 3, cells: no-dead-ends}", "cells belong to the generator tours"),
+    ("{generator: stations, count: 3, assign: round-robin}", "assign belongs to tasks and to the"),
+    (
+        "{generator: tours, count: 3, assign: round-robin, mean_interarrival_time: 9}",
+        "reveals one order per robot; leave out mean_interarrival_time",
+    ),
+    (
+        "{generator: tours, count: 3, cells: [stations, racks]}",
+        "two groups of cells need assign: round-robin",
+    ),
+    (
+        "{generator: tours, count: 3, assign: round-robin, cells: [stations, racks]}",
+        "tours need a station, but robots reach none",
+    ),
+    (
+        "{generator: tours, count: 3, assign: round-robin, cells: [racks, racks], stops: {from: 1, "
+        "to: 2}}",
+        "two groups of cells need a fixed number of stops",
+    ),
     ("{tasks: []}", "tasks must hold at least one task"),
     ("{tasks: task.txt}", "there is no file of tasks 'task.txt'"),
     ("{tasks: [[[0, 0]]], assign: robin}", "did you mean 'round-robin'?"),

@@ -52,6 +52,58 @@ def test_a_tour_depends_on_the_seed_and_its_number_alone() -> None:
     assert many[:5] == few
 
 
+SHELVES = "t....t\n..rr..\n......\n..#..."
+ALTERNATELY = {
+    "generator": "tours",
+    "count": 400,
+    "assign": "round-robin",
+    "cells": ["stations", "racks"],
+}
+
+
+def test_the_tours_of_a_robot_depend_on_the_seed_and_the_robot_alone() -> None:
+    """Further robots and other numbers of orders do not change them."""
+    orders = {"generator": "tours", "count": 400, "assign": "round-robin"}
+    two = stops_of(built(orders, [(0, 0), (4, 0)]))
+    three = stops_of(built({**orders, "count": 60}, [(0, 0), (4, 0), (2, 2)]))
+    assert [two[0::2][:20], two[1::2][:20]] == [three[0::3], three[1::3]]
+    assert any(a == b for a, b in itertools.pairwise(two[0::2])), "the present cell may be next"
+    share = np.unique(np.concatenate(two), axis=0, return_counts=True)[1] / 400
+    assert len(share) == 18 and abs(share - 1 / 18).max() < 0.05
+
+
+def test_two_groups_of_cells_alternate() -> None:
+    """A robot that starts at a station first visits a cell above or below a rack."""
+    start, stations = [(1, 0), (5, 0)], {(0, 0), (5, 0)}
+    run = Simulation(scene(SHELVES, start, orders=ALTERNATELY, strategy=GREEDY), seed=4)
+    found = [stops[0] for stops in stops_of(run)]
+    assert set(found[0::4]) | set(found[3::4]) == stations
+    assert set(found[2::4]) | set(found[1::4]) == {(2, 0), (3, 0), (2, 2), (3, 2)}
+
+
+def test_dead_ends_can_be_left_out() -> None:
+    orders = {"generator": "tours", "count": 300, "cells": "no-dead-ends"}
+    run = Simulation(scene("..#.\n....\n##.#", [(2, 2)], orders=orders, strategy=GREEDY), seed=4)
+    found = {cell for stops in stops_of(run) for cell in stops}
+    assert found == {(0, 0), (1, 0), (0, 1), (1, 1)}
+
+
+@pytest.mark.parametrize("kinematics", ["omni", "differential"])
+def test_a_robot_gets_its_next_tour_once_it_has_done_the_one_before(kinematics: str) -> None:
+    start = [(1, 0), (5, 0), (4, 2)]
+    resolved = scene(
+        SHELVES,
+        start,
+        [f"fleet.kinematics={kinematics}"],
+        orders=ALTERNATELY | {"count": 60},
+        strategy={"allocation": "greedy", "right_of_way": {"name": "pibt", "ties": "fixed"}},
+    )
+    run, recorder = recorded_run(resolved)
+    assert run.finished and verify_recording(recorder.recording()).passed
+    released = run.world.orders.release_tick.reshape(-1, 3)
+    assert (np.diff(released, axis=0) > 0).all()
+
+
 def test_an_order_has_a_load_or_stops() -> None:
     floor = "......\ns..d.."
     listed = {"list": [{"from": [0, 1], "to": [3, 1]}, {"stops": [[5, 0], [0, 0]], "release": 3}]}

@@ -53,6 +53,7 @@ from strategies.right_of_way.steering import (
 KEY_SHIFT = 8  # ticks are above the tie-breaking bits
 TURN_BIT = 128
 STAY_BITS = 192
+FIXED_TIES = 0x3021  # ranks of east (lowest digit), south, west, north: west comes first
 NO_KEY = (1 << 62) - 1  # the key of an unavailable option
 
 
@@ -240,6 +241,8 @@ def key_of(view, state, i, direction, draws):
     is_limited = resource_in(view, to, direction) != NIL
     tie = np.int64((draws >> np.uint64(8 * direction)) & np.uint64(63))
     tie = tie if is_limited else direction  # in cells with room for all, as routes do
+    if state.fixed_ties:
+        tie = np.int64((FIXED_TIES >> (4 * direction)) & 15)
     key = (cost << KEY_SHIFT) | tie | (TURN_BIT * np.int64(turns != 0))
     is_begun = state.begun[U(i)] == direction + 1
     key = ((NIL if is_begun else key) << OPTION_BITS) | direction

@@ -151,6 +151,7 @@ class Pibt(Strategy):
             rings=int(not waits or view.rules.following == FOLLOWING_CONVOY),
             service_areas=service_areas_of(view),
             guided=int(guided),
+            fixed_ties=int(self.parameters.ties == "fixed"),
             tables=guiding_tables(view, guided),
             against=against.astype(np.uint8),
             queue=queue,

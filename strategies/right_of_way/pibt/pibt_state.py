@@ -51,6 +51,7 @@ class PibtState(Struct):
     )
     rings: int = field("int64", "1: robots that push each other in a ring all move", role=STATIC)
     guided: int = field("int64", "1: costs are from `tables`, 0: ticks", role=STATIC)
+    fixed_ties: int = field("int64", "1: ties by FIXED_TIES, 0: by hash", role=STATIC)
     tables: DistanceTables
     against: Array = field(
         "(g, 4) uint8",

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, product
 from textwrap import dedent
 
 import numpy as np
 import pytest
+from drawn_scenes import scene
 from small_runs import SmallRun
 
 from automaton.engine.distance_tables import UNREACHABLE
@@ -73,6 +74,23 @@ def test_costs_of_steps_are_those_of_the_next_cells(kinematics):
         is_open = grid.type_cell_flags[0, cell] >> direction & 1
         expected = cost_in(tables, row, beside, heading) if is_open else UNREACHABLE
         assert state.costs[i, direction] == expected, direction
+
+
+@pytest.mark.parametrize(
+    ("goal", "expected"),
+    [([1, 0], (1, 1)), ([3, 2], (3, 1)), ([1, 2], (1, 1)), ([3, 0], (3, 1))],
+)
+def test_fixed_ties_prefer_west_and_east(goal, expected):
+    """Both first steps to a corner are as good; with ties by hash both occur."""
+    found = {"fixed": set(), "hash": set()}
+    for ties, seed in product(found, range(1, 9)):
+        strategy = {"allocation": "greedy", "right_of_way": {"name": "pibt", "ties": ties}}
+        orders = {"list": [{"stops": [goal]}]}
+        resolved = scene(".....\n.....\n.....", [(2, 1)], orders=orders, strategy=strategy)
+        run = Simulation(resolved, seed)
+        run.run(until=1)
+        found[ties].add(resolved.floor_plan.xy(int(run.world.robots.cell[0])))
+    assert found["fixed"] == {expected} and len(found["hash"]) == 2
 
 
 def test_a_full_ring_rotates():

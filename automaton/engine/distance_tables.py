@@ -13,6 +13,9 @@ The cost is the least of the four headings. A turn costs the same in each cell, 
 differ by at most one turn, and a cell has one of 19, 85 or 231 patterns of differences for turns of
 1, 2 or 3 ticks. For example, [0 0 1 1] means that east and south are equally good. The unit of cost
 is the greatest common divisor of the ticks of all steps and turns.
+
+Where streets give moves weights, the costs of a row are followed by the ticks of the way of least
+cost, 4 bytes for each heading. Of ways with equal costs they are those of the one that routes follow.
 """
 
 from typing import Final
@@ -30,6 +33,9 @@ from automaton.engine.jit.structs import (
     number,
 )
 
+WEIGHT_UNIT: Final = (
+    100  # weights of streets are in 1 / WEIGHT_UNIT, costs with them in 1 / 100 tick
+)
 UNREACHABLE: Final = 1 << 30  # cost of an unreachable goal
 STOP_NO_ROOM: Final = 2  # tables.stop: one tick needs more tables than the budget holds
 
@@ -52,6 +58,8 @@ class TablesStatus(NamedNumbers):
     rows: int = number("tables that fit the pool")
     taken: int = number("rows used so far: the memory that is allocated")
     hand: int = number("the row at the clock hand")
+    costs: int = number("words of the costs of a table; with weights the ticks follow them")
+    settled: int = number("entries settled by a search so far")
     refused: int = number("1 = there was no room for a table")
 
 
@@ -93,6 +101,17 @@ class DistanceTables(Struct, role=SCRATCH):
         "the entry of `cost` for a step from cell c in direction d: [s, 4 c + d]; W = 0: the first one",
         role=CONSTANT,
     )
+    step: Array = field(
+        "(V, 4C) int32",
+        "the cost of each step, in units: [s, 4 c + d]; V = 0: few distinct costs, see `cost`",
+        role=CONSTANT,
+    )
+    step_ticks: Array = field(
+        "(T, 4C) int32",
+        "the ticks of each step: [s, 4 c + d]; T = 0: tables have no ticks beside their costs",
+        role=CONSTANT,
+    )
+    turn_ticks: Array = field("(T,) int64", "the ticks of a turn", role=CONSTANT)
     excess: Array = field(
         f"({4 * MAX_PATTERNS},) uint8", "extra cost of heading h: [4 pattern + h]", role=CONSTANT
     )
@@ -114,6 +133,11 @@ class DistanceTables(Struct, role=SCRATCH):
     queue: Array = field("(Q, L) int64", "in a search: queues, see automaton.engine.table_rows")
     head: Array = field("(Q,) int64", "in a search: the next entry of each queue")
     end: Array = field("(Q,) int64", "in a search: entries added to each queue so far")
+    entry: Array = field("(E,) int64", "in a search with V > 0: entries, see table_rows")
+    following: Array = field("(E,) int32", "the next entry of the same bucket, or NIL")
+    bucket: Array = field("(B,) int32", "the first entry of each bucket, or NIL")
+    settled: Array = field("(N,) int64", "in a search with T > 0: settled entries, in order")
+    ticks: Array = field("(M,) int32", "in a search with T > 0: the ticks from each pose")
     stop: Array = field("(1,) int64", "not 0 = the run is aborted, searches end", role=STOP)
     set_headings: Array = field(
         "(S,) int64", "number of headings that set s distinguishes", role=CONSTANT
@@ -138,6 +162,7 @@ class Workspace(Struct):
     )
     steps: Array = field("(R,) uint8", "a route of which only the existence matters")
     tables: DistanceTables
+    streets: DistanceTables  # by the weights of streets, in 1/100 tick; empty: there are none
 
 
 def is_narrow_for(headings: int, turn: int) -> bool:

@@ -143,6 +143,12 @@ class Grid(Struct, role=CONSTANT):
     traffic_zone_count: int = field(
         "int64", "number of traffic zones (automaton.floor.traffic_zones)"
     )
+    move_weight: Array = field(
+        "(X,) int32",
+        "weights of moves when ways are chosen, in 1/100: [4 c + d]; X = 0: all are 1",
+        role=CONSTANT,
+    )
+    wait_weight: Array = field("(W,) int32", "of a tick of waiting, by cell", role=CONSTANT)
     min_move_ticks: Array = field(
         "(M,) uint16",
         "least ticks of a move from cell c in direction d: [4 c + d]; M = 0: no limits",

@@ -16,6 +16,7 @@ from automaton.engine.distance_tables import (
     JOINT,
     POSE16,
     UNREACHABLE,
+    WEIGHT_UNIT,
 )
 from automaton.engine.gates import closed_until
 from automaton.engine.jit.kernel import U, kernel, prefetch
@@ -28,7 +29,7 @@ from automaton.engine.state import (
     NIL,
     NO_WAY_THROUGH,
 )
-from automaton.engine.table_rows import cost_in, has_room_for, row_to
+from automaton.engine.table_rows import cost_in, has_room_for, row_to, ticks_in
 
 POSE_MASK = (1 << 32) - 1
 
@@ -116,21 +117,65 @@ def tables_fit(workspace, more):
 @kernel
 def distance(view, workspace, robot_type, cell, heading, target):
     """Ticks of a robot of a type from a pose to a target cell on the empty floor; UNREACHABLE if there is
-    no way."""
+    no way.
+
+    They are those of the way that the weights of streets make the cheapest.
+    """
+    tables = guiding_tables(workspace)
+    row = row_to(tables, robot_type, target, view.clock.tick, False)
+    if tables.step_ticks.shape[0]:
+        return ticks_in(tables, row, cell, heading)
+    return cost_in(tables, row, cell, heading)
+
+
+@kernel
+def shortest_distance(view, workspace, robot_type, cell, heading, target):
+    """As `distance`, of the way with the fewest ticks, whatever the weights of streets."""
     table = passing_table(view, workspace, robot_type, target)
     return cost_in(workspace.tables, table, cell, heading)
 
 
+# The costs by which ways are chosen: ticks, or with streets ticks times weights, in 1 / WEIGHT_UNIT.
+
+
+@kernel(inline=True)
+def guiding_tables(workspace):
+    """The tables of the costs by which ways are chosen."""
+    return workspace.streets if workspace.streets.number.shape[0] else workspace.tables
+
+
+@kernel
+def guiding_table_of(view, workspace, robot_type, goal_cell):
+    """As `table_of`, with the costs by which ways are chosen, for `cost_in` and `guiding_tables`."""
+    return row_to(guiding_tables(workspace), robot_type, goal_cell, view.clock.tick, True)
+
+
+@kernel(inline=True)
+def cost_unit(grid):
+    """The cost of a tick of the weight 1."""
+    return np.int64(WEIGHT_UNIT if grid.move_weight.shape[0] else 1)
+
+
+@kernel
+def move_cost(grid, usual, cell, direction):
+    """The cost of a move out of a cell that takes `usual` ticks without a limit."""
+    ticks = limited_ticks(grid, usual, cell, direction)
+    if grid.move_weight.shape[0] == 0:
+        return ticks
+    return ticks * np.int64(grid.move_weight[np.uint64(4 * cell + direction)])
+
+
 @kernel
 def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
-    """Write the shortest path on the empty floor, as far as it fits, into steps; NIL if none."""
+    """Write the path of least cost on the empty floor, as far as it fits, into steps; NIL if none."""
     grid, duration, type_cell_flags = (
         view.grid,
         view.rules.duration[robot_type],
         view.grid.type_cell_flags[robot_type],
     )
-    tables, headings = workspace.tables, headings_of(grid, robot_type)
-    table = passing_table(view, workspace, robot_type, target)
+    tables, headings = guiding_tables(workspace), headings_of(grid, robot_type)
+    table = row_to(tables, robot_type, target, view.clock.tick, False)
+    turn = cost_unit(grid) * np.int64(duration[ACTION_TURN])
     length = 0
     if cost_in(tables, table, cell, heading) >= UNREACHABLE:
         return NIL
@@ -143,7 +188,7 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
             after = cell + grid.offset[direction]
             if np.int64(type_cell_flags[after]) & NO_WAY_THROUGH and after != target:
                 continue
-            if cost_in(tables, table, after, heading) == cost - limited_ticks(
+            if cost_in(tables, table, after, heading) == cost - move_cost(
                 grid, duration[ACTION_MOVE], cell, direction
             ):
                 if length == steps.shape[0]:
@@ -155,7 +200,7 @@ def follow_gradient(view, workspace, robot_type, cell, heading, target, steps):
                 break
         if not found:
             ahead = (heading + 1) & (headings - 1)
-            if cost_in(tables, table, cell, ahead) != cost - duration[ACTION_TURN]:
+            if cost_in(tables, table, cell, ahead) != cost - turn:
                 ahead = (heading - 1) & (headings - 1)
             heading = ahead
     return length
@@ -211,8 +256,9 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
         view.rules.duration[robot_type],
         view.grid.type_cell_flags[robot_type],
     )
-    tables, headings = workspace.tables, headings_of(grid, robot_type)
-    table = passing_table(view, workspace, robot_type, target)
+    tables, headings = guiding_tables(workspace), headings_of(grid, robot_type)
+    table = row_to(tables, robot_type, target, view.clock.tick, False)
+    turn = cost_unit(grid) * np.int64(duration[ACTION_TURN])
     estimate = cost_in(tables, table, cell, heading)
     if estimate >= UNREACHABLE:
         return NIL
@@ -241,7 +287,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                         search,
                         size,
                         to,
-                        cost + limited_ticks(grid, duration[ACTION_MOVE], here, direction),
+                        cost + move_cost(grid, duration[ACTION_MOVE], here, direction),
                         cost_in(tables, table, after, h),
                         direction,
                     )
@@ -253,7 +299,7 @@ def find_path(view, workspace, robot_type, cell, heading, target, around, steps)
                     search,
                     size,
                     here * grid.headings + turned,
-                    cost + duration[ACTION_TURN],
+                    cost + turn,
                     cost_in(tables, table, here, turned),
                     how_turned(h, turned),
                 )

@@ -13,6 +13,11 @@ With a single cost this is a breadth-first search. An entry is a cell with a set
 
 At most 4 entries per cell come from steps (one per direction of leaving it), and at most 3 from
 turns, since only newly reached sets of headings turn: this bounds the queues.
+
+With more than MAX_QUEUES distinct costs the entries are in a radix heap instead: an entry is in the
+bucket of the highest bit in which its cost differs from the cost now (0: equal). When bucket 0 is
+empty, the least cost of the first other bucket becomes the cost now, and that bucket is divided again.
+Ahuja, Mehlhorn, Orlin & Tarjan, JACM 1990.
 """
 
 import numpy as np
@@ -32,7 +37,8 @@ from automaton.engine.jit.structs import NIL
 from automaton.engine.state import MAY_TURN
 
 ENTRIES_PER_CELL = 7  # in a queue
-MAX_QUEUES = 16  # most distinct costs
+MAX_QUEUES = 16  # most distinct costs with a queue for each
+BUCKETS = 33  # of a radix heap: by the highest of 32 bits, or none
 ENTRY_COST = 32  # bits below the cost
 ENTRY_CELL = 4  # bits below the cell
 ENTRY_MASK = (1 << ENTRY_COST) - 1
@@ -50,6 +56,7 @@ DIRECTIONS_OF = np.array(
     np.uint8,
 )
 # [set of headings]: 1 in the bits of each of its headings in `turns`.
+BIT_LENGTH = np.array([value.bit_length() for value in range(256)], np.int64)
 DELTA_OF = np.array(
     [sum(((chosen >> h) & 1) << (DELTA_BITS * h) for h in range(4)) for chosen in range(16)],
     np.uint16,
@@ -62,9 +69,12 @@ def find_costs(tables, cost_set, goal):
 
     Writes, for reached cells, `reached` and, if `is_narrow`, `least` and `turns`, else `costs`.
     """
+    if tables.step.shape[0]:
+        return find_many_costs(tables, cost_set, goal)
     tables.reached[:] = 0
     tables.head[:] = 0
     tables.end[:] = 0
+    tables.status.settled = 0
     tables.queue[0, 0] = (goal << ENTRY_CELL) | ((1 << tables.headings) - 1)
     tables.end[0] = 1
     if tables.goal_entries.shape[0] and np.int64(tables.entries[cost_set, goal]) & 15 == 0:
@@ -118,6 +128,7 @@ def drain(tables, cost_set, source, now):
     turn_cost = (now + cost_of[turn_queue]) << ENTRY_COST
     step_cost = (now + cost_of[0]) << ENTRY_COST
     is_weighted = tables.step_queue.shape[0] > 0
+    notes, settled = tables.settled.shape[0] > 0, tables.status.settled
     at = np.uint64(tables.head[source])
     while at < np.uint64(end[source]):
         entry = queue[source, at]
@@ -132,6 +143,9 @@ def drain(tables, cost_set, source, now):
         note_costs(tables, cell, known, new, now)
         known |= new
         reached[np.uint64(cell)] = known
+        if notes:
+            tables.settled[settled] = (cell << ENTRY_CELL) | new
+            settled += 1
         flags = np.int64(entries[np.uint64(cell)])
         turned = turned_from(headings, new) & ~known
         if turned and flags & MAY_TURN:
@@ -157,6 +171,199 @@ def drain(tables, cost_set, source, now):
             ways >>= 1
             direction += 1
     tables.head[source] = np.int64(at)
+    tables.status.settled = settled
+
+
+@kernel
+def find_many_costs(tables, cost_set, goal):
+    """As `find_costs`, with a radix heap for any number of distinct costs."""
+    headings, entries, offset = tables.headings, tables.entries[cost_set], tables.offset
+    mask, alike = tables.set_headings[cost_set] - 1, tables.alike[cost_set]
+    step, turn = tables.step[cost_set], tables.cost[cost_set, tables.turn_queue[cost_set]]
+    reached, bucket = tables.reached, tables.bucket
+    reached[:] = 0
+    bucket[:] = NIL
+    count, settled, now = np.int64(0), np.int64(0), np.int64(0)
+    add_entry(tables, count, now, (goal << ENTRY_CELL) | ((1 << headings) - 1))
+    count += 1
+    if tables.goal_entries.shape[0] and np.int64(entries[goal]) & 15 == 0:
+        ways = np.int64(tables.goal_entries[cost_set, goal])
+        for direction in range(4):
+            if (ways >> direction) & 1:
+                before = goal - offset[direction]
+                cost = np.int64(step[4 * before + direction]) << ENTRY_COST
+                heading = heading_set(tables, cost_set, direction)
+                add_entry(tables, count, now, cost | (before << ENTRY_CELL) | heading)
+                count += 1
+    while tables.stop[0] == 0:
+        if bucket[0] == NIL:
+            now = divide_bucket(tables, now)
+            if now == NIL:
+                tables.status.settled = settled
+                return True
+        first = np.uint64(bucket[0])
+        bucket[0] = tables.following[first]
+        cell = (tables.entry[first] & ENTRY_MASK) >> ENTRY_CELL
+        known = np.int64(reached[np.uint64(cell)])
+        new = tables.entry[first] & 15 & ~known
+        if new == 0:
+            continue
+        note_costs(tables, cell, known, new, now)
+        known |= new
+        reached[np.uint64(cell)] = known
+        if tables.settled.shape[0]:
+            tables.settled[settled] = (cell << ENTRY_CELL) | new
+            settled += 1
+        flags = np.int64(entries[np.uint64(cell)])
+        turned = turned_from(headings, new) & ~known
+        if turned and flags & MAY_TURN:
+            entry = ((now + turn) << ENTRY_COST) | (cell << ENTRY_CELL) | turned
+            add_entry(tables, count, now, entry)
+            count += 1
+        ways = flags & np.int64(DIRECTIONS_OF[np.uint64(headings), np.uint64(new)])
+        for direction in range(4):
+            if (ways >> direction) & 1:
+                before = cell - offset[np.uint64(direction)]
+                heading = alike << (direction & mask)
+                if np.int64(reached[np.uint64(before)]) & heading == 0:
+                    cost = now + np.int64(step[np.uint64(4 * before + direction)])
+                    entry = (cost << ENTRY_COST) | (before << ENTRY_CELL) | heading
+                    add_entry(tables, count, now, entry)
+                    count += 1
+    return False
+
+
+@kernel(inline=True)
+def add_entry(tables, at, now, entry):
+    """Put an entry of a cost from `now` on into its bucket."""
+    tables.entry[np.uint64(at)] = entry
+    into = bucket_of((entry >> ENTRY_COST) ^ now)
+    tables.following[np.uint64(at)] = tables.bucket[np.uint64(into)]
+    tables.bucket[np.uint64(into)] = at
+
+
+@kernel(inline=True)
+def bucket_of(bits):
+    """The number of bits up to the highest one that is set, below 2**32."""
+    if bits >> 16:
+        high = bits >> 24
+        return BIT_LENGTH[np.uint64(high)] + 24 if high else BIT_LENGTH[np.uint64(bits >> 16)] + 16
+    high = bits >> 8
+    return BIT_LENGTH[np.uint64(high)] + 8 if high else BIT_LENGTH[np.uint64(bits)]
+
+
+@kernel
+def divide_bucket(tables, now):
+    """Divide the first bucket that has entries; returns their least cost, NIL if there are none."""
+    bucket, following, entry = tables.bucket, tables.following, tables.entry
+    number = 1
+    while number < BUCKETS and bucket[number] == NIL:
+        number += 1
+    if number == BUCKETS:
+        return np.int64(NIL)
+    at, now = np.int64(bucket[number]), np.int64(1) << 31
+    while at != NIL:
+        now = min(now, entry[np.uint64(at)] >> ENTRY_COST)
+        at = np.int64(following[np.uint64(at)])
+    at = np.int64(bucket[number])
+    bucket[number] = NIL
+    while at != NIL:
+        after = np.int64(following[np.uint64(at)])
+        into = np.uint64(bucket_of((entry[np.uint64(at)] >> ENTRY_COST) ^ now))
+        following[np.uint64(at)] = bucket[into]
+        bucket[into] = at
+        at = after
+    return now
+
+
+# The ticks of the ways of least cost.
+
+
+@kernel
+def find_ticks(tables, cost_set, goal):
+    """Enter the ticks of the way from each pose, in the order in which the search reached them.
+
+    The way prefers a move to a turn, then the lowest direction, then the turn to the right.
+    """
+    headings, ticks = tables.headings, tables.ticks
+    turn = np.int64(tables.cost[cost_set, tables.turn_queue[cost_set]])
+    turn_ticks, mask = np.int64(tables.turn_ticks[cost_set]), tables.set_headings[cost_set] - 1
+    for k in range(tables.status.settled):
+        cell = tables.settled[np.uint64(k)] >> ENTRY_CELL
+        for heading in range(headings):
+            if (tables.settled[np.uint64(k)] >> heading) & 1 == 0:
+                continue
+            pose = np.uint64(cell * headings + heading)
+            ticks[pose] = 0
+            if cell == goal:
+                continue
+            facing, turned = heading & mask, np.int64(0)
+            way = way_ahead(tables, cost_set, goal, cell, facing)
+            while way == NIL and turned <= 4 * turn_ticks:
+                after = (facing + 1) & mask
+                cost = pose_cost(tables, cell, facing) - turn
+                if not is_reached(tables, cell, after) or pose_cost(tables, cell, after) != cost:
+                    after = (facing - 1) & mask
+                facing = after
+                turned += turn_ticks
+                way = way_ahead(tables, cost_set, goal, cell, facing)
+            to = (cell + tables.offset[way]) * headings + facing
+            step = np.int64(tables.step_ticks[cost_set, np.uint64(4 * cell + way)])
+            ticks[pose] = turned + step + np.int64(ticks[np.uint64(to)])
+
+
+@kernel
+def way_ahead(tables, cost_set, goal, cell, heading):
+    """The direction of a move on the way of least cost from a pose, or NIL if it turns first."""
+    cost = pose_cost(tables, cell, heading)
+    for direction in range(heading, 4, tables.set_headings[cost_set]):
+        after = cell + tables.offset[direction]
+        ways = np.int64(tables.entries[cost_set, np.uint64(after)])
+        if after == goal and tables.goal_entries.shape[0]:
+            ways = np.int64(tables.goal_entries[cost_set, np.uint64(after)])
+        if (ways >> direction) & 1 == 0 or not is_reached(tables, after, heading):
+            continue
+        if pose_cost(tables, after, heading) == cost - cost_of_step(
+            tables, cost_set, cell, direction
+        ):
+            return np.int64(direction)
+    return np.int64(NIL)
+
+
+@kernel(inline=True)
+def is_reached(tables, cell, heading):
+    return (np.int64(tables.reached[np.uint64(cell)]) >> heading) & 1 != 0
+
+
+@kernel(inline=True)
+def pose_cost(tables, cell, heading):
+    """The cost of a reached pose, in units."""
+    if tables.is_narrow:
+        delta = (np.int64(tables.turns[np.uint64(cell)]) >> (DELTA_BITS * heading)) & 7
+        return np.int64(tables.least[np.uint64(cell)]) + delta
+    return np.int64(tables.costs[np.uint64(cell * tables.headings + heading)])
+
+
+@kernel(inline=True)
+def cost_of_step(tables, cost_set, cell, direction):
+    """The cost of a step out of a cell, in units."""
+    at = np.uint64(4 * cell + direction)
+    if tables.step.shape[0]:
+        return np.int64(tables.step[cost_set, at])
+    if tables.step_queue.shape[0]:
+        return np.int64(tables.cost[cost_set, np.uint64(tables.step_queue[cost_set, at])])
+    return np.int64(tables.cost[cost_set, 0])
+
+
+@kernel
+def ticks_in(tables, row, cell, heading):
+    """The ticks of the way of least cost from a pose to the goal cell of a row; UNREACHABLE: none."""
+    number = np.int64(tables.number[cell])
+    if number < 0 or row < 0:
+        return np.int64(UNREACHABLE)
+    at = row * tables.status.words + tables.status.costs + 2 * (number * tables.headings + heading)
+    low = np.int64(tables.pool[np.uint64(at)])
+    return low | (np.int64(tables.pool[np.uint64(at + 1)]) << 16)
 
 
 @kernel(inline=True)
@@ -283,6 +490,7 @@ def add_row(tables, cost_set, goal, tick, keeps):
         if not find_costs(tables, cost_set, goal):
             return np.int64(NIL)
         if write_row(tables, row):
+            write_ticks(tables, row, cost_set, goal)
             tables.owner[row] = cost_set * tables.number.shape[0] + goal
             tables.row_of[tables.owner[row]] = row
             return row
@@ -341,7 +549,9 @@ def lay_out(tables, encoding):
         words = 2 * cells * headings
     status = tables.status
     status.encoding = encoding
-    status.words = words
+    status.costs = words
+    status.words = words + (2 * cells * headings if tables.step_ticks.shape[0] else 0)
+    words = status.words
     status.rows = min(np.int64(tables.owner.shape[0]), tables.pool.shape[0] // words)
     status.hand = 0
 
@@ -365,6 +575,7 @@ def widen(tables, tick):
         if row >= status.taken or not find_costs(tables, entry // cells, entry % cells):
             return False
         write_row(tables, row)  # data of a narrower encoding fit the wider one
+        write_ticks(tables, row, entry // cells, entry % cells)
     return True
 
 
@@ -378,6 +589,24 @@ def write_row(tables, row):
     if encoding == SPLIT:
         return write_split(tables, begin)
     return write_poses(tables, begin, encoding)
+
+
+@kernel
+def write_ticks(tables, row, cost_set, goal):
+    """Write the ticks of the ways behind the costs of a row, if the tables have them."""
+    if tables.step_ticks.shape[0] == 0:
+        return
+    find_ticks(tables, cost_set, goal)
+    at = row * tables.status.words + tables.status.costs
+    for number in range(tables.drivable.shape[0]):
+        cell = np.int64(tables.drivable[np.uint64(number)])
+        for heading in range(tables.headings):
+            ticks = np.int64(UNREACHABLE)
+            if is_reached(tables, cell, heading):
+                ticks = np.int64(tables.ticks[np.uint64(cell * tables.headings + heading)])
+            tables.pool[np.uint64(at)] = ticks & FAR_WORD
+            tables.pool[np.uint64(at + 1)] = ticks >> 16
+            at += 2
 
 
 @kernel

@@ -205,6 +205,7 @@ def entries(kind: int, exits: int) -> int:
 
 CellBytes = npt.NDArray[np.uint8]  # (height + 2, width + 2)
 Cells = npt.NDArray[np.int32]  # flat indices
+Weights = npt.NDArray[np.int32]
 MoveTicks = npt.NDArray[np.uint16]  # (cells, 4) by flat cell and direction
 
 DRIVABLE = np.array([kind.drivable for kind in CELL_KINDS])  # (kinds,) bool
@@ -238,6 +239,9 @@ class FloorPlan:
     numbered: tuple[int, ...] = ()  # flat cells of stations 1, 2, ...; (): in reading order
     # (cells, 4) ticks that a move out of a cell takes at least, by direction; (0, 4): there are no limits
     min_move_ticks: MoveTicks = field(default_factory=lambda: np.zeros((0, 4), np.uint16))
+    # (cells, 4) and (cells,) weights of moves and of waiting, in 1/100; (0, 4) and (0,): there are none
+    move_weights: Weights = field(default_factory=lambda: np.zeros((0, 4), np.int32))
+    wait_weights: Weights = field(default_factory=lambda: np.zeros(0, np.int32))
 
     @cached_property
     def stride(self) -> int:
@@ -301,13 +305,25 @@ class FloorPlan:
         digest = hashlib.blake2b(
             f"{self.width}x{self.height} {self.starts} {self.numbered}".encode()
         )
-        for part in (*parts, self.min_move_ticks):
+        for part in (*parts, self.min_move_ticks, self.move_weights, self.wait_weights):
             digest.update(part.tobytes())
         return digest.hexdigest()[:32]
 
     def with_exits(self, exits: CellBytes) -> FloorPlan:
         """The same floor with other exits: (height + 2, width + 2)."""
         return replace(self, exits=_frozen(exits))
+
+    def with_weights(self, moves: Weights, waits: Weights) -> FloorPlan:
+        """The same floor with weights of moves (cells, 4) and of waiting (cells,), in 1/100.
+
+        Weights that all are 1 are left out.
+        """
+        if (moves == 100).all() and (waits == 100).all():
+            moves, waits = np.zeros((0, 4), np.int32), np.zeros(0, np.int32)
+        moves, waits = moves.astype(np.int32), waits.astype(np.int32)
+        moves.setflags(write=False)
+        waits.setflags(write=False)
+        return replace(self, move_weights=moves, wait_weights=waits)
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, FloorPlan) and self.fingerprint == other.fingerprint

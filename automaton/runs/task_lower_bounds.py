@@ -12,9 +12,9 @@ from automaton.engine.search import (
     TURNED_AHEAD,
     TURNED_BEHIND,
     begin_search,
-    distance,
     pop,
     reach,
+    shortest_distance,
 )
 from automaton.engine.state import (
     ACTION_MOVE,
@@ -52,7 +52,7 @@ def min_drive_ticks(view, workspace, which, out):
         access_cell = pickup_cell(view, robot_type, orders.source[order], origin)
         if orders.first_stop[order] < orders.first_stop[order + 1]:
             heading = np.int64(orders.dispatched_heading[order])
-            ticks = distance(view, workspace, robot_type, origin, heading, access_cell)
+            ticks = shortest_distance(view, workspace, robot_type, origin, heading, access_cell)
             loaded = robot_type + view.rules.loaded_types
             ticks += least_over_stops(view, workspace, loaded, access_cell, NIL, order)
             out[order] = min(ticks, UNREACHABLE)
@@ -103,7 +103,7 @@ def least_leg(view, workspace, robot_type, here, heading, to):
     best = np.int64(UNREACHABLE)
     for begin in range(view.grid.headings):
         if heading in (NIL, begin):
-            best = min(best, distance(view, workspace, robot_type, here, begin, to))
+            best = min(best, shortest_distance(view, workspace, robot_type, here, begin, to))
     return best
 
 
@@ -142,9 +142,9 @@ def least_by(view, workspace, robot_type, start, access_cell, end):
     """
     headings = view.grid.headings
     if headings == 1:
-        to_access_cell = distance(view, workspace, robot_type, start, 0, access_cell)
+        to_access_cell = shortest_distance(view, workspace, robot_type, start, 0, access_cell)
         loaded = robot_type + view.rules.loaded_types
-        return to_access_cell + distance(view, workspace, loaded, access_cell, 0, end)
+        return to_access_cell + shortest_distance(view, workspace, loaded, access_cell, 0, end)
     search = begin_search(workspace)
     size = reach(
         workspace, search, 0, start, 0, estimate(view, robot_type, start, access_cell), STARTED
@@ -164,7 +164,8 @@ def least_by(view, workspace, robot_type, start, access_cell, end):
             loaded = robot_type + view.rules.loaded_types
             best = min(
                 best,
-                ticks + distance(view, workspace, loaded, access_cell, pose % headings, end),
+                ticks
+                + shortest_distance(view, workspace, loaded, access_cell, pose % headings, end),
             )
         size = go_on(view, workspace, search, size, robot_type, pose, ticks, access_cell)
     return best

@@ -27,6 +27,7 @@ from automaton.scenario.order_files import (
 )
 from automaton.scenario.order_lines import Day, plain_data
 from automaton.scenario.schema import Scenario, Units
+from automaton.scenario.streets import StreetWeights, streets_on, with_streets_of_file
 from automaton.scenario.table_fields import is_pattern
 from automaton.scenario.table_files import (
     names_of_cells,
@@ -73,6 +74,7 @@ class Reading:
         self.start_file: ReadFile | None = None
         self.task_file: ReadFile | None = None
         self.rate_file: ReadFile | None = None
+        self.street_file: ReadFile | None = None
         self.duration_files: list[ReadFile] = []
 
     @contextmanager
@@ -113,6 +115,16 @@ class Reading:
             self.document = with_rows(self.document, floor.rows, floor.file, lines)
         return floor
 
+    def with_streets_on_floor(
+        self, scenario: Scenario, floor: Floor
+    ) -> tuple[Scenario, StreetWeights]:
+        """The scenario with its file of streets, and the weights of all streets."""
+        plan, streets = floor.floor_plan, scenario.streets
+        self.document, listed, self.street_file = with_streets_of_file(self.document, streets, plan)
+        if listed is not streets:
+            scenario = structs.replace(scenario, streets=listed)
+        return scenario, streets_on(plan, listed)
+
     def with_files_on_floor(self, scenario: Scenario, floor: Floor) -> Scenario:
         """The scenario with its files of tasks and lines, read for a floor."""
         plan = floor.floor_plan
@@ -150,7 +162,14 @@ class Reading:
     def files(self) -> tuple[tuple[str, str], ...]:
         """The files that were read: path, 16 hex digits of content."""
         files = (self.location_file, self.pod_file, *(day.file for day in self.days))
-        every = (*files, self.start_file, self.task_file, self.rate_file, *self.duration_files)
+        every = (
+            *files,
+            self.start_file,
+            self.task_file,
+            self.rate_file,
+            self.street_file,
+            *self.duration_files,
+        )
         return tuple((file.path, file.content_hash) for file in every if file is not None)
 
 

@@ -39,6 +39,7 @@ from automaton.scenario.quantities import ConfigSection as ConfigSection
 from automaton.scenario.quantities import Direction as Direction
 from automaton.scenario.quantities import NonEmptyText as NonEmptyText
 from automaton.scenario.quantities import SingleLine as SingleLine
+from automaton.scenario.streets import Streets
 from automaton.units import ticks_and_time, unit
 
 KindName = Literal[
@@ -267,6 +268,13 @@ class Scenario(ConfigSection, frozen=True, kw_only=True):
     ] = msgspec.field(default_factory=dict)
     locations: Locations = msgspec.field(default_factory=dict)
     floor: ChangingFloor = ChangingFloor()
+    streets: Annotated[
+        Streets | None,
+        Meta(
+            description="Streets: weights that guide robots to choose their ways, and closed moves. A "
+            "file, a pattern, or a list of streets. null: all moves have the weight 1."
+        ),
+    ] = None
     units: Units = Units()
     durations: Durations = Durations()
     orders: Orders = Orders(generator="full-shelves")

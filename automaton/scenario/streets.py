@@ -1,417 +1,523 @@
-"""Streets: weights that guide robots, and directions that are closed.
+"""Streets: weights of moves, which guide robots, and moves that are closed.
 
-    streets: {preset: crisscross, along: 0.5}         # rows run east and west in turn, columns south and north
-    streets: {file: streets.csv, scale: mean}         # x,y,east,south,west,north,wait
-    streets:                                          # later entries replace earlier ones, edge by edge
-      - {row: 12, columns: [2, 33], east: 0.5}
-      - {column: 3, south: closed}
-      - {path: [[2, 4], [9, 4], [9, 8]], there: 0.5, back: closed}
-      - {area: {from: [0, 0], to: [9, 9]}, wait: 2}
-      - {at: [4, 4], east: 0.3}
+    x,y,east,south,west,north,wait      streets: {preset: crisscross}
+    12,0,0.5,,1,,                       streets: {file: streets.csv, scale: mean}
+    12,1,closed,,0.5,,2                 streets: [{row: 12, east: 0.5, west: closed}]
 
-A weight multiplies the cost of a move when a way is chosen, never its duration. A closed direction is an
-exit that the floor does not have. The rows of a file become entries `at`, so recordings need no further
-files. Weights are whole hundredths.
-
-Source: Y. Zhang et al., Guidance Graph Optimization for Lifelong Multi-Agent Path Finding, IJCAI 2024.
+A weight multiplies the cost of a move where a way is chosen, never the ticks of the move; `wait` is the
+weight of a tick of waiting. A file of guidance graphs (GGO) is told by its header: a line for each cell
+in reading order, whose x is the row and y the column; inf: no edge. Zhang et al., IJCAI 2024.
 """
 
 from __future__ import annotations
 
+import csv
+import itertools
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
-from pathlib import Path
-from typing import Annotated, Any, Final, Literal, NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 import numpy as np
 from msgspec import Meta
 from numpy.typing import NDArray
 
-from automaton.errors import InputError, InvalidValueError, Keys
-from automaton.floor.floor_plan import FloorPlan
-from automaton.scenario.changing_floor import Cell, Rectangle, cells_of_path, cells_of_set
+from automaton.errors import InputError, InvalidValueError, Keys, nearest
+from automaton.floor.floor_plan import DIRECTIONS, FloorPlan
+from automaton.scenario.changing_floor import Rectangle, cells_of_path, cells_of_set
 from automaton.scenario.document import Document
-from automaton.scenario.quantities import (
-    ConfigSection,
-    Direction,
-    NamedCell,
-    NonEmptyText,
-    Pair,
-)
-from automaton.scenario.table_fields import (
-    COORDINATE,
-    Column,
-    ColumnNames,
-    TableOptions,
-    column,
-)
-from automaton.scenario.table_reader import ReadFile, TableColumns, named_file, read_table, with_rows
-from automaton.scenario.text_files import quoted
+from automaton.scenario.quantities import ConfigSection, NamedCell, NonEmptyText, Pair
+from automaton.scenario.table_reader import ReadFile, named_file, with_rows
+from automaton.scenario.text_files import content_hash, quoted, read_text
 
-UNIT: Final = 100  # of weights and of a tick, in the cost of a way
-CLOSED: Final = "closed"
+STREETS: Final[Keys] = ("streets",)
+UNIT: Final = 100  # weights are multiples of 1 / UNIT
 LEAST_WEIGHT: Final = 0.01
-MOST_WEIGHT: Final = 10_000.0
-COMPASS: Final[tuple[Direction, ...]] = ("east", "south", "west", "north")  # of bits and columns
-WAIT: Final = "wait"
-DECIMAL_NUMBER: Final = re.compile(r"\d{1,6}(\.\d{1,12})?|\.\d{1,12}")
-STREETS_KEY: Final[Keys] = ("streets", "file")
+MOST_WEIGHT: Final = 10_000
+CLOSED: Final = "closed"
+COLUMNS: Final = ("x", "y", *DIRECTIONS, "wait")
+GGO_COLUMNS: Final = (
+    "id",
+    "type",
+    "x",
+    "y",
+    "weight_to_RIGHT",
+    "weight_to_UP",
+    "weight_to_LEFT",
+    "weight_to_DOWN",
+    "weight_for_WAIT",
+)
+GGO_DIRECTIONS: Final = (0, 3, 2, 1)  # right, up, left, down as directions
+GGO_WALLS: Final = "@T"
 
-Weight = Annotated[float, Meta(ge=LEAST_WEIGHT, le=MOST_WEIGHT)]
-WaitWeight = Annotated[float, Meta(ge=0, le=MOST_WEIGHT)]
-WeightOrClosed = Literal["closed"] | Weight
-Ints = NDArray[np.int32]
+Weights = NDArray[np.int32]
 
-
-class Street(ConfigSection, frozen=True, kw_only=True):
-    """Weights of the moves out of some cells."""
-
-    at: Annotated[NamedCell | None, Meta(description="A single cell.")] = None
-    row: Annotated[int | None, Meta(ge=0, description="A row, or the part of it in `columns`.")] = None
-    columns: Annotated[Pair | None, Meta(description="First and last column of the part.")] = None
-    column: Annotated[
-        int | None, Meta(ge=0, description="A column, or the part of it in `rows`.")
-    ] = None
-    rows: Annotated[Pair | None, Meta(description="First and last row of the part.")] = None
-    path: Annotated[
-        tuple[NamedCell, ...] | None,
-        Meta(min_length=2, description="The corners of a path, with weights `there` and `back`."),
-    ] = None
-    area: Annotated[Rectangle | None, Meta(description="A rectangle.")] = None
-    east: Annotated[
-        WeightOrClosed | None,
-        Meta(description="Weight of moves to the east, or closed; null: unchanged."),
-    ] = None
-    south: Annotated[WeightOrClosed | None, Meta(description="The same to the south.")] = None
-    west: Annotated[WeightOrClosed | None, Meta(description="The same to the west.")] = None
-    north: Annotated[WeightOrClosed | None, Meta(description="The same to the north.")] = None
-    there: Annotated[
-        WeightOrClosed | None,
-        Meta(description="Weight of moves along the path, or closed; null: unchanged."),
-    ] = None
-    back: Annotated[
-        WeightOrClosed | None, Meta(description="The same for moves along the path backwards.")
-    ] = None
-    wait: Annotated[
-        WaitWeight | None,
-        Meta(
-            description="Weight of a tick of waiting in the cells, for right of way `pibt`; null: "
-            "unchanged."
-        ),
-    ] = None
-
-    def __post_init__(self) -> None:
-        places = [
-            name for name in ("at", "row", "column", "path", "area") if getattr(self, name) is not None
-        ]
-        if len(places) != 1:
-            found = " and ".join(places) or "none of them"
-            raise ValueError(f"a street has one of at, row, column, path and area, found {found}")
-        for name, of in (("columns", "row"), ("rows", "column"), ("there", "path"), ("back", "path")):
-            if getattr(self, name) is not None and places[0] != of:
-                raise ValueError(f"{name} belongs to {of}, and this street has {places[0]}")
-        if places[0] == "path" and any(getattr(self, name) is not None for name in COMPASS):
-            raise ValueError("a street along a path has weights `there` and `back`, not of directions")
+Weight = (
+    Annotated[
+        float,
+        Meta(ge=LEAST_WEIGHT, le=MOST_WEIGHT, description="The weight of the moves."),
+    ]
+    | Literal["closed"]
+    | None
+)
+Wait = (
+    Annotated[float, Meta(ge=0, le=MOST_WEIGHT, description="The weight of a tick of waiting.")]
+    | None
+)
+Range = Pair | None
 
 
-class Streets(ConfigSection, frozen=True, kw_only=True):
-    """Streets of a file, or of a preset."""
+class StreetPlan(ConfigSection, frozen=True, kw_only=True):
+    """Streets of a file or of a pattern."""
 
     file: Annotated[
         NonEmptyText | None,
         Meta(
-            description="A CSV file with the columns x, y, and any of east, south, west, north and "
-            "wait: a weight, closed, or nothing for 1; path relative to the scenario."
+            description="A CSV file with the columns x, y, east, south, west, north and wait, or one of "
+            "guidance graphs (GGO); path relative to the scenario."
         ),
     ] = None
-    scale: Annotated[
-        Literal["mean"] | Weight,
-        Meta(
-            description="Factor of all weights of the file; mean: such that the mean weight of all "
-            "moves on the floor becomes 1."
-        ),
-    ] = 1.0
     preset: Annotated[
         Literal["crisscross"] | None,
         Meta(
-            description="crisscross: rows run east and west in turn, columns south and north."
+            description="crisscross: rows run east and west in turn, columns south and north; the first "
+            "row runs east, the first column north."
         ),
     ] = None
-    along: Annotated[Weight, Meta(description="Weight of moves along crisscross streets.")] = 0.5
-    against: Annotated[
-        WeightOrClosed, Meta(description="Weight of moves against them, or closed.")
+    scale: Annotated[
+        Annotated[float, Meta(gt=0, le=MOST_WEIGHT)] | Literal["mean"],
+        Meta(description="A factor of all weights; mean: such that the mean weight of moves is 1."),
     ] = 1.0
-    wait: Annotated[WaitWeight, Meta(description="Weight of a tick of waiting.")] = 1.0
+    along: Annotated[
+        float, Meta(ge=LEAST_WEIGHT, le=MOST_WEIGHT, description="crisscross: along a street.")
+    ] = 0.5
+    against: Annotated[
+        Weight, Meta(description="crisscross: the weight of moves against a street, or closed.")
+    ] = 1.0
+    wait: Annotated[
+        float, Meta(ge=0, le=MOST_WEIGHT, description="crisscross: of a tick of waiting.")
+    ] = 1.0
     phase: Annotated[
-        tuple[Literal[0, 1], Literal[0, 1]],
-        Meta(
-            description="Row y runs east if y + the first number is even; column x runs south if x + "
-            "the second one is odd."
-        ),
+        tuple[Annotated[int, Meta(ge=0, le=1)], Annotated[int, Meta(ge=0, le=1)]],
+        Meta(description="crisscross: 1 reverses the directions of the rows, of the columns."),
     ] = (0, 0)
 
     def __post_init__(self) -> None:
         if (self.file is None) == (self.preset is None):
-            raise ValueError("streets has either file or preset, or is a list of streets")
-        of_preset = self.along != 0.5 or self.against != 1 or self.wait != 1 or self.phase != (0, 0)
-        if self.file is not None and of_preset:
-            raise ValueError("along, against, wait and phase belong to a preset, and streets has a file")
-        if self.preset is not None and self.scale != 1:
-            raise ValueError("scale belongs to a file, and streets has a preset")
+            raise ValueError("streets must have exactly one of file and preset, or be a list")
+        own = [key for key in ("along", "against", "wait") if getattr(self, key) != DEFAULTS[key]]
+        if self.file is not None and (own or self.phase != (0, 0)):
+            key = own[0] if own else "phase"
+            raise ValueError(f"streets has {key}, which belongs to preset: crisscross")
 
 
-StreetsSection = Streets | tuple[Street, ...] | None
+DEFAULTS: Final = {"along": 0.5, "against": 1.0, "wait": 1.0}
 
 
-class StreetColumns(ColumnNames, frozen=True, kw_only=True):
-    """The columns of a file of streets."""
+class Street(ConfigSection, frozen=True, kw_only=True):
+    """Weights of a cell, a row, a column, a path or an area; later streets overwrite earlier ones."""
 
-    rows, may_rename = "streets", False
-    needed = ((("x",),), (("y",),))
-
-    x: Annotated[Column, column("The column of the cell.", COORDINATE)] = None
-    y: Annotated[Column, column("The row of the cell.", COORDINATE)] = None
-    east: Annotated[Column, column("Weight of moves to the east, or closed.")] = None
-    south: Annotated[Column, column("Weight of moves to the south, or closed.")] = None
-    west: Annotated[Column, column("Weight of moves to the west, or closed.")] = None
-    north: Annotated[Column, column("Weight of moves to the north, or closed.")] = None
-    wait: Annotated[Column, column("Weight of a tick of waiting.")] = None
-
-
-class StreetWeights(NamedTuple):
-    """Weights of the c cells of a floor, in hundredths; in directions E, S, W, N."""
-
-    move: Ints  # (c, 4)
-    wait: Ints  # (c,)
-    closed: NDArray[np.bool_]  # (c, 4)
-
-
-# From a section to weights.
-
-
-def street_weights(section: StreetsSection, floor_plan: FloorPlan) -> StreetWeights | None:
-    """The weights on a floor; None without streets. Raises InvalidValueError.
-
-    The section has the streets of its file as a list.
-    """
-    if section is None:
-        return None
-    cells = floor_plan.kind.size
-    weights = StreetWeights(
-        np.full((cells, 4), UNIT, np.int32),
-        np.full(cells, UNIT, np.int32),
-        np.zeros((cells, 4), np.bool_),
+    at: Annotated[NamedCell | None, Meta(description="A cell.")] = None
+    row: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The y of a row.")] = None
+    columns: Annotated[Range, Meta(description="The first and last column of a row.")] = None
+    column: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The x of a column.")] = (
+        None
     )
-    if isinstance(section, Streets):
-        assert section.file is None, "files are read before"
-        _enter_crisscross(weights, section, floor_plan)
-    else:
-        for number, street in enumerate(section):
-            try:
-                _enter(weights, street, floor_plan)
-            except InputError as error:
-                raise InvalidValueError(("streets", number), error.message) from None
-    exits = (floor_plan.exits.reshape(-1)[:, None] >> np.arange(4, dtype=np.uint8)) & 1 > 0
-    weights.closed[~exits] = False
-    weights.move[~exits | weights.closed] = UNIT
-    weights.wait[~floor_plan.drivable.reshape(-1)] = UNIT
-    return weights
+    rows: Annotated[Range, Meta(description="The first and last row of a column.")] = None
+    path: Annotated[
+        Annotated[tuple[NamedCell, ...], Meta(min_length=2)] | None,
+        Meta(description="Corners of a path."),
+    ] = None
+    area: Annotated[Rectangle | None, Meta(description="Two opposite corners of a rectangle.")] = (
+        None
+    )
+    east: Annotated[Weight, Meta(description="Weight of moves to the east, or closed.")] = None
+    south: Annotated[Weight, Meta(description="Weight of moves to the south, or closed.")] = None
+    west: Annotated[Weight, Meta(description="Weight of moves to the west, or closed.")] = None
+    north: Annotated[Weight, Meta(description="Weight of moves to the north, or closed.")] = None
+    there: Annotated[Weight, Meta(description="Weight of moves along the path, or closed.")] = None
+    back: Annotated[Weight, Meta(description="The same, back along the path.")] = None
+    wait: Wait = None
+
+    def __post_init__(self) -> None:
+        places = [key for key in PLACES if getattr(self, key) is not None]
+        if len(places) != 1:
+            raise ValueError("a street must have exactly one of at, row, column, path and area")
+        if self.columns is not None and self.row is None:
+            raise ValueError("columns limits a row; this street has none")
+        if self.rows is not None and self.column is None:
+            raise ValueError("rows limits a column; this street has none")
+        if (self.there is not None or self.back is not None) and self.path is None:
+            raise ValueError("there and back are directions of a path; this street has none")
+        if self.path is not None and any(getattr(self, way) is not None for way in DIRECTIONS):
+            raise ValueError("the directions of a path are there and back")
+        if all(getattr(self, way) is None for way in (*DIRECTIONS, "there", "back", "wait")):
+            raise ValueError("this street has no weight: set a direction, there, back or wait")
 
 
-def _enter_crisscross(weights: StreetWeights, preset: Streets, floor_plan: FloorPlan) -> None:
-    """Row y + phase[0] even: east; column x + phase[1] odd: south."""
-    y, x = np.divmod(np.arange(floor_plan.kind.size), floor_plan.stride)
-    runs_east = (y - 1 + preset.phase[0]) % 2 == 0
-    runs_south = (x - 1 + preset.phase[1]) % 2 == 1
-    along = np.stack((runs_east, runs_south, ~runs_east, ~runs_south), axis=1)
-    weights.move[along] = hundredths(preset.along)
-    if preset.against == CLOSED:
-        weights.closed[~along] = True
-    else:
-        weights.move[~along] = hundredths(float(preset.against))
-    weights.wait[:] = hundredths(preset.wait)
+PLACES: Final = ("at", "row", "column", "path", "area")
 
-
-def _enter(weights: StreetWeights, street: Street, floor_plan: FloorPlan) -> None:
-    """Enter the weights of a street. Raises InputError without file and line."""
-    if street.path is not None:
-        path = _path(street.path, floor_plan)
-        for here, to in zip(path[:-1], path[1:], strict=True):
-            direction = floor_plan.offsets.index(to - here)
-            _enter_edge(weights, here, direction, street.there)
-            _enter_edge(weights, to, direction ^ 2, street.back)
-        cells = np.array(path)
-    else:
-        cells = np.array(_cells(street, floor_plan))
-        for direction, name in enumerate(COMPASS):
-            _enter_edge(weights, cells, direction, getattr(street, name))
-    if street.wait is not None:
-        weights.wait[cells] = hundredths(street.wait)
-
-
-def _enter_edge(
-    weights: StreetWeights, cells: Any, direction: int, value: WeightOrClosed | None
-) -> None:
-    if value is None:
-        return
-    weights.closed[cells, direction] = value == CLOSED
-    if value != CLOSED:
-        weights.move[cells, direction] = hundredths(float(value))
+Streets = Annotated[
+    StreetPlan | tuple[Street, ...],
+    Meta(description="Weights of moves, which guide robots, and closed moves."),
+]
 
 
 def hundredths(weight: float) -> int:
-    """A weight in hundredths, rounded half up."""
-    return math.floor(weight * UNIT + 0.5)
+    """A weight in 1 / UNIT, half up, at least one unless it is 0."""
+    whole = math.floor(weight * UNIT + 0.5)
+    return max(whole, 1) if weight > 0 else whole
 
 
-def _path(corners: Sequence[Cell], floor_plan: FloorPlan) -> list[int]:
-    """The cells of a path. Raises InputError for corners off the floor or not in line."""
-    cells_of_set("its path", corners, floor_plan)  # type: ignore[arg-type]
-    return cells_of_path("its path", corners, floor_plan)
+class StreetWeights:
+    """The weights of the moves of a floor, in 1 / UNIT, and of waiting; closed moves."""
+
+    def __init__(self, floor_plan: FloorPlan) -> None:
+        cells = floor_plan.kind.size
+        self.floor_plan = floor_plan
+        self.exits = floor_plan.exits.reshape(-1)
+        self.moves: Weights = np.full((cells, 4), UNIT, np.int32)
+        self.waits: Weights = np.full(cells, UNIT, np.int32)
+        self.closed = np.zeros((cells, 4), np.bool_)
+        self.closed_by: dict[tuple[int, int], Keys] = {}
+
+    def set_move(
+        self, cell: int, direction: int, weight: float | str, keys: Keys = STREETS
+    ) -> bool:
+        """Set the weight of a move, or close it; False if the floor has no such move."""
+        if not self.exits[cell] >> direction & 1:
+            return False
+        self.closed[cell, direction] = weight == CLOSED
+        if isinstance(weight, str):
+            self.closed_by[cell, direction] = keys
+        else:
+            self.moves[cell, direction] = hundredths(weight)
+        return True
+
+    def scale(self, factor: float | str) -> None:
+        """Multiply all weights; "mean": such that the mean over all moves becomes 1."""
+        exits = self.open_moves()
+        if factor == "mean":
+            mean = float(self.moves[exits].mean()) / UNIT if exits.any() else 1.0
+            factor = 1.0 / mean
+        if factor == 1.0:
+            return
+        for weights, least in ((self.moves, 1), (self.waits, 0)):
+            scaled = np.floor(weights * float(factor) + 0.5)
+            weights[:] = np.clip(scaled, least, MOST_WEIGHT * UNIT)
+
+    def open_moves(self) -> NDArray[np.bool_]:
+        """(cells, 4) the moves that the floor has, without closed ones."""
+        bits = (self.exits[:, None] >> np.arange(4, dtype=np.uint8)) & 1
+        exits: NDArray[np.bool_] = (bits > 0) & ~self.closed
+        return exits
+
+    def floor(self) -> FloorPlan:
+        """The floor with these weights, and without closed exits; weights that all are 1 are none."""
+        shut = (self.closed << np.arange(4)).sum(axis=1).astype(np.uint8)
+        floor_plan = self.floor_plan
+        if shut.any():
+            exits = (self.exits & ~shut).reshape(floor_plan.exits.shape)
+            floor_plan = floor_plan.with_exits(exits)
+        moves = np.where(self.open_moves(), self.moves, UNIT).astype(np.int32)
+        waits = np.where(floor_plan.drivable.reshape(-1), self.waits, UNIT).astype(np.int32)
+        return floor_plan.with_weights(moves, waits)
 
 
-def _cells(street: Street, floor_plan: FloorPlan) -> list[int]:
-    """The cells of a street that is no path. Raises InputError without file and line."""
-    right, bottom = floor_plan.width - 1, floor_plan.height - 1
-    if street.at is not None:
-        return cells_of_set("at", (street.at,), floor_plan)
-    if street.area is not None:
-        return cells_of_set("its area", street.area, floor_plan)
-    if street.row is not None:
-        first, last = street.columns or (0, right)
-        corners, name = ((first, street.row), (last, street.row)), f"row {street.row}"
-    else:
-        first, last = street.rows or (0, bottom)
-        x = int(street.column or 0)
-        corners, name = ((x, first), (x, last)), f"column {x}"
-    return _path_of(name, corners, floor_plan)
+# The streets of a scenario on its floor.
 
 
-def _path_of(name: str, corners: Sequence[Cell], floor_plan: FloorPlan) -> list[int]:
-    return cells_of_set(name, tuple(corners), floor_plan)
+def streets_on(floor_plan: FloorPlan, streets: Streets | None) -> StreetWeights:
+    """The weights of a scenario without a file. Raises InvalidValueError."""
+    weights = StreetWeights(floor_plan)
+    if isinstance(streets, StreetPlan):
+        enter_crisscross(weights, streets)
+        weights.scale(streets.scale)
+        return weights
+    for number, street in enumerate(streets or ()):
+        keys: Keys = (*STREETS, number)
+        try:
+            enter_street(weights, street, f"street {number + 1}", keys)
+        except InputError as error:
+            if isinstance(error, InvalidValueError):
+                raise
+            raise InvalidValueError(keys, error.message) from None
+    return weights
 
 
-def with_closed_exits(floor_plan: FloorPlan, weights: StreetWeights | None) -> FloorPlan:
-    """The floor without the exits that streets close."""
-    if weights is None or not weights.closed.any():
-        return floor_plan
-    bits = (weights.closed << np.arange(4)).sum(axis=1).astype(np.uint8)
-    return floor_plan.with_exits(floor_plan.exits & ~bits.reshape(floor_plan.exits.shape))
+def enter_crisscross(weights: StreetWeights, plan: StreetPlan) -> None:
+    """Rows run east and west in turn, columns south and north."""
+    floor_plan = weights.floor_plan
+    for cell in np.flatnonzero(floor_plan.drivable).tolist():
+        x, y = floor_plan.xy(cell)
+        runs = ((y + plan.phase[0]) % 2 * 2, 1 if (x + plan.phase[1]) % 2 else 3)
+        for direction in range(4):
+            weight = plan.along if direction in runs else plan.against
+            weights.set_move(cell, direction, 1.0 if weight is None else weight)
+        weights.waits[cell] = hundredths(plan.wait)
 
 
-# From a file to a list.
-
-
-def read_streets(
-    document: Document, section: StreetsSection, floor_plan: FloorPlan
-) -> tuple[Document, StreetsSection, ReadFile | None]:
-    """The streets with those of their file as a list, and the document with its lines.
-
-    Raises InputError with the line.
-    """
-    if not isinstance(section, Streets) or section.file is None:
-        return document, section, None
-    path = named_file(document, STREETS_KEY, StreetColumns.rows, section.file)
-    table = read_table(path, StreetColumns, TableOptions(file=path.name))
-    table.errors.raise_any()
-    streets = tuple(_rows(table, floor_plan))
-    if section.scale != 1:
-        streets = _scaled(streets, section.scale, floor_plan)
-    document = with_rows(document, ("streets",), table.path, table.lines)
-    return document, streets, ReadFile(str(path.resolve()), table.content_hash)
-
-
-def _rows(table: TableColumns, floor_plan: FloorPlan) -> Iterator[Street]:
-    """The street of each row. Raises InputError with its line."""
-    seen: dict[Cell, int] = {}
-    names = [name for name in (*COMPASS, WAIT) if name in table.column_of]
-    texts = {
-        name: [*(_read(text) for text in table.names[name]), None] for name in names
-    }  # of each different text; the last one: nothing
-    for row, line in enumerate(table.lines.tolist()):
-        x, y = (int(table.values[axis][row]) for axis in ("x", "y"))
-        if (x, y) in seen:
-            text = f"cell [{x}, {y}] appears twice (first in line {seen[x, y]})"
-            raise InputError(text, table.path, line)
-        seen[x, y] = line
-        values = {name: texts[name][int(table.values[name][row])] for name in names}
-        for name, value in values.items():
-            _check(table, line, (x, y), name, value, floor_plan)
-        yield Street(at=(x, y), **{name: one for name, one in values.items() if one is not None})
-
-
-def _read(text: str) -> float | str:
-    """A weight, "closed", or the text itself if it is neither."""
-    if text == CLOSED:
-        return CLOSED
-    plain = text.replace(",", ".") if text.count(",") == 1 else text
-    return float(plain) if DECIMAL_NUMBER.fullmatch(plain) else text
-
-
-def _check(
-    table: TableColumns,
-    line: int,
-    at: Cell,
-    name: str,
-    value: float | str | None,
-    floor_plan: FloorPlan,
-) -> None:
-    """Refuse a value that is no weight, or of an edge that the floor does not have."""
-    x, y = at
-    if not floor_plan.holds(x, y):
-        text = f"cell [{x}, {y}] lies outside the floor {floor_plan.extent}"
-        raise InputError(text, table.path, line)
-    if value is None:
-        return
-    cell, least = floor_plan.cell(x, y), 0.0 if name == WAIT else LEAST_WEIGHT
-    allowed = f"{least:g} to {MOST_WEIGHT:,.0f}" + ("" if name == WAIT else ", or closed")
-    is_number = isinstance(value, float) and least <= value <= MOST_WEIGHT
-    if not is_number and (value != CLOSED or name == WAIT):
-        said = quoted(value) if isinstance(value, str) else f"{value:g}"
-        text = f"cell [{x}, {y}], {name}: a weight is {allowed}, found {said}"
-        raise InputError(text, table.path, line)
-    if not floor_plan.drivable.flat[cell]:
-        raise InputError(f"cell [{x}, {y}] is no cell where robots drive", table.path, line)
-    if name != WAIT and not floor_plan.exits.flat[cell] >> COMPASS.index(name) & 1:  # type: ignore[arg-type]
-        text = f"cell [{x}, {y}] has no exit to the {name}, so that the weight has no effect"
-        raise InputError(text, table.path, line)
-
-
-def _scaled(
-    streets: tuple[Street, ...], scale: Literal["mean"] | float, floor_plan: FloorPlan
-) -> tuple[Street, ...]:
-    """All weights of moves multiplied by a factor, within the limits of weights."""
-    if scale == "mean":
-        weights = street_weights(streets, floor_plan)
-        assert weights is not None
-        exits = (floor_plan.exits.reshape(-1)[:, None] >> np.arange(4, dtype=np.uint8)) & 1 > 0
-        scale = UNIT / float(weights.move[exits & ~weights.closed].mean())
-    factor = float(scale)
-    everywhere = Street(
-        area=Rectangle(first=(0, 0), last=(floor_plan.width - 1, floor_plan.height - 1)),
-        **dict.fromkeys(COMPASS, within(factor)),
-    )
-    return (
-        everywhere,
-        *(
-            msgspec.structs.replace(
-                street,
-                **{
-                    name: within(factor * value)
-                    for name in COMPASS
-                    if isinstance(value := getattr(street, name), float)
-                },
+def enter_street(weights: StreetWeights, street: Street, name: str, keys: Keys) -> None:
+    """Enter the weights of a street. Raises InputError."""
+    floor_plan = weights.floor_plan
+    cells = cells_of_street(street, name, floor_plan)
+    if street.path is not None:
+        enter_path(weights, street, cells, name, keys)
+    for direction, way in enumerate(DIRECTIONS):
+        weight = getattr(street, way)
+        if weight is None:
+            continue
+        met = [weights.set_move(cell, direction, weight, keys) for cell in cells]
+        if not any(met):
+            raise InvalidValueError(
+                (*keys, way), f"{name} has {way}, but no robot can move {way} from its cells"
             )
-            for street in streets
-        ),
-    )
+        if street.at is not None and weight == CLOSED:
+            continue
+    if street.wait is not None:
+        weights.waits[cells] = hundredths(street.wait)
 
 
-def within(weight: float) -> float:
-    """The nearest weight that is allowed, in whole hundredths."""
-    return min(max(hundredths(weight), 1), int(MOST_WEIGHT) * UNIT) / UNIT
+def cells_of_street(street: Street, name: str, floor_plan: FloorPlan) -> list[int]:
+    """The flat cells of a street. Raises InputError."""
+    if street.at is not None:
+        cells = cells_of_set(name, (street.at,), floor_plan)
+        if not floor_plan.drivable.flat[cells[0]]:
+            x, y = street.at
+            kind = floor_plan.kind_of(cells[0]).name
+            raise InputError(f"{name} has the cell [{x}, {y}], a {kind}; robots do not drive there")
+        return cells
+    if street.path is not None:
+        cells_of_set(name, street.path, floor_plan)
+        return cells_of_path(name, street.path, floor_plan)
+    if street.area is not None:
+        return cells_of_set(name, street.area, floor_plan)
+    if street.row is not None:
+        first, last = street.columns or (0, floor_plan.width - 1)
+        corners = ((first, street.row), (last, street.row))
+    else:
+        first, last = street.rows or (0, floor_plan.height - 1)
+        corners = ((street.column or 0, first), (street.column or 0, last))
+    return cells_of_set(name, corners, floor_plan)
 
 
-Reader = Callable[[Path], StreetsSection]
+def enter_path(
+    weights: StreetWeights, street: Street, cells: list[int], name: str, keys: Keys
+) -> None:
+    """Enter the weights along a path, and back. Raises InputError for a move that the floor lacks."""
+    floor_plan = weights.floor_plan
+    for here, after in itertools.pairwise(cells):
+        direction = floor_plan.offsets.index(after - here)
+        ways = ((here, direction, street.there), (after, direction ^ 2, street.back))
+        for cell, way, weight in ways:
+            if weight is not None and not weights.set_move(cell, way, weight, keys):
+                x, y = floor_plan.xy(cell)
+                raise InputError(
+                    f"{name} goes {DIRECTIONS[way]} from [{x}, {y}], where no robot can move so"
+                )
+
+
+# Files of streets: they become a list in the scenario, so that recordings need no further file.
+
+
+def with_streets_of_file(
+    document: Document, streets: Streets | None, floor_plan: FloorPlan
+) -> tuple[Document, Streets | None, ReadFile | None]:
+    """The streets of a scenario, with those of its file as a list. Raises InputError."""
+    if not isinstance(streets, StreetPlan) or streets.file is None:
+        return document, streets, None
+    path = named_file(document, STREETS, "streets", streets.file)
+    text = read_text(path)
+    try:
+        listed, lines = streets_of_text(text, floor_plan, streets.scale)
+    except InputError as error:
+        raise error.at(str(path)) from None
+    data = msgspec.to_builtins(listed)
+    entries = [{key: value for key, value in entry.items() if value is not None} for entry in data]
+    document = with_rows(document, STREETS, str(path), lines, streets=entries)
+    return document, listed, ReadFile(str(path.resolve()), content_hash(path))
+
+
+def streets_of_text(
+    text: str, floor_plan: FloorPlan, scale: float | Literal["mean"] = 1.0
+) -> tuple[tuple[Street, ...], list[int]]:
+    """The streets of a file, one for each cell, and their lines. Raises InputError with a line."""
+    rows = rows_of(text)
+    line, header = next(rows, (1, []))
+    if tuple(header) == GGO_COLUMNS:
+        entries = list(guidance_graph_cells(rows, floor_plan, line))
+    else:
+        entries = list(own_cells(rows, header, floor_plan, line))
+    if scale != 1.0:
+        entries = scaled(entries, floor_plan, scale)
+    return tuple(street for _, street in entries), [line for line, _ in entries]
+
+
+def rows_of(text: str) -> Iterator[tuple[int, list[str]]]:
+    """The rows of a file with commas, semicolons or tabs, without empty ones, and their lines."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    first = next((line for line in lines if line.strip()), "")
+    separator = max(",;\t", key=first.count)
+    for number, line in enumerate(lines, 1):
+        if line.strip(f" {separator}"):
+            yield number, [part.strip() for part in next(csv.reader([line], delimiter=separator))]
+
+
+def own_cells(
+    rows: Iterator[tuple[int, list[str]]], header: list[str], floor_plan: FloorPlan, line: int
+) -> Iterator[tuple[int, Street]]:
+    """The streets of a file with the columns x, y and directions."""
+    names = [name.lower() for name in header]
+    for name in names:
+        if name not in COLUMNS:
+            raise InputError(
+                f"unknown column {quoted(name)}{nearest(name, COLUMNS)}; a file of streets has the "
+                f"columns {', '.join(COLUMNS)}",
+                line=line,
+            )
+    if "x" not in names or "y" not in names or len(set(names)) != len(names) or len(names) < 3:
+        raise InputError(
+            f"a file of streets needs the columns x, y and some of {', '.join(COLUMNS[2:])}, each once",
+            line=line,
+        )
+    seen: dict[tuple[int, int], int] = {}
+    for number, values in rows:
+        if len(values) > len(names):
+            raise InputError(f"{len(values)} values for {len(names)} columns", line=number)
+        given = dict(zip(names, values, strict=False))
+        x, y = (coordinate(given.get(name, ""), name, number) for name in ("x", "y"))
+        if (x, y) in seen:
+            raise InputError(
+                f"cell [{x}, {y}] appears twice, first in line {seen[x, y]}", line=number
+            )
+        seen[x, y] = number
+        check_cell(floor_plan, x, y, number)
+        exits = int(floor_plan.exits.flat[floor_plan.cell(x, y)])
+        weights: dict[str, Any] = {}
+        for name in COLUMNS[2:]:
+            if given.get(name):
+                weights[name] = weight_of(given[name], name, (x, y), number)
+                if name != "wait" and not exits >> DIRECTIONS.index(name) & 1:
+                    raise InputError(
+                        f"cell [{x}, {y}] has a weight to the {name}, where no robot can move",
+                        line=number,
+                    )
+        if weights:
+            yield number, Street(at=(x, y), **weights)
+
+
+def coordinate(text: str, name: str, line: int) -> int:
+    if not re.fullmatch("[0-9]{1,6}", text):
+        raise InputError(f"{name} is {quoted(text)}, not a whole number from 0", line=line)
+    return int(text)
+
+
+def check_cell(floor_plan: FloorPlan, x: int, y: int, line: int) -> None:
+    """Robots drive on the cell. Raises InputError."""
+    if not floor_plan.holds(x, y):
+        raise InputError(f"cell [{x}, {y}] is off the floor {floor_plan.extent}", line=line)
+    kind = floor_plan.kind_of(floor_plan.cell(x, y))
+    if not kind.drivable:
+        raise InputError(f"cell [{x}, {y}] is a {kind.name}, on which no robot drives", line=line)
+
+
+def weight_of(text: str, name: str, cell: tuple[int, int], line: int) -> float | str:
+    """The weight in a field of a cell. Raises InputError."""
+    if text.lower() == CLOSED and name != "wait":
+        return CLOSED
+    least = 0.0 if name == "wait" else LEAST_WEIGHT
+    try:
+        weight = float(text)
+    except ValueError:
+        weight = math.nan
+    if not least <= weight <= MOST_WEIGHT:
+        allowed = "0 to 10,000" if name == "wait" else "0.01 to 10,000 or closed"
+        x, y = cell
+        raise InputError(
+            f"cell [{x}, {y}] has {name} {quoted(text)}; a weight is {allowed}", line=line
+        )
+    return weight
+
+
+def guidance_graph_cells(
+    rows: Iterator[tuple[int, list[str]]], floor_plan: FloorPlan, line: int
+) -> Iterator[tuple[int, Street]]:
+    """The streets of a guidance graph (GGO): all cells in reading order, x: the row, y: the column."""
+    expected = 0
+    for line, values in rows:
+        if len(values) != len(GGO_COLUMNS):
+            raise InputError(
+                f"{len(values)} values for {len(GGO_COLUMNS)} columns of a guidance graph",
+                line=line,
+            )
+        y, x = coordinate(values[2], "x", line), coordinate(values[3], "y", line)
+        at = divmod(expected, floor_plan.width)
+        if (y, x) != at or not floor_plan.holds(x, y):
+            hint = ""
+            if (x, y) == at:
+                hint = "; in a guidance graph x is the row and y the column"
+            raise InputError(
+                f"the guidance graph has the cell of row {y}, column {x}, where the floor of "
+                f"{floor_plan.width} x {floor_plan.height} cells has row {at[0]}, column {at[1]}{hint}",
+                line=line,
+            )
+        expected += 1
+        cell = floor_plan.cell(x, y)
+        is_wall = not floor_plan.drivable.flat[cell]
+        if (values[1] in tuple(GGO_WALLS)) != is_wall:
+            kind = floor_plan.kind_of(cell).name
+            raise InputError(
+                f"cell [{x}, {y}] is of type {quoted(values[1])} in the guidance graph, and a {kind} on "
+                "this floor",
+                line=line,
+            )
+        if not is_wall:
+            yield line, graph_cell(values, floor_plan, (x, y), line)
+    if expected != floor_plan.width * floor_plan.height:
+        raise InputError(
+            f"the guidance graph has {expected} cells, this floor of {floor_plan.width} x "
+            f"{floor_plan.height} cells {floor_plan.width * floor_plan.height}",
+            line=line,
+        )
+
+
+def graph_cell(
+    values: Sequence[str], floor_plan: FloorPlan, at: tuple[int, int], line: int
+) -> Street:
+    """The street of a cell of a guidance graph; inf: closed, if the floor has the edge."""
+    exits = int(floor_plan.exits.flat[floor_plan.cell(*at)])
+    weights: dict[str, Any] = {"wait": weight_of(values[8], "wait", at, line)}
+    for column, direction in enumerate(GGO_DIRECTIONS, 4):
+        name, text = DIRECTIONS[direction], values[column]
+        is_edge = bool(exits >> direction & 1)
+        if text.lower() == "inf":
+            if is_edge:
+                weights[name] = CLOSED
+        elif not is_edge:
+            raise InputError(
+                f"cell [{at[0]}, {at[1]}] has a weight to the {name}, where no robot can move",
+                line=line,
+            )
+        else:
+            weights[name] = weight_of(text, name, at, line)
+    return Street(at=at, **weights)
+
+
+def scaled(
+    entries: list[tuple[int, Street]], floor_plan: FloorPlan, scale: float | str
+) -> list[tuple[int, Street]]:
+    """The streets of all cells, with scaled weights."""
+    weights = streets_on(floor_plan, tuple(street for _, street in entries))
+    weights.scale(scale)
+    lines = {street.at: line for line, street in entries}
+    found = []
+    for cell in np.flatnonzero(floor_plan.drivable).tolist():
+        at = floor_plan.xy(cell)
+        ways: dict[str, Any] = {"wait": weights.waits[cell] / UNIT}
+        for direction, way in enumerate(DIRECTIONS):
+            if weights.exits[cell] >> direction & 1:
+                weight = float(weights.moves[cell, direction]) / UNIT
+                ways[way] = CLOSED if weights.closed[cell, direction] else weight
+        found.append((lines.get(at, 1), Street(at=at, **ways)))
+    return found

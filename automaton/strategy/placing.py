@@ -34,7 +34,7 @@ from automaton.engine.operations import (
     with_load,
 )
 from automaton.engine.random_numbers import STREAM_STORAGE, random_between
-from automaton.engine.search import begin_search, distance, mark_goal, nearest_mark
+from automaton.engine.search import begin_search, mark_goal, nearest_mark, shortest_distance
 from automaton.engine.state import (
     ACTION_MOVE,
     NIL,
@@ -343,7 +343,9 @@ def nearest_free(view, out, workspace, i, wanted, left):
     if first < best and has_room_for(tables, 1):
         slot = first & SLOT_MASK
         goal = dropoff_cell(view, robot_type, slot, here)
-        best = min(best, ranked(distance(view, workspace, robot_type, here, heading, goal), slot))
+        best = min(
+            best, ranked(shortest_distance(view, workspace, robot_type, here, heading, goal), slot)
+        )
         first = second
     if first < best:
         return searched_free(view, out, workspace, i, wanted, left)

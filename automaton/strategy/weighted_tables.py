@@ -15,7 +15,7 @@ import numpy as np
 
 from automaton.engine.distance_tables import DistanceTables as DistanceTables
 from automaton.engine.state import Array, World
-from automaton.engine.table_building import Costs, build_tables
+from automaton.engine.table_building import Costs, build_tables, empty_tables
 from automaton.errors import InputError
 from automaton.units import memory
 
@@ -24,11 +24,11 @@ def weighted_tables(view: World, step: Array, turn: int | Array) -> DistanceTabl
     """Tables with cost `step` for a step and `turn` for a turn by 90 degrees.
 
     `step`: (C, 4) or, by set of costs, (S, C, 4) whole numbers from 1 on: from cell c in direction
-    d (E, S, W, N); only exits are used. A set has at most 16 distinct costs, including turns.
+    d (E, S, W, N); only exits are used. Tables are fastest with at most 16 distinct costs in a set.
     `turn`: one number, or one per set. Set k has the exits of robot type k; with a single type all
     sets have its exits. The tables take up to `world.distance_tables` of memory in addition to the
-    tables of ticks. Raises ValueError for too many distinct costs, too small costs or a wrong
-    shape; InputError if the machine has too little memory.
+    tables of ticks. Raises ValueError for too small or too large costs or a wrong shape; InputError if
+    the machine has too little memory.
     """
     cells = len(view.grid.kind)
     steps = np.asarray(step).reshape(-1, cells, 4)
@@ -51,5 +51,4 @@ def weighted_tables(view: World, step: Array, turn: int | Array) -> DistanceTabl
 
 def no_tables() -> DistanceTables:
     """Empty tables, for strategies whose parameters do not use them."""
-    extents = ("C", "F", "G", "L", "P", "Q", "R", "S", "S C", "W", "words")
-    return DistanceTables.sized(dict.fromkeys(extents, 0))
+    return empty_tables()

@@ -4,13 +4,21 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from automaton.engine.distance_tables import WEIGHT_UNIT
 from automaton.engine.state import MAY_TURN, NIL, NO_WAY_THROUGH, Array, Grid, Workspace
-from automaton.engine.table_building import Costs, build_tables, bytes_taken, renew
+from automaton.engine.table_building import (
+    Costs,
+    build_tables,
+    bytes_taken,
+    empty_tables,
+    renew,
+)
 from automaton.errors import InputError
 from automaton.floor.floor_plan import DRIVABLE, STORAGE, UNBOUNDED, FloorPlan, may_turn
 from automaton.floor.reachability import has_storage, slot_access
@@ -18,6 +26,10 @@ from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of
 from automaton.units import memory
 
+WITHOUT_WEIGHTS = {
+    "move_weights": np.zeros((0, 4), np.int32),
+    "wait_weights": np.zeros(0, np.int32),
+}
 KEPT_BYTES = 64 * 1024 * 1024  # of distance tables that are kept for the next run
 
 
@@ -44,13 +56,14 @@ class PreparedFloor(NamedTuple):
         workspace = unused.pop() if unused else make_workspace(self, table_bytes)
         workspace.stop[0] = 0
         renew(workspace.tables)
+        renew(workspace.streets)
         weakref.finalize(user, give_back, unused, workspace)
         return workspace
 
 
 def give_back(unused: list[Workspace], workspace: Workspace) -> None:
     """Keep a workspace for the next run on this floor, unless its tables take much memory."""
-    if bytes_taken(workspace.tables) <= KEPT_BYTES:
+    if bytes_taken(workspace.tables) + bytes_taken(workspace.streets) <= KEPT_BYTES:
         unused.append(workspace)
 
 
@@ -59,8 +72,26 @@ def floor_for(
     mode: str,
     types: tuple[RobotType, ...] = (RobotType(),),
 ) -> PreparedFloor:
-    """The floor for a plan, mode of zones and types; built once for all that drive alike."""
-    return _floor_for(floor_plan, mode, tuple(one.driving for one in types))
+    """The floor for a plan, mode of zones and types; built once for all that drive alike.
+
+    Other weights of streets need other distance tables, but not another floor.
+    """
+    driving = tuple(one.driving for one in types)
+    if not len(floor_plan.move_weights):
+        return _floor_for(floor_plan, mode, driving)
+    return _weighted_floor(floor_plan, mode, driving)
+
+
+@lru_cache(maxsize=4)
+def _weighted_floor(
+    floor_plan: FloorPlan, mode: str, types: tuple[RobotType, ...]
+) -> PreparedFloor:
+    """The floor with the weights of streets, and with workspaces of its own."""
+    floor = _floor_for(replace(floor_plan, **WITHOUT_WEIGHTS), mode, types)
+    grid = floor.grid.replaced(
+        move_weight=floor_plan.move_weights.reshape(-1), wait_weight=floor_plan.wait_weights
+    )
+    return floor._replace(grid=grid, spaces={})
 
 
 @lru_cache(maxsize=16)
@@ -94,6 +125,8 @@ def _floor_for(
         slot=frozen(slot),
         traffic_zone=traffic_zones.of,
         traffic_zone_count=traffic_zones.count,
+        move_weight=frozen(np.zeros(0, np.int32)),
+        wait_weight=frozen(np.zeros(0, np.int32)),
         min_move_ticks=frozen(floor_plan.min_move_ticks.reshape(-1).copy()),
         type_headings=frozen(np.array([one.headings for one in rows], np.int64)),
     )
@@ -155,13 +188,30 @@ def make_workspace(floor: PreparedFloor, table_bytes: int) -> Workspace:
     )
     try:
         tables = build_tables(grid, costs, table_bytes, stop)
+        streets = empty_tables()
+        if len(grid.move_weight):
+            streets = build_tables(grid, weighted(grid, costs), table_bytes, stop)
+    except ValueError as error:
+        raise InputError(f"streets has weights that are too large: {error}") from None
     except MemoryError:
         raise InputError(
             f"world.distance_tables is {memory(table_bytes)}, more than this machine can give; "
             "set it lower"
         ) from None
     sizes = {"P": poses, "C": cells, "H": 6 * poses + 16, "R": floor.longest_route}
-    return Workspace.sized(sizes, stop=stop, tables=tables)
+    return Workspace.sized(sizes, stop=stop, tables=tables, streets=streets)
+
+
+def weighted(grid: Grid, costs: Costs) -> Costs:
+    """Ticks as costs with the weights of streets, in 1/100 tick."""
+    ticks = costs.step if costs.step.ndim > 1 else costs.step[:, None, None]
+    weights = grid.move_weight.reshape(1, -1, 4).astype(np.int64)
+    return costs._replace(
+        step=ticks * weights,
+        turn=WEIGHT_UNIT * costs.turn,
+        step_ticks=np.broadcast_to(ticks, (len(costs.flags), *weights.shape[1:])),
+        turn_ticks=costs.turn,
+    )
 
 
 def step_ticks(grid: Grid, move: Array) -> Array:

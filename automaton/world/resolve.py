@@ -66,6 +66,9 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
     refuse(check_speed_limits(scenario, floor.floor_plan))
     limits = scenario.floor.speed_limits
     floor = floor._replace(floor_plan=with_speed_limits(floor.floor_plan, limits))
+    if scenario.streets is not None:
+        scenario, streets = reading.with_streets_on_floor(scenario, floor)
+        floor = floor._replace(floor_plan=streets.floor())
     scenario = reading.with_files_on_floor(scenario, floor)
 
     fleet = feasible_fleet(scenario, floor, pods_are_of_file=reading.pod_file is not None)

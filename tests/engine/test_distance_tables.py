@@ -125,7 +125,7 @@ def cases(draw: Any) -> Case:
         [draw(st.one_of(st.integers(0, 3), st.integers(0, 30))) for _ in range(sets)],
         (tuple(min(draw(corner), end) for end in (width - 1, len(lines) - 1) * 2),),  # type: ignore[arg-type]
         draw(st.one_of(st.none(), st.integers(0, 99))),
-        draw(st.sampled_from([(1, 2, 6), (1, 300), (2, 20_000, 3)])),
+        draw(st.sampled_from([(1, 2, 6), (1, 300), (2, 20_000, 3), tuple(range(1, 60))])),
         draw(st.sampled_from([1, 300, LARGE])),
         draw(st.sampled_from([None, *HEADINGS])),
     )
@@ -243,12 +243,11 @@ def test_how_much_room_a_run_has_does_not_depend_on_runs_before_it() -> None:
         assert case.found(tables, int(row_to(tables, 0, goal, 1, True))) == case.expected(0, goal)
 
 
-def test_an_array_of_weights_may_have_few_distinct_costs() -> None:
+def test_an_array_of_weights_may_have_any_number_of_distinct_costs_from_1_on() -> None:
     case = Case(draw_floor(CROSSING), "omni", [1], [1])
-    for weights, says in (
-        (np.arange(196), "16 are allowed"),
-        (np.zeros(196), "must cost at least 1"),
-    ):
-        case.__dict__["steps"] = weights.reshape(1, 49, 4)
-        with pytest.raises(ValueError, match=says):
-            case.tables()
+    case.__dict__["steps"] = np.arange(196).reshape(1, 49, 4)
+    tables, goal = case.tables(), case.floor_plan.cell(0, 0)
+    assert case.found(tables, int(row_to(tables, 0, goal, 1, True))) == case.expected(0, goal)
+    case.__dict__["steps"] = np.zeros((1, 49, 4), int)
+    with pytest.raises(ValueError, match="must cost at least 1"):
+        case.tables()

@@ -10,24 +10,32 @@ blocks another robot prefers to end in another cell.
 import numpy as np
 
 from automaton.strategy.api import (
+    ACTION_MOVE,
+    ACTION_TURN,
     GOAL_NONE,
     GOAL_PARK,
     NIL,
     NO_WAY_THROUGH,
     UNREACHABLE,
     cost_in,
+    cost_unit,
     gate_before,
+    guiding_table_of,
+    guiding_tables,
     has_room,
     is_in_full_gate,
     kernel,
+    limited_ticks,
     splitmix64,
-    table_of,
     weighted_table_of,
     with_load,
 )
 from strategies.right_of_way.epibt.epibt_state import (
     FORWARD,
+    KEY_RANGE,
     NO_AIM,
+    RIGHT,
+    WAIT,
     cell_after,
     cell_held,
     enter_path,
@@ -41,7 +49,7 @@ from strategies.right_of_way.steering import (
 )
 
 COST_SHIFT = 10
-MAX_EXCESS = 4000  # limit of the extra length of a path: keys have 32 bits
+MAX_EXCESS = KEY_RANGE  # limit of the extra length of a path: keys have 32 bits
 CANDIDATE_BITS = 8  # bits below the cost in a key
 CANDIDATE_MASK = 255
 DIGIT_BITS = 11  # of sorted keys
@@ -60,7 +68,7 @@ def rank_candidates(view, workspace, state, i, stall):
     goal, row = goal_of(view, workspace, state, i)
     pose = np.int64(state.pose[i])
     way = cost_from(workspace, state, row, pose) if goal != NIL else np.int64(0)
-    state.cost[i] = plan_cost(workspace, state, i, goal, row, way)
+    state.cost[i] = plan_cost(view, workspace, state, i, goal, row, way)
     waits = is_kept(view, state, i)
     enter_keys(view, workspace, state, i, goal, row, way, waits)
     state.sorted_count[i] = 0
@@ -75,7 +83,7 @@ def rank_candidates(view, workspace, state, i, stall):
     ):
         state.sequence_key[i] = 0
     elif view.robots.goal_type[i] == GOAL_PARK:
-        state.sequence_key[i] = min(FIRST_IDLE_KEY + way, LAST_KEY - 2)
+        state.sequence_key[i] = min(FIRST_IDLE_KEY + way // cost_unit(view.grid), LAST_KEY - 2)
     elif stall > 1:
         number = np.uint64(stall << 32 | np.int64(view.robots.identity[i]))
         draw = splitmix64(np.uint64(view.rules.seed) ^ number)
@@ -84,7 +92,7 @@ def rank_candidates(view, workspace, state, i, stall):
         age = view.clock.tick - state.idle_since[i]
         state.sequence_key[i] = max(FIRST_IDLE_KEY - 1 - age, 0)
     else:
-        state.sequence_key[i] = min(way, FIRST_IDLE_KEY - 1)
+        state.sequence_key[i] = min(way // cost_unit(view.grid), FIRST_IDLE_KEY - 1)
     if goal != NIL and (state.has_storage or stall):
         turn_at_pockets(state, i, goal)
 
@@ -156,7 +164,7 @@ def goal_of(view, workspace, state, i):
     else:
         if state.has_storage:  # no path leads through it
             robot_type = with_load(view, robot_type)
-        row = table_of(view, workspace, robot_type, goal)
+        row = guiding_table_of(view, workspace, robot_type, goal)
     if row == NIL or cost_from(workspace, state, row, np.int64(state.pose[i])) >= UNREACHABLE:
         return np.int64(NIL), np.int64(NIL)
     return goal, row
@@ -167,7 +175,7 @@ def cost_from(workspace, state, row, pose):
     """Return the cost from a pose to the goal cell of a table."""
     if state.guided:
         return cost_in(state.tables, row, pose >> 2, pose & 3)
-    return cost_in(workspace.tables, row, pose >> 2, pose & 3)
+    return cost_in(guiding_tables(workspace), row, pose >> 2, pose & 3)
 
 
 @kernel
@@ -182,11 +190,57 @@ def end_of(state, i, operation):
 @kernel
 def cost_beyond(workspace, state, row, pose, way):
     """Return the cost from a pose minus the cost from the robot's current pose, within bounds."""
-    return min(max(cost_from(workspace, state, row, pose) - way, -MAX_EXCESS), MAX_EXCESS)
+    return bounded(state, cost_from(workspace, state, row, pose) - way)
+
+
+@kernel(inline=True)
+def bounded(state, excess):
+    """Return an excess cost in the unit of keys, within bounds."""
+    if state.grain > 1:
+        excess //= state.grain
+    return min(max(excess, -MAX_EXCESS), MAX_EXCESS)
 
 
 @kernel
-def plan_cost(workspace, state, i, goal, row, way):
+def street_excess(view, state, i, operation, ticks):
+    """Return what weights of streets add to an operation of robot i in its first `ticks` ticks."""
+    grid, pose = view.grid, np.int64(state.pose[i])
+    cell, heading, used, excess = pose >> 2, pose & 3, np.int64(0), np.int64(0)
+    duration = view.rules.duration[view.robots.type[i]]
+    for k in range(state.sequence_of.shape[1]):
+        action = state.sequence_of[operation, k]
+        if used >= ticks:
+            break
+        if action == FORWARD:
+            move = limited_ticks(grid, duration[ACTION_MOVE], cell, heading)
+            excess += move * (np.int64(grid.move_weight[4 * cell + heading]) - cost_unit(grid))
+            used += move
+            cell += grid.offset[heading]
+        elif action == WAIT:
+            stride = np.int64(view.rules.stride)
+            excess += stride * (np.int64(grid.wait_weight[cell]) - cost_unit(grid))
+            used += stride
+        else:
+            heading = (heading + (1 if action == RIGHT else 3)) & 3
+            used += np.int64(duration[ACTION_TURN])
+    return excess
+
+
+@kernel
+def cost_with_streets(view, workspace, state, i, operation, goal, row, way):
+    """Return the cost of an operation of robot i: that of its actions, and of the way from its end."""
+    ticks = ticks_to_goal(state, i, operation, goal)
+    if ticks:
+        excess = street_excess(view, state, i, operation, ticks)
+        excess += cost_unit(view.grid) * (ticks - state.ticks - 1)
+    else:
+        excess = street_excess(view, state, i, operation, state.ticks)
+        excess += cost_from(workspace, state, row, end_of(state, i, operation))
+    return bounded(state, excess - way)
+
+
+@kernel
+def plan_cost(view, workspace, state, i, goal, row, way):
     """Return the cost of robot i's plan, which may be any class."""
     plan = np.int64(state.plan[i])
     if state.asked[i]:
@@ -195,7 +249,9 @@ def plan_cost(workspace, state, i, goal, row, way):
     if goal == NIL:
         return plan
     ticks = ticks_to_goal(state, i, plan, goal)
-    if ticks:
+    if state.streets:
+        cost = cost_with_streets(view, workspace, state, i, plan, goal, row, way)
+    elif ticks:
         cost = ticks - state.ticks - 1 - way
     else:
         cost = cost_beyond(workspace, state, row, end_of(state, i, plan), way)
@@ -222,7 +278,7 @@ def enter_keys(view, workspace, state, i, goal, row, way, waits):
     is_to_leave = steps_aside(view, state.deadlocks, i)
     cost, end = np.int64(0), np.int64(NIL)
     last_class = state.following.shape[0] - 1
-    is_near = goal != NIL and way <= state.reach
+    is_near = goal != NIL and way <= state.reach and state.streets == 0
     barred = np.int64(state.deadlocks.aside[i]) - 1 if is_to_leave else np.int64(NIL)
     for number in range(state.candidate.shape[0]):
         if (state.open[robot_type, pose, number >> 6] >> np.uint64(number & 63)) & np.uint64(
@@ -239,7 +295,9 @@ def enter_keys(view, workspace, state, i, goal, row, way, waits):
             cost = np.int64(end_of(state, i, operation) >> 2 == pose >> 2)
         if state.has_storage and ends_in_storage(view, state, i, operation, goal):
             continue
-        if goal != NIL and state.candidate_end[number] != end:
+        if goal != NIL and state.streets:
+            cost = cost_with_streets(view, workspace, state, i, operation, goal, row, way)
+        elif goal != NIL and state.candidate_end[number] != end:
             end = np.int64(state.candidate_end[number])
             cost = cost_beyond(workspace, state, row, end_of(state, i, operation), way)
         ticks = ticks_to_goal(state, i, operation, goal) if is_near else 0

@@ -52,6 +52,8 @@ LEFT: Final = 2
 WAIT: Final = 3
 ACTION_LETTERS: Final = "FRLW"
 FULL_WAIT: Final = 0  # the class of the full wait
+KEY_RANGE: Final = 4000  # costs of a plan in the unit of keys
+DEAREST_WEIGHT: Final = 800  # of a move, in 1/100: larger ones make operations equally bad
 NO_AIM = 4  # the aim of an operation that never moves
 # Lattice cost of a tick along a street, relative to a tick until a goal is reached:
 LATTICE_SCALE = 2
@@ -155,7 +157,9 @@ class EpibtState(Struct):
     oldest_first: int = field(
         "int64", "1: robots are ordered by age, 0: by distance to their goals"
     )
-    guided: int = field("int64", "1: distances are from `tables`, 0: ticks")
+    guided: int = field("int64", "1: distances are from `tables`, 0: by streets, else ticks")
+    streets: int = field("int64", "1: weights of streets are part of the costs")
+    grain: int = field("int64", "unit of the costs in keys")
     repair_tries: int = field("int64", "tries per robot to improve the plans")
     visits_allowed: int = field("int64", "maximum pushes of a robot in a tick")
     max_pushes: int = field("int64", "pushes after which a chain is abandoned")
@@ -168,6 +172,7 @@ class EpibtState(Struct):
     # Operations; h is their first heading.
     following: Array = field("(O,) int16", "the class of the rest after a tick", role=CONSTANT)
     action: Array = field("(O,) uint8", "the first action", role=CONSTANT)
+    sequence_of: Array = field("(O, D) uint8", "the actions", role=CONSTANT)
     aim: Array = field(
         "(O,) uint8", "heading of the first move, relative to h, or NO_AIM", role=CONSTANT
     )
@@ -248,7 +253,10 @@ def epibt_state(view, parameters):
     ticks = horizon_of(parameters.depth, max(int(paces.max()), wait), wait)
     slow = [(move, turn, wait) for move, turn in paces.tolist()]
     offset, left = paths_of(grid.offset, operations, slow, ticks, holds_late)
+    has_streets = len(grid.move_weight) > 0
     dearest = int(paces.max()) * (LATTICE_SCALE * AGAINST_STREET if guided else 1)
+    if has_streets:
+        dearest *= min(int(grid.move_weight.max()), DEAREST_WEIGHT)
     candidates, ends = candidates_by_end(operations)
     return EpibtState.sized(
         {
@@ -265,6 +273,8 @@ def epibt_state(view, parameters):
         has_storage=int((grid.type_cell_flags & NO_WAY_THROUGH).any()),
         oldest_first=int(parameters.first == "oldest"),
         guided=int(guided),
+        streets=int(has_streets),
+        grain=max(1, -(-parameters.depth * dearest // KEY_RANGE)) if has_streets else 1,
         repair_tries=parameters.repair_tries,
         visits_allowed=parameters.visits,
         max_pushes=parameters.max_pushes,
@@ -275,6 +285,7 @@ def epibt_state(view, parameters):
         service_areas=service_areas_of(view),
         tables=guiding_tables(view, guided, LATTICE_SCALE),
         following=list(operations.following),
+        sequence_of=[list(actions) for actions in operations.actions],
         action=[actions[0] for actions in operations.actions],
         aim=[first_aim(actions) for actions in operations.actions],
         is_pocket=pockets_of(grid).astype(np.uint8).tolist(),

@@ -18,14 +18,17 @@ from automaton.strategy.api import (
     UNREACHABLE,
     closed_until,
     cost_in,
+    cost_unit,
     find_step_costs,
+    guiding_table_of,
+    guiding_tables,
     has_gates,
     has_room_for,
     headings_of,
     kernel,
     limited_ticks,
+    move_cost,
     splitmix64,
-    table_of,
     weighted_table_of,
     with_load,
 )
@@ -124,13 +127,13 @@ def find_table(view, state, workspace, i):
         if state.guided:
             table = weighted_table_of(view, state.tables, robot_type, goal)
         else:
-            table = table_of(view, workspace, robot_type, goal)
+            table = guiding_table_of(view, workspace, robot_type, goal)
     state.table[U(i)] = table
 
 
 @kernel
 def tables_in_use(state, workspace):
-    return state.tables if state.guided else workspace.tables
+    return state.tables if state.guided else guiding_tables(workspace)
 
 
 @kernel
@@ -178,15 +181,18 @@ def price_idle_steps(view, state, i):
     """
     cell, robot_type = np.int64(view.robots.cell[U(i)]), np.int64(view.robots.type[U(i)])
     flags = np.int64(view.grid.type_cell_flags[U(robot_type), U(cell)])
-    way_out = way_to_make_room(view, state.service_areas, i, cell)
+    unit, way_out = (
+        cost_unit(view.grid),
+        way_to_make_room(view, state.service_areas, i, cell),
+    )
     if way_out == NIL and has_to_leave(view, state, i):
         way_out = np.int64(state.way_out[U(cell)])
     for direction in range(4):
-        cost = 1 if (flags >> direction) & 1 else UNREACHABLE
-        if direction == way_out and cost == 1:
+        cost = unit if (flags >> direction) & 1 else UNREACHABLE
+        if direction == way_out and cost == unit:
             cost = -cost_of_step(view, i, direction)
-        elif cost == 1 and is_needed(state.service_areas, cell + view.grid.offset[U(direction)]):
-            cost = LONG_WAIT
+        elif cost == unit and is_needed(state.service_areas, cell + view.grid.offset[U(direction)]):
+            cost = unit * LONG_WAIT
         state.costs[U(i), U(direction)] = cost
 
 
@@ -218,13 +224,24 @@ def rank_options(view, state, workspace, i):
         waits = state.waits
         east, south = with_wait(east, waits[0]), with_wait(south, waits[1])
         west, north = with_wait(west, waits[2]), with_wait(north, waits[3])
-    stay = ((((here + view.rules.stride) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS) | STAY_OPTION
+    stay = (
+        (((here + cost_of_staying(view, i, has_goal)) << KEY_SHIFT) | STAY_BITS) << OPTION_BITS
+    ) | STAY_OPTION
     if state.deadlocks.aside[U(i)] and steps_aside(view, state.deadlocks, i):
         barred, stay = np.int64(state.deadlocks.aside[U(i)]) - 1, np.int64(NO_KEY)
         east, south = without(east, 0, barred), without(south, 1, barred)
         west, north = without(west, 2, barred), without(north, 3, barred)
     state.options[U(i)] = sorted_options(east, south, west, north, stay)
     state.option_next[U(i)] = 0
+
+
+@kernel
+def cost_of_staying(view, i, has_goal):
+    """The cost of the ticks until robot i may choose again; without a goal it waits at no extra cost."""
+    grid, stride = view.grid, np.int64(view.rules.stride)
+    if grid.wait_weight.shape[0] == 0 or not has_goal:
+        return stride * cost_unit(grid)
+    return stride * np.int64(grid.wait_weight[U(view.robots.cell[U(i)])])
 
 
 @kernel
@@ -251,13 +268,13 @@ def key_of(view, state, i, direction, draws):
 
 @kernel
 def cost_of_step(view, i, direction):
-    """Ticks of a step of robot i in a direction, and of the turns before it."""
+    """The cost of a step of robot i in a direction, and of the turns before it."""
     robots = view.robots
     duration = view.rules.duration[U(robots.type[U(i)])]
     turns = turns_to(view, i, direction)
     cell = np.int64(robots.cell[U(i)])
-    move = limited_ticks(view.grid, duration[U(ACTION_MOVE)], cell, direction)
-    return turns * np.int64(duration[U(ACTION_TURN)]) + move
+    move = move_cost(view.grid, duration[U(ACTION_MOVE)], cell, direction)
+    return turns * cost_unit(view.grid) * np.int64(duration[U(ACTION_TURN)]) + move
 
 
 @kernel
@@ -271,7 +288,7 @@ def turns_to(view, i, direction):
 
 @kernel
 def with_wait(key, wait):
-    """The key of a step with ticks of waiting before it, unless the robot has turned to it."""
+    """The key of a step with the cost of waiting before it, unless the robot has turned to it."""
     if key < 0 or key == NO_KEY:
         return key
     return key + (wait << (KEY_SHIFT + OPTION_BITS))
@@ -381,19 +398,19 @@ def remaining_ticks(view, state, u):
 
 @kernel
 def enter_waits(view, state, i, here):
-    """Set the extra costs of robot i's steps; `here`: the ticks of the best one."""
+    """Set the extra costs of robot i's steps; `here`: the cost of the best one."""
     follow_detour(view, state, i, here)
     cell = np.int64(view.robots.cell[U(i)])
     for direction in range(4):
         to = cell + view.grid.offset[U(direction)]
-        state.waits[direction] = max(
+        state.waits[direction] = cost_unit(view.grid) * max(
             ticks_until_free(view, state, i, to, direction), wait_for_return(view, state, i, to)
         )
 
 
 @kernel
 def compare_detours(view, state, workspace, i, here, costs):
-    """Rank steps off the best path of `here` ticks by the wait they save; return the least cost."""
+    """Rank steps off the best path of cost `here` by the wait they save; return the least cost."""
     wait = np.int64(UNREACHABLE)
     for direction in range(4):
         if costs[direction] == here:
@@ -402,7 +419,7 @@ def compare_detours(view, state, workspace, i, here, costs):
     for direction in range(4):
         cost = costs[direction] + state.waits[direction]
         if costs[direction] > here and cost < here + wait:
-            if is_long(wait) or leads_on(view, state, workspace, i, direction):
+            if is_long(view, wait) or leads_on(view, state, workspace, i, direction):
                 best = min(best, cost)
             else:
                 state.waits[direction] += wait
@@ -430,13 +447,13 @@ def follow_detour(view, state, i, cost):
 
 @kernel
 def begin_detour(view, state, i, cost, wait):
-    """Begin a detour of robot i, since `wait` ticks on its best path, of `cost` ticks, are too many."""
+    """Begin a detour of robot i, since its best path costs `cost`, and the wait on it `wait` more."""
     if not is_on_detour(view, state, i):
         state.detour_from[U(i)] = view.robots.cell[U(i)]
         state.detour_cell[U(i)] = view.robots.cell[U(i)]
         state.detour_goal[U(i)] = view.robots.goal_cell[U(i)]
         state.detour_cost[U(i)] = cost
-    until = view.clock.tick + wait
+    until = view.clock.tick + wait // cost_unit(view.grid)
     state.detour_until[U(i)] = max(np.int64(state.detour_until[U(i)]), until)
 
 
@@ -470,8 +487,8 @@ def leads_on(view, state, workspace, i, direction):
             continue
         turns = (other - direction) & mask
         turns = 1 if turns == 3 else turns
-        step = turns * np.int64(duration[ACTION_TURN])
-        step += limited_ticks(grid, duration[ACTION_MOVE], cell, other)
+        step = turns * cost_unit(grid) * np.int64(duration[ACTION_TURN])
+        step += move_cost(grid, duration[ACTION_MOVE], cell, other)
         step += street_cost(view, state, i, cell, other)
         if after + step <= best:
             return True
@@ -479,5 +496,5 @@ def leads_on(view, state, workspace, i, direction):
 
 
 @kernel
-def is_long(wait):
-    return wait >= LONG_WAIT // 2
+def is_long(view, wait):
+    return wait >= cost_unit(view.grid) * (LONG_WAIT // 2)

@@ -50,7 +50,9 @@ class PibtState(Struct):
         role=STATIC,
     )
     rings: int = field("int64", "1: robots that push each other in a ring all move", role=STATIC)
-    guided: int = field("int64", "1: costs are from `tables`, 0: ticks", role=STATIC)
+    guided: int = field(
+        "int64", "1: costs are from `tables`, 0: by streets, else ticks", role=STATIC
+    )
     fixed_ties: int = field("int64", "1: ties by FIXED_TIES, 0: by hash", role=STATIC)
     tables: DistanceTables
     against: Array = field(
@@ -67,7 +69,9 @@ class PibtState(Struct):
     aim_type: Array = field("(n,) uint8", "its work there")
     since: Array = field("(n,) int64", "with limited sight: the tick of its last finished visit")
     detour_until: Array = field("(n,) int64", "the end of its detour around another robot")
-    detour_cost: Array = field("(n,) int32", "the ticks to its goal at the start of the detour")
+    detour_cost: Array = field(
+        "(n,) int32", "the cost of the way to its goal at the start of the detour"
+    )
     detour_goal: Array = field(
         "(n,) int32", "its goal cell at the start of the detour", default=NIL
     )
@@ -112,7 +116,7 @@ class PibtState(Struct):
     priced_cell: Array = field("(n,) int32", "the cell to which its `costs` apply", role=SCRATCH)
     priced_goal: Array = field("(n,) int32", "the goal cell of these, or NIL", role=SCRATCH)
     costs: Array = field(
-        "(n, 4) int32", "ticks to its goal after a step to E, S, W, N", role=SCRATCH
+        "(n, 4) int32", "cost of the way to its goal after a step to E, S, W, N", role=SCRATCH
     )
     unpriced: Array = field("(m,) int32", "robots whose costs change", role=SCRATCH)
     table: Array = field("(n,) int32", "the distance table to its goal, or NIL", role=SCRATCH)

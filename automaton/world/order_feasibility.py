@@ -159,7 +159,7 @@ def check_parts(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
 
 
 def check_tasks(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
-    """The cells of tasks are drivable, and the list is not too long."""
+    """The cells of tasks are drivable, and pre-assigned tasks are not too many."""
     keys: Keys = ("orders", "tasks")
     tasks = scenario.orders.tasks or ()
     for number, task in enumerate(tasks):
@@ -169,7 +169,7 @@ def check_tasks(scenario: Scenario, floor_plan: FloorPlan) -> Iterator[Finding]:
         text = (
             f"in {ticks_and_time(scenario.stop.max_duration, unit(scenario.units.tick))} the robots "
             f"could do {count:,} tasks, more than a run holds ({MAX_TASK_ORDERS:,}); set a lower "
-            "stop.max_duration"
+            "stop.max_duration, or assign: pool"
         )
         yield Finding(("stop", "max_duration"), text)
 

@@ -2,7 +2,8 @@
 
 A repeated list has no end, but the arrays of a world need a number of orders: an upper bound on the
 tasks that the robots can do until the run ends. A robot does at most one stop per tick, and between two
-cells it makes at least one move for each row and column.
+cells it makes at least one move for each row and column. A pool has MAX_TASK_ORDERS tasks at most, so
+that the arrays fit memory; a run that uses them up says so.
 """
 
 from __future__ import annotations
@@ -64,7 +65,7 @@ def order_count(scenario: Scenario, floor_plan: FloorPlan) -> int:
         return len(orders.tasks)
     if orders.assign == "round-robin":
         return _dealt_out(scenario, floor_plan)
-    return _from_a_pool(scenario, floor_plan)
+    return min(_from_a_pool(scenario, floor_plan), MAX_TASK_ORDERS)
 
 
 def _from_a_pool(scenario: Scenario, floor_plan: FloorPlan) -> int:

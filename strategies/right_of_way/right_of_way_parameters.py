@@ -19,6 +19,7 @@ MAX_GUIDED_SPEEDS = 7  # a table has 16 queues, one per cost: two for each speed
 MOST_TICKS: Final = 256  # each cell needs a word per tick: at most 1 KiB
 Moves = Annotated[int, Meta(ge=1, le=10_000)]
 Wait = Annotated[int, quantity(TIME, ge=1, le=10_000)]
+Ticks = Annotated[int, quantity(TIME, ge=1, le=1_000_000)]
 Span = tuple[Wait, Wait]
 
 
@@ -161,13 +162,29 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
         int, Meta(ge=3, le=5, description="Number of actions that robots plan ahead.")
     ] = 3
     first: Annotated[
-        Literal["nearest", "oldest"],
+        Literal["nearest", "oldest", "shortest"],
         Meta(
             description="Robots that plan first. nearest: robots closest to their goals, for "
-            "throughput; oldest: robots whose last finished goal was longest ago, which lowers "
+            "throughput; shortest: robots with the least way left to the end of their orders, with all "
+            "stops; oldest: robots whose last finished goal was longest ago, which lowers "
             "throughput and may stop a crowd. Robots on their way home always come last."
         ),
     ] = "nearest"
+    starved_after: Annotated[
+        Ticks | None,
+        Meta(
+            description="Robots that have not finished a goal for so long plan before all others, "
+            "the longest time first; null: none do."
+        ),
+    ] = None
+    drivers: Annotated[
+        Annotated[int, Meta(ge=1)] | None,
+        Meta(
+            description="Number of robots that drive to their goals: the first in the order; the "
+            "others only make room for them. null: all drive. With drivers, every move and turn must "
+            "take one tick."
+        ),
+    ] = None
     repair_tries: Annotated[
         int, Meta(ge=0, le=100, description="Attempts per robot and tick to improve the plans.")
     ] = 0
@@ -200,6 +217,11 @@ class EpibtParameters(GuidedParameters, forbid_unknown_fields=True, frozen=True,
             return (
                 f"it plans {MOST_TICKS} ticks at most, too few for depth {self.depth} with "
                 f"durations.move {move} and durations.turn {turn}; use pibt, or longer ticks"
+            )
+        if self.drivers is not None and max(move, turn) > 1:
+            return (
+                "with drivers every move and turn must take one tick, found durations.move "
+                f"{move} and durations.turn {turn}; leave drivers out"
             )
         if scenario.information != "everything":
             return "it plans for all robots at once, so information must be everything"

@@ -84,7 +84,8 @@ class Reference(Strategy):
     layer = "right_of_way"
     steers = True
     period = 1
-    depth, visits, oldest = 3, 10, False
+    depth, visits, oldest, shortest = 3, 10, False, False
+    starved_after, drivers = NEVER, NEVER
 
     def reset(self, view: Any) -> Any:
         self.plan: dict[int, str] = {}
@@ -206,16 +207,37 @@ class Reference(Strategy):
         """Whose turn is first: the lower number."""
         if r not in self.goal or self.distance(r, self.pose[r]) >= NEVER:
             return NEVER
-        return self.since[r] if self.oldest else self.distance(r, self.pose[r])
+        if self.oldest:
+            return self.since[r]
+        if int(self.view.clock.tick) - self.since[r] >= self.starved_after:
+            return self.since[r] - NEVER
+        return self.distance(r, self.pose[r]) + self.way_after_goal(r)
+
+    def way_after_goal(self, r: int) -> int:
+        """Ticks from stop to stop of its order after its goal."""
+        orders, goal = self.view.orders, self.goal[r]
+        order = int(self.view.robots.order[self.view.robots.at_index[r]])
+        if not self.shortest or order == NIL:
+            return 0
+        first = orders.first_stop[order] + orders.stops_done[order]
+        cells = self.view.stops.cell[first : orders.first_stop[order + 1]]
+        stops = [divmod(int(cell), int(self.view.grid.width))[::-1] for cell in cells]
+        way = 0
+        for here, there in itertools.pairwise(stops):
+            self.goal[r] = there
+            way += min(self.distance(r, (*here, heading)) for heading in range(4))
+        self.goal[r] = goal
+        return way
 
     def choose(self) -> None:
         self.visited = dict.fromkeys(self.movable, 0)
         self.settled: set[int] = set()
         self.turn = {r: self.turn_of(r) for r in self.movable}
-        if self.oldest:
-            by_age = sorted(self.turn, key=lambda r: (self.turn[r], r))
-            places = {r: place for place, r in enumerate(by_age)}
-            self.turn |= {r: places[r] for r in by_age if self.turn[r] < NEVER}
+        in_turn = sorted(self.turn, key=lambda r: (self.turn[r], r))
+        if self.oldest or self.starved_after < NEVER:
+            places = {r: place for place, r in enumerate(in_turn)}
+            self.turn |= {r: places[r] for r in in_turn if self.turn[r] < NEVER}
+        self.turn |= dict.fromkeys(in_turn[self.drivers :], NEVER)
         self.wishes = {r: self.candidates(r) for r in self.movable}
         for r in sorted(self.movable, key=lambda r: (self.turn[r], r)):
             if not self.visited[r] and self.turn[r] < NEVER:
@@ -268,3 +290,9 @@ class Deeper(Reference):
     """Plans of four actions; the oldest come first."""
 
     depth, oldest = 4, True
+
+
+class Crowded(Reference):
+    """Five robots drive: starved ones, then those with the shortest way to the end of their orders."""
+
+    shortest, starved_after, drivers = True, 20, 5

@@ -197,7 +197,9 @@ def right_of_way(draws: Draws, strategy: str) -> Options:
     return {
         "name": strategy,
         "depth": int(draws.choice([3, 3, 4, 5])),
-        "first": str(draws.choice(["nearest", "oldest"])),
+        "first": str(draws.choice(["nearest", "oldest", "shortest"])),
+        "starved_after": draws.choice([20, None]),  # type: ignore[list-item]
+        "drivers": draws.choice([3, None]),  # type: ignore[list-item]
         "guidance": str(draws.choice(["none", "lattice"])),
         "repair_tries": int(draws.choice([0, 0, 2])),
     }

@@ -8,6 +8,7 @@ import pytest
 
 from automaton.errors import InputError
 from automaton.world.resolve import resolve
+from automaton.world.task_lists import MAX_TASK_ORDERS, order_count
 
 SCENARIO = """\
 name: tours
@@ -119,9 +120,12 @@ def test_a_file_of_tasks_becomes_a_list_of_cells(tmp_path: Path) -> None:
 
 
 def test_a_run_that_never_ends_says_how_it_could(tmp_path: Path) -> None:
-    orders = "{tasks: [[[0, 0]]], repeat: true, revealed: 1.5}"
+    orders = "{tasks: [[[0, 0]]], repeat: true, assign: round-robin}"
     with pytest.raises(InputError, match=r"more than a run holds .* set a lower stop.max_duration"):
         resolve(written(tmp_path, orders), ["stop.max_duration=20000000"])
+    pool = "{tasks: [[[0, 0]]], repeat: true, revealed: 1.5}"
+    long = resolve(written(tmp_path, pool), ["stop.max_duration=20000000"])
+    assert order_count(long.scenario, long.floor_plan) == MAX_TASK_ORDERS
 
 
 @pytest.mark.parametrize("name", ["first-come", "shortest-job"])

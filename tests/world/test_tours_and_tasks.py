@@ -11,6 +11,7 @@ import pytest
 from drawn_scenes import recorded_run, scene
 
 from automaton.engine.state import NIL, ORDER_DELIVERED, ORDER_WAITING
+from automaton.runs.headless import orders_exhausted
 from automaton.runs.simulation import Simulation
 from automaton.verification.verification import verify_recording
 from automaton.world import task_lists
@@ -159,6 +160,20 @@ def test_a_list_that_repeats_is_never_used_up(assign: str, tasks: Any) -> None:
     assert (state[-3:] != ORDER_DELIVERED).all() and len(state) == order_count(
         resolved.scenario, resolved.floor_plan
     )
+    assert verify_recording(recorder.recording()).passed
+
+
+def test_a_long_run_has_a_bounded_pool_of_tasks_and_says_when_it_is_used_up(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(task_lists, "MAX_TASK_ORDERS", 15)
+    orders = {"tasks": TASKS, "repeat": True, "revealed": 2.0}
+    start, stop = [(0, 0), (4, 0), (4, 3)], {"when": "never", "max_duration": 400}
+    resolved = scene(FLOOR, start, orders=orders, strategy=GREEDY, stop=stop)
+    run, recorder = recorded_run(resolved)
+    assert run.world.orders.state.tolist() == 15 * [ORDER_DELIVERED]
+    exhausted = orders_exhausted(run)
+    assert exhausted is not None and exhausted.delivered == run.world.orders.delivered.max() < 400
     assert verify_recording(recorder.recording()).passed
 
 

@@ -19,6 +19,9 @@ from automaton.strategy.api import (
     UNREACHABLE,
     cost_in,
     cost_unit,
+    distance,
+    dropoff_cell,
+    end_of_stops,
     gate_before,
     guiding_table_of,
     guiding_tables,
@@ -55,6 +58,7 @@ CANDIDATE_MASK = 255
 DIGIT_BITS = 11  # of sorted keys
 LAST_KEY = (1 << 2 * DIGIT_BITS) - 1
 FIRST_IDLE_KEY = LAST_KEY // 2  # of robots that drive home, which come after all robots with work
+WORK_KEY = FIRST_IDLE_KEY // 2  # of robots with work, which come after all starved robots
 MEETS_NONE = -2  # an operation meets no robot
 MEETS_SEVERAL = -3  # it meets more than one
 
@@ -88,13 +92,56 @@ def rank_candidates(view, workspace, state, i, stall):
         number = np.uint64(stall << 32 | np.int64(view.robots.identity[i]))
         draw = splitmix64(np.uint64(view.rules.seed) ^ number)
         state.sequence_key[i] = np.int64(draw % np.uint64(FIRST_IDLE_KEY))
-    elif state.oldest_first or stall:
+    elif state.oldest_first or stall or is_starved(view, state, i):
         age = view.clock.tick - state.idle_since[i]
-        state.sequence_key[i] = max(FIRST_IDLE_KEY - 1 - age, 0)
+        last = FIRST_IDLE_KEY if state.starved_after == NIL or stall else WORK_KEY
+        state.sequence_key[i] = max(last - 1 - age, 0)
     else:
-        state.sequence_key[i] = min(way // cost_unit(view.grid), FIRST_IDLE_KEY - 1)
+        ticks = way // cost_unit(view.grid)
+        state.sequence_key[i] = min(WORK_KEY + ticks + state.rest[i], FIRST_IDLE_KEY - 1)
     if goal != NIL and (state.has_storage or stall):
         turn_at_pockets(state, i, goal)
+
+
+@kernel
+def is_starved(view, state, i):
+    """Return whether robot i has finished no goal for `starved_after` ticks."""
+    if state.starved_after == NIL:
+        return False
+    return view.clock.tick - state.idle_since[i] >= state.starved_after
+
+
+@kernel
+def rest_of_order(view, workspace, i, order):
+    """Return the least ticks of an order of robot i after its goal: stop by stop, to the target.
+
+    On the empty floor, with the best heading in each cell, without work in these cells.
+    """
+    robots, orders = view.robots, view.orders
+    here, rest = np.int64(robots.goal_cell[i]), np.int64(0)
+    if order == NIL or here == NIL:
+        return rest
+    robot_type = np.int64(robots.type[i])
+    first = np.int64(orders.first_stop[order]) + np.int64(orders.stops_done[order])
+    for stop in range(first, end_of_stops(view, order)):
+        cell = np.int64(view.stops.cell[stop])
+        rest += leg_ticks(view, workspace, robot_type, here, cell)
+        here = cell
+    if orders.target[order] != NIL:
+        cell = np.int64(dropoff_cell(view, robot_type, np.int64(orders.target[order]), here))
+        rest += leg_ticks(view, workspace, robot_type, here, cell)
+    return rest
+
+
+@kernel
+def leg_ticks(view, workspace, robot_type, here, there):
+    """Return the ticks from a cell to another one with the best heading; 0: there is no path."""
+    if there == NIL or there == here:
+        return np.int64(0)
+    robot_type, least = with_load(view, robot_type), np.int64(UNREACHABLE)
+    for heading in range(view.grid.headings):
+        least = min(least, distance(view, workspace, robot_type, here, heading, there))
+    return least if least < UNREACHABLE else np.int64(0)
 
 
 @kernel
@@ -377,6 +424,13 @@ def settle_ties(state, count):
         i = np.int64(state.sequence[place])
         if state.sequence_key[i] != LAST_KEY:
             state.sequence_key[i] = place
+
+
+@kernel
+def limit_drivers(state, count):
+    """Let the robots after the first `drivers` in `sequence` only make room."""
+    for place in range(state.drivers, count):
+        state.sequence_key[state.sequence[place]] = LAST_KEY
 
 
 @kernel

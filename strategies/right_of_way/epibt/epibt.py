@@ -2,10 +2,11 @@
 
 In each tick every robot has a plan of D actions without conflicts with other plans, and does the first
 action. The rest of each plan carries over to the next tick. Then robots choose again in order: robots
-nearest to their goals first, or robots that have gone longest without finishing one; robots that drive
-home last. A robot may push another one out of its way, which must choose another plan at once
-(`build`). Afterwards some robots try further pushes regardless of the order (repair, large
-neighbourhood search). Effort is counted in pushes and tries, never in time, so runs are reproducible.
+nearest to their goals first, or to the ends of their orders, or robots that have gone longest without
+finishing a goal; robots that drive home last. A robot may push another one out of its way, which must
+choose another plan at once (`build`). Afterwards some robots try further pushes regardless of the order
+(repair, large neighbourhood search). Effort is counted in pushes and tries, never in time, so runs are
+reproducible.
 """
 
 from typing import ClassVar
@@ -36,8 +37,10 @@ from strategies.right_of_way.epibt.candidates import (
     build,
     end_of,
     is_kept,
+    limit_drivers,
     nth_key,
     rank_candidates,
+    rest_of_order,
     robot_met,
     settle_ties,
     sort_by_key,
@@ -78,6 +81,8 @@ def decide(view, batch, decisions, memory, workspace):
     state = EpibtState.of(memory)
     count_callers(view, state.service_areas)
     count = steer_robots(view, batch, state)
+    if state.rest_weight:
+        weigh_rest_of_orders(view, workspace, state, count)
     inherit_plans(view, state)
     for k in range(batch.count):
         i = np.int64(batch.robot[k])
@@ -89,8 +94,11 @@ def decide(view, batch, decisions, memory, workspace):
         stall = round_of_stall(view, state.deadlocks)
     rank_all_candidates(view, workspace, state, count, stall)
     sort_by_key(state, count)
-    if state.oldest_first or stall:  # else robots of equal age could not push each other
+    # Robots of equal age could not push each other.
+    if state.oldest_first or stall or state.starved_after != NIL:
         settle_ties(state, count)
+    if state.drivers != NIL and stall == 0:
+        limit_drivers(state, count)
     choose_plans(state, count)
     if state.repair_tries:
         repair_plans(view, state, count)
@@ -170,6 +178,19 @@ def note_finished_goal(view, state, i):
     if state.last_goal[i] == 0 or state.last_goal[i] == view.robots.cell[i] + 1:
         state.idle_since[i] = view.clock.tick
     state.last_goal[i] = goal
+
+
+@kernel
+def weigh_rest_of_orders(view, workspace, state, count):
+    """Weigh the rest of the order of each robot that has a new goal or a new order."""
+    robots = view.robots
+    for k in range(count):
+        i = np.int64(state.steered[k])
+        order = np.int64(robots.order[i] if robots.order[i] != NIL else robots.load[i])
+        if state.rest_goal[i] != robots.goal_cell[i] or state.rest_order[i] != order:
+            state.rest_goal[i] = robots.goal_cell[i]
+            state.rest_order[i] = order
+            state.rest[i] = state.rest_weight * rest_of_order(view, workspace, i, order)
 
 
 @kernel

@@ -160,6 +160,11 @@ class EpibtState(Struct):
     guided: int = field("int64", "1: distances are from `tables`, 0: by streets, else ticks")
     streets: int = field("int64", "1: weights of streets are part of the costs")
     grain: int = field("int64", "unit of the costs in keys")
+    rest_weight: int = field(
+        "int64", "cost of a tick of driving after the goal in the order of robots; 0: none"
+    )
+    starved_after: int = field("int64", "age in ticks from which robots come first; NIL: never")
+    drivers: int = field("int64", "number of robots that drive to their goals; NIL: all")
     repair_tries: int = field("int64", "tries per robot to improve the plans")
     visits_allowed: int = field("int64", "maximum pushes of a robot in a tick")
     max_pushes: int = field("int64", "pushes after which a chain is abandoned")
@@ -198,6 +203,9 @@ class EpibtState(Struct):
         "1 + pose to which its action leads; 0: none; negative: the plan begins after it",
     )
     last_goal: Array = field("(n,) int32", "1 + goal cell in the last tick; 0: none")
+    rest: Array = field("(n,) int64", "least cost of its order after its goal")
+    rest_goal: Array = field("(n,) int32", "the goal cell of `rest`", default=NIL)
+    rest_order: Array = field("(n,) int32", "the order of `rest`", default=NIL)
     idle_since: Array = field("(n,) int64", "tick in which it last finished a goal")
 
     # For this tick. A fixed robot stays where it is: busy, at its goal, or not on the floor.
@@ -272,6 +280,9 @@ def epibt_state(view, parameters):
         takes_time=int(paces.max() > at_once),
         has_storage=int((grid.type_cell_flags & NO_WAY_THROUGH).any()),
         oldest_first=int(parameters.first == "oldest"),
+        rest_weight=int(parameters.first == "shortest") * (LATTICE_SCALE if guided else 1),
+        starved_after=NIL if parameters.starved_after is None else parameters.starved_after,
+        drivers=NIL if parameters.drivers is None else parameters.drivers,
         guided=int(guided),
         streets=int(has_streets),
         grain=max(1, -(-parameters.depth * dearest // KEY_RANGE)) if has_streets else 1,

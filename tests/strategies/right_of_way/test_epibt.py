@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -94,9 +95,11 @@ def ticks_of(run: Simulation, action: int) -> int:
     return int(run.world.tally.ticks[:, action].sum())
 
 
+TOURS = "orders={generator: tours, count: 300, stops: {from: 1, to: 3}}"
 SECOND = {
-    "reference_epibt:Reference": epibt(),
-    "reference_epibt:Deeper": epibt(depth=4, first="oldest"),
+    "reference_epibt:Reference": (epibt(), "seed=1"),
+    "reference_epibt:Deeper": (epibt(depth=4, first="oldest"), "seed=1"),
+    "reference_epibt:Crowded": (epibt(first="shortest", starved_after=20, drivers=5), TOURS),
 }
 
 
@@ -106,10 +109,10 @@ def test_a_second_implementation_makes_the_same_plans(
     tmp_path: Path, reference: str, robots: int, pick: int
 ) -> None:
     """Visits of 2 ticks make robots obstacles for others that have planned to pass."""
-    own = crowd(SECOND[reference], folder=tmp_path, robots=robots, pick=pick, ticks=30)
-    other = crowd(
-        f"strategy.right_of_way={reference}", folder=tmp_path, robots=robots, pick=pick, ticks=30
-    )
+    parameters, demand = SECOND[reference]
+    shape: dict[str, Any] = {"folder": tmp_path, "robots": robots, "pick": pick, "ticks": 30}
+    own = crowd(parameters, demand, **shape)
+    other = crowd(f"strategy.right_of_way={reference}", demand, **shape)
     assert run_to_end(own).digest == run_to_end(other).digest
 
 
@@ -190,6 +193,14 @@ def test_a_crowd_goes_on(tmp_path: Path) -> None:
     assert (run.world.tally.operations[:, ACTION_MOVE].sum(axis=1) > 0).all()
 
 
+def test_each_rule_of_the_order_decides_something(tmp_path: Path) -> None:
+    """Otherwise the second implementation could not tell whether one of them is followed."""
+    rules = {"first": "shortest", "starved_after": 20, "drivers": 5}
+    parts = [rules, *({k: v for k, v in rules.items() if k != left} for left in rules)]
+    runs = [crowd(epibt(**one), TOURS, folder=tmp_path, robots=24, ticks=30) for one in parts]
+    assert len({run_to_end(run).digest for run in runs}) == 4
+
+
 def test_the_order_of_storage_changes_nothing(tmp_path: Path) -> None:
     resolved = crowd(epibt(repair_tries=2), folder=tmp_path, robots=24)
     storage = np.random.default_rng(1).permutation(24).astype(np.int32)
@@ -266,6 +277,10 @@ def test_robots_that_go_down_are_gone_round(tmp_path: Path) -> None:
         (("fleet.kinematics=omni",), "kinematics differential, found omni; use pibt"),
         (("durations.move=65",), "too few for depth 3 with durations.move 65 and durations.turn 1"),
         (("durations.turn=65",), "it plans 256 ticks at most, too few for depth 3"),
+        (
+            (epibt(drivers=3), "durations.turn=2"),
+            "with drivers every move and turn must take one tick",
+        ),
         (("information=orders",), "information must be everything"),
         (("strategy.routing=astar",), "routing 'astar' would have no effect"),
         (("strategy.right_of_way={name: epibt, depth: 6}",), "depth"),

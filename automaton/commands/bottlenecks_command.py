@@ -47,9 +47,11 @@ from automaton.documents.report_document import (
 from automaton.errors import InputError, nearest
 from automaton.floor.drawn_floors import floor_picture
 from automaton.studies import bottlenecks as search
+from automaton.studies.inference.intervals import TOO_FEW, Effect
 from automaton.studies.reports.comparison_tables import difference_cells, p_text, relative_text
 from automaton.studies.reports.comparisons import direction_of
 from automaton.studies.reports.study_results import (
+    MetricScale,
     Results,
     described,
     read_results,
@@ -377,6 +379,11 @@ def answer(findings: Findings) -> Iterator[str]:
         share = better[0].effect.relative
         text = "" if share is None else f": {metric} {100 * share.value:+.1f} %"
         yield f"'{findings.change(better[0]).name}' has the largest effect{text}."
+        if better[0].pairs < (runs := findings.confirmed.study.max_replications):
+            yield (
+                f"This leaves out {count(runs - better[0].pairs, 'pair')} with a run that failed or did "
+                "not finish, which favours the change."
+            )
         alike = [findings.change(one).name for one in better if one.equals_first]
         if alike and better[0] is findings.ranked[0]:
             yield f"As good, as far as these runs show: {'; '.join(alike)}."
@@ -391,15 +398,23 @@ def ranking_table(findings: Findings) -> Table:
         if number in findings.lost:
             lost = findings.lost[number]
             near = [NumberText(f"{lost:,.0f}", lost), str(findings.lost_rank(number))]
-        value, low, high = difference_cells(one.effect.difference, scale)
-        effect = f"{value} {scale.unit} ({low} to {high})"
-        if one.effect.relative is not None:
-            effect = relative_text(one.effect.relative)
         sign = " =" if one.helps and one.equals_first else ""
         pairs = f" ({one.pairs:,} pairs)" if one.pairs < planned else ""
         name = findings.change(one).name + pairs
+        if search.jammed_runs(results, one.number) > search.jammed_runs(results, 0):
+            name += f": {search.jam_text(results, one.number)}"
+        effect = effect_text(one.effect, scale)
         rows.append([f"{place}{sign}", name, effect, p_text(one.adjusted), *near])
     return Table(["", "change", "effect, 95 %", "p", "lost near", "rank"], rows, left=2)
+
+
+def effect_text(effect: Effect, scale: MetricScale) -> str:
+    """An effect with its interval: in percent, or as a difference where the mean as it is may be 0."""
+    if effect.relative is not None:
+        return relative_text(effect.relative)
+    value, low, high = difference_cells(effect.difference, scale)
+    interval = f"{low} to {high}" if effect.difference.half is not None else TOO_FEW
+    return f"{value} {scale.unit} ({interval})"
 
 
 def reading(findings: Findings) -> Iterator[str]:
@@ -452,10 +467,7 @@ def not_ranked(findings: Findings) -> Iterator[Block]:
         results = findings.confirmed if number in findings.chosen else findings.screened
         reason, effect = outcome.status, "-"
         if reason == search.JAMS:
-            jams = search.jammed_runs(results, outcome.number)
-            reason += f" in {jams:,} of {count(results.study.max_replications, 'run')}"
-            reason += f" (as it is: {search.jammed_runs(results, 0):,})"
-            reason += failures(results, outcome.number)
+            reason = search.jam_text(results, outcome.number) + failures(results, outcome.number)
         elif reason == search.SCREENED:
             reason = "not among the best"
             one = search.paired(results, number, 0, findings.asked.metric, search.SCREENING_LEVEL)

@@ -11,6 +11,9 @@ import pytest
 from sweep_studies import OwnThread
 
 from automaton.commands import main
+from automaton.commands.bottlenecks_command import effect_text
+from automaton.studies.inference.intervals import Effect, Interval
+from automaton.studies.reports.study_results import MetricScale
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.result_store import Store
 
@@ -139,6 +142,15 @@ def test_a_dry_run_lists_the_changes_and_estimates_the_time(
     assert "time: at most" in said and "2 workers" in said
     assert "5. drops x 0.5\n   --set durations.drop=5\n" in said
     assert not (here / "kept").exists()
+
+
+@pytest.mark.parametrize(
+    ("ends", "shown"),
+    [((None, None), "+2 ticks (too few runs)"), ((1.0, 3.0), "+2 ticks (+1 to +3)")],
+)
+def test_an_effect_without_an_interval_says_why(ends: tuple[float, float], shown: str) -> None:
+    effect = Effect(Interval(2.0, *ends, 3, "t"), None, 0.5, True, None, None)
+    assert effect_text(effect, MetricScale(1.0, "ticks")) == shown
 
 
 def test_runs_that_do_not_finish_give_no_answer(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 from pathlib import Path
 
@@ -55,6 +56,34 @@ def test_the_answer_names_every_change_with_its_verdict(
     decided = said.partition("\nDecision\n")[2]
     assert "Keep today: none of 3 changes improves makespan significantly." in decided
     assert list((here / "temporary").iterdir()) == []
+
+
+RING = """name: ring
+layout: {picture: ">>v\\n^<<"}
+fleet: {robots: 4, kinematics: omni}
+durations: {move: 2}
+orders: {generator: tours, count: 20000}
+world: {following: none}
+strategy: {allocation: first-come, right_of_way: pibt}
+stop: {when: never, max_duration: 600}
+"""
+
+
+def test_a_jam_is_told_with_the_name_of_its_point_and_is_a_caveat(
+    capsys: pytest.CaptureFixture[str], here: Path
+) -> None:
+    (here / "ring.yaml").write_text(RING)
+    (here / "full.yaml").write_text("- {name: full, set: {fleet.robots: 6}}\n")
+    capsys.readouterr()
+    assert main(["what-if", "ring.yaml", "full.yaml", "--pairs", "2", "--out", "kept"]) == 0
+    said, told = capsys.readouterr()
+    jam = "tick 512: jam: 6 robots between [0, 0] and [2, 1] have finished nothing for the last 500 ticks"
+    jams = [line for line in told.splitlines() if "jam: " in line]
+    assert len(jams) == 2 and "point" not in told
+    assert all(re.fullmatch(rf".* full, seed \d+: {re.escape(jam)}", line) for line in jams), jams
+    assert Store("kept").rows().column("jam").to_pylist().count(jam) == 2
+    caveats = " ".join(said.partition("Caveats")[2].split())
+    assert "jams in 2 of 4 runs: full (2 of 2 runs). One of them: full, seed " in caveats
 
 
 def test_a_folder_keeps_the_runs_and_the_same_command_resumes(

@@ -18,7 +18,12 @@ from automaton.documents.html_output import as_html, map_svg
 from automaton.documents.report_document import HeatMap, ReportDocument
 from automaton.runs.headless import run_once
 from automaton.runs.periods import kept_period
-from automaton.studies.reports.site_pages import deadlock_remarks, input_rows, site_picture
+from automaton.studies.reports.site_pages import (
+    deadlock_remarks,
+    input_rows,
+    jam_remarks,
+    site_picture,
+)
 from automaton.studies.sweeps.run_keys import replication_seeds
 from automaton.world.resolve import resolve
 
@@ -204,6 +209,16 @@ def test_deadlocked_runs_that_did_not_finish_are_not_in_the_means() -> None:
         "tick 52 (robots 2, seed 2). The means include the 2 of these runs that are complete"
     )
     assert not list(deadlock_remarks(synthetic_store(study, noise), {}))
+
+
+def test_jams_are_a_caveat_with_their_points() -> None:
+    study = study_of({"fleet.robots": (1, 2)}, 3)
+    words = "tick 512: jam: 6 robots between [0, 0] and [2, 1] have finished nothing for 500 ticks"
+    results = synthetic_store(study, noise, jam=lambda p, r: words if (p, r) == (1, 2) else None)
+    assert list(jam_remarks(results)) == [
+        f"jams in 1 of 6 runs: robots 2 (1 of 3 runs). One of them: robots 2, seed 2, {words}"
+    ]
+    assert not list(jam_remarks(synthetic_store(study, noise)))
 
 
 # Inputs, picture and date.

@@ -319,31 +319,52 @@ def period_records(results: Results, scenarios: Scenarios, every: str | None) ->
 def deadlock_remarks(results: Results, scenarios: Scenarios) -> Iterator[str]:
     """A sentence about deadlocks: where, the longest one, and whether the means include these runs."""
     names = ("deadlocks", "longest_standstill", "standstill_at", "standstill_from", "seed")
+    if by_point := affected(results, *names):
+        yield (
+            f"deadlocks in {affected_text(results, by_point)}. "
+            f"{longest_text(results, scenarios, by_point)} "
+            f"{included_text([run for _, own in by_point for run in own])}"
+        )
+
+
+def jam_remarks(results: Results) -> Iterator[str]:
+    """A sentence about jams: where, and the first one in words."""
+    if by_point := affected(results, "jam", "seed"):
+        point, ((_, words, seed), *_) = by_point[0]
+        yield (
+            f"jams in {affected_text(results, by_point)}. One of them: "
+            f"{point_name(results.study, point)}, seed {seed}, {words}"
+        )
+
+
+Affected = list[tuple[Point, list[tuple[Any, ...]]]]  # points and their runs
+
+
+def affected(results: Results, *names: str) -> Affected:
+    """The points with runs whose first of these columns is set, and these runs, most runs first."""
     by_point = [
         (point, runs)
         for point in results.points
         if (runs := [run for run in results.stored(point, *names) if run[1]])
     ]
-    if not by_point:
-        return
-    runs = [run for _, own in by_point for run in own]
+    return sorted(by_point, key=lambda one: -len(one[1]))
+
+
+def affected_text(results: Results, by_point: Affected) -> str:
+    """Such as "3 of 20 runs: today (2 of 10 runs); robots 12 (1 of 10 runs)"."""
     done = sum(results.counts(point).done for point in results.points)
     where = [
         f"{point_name(results.study, point)} ({len(own):,} of "
         f"{count(results.counts(point).done, 'run')})"
-        for point, own in sorted(by_point, key=lambda one: -len(one[1]))[:MAX_DEADLOCKED]
+        for point, own in by_point[:MAX_DEADLOCKED]
     ]
     more = len(by_point) - len(where)
     rest = f"; and {count(more, 'more point')}" if more else ""
-    yield (
-        f"deadlocks in {len(runs):,} of {count(done, 'run')}: {'; '.join(where)}{rest}. "
-        f"{longest_text(results, scenarios, by_point)} {included_text(runs)}"
-    )
+    runs = sum(len(own) for _, own in by_point)
+    return f"{runs:,} of {count(done, 'run')}: {'; '.join(where)}{rest}"
 
 
-def longest_text(
-    results: Results, scenarios: Scenarios, by_point: Sequence[tuple[Point, list[tuple[Any, ...]]]]
-) -> str:
+def longest_text(results: Results, scenarios: Scenarios, by_point: Affected) -> str:
     """The longest deadlock of all runs, with its place and time."""
     point, run = max(
         ((point, run) for point, runs in by_point for run in runs), key=lambda one: one[1][2] or 0

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pod_scenes import RING, pod_scenario
 from report_helpers import report
 from synthetic_results import noise, study_of, synthetic_store
 
@@ -240,6 +241,28 @@ def test_inputs_are_as_written_with_what_varies_and_what_was_rounded() -> None:
     assert rows["stations.max_trips"] == "8" and rows["stations.P6.breaks[0].for"] == "15 min"
     assert rows["strategy.charging"] == "opportunity, start_below 80"
     assert not any(key.endswith((".at", ".queue")) for key in rows)
+
+
+def test_inputs_in_lists_are_as_written_and_days_are_counted(tmp_path: Path) -> None:
+    (tmp_path / "days").mkdir()
+    for day, lines in enumerate((20, 35, 28)):
+        text = "pod,released\n" + "".join(f"{k % 4 + 1},{60 * k}\n" for k in range(lines))
+        (tmp_path / "days" / f"{day}.csv").write_text(text)
+    drain = {"move": "9 %/h", "turn": "9 %/h", "wait": "2 %/h"}
+    station = {"at": [5, 3], "queue": [[6, 3]], "breaks": [{"from": 3000, "for": "40 s"}]}
+    keys = pod_scenario(
+        {"file": "days/*.csv"},
+        picture=RING.replace("q", "c"),
+        units={"tick": "0.4 s"},
+        stations={"P1": station},
+        battery={"drain": drain, "charge_rate": [[0, "60 %/h"], [80, "20 %/h"]]},
+    )
+    keys["strategy"]["charging"] = "opportunity"
+    (tmp_path / "site.yaml").write_text(json.dumps(keys))
+    rows = dict(input_rows([resolve(tmp_path / "site.yaml")]))
+    assert rows["battery.charge_rate"] == "[[0, 60 %/h], [80, 20 %/h]]"
+    assert rows["stations.breaks[0].from"] == "20 min" and rows["stations.breaks[0].for"] == "40 s"
+    assert rows["orders.lines"] == "3 files of days/*.csv, 20 to 35 lines"
 
 
 @pytest.mark.parametrize("name", ["bad-day", "depots", "factory-types", "sorting", "random-400"])

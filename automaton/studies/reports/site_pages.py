@@ -41,12 +41,13 @@ from automaton.runs.periods import (
 )
 from automaton.runs.run_report import OPTIONAL_COLUMNS, periods_table, shown_columns, time_text
 from automaton.runs.simulation import Simulation, empty_floor
+from automaton.scenario.order_lines import listed_lines
 from automaton.studies.reports.comparisons import point_name, setting_text
 from automaton.studies.reports.metric_tables import Scenarios
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import PERIODS_COLUMN, Point
 from automaton.units import Unit, count, duration, number, unit
-from automaton.world.conversion_table import roundings, tick_keys
+from automaton.world.conversion_table import roundings, tick_values
 from automaton.world.resolved import Resolved
 
 Record = dict[str, Any]
@@ -132,17 +133,42 @@ def inputs_of(resolved: Resolved) -> dict[str, str]:
     for one in roundings(resolved):
         if not one.conversion.is_moment and abs(one.error) >= LEAST_ERROR:
             texts[one.conversion.key] += f" (simulated {one.difference(tick)})"
-    ticks = tick_keys(scenario)
+    texts = {key: tick_text(ticks, tick) for key, ticks in tick_values(scenario).items()} | texts
     inputs = {}
     for section in SECTIONS:
         for key, value in settings_in(getattr(scenario, section), section):
-            if key in texts:
-                inputs[key] = texts[key]
-            elif key in ticks and isinstance(value, int | float):
-                inputs[key] = tick_text(value, tick)
-            else:
-                inputs[key] = value_text(value)
+            inputs[key] = input_text(key, value, texts)
+    inputs |= lines_of_days(resolved)
     return with_equal_joined(inputs, scenario.stations)
+
+
+def input_text(key: str, value: Any, texts: Mapping[str, str]) -> str:
+    """A setting as it is written; `texts`: those with units, also inside lists, by key."""
+    if key in texts:
+        return texts[key]
+    if isinstance(value, tuple) and any(inner.startswith(f"{key}[") for inner in texts):
+        parts = [input_text(f"{key}[{place}]", inner, texts) for place, inner in enumerate(value)]
+        return f"[{', '.join(parts)}]" if len(parts) <= MAX_ENTRIES else value_text(value)
+    return value_text(value)
+
+
+def lines_of_days(resolved: Resolved) -> dict[str, str]:
+    """The number of lines or orders of the files from which a seed draws one, by key."""
+    several = {
+        "orders.lines": [len(listed_lines(day.orders)) for day in resolved.days],
+        "orders.transports": [len(day.orders.listed or ()) for day in resolved.days],
+    }
+    return {
+        key: f"{count(len(sizes), 'file')} of {resolved.day_pattern}, {range_text(sizes)} lines"
+        for key, sizes in several.items()
+        if resolved.day_pattern and any(sizes)
+    }
+
+
+def range_text(numbers: Sequence[int]) -> str:
+    """The least and the largest of some numbers: "470 to 701"."""
+    least, most = min(numbers), max(numbers)
+    return f"{least:,}" if least == most else f"{least:,} to {most:,}"
 
 
 def tick_text(ticks: float, tick: Unit) -> str:

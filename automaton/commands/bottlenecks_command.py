@@ -1,7 +1,7 @@
 """Try changes of a scenario one by one, and rank them by what they are worth.
 
 Exit code 0: ranked; 1: some runs failed, or the scenario as it is does not finish; 2: bad input; 130:
-stopped by Ctrl-C; 143: by SIGTERM.
+stopped by Ctrl-C; 143: by SIGTERM. The results so far are printed before.
 """
 
 from __future__ import annotations
@@ -29,6 +29,7 @@ from automaton.commands.arguments import (
 from automaton.commands.sweep_command import duration, forecast_of
 from automaton.commands.what_if_command import (
     MAX_PAIRS,
+    SweptRuns,
     folder_of,
     levels_of,
     study_keys,
@@ -92,6 +93,7 @@ class Findings(NamedTuple):
     confirmed: Results
     ranked: list[search.RankedChange]
     failed: int  # runs
+    cut: SweptRuns | None  # the runs that were interrupted; None: all are done
 
     @property
     def has_base(self) -> bool:
@@ -208,6 +210,8 @@ def run(args: argparse.Namespace) -> int:
     output.write(lambda: document_of(findings, args), lambda: as_json(findings, args))
     if findings.failed:
         note(f"{count(findings.failed, 'run')} failed; the report says why")
+    if findings.cut is not None and findings.cut.cut is not None:
+        raise findings.cut.cut
     return 1 if findings.failed or not findings.has_base else 0
 
 
@@ -262,21 +266,25 @@ def searched(
     near: dict[int, float],
 ) -> Findings:
     """Screen all changes, and confirm the best with fresh seeds."""
-    failed, screened = compared(args, asked, folder / SCREENING, changes.tried, args.pairs[0])
+    swept, screened = compared(args, asked, folder / SCREENING, changes.tried, args.pairs[0])
+    failed = swept.failed
     outcomes = search.screened(screened, asked.metric, asked.is_higher_better)
     chosen, confirmed, ranked = search.finalists(outcomes), screened, []
     by_number = {one.number: one for one in outcomes}
+    if swept.cut is not None:
+        chosen = []
     if chosen:
         seed = seed_of(f"{asked.keys['seed']} {CONFIRMATION}")
         fresh = asked._replace(keys=asked.keys | {"seed": seed})
         best = [changes.tried[number - 1] for number in chosen]
-        more, confirmed = compared(args, fresh, folder / CONFIRMATION, best, args.pairs[1])
-        failed += more
+        swept, confirmed = compared(args, fresh, folder / CONFIRMATION, best, args.pairs[1])
+        failed += swept.failed
         ranked = search.ranking(confirmed, asked.metric, asked.is_higher_better)
         for number, status in search.statuses(confirmed, asked.metric).items():
             by_number[chosen[number - 1]] = search.ScreenedChange(number, status)
+    cut = swept if swept.cut is not None else None
     return Findings(
-        base, asked, changes, near, screened, by_number, chosen, confirmed, ranked, failed
+        base, asked, changes, near, screened, by_number, chosen, confirmed, ranked, failed, cut
     )
 
 
@@ -286,15 +294,15 @@ def compared(
     folder: Path,
     changes: Sequence[search.CandidateChange],
     pairs: int,
-) -> tuple[int, Results]:
-    """The runs of some changes in a folder: the number of failed ones, and their results."""
+) -> tuple[SweptRuns, Results]:
+    """The runs of some changes in a folder, and their results."""
     study = study_of(asked, changes, pairs)
     plan = make_sweep_plan(study)
     # After more screening, other changes may be the best.
     recompute = args.recompute or folder.name == CONFIRMATION
     swept = swept_into(args, folder, plan, recompute)
     units = units_of_points(plan.scenarios, len(plan.points))
-    return swept.failed, replace(read_results(swept.store), units=units)
+    return swept, replace(read_results(swept.store), units=units)
 
 
 def dry_run(
@@ -349,6 +357,9 @@ def document_of(findings: Findings, args: argparse.Namespace) -> ReportDocument:
         f"the best {len(findings.chosen):,} confirmed with {confirmation:,} further pairs."
     )
     document.add(Heading("Question"), Text(question), Heading("Answer"))
+    if findings.cut is not None:
+        phase = CONFIRMATION if findings.chosen else SCREENING
+        document.add(Text(f"{findings.cut.cut_text} They are those of the {phase}.", strong=True))
     document.add(Listed(list(answer(findings)), strong=True))
     if ranked:
         document.add(ranking_table(findings), Listed(list(reading(findings)), mark=""))
@@ -371,6 +382,8 @@ def answer(findings: Findings) -> Iterator[str]:
             f"No answer: {done.finished:,} of {count(done.planned, 'run')} of the scenario as it is "
             f"finished{failures(findings.screened, 0)}."
         )
+    elif findings.cut is not None and not findings.chosen:
+        yield "No change is confirmed yet: the table shows the effects in the screening."
     elif not better:
         yield f"No change has a statistically significant effect that makes {metric} better."
         if metric == "throughput":
@@ -469,7 +482,8 @@ def not_ranked(findings: Findings) -> Iterator[Block]:
         if reason == search.JAMS:
             reason = search.jam_text(results, outcome.number) + failures(results, outcome.number)
         elif reason == search.SCREENED:
-            reason = "not among the best"
+            is_cut = findings.cut is not None and not findings.chosen
+            reason = "not confirmed yet" if is_cut else "not among the best"
             one = search.paired(results, number, 0, findings.asked.metric, search.SCREENING_LEVEL)
             effect = relative_text(one.relative).partition(" (")[0]
         rows.append([findings.changes.tried[number - 1].name, reason, effect])
@@ -530,6 +544,7 @@ def as_json(findings: Findings, args: argparse.Namespace) -> dict[str, Any]:
         "out": None if args.out is None else str(args.out),
         "changes": records,
         **omissions(findings.changes),
+        "complete": findings.cut is None,
         "failed": findings.failed,
     }
 

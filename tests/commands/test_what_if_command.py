@@ -8,9 +8,10 @@ import tempfile
 from pathlib import Path
 
 import pytest
-from sweep_studies import OwnThread
+from sweep_studies import OwnThread, interrupting
 
 from automaton.commands import main
+from automaton.commands.sweep_command import Listener
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.result_store import Store
 
@@ -56,6 +57,21 @@ def test_the_answer_names_every_change_with_its_verdict(
     decided = said.partition("\nDecision\n")[2]
     assert "Keep today: none of 3 changes improves makespan significantly." in decided
     assert list((here / "temporary").iterdir()) == []
+
+
+def test_an_interrupted_command_prints_what_it_knows_and_goes_on(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = ("--metric", "makespan", "--pairs", "3", "--out", "kept")
+    with monkeypatch.context() as patched:
+        patched.setattr(Listener, "rows", interrupting(Listener.rows, 7))
+        code, said, noted = asked(capsys, *options)
+    assert code == 130 and noted.endswith("repeat the command to resume\nautomaton: interrupted\n")
+    done = int(re.search(r"results so far, of (\d+) of 12 runs", said)[1])  # type: ignore[index]
+    assert 7 <= done < 12 and f"stopped; {done} of 12 runs are stored in kept" in noted
+    assert "- one robot fewer: " in said and "not compared" in said.partition("Comparisons")[2]
+    code, said, _ = asked(capsys, *options, "--json")
+    assert code == 0 and json.loads(said)["existing"] == done and json.loads(said)["complete"]
 
 
 RING = """name: ring

@@ -93,11 +93,11 @@ def test_curves_over_names_stand_beside_each_other() -> None:
 
 
 def test_the_last_name_of_a_small_chart_is_inside_and_a_chart_of_zeros_begins_at_zero() -> None:
-    hours = [f"{6 + k:02}:00" for k in range(7)]
-    none = [math.nan] * 7
-    down = ReportCurve("today", list(range(7)), [0.0] * 7, none, none)
+    hours = [f"{6 + k:02}:00" for k in range(6)]
+    none = [math.nan] * 6
+    down = ReportCurve("today", list(range(6)), [0.0] * 6, none, none)
     chart = Curves("down", "from", "robots", [down], hours, from_zero=True, is_in_order=True)
     assert chart.span == (0, 1)
     small = panels_html(Panels("by hour", [chart]))
     labels = re.findall(r'<text x="([\d.]+)"[^>]*>(\d\d:00)</text>', small)
-    assert labels[-1][1] == "12:00" and float(labels[-1][0]) + 3.3 * 5 <= SMALL.width
+    assert labels[-1][1] == "11:00" and float(labels[-1][0]) + 3.3 * 5 <= SMALL.width

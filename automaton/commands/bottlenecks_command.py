@@ -15,11 +15,8 @@ from typing import Any, Final, NamedTuple
 
 from automaton.commands.arguments import (
     Output,
-    add_output_arguments,
     add_refinement_arguments,
     add_scenario_arguments,
-    add_timeout_argument,
-    add_workers_argument,
     note,
     output_of,
     print_warnings,
@@ -30,6 +27,7 @@ from automaton.commands.sweep_command import duration, forecast_of
 from automaton.commands.what_if_command import (
     MAX_PAIRS,
     SweptRuns,
+    add_run_arguments,
     folder_of,
     levels_of,
     study_keys,
@@ -159,18 +157,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name, word in (("--minimise", "low"), ("--maximise", "high")):
         text = f"{word} values of the metric are better (default: as usual for the metric)"
         better.add_argument(name, action="store_true", help=text)
-    add_workers_argument(parser, 1024)
-    text = "keep the results in this folder; the same command then does only the missing runs"
-    add("--out", type=Path, metavar="DIR", help=text)
-    add(
-        "--recompute",
-        action="store_true",
-        help="with --out, ignore results in the folder if they come from other code or other changes",
-    )
     text = "list the changes, and estimate the time from a few pilot runs"
     add("--dry-run", action="store_true", help=text)
-    add_timeout_argument(parser)
-    add_output_arguments(parser, "--report")
+    add_run_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:

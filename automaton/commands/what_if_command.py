@@ -65,10 +65,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="compare this metric; may be repeated (default: throughput, lead_time, lead_time_p95 and "
         "late_share, where measured)",
     )
+    add_run_arguments(parser)
+
+
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of commands that compare changes: how to do the runs, and where results go."""
     add_workers_argument(parser, 1024)
     text = "keep the results in this folder; the same command then does only the missing runs"
-    add("--out", type=Path, metavar="DIR", help=text)
-    add(
+    parser.add_argument("--out", type=Path, metavar="DIR", help=text)
+    parser.add_argument(
         "--recompute",
         action="store_true",
         help="with --out, ignore results in the folder if they come from other code or other changes",

@@ -15,7 +15,6 @@ from automaton.engine.state import (
     ACTION_MOVE,
     ACTION_PICK,
     ACTION_SERVE,
-    ACTION_TRY_DROP,
     GOAL_CHARGE,
     GOAL_NONE,
     GOAL_PARK,
@@ -97,7 +96,7 @@ LEAST_STARVED_TICKS: Final = 500
 # Drives across the floor: one for the longest trip, and three more for traffic.
 STARVED_DRIVES: Final = 4
 JAM_ROBOTS: Final = 2  # least number of robots of a jam
-SERVICE: Final = (ACTION_PICK, ACTION_DROP, ACTION_TRY_DROP, ACTION_SERVE)
+SERVICE: Final = (ACTION_PICK, ACTION_DROP, ACTION_SERVE)
 REACH: Final = 2  # largest distance in rows and in columns between neighbours in a jam or a queue
 
 
@@ -149,7 +148,7 @@ def wait_for_service(world: World, ticks: int) -> Array:
     cut off has a queue only until it has served nobody for `ticks`.
     """
     robots, orders, since = world.robots, world.orders, int(world.clock.tick) - ticks
-    served = np.isin(robots.action, SERVICE) & (robots.busy > 0) & (robots.cell != NIL)
+    served: Array = np.isin(robots.action, SERVICE) & (robots.busy > 0) & (robots.cell != NIL)
     picked, dropped = (orders.picked > since) & (orders.source >= 0), orders.delivered > since
     slots = np.concatenate((orders.source[picked], orders.target[dropped & (orders.target >= 0)]))
     access, visited = world.slots.access[slots].ravel(), world.stops.done > since

@@ -1,7 +1,7 @@
 """Try changes of a scenario one by one, and rank them by what they are worth.
 
 Exit code 0: ranked; 1: some runs failed, or the scenario as it is does not finish; 2: bad input; 130:
-stopped by Ctrl-C; 143: by SIGTERM.
+stopped by Ctrl-C; 143: by SIGTERM. The results so far are printed before.
 """
 
 from __future__ import annotations
@@ -15,11 +15,8 @@ from typing import Any, Final, NamedTuple
 
 from automaton.commands.arguments import (
     Output,
-    add_output_arguments,
     add_refinement_arguments,
     add_scenario_arguments,
-    add_timeout_argument,
-    add_workers_argument,
     note,
     output_of,
     print_warnings,
@@ -29,6 +26,8 @@ from automaton.commands.arguments import (
 from automaton.commands.sweep_command import duration, forecast_of
 from automaton.commands.what_if_command import (
     MAX_PAIRS,
+    SweptRuns,
+    add_run_arguments,
     folder_of,
     levels_of,
     study_keys,
@@ -47,9 +46,11 @@ from automaton.documents.report_document import (
 from automaton.errors import InputError, nearest
 from automaton.floor.drawn_floors import floor_picture
 from automaton.studies import bottlenecks as search
+from automaton.studies.inference.intervals import TOO_FEW, Effect
 from automaton.studies.reports.comparison_tables import difference_cells, p_text, relative_text
 from automaton.studies.reports.comparisons import direction_of
 from automaton.studies.reports.study_results import (
+    MetricScale,
     Results,
     described,
     read_results,
@@ -90,6 +91,7 @@ class Findings(NamedTuple):
     confirmed: Results
     ranked: list[search.RankedChange]
     failed: int  # runs
+    cut: SweptRuns | None  # the runs that were interrupted; None: all are done
 
     @property
     def has_base(self) -> bool:
@@ -155,18 +157,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     for name, word in (("--minimise", "low"), ("--maximise", "high")):
         text = f"{word} values of the metric are better (default: as usual for the metric)"
         better.add_argument(name, action="store_true", help=text)
-    add_workers_argument(parser, 1024)
-    text = "keep the results in this folder; the same command then does only the missing runs"
-    add("--out", type=Path, metavar="DIR", help=text)
-    add(
-        "--recompute",
-        action="store_true",
-        help="with --out, ignore results in the folder if they come from other code or other changes",
-    )
     text = "list the changes, and estimate the time from a few pilot runs"
     add("--dry-run", action="store_true", help=text)
-    add_timeout_argument(parser)
-    add_output_arguments(parser, "--report")
+    add_run_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -206,6 +199,8 @@ def run(args: argparse.Namespace) -> int:
     output.write(lambda: document_of(findings, args), lambda: as_json(findings, args))
     if findings.failed:
         note(f"{count(findings.failed, 'run')} failed; the report says why")
+    if findings.cut is not None and findings.cut.cut is not None:
+        raise findings.cut.cut
     return 1 if findings.failed or not findings.has_base else 0
 
 
@@ -260,21 +255,25 @@ def searched(
     near: dict[int, float],
 ) -> Findings:
     """Screen all changes, and confirm the best with fresh seeds."""
-    failed, screened = compared(args, asked, folder / SCREENING, changes.tried, args.pairs[0])
+    swept, screened = compared(args, asked, folder / SCREENING, changes.tried, args.pairs[0])
+    failed = swept.failed
     outcomes = search.screened(screened, asked.metric, asked.is_higher_better)
     chosen, confirmed, ranked = search.finalists(outcomes), screened, []
     by_number = {one.number: one for one in outcomes}
+    if swept.cut is not None:
+        chosen = []
     if chosen:
         seed = seed_of(f"{asked.keys['seed']} {CONFIRMATION}")
         fresh = asked._replace(keys=asked.keys | {"seed": seed})
         best = [changes.tried[number - 1] for number in chosen]
-        more, confirmed = compared(args, fresh, folder / CONFIRMATION, best, args.pairs[1])
-        failed += more
+        swept, confirmed = compared(args, fresh, folder / CONFIRMATION, best, args.pairs[1])
+        failed += swept.failed
         ranked = search.ranking(confirmed, asked.metric, asked.is_higher_better)
         for number, status in search.statuses(confirmed, asked.metric).items():
             by_number[chosen[number - 1]] = search.ScreenedChange(number, status)
+    cut = swept if swept.cut is not None else None
     return Findings(
-        base, asked, changes, near, screened, by_number, chosen, confirmed, ranked, failed
+        base, asked, changes, near, screened, by_number, chosen, confirmed, ranked, failed, cut
     )
 
 
@@ -284,15 +283,15 @@ def compared(
     folder: Path,
     changes: Sequence[search.CandidateChange],
     pairs: int,
-) -> tuple[int, Results]:
-    """The runs of some changes in a folder: the number of failed ones, and their results."""
+) -> tuple[SweptRuns, Results]:
+    """The runs of some changes in a folder, and their results."""
     study = study_of(asked, changes, pairs)
     plan = make_sweep_plan(study)
     # After more screening, other changes may be the best.
     recompute = args.recompute or folder.name == CONFIRMATION
     swept = swept_into(args, folder, plan, recompute)
     units = units_of_points(plan.scenarios, len(plan.points))
-    return swept.failed, replace(read_results(swept.store), units=units)
+    return swept, replace(read_results(swept.store), units=units)
 
 
 def dry_run(
@@ -347,6 +346,9 @@ def document_of(findings: Findings, args: argparse.Namespace) -> ReportDocument:
         f"the best {len(findings.chosen):,} confirmed with {confirmation:,} further pairs."
     )
     document.add(Heading("Question"), Text(question), Heading("Answer"))
+    if findings.cut is not None:
+        phase = CONFIRMATION if findings.chosen else SCREENING
+        document.add(Text(f"{findings.cut.cut_text} They are those of the {phase}.", strong=True))
     document.add(Listed(list(answer(findings)), strong=True))
     if ranked:
         document.add(ranking_table(findings), Listed(list(reading(findings)), mark=""))
@@ -369,6 +371,8 @@ def answer(findings: Findings) -> Iterator[str]:
             f"No answer: {done.finished:,} of {count(done.planned, 'run')} of the scenario as it is "
             f"finished{failures(findings.screened, 0)}."
         )
+    elif findings.cut is not None and not findings.chosen:
+        yield "No change is confirmed yet: the table shows the effects in the screening."
     elif not better:
         yield f"No change has a statistically significant effect that makes {metric} better."
         if metric == "throughput":
@@ -377,6 +381,11 @@ def answer(findings: Findings) -> Iterator[str]:
         share = better[0].effect.relative
         text = "" if share is None else f": {metric} {100 * share.value:+.1f} %"
         yield f"'{findings.change(better[0]).name}' has the largest effect{text}."
+        if better[0].pairs < (runs := findings.confirmed.study.max_replications):
+            yield (
+                f"This leaves out {count(runs - better[0].pairs, 'pair')} with a run that failed or did "
+                "not finish, which favours the change."
+            )
         alike = [findings.change(one).name for one in better if one.equals_first]
         if alike and better[0] is findings.ranked[0]:
             yield f"As good, as far as these runs show: {'; '.join(alike)}."
@@ -391,15 +400,23 @@ def ranking_table(findings: Findings) -> Table:
         if number in findings.lost:
             lost = findings.lost[number]
             near = [NumberText(f"{lost:,.0f}", lost), str(findings.lost_rank(number))]
-        value, low, high = difference_cells(one.effect.difference, scale)
-        effect = f"{value} {scale.unit} ({low} to {high})"
-        if one.effect.relative is not None:
-            effect = relative_text(one.effect.relative)
         sign = " =" if one.helps and one.equals_first else ""
         pairs = f" ({one.pairs:,} pairs)" if one.pairs < planned else ""
         name = findings.change(one).name + pairs
+        if search.jammed_runs(results, one.number) > search.jammed_runs(results, 0):
+            name += f": {search.jam_text(results, one.number)}"
+        effect = effect_text(one.effect, scale)
         rows.append([f"{place}{sign}", name, effect, p_text(one.adjusted), *near])
     return Table(["", "change", "effect, 95 %", "p", "lost near", "rank"], rows, left=2)
+
+
+def effect_text(effect: Effect, scale: MetricScale) -> str:
+    """An effect with its interval: in percent, or as a difference where the mean as it is may be 0."""
+    if effect.relative is not None:
+        return relative_text(effect.relative)
+    value, low, high = difference_cells(effect.difference, scale)
+    interval = f"{low} to {high}" if effect.difference.half is not None else TOO_FEW
+    return f"{value} {scale.unit} ({interval})"
 
 
 def reading(findings: Findings) -> Iterator[str]:
@@ -452,12 +469,10 @@ def not_ranked(findings: Findings) -> Iterator[Block]:
         results = findings.confirmed if number in findings.chosen else findings.screened
         reason, effect = outcome.status, "-"
         if reason == search.JAMS:
-            jams = search.jammed_runs(results, outcome.number)
-            reason += f" in {jams:,} of {count(results.study.max_replications, 'run')}"
-            reason += f" (as it is: {search.jammed_runs(results, 0):,})"
-            reason += failures(results, outcome.number)
+            reason = search.jam_text(results, outcome.number) + failures(results, outcome.number)
         elif reason == search.SCREENED:
-            reason = "not among the best"
+            is_cut = findings.cut is not None and not findings.chosen
+            reason = "not confirmed yet" if is_cut else "not among the best"
             one = search.paired(results, number, 0, findings.asked.metric, search.SCREENING_LEVEL)
             effect = relative_text(one.relative).partition(" (")[0]
         rows.append([findings.changes.tried[number - 1].name, reason, effect])
@@ -518,6 +533,7 @@ def as_json(findings: Findings, args: argparse.Namespace) -> dict[str, Any]:
         "out": None if args.out is None else str(args.out),
         "changes": records,
         **omissions(findings.changes),
+        "complete": findings.cut is None,
         "failed": findings.failed,
     }
 

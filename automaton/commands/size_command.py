@@ -10,7 +10,7 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NoReturn
 
 from automaton.commands.arguments import (
     Output,
@@ -163,7 +163,7 @@ def run(args: argparse.Namespace) -> int:
         if args.plots is not None:
             draw(args.plots, sessions)
         if cut is not None:
-            raise cut
+            raise_again(cut, args.out)
     return 0 if all(session.settled for session in sessions.values()) else 1
 
 
@@ -179,6 +179,13 @@ def interruption_of(
     finally:
         show_line("")
     return None
+
+
+def raise_again(cut: BaseException, out: Path | None) -> NoReturn:
+    """After the results so far: say how to go on, and raise what ended the search."""
+    stored = f"stored in {out}; repeat the command to resume"
+    note(f"stopped; the runs are {stored if out else 'not stored; with --out DIR they are'}")
+    raise cut
 
 
 def quantity_of(args: argparse.Namespace) -> SearchQuantity:
@@ -238,7 +245,7 @@ def compare_parked(args: argparse.Namespace, output: Output, fleets: Fleets) -> 
         lambda: parking_as_json(session, name, fleets.seed),
     )
     if cut is not None:
-        raise cut
+        raise_again(cut, args.out)
     return 0 if session.best is not None and len(session.best.left) == 1 else 1
 
 

@@ -1,7 +1,8 @@
 """Verify a recorded run: check the rules, run it again, and report the first tick that differs.
 
-Verify a results folder or its archive: do all runs again and compare their results. With --problem,
-check the output of another program for a problem of the League of Robot Runners.
+Verify a results folder or its archive: do all runs again, with the strategies that it holds, and
+compare their results. These strategies are programs: verify archives of senders you trust. With
+--problem, check the output of another program for a problem of the League of Robot Runners.
 Exit code 0: all recorded ticks (even of an incomplete recording) follow the rules and are reproduced,
 or all results are equal; 1: a rule is broken, or a tick or a result differs; 2: the file is damaged or
 none of these.
@@ -40,7 +41,10 @@ ZIP_BEGINS: Final = b"PK"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The arguments of `automaton verify`."""
-    text = "a recording, a results folder or its archive; with --problem, an output file"
+    text = (
+        "a recording, a results folder or its archive, whose strategies are executed; with --problem, an "
+        "output file"
+    )
     parser.add_argument("file", metavar="FILE", help=text)
     parser.add_argument(
         "--problem",

@@ -1,6 +1,7 @@
 """Compare changes of a scenario with the scenario as it is, in pairs of runs with the same seed.
 
-Exit code 0: compared; 1: some runs failed; 2: bad input; 130: stopped by Ctrl-C; 143: by SIGTERM.
+Exit code 0: compared; 1: some runs failed; 2: bad input; 130: stopped by Ctrl-C; 143: by
+SIGTERM. The results so far are printed before.
 """
 
 from __future__ import annotations
@@ -11,7 +12,7 @@ import shlex
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, NamedTuple
 
 from automaton.commands.arguments import (
     add_output_arguments,
@@ -34,8 +35,8 @@ from automaton.world.scenario_warnings import scenario_warnings
 if TYPE_CHECKING:
     from automaton.scenario.schema import Scenario
     from automaton.studies.reports.build_report import StudyReport
+    from automaton.studies.sweeps.result_store import Store
     from automaton.studies.sweeps.sweep_plan import SweepPlan
-    from automaton.studies.sweeps.sweep_session import SweepResult
     from automaton.world.resolved import Resolved
 
 FIXED_KEYS: Final = ("name", "summary", "seed")  # settings that are part of the study itself
@@ -64,10 +65,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="compare this metric; may be repeated (default: throughput, lead_time, lead_time_p95 and "
         "late_share, where measured)",
     )
+    add_run_arguments(parser)
+
+
+def add_run_arguments(parser: argparse.ArgumentParser) -> None:
+    """The arguments of commands that compare changes: how to do the runs, and where results go."""
     add_workers_argument(parser, 1024)
     text = "keep the results in this folder; the same command then does only the missing runs"
-    add("--out", type=Path, metavar="DIR", help=text)
-    add(
+    parser.add_argument("--out", type=Path, metavar="DIR", help=text)
+    parser.add_argument(
         "--recompute",
         action="store_true",
         help="with --out, ignore results in the folder if they come from other code or other changes",
@@ -97,12 +103,30 @@ def run(args: argparse.Namespace) -> int:
         swept = swept_into(args, folder, plan, args.recompute)
         report = read_report(swept.store)
     output.write(
-        lambda: document_of(report, args.out),
+        lambda: document_of(report, swept, args.out),
         lambda: as_json(report, swept, args.out),
     )
     if swept.failed:
         note(f"{count(swept.failed, 'run')} failed; the caveats say why")
+    if swept.cut is not None:
+        raise swept.cut
     return 1 if swept.failed else 0
+
+
+class SweptRuns(NamedTuple):
+    """The runs of a study, all of them unless they were cut off."""
+
+    store: Store
+    existing: int  # runs that the folder had before
+    done: int
+    failed: int
+    cut: KeyboardInterrupt | None  # Ctrl-C or SIGTERM, after which the results so far are printed
+
+    @property
+    def cut_text(self) -> str:
+        """A sentence about the missing runs; "" if none is missing."""
+        runs = count(self.store.study.runs, "run")
+        return f"Interrupted: results so far, of {self.done:,} of {runs}." if self.cut else ""
 
 
 def swept_into(
@@ -110,21 +134,33 @@ def swept_into(
     folder: Path,
     plan: SweepPlan,
     recompute: bool,
-) -> SweepResult:
-    """Do the runs of a study that a folder lacks, with progress on stderr. Raises InputError."""
+) -> SweptRuns:
+    """Do the runs of a study that a folder lacks, with progress on stderr. Raises InputError.
+
+    Ctrl-C and SIGTERM end this, but are raised only if no run is done.
+    """
     from automaton.studies.sweeps import pools
+    from automaton.studies.sweeps.result_store import Store
     from automaton.studies.sweeps.sweep_session import sweep_into
 
-    with progress(args.out) as listener:
-        return sweep_into(
-            folder,
-            plan,
-            lambda: pools.LocalPool(args.workers),
-            recompute,
-            listener.begin,
-            listener.rows,
-            patience=args.strategy_timeout,
-        )
+    listener, cut = None, None
+    try:
+        with progress(args.out) as listener:
+            sweep_into(
+                folder,
+                plan,
+                lambda: pools.LocalPool(args.workers),
+                recompute,
+                listener.begin,
+                listener.rows,
+                patience=args.strategy_timeout,
+            )
+    except KeyboardInterrupt as error:
+        if listener is None or not listener.done:
+            raise
+        cut = error
+    store = Store(folder)
+    return SweptRuns(store, listener.before, listener.done, len(store.failed()), cut)
 
 
 def warn_of_changes(plan: SweepPlan, base: Resolved) -> None:
@@ -178,12 +214,14 @@ def folder_of(out: Path | None) -> Iterator[Path]:
         yield Path(folder)
 
 
-def document_of(report: StudyReport, out: Path | None) -> ReportDocument:
+def document_of(report: StudyReport, swept: SweptRuns, out: Path | None) -> ReportDocument:
     """The comparison as a document, in the order of a report."""
     from automaton.studies.reports.build_report import opening_of
     from automaton.studies.reports.what_if import what_if_section
 
     document = opening_of(report)
+    if swept.cut_text:
+        document.blocks.insert(1, Text(swept.cut_text, strong=True))
     document.add(*what_if_section(report.results, report.compared))
     if out is not None:
         command = f"automaton report {shlex.quote(str(out))}"
@@ -191,7 +229,7 @@ def document_of(report: StudyReport, out: Path | None) -> ReportDocument:
     return document
 
 
-def as_json(report: StudyReport, swept: SweepResult, out: Path | None) -> dict[str, Any]:
+def as_json(report: StudyReport, swept: SweptRuns, out: Path | None) -> dict[str, Any]:
     """The comparison as one object, in the units of the runs."""
     from automaton.studies.reports.export import point_keys
     from automaton.studies.reports.what_if import what_if_records
@@ -208,6 +246,7 @@ def as_json(report: StudyReport, swept: SweepResult, out: Path | None) -> dict[s
         "points": [point_keys(point) for point in results.points],
         "what_if": list(what_if_records(results, report.compared)),
         "remarks": report.notes,
-        "existing": swept.begun.done,
+        "existing": swept.existing,
+        "complete": swept.cut is None,
         "failed": swept.failed,
     }

@@ -146,7 +146,8 @@ def panels_html(panels: Panels) -> str:
         "</div>"
         for chart in panels.charts
     ]
-    return f"{''.join(parts)}</svg>\n{''.join(charts)}"
+    title = f"<h4>{escape(panels.title)}</h4>\n" if panels.has_intervals else ""
+    return f"{title}{''.join(parts)}</svg>\n{''.join(charts)}"
 
 
 def chart_title(curves: Curves) -> str:
@@ -216,9 +217,10 @@ def x_labels(curves: Curves, x_at: Callable[[float], float], frame: Frame) -> It
             text if len(text) * 6.5 <= max(room, MIN_NAME_WIDTH) else text[: int(room / 6.5)] + "…"
         )
         half = len(shown) * 3.3
-        if x_at(x) - half >= free:
-            yield svg_text(x_at(x), frame.height - frame.bottom + 16, shown, "middle")
-            free = x_at(x) + half + 4
+        middle = min(x_at(x), frame.width - half)  # inside the picture
+        if middle - half >= free:
+            yield svg_text(middle, frame.height - frame.bottom + 16, shown, "middle")
+            free = middle + half + 4
 
 
 def line_parts(

@@ -170,15 +170,22 @@ class Curves:
     @property
     def span(self) -> tuple[float, float]:
         """The distinct ends of the scale of values."""
+        if self.from_zero and not any(self.values):
+            return 0.0, 1.0
         return span([0.0, *self.values] if self.from_zero else self.values)
 
 
 @dataclass(frozen=True)
 class Panels:
-    """Small charts with the same lines, side by side on pages; tables have their values as text."""
+    """Small charts with the same lines, side by side on pages.
+
+    As text, tables have their values; `has_intervals`: or each chart is a list of intervals, as its
+    lines have a single point.
+    """
 
     title: str
     charts: Sequence[Curves]
+    has_intervals: bool = False
 
 
 @dataclass(frozen=True)

@@ -64,6 +64,8 @@ BLOCK_SIGN = re.compile(
 )  # begins a list, a title or a quotation
 CURVE_MARKS: Final = "ox+*#%@&"
 INTERVAL_MARK: Final = ":"
+ZERO_MARK: Final = ":"  # in a list of intervals
+INTERVAL_DASH: Final = "-"  # likewise
 CHART_HEIGHT: Final = 14
 MIN_CHART_WIDTH, WIDEST_CHART = 9, 60  # columns
 SHADES: Final = ".:-=+*%@"  # from low to high
@@ -169,6 +171,10 @@ def block_lines(block: Block, width: int, is_styled: bool) -> Iterator[Line]:
     elif isinstance(block, Curves | HeatMap):
         drawn = chart(block, width) if isinstance(block, Curves) else shaded(block, width)
         yield from ([(line, "")] for line in drawn)
+    elif isinstance(block, Panels) and block.has_intervals:
+        yield [(block.title, "")]
+        for curves in block.charts:
+            yield from ([(line, "")] for line in interval_lines(curves, width))
     elif isinstance(block, Folded):
         yield from ([(line, "")] for line in wrapped(f"{block.title}:", width))
         yield []
@@ -428,6 +434,26 @@ def chart(
             yield f"{'':>{margin}}  {CURVE_MARKS[index % len(CURVE_MARKS)]} {line.name}".rstrip()
 
 
+def interval_lines(curves: Curves, columns: int) -> Iterator[str]:
+    """The value of each curve at its only x, with its interval, as a line; all on one scale."""
+    low, high = ends = curves.span
+    margin = max(len(line.name) for line in curves.lines)
+    width = max(MIN_CHART_WIDTH, min(WIDEST_CHART, columns - margin - 4))
+    yield f"{curves.title} ({curves.y_label})"
+    for line in curves.lines:
+        cells = [" "] * width
+        cells[at(0.0, ends, width)] = ZERO_MARK
+        least, most = line.low[0], line.high[0]
+        if math.isfinite(least) and math.isfinite(most):
+            first, last = at(least, ends, width), at(most, ends, width)
+            cells[first : last + 1] = INTERVAL_DASH * (last + 1 - first)
+        if math.isfinite(line.value[0]):
+            cells[at(line.value[0], ends, width)] = CURVE_MARKS[0]
+        yield f"  {line.name:>{margin}} {''.join(cells)}".rstrip()
+    left, right = number(low), number(high)
+    yield f"  {'':>{margin}} {left}{right:>{width - len(left)}}"
+
+
 def put(row: list[str], column: int, index: int) -> None:
     """Put the mark of a curve into a row, beside the marks of others if a cell is free."""
     room = range(column, min(len(row), column + len(CURVE_MARKS)))
@@ -513,7 +539,8 @@ def as_markdown(document: ReportDocument) -> str:
     """The document as Markdown; charts are preformatted text."""
     lines: list[str] = []
     for block in document.blocks:
-        if not isinstance(block, PageBreak | Panels) and not has_no_line(block):
+        is_drawn = isinstance(block, Panels) and not block.has_intervals  # as SVG alone
+        if not isinstance(block, PageBreak) and not is_drawn and not has_no_line(block):
             lines += [*markdown_lines(block), ""]
     return "\n".join(lines).rstrip() + "\n"
 

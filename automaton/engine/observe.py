@@ -19,6 +19,8 @@ from automaton.engine.motion import (
 )
 from automaton.engine.observation import (
     CAUSE_DRIVING_AHEAD,
+    CAUSE_FAULT,
+    CAUSE_NO_ENERGY,
     CAUSE_NO_ORDER,
     CAUSE_NOT_WAITING,
     CAUSE_REDUCED_SPEED,
@@ -202,15 +204,23 @@ def end_wait(observation, i):
 
 @kernel
 def note_wait(world, observation, i, cause):
-    """Robot i lost this tick; changing between a wait for an order and another wait starts a new
-    wait."""
+    """Robot i lost this tick; a wait for an order, time in which it is down, and any other wait are
+    different waits."""
     before = np.int64(observation.cause[U(i)])
-    if before == CAUSE_NOT_WAITING or (before == CAUSE_NO_ORDER) != (cause == CAUSE_NO_ORDER):
+    if before == CAUSE_NOT_WAITING or kind_of_wait(before) != kind_of_wait(cause):
         observation.since[U(i)] = world.clock.tick - 1
     observation.cause[U(i)] = cause
     if cause == CAUSE_NO_ORDER:
         observation.wait_cycle_ticks[U(i)] = 0
         observation.lost[U(i), U(CAUSE_NO_ORDER)] += world.rules.stride
+
+
+@kernel(inline=True)
+def kind_of_wait(cause):
+    """CAUSE_NO_ORDER, CAUSE_FAULT if the robot is down, or CAUSE_NOT_WAITING for all other causes."""
+    if cause == CAUSE_FAULT or cause == CAUSE_NO_ENERGY:
+        return np.int64(CAUSE_FAULT)
+    return np.int64(CAUSE_NO_ORDER if cause == CAUSE_NO_ORDER else CAUSE_NOT_WAITING)
 
 
 @kernel

@@ -256,6 +256,7 @@ DEPTHS_TABLE: Final = PublishedTable(
     run=read_once(depth_figures),
     stored=origin_of_depths,
     repetition="training",
+    shares=("precision", "recall"),
     digits=4,
     grouped=2,
 )
@@ -268,6 +269,7 @@ TABLES_1_TO_4: Final = PublishedTable(
     run=read_once(lambda key: rows()[key].ours),
     stored=origin,
     repetition="training",
+    shares=COLUMNS,
     digits=2,
     grouped=1,
 )

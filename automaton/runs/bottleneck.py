@@ -132,8 +132,8 @@ def subject(resource: str) -> str:
 
 
 def stretch_text(resolved: Resolved, stretch: Period) -> str:
-    """When a stretch was."""
-    return f"{moment(resolved, stretch.begin)} to {moment(resolved, stretch.end)}"
+    """When a stretch was: "from 13:00 to 14:00"."""
+    return f"from {moment(resolved, stretch.begin)} to {moment(resolved, stretch.end)}"
 
 
 def station_names(periods: Sequence[Period], stations: Sequence[Mapping[str, Any]]) -> list[str]:

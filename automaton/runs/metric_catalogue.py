@@ -140,7 +140,8 @@ METRIC_CATALOGUE: dict[str, tuple[str, str]] = {
     "starved_robots": (
         "robots",
         "number of robots at the end that have work but completed no task in the last 500 ticks, "
-        "or in four times the drive across the floor if that is longer",
+        "or in four times the drive across the floor if that is longer; not those that are served or "
+        "queue before a station that serves",
     ),
     "energy": ("batteries", "energy used, in full batteries"),
     "charging_share": ("share", "share of robot time spent at chargers"),

@@ -107,12 +107,13 @@ class Counted(NamedTuple):
     charger_busy: Array  # robot ticks: several robots may charge at once
     charger_queue: Array
     undone: int  # robot ticks of moves that were undone by now
+    undone_late: int  # of these, moves from the last period on whose undone moves are counted apart
     period: int  # time_use.period
 
     def none(self) -> Counted:
         """What had been counted at the start."""
-        nothing = {name: np.zeros_like(getattr(self, name)) for name in self._fields[2:-2]}
-        return self._replace(tick=0, sums={}, undone=0, period=-1, **nothing)
+        nothing = {name: np.zeros_like(getattr(self, name)) for name in self._fields[2:-3]}
+        return self._replace(tick=0, sums={}, undone=0, undone_late=0, period=-1, **nothing)
 
 
 def executed_ticks(world: World) -> Array:
@@ -240,6 +241,7 @@ def counted(run: Measured) -> Counted:
         world.chargers.busy_ticks[:chargers].copy(),
         world.chargers.queue_ticks[:chargers].copy(),
         int(world.time_use.undone.sum()),
+        int(world.time_use.undone[-1]),
         int(world.time_use.period[0]),
     )
 

@@ -232,10 +232,10 @@ def periods_of(run: Measured, marks: list[Counted]) -> list[Period]:
         ticks = max(mark.tick - before.tick, 1)
         actions = (mark.actions - before.actions) / ticks
         # Moves of this period that were undone, even later, and not those of earlier ones.
-        undone = float(world.time_use.undone[before.period + 1 : mark.period + 1].sum())
-        undone -= mark.undone - before.undone
-        if before.period == mark.period:
-            undone = 0.0  # beyond MOST_PERIODS it is not known when a move was driven
+        apart = world.time_use.undone[before.period + 1 : min(mark.period + 1, MOST_PERIODS - 1)]
+        undone = float(apart.sum()) - (mark.undone - before.undone)
+        # From the last period that is counted apart on, moves count when they are undone.
+        undone += mark.undone_late - before.undone_late
 
         def robots(
             *names: str, mark: Counted = mark, since: Counted = before, of: int = ticks

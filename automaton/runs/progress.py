@@ -14,6 +14,7 @@ from automaton.engine.state import (
     ACTION_DROP,
     ACTION_MOVE,
     ACTION_PICK,
+    ACTION_SERVE,
     GOAL_CHARGE,
     GOAL_NONE,
     GOAL_PARK,
@@ -95,7 +96,8 @@ LEAST_STARVED_TICKS: Final = 500
 # Drives across the floor: one for the longest trip, and three more for traffic.
 STARVED_DRIVES: Final = 4
 JAM_ROBOTS: Final = 2  # least number of robots of a jam
-REACH: Final = 2  # largest distance in rows and in columns between neighbours in a jam
+SERVICE: Final = (ACTION_PICK, ACTION_DROP, ACTION_SERVE)
+REACH: Final = 2  # largest distance in rows and in columns between neighbours in a jam or a queue
 
 
 class Jam(NamedTuple):
@@ -125,7 +127,8 @@ def starved_ticks(world: World) -> int:
 def starved_robots(world: World, ticks: int | None = None) -> Array:
     """Storage indices of robots that have work but have made no progress for `ticks`.
 
-    `ticks` defaults to `starved_ticks`. Robots that are down or queue for a charger do not count.
+    `ticks` defaults to `starved_ticks`. Robots that are down, that queue for a charger or that
+    `wait_for_service` do not count.
     """
     robots = world.robots
     at_work = (robots.goal_type != GOAL_NONE) & (robots.goal_type != GOAL_PARK)
@@ -134,14 +137,36 @@ def starved_robots(world: World, ticks: int | None = None) -> Array:
     stalled: Array = np.flatnonzero(
         at_work & (world.tally.progress <= int(world.clock.tick) - ticks)
     )
-    return stalled
+    return stalled[~wait_for_service(world, ticks)[stalled]] if len(stalled) else stalled
+
+
+def wait_for_service(world: World, ticks: int) -> Array:
+    """(n,) bool: robots that are served, or that queue before a place that serves.
+
+    A place serves if a robot is in service there, or was within the last `ticks`. The queue before it
+    are the robots bound for such places that form a group with it (REACH), so a place that a jam has
+    cut off has a queue only until it has served nobody for `ticks`.
+    """
+    robots, orders, since = world.robots, world.orders, int(world.clock.tick) - ticks
+    served: Array = np.isin(robots.action, SERVICE) & (robots.busy > 0) & (robots.cell != NIL)
+    picked, dropped = (orders.picked > since) & (orders.source >= 0), orders.delivered > since
+    slots = np.concatenate((orders.source[picked], orders.target[dropped & (orders.target >= 0)]))
+    access, visited = world.slots.access[slots].ravel(), world.stops.done > since
+    places = np.unique(
+        np.concatenate((robots.cell[served], access[access != NIL], world.stops.cell[visited]))
+    )
+    bound = np.flatnonzero((robots.cell != NIL) & np.isin(robots.goal_cell, places))
+    if len(bound):
+        cells = np.concatenate((robots.cell[bound], places)).astype(np.int64)
+        group = _groups(*np.divmod(cells, int(world.grid.width)))
+        served[bound] |= np.isin(group[: len(bound)], group[len(bound) :])
+    return served
 
 
 def stuck_robots(world: World, ticks: int) -> Array:
-    """Storage indices of starved robots on the floor, except those that wait for service.
+    """Storage indices of starved robots on the floor, except those that wait for a charger or a break.
 
-    A robot waits for service if it is on its way to a charger, or to a station that had a break
-    within the last `ticks`.
+    These are on their way to a charger, or to a station that had a break within the last `ticks`.
     """
     stations, tick, robots = world.pod_stations, int(world.clock.tick), world.robots
     began, ended = stations.breaks[:, 1], stations.breaks[:, 2]

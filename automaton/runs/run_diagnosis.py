@@ -185,12 +185,12 @@ class JamWatch:
     """Call `on_jam` with the tick and the jam when a jam is detected.
 
     A jam is detected when its robots have made no progress for `starved_ticks` (at least 500), and at
-    most LOOK_TICKS later. It counts as the same jam as long as one of its robots makes no progress. No
-    jam is reported while a robot is down on the floor and for `starved_ticks` after, since other
-    robots wait behind it.
+    most LOOK_TICKS later; robots that are served, or queue before a place that serves, are in none. It
+    counts as the same jam as long as one of its robots makes no progress. No jam is reported while a
+    robot is down on the floor and for `starved_ticks` after, since other robots wait behind it.
     """
 
-    def __init__(self, on_jam: Callable[[int, Jam], None]) -> None:
+    def __init__(self, on_jam: Callable[[int, Jam], object]) -> None:
         self._on_jam = on_jam
         self._known: set[int] = set()  # robots of jams that have been reported
         self._down_at = NIL  # tick of the last check at which a robot was down on the floor
@@ -222,9 +222,10 @@ class JamWatch:
             self._known |= set(jam.robots)
 
 
-def note_jam(where: str, tick: int, jam: Jam) -> None:
-    """Print on stderr that a run has jammed; `where`: the scenario, and the run of a study."""
+def note_jam(where: str, tick: int, jam: Jam) -> str:
+    """Print on stderr that a run has jammed, and return it; `where`: the scenario, the run of a study."""
     begin = "\r\x1b[K" if sys.stderr.isatty() else ""  # overwrites the progress line
     sys.stdout.flush()  # keeps the order of lines if both streams go to one file
-    text = f"{begin}automaton: {where}: tick {tick:,}: {describe_jam(jam)[0]}\n"
-    print(text, end="", file=sys.stderr, flush=True)
+    words = f"tick {tick:,}: {describe_jam(jam)[0]}"
+    print(f"{begin}automaton: {where}: {words}\n", end="", file=sys.stderr, flush=True)
+    return words

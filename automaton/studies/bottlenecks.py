@@ -33,6 +33,7 @@ from automaton.studies.inference.intervals import (
 from automaton.studies.reports.comparisons import compared_runs
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.run_keys import fingerprint
+from automaton.units import count
 from automaton.world.fleet_warnings import places_of
 from automaton.world.resolved import Resolved
 
@@ -390,17 +391,35 @@ def screened(results: Results, metric: str, is_higher_better: bool) -> list[Scre
 def statuses(results: Results, metric: str) -> dict[int, str]:
     """For each point but 0 whether it can be compared with point 0: SCREENED, or why not."""
     base, *points = results.points
-    jams, by_point = jammed_runs(results, 0), {}
+    jams, runs, by_point = jammed_runs(results, 0), results.study.max_replications, {}
     for point in points:
         status = SCREENED
         if results.same(point, base, metric):
             status = CHANGES_NOTHING
-        elif jammed_runs(results, point.number) > 2 * jams:
+        elif jams_more(jammed_runs(results, point.number), jams, runs):
             status = JAMS
         elif len(compared_runs(results, point, base, metric)[0]) < 2:
             status = FEW_PAIRS
         by_point[point.number] = status
     return by_point
+
+
+def jams_more(jammed: int, base: int, runs: int) -> bool:
+    """Whether a change jams `jammed` of `runs` runs where `base` jam as it is.
+
+    That is so if more than half of the runs jam in addition, or if the change has significantly more
+    of the runs that jam (sign test): 1 of 20 may be chance, 5 of 20 beside 0 are not.
+    """
+    both = jammed + base
+    tail = sum(math.comb(both, k) for k in range(jammed, both + 1))
+    return 2 * (jammed - base) > runs or tail < ERROR * 2**both
+
+
+def jam_text(results: Results, number: int) -> str:
+    """Such as "jams in 6 of 20 runs (as it is: 0)"."""
+    runs = count(results.study.max_replications, "run")
+    jams, base = jammed_runs(results, number), jammed_runs(results, 0)
+    return f"{JAMS} in {jams:,} of {runs} (as it is: {base:,})"
 
 
 def jammed_runs(results: Results, number: int) -> int:

@@ -323,38 +323,46 @@ def rows(tuned: Tuned, known: TunedScenarios) -> Iterator[list[str]]:
     """A row for each candidate, from best to worst."""
     for place, one in enumerate(tuned.standings, start=1):
         choices = "; ".join(map(in_words, known.candidates[one.number].choices))
-        mean = "unfinished" if math.isnan(one.mean) else shown(one.mean)
+        mean = "unfinished" if math.isnan(one.mean) else shown(one.mean, tuned.metric)
         as_it_is = "" if one.number else " (unchanged)"
         yield [f"{place}", f"{one.last_round}", f"{one.runs}", mean, choices + as_it_is]
 
 
 def conclusion(tuned: Tuned) -> str:
     """A sentence about the winner, from the final runs."""
+    metric = tuned.metric
     if tuned.winner is None or tuned.own is None:
         return f"Runs did not finish in {tuned.unfinished} of the final pairs: no interval is known"
     runs = f"{count(tuned.winner.n, 'run')} with new seeds, 95 % confidence"
     if tuned.gain is None:
-        return f"The unchanged scenario is best: {tuned.metric} {with_ends(tuned.own)}, {runs}"
-    by = with_ends(tuned.gain.difference)
+        best = with_ends(tuned.own, metric)
+        return f"The unchanged scenario is best: {metric} {best}, {runs}"
+    by = with_ends(tuned.gain.difference, metric)
+    if METRIC_CATALOGUE[metric][0] == "share":
+        by = f"{by.replace(' %', '')} percentage points"
     is_shown = tuned.gain.p < 1 - tuned.gain.difference.level
     head = "Best" if is_shown else "No statistically significant gain over the unchanged scenario"
     if is_shown and tuned.lost:
         head = f"Unclear, because the winner did not finish in {tuned.lost} of its final runs"
-    text = f"{head}: {tuned.metric} {with_ends(tuned.winner)}, unchanged {with_ends(tuned.own)}; "
+    winner, own = with_ends(tuned.winner, metric), with_ends(tuned.own, metric)
+    text = f"{head}: {metric} {winner}, unchanged {own}; "
     if tuned.gain.relative is not None:
         by += f", {100 * tuned.gain.relative.value:+,.1f} %"
     return f"{text}difference {by}; {runs}"
 
 
-def with_ends(interval: Interval) -> str:
+def with_ends(interval: Interval, metric: str) -> str:
     """A mean with its interval."""
+    value = shown(interval.value, metric)
     if interval.low is None or interval.high is None:
-        return f"{shown(interval.value)} ({TOO_FEW})"
-    return f"{shown(interval.value)} ({shown(interval.low)} to {shown(interval.high)})"
+        return f"{value} ({TOO_FEW})"
+    return f"{value} ({shown(interval.low, metric)} to {shown(interval.high, metric)})"
 
 
-def shown(value: float) -> str:
-    """A number with four significant digits, or all digits before the point."""
+def shown(value: float, metric: str) -> str:
+    """A number with four significant digits, or all digits before the point; a share in percent."""
+    if METRIC_CATALOGUE[metric][0] == "share":
+        return f"{100 * value:.4g} %"
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 

@@ -34,9 +34,9 @@ from automaton.scenario.order_lines import line_column, listed_lines, pod_cells,
 from automaton.scenario.orders import DRAWN_GENERATORS, ENDS, Orders, Parts
 from automaton.scenario.robot_types import RobotType
 from automaton.scenario.schema import Battery, ChargeRange, Scenario
-from automaton.units import count, percent
+from automaton.units import count, percent, ticks_and_time
 from automaton.world.capabilities import loaded_driving
-from automaton.world.floor_parts import places_of_chargers
+from automaton.world.floor_parts import handling_rules, places_of_chargers
 from automaton.world.resolved import Resolved
 
 MOST_TARGETS: Final = 200  # listed targets with separate searches; beyond: the nearest of all
@@ -345,6 +345,8 @@ class PodFlow(NamedTuple):
     robots: float
     stations: float
     chargers: float  # infinite without batteries
+    robots_begin: float  # as `robots`, over the longest run and with the charge at its start
+    chargers_begin: float  # likewise
     most_robots: float  # a bound for any demand and any strategies
     most_stations: float  # likewise
 
@@ -385,7 +387,8 @@ def pod_ways(resolved: Resolved, robot_type: RobotType) -> PodWays:
     some = pods[:: math.ceil(len(pods) / EMPTY_WAYS)]
     ways = np.array([ticks_between(floor_plan, empty, int(cell), False)[pods] for cell in some])
     ways = ways.min(axis=2)
-    return PodWays(loaded, least, float(ways[ways < NO_WAY].mean()))
+    others = (ways < NO_WAY) & (some[:, None] != pods)
+    return PodWays(loaded, least, float(ways[others].mean()) if others.any() else 0.0)
 
 
 def pod_flow(resolved: Resolved) -> PodFlow | None:
@@ -393,15 +396,16 @@ def pod_flow(resolved: Resolved) -> PodFlow | None:
     scenario, fleet, floor_plan = resolved.scenario, resolved.fleet, resolved.floor_plan
     if scenario.orders.lines is None:
         return None
-    rules = handling_by_station(scenario, len(floor_plan.stations))
+    rules = handling_rules(scenario, floor_plan)
     units = mean_units(scenario)
     means, leasts = [mean_handling(one, units) for one in rules], [*map(least_handling, rules)]
     handling, least = sum(means) / len(means), min(leasts)
     stops = scenario.pods.max_stops
     turns = least_turns(resolved) * fleet.least_loaded_turn
     passing = turns + 2 * fleet.least_loaded_move - 1
+    length = scenario.stop.max_duration
     ways: dict[RobotType, PodWays] = {}
-    trip = to_pod = robots = most = energy = supply = 0.0
+    trip = to_pod = robots = begin = most = energy = supply = stock = 0.0
     for kind, many in zip(fleet.types, fleet.counts, strict=True):
         own = ways.get(kind.driving) or pod_ways(resolved, kind)
         ways[kind.driving] = own
@@ -410,17 +414,27 @@ def pod_flow(resolved: Resolved) -> PodFlow | None:
         ticks = own.empty + drive + operations + handling
         used, rate = energy_of_trip(kind.battery, own.empty, drive, handling)
         trip, to_pod = trip + many * ticks, to_pod + many * own.empty
-        robots += many / (ticks + (used / rate if used and rate else 0.0))
-        energy, supply = energy + many * used, supply + many * rate
+        charging, held = (used / rate if used and rate else 0.0), spare_charge(kind.battery)
+        robots += many / (ticks + charging)
+        most_held = (1 + held / rate / length) / (ticks + charging) if charging else math.inf
+        begin += many * min(1 / ticks, most_held)
+        energy, supply, stock = (
+            energy + many * used,
+            supply + many * rate,
+            stock + many * held,
+        )
         most += many * stops / max(operations + own.least + stops * least, 1)
     n = sum(fleet.counts)
     places = sum(places_of_chargers(scenario, floor_plan).values())
+    charges = bool(energy and places)
     return PodFlow(
         trip / n,
         to_pod / n,
         robots,
         sum(1 / max(one + passing, 1) for one in means),
-        supply * places / energy if energy and places else math.inf,
+        supply * places / energy if charges else math.inf,
+        begin,
+        (supply * places + n * stock / length) / energy if charges else math.inf,
         most,
         sum(1 / max(one + passing, 1) for one in leasts),
     )
@@ -446,6 +460,17 @@ def energy_of_trip(
     return used, sum(part for part, _ in parts) / ticks if ticks else 0.0
 
 
+def spare_charge(battery: Battery | None) -> float:
+    """Mean percent of a battery above the reserve when a run begins."""
+    if battery is None:
+        return 0.0
+    start = battery.initial_charge
+    if isinstance(start, ChargeRange):
+        start = (start.least, start.most)
+    mean = float(np.mean(start))
+    return max(mean - battery.reserve, 0.0)
+
+
 def least_turns(resolved: Resolved) -> int:
     """The fewest quarter turns that a robot makes in the cell of a station on its way through."""
     floor_plan = resolved.floor_plan
@@ -460,13 +485,6 @@ def least_turns(resolved: Resolved) -> int:
                     turns = (out - way) % 4
                     least = min(least, 1 if turns == 3 else turns)
     return least
-
-
-def handling_by_station(scenario: Scenario, stations: int) -> list[Handling]:
-    """The handling times of each station: its own, or durations.handling."""
-    usual: Handling = scenario.durations.handling
-    own = [station.handling or usual for station in scenario.stations.values()][:stations]
-    return [*own, *[usual] * (stations - len(own))]
 
 
 def mean_units(scenario: Scenario) -> float:
@@ -506,22 +524,38 @@ def bounds_in_words(resolved: Resolved) -> list[str]:
     flow = pod_flow(resolved)
     if flow is None:
         return []
-    seconds = resolved.scenario.units.scale.unit.seconds
-    ticks, each = (1000.0, "in 1,000 ticks") if seconds is None else (3600.0 / seconds, "an hour")
-    places = places_of_chargers(resolved.scenario, resolved.floor_plan)
-    parts = [
-        (flow.robots, count(resolved.scenario.fleet.robots, "robot"), "robots"),
-        (flow.stations, count(len(resolved.floor_plan.stations), "station"), "stations"),
-        (flow.chargers, count(len(places), "charger"), "chargers"),
-    ]
-    parts = [part for part in parts if part[0] < math.inf]
-    least, _, who = min(parts)
-    by = [f"{rate * ticks:,.0f} by {name}" for rate, name, _ in sorted(parts)]
+    scenario, unit = resolved.scenario, resolved.scenario.units.scale.unit
+    per = (1000.0, "in 1,000 ticks") if unit.seconds is None else (3600 / unit.seconds, "an hour")
+    ticks, each = per
+    shares = (flow.robots, flow.stations, flow.chargers)
+    least, limit = limited(resolved, shares, ticks)
+    estimate = f"{least} visits {each}, limited by {limit}"
+    if flow.chargers < math.inf and scenario.ends_at_limit:
+        length = scenario.stop.max_duration
+        shares = (flow.robots_begin, flow.stations, flow.chargers_begin)
+        first, limit = limited(resolved, shares, ticks)
+        estimate = (
+            f"{first} visits {each} over a run of {ticks_and_time(length, unit)}, with the charge at its "
+            f"start, limited by {limit}; in the long run {estimate}"
+        )
     empty = flow.to_pod / flow.trip
     most, why = min((flow.most_robots, "robots"), (flow.most_stations, "stations"))
     return [
-        f"estimate without traffic: {least * ticks:,.0f} visits {each}, limited by {who} "
-        f"({', '.join(by)}), assuming uniform pod demand, one line per trip and fixed storage; "
-        f"{percent(empty, 0)} of a trip is the way to the pod, the mean way between two pods",
+        f"estimate without traffic: {estimate}, assuming uniform pod demand, one line per trip and "
+        f"fixed storage; {percent(empty, 0)} of a trip is the way to the pod, the mean way between two "
+        "pods",
         f"bound for any strategies: at most {most * ticks:,.0f} visits {each}, because of the {why}",
     ]
+
+
+def limited(resolved: Resolved, rates: tuple[float, float, float], ticks: float) -> tuple[str, str]:
+    """Visits in some ticks, and by what they are limited; `rates`: robots, stations, chargers."""
+    places = places_of_chargers(resolved.scenario, resolved.floor_plan)
+    names = (
+        (count(resolved.scenario.fleet.robots, "robot"), "robots"),
+        (count(len(resolved.floor_plan.stations), "station"), "stations"),
+        (count(len(places), "charger"), "chargers"),
+    )
+    parts = sorted((rate, *who) for rate, who in zip(rates, names, strict=True) if rate < math.inf)
+    by = ", ".join(f"{rate * ticks:,.0f} by {name}" for rate, name, _ in parts)
+    return f"{parts[0][0] * ticks:,.0f}", f"{parts[0][2]} ({by})"

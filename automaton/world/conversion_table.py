@@ -19,7 +19,7 @@ from automaton.errors import InputError, Keys
 from automaton.scenario.order_lines import plain_data
 from automaton.scenario.quantities import Dimension, Scale, rounded
 from automaton.scenario.schema import Scenario
-from automaton.scenario.validation import Conversion, Plan, plan_of
+from automaton.scenario.validation import Conversion, Plan, dotted, plan_of
 from automaton.units import Unit, duration, number
 from automaton.world.resolved import Resolved
 
@@ -165,10 +165,10 @@ def plain_number_line(data: dict[str, Any], scale: Scale) -> str:
     return f"read in ticks of {scale.tick}: {', '.join(words)}{more}"
 
 
-def tick_keys(scenario: Scenario) -> set[str]:
-    """The keys of a scenario whose values are numbers of ticks."""
+def tick_values(scenario: Scenario) -> dict[str, float]:
+    """The numbers of ticks of a scenario by key, such as "stations.P1.breaks[0].from"."""
     plain = plain_data(scenario)
-    return {".".join(map(str, keys)) for keys, _ in _ticks_in(plain, plan_of(Scenario), ())}
+    return {dotted(keys): value for keys, value in _ticks_in(plain, plan_of(Scenario), ())}
 
 
 def _ticks_in(value: Any, plan: Plan, keys: Keys) -> Iterator[tuple[Keys, float]]:

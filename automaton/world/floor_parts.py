@@ -18,6 +18,7 @@ from automaton.scenario.changing_floor import (
     SpeedLimit,
     cells_of_set,
 )
+from automaton.scenario.durations import Handling
 from automaton.scenario.schema import Scenario
 from automaton.scenario.validation import dotted
 from automaton.units import count
@@ -170,6 +171,16 @@ def all_station_names(scenario: Scenario, floor_plan: FloorPlan) -> tuple[str, .
         if name in scenario.stations:
             names[number] = name
     return tuple(names)
+
+
+def handling_rules(scenario: Scenario, floor_plan: FloorPlan) -> list[Handling]:
+    """The handling times of a visit, by station: its own, or durations.handling."""
+    usual = scenario.durations.handling
+    rules = [usual] * len(floor_plan.stations)
+    numbers = station_numbers(scenario, floor_plan)
+    for name, station in scenario.stations.items():
+        rules[numbers[name]] = station.handling or usual
+    return rules
 
 
 def queue_path(floor_plan: FloorPlan, at: Cell, corners: Sequence[Cell]) -> list[int]:

@@ -26,7 +26,7 @@ from automaton.scenario.schema import Handling, Scenario
 from automaton.scenario.table_fields import NOTHING
 from automaton.world.capabilities import loaded_driving
 from automaton.world.draws import geometric, handling_of_lines, integers, whole_micro
-from automaton.world.floor_parts import queue_path, station_numbers
+from automaton.world.floor_parts import handling_rules, queue_path, station_numbers
 from automaton.world.prepared_floor import PreparedFloor
 from automaton.world.release_ticks import ticks_by_rank
 from automaton.world.resolved import Resolved
@@ -110,16 +110,6 @@ def of_listed_orders(resolved: Resolved, home: Array, slot_of: Array, listed: Or
         trips=Trips.sized(sizes, pod=pod),
         stations=stations_of(scenario, floor_plan, handling_rules(scenario, floor_plan), None),
     )
-
-
-def handling_rules(scenario: Scenario, floor_plan: FloorPlan) -> list[Handling]:
-    """The handling times of a visit, by station."""
-    usual = scenario.durations.handling
-    rules = [usual] * len(floor_plan.stations)
-    numbers = station_numbers(scenario, floor_plan)
-    for name, station in scenario.stations.items():
-        rules[numbers[name]] = station.handling or usual
-    return rules
 
 
 def pods_of(

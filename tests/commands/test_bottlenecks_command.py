@@ -8,9 +8,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from sweep_studies import OwnThread
+from sweep_studies import OwnThread, interrupting
 
 from automaton.commands import main
+from automaton.commands.bottlenecks_command import effect_text
+from automaton.commands.sweep_command import Listener
+from automaton.studies.inference.intervals import Effect, Interval
+from automaton.studies.reports.study_results import MetricScale
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.result_store import Store
 
@@ -139,6 +143,35 @@ def test_a_dry_run_lists_the_changes_and_estimates_the_time(
     assert "time: at most" in said and "2 workers" in said
     assert "5. drops x 0.5\n   --set durations.drop=5\n" in said
     assert not (here / "kept").exists()
+
+
+@pytest.mark.parametrize(
+    ("ends", "shown"),
+    [((None, None), "+2 ticks (too few runs)"), ((1.0, 3.0), "+2 ticks (+1 to +3)")],
+)
+def test_an_effect_without_an_interval_says_why(ends: tuple[float, float], shown: str) -> None:
+    effect = Effect(Interval(2.0, *ends, 3, "t"), None, 0.5, True, None, None)
+    assert effect_text(effect, MetricScale(1.0, "ticks")) == shown
+
+
+@pytest.mark.parametrize(
+    ("after", "phase", "table"),
+    # the screening has 6 x 4 runs
+    [(15, "screening", "not confirmed yet"), (33, "confirmation", "effect, 95 %")],
+)
+def test_an_interrupted_command_prints_what_it_knows(
+    after: int,
+    phase: str,
+    table: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(Listener, "rows", interrupting(Listener.rows, after))
+    code, said, noted = asked(capsys, "--pairs", "4,8", "--out", "kept")
+    assert code == 130 and noted.endswith("repeat the command to resume\nautomaton: interrupted\n")
+    told = " ".join(said.split())
+    assert "Interrupted: results so far, of " in told and f"They are those of the {phase}." in told
+    assert table in told
 
 
 def test_runs_that_do_not_finish_give_no_answer(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 from pathlib import Path
 
 import pytest
-from sweep_studies import OwnThread
+from sweep_studies import OwnThread, interrupting
 
 from automaton.commands import main
+from automaton.commands.sweep_command import Listener
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.result_store import Store
 
@@ -55,6 +57,49 @@ def test_the_answer_names_every_change_with_its_verdict(
     decided = said.partition("\nDecision\n")[2]
     assert "Keep today: none of 3 changes improves makespan significantly." in decided
     assert list((here / "temporary").iterdir()) == []
+
+
+def test_an_interrupted_command_prints_what_it_knows_and_goes_on(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    options = ("--metric", "makespan", "--pairs", "3", "--out", "kept")
+    with monkeypatch.context() as patched:
+        patched.setattr(Listener, "rows", interrupting(Listener.rows, 7))
+        code, said, noted = asked(capsys, *options)
+    assert code == 130 and noted.endswith("repeat the command to resume\nautomaton: interrupted\n")
+    done = int(re.search(r"results so far, of (\d+) of 12 runs", said)[1])  # type: ignore[index]
+    assert 7 <= done < 12 and f"stopped; {done} of 12 runs are stored in kept" in noted
+    assert "- one robot fewer: " in said and "not compared" in said.partition("Comparisons")[2]
+    code, said, _ = asked(capsys, *options, "--json")
+    assert code == 0 and json.loads(said)["existing"] == done and json.loads(said)["complete"]
+
+
+RING = """name: ring
+layout: {picture: ">>v\\n^<<"}
+fleet: {robots: 4, kinematics: omni}
+durations: {move: 2}
+orders: {generator: tours, count: 20000}
+world: {following: none}
+strategy: {allocation: first-come, right_of_way: pibt}
+stop: {when: never, max_duration: 600}
+"""
+
+
+def test_a_jam_is_told_with_the_name_of_its_point_and_is_a_caveat(
+    capsys: pytest.CaptureFixture[str], here: Path
+) -> None:
+    (here / "ring.yaml").write_text(RING)
+    (here / "full.yaml").write_text("- {name: full, set: {fleet.robots: 6}}\n")
+    capsys.readouterr()
+    assert main(["what-if", "ring.yaml", "full.yaml", "--pairs", "2", "--out", "kept"]) == 0
+    said, told = capsys.readouterr()
+    jam = "tick 512: jam: 6 robots between [0, 0] and [2, 1] have finished nothing for the last 500 ticks"
+    jams = [line for line in told.splitlines() if "jam: " in line]
+    assert len(jams) == 2 and "point" not in told
+    assert all(re.fullmatch(rf".* full, seed \d+: {re.escape(jam)}", line) for line in jams), jams
+    assert Store("kept").rows().column("jam").to_pylist().count(jam) == 2
+    caveats = " ".join(said.partition("Caveats")[2].split())
+    assert "jams in 2 of 4 runs: full (2 of 2 runs). One of them: full, seed " in caveats
 
 
 def test_a_folder_keeps_the_runs_and_the_same_command_resumes(

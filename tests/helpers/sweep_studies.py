@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -81,6 +81,17 @@ class OwnThread(pools.ExternalExecutor):
     def close(self, now: bool) -> None:
         super().close(now)
         self.executor.shutdown()
+
+
+def interrupting(rows: Callable[..., None], after: int) -> Callable[..., None]:
+    """What counts finished runs, and is interrupted as by Ctrl-C once so many are done."""
+
+    def count_rows(listener: Any, done: list[Any]) -> None:
+        rows(listener, done)
+        if listener.done >= after:
+            raise KeyboardInterrupt
+
+    return count_rows
 
 
 def sweep_command(study: Path, out: Path, *options: str) -> list[str]:

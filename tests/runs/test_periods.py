@@ -81,8 +81,11 @@ def test_the_bottleneck_is_what_is_saturated_for_longest() -> None:
     assert text.startswith(
         "Chargers were the bottleneck, saturated for 50 % of the run; the longest"
     )
-    assert "tick 100 to tick 300: 1 of 1 charger busy; 2 robots standing on the way to one." in text
-    assert "Robots were also saturated" in text
+    assert (
+        "stretch was from tick 100 to tick 300: 1 of 1 charger busy; 2 robots standing on the way to one."
+        in text
+    )
+    assert "Robots were also saturated, from tick 0 to tick 100: " in text
 
 
 def test_periods_add_up_to_the_run(capsys: pytest.CaptureFixture[str]) -> None:

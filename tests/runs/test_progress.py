@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from pod_scenes import pod_scene
 from small_runs import SmallRun
 
 from automaton.engine.state import (
@@ -20,6 +21,8 @@ from automaton.runs.progress import (
     starved_robots,
     starved_ticks,
 )
+from automaton.runs.run_diagnosis import JamWatch
+from automaton.runs.simulation import Simulation
 
 
 def head_on(ticks):
@@ -35,6 +38,36 @@ def test_robots_that_finish_nothing_are_a_jam_where_they_stand():
     stalled = run.world.robots.identity[starved_robots(run.world)]
     assert sorted(stalled.tolist()) == [0, 1]
     assert largest_jam(run.world, run.floor_plan) == ((0, 1), (1, 0), (2, 0), 500)
+
+
+def queue_of_pods(*, closed_after=10_000):
+    """Four robots and a station that works 1,400 ticks on each pod, until its cell is walled up."""
+    lines = [{"pod": pod, "station": "P1"} for pod in range(1, 5)]
+    run = Simulation(
+        pod_scene(
+            lines,
+            fleet={"robots": 4, "kinematics": "omni", "start": [[k, 1] for k in range(2, 6)]},
+            durations={"pick": 3, "drop": 3, "handling": {"line": 1400}},
+        )
+    )
+    found = []
+    watch = JamWatch(lambda tick, jam: found.append((tick, len(jam.robots))))
+    watch.run(run, closed_after, run.run)
+    return run, found, watch
+
+
+def test_a_queue_before_a_station_that_serves_is_no_jam():
+    run, found, _ = queue_of_pods()
+    assert run.finished and run.tick > 4 * 1400 and found == []
+
+
+def test_the_queue_of_a_station_that_no_longer_serves_is_a_jam():
+    run, found, watch = queue_of_pods(closed_after=2_000)
+    assert found == [] and len(starved_robots(run.world)) == 0
+    run.world.robots.busy[:] = 30_000  # nothing moves or ends any more
+    run.world.robots.action[:] = 0
+    watch.run(run, 4_000, run.run)
+    assert [robots for _, robots in found] == [3]
 
 
 @pytest.mark.parametrize(

@@ -102,6 +102,18 @@ def test_what_is_undone_later_counts_in_the_period_in_which_it_was_driven() -> N
     assert [one.on_orders for one in periods] == [0, 1, 1, 0, 1, 1, 1]
 
 
+def test_beyond_the_periods_that_are_counted_apart_moves_count_when_they_are_undone() -> None:
+    """East at first, east again and west later: the first is undone by the third, as it was apart."""
+    for begin, in_traffic in ((0, [1, 0, 0, 1]), (1021, [1, 0, 0, 1]), (1023, [0, 0, 0, 2])):
+        floor, marks = driver("A...", "EWE"), PeriodMarks(1)
+        floor.world.time_use.period[0] = begin
+        for _ in range(7):
+            marks.look(floor.tick().run)
+        periods = marks.periods(floor.run)
+        assert [one.in_traffic for one in periods] == [*in_traffic, 0, 0, 0]
+        assert sum(one.on_orders for one in periods) == 5
+
+
 class Steps(Strategy):
     """Right of way: robot 0 steps in one direction after the other."""
 

@@ -35,6 +35,8 @@ from automaton.studies.bottlenecks import (
     ScreenedChange,
     candidates_of,
     finalists,
+    jam_text,
+    jams_more,
     lost_near,
     ranking,
     screened,
@@ -258,13 +260,28 @@ def test_screening_says_how_much_each_change_gains() -> None:
     assert screened(results, "makespan", is_higher_better=True)[1].gain == 1.25
 
 
+@pytest.mark.parametrize(
+    ("jammed", "base", "runs", "jams"),
+    [
+        (1, 0, 100, 0),
+        (1, 0, 20, 0),
+        (5, 0, 20, 1),
+        (2, 0, 3, 1),
+        (16, 10, 100, 0),
+        (26, 10, 100, 1),
+    ],
+)
+def test_a_change_jams_if_that_is_no_chance(jammed: int, base: int, runs: int, jams: bool) -> None:
+    assert jams_more(jammed, base, runs) == jams
+
+
 def test_a_change_with_more_jammed_runs_is_not_compared() -> None:
     runs = [100.0 + r for r in range(10)]
-    ends = {"finished": lambda point, r: not (point == 1 and r == 3)}
+    ends = {"finished": lambda point, r: not (point == 1 and r < 5)}
     jams, other = screened(results_of({"b": runs, "x": runs, "y": runs}, **ends), "makespan", False)
     assert jams.status == JAMS and other.status == SCREENED
     starved = {
-        "starved_robots": lambda point, r: 5.0 if point == 2 and r == 0 else 0.0,
+        "starved_robots": lambda point, r: 5.0 if point == 2 and r < 6 else 0.0,
         "deadlocks": lambda point, r: 1.0,
     }
     shifted = {"b": runs, "x": [r + 1 for r in runs], "y": runs}
@@ -312,10 +329,12 @@ def test_a_change_that_jams_only_in_the_confirmation_is_not_ranked() -> None:
     runs = [100.0 + r for r in range(20)]
     results = results_of(
         {"b": runs, "x": [r - 1 for r in runs], "y": [r - 2 for r in runs]},
-        finished=lambda point, r: (point, r) != (2, 7),
+        finished=lambda point, r: point == 0 or r not in ((7,), range(7))[point - 1],
     )
-    assert [one.number for one in ranking(results, "makespan", False)] == [1]
+    (found,) = ranking(results, "makespan", False)
+    assert (found.number, found.pairs) == (1, 19)
     assert statuses(results, "makespan") == {1: SCREENED, 2: JAMS}
+    assert jam_text(results, 1) == "jams in 1 of 20 runs (as it is: 0)"
 
 
 def test_changes_without_effect_are_seldom_called_an_effect() -> None:

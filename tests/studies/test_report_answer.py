@@ -22,15 +22,18 @@ from automaton.studies.reports.comparison_tables import comparison_section, effe
 from automaton.studies.reports.comparisons import (
     HIGHER_IS_BETTER,
     LOWER_IS_BETTER,
+    Answer,
     answers,
     comparisons,
     direction_of,
     groups_by_condition,
 )
 from automaton.studies.reports.first_page import (
+    alike_but_for_costs,
     answer_section,
     answer_sentence,
     answer_table,
+    costs_of,
     decision,
     first_page,
     question,
@@ -38,7 +41,7 @@ from automaton.studies.reports.first_page import (
 )
 from automaton.studies.reports.metric_tables import metric_section
 from automaton.studies.reports.study_results import Results
-from automaton.studies.sweeps.study import RUN_METRICS, Analysis, Study
+from automaton.studies.sweeps.study import RUN_METRICS, Analysis, Point, Study
 
 pytest.importorskip("pyarrow")
 
@@ -112,6 +115,20 @@ def test_fewer_robots_are_not_enough_for_want_of_runs() -> None:
     said = decided(results)
     assert said.startswith("3 robots: the lowest mean makespan, ")
     assert "Make more runs to see whether 2 robots are enough." in said
+
+
+def test_a_point_that_does_not_list_a_cost_is_not_cheaper_for_that() -> None:
+    """Its number of stations is unknown here, and one with more stations is not cheaper either."""
+    levels = (
+        {"fleet.robots": 3, "floor.open_stations": 2},
+        {"fleet.robots": 2},
+        {"fleet.robots": 2, "floor.open_stations": 3},
+        {"fleet.robots": 2, "floor.open_stations": 2},
+    )
+    points = tuple(Point(n, "site", one) for n, one in enumerate(levels))
+    assert [costs_of(point) for point in points] == [[3, 2], [2], [2, 3], [2, 2]]
+    answer = Answer("makespan", "lowest", "", points, points, (), (), 0)
+    assert [one.number for one in alike_but_for_costs(answer)] == [0, 3]
 
 
 def test_points_that_differ_in_more_than_robots_are_not_called_enough() -> None:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 
 import pytest
 from synthetic_results import study_of, synthetic_store
 
-from automaton.documents.html_output import LINE_STYLES, curves_svg
-from automaton.documents.report_document import Curves, ReportCurve
+from automaton.documents.html_output import LINE_STYLES, SMALL, curves_svg, panels_html
+from automaton.documents.report_document import Curves, Panels, ReportCurve
 from automaton.documents.text_output import CURVE_MARKS, chart
 from automaton.studies.reports.comparisons import point_name
 from automaton.studies.reports.metric_tables import curves
@@ -89,3 +90,14 @@ def test_curves_over_names_stand_beside_each_other() -> None:
     assert marks[1][:2] == marks[1][2:4]
     bars = [line.count(":") for line in chart(over_names, 40) if ":" in line]
     assert max(bars) == 4  # two intervals at each name, none hidden behind another
+
+
+def test_the_last_name_of_a_small_chart_is_inside_and_a_chart_of_zeros_begins_at_zero() -> None:
+    hours = [f"{6 + k:02}:00" for k in range(6)]
+    none = [math.nan] * 6
+    down = ReportCurve("today", list(range(6)), [0.0] * 6, none, none)
+    chart = Curves("down", "from", "robots", [down], hours, from_zero=True, is_in_order=True)
+    assert chart.span == (0, 1)
+    small = panels_html(Panels("by hour", [chart]))
+    labels = re.findall(r'<text x="([\d.]+)"[^>]*>(\d\d:00)</text>', small)
+    assert labels[-1][1] == "11:00" and float(labels[-1][0]) + 3.3 * 5 <= SMALL.width

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pod_scenes import RING, pod_scenario
 from report_helpers import report
 from synthetic_results import noise, study_of, synthetic_store
 
@@ -18,7 +19,12 @@ from automaton.documents.html_output import as_html, map_svg
 from automaton.documents.report_document import HeatMap, ReportDocument
 from automaton.runs.headless import run_once
 from automaton.runs.periods import kept_period
-from automaton.studies.reports.site_pages import deadlock_remarks, input_rows, site_picture
+from automaton.studies.reports.site_pages import (
+    deadlock_remarks,
+    input_rows,
+    jam_remarks,
+    site_picture,
+)
 from automaton.studies.sweeps.run_keys import replication_seeds
 from automaton.world.resolve import resolve
 
@@ -206,6 +212,16 @@ def test_deadlocked_runs_that_did_not_finish_are_not_in_the_means() -> None:
     assert not list(deadlock_remarks(synthetic_store(study, noise), {}))
 
 
+def test_jams_are_a_caveat_with_their_points() -> None:
+    study = study_of({"fleet.robots": (1, 2)}, 3)
+    words = "tick 512: jam: 6 robots between [0, 0] and [2, 1] have finished nothing for 500 ticks"
+    results = synthetic_store(study, noise, jam=lambda p, r: words if (p, r) == (1, 2) else None)
+    assert list(jam_remarks(results)) == [
+        f"jams in 1 of 6 runs: robots 2 (1 of 3 runs). One of them: robots 2, seed 2, {words}"
+    ]
+    assert not list(jam_remarks(synthetic_store(study, noise)))
+
+
 # Inputs, picture and date.
 
 
@@ -225,6 +241,28 @@ def test_inputs_are_as_written_with_what_varies_and_what_was_rounded() -> None:
     assert rows["stations.max_trips"] == "8" and rows["stations.P6.breaks[0].for"] == "15 min"
     assert rows["strategy.charging"] == "opportunity, start_below 80"
     assert not any(key.endswith((".at", ".queue")) for key in rows)
+
+
+def test_inputs_in_lists_are_as_written_and_days_are_counted(tmp_path: Path) -> None:
+    (tmp_path / "days").mkdir()
+    for day, lines in enumerate((20, 35, 28)):
+        text = "pod,released\n" + "".join(f"{k % 4 + 1},{60 * k}\n" for k in range(lines))
+        (tmp_path / "days" / f"{day}.csv").write_text(text)
+    drain = {"move": "9 %/h", "turn": "9 %/h", "wait": "2 %/h"}
+    station = {"at": [5, 3], "queue": [[6, 3]], "breaks": [{"from": 3000, "for": "40 s"}]}
+    keys = pod_scenario(
+        {"file": "days/*.csv"},
+        picture=RING.replace("q", "c"),
+        units={"tick": "0.4 s"},
+        stations={"P1": station},
+        battery={"drain": drain, "charge_rate": [[0, "60 %/h"], [80, "20 %/h"]]},
+    )
+    keys["strategy"]["charging"] = "opportunity"
+    (tmp_path / "site.yaml").write_text(json.dumps(keys))
+    rows = dict(input_rows([resolve(tmp_path / "site.yaml")]))
+    assert rows["battery.charge_rate"] == "[[0, 60 %/h], [80, 20 %/h]]"
+    assert rows["stations.breaks[0].from"] == "20 min" and rows["stations.breaks[0].for"] == "40 s"
+    assert rows["orders.lines"] == "3 files of days/*.csv, 20 to 35 lines"
 
 
 @pytest.mark.parametrize("name", ["bad-day", "depots", "factory-types", "sorting", "random-400"])

@@ -106,6 +106,7 @@ def test_an_archive_is_run_again_elsewhere_with_equal_results(
     assert sorted([*listed["files"], "archive.json"]) == names
     assert {"python", "fleet-automaton", "numpy", "numba"} <= set(listed["versions"])
     assert "automaton verify one.zip\n" in readme and "4 runs of 2 points" in readme
+    assert "executes the\nstrategies that the archive holds" in readme
     assert one.read_bytes() == other.read_bytes()
     hidden = results.with_name("hidden")
     results.rename(hidden)
@@ -167,6 +168,33 @@ def test_an_archive_that_is_not_whole_is_refused_in_a_sentence(
     other.write_bytes(other.read_bytes()[:200])
     code, out, err = asked(capsys, "verify", other)
     assert code == 2 and "is not an archive of results: " in err and err.count("\n") == 1
+
+
+def test_a_flipped_byte_in_an_archive_is_named_as_damage(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Inside compressed data, where the archive's own list of files is still whole."""
+    path = tmp_path / "one.zip"
+    assert asked(capsys, "report", results, "--archive", path)[0] == 0
+    with zipfile.ZipFile(path) as archive:
+        entry = archive.getinfo("results/sweep.json")
+    content, begin = path.read_bytes(), entry.header_offset + 30 + len(entry.filename)
+    for place in range(begin, begin + min(entry.compress_size, 40)):
+        path.write_bytes(content[:place] + bytes([content[place] ^ 255]) + content[place + 1 :])
+        code, out, err = asked(capsys, "verify", path)
+        assert (code, out, err.count("\n")) == (2, "", 1)
+        assert err.startswith(f"automaton: {path}: is "), err
+
+
+def test_a_folder_without_runs_is_not_run_to_compare_nothing(
+    results: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    folder = copied(results, tmp_path)
+    for path in row_files(folder):
+        path.unlink()
+    code, out, err = asked(capsys, "verify", folder)
+    assert (code, out) == (2, "")
+    assert err == f"automaton: {folder}: holds no runs to compare with; sweep it first\n"
 
 
 def test_a_folder_that_lacks_a_file_is_not_archived(

@@ -184,6 +184,7 @@ def ranked(place: FleetConfig, first: int, number: int) -> list[FleetRun]:
     [
         (Target("makespan", True, 200.0), "with 1 robot makespan is 98 ticks or less"),
         (Target("throughput", False, 1.0, "/h", 0.5), "1 robot delivers 6 per hour or more"),
+        (Target("makespan", True, 97.5), "with 1 robot makespan is 98 ticks or less"),
     ],
 )
 def test_most_days_are_bounded_by_one_of_the_worst(target: Target, sentence: str) -> None:
@@ -197,6 +198,8 @@ def test_most_days_are_bounded_by_one_of_the_worst(target: Target, sentence: str
     text = as_text(answer_document({"": session}, "made up", "", 0.0), 1000)
     assert f"On 95 % of days {sentence} (99 % confidence; the 7th " in text
     assert f"\nwatch 1 {bound.worst}\n" in text
+    looser = "may be looser than makespan <= 97.5 and does not contradict the verdict"
+    assert (looser in text) == (target.value == 97.5) and text.count("may be looser") < 2
 
 
 def test_days_that_did_not_finish_are_the_worst() -> None:
@@ -298,6 +301,21 @@ def test_sizes_in_steps_share_the_error_among_those_that_are_tested() -> None:
     assert session.gains[""].size == 8 and session.gains[""].effect is not None
     text = as_text(answer_document({"": session}, "made up", "", 0.0), 1000)
     assert "The last 3 robots (5 -> 8) change mean makespan by -" in text
+    assert "Answer: 8 robots (5 are too few; 6 to 7 were not tried)\n" in text
+
+
+def test_an_answer_in_steps_names_the_size_between_that_was_not_tried() -> None:
+    for first, shares, said in (
+        (6, [0.1, 1.0], "8 robots (6 are too few; 7 was not tried)"),
+        (1, [0.1, 1.0], "3 robots (1 is too few; 2 was not tried)"),
+        (6, [1.0, 1.0], "6 robots\n"),
+    ):
+        question = make_question(Target("makespan", True, 0.0), (first, first + 2), step=2)
+        run = synthetic([shares[0]] * (first + 1) + shares[1:] * 2, np.random.default_rng(1))
+        session = SizingSession(question, run)
+        session.go()
+        text = as_text(answer_document({"": session}, "made up", "", 0.0), 1000)
+        assert f"Answer: {said}" in text
 
 
 def test_the_fewest_stations_that_meet_the_target(capsys: Any, hall: str) -> None:

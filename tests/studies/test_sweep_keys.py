@@ -20,6 +20,7 @@ from automaton.studies.reports.build_report import scenarios_of
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps import run_keys as keys
 from automaton.studies.sweeps.result_store import Store
+from automaton.studies.sweeps.sweep_plan import make_sweep_plan
 
 PLUG_IN = """from pathlib import Path
 
@@ -179,6 +180,34 @@ def outer_study(home: Path) -> Path:
     return home / "study" / "outer.yaml"
 
 
+@pytest.mark.parametrize(
+    ("name", "is_refused"),
+    [("rows/__init__.py", True), ("outside/__init__.py", True), ("rows.py", False)],
+)
+def test_a_package_named_as_a_folder_of_results_is_refused(
+    tmp_path: Path, name: str, is_refused: bool
+) -> None:
+    package = name.removesuffix(".py").partition("/")[0]
+    plug_in = (
+        f"uses_{package}_{'package' if is_refused else 'module'}"  # imported once in a process
+    )
+    study = outer_study(tmp_path / "home")
+    scenario = tmp_path / "home" / "site" / "outer.yaml"
+    scenario.write_text(scenario.read_text().replace("outer_plug_in", plug_in))
+    (study.parent / f"{plug_in}.py").write_text(f"import {package}\n{PLUG_IN}")
+    (study.parent / name).parent.mkdir(exist_ok=True)
+    (study.parent / name).write_text("COMMAND = 0\n")
+    try:
+        if is_refused:
+            with pytest.raises(InputError, match=f"'{package}' of a strategy cannot be copied"):
+                make_sweep_plan(study)
+        else:
+            assert {"rows.py", f"{plug_in}.py"} <= set(make_sweep_plan(study).copies)
+    finally:
+        sys.path[:] = [one for one in sys.path if one != str(study.parent)]
+        sys.modules.pop(package, None)
+
+
 def test_a_moved_folder_of_results_needs_nothing_from_elsewhere(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -258,12 +287,15 @@ def test_a_plug_in_counts_with_what_it_imports_and_not_with_what_lies_beside_it(
     assert found == {"followed_plug_in.py", "followed_costs.py", *tools}
 
 
+@pytest.mark.parametrize("name", ["script.py", "queue.py"])
 def test_the_script_of_a_program_counts_with_what_it_imports(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
 ) -> None:
-    """A class of a script is found as __main__:NAME; a notebook has no file."""
+    """A class of a script is found as __main__:NAME, even if it is named like a standard module; a
+    notebook has no file."""
     for file, text in {
-        "script.py": "import main_costs\n",
+        name: "import main_costs, heapq\n",
+        "heapq.py": "",
         "main_costs.py": "",
         "other.py": "",
     }.items():
@@ -271,8 +303,8 @@ def test_the_script_of_a_program_counts_with_what_it_imports(
     script = ModuleType("__main__")
     monkeypatch.setitem(sys.modules, "__main__", script)
     assert sources_of(("__main__",)) == sources_of()
-    script.__file__ = str(tmp_path / "script.py")
-    assert set(sources_of(("__main__",))) - set(sources_of()) == {"script.py", "main_costs.py"}
+    script.__file__ = str(tmp_path / name)
+    assert set(sources_of(("__main__",))) - set(sources_of()) == {name, "main_costs.py"}
 
 
 def test_a_link_that_leads_nowhere_is_no_source(

@@ -131,6 +131,17 @@ def test_settings_of_a_file_are_those_that_are_typed(crowd: str, tmp_path: Path)
     assert main(["check", crowd, "--set", f"@{path}"]) == 2
 
 
+def test_shares_are_in_percent_and_their_differences_in_percentage_points() -> None:
+    winner, own = [0.10, 0.11, 0.12, 0.105, 0.115], [0.20, 0.21, 0.23, 0.205, 0.215]
+    tuned = Tuned(
+        "late_share", 90, 1, winner=mean_interval(winner), own=mean_interval(own),
+        gain=effect(winner, own, paired=True),
+    )  # fmt: skip
+    said = conclusion(tuned)
+    assert said.startswith("Best: late_share 11 % (10.02 % to 11.98 %), unchanged 21.2 % (")
+    assert "; difference -10.2 (-10.76 to -9.645) percentage points, -48.1 %; 5 runs" in said
+
+
 def test_a_winner_that_did_not_always_finish_is_not_called_best() -> None:
     """Its mean leaves out the runs that went wrong; those of the unchanged scenario do not help it."""
     winner, own = [10.0, 11.0, 12.0, 10.5, 11.5], [20.0, 21.0, 23.0, 20.5, 21.5]

@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from statistics_trials import false_verdicts
 from synthetic_results import synthetic_store
 
-from automaton.documents.report_document import Curves, ReportDocument
-from automaton.documents.text_output import as_text
+from automaton.documents.html_output import as_html
+from automaton.documents.report_document import Panels, ReportDocument
+from automaton.documents.text_output import as_markdown, as_text
 from automaton.studies.reports.comparisons import comparisons, is_what_if
 from automaton.studies.reports.study_results import Results
 from automaton.studies.reports.what_if import (
@@ -140,11 +141,40 @@ def test_the_page_calls_points_by_their_names_in_one_table_and_one_picture() -> 
     compared = comparisons(results)
     blocks = list(what_if_page(results, compared, ["a caveat"]))
     blocks += what_if_section(results, compared)
-    assert sum(isinstance(block, Curves) for block in blocks) == 1
+    assert sum(isinstance(block, Panels) for block in blocks) == 1
     text = as_text(ReportDocument("made up", blocks))
     assert text.count("verdict") == 1 and "a caveat" in text
-    assert "o a much faster hall" in text and "x slower" in text
+    drawn = text.partition("Difference from today\n")[2].splitlines()
+    assert drawn[0] == "makespan (%)" and drawn[1].split()[:4] == ["a", "much", "faster", "hall"]
+    assert drawn[2].split()[0] == "slower" and "-o-" in drawn[2]
     assert "condition" not in text and "factor" not in text
+
+
+def test_each_metric_of_the_picture_has_a_scale_of_its_own() -> None:
+    metrics = ("makespan", "late_share", "deadlocks")
+    study = made_up("today", "slower", metrics=metrics)
+    results = synthetic_store(
+        study,
+        runs(0, 50),
+        late_share=lambda p, r: 0.01 + WAVE[r] / 1e5 + p * 0.002,
+        deadlocks=lambda p, r: 1.0,
+    )
+    picture = what_if_picture(results, what_ifs(results, comparisons(results)))
+    assert picture is not None
+    assert [(one.title, one.y_label) for one in picture.charts] == [
+        ("makespan", "%"),
+        ("late_share", "percentage points"),
+        ("deadlocks", "%"),
+    ]
+    time, share, none = (one.span for one in picture.charts)
+    assert time[1] > 40 and 0.1 < share[1] < 0.4 and none == (0, 1)
+    page = as_html(ReportDocument("made up", [picture]))
+    assert page.count('<div class="panel">') == 3 and "<h4>Difference from today</h4>" in page
+    drawn = as_text(ReportDocument("made up", [picture])).splitlines()
+    assert [line for line in drawn if "(" in line] == [
+        "makespan (%)", "late_share (percentage points)", "deadlocks (%)",
+    ]  # fmt: skip
+    assert as_markdown(ReportDocument("made up", [picture])).count("slower") == 3
 
 
 def test_the_baseline_may_be_any_point_and_is_named_in_every_record() -> None:

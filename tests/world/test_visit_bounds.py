@@ -8,12 +8,12 @@ from contextlib import suppress
 import msgspec
 import pytest
 from pod_floors import drawn_pods
-from pod_scenes import pod_scene
+from pod_scenes import RING, pod_scene
 
 from automaton.errors import InputError
 from automaton.runs.metrics import metrics_of
 from automaton.runs.simulation import Simulation
-from automaton.world.bounds import bounds_in_words, pod_flow, pod_ways
+from automaton.world.bounds import PodFlow, bounds_in_words, pod_flow, pod_ways
 from automaton.world.resolve import resolve
 from automaton.world.resolved import Resolved
 
@@ -28,8 +28,10 @@ def test_least_drives_on_a_large_floor() -> None:
     assert ways.least <= 106
     estimate, bound = bounds_in_words(resolved)
     assert estimate.startswith(
-        "estimate without traffic: 437 visits an hour, limited by robots (437 by 30 robots, 619 by 4 "
-        "chargers, 1,108 by 6 stations), assuming uniform pod demand"
+        "estimate without traffic: 477 visits an hour over a run of 43,200 ticks (6 h), with the charge "
+        "at its start, limited by robots (477 by 30 robots, 1,045 by 4 chargers, 1,108 by 6 stations); "
+        "in the long run 437 visits an hour, limited by robots (437 by 30 robots, 619 by 4 chargers, "
+        "1,108 by 6 stations), assuming uniform pod demand"
     )
     assert bound == (
         "bound for any strategies: at most 2,880 visits an hour, because of the stations"
@@ -37,11 +39,12 @@ def test_least_drives_on_a_large_floor() -> None:
 
 
 def test_a_ring() -> None:
-    """3 + 26 + 20 + 3 ticks of a robot, and 1.25 between two pods; 20 + 1 of the station."""
+    """3 + 26 + 20 + 3 ticks of a robot, and 5 / 3 between two pods; 20 + 1 of the station."""
     flow = pod_flow(pod_scene([{"pod": 1}]))
     assert flow is not None
-    assert (flow.trip - flow.to_pod, flow.to_pod, flow.chargers) == (52, 1.25, math.inf)
-    assert 3600 * flow.robots == pytest.approx(67.6, abs=0.05)
+    assert (flow.trip - flow.to_pod, flow.to_pod) == pytest.approx((52, 5 / 3))
+    assert flow.chargers == math.inf
+    assert 3600 * flow.robots == pytest.approx(67.1, abs=0.05)
     assert 3600 * flow.stations == pytest.approx(171.4, abs=0.05)
 
 
@@ -53,7 +56,36 @@ def test_chargers_and_charging_are_part_of_the_estimate() -> None:
     assert weak.chargers == pytest.approx(usual.chargers / 10, rel=1e-3)
     assert weak.robots < 0.6 * usual.robots and weak.most_robots == usual.most_robots
     said = bounds_in_words(resolve("goods-60x40", ["battery.charge_rate=10 %/h"]))[0]
-    assert "limited by chargers (62 by 4 chargers" in said
+    assert "in the long run 62 visits an hour, limited by chargers (62 by 4 chargers" in said
+
+
+def test_over_a_shift_the_charge_at_its_start_counts() -> None:
+    def flow(hours: int, charge: int) -> PodFlow:
+        keys = ("battery.charge_rate=10 %/h", f"battery.initial_charge={charge}")
+        found = pod_flow(resolve("goods-60x40", [*keys, f"stop.max_duration={hours} h"]))
+        assert found is not None
+        return found
+
+    empty, full, short = flow(3, 15), flow(3, 100), flow(1, 100)
+    assert empty.robots_begin == pytest.approx(empty.robots)
+    assert empty.chargers_begin == empty.chargers
+    assert short.robots_begin == pytest.approx(30 / full.trip)  # no robot has to charge
+    # 30 robots with 85 % each, beside 4 chargers that give 10 % an hour
+    assert full.chargers_begin == pytest.approx(full.chargers * (1 + 30 * 85 / (4 * 10 * 3)))
+    keys = ["battery.charge_rate=10 %/h", "battery.initial_charge=100"]
+    (said, _), (never, _) = (
+        bounds_in_words(resolve("goods-60x40", [*keys, *more]))
+        for more in ((), ("stop.at_limit=failure",))
+    )
+    assert "visits an hour over a run of 43,200 ticks (6 h), with the charge at its start" in said
+    assert (
+        "; in the long run 62 visits" in said and "62 visits" in never and "over a run" not in never
+    )
+
+
+def test_the_mean_way_between_pods_leaves_out_the_way_to_itself() -> None:
+    flow = pod_flow(pod_scene([{"pod": 1}], picture=RING.replace("pppp", "p###")))
+    assert flow is not None and flow.to_pod == 0  # there is no other pod
 
 
 def test_a_station_with_handling_of_its_own_raises_the_bound() -> None:

@@ -48,6 +48,7 @@ from automaton.studies.reports.site_pages import (
     floor_maps,
     hours_section,
     inputs_section,
+    jam_remarks,
     site_picture,
 )
 from automaton.studies.reports.study_results import LENGTHS, Results, read_results, units_of_points
@@ -162,7 +163,7 @@ def read_report(store: Store) -> StudyReport:
         raise InputError(why, str(store.folder))
     scenarios, lacking = scenarios_of(store)
     results = replace(results, units=units_of_points(scenarios.values(), len(results.points)))
-    notes = [*deadlock_remarks(results, scenarios), *remarks(results)]
+    notes = [*deadlock_remarks(results, scenarios), *jam_remarks(results), *remarks(results)]
     notes += [*started_cold(results, scenarios), *([lacking] if lacking else [])]
     compared = comparisons(results)
     best = [] if is_what_if(results) else answers(results, compared)

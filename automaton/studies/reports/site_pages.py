@@ -41,12 +41,13 @@ from automaton.runs.periods import (
 )
 from automaton.runs.run_report import OPTIONAL_COLUMNS, periods_table, shown_columns, time_text
 from automaton.runs.simulation import Simulation, empty_floor
+from automaton.scenario.order_lines import listed_lines
 from automaton.studies.reports.comparisons import point_name, setting_text
 from automaton.studies.reports.metric_tables import Scenarios
 from automaton.studies.reports.study_results import Results
 from automaton.studies.sweeps.study import PERIODS_COLUMN, Point
 from automaton.units import Unit, count, duration, number, unit
-from automaton.world.conversion_table import roundings, tick_keys
+from automaton.world.conversion_table import roundings, tick_values
 from automaton.world.resolved import Resolved
 
 Record = dict[str, Any]
@@ -132,17 +133,42 @@ def inputs_of(resolved: Resolved) -> dict[str, str]:
     for one in roundings(resolved):
         if not one.conversion.is_moment and abs(one.error) >= LEAST_ERROR:
             texts[one.conversion.key] += f" (simulated {one.difference(tick)})"
-    ticks = tick_keys(scenario)
+    texts = {key: tick_text(ticks, tick) for key, ticks in tick_values(scenario).items()} | texts
     inputs = {}
     for section in SECTIONS:
         for key, value in settings_in(getattr(scenario, section), section):
-            if key in texts:
-                inputs[key] = texts[key]
-            elif key in ticks and isinstance(value, int | float):
-                inputs[key] = tick_text(value, tick)
-            else:
-                inputs[key] = value_text(value)
+            inputs[key] = input_text(key, value, texts)
+    inputs |= lines_of_days(resolved)
     return with_equal_joined(inputs, scenario.stations)
+
+
+def input_text(key: str, value: Any, texts: Mapping[str, str]) -> str:
+    """A setting as it is written; `texts`: those with units, also inside lists, by key."""
+    if key in texts:
+        return texts[key]
+    if isinstance(value, tuple) and any(inner.startswith(f"{key}[") for inner in texts):
+        parts = [input_text(f"{key}[{place}]", inner, texts) for place, inner in enumerate(value)]
+        return f"[{', '.join(parts)}]" if len(parts) <= MAX_ENTRIES else value_text(value)
+    return value_text(value)
+
+
+def lines_of_days(resolved: Resolved) -> dict[str, str]:
+    """The number of lines or orders of the files from which a seed draws one, by key."""
+    several = {
+        "orders.lines": [len(listed_lines(day.orders)) for day in resolved.days],
+        "orders.transports": [len(day.orders.listed or ()) for day in resolved.days],
+    }
+    return {
+        key: f"{count(len(sizes), 'file')} of {resolved.day_pattern}, {range_text(sizes)} lines"
+        for key, sizes in several.items()
+        if resolved.day_pattern and any(sizes)
+    }
+
+
+def range_text(numbers: Sequence[int]) -> str:
+    """The least and the largest of some numbers: "470 to 701"."""
+    least, most = min(numbers), max(numbers)
+    return f"{least:,}" if least == most else f"{least:,} to {most:,}"
 
 
 def tick_text(ticks: float, tick: Unit) -> str:
@@ -319,31 +345,52 @@ def period_records(results: Results, scenarios: Scenarios, every: str | None) ->
 def deadlock_remarks(results: Results, scenarios: Scenarios) -> Iterator[str]:
     """A sentence about deadlocks: where, the longest one, and whether the means include these runs."""
     names = ("deadlocks", "longest_standstill", "standstill_at", "standstill_from", "seed")
+    if by_point := affected(results, *names):
+        yield (
+            f"deadlocks in {affected_text(results, by_point)}. "
+            f"{longest_text(results, scenarios, by_point)} "
+            f"{included_text([run for _, own in by_point for run in own])}"
+        )
+
+
+def jam_remarks(results: Results) -> Iterator[str]:
+    """A sentence about jams: where, and the first one in words."""
+    if by_point := affected(results, "jam", "seed"):
+        point, ((_, words, seed), *_) = by_point[0]
+        yield (
+            f"jams in {affected_text(results, by_point)}. One of them: "
+            f"{point_name(results.study, point)}, seed {seed}, {words}"
+        )
+
+
+Affected = list[tuple[Point, list[tuple[Any, ...]]]]  # points and their runs
+
+
+def affected(results: Results, *names: str) -> Affected:
+    """The points with runs whose first of these columns is set, and these runs, most runs first."""
     by_point = [
         (point, runs)
         for point in results.points
         if (runs := [run for run in results.stored(point, *names) if run[1]])
     ]
-    if not by_point:
-        return
-    runs = [run for _, own in by_point for run in own]
+    return sorted(by_point, key=lambda one: -len(one[1]))
+
+
+def affected_text(results: Results, by_point: Affected) -> str:
+    """Such as "3 of 20 runs: today (2 of 10 runs); robots 12 (1 of 10 runs)"."""
     done = sum(results.counts(point).done for point in results.points)
     where = [
         f"{point_name(results.study, point)} ({len(own):,} of "
         f"{count(results.counts(point).done, 'run')})"
-        for point, own in sorted(by_point, key=lambda one: -len(one[1]))[:MAX_DEADLOCKED]
+        for point, own in by_point[:MAX_DEADLOCKED]
     ]
     more = len(by_point) - len(where)
     rest = f"; and {count(more, 'more point')}" if more else ""
-    yield (
-        f"deadlocks in {len(runs):,} of {count(done, 'run')}: {'; '.join(where)}{rest}. "
-        f"{longest_text(results, scenarios, by_point)} {included_text(runs)}"
-    )
+    runs = sum(len(own) for _, own in by_point)
+    return f"{runs:,} of {count(done, 'run')}: {'; '.join(where)}{rest}"
 
 
-def longest_text(
-    results: Results, scenarios: Scenarios, by_point: Sequence[tuple[Point, list[tuple[Any, ...]]]]
-) -> str:
+def longest_text(results: Results, scenarios: Scenarios, by_point: Affected) -> str:
     """The longest deadlock of all runs, with its place and time."""
     point, run = max(
         ((point, run) for point, runs in by_point for run in runs), key=lambda one: one[1][2] or 0

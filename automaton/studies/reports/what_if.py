@@ -20,6 +20,7 @@ from automaton.documents.report_document import (
     Heading,
     Listed,
     NumberText,
+    Panels,
     ReportCurve,
     StyledText,
     Table,
@@ -331,41 +332,37 @@ def reading_lines(results: Results, outcomes: Sequence[WhatIf]) -> Iterator[str]
     )
 
 
-# The picture: relative differences with their intervals, one mark for each point at each metric.
+# The picture: differences with their intervals, a chart for each metric.
 
 
-def what_if_picture(results: Results, outcomes: Sequence[WhatIf]) -> Curves | None:
-    """The relative differences of all points; None if no mean can be related to the baseline."""
-    metrics = list(dict.fromkeys(one.metric for one in outcomes))
+def what_if_picture(results: Results, outcomes: Sequence[WhatIf]) -> Panels | None:
+    """The differences of all points; None if no mean can be related to the baseline."""
     pairs = pairs_of(outcomes)
-    lines = [picture_line(results, outcomes, point, metrics) for point, _ in pairs[:MAX_CURVES]]
-    if not any(math.isfinite(value) for line in lines for value in line.value):
-        return None
-    hidden = len(pairs) - len(lines)
-    title = f"difference from {results.analysis.baseline}"
-    if any(results.scale(metric) is PERCENT for metric in metrics):
-        title += ", of shares in percentage points"
+    shown = {point.number for point, _ in pairs[:MAX_CURVES]}
+    charts = []
+    for metric in dict.fromkeys(one.metric for one in outcomes):
+        own = [one for one in outcomes if one.metric == metric and one.point.number in shown]
+        lines = [
+            ReportCurve(point_name(results.study, one.point), [0.0], *drawn_ends(results, one))
+            for one in own
+        ]
+        unit = "percentage points" if results.scale(metric) is PERCENT else "%"
+        chart = Curves(metric, "", unit, lines, x_names=[""], from_zero=True)
+        charts += [chart] if chart.values else []
+    hidden = len(pairs) - len(shown)
+    title = f"Difference from {results.analysis.baseline}"
     title += f", {hidden} more not shown" if hidden else ""
-    return Curves(title, "metric", "%", lines, x_names=metrics, from_zero=True)
+    return Panels(title, charts, has_intervals=True) if charts else None
 
 
-def picture_line(
-    results: Results, outcomes: Sequence[WhatIf], point: Point, metrics: Sequence[str]
-) -> ReportCurve:
-    """The relative differences of a point, by metric."""
-    own = [one for one in outcomes if one.point.number == point.number]
-    x = [float(metrics.index(one.metric)) for one in own]
-    ends = zip(*(drawn_ends(results, one) for one in own), strict=True)
-    return ReportCurve(point_name(results.study, point), x, *map(list, ends))
-
-
-def drawn_ends(results: Results, one: WhatIf) -> tuple[float, float, float]:
+def drawn_ends(results: Results, one: WhatIf) -> tuple[list[float], list[float], list[float]]:
     """A difference and the ends of its interval as drawn: relative, but of shares in points."""
-    if one.comparison is None or results.scale(one.metric) is not PERCENT:
-        return relative_ends(results, one)
-    shown = PERCENT.of(one.comparison.effect.difference)
-    low, high = (math.nan if end is None else end for end in (shown.low, shown.high))
-    return shown.value, low, high
+    value, low, high = relative_ends(results, one)
+    if one.comparison is not None and results.scale(one.metric) is PERCENT:
+        shown = PERCENT.of(one.comparison.effect.difference)
+        low, high = (math.nan if end is None else end for end in (shown.low, shown.high))
+        value = shown.value
+    return [value], [low], [high]
 
 
 def relative_ends(results: Results, one: WhatIf) -> tuple[float, float, float]:

@@ -44,6 +44,7 @@ from automaton.studies.sizing.sizing_figures import (
 )
 from automaton.studies.sizing.sizing_session import (
     TRIAL_RUNS,
+    DayBound,
     MarginalGain,
     SensitivityResult,
     SizingSession,
@@ -206,6 +207,7 @@ def bound_blocks(session: SizingSession) -> Iterator[Block]:
     yield Text(
         f"{share} {performance(question, place.size, bound.value)} ({shown_share(1 - bound.error)} "
         f"confidence; the {ordinal(bound.rank)}{end} of {bound.days:,} further days)"
+        f"{looser(question.target, bound)}"
     )
     command = session.watch(place, bound.worst)
     if command:
@@ -214,6 +216,16 @@ def bound_blocks(session: SizingSession) -> Iterator[Block]:
             value = in_readers_unit(question.target, bound.worst_value)
         yield Text(f"The worst of these days ({value}):")
         yield Text(command, code=True)
+
+
+def looser(target: Target, bound: DayBound) -> str:
+    """Why a bound may be worse than the target that the fleet meets; "" if it is not."""
+    if bound.value is not None and target.met(bound.value):
+        return ""
+    return (
+        f": a bound from these days alone, with {shown_share(1 - bound.error)} confidence, may be looser "
+        f"than {target.text} and does not contradict the verdict, which has days of its own"
+    )
 
 
 def ordinal(rank: int) -> str:
@@ -276,7 +288,8 @@ def sentence(search: FleetSearch, session: SizingSession) -> str:
     """The answer for one strategy, in words."""
     answer, last, many = search.answer, session.question.last, session.question.quantity.many
     if answer.kind == "answered":
-        return many(answer.size or 0)
+        size = answer.size or 0
+        return many(size) + untried_text(search, size, session.question.step)
     if answer.kind == "not reachable":
         return f"not reachable up to {many(last)}"
     between = f"between {answer.least} and {answer.size or f'{last}, or more'}"
@@ -286,6 +299,16 @@ def sentence(search: FleetSearch, session: SizingSession) -> str:
     spent = share if len(session.question.strategies) > 1 else "the budget is spent"
     why = spent if session.complete else "interrupted"
     return f"undecided {between} ({why})"
+
+
+def untried_text(search: FleetSearch, size: int, step: int) -> str:
+    """The sizes below an answer that a step leaves out: " (6 is too few; 7 was not tried)"."""
+    smaller = [one.place.size for one in search.candidates if one.place.size < size]
+    if step == 1 or not smaller or max(smaller) == size - 1:
+        return ""
+    below, first = max(smaller), max(smaller) + 1
+    between = f"{first} to {size - 1} were" if first < size - 1 else f"{first} was"
+    return f" ({below} {'is' if below == 1 else 'are'} too few; {between} not tried)"
 
 
 def priced(search: FleetSearch, price: float) -> str:

@@ -22,7 +22,7 @@ import time
 import uuid
 from collections.abc import Callable, Hashable
 from concurrent.futures import BrokenExecutor, Executor, Future
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any, Final, NamedTuple, Protocol
 
@@ -84,6 +84,7 @@ class SweepChunk(NamedTuple):
     windows: Windows
     runs: tuple[SweepRun, ...]
     patience: float | None = None  # seconds that a Python strategy has for each decision
+    name: str = ""  # of the design point, in words
 
 
 class FutureLike(Protocol):
@@ -319,7 +320,7 @@ def run_chunk(chunk: SweepChunk) -> list[Row]:
     if here != chunk.version:
         raise CodeMismatchError(f"{os.uname().nodename} has version {here}, not {chunk.version}")
     resolved = _scenario(chunk.fingerprint, chunk.scenario, chunk.patience)
-    return [run_one(resolved, run, chunk.windows, chunk.patience) for run in chunk.runs]
+    return [run_one(resolved, run, chunk.windows, chunk.patience, chunk.name) for run in chunk.runs]
 
 
 def _version(plugins: tuple[str, ...]) -> str:
@@ -367,20 +368,29 @@ def _scenario(fingerprint: str, pickled: bytes, patience: float | None = None) -
 
 
 def run_one(
-    resolved: Resolved, run: SweepRun, windows: Windows = WHOLE_RUNS, patience: float | None = None
+    resolved: Resolved,
+    run: SweepRun,
+    windows: Windows = WHOLE_RUNS,
+    patience: float | None = None,
+    name: str = "",
 ) -> Row:
-    """Run a scenario with the seed of a run to its end or its limit; return its row."""
+    """Run a scenario with the seed of a run to its end or its limit; return its row.
+
+    `name`: its design point, for messages.
+    """
     wall, cpu = time.perf_counter(), time.process_time()
     row = blank(run)
     try:
         with attribute_strategy_errors(resolved):
             simulation = Simulation(resolved, run.seed, patience=patience)
-            where = f"{resolved.scenario.name}, point {run.point}, seed {run.seed}"
-            watch = JamWatch(partial(note_jam, where))
+            where = f"{name or f'{resolved.scenario.name}, point {run.point}'}, seed {run.seed}"
+            jams: list[str] = []
+            watch = JamWatch(lambda tick, jam: jams.append(note_jam(where, tick, jam)))
             ticks = kept_period(resolved)
             periods = PeriodMarks(ticks) if ticks else None
             marks = run_marked(simulation, windows.stretch, watch, periods)
             row |= figures_of(simulation, windows.window, marks)
+            row["jam"] = jams[0] if jams else None
             if periods is not None:
                 row[PERIODS_COLUMN] = period_columns(periods.periods(simulation))
     except InputError as error:

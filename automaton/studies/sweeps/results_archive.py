@@ -42,7 +42,8 @@ README: Final = """# {study}: results
 {summary}{runs} of {points}, seed {seed}. `report.html` is the report; `{results}` holds the study with
 its scenarios, files and strategies, and a row for each run.
 
-This command checks all files, does all runs again, and compares every result:
+This command checks all files, does all runs again, and compares every result. It executes the
+strategies that the archive holds, so run it only if you trust the sender:
 
 ```sh
 automaton verify {file}
@@ -184,13 +185,15 @@ def repeat_results(
 ) -> RepeatedResults:
     """Do the runs of a results folder or archive again, and compare the rows. Raises InputError."""
     with opened(path) as store, tempfile.TemporaryDirectory(prefix="automaton-again-") as folder:
+        rows = rows_by_run(store)
+        if not rows:
+            raise InputError("holds no runs to compare with; sweep it first", str(path))
         try:
             plan, changes = planned_again(store)
         except InputError as error:
             text = str(error).replace(f"{store.folder}: ", "").replace(f"{store.folder}/", "")
             raise InputError(text, str(path)) from None
         again = sweep_into(Path(folder), plan, backend, on_rows=on_rows).store
-        rows = rows_by_run(store)
         differences = [
             text
             for run, row in rows_by_run(again).items()

@@ -55,6 +55,7 @@ RESULT_COLUMNS: Final = {
     "digest": "text",
     "standstill_at": "text",  # cell of the longest deadlock; null without one
     "standstill_from": "int",  # its first tick
+    "jam": "text",  # the first jam, with its tick; null without one
     "wall_s": "float",  # of the run, including set-up
     "cpu_s": "float",
 }

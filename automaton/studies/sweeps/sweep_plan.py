@@ -501,7 +501,10 @@ def with_names(text: str, files: dict[str, str], scenarios: Mapping[str, str] = 
 
 
 def plugin_copies(scenarios: tuple[Resolved, ...]) -> Copies:
-    """The files of the strategies and generators in use, except those of installed packages."""
+    """The files of the strategies and generators in use, except those of installed packages.
+
+    Raises InputError for a package that has the name of a folder of results.
+    """
     modules = set().union(*map(plugins_of, scenarios))
     for resolved in scenarios:
         module, colon, _ = str(resolved.scenario.layout.get("generator", "")).partition(":")
@@ -511,6 +514,13 @@ def plugin_copies(scenarios: tuple[Resolved, ...]) -> Copies:
         root, files = plugin_files(module)
         if not is_installed(root):
             copies |= {path.relative_to(root).as_posix(): _content(path) for path in files}
+    for place in copies:
+        package, below, _ = place.partition("/")
+        if below and package in (ROWS_FOLDER, OUTSIDE_FOLDER):
+            raise InputError(
+                f"the package '{package}' of a strategy cannot be copied into a results folder, which "
+                f"has a folder '{package}' of its own: rename the package"
+            )
     return copies
 
 

@@ -456,6 +456,7 @@ def chunk_of(
         windows=plan.manifest.points[point].windows,
         runs=runs,
         patience=patience,
+        name=describe_point(plan.points[point]),
     )
 
 

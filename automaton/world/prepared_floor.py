@@ -89,7 +89,9 @@ def _weighted_floor(
     """The floor with the weights of streets, and with workspaces of its own."""
     floor = _floor_for(replace(floor_plan, **WITHOUT_WEIGHTS), mode, types)
     grid = floor.grid.replaced(
-        move_weight=floor_plan.move_weights.reshape(-1), wait_weight=floor_plan.wait_weights
+        move_weight=floor_plan.move_weights.reshape(-1),
+        least_weight=int(floor_plan.move_weights.min()),
+        wait_weight=floor_plan.wait_weights,
     )
     return floor._replace(grid=grid, spaces={})
 
@@ -126,6 +128,7 @@ def _floor_for(
         traffic_zone=traffic_zones.of,
         traffic_zone_count=traffic_zones.count,
         move_weight=frozen(np.zeros(0, np.int32)),
+        least_weight=WEIGHT_UNIT,
         wait_weight=frozen(np.zeros(0, np.int32)),
         min_move_ticks=frozen(floor_plan.min_move_ticks.reshape(-1).copy()),
         type_headings=frozen(np.array([one.headings for one in rows], np.int64)),

@@ -334,7 +334,7 @@ def with_streets_of_file(
     try:
         listed, lines = streets_of_text(text, floor_plan, streets.scale)
     except InputError as error:
-        raise error.at(str(path)) from None
+        raise error.at(str(path), error.line) from None
     data = msgspec.to_builtins(listed)
     entries = [{key: value for key, value in entry.items() if value is not None} for entry in data]
     document = with_rows(document, STREETS, str(path), lines, streets=entries)

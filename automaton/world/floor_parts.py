@@ -182,7 +182,8 @@ def check_closings(
             for lost in (cell for cell in places if before[cell] and not after[cell]):
                 begin, end = (lost, first) if backwards else (first, lost)
                 step = closed_step(closed, [begin], [end])
-                keys, text = ("streets",), ""
+                keys: Keys = ("streets",)
+                text = ""
                 if step is not None:
                     cell, _, direction = step
                     keys = streets.closed_by.get((cell, direction), keys)

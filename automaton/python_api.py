@@ -383,8 +383,8 @@ class Simulation:
         """Return another simulation that continues from this state, and leave this one unchanged.
 
         `overrides` and `strategies` take effect in the next tick: keys of strategy, durations,
-        information, world and stop. Unchanged strategies keep their memory; new ones begin with the
-        current state. Raises InputError.
+        information, world, stop and streets. Unchanged strategies keep their memory; new ones begin
+        with the current state. Raises InputError.
         """
         from automaton.runs.headless import PastRules, attribute_strategy_errors
         from automaton.world.resolve import branched

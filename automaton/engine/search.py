@@ -156,6 +156,14 @@ def cost_unit(grid):
     return np.int64(WEIGHT_UNIT if grid.move_weight.shape[0] else 1)
 
 
+@kernel(inline=True)
+def least_move_cost(grid, usual):
+    """The least cost of a move that takes `usual` ticks without a limit."""
+    if grid.move_weight.shape[0] == 0:
+        return np.int64(usual)
+    return np.int64(usual) * grid.least_weight
+
+
 @kernel
 def move_cost(grid, usual, cell, direction):
     """The cost of a move out of a cell that takes `usual` ticks without a limit."""

@@ -319,11 +319,17 @@ class FloorPlan:
         Weights that all are 1 are left out.
         """
         if (moves == 100).all() and (waits == 100).all():
-            moves, waits = np.zeros((0, 4), np.int32), np.zeros(0, np.int32)
+            return self.without_weights()
         moves, waits = moves.astype(np.int32), waits.astype(np.int32)
         moves.setflags(write=False)
         waits.setflags(write=False)
         return replace(self, move_weights=moves, wait_weights=waits)
+
+    def without_weights(self) -> FloorPlan:
+        """The same floor where all weights are 1."""
+        return replace(
+            self, move_weights=np.zeros((0, 4), np.int32), wait_weights=np.zeros(0, np.int32)
+        )
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, FloorPlan) and self.fingerprint == other.fingerprint

@@ -116,14 +116,14 @@ class Reading:
         return floor
 
     def with_streets_on_floor(
-        self, scenario: Scenario, floor: Floor
+        self, scenario: Scenario, floor: Floor, is_closed: bool = False
     ) -> tuple[Scenario, StreetWeights]:
         """The scenario with its file of streets, and the weights of all streets."""
         plan, streets = floor.floor_plan, scenario.streets
         self.document, listed, self.street_file = with_streets_of_file(self.document, streets, plan)
         if listed is not streets:
             scenario = structs.replace(scenario, streets=listed)
-        return scenario, streets_on(plan, listed)
+        return scenario, streets_on(plan, listed, is_closed)
 
     def with_files_on_floor(self, scenario: Scenario, floor: Floor) -> Scenario:
         """The scenario with its files of tasks and lines, read for a floor."""

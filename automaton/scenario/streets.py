@@ -173,7 +173,9 @@ def hundredths(weight: float) -> int:
 class StreetWeights:
     """The weights of the moves of a floor, in 1 / UNIT, and of waiting; closed moves."""
 
-    def __init__(self, floor_plan: FloorPlan) -> None:
+    def __init__(self, floor_plan: FloorPlan, is_closed: bool = False) -> None:
+        """`is_closed`: the floor is without its closed moves already, as that of a recording."""
+        self.is_closed = is_closed
         cells = floor_plan.kind.size
         self.floor_plan = floor_plan
         self.exits = floor_plan.exits.reshape(-1)
@@ -186,7 +188,7 @@ class StreetWeights:
         self, cell: int, direction: int, weight: float | str, keys: Keys = STREETS
     ) -> bool:
         """Set the weight of a move, or close it; False if the floor has no such move."""
-        if not self.exits[cell] >> direction & 1:
+        if not self.is_closed and not self.exits[cell] >> direction & 1:
             return False
         self.closed[cell, direction] = weight == CLOSED
         if isinstance(weight, str):
@@ -228,9 +230,11 @@ class StreetWeights:
 # The streets of a scenario on its floor.
 
 
-def streets_on(floor_plan: FloorPlan, streets: Streets | None) -> StreetWeights:
+def streets_on(
+    floor_plan: FloorPlan, streets: Streets | None, is_closed: bool = False
+) -> StreetWeights:
     """The weights of a scenario without a file. Raises InvalidValueError."""
-    weights = StreetWeights(floor_plan)
+    weights = StreetWeights(floor_plan, is_closed)
     if isinstance(streets, StreetPlan):
         enter_crisscross(weights, streets)
         weights.scale(streets.scale)
@@ -273,8 +277,6 @@ def enter_street(weights: StreetWeights, street: Street, name: str, keys: Keys) 
             raise InvalidValueError(
                 (*keys, way), f"{name} has {way}, but no robot can move {way} from its cells"
             )
-        if street.at is not None and weight == CLOSED:
-            continue
     if street.wait is not None:
         weights.waits[cells] = hundredths(street.wait)
 
@@ -332,7 +334,7 @@ def with_streets_of_file(
     try:
         listed, lines = streets_of_text(text, floor_plan, streets.scale)
     except InputError as error:
-        raise error.at(str(path)) from None
+        raise error.at(str(path), error.line) from None
     data = msgspec.to_builtins(listed)
     entries = [{key: value for key, value in entry.items() if value is not None} for entry in data]
     document = with_rows(document, STREETS, str(path), lines, streets=entries)

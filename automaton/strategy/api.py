@@ -90,6 +90,7 @@ from automaton.engine.search import (
     guiding_tables,
     how_turned,
     is_closed,
+    least_move_cost,
     mark_goal,
     move_cost,
     nearest_mark,

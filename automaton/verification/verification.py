@@ -50,6 +50,7 @@ from automaton.runs.provenance import changed_sources, file_hashes, loaded_sourc
 from automaton.runs.simulation import Simulation
 from automaton.scenario.floor_section import floor_of, is_shipped
 from automaton.scenario.schema import Scenario
+from automaton.scenario.streets import streets_on
 from automaton.scenario.text_files import content_hash
 from automaton.strategy.lookup import files_of
 from automaton.verification.validator import ACTS, Report, validate_stored
@@ -294,7 +295,8 @@ def drawn_otherwise(resolved: Resolved) -> bool:
         return True
     drawn = with_shared_chargers(opened)
     limits = resolved.scenario.floor.speed_limits
-    return with_speed_limits(drawn, limits) != resolved.floor_plan
+    limited = with_speed_limits(drawn, limits)
+    return streets_on(limited, resolved.scenario.streets).floor() != resolved.floor_plan
 
 
 def _has_files(recorded: Content, resolved: Resolved) -> bool:

@@ -10,8 +10,17 @@ import msgspec
 import numpy as np
 import numpy.typing as npt
 
-from automaton.errors import Finding, InputError, InvalidValueError, Keys
-from automaton.floor.floor_plan import CHARGER, DRIVABLE, FLOOR, STATION, UNLIMITED, FloorPlan
+from automaton.errors import Finding, InputError, InvalidValueError, Keys, refuse
+from automaton.floor.floor_plan import (
+    CHARGER,
+    DIRECTIONS,
+    DRIVABLE,
+    FLOOR,
+    STATION,
+    UNLIMITED,
+    FloorPlan,
+)
+from automaton.floor.reachability import closed_step, reached, slot_access
 from automaton.scenario.changing_floor import (
     Block,
     Cell,
@@ -20,6 +29,7 @@ from automaton.scenario.changing_floor import (
 )
 from automaton.scenario.durations import Handling
 from automaton.scenario.schema import Scenario
+from automaton.scenario.streets import StreetWeights
 from automaton.scenario.validation import dotted
 from automaton.units import count
 
@@ -148,6 +158,63 @@ def with_speed_limits(floor_plan: FloorPlan, limits: tuple[SpeedLimit, ...]) -> 
             ticks[both, direction] = np.maximum(ticks[both, direction], limit.max_speed)
     ticks.setflags(write=False)
     return replace(floor_plan, min_move_ticks=ticks)
+
+
+# Streets: moves that are closed must leave a way between all places that robots need.
+
+
+def with_streets(scenario: Scenario, streets: StreetWeights) -> FloorPlan:
+    """The floor with weights, without closed moves. Raises InvalidValueError if one cuts off a place."""
+    closed = streets.floor()
+    if streets.closed.any():
+        refuse(check_closings(scenario, streets, closed))
+    return closed
+
+
+def check_closings(
+    scenario: Scenario, streets: StreetWeights, closed: FloorPlan
+) -> Iterator[Finding]:
+    """Places with ways to each other still have them."""
+    floor_plan, places = streets.floor_plan, places_of(scenario, streets.floor_plan)
+    for first in places[:1]:
+        for backwards in (False, True):
+            before = reached(floor_plan, [first], False, backwards)
+            after = reached(closed, [first], False, backwards)
+            for lost in (cell for cell in places if before[cell] and not after[cell]):
+                begin, end = (lost, first) if backwards else (first, lost)
+                step = closed_step(closed, [begin], [end])
+                keys: Keys = ("streets",)
+                text = ""
+                if step is not None:
+                    cell, _, direction = step
+                    keys = streets.closed_by.get((cell, direction), keys)
+                    x, y = floor_plan.xy(cell)
+                    text = f": the move {DIRECTIONS[direction]} from [{x}, {y}] is closed"
+                (x, y), (u, v) = floor_plan.xy(begin), floor_plan.xy(end)
+                yield Finding(keys, f"streets leave no way from [{x}, {y}] to [{u}, {v}]{text}")
+
+
+def places_of(scenario: Scenario, floor_plan: FloorPlan) -> list[int]:
+    """The cells that robots need: starts, homes, stations, chargers, and where slots are served.
+
+    All cells, if robots start at random.
+    """
+    start = scenario.fleet.start
+    drawn = bool(floor_plan.starts or len(floor_plan.bays))
+    if start == "random" or (start is None and not drawn):
+        return [int(cell) for cell in np.flatnonzero(floor_plan.drivable)]
+    access = slot_access(floor_plan)
+    named = [floor_plan.cell(*at) for at in start] if isinstance(start, tuple) else []
+    cells = (
+        floor_plan.starts,
+        floor_plan.bays[:, 1],
+        floor_plan.stations,
+        np.flatnonzero(floor_plan.kind == CHARGER),
+        access[access >= 0],
+        named,
+    )
+    needed = {int(cell) for some in cells for cell in some}
+    return sorted(cell for cell in needed if floor_plan.drivable.flat[cell])
 
 
 # Stations: names, queues, and all cells that serve robots.

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -26,10 +25,6 @@ from automaton.floor.traffic_zones import traffic_zones_of
 from automaton.scenario.robot_types import RobotType, floor_by_type, rows_of
 from automaton.units import memory
 
-WITHOUT_WEIGHTS = {
-    "move_weights": np.zeros((0, 4), np.int32),
-    "wait_weights": np.zeros(0, np.int32),
-}
 KEPT_BYTES = 64 * 1024 * 1024  # of distance tables that are kept for the next run
 
 
@@ -87,9 +82,11 @@ def _weighted_floor(
     floor_plan: FloorPlan, mode: str, types: tuple[RobotType, ...]
 ) -> PreparedFloor:
     """The floor with the weights of streets, and with workspaces of its own."""
-    floor = _floor_for(replace(floor_plan, **WITHOUT_WEIGHTS), mode, types)
+    floor = _floor_for(floor_plan.without_weights(), mode, types)
     grid = floor.grid.replaced(
-        move_weight=floor_plan.move_weights.reshape(-1), wait_weight=floor_plan.wait_weights
+        move_weight=floor_plan.move_weights.reshape(-1),
+        least_weight=int(floor_plan.move_weights.min()),
+        wait_weight=floor_plan.wait_weights,
     )
     return floor._replace(grid=grid, spaces={})
 
@@ -126,6 +123,7 @@ def _floor_for(
         traffic_zone=traffic_zones.of,
         traffic_zone_count=traffic_zones.count,
         move_weight=frozen(np.zeros(0, np.int32)),
+        least_weight=WEIGHT_UNIT,
         wait_weight=frozen(np.zeros(0, np.int32)),
         min_move_ticks=frozen(floor_plan.min_move_ticks.reshape(-1).copy()),
         type_headings=frozen(np.array([one.headings for one in rows], np.int64)),

@@ -19,6 +19,7 @@ from automaton.scenario.floor_section import Floor
 from automaton.scenario.reading import Reading, document_of
 from automaton.scenario.robot_types import types_of
 from automaton.scenario.schema import LAYER_NAMES, Scenario
+from automaton.scenario.streets import streets_on
 from automaton.scenario.validation import dotted, validated, with_numbers
 from automaton.strategy.lookup import files_of, resolve_paths, zoning_parameters_of
 from automaton.units import bytes_of, memory
@@ -30,12 +31,20 @@ from automaton.world.floor_parts import (
     with_open_places,
     with_shared_chargers,
     with_speed_limits,
+    with_streets,
 )
 from automaton.world.resolved import Resolved as Resolved
 from automaton.world.resolved import StrategyChoice, drawn_day, in_fine_ticks, objection_to
 
 MAX_ALLOCATIONS = 4  # allocation strategies of a run
-CHANGEABLE = ("strategy", "durations", "information", "world", "stop")  # while a run goes on
+CHANGEABLE = (
+    "strategy",
+    "durations",
+    "information",
+    "world",
+    "stop",
+    "streets",
+)  # while a run goes on
 
 
 def resolve(
@@ -68,7 +77,7 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
     floor = floor._replace(floor_plan=with_speed_limits(floor.floor_plan, limits))
     if scenario.streets is not None:
         scenario, streets = reading.with_streets_on_floor(scenario, floor)
-        floor = floor._replace(floor_plan=streets.floor())
+        floor = floor._replace(floor_plan=with_streets(scenario, streets))
     scenario = reading.with_files_on_floor(scenario, floor)
 
     fleet = feasible_fleet(scenario, floor, pods_are_of_file=reading.pod_file is not None)
@@ -284,6 +293,8 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
             if name not in CHANGEABLE and not same:
                 text = f"{name} cannot change during a run; allowed: {', '.join(CHANGEABLE)}"
                 raise InvalidValueError((name,), text)
+        if scenario.streets != resolved.scenario.streets:
+            scenario, floor_plan = with_other_weights(reading, scenario, resolved)
         refuse(check_energy(scenario, floor_plan))
         refuse(check_table_memory(scenario, floor_plan))
         strategies = choose_strategies(scenario, floor_plan, folder=reading.folder)
@@ -291,8 +302,25 @@ def branched(resolved: Resolved, settings: tuple[str, ...]) -> Resolved:
         changed = replace(
             resolved,
             scenario=naming_files(scenario, strategies, own_allocations),
+            floor_plan=floor_plan,
             strategies=strategies,
             own_allocations=own_allocations,
         )
         refuse(check_allocations(changed))
         return in_fine_ticks(changed)
+
+
+def with_other_weights(
+    reading: Reading, scenario: Scenario, resolved: Resolved
+) -> tuple[Scenario, FloorPlan]:
+    """The scenario with its file of streets, and the floor with their weights.
+
+    Closed moves cannot change during a run. Raises InvalidValueError.
+    """
+    floor = Floor(resolved.floor_plan)
+    scenario, weights = reading.with_streets_on_floor(scenario, floor, is_closed=True)
+    before = streets_on(resolved.floor_plan, resolved.scenario.streets, is_closed=True)
+    if (weights.closed != before.closed).any():
+        text = "streets may change weights during a run, but not which moves are closed"
+        raise InvalidValueError(("streets",), text)
+    return scenario, weights.floor()

@@ -14,7 +14,14 @@ from automaton.floor.floor_plan import CHARGER, SHELF, STATION, UNLIMITED
 from automaton.floor.reachability import steps_from
 from automaton.scenario.arrivals import Mean, MeanTime
 from automaton.scenario.order_lines import has_due_times, line_column, listed_lines, transports_of
-from automaton.strategy.lookup import AVOIDS_TRAFFIC, KEEPS_WAY_BACK, STEERS, declares, files_of
+from automaton.strategy.lookup import (
+    AVOIDS_TRAFFIC,
+    KEEPS_WAY_BACK,
+    STEERS,
+    declares,
+    files_of,
+    is_built_in,
+)
 from automaton.units import SECONDS_PER_UNIT, count, ticks_and_time, unit
 from automaton.world.conversion_table import coarse_conversions
 from automaton.world.fleet_warnings import (
@@ -31,6 +38,9 @@ if TYPE_CHECKING:
     from automaton.engine.state import Array, Grid
 
 NO_STRATEGY: Final = "none"
+WEIGHS_WAITS: Final = ("pibt", "epibt")
+WEIGHT_OF_1: Final = 100  # in the arrays of a floor
+FAR_FROM_1: Final = 4  # factor of a mean weight from 1 that is likely a mistake
 MOST_STATIONS: Final = 100  # stations between which all ways are measured
 
 
@@ -92,7 +102,40 @@ def scenario_warnings(resolved: Resolved) -> list[str]:
         *standstill_warnings(resolved),
         *pod_warnings(resolved),
         *gate_warnings(resolved),
+        *street_warnings(resolved),
     ]
+
+
+def street_warnings(resolved: Resolved) -> list[str]:
+    """Warnings about weights of streets that no strategy reads, or that make turns nearly free."""
+    floor_plan, choices = resolved.floor_plan, resolved.strategies
+    if not len(floor_plan.move_weights):
+        return []
+    row, routing = choices["right_of_way"], choices["routing"]
+    steers = row.name in WEIGHS_WAITS
+    warnings = []
+    if not steers and not is_built_in("routing", routing.name):
+        warnings.append(
+            f"streets has weights, but strategy.routing {routing.name} may not read them; pibt, epibt "
+            "and the shipped routings do"
+        )
+    if not steers and (floor_plan.wait_weights != WEIGHT_OF_1).any():
+        warnings.append(
+            f"streets has weights of waiting, but strategy.right_of_way is {row.name}; only pibt and "
+            "epibt read them"
+        )
+    exits = (floor_plan.exits.reshape(-1)[:, None] >> np.arange(4)) & 1 > 0
+    mean = float(floor_plan.move_weights[exits].mean()) / WEIGHT_OF_1
+    turns = any(ticks for one in resolved.fleet.types for ticks in one.turns)
+    if turns and mean > FAR_FROM_1:
+        warnings.append(
+            f"streets has a mean weight of {mean:.3g}, so turns are nearly free; set scale: mean"
+        )
+    elif turns and mean < 1 / FAR_FROM_1:
+        warnings.append(
+            f"streets has a mean weight of {mean:.3g}, so turns are very dear; set scale: mean"
+        )
+    return warnings
 
 
 def nothing_to_avoid(resolved: Resolved) -> str:

@@ -128,6 +128,8 @@ class GuidedParameters(SteeringParameters, forbid_unknown_fields=True, frozen=Tr
     def check_scenario(self, scenario: Any, floor_plan: Any) -> str | None:
         """Return a conflict with the scenario, or None."""
         if self.guidance != "none":
+            if len(floor_plan.move_weights):
+                return "its lattice weights would replace those of streets; leave guidance out"
             if carries_pods(scenario, floor_plan):
                 return "its lattice weights do not support storage; with pods, leave guidance out"
             if scenario.information != "everything":

@@ -1,10 +1,10 @@
 """A* over poses with the Manhattan estimate; a tie rule selects one of several shortest paths.
 
 The selection matters where robots slow each other down. Routes ignore other robots at first, and avoid
-them after a retreat. The estimate is consistent: a move changes h by its ticks without a speed limit,
-and a turn does not change it.
+them after a retreat. The estimate is consistent: a move changes h by its least cost, and a turn does
+not change it. Costs are ticks, or ticks times the weights of streets.
 
-    f = g + h        h = least ticks of a move x (|x - x*| + |y - y*|)
+    f = g + h        h = least cost of a move x (|x - x*| + |y - y*|)
 
 Neighbours are found in the order north, south, east, west, then turns; the first pose to find the least
 g becomes the parent. Zones may be closed: a robot must not enter a cell in a direction whose zone is
@@ -28,12 +28,14 @@ from automaton.strategy.api import (
     NamedNumbers,
     Strategy,
     Struct,
+    cost_unit,
     field,
     find_path,
     headings_of,
     how_turned,
     kernel,
-    limited_ticks,
+    least_move_cost,
+    move_cost,
     number,
     parent_of,
     position,
@@ -171,11 +173,12 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
     `duration`: (A,) ticks of each action of the robot's type. `ties`: FIFO, LARGER_G or RANDOM;
     random ties are drawn by (seed, start, target), so a path is a pure function of these.
     `avoid_zones`: zones z with workspace.closed[z] must not be entered. Leaves the path backwards
-    in workspace.came and its ticks in workspace.state.cost.
+    in workspace.came and its cost in workspace.state.cost.
     """
     width, shift, headings = grid.width, grid.headings >> 1, headings_of(grid, robot_type)
     mask = headings - 1
-    move, turn = np.int64(duration[ACTION_MOVE]), np.int64(duration[ACTION_TURN])
+    usual, turn = duration[ACTION_MOVE], cost_unit(grid) * np.int64(duration[ACTION_TURN])
+    move = least_move_cost(grid, usual)
     if mask and turn == 0 and ties == LARGER_G:
         ties = LARGER_G_HEAP
     label, state = workspace.label, workspace.state
@@ -211,7 +214,7 @@ def search(grid, robot_type, duration, workspace, ties, seed, start, target, avo
             after = cell + grid.offset[way]
             if avoid_zones and is_closed(grid, workspace, after, way):
                 continue
-            moved = g + limited_ticks(grid, move, cell, way)
+            moved = g + move_cost(grid, usual, cell, way)
             to, cost = (after << shift) | heading, fresh | moved
             if cost < label[to]:
                 label[to] = cost

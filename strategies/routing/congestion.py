@@ -19,11 +19,14 @@ from automaton.strategy.api import (
     STARTED,
     Strategy,
     begin_search,
+    cost_unit,
     headings_of,
     how_turned,
     is_closed,
     kernel,
+    least_move_cost,
     limited_ticks,
+    move_cost,
     pop,
     push,
     ways_on,
@@ -127,10 +130,11 @@ def put_back(view, workspace, state, i, steps, length):
 # Time-expanded search: the cheapest route through zones with predicted robots.
 #
 # A move at tick T from a cell in a zone with `others` robots costs 1 + beta * others times its
-# duration. In zones that slow robots down it takes 1 + others times its duration. A turn costs and
-# takes its ticks. Label-setting A*: each pose is expanded once, with its cheapest label, which holds
-# the tick of arrival. (With beta > 1 an earlier but dearer path may lose to a later but cheaper
-# one.) The estimate is the Manhattan distance; ties go to the pose nearest to the target, then to
+# duration; the weight of a street multiplies the 1. In zones that slow robots down it takes 1 + others
+# times its duration. A turn costs and takes its ticks. Label-setting A*: each pose is expanded once,
+# with its cheapest label, which holds the tick of arrival. (With beta > 1 an earlier but dearer path may
+# lose to a later but cheaper one.) The estimate is the Manhattan distance times the least cost of a move;
+# ties go to the pose nearest to the target, then to
 # the lowest pose.
 
 
@@ -168,7 +172,8 @@ def time_dependent_path(view, workspace, state, i, around, steps):
                 continue
             others = occupancy(state, zone_of(grid, cell, way), now)  # in thousandths
             own = limited_ticks(grid, move, cell, way)
-            dearer = cost + own * (COST_OF_TICK + state.beta * others // 1000)
+            dearer = cost + own * (state.beta * others // 1000)
+            dearer += move_cost(grid, move, cell, way) * (COST_OF_TICK // cost_unit(grid))
             later = now + ticks_of_move(view, own, others // 1000)
             to = after * headings + heading
             size = label(
@@ -208,7 +213,8 @@ def label(view, state, move, workspace, search, bits, size, pose, cost, tick, ta
             return size
     width, cell = view.grid.width, pose // view.grid.headings
     left = abs(cell // width - target // width) + abs(cell % width - target % width)
-    total = cost + left * move * COST_OF_TICK
+    grid = view.grid
+    total = cost + left * least_move_cost(grid, move) * (COST_OF_TICK // cost_unit(grid))
     if total > MAX_COST:
         return size
     workspace.stamp[pose] = search

@@ -10,7 +10,16 @@ Two interpretations of a slow zone with c others:
 
 import numpy as np
 
-from automaton.strategy.api import ACTION_MOVE, NIL, Array, Struct, field, kernel, random_between
+from automaton.strategy.api import (
+    ACTION_MOVE,
+    NIL,
+    Array,
+    Struct,
+    cost_unit,
+    field,
+    kernel,
+    random_between,
+)
 from strategies.routing.astar import search, write_steps
 from strategies.routing.predicted_paths import (
     add_zones,
@@ -160,7 +169,8 @@ def plan_routes(grid, duration, workspace, trial, ties, seed, r, avoid_zones):
     pose = np.int64(trial.task[r, START])
     for k in (PICK, DROP):
         pose = search(grid, 0, duration, workspace, ties, seed, pose, trial.task[r, k], avoid_zones)
-        ticks += workspace.state.cost + delay_of(grid, duration, workspace, pose, trial.actual)
+        ticks += workspace.state.cost
+        ticks += cost_unit(grid) * delay_of(grid, duration, workspace, pose, trial.actual)
         add_zones(grid, workspace, pose, trial.used)
         begun = trial.length[r]
         trial.length[r] += write_steps(grid, workspace, pose, trial.route[r, begun:])

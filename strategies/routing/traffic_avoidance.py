@@ -20,6 +20,7 @@ from automaton.strategy.api import (
     Array,
     Strategy,
     Struct,
+    cost_unit,
     field,
     kernel,
     position,
@@ -314,7 +315,8 @@ def foreseen_time(grid, robot_type, duration, workspace, ties, seed, start, pick
         )
         if pose == NIL:
             return UNREACHABLE
-        ticks += workspace.state.cost + delay_of(grid, duration, workspace, pose, workspace.count)
+        ticks += workspace.state.cost
+        ticks += cost_unit(grid) * delay_of(grid, duration, workspace, pose, workspace.count)
     return ticks
 
 

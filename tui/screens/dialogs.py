@@ -165,9 +165,13 @@ class BranchScreen(Dialog[tuple[str, ...]]):
 
 
 def settings_of(scenario: Scenario) -> list[str]:
-    """KEY=VALUE lines of all settings that may change during a run, with present values."""
+    """KEY=VALUE lines of all settings that may change during a run, with present values.
+
+    Not those of streets, which may be one for each cell.
+    """
     data = plain_data(scenario)
-    return [text for name in CHANGEABLE for text in _flat(name, data[name])]
+    names = (name for name in CHANGEABLE if name != "streets")
+    return [text for name in names for text in _flat(name, data[name])]
 
 
 def _flat(key: str, value: Any) -> list[str]:

@@ -128,12 +128,19 @@ class Alleys(msgspec.Struct, forbid_unknown_fields=True, frozen=True):
 
 
 class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=True, kw_only=True):
-    """The weights of a score: age * (waiting time) - job * (duration)."""
+    """The weights of a score: age * (waiting time) - job * (duration), also per order line."""
 
     age: Annotated[float, Meta(ge=0, le=1000, description="C_A: weight of the waiting time.")] = 0.5
     job: Annotated[float, Meta(ge=0, le=1000, description="C_D: weight of the driving time.")] = (
         10.0
     )
+    per_line: Annotated[
+        bool,
+        Meta(
+            description="Whether the driving time of a trip of a pod is divided by the number of its "
+            "order lines, so that pods with many open lines at their stations come first."
+        ),
+    ] = False
     idle: Annotated[
         Literal["park", "stay"], Meta(description="Behavior of robots without an order.")
     ] = "park"
@@ -145,7 +152,8 @@ class ShortestJobParameters(msgspec.Struct, forbid_unknown_fields=True, frozen=T
 
     def tuned_values(self, scenario: Scenario, floor_plan: FloorPlan) -> dict[str, tuple[Any, ...]]:
         """Return the values of each parameter to try in tuning."""
-        return tuned_storage(scenario, floor_plan)
+        per_line = {"per_line": (False, True)} if scenario.orders.lines is not None else {}
+        return {**tuned_storage(scenario, floor_plan), **per_line}
 
 
 class GreedyParameters(Storing, forbid_unknown_fields=True, frozen=True, kw_only=True):

@@ -1,10 +1,11 @@
 """Shortest job first with aging (Keith & La, Algorithm 2).
 
 A free robot takes the order of highest score: C_A times its age minus C_D times the ticks to drive to it
-and to carry it to its next drop. The age counts from the release of the order, and continues when it is
-dropped at a transfer station. Ties: the lowest number. With zones a robot takes orders from the queues
-of its zones, and drops them where zoning decides. Without zones it takes any order and carries it to
-its target.
+and to carry it to its next drop. With `per_line` these ticks are divided by the number of order lines
+that a trip of a pod serves, so pods with many open lines at their stations come first. The age counts
+from the release of the order, and continues when it is dropped at a transfer station. Ties: the lowest
+number. With zones a robot takes orders from the queues of its zones, and drops them where zoning
+decides. Without zones it takes any order and carries it to its target.
 """
 
 import numpy as np
@@ -44,6 +45,7 @@ class ShortestJobState(Struct):
 
     age: int = field("int64", "weight of an order's age, in thousandths")
     job: int = field("int64", "weight of its duration, in thousandths")
+    per_line: int = field("int64", "1: the duration of a trip is divided by its order lines")
     parks: int = field("int64", "1: robots without an order drive home")
     storage: int = field("int64", "where pods are stored: its place among STORAGE_POLICIES")
 
@@ -77,6 +79,7 @@ class ShortestJob(Strategy):
         return ShortestJobState(
             age=round(1000 * parameters.age),
             job=round(1000 * parameters.job),
+            per_line=int(parameters.per_line),
             parks=int(parameters.idle == "park"),
             storage=STORAGE_POLICIES.index(parameters.storage),
         )
@@ -121,13 +124,27 @@ def score(view, workspace, state, i, order, least):
     here, heading = position(view, i), np.int64(view.robots.heading[i])
     begin = begin_cell(view, robot_type, order, here)
     age = state.age * (view.clock.tick - view.orders.release_tick[order])
+    lines = number_of_lines(view, order) if state.per_line else np.int64(1)
     job = distance(view, workspace, robot_type, here, heading, begin)
-    if age - state.job * job <= least:
+    if age - state.job * job // lines <= least:
         return WORST
     job += job_ticks(view, workspace, robot_type, order, slot, begin, heading)
     if job >= UNREACHABLE:
         return WORST
-    return age - state.job * job
+    return age - state.job * job // lines
+
+
+@kernel
+def number_of_lines(view, order):
+    """The number of order lines that a trip of a pod serves; 1 for orders without lines."""
+    lines = np.int64(0)
+    if view.lines.order.shape[0]:
+        for stop in range(view.orders.first_stop[order], end_of_stops(view, order)):
+            line = np.int64(view.trips.first_line[stop])
+            while line != NIL:
+                lines += 1
+                line = np.int64(view.lines.following[line])
+    return max(lines, np.int64(1))
 
 
 @kernel

@@ -46,11 +46,9 @@ from automaton.documents.report_document import (
 from automaton.errors import InputError, nearest
 from automaton.floor.drawn_floors import floor_picture
 from automaton.studies import bottlenecks as search
-from automaton.studies.inference.intervals import TOO_FEW, Effect
-from automaton.studies.reports.comparison_tables import difference_cells, p_text, relative_text
+from automaton.studies.reports.comparison_tables import effect_text, p_text, relative_text
 from automaton.studies.reports.comparisons import direction_of
 from automaton.studies.reports.study_results import (
-    MetricScale,
     Results,
     described,
     read_results,
@@ -408,15 +406,6 @@ def ranking_table(findings: Findings) -> Table:
         effect = effect_text(one.effect, scale)
         rows.append([f"{place}{sign}", name, effect, p_text(one.adjusted), *near])
     return Table(["", "change", "effect, 95 %", "p", "lost near", "rank"], rows, left=2)
-
-
-def effect_text(effect: Effect, scale: MetricScale) -> str:
-    """An effect with its interval: in percent, or as a difference where the mean as it is may be 0."""
-    if effect.relative is not None:
-        return relative_text(effect.relative)
-    value, low, high = difference_cells(effect.difference, scale)
-    interval = f"{low} to {high}" if effect.difference.half is not None else TOO_FEW
-    return f"{value} {scale.unit} ({interval})"
 
 
 def reading(findings: Findings) -> Iterator[str]:

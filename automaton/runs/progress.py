@@ -145,7 +145,7 @@ def wait_for_service(world: World, ticks: int) -> Array:
 
     A place serves if a robot is in service there, or was within the last `ticks`. The queue before it
     are the robots bound for such places that form a group with it (REACH), so a place that a jam has
-    cut off has a queue only until it has served nobody for `ticks`.
+    cut off has a queue only until it has served no robot for `ticks`.
     """
     robots, orders, since = world.robots, world.orders, int(world.clock.tick) - ticks
     served: Array = np.isin(robots.action, SERVICE) & (robots.busy > 0) & (robots.cell != NIL)

@@ -11,9 +11,9 @@ import pytest
 from sweep_studies import OwnThread, interrupting
 
 from automaton.commands import main
-from automaton.commands.bottlenecks_command import effect_text
 from automaton.commands.sweep_command import Listener
 from automaton.studies.inference.intervals import Effect, Interval
+from automaton.studies.reports.comparison_tables import effect_text
 from automaton.studies.reports.study_results import MetricScale
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.result_store import Store

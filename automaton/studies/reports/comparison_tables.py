@@ -15,6 +15,7 @@ from automaton.studies.inference.intervals import (
     NO_SPREAD_WARNING,
     STUDENT_MIN_RUNS,
     TOO_FEW,
+    Effect,
     Interval,
     bonferroni,
     mean_interval,
@@ -307,6 +308,15 @@ def relative_text(relative: Interval | None) -> str:
         return f"{100 * relative.value:+.1f} % ({TOO_FEW})"
     low, high = 100 * relative.low, 100 * relative.high
     return f"{100 * relative.value:+.1f} % ({low:+.1f} to {high:+.1f})"
+
+
+def effect_text(effect: Effect, scale: MetricScale) -> str:
+    """An effect with its interval: in percent, or as a difference where the mean as it is may be 0."""
+    if effect.relative is not None:
+        return relative_text(effect.relative)
+    value, low, high = difference_cells(effect.difference, scale)
+    interval = f"{low} to {high}" if effect.difference.half is not None else TOO_FEW
+    return f"{value} {scale.unit} ({interval})"
 
 
 # Effects of the factors of a study, and their interactions.

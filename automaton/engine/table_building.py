@@ -19,7 +19,7 @@ from automaton.engine.distance_tables import (
 )
 from automaton.engine.jit.structs import NIL
 from automaton.engine.state import MAY_TURN, NO_WAY_THROUGH, Array, Grid
-from automaton.engine.table_rows import BUCKETS, DELTA_BITS, ENTRIES_PER_CELL, MAX_QUEUES
+from automaton.engine.table_search import BUCKETS, DELTA_BITS, ENTRIES_PER_CELL, MAX_QUEUES
 
 COORDINATE_BITS = 31
 

@@ -1,4 +1,4 @@
-"""The floor section of a scenario: speed limits, closed cells, doors, blocks, lifts, names of cells.
+"""The floor of a scenario: speed limits, closed cells, doors, blocks, lifts, streets, names of cells.
 
     locations: {packing: [4, 2], rack-7: [1, 0]}      beside      locations: locations.csv
 
@@ -10,13 +10,13 @@ before the structs are made, so no other code handles names.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Annotated, Literal
+from typing import Annotated, Final, Literal
 
 import msgspec
 from msgspec import Meta
 
 from automaton.errors import InputError, nearest
-from automaton.floor.floor_plan import FloorPlan
+from automaton.floor.floor_plan import DIRECTIONS, FloorPlan
 from automaton.scenario.durations import Distribution, MoveTicks
 from automaton.scenario.quantities import (
     LAST_TICK,
@@ -290,3 +290,120 @@ class ChangingFloor(ConfigSection, frozen=True, kw_only=True):
     def has_gates(self) -> bool:
         """Whether it has cells that are sometimes closed to robots."""
         return bool(self.closed or self.doors or self.blocks or self.lifts)
+
+
+# Streets: weights of moves, and closed moves (automaton.scenario.streets).
+
+LEAST_WEIGHT: Final = 0.01
+MOST_WEIGHT: Final = 10_000
+CLOSED_MOVE: Final = "closed"
+
+Weight = (
+    Annotated[
+        float,
+        Meta(ge=LEAST_WEIGHT, le=MOST_WEIGHT, description="The weight of the moves."),
+    ]
+    | Literal["closed"]
+    | None
+)
+Wait = (
+    Annotated[float, Meta(ge=0, le=MOST_WEIGHT, description="The weight of a tick of waiting.")]
+    | None
+)
+Range = Pair | None
+
+
+class StreetPlan(ConfigSection, frozen=True, kw_only=True):
+    """Streets of a file or of a pattern."""
+
+    file: Annotated[
+        NonEmptyText | None,
+        Meta(
+            description="A CSV file with the columns x, y, east, south, west, north and wait, or one of "
+            "guidance graphs (GGO); path relative to the scenario."
+        ),
+    ] = None
+    preset: Annotated[
+        Literal["crisscross"] | None,
+        Meta(
+            description="crisscross: rows run east and west in turn, columns south and north; the first "
+            "row runs east, the first column north."
+        ),
+    ] = None
+    scale: Annotated[
+        Annotated[float, Meta(gt=0, le=MOST_WEIGHT)] | Literal["mean"],
+        Meta(description="A factor of all weights; mean: such that the mean weight of moves is 1."),
+    ] = 1.0
+    along: Annotated[
+        float, Meta(ge=LEAST_WEIGHT, le=MOST_WEIGHT, description="crisscross: along a street.")
+    ] = 0.5
+    against: Annotated[
+        Weight, Meta(description="crisscross: the weight of moves against a street, or closed.")
+    ] = 1.0
+    wait: Annotated[
+        float, Meta(ge=0, le=MOST_WEIGHT, description="crisscross: of a tick of waiting.")
+    ] = 1.0
+    phase: Annotated[
+        tuple[Annotated[int, Meta(ge=0, le=1)], Annotated[int, Meta(ge=0, le=1)]],
+        Meta(description="crisscross: 1 reverses the directions of the rows, of the columns."),
+    ] = (0, 0)
+
+    def __post_init__(self) -> None:
+        if (self.file is None) == (self.preset is None):
+            raise ValueError("streets must have exactly one of file and preset, or be a list")
+        own = [key for key in ("along", "against", "wait") if getattr(self, key) != CRISSCROSS[key]]
+        if self.file is not None and (own or self.phase != (0, 0)):
+            key = own[0] if own else "phase"
+            raise ValueError(f"streets has {key}, which belongs to preset: crisscross")
+
+
+CRISSCROSS: Final = {"along": 0.5, "against": 1.0, "wait": 1.0}
+
+
+class Street(ConfigSection, frozen=True, kw_only=True):
+    """Weights of a cell, a row, a column, a path or an area; later streets overwrite earlier ones."""
+
+    at: Annotated[NamedCell | None, Meta(description="A cell.")] = None
+    row: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The y of a row.")] = None
+    columns: Annotated[Range, Meta(description="The first and last column of a row.")] = None
+    column: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The x of a column.")] = (
+        None
+    )
+    rows: Annotated[Range, Meta(description="The first and last row of a column.")] = None
+    path: Annotated[
+        Annotated[tuple[NamedCell, ...], Meta(min_length=2)] | None,
+        Meta(description="Corners of a path."),
+    ] = None
+    area: Annotated[Rectangle | None, Meta(description="Two opposite corners of a rectangle.")] = (
+        None
+    )
+    east: Annotated[Weight, Meta(description="Weight of moves to the east, or closed.")] = None
+    south: Annotated[Weight, Meta(description="Weight of moves to the south, or closed.")] = None
+    west: Annotated[Weight, Meta(description="Weight of moves to the west, or closed.")] = None
+    north: Annotated[Weight, Meta(description="Weight of moves to the north, or closed.")] = None
+    there: Annotated[Weight, Meta(description="Weight of moves along the path, or closed.")] = None
+    back: Annotated[Weight, Meta(description="The same, back along the path.")] = None
+    wait: Wait = None
+
+    def __post_init__(self) -> None:
+        places = [key for key in STREET_PLACES if getattr(self, key) is not None]
+        if len(places) != 1:
+            raise ValueError("a street must have exactly one of at, row, column, path and area")
+        if self.columns is not None and self.row is None:
+            raise ValueError("columns limits a row; this street has none")
+        if self.rows is not None and self.column is None:
+            raise ValueError("rows limits a column; this street has none")
+        if (self.there is not None or self.back is not None) and self.path is None:
+            raise ValueError("there and back are directions of a path; this street has none")
+        if self.path is not None and any(getattr(self, way) is not None for way in DIRECTIONS):
+            raise ValueError("the directions of a path are there and back")
+        if all(getattr(self, way) is None for way in (*DIRECTIONS, "there", "back", "wait")):
+            raise ValueError("this street has no weight: set a direction, there, back or wait")
+
+
+STREET_PLACES: Final = ("at", "row", "column", "path", "area")
+
+Streets = Annotated[
+    StreetPlan | tuple[Street, ...],
+    Meta(description="Weights of moves, which guide robots, and closed moves."),
+]

@@ -27,7 +27,8 @@ from automaton.scenario.order_files import (
 )
 from automaton.scenario.order_lines import Day, plain_data
 from automaton.scenario.schema import Scenario, Units
-from automaton.scenario.streets import StreetWeights, streets_on, with_streets_of_file
+from automaton.scenario.street_files import with_streets_of_file
+from automaton.scenario.streets import StreetWeights, streets_on
 from automaton.scenario.table_fields import is_pattern
 from automaton.scenario.table_files import (
     names_of_cells,

@@ -13,7 +13,7 @@ from msgspec import Meta
 
 from automaton.errors import InputError
 from automaton.scenario.changing_floor import ChangingFloor as ChangingFloor
-from automaton.scenario.changing_floor import Locations
+from automaton.scenario.changing_floor import Locations, Streets
 from automaton.scenario.durations import Durations as Durations
 from automaton.scenario.durations import Handling as Handling
 from automaton.scenario.fleet import Area as Area
@@ -39,7 +39,6 @@ from automaton.scenario.quantities import ConfigSection as ConfigSection
 from automaton.scenario.quantities import Direction as Direction
 from automaton.scenario.quantities import NonEmptyText as NonEmptyText
 from automaton.scenario.quantities import SingleLine as SingleLine
-from automaton.scenario.streets import Streets
 from automaton.units import ticks_and_time, unit
 
 KindName = Literal[

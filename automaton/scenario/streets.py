@@ -5,163 +5,33 @@
     12,1,closed,,0.5,,2                 streets: [{row: 12, east: 0.5, west: closed}]
 
 A weight multiplies the cost of a move where a way is chosen, never the ticks of the move; `wait` is the
-weight of a tick of waiting. A file of guidance graphs (GGO) is told by its header: a line for each cell
-in reading order, whose x is the row and y the column; inf: no edge. Zhang et al., IJCAI 2024.
+weight of a tick of waiting.
 """
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
-import re
-from collections.abc import Iterator, Sequence
-from typing import Annotated, Any, Final, Literal
+from typing import Final
 
-import msgspec
 import numpy as np
-from msgspec import Meta
 from numpy.typing import NDArray
 
-from automaton.errors import InputError, InvalidValueError, Keys, nearest
+from automaton.errors import InputError, InvalidValueError, Keys
 from automaton.floor.floor_plan import DIRECTIONS, FloorPlan
-from automaton.scenario.changing_floor import Rectangle, cells_of_path, cells_of_set
-from automaton.scenario.document import Document
-from automaton.scenario.quantities import ConfigSection, NamedCell, NonEmptyText, Pair
-from automaton.scenario.table_reader import ReadFile, named_file, with_rows
-from automaton.scenario.text_files import content_hash, quoted, read_text
+from automaton.scenario.changing_floor import (
+    CLOSED_MOVE,
+    MOST_WEIGHT,
+    Street,
+    StreetPlan,
+    Streets,
+    cells_of_path,
+    cells_of_set,
+)
 
 STREETS: Final[Keys] = ("streets",)
 UNIT: Final = 100  # weights are multiples of 1 / UNIT
-LEAST_WEIGHT: Final = 0.01
-MOST_WEIGHT: Final = 10_000
-CLOSED: Final = "closed"
-COLUMNS: Final = ("x", "y", *DIRECTIONS, "wait")
-GGO_COLUMNS: Final = (
-    "id",
-    "type",
-    "x",
-    "y",
-    "weight_to_RIGHT",
-    "weight_to_UP",
-    "weight_to_LEFT",
-    "weight_to_DOWN",
-    "weight_for_WAIT",
-)
-GGO_DIRECTIONS: Final = (0, 3, 2, 1)  # right, up, left, down as directions
-GGO_WALLS: Final = "@T"
-
 Weights = NDArray[np.int32]
-
-Weight = (
-    Annotated[
-        float,
-        Meta(ge=LEAST_WEIGHT, le=MOST_WEIGHT, description="The weight of the moves."),
-    ]
-    | Literal["closed"]
-    | None
-)
-Wait = (
-    Annotated[float, Meta(ge=0, le=MOST_WEIGHT, description="The weight of a tick of waiting.")]
-    | None
-)
-Range = Pair | None
-
-
-class StreetPlan(ConfigSection, frozen=True, kw_only=True):
-    """Streets of a file or of a pattern."""
-
-    file: Annotated[
-        NonEmptyText | None,
-        Meta(
-            description="A CSV file with the columns x, y, east, south, west, north and wait, or one of "
-            "guidance graphs (GGO); path relative to the scenario."
-        ),
-    ] = None
-    preset: Annotated[
-        Literal["crisscross"] | None,
-        Meta(
-            description="crisscross: rows run east and west in turn, columns south and north; the first "
-            "row runs east, the first column north."
-        ),
-    ] = None
-    scale: Annotated[
-        Annotated[float, Meta(gt=0, le=MOST_WEIGHT)] | Literal["mean"],
-        Meta(description="A factor of all weights; mean: such that the mean weight of moves is 1."),
-    ] = 1.0
-    along: Annotated[
-        float, Meta(ge=LEAST_WEIGHT, le=MOST_WEIGHT, description="crisscross: along a street.")
-    ] = 0.5
-    against: Annotated[
-        Weight, Meta(description="crisscross: the weight of moves against a street, or closed.")
-    ] = 1.0
-    wait: Annotated[
-        float, Meta(ge=0, le=MOST_WEIGHT, description="crisscross: of a tick of waiting.")
-    ] = 1.0
-    phase: Annotated[
-        tuple[Annotated[int, Meta(ge=0, le=1)], Annotated[int, Meta(ge=0, le=1)]],
-        Meta(description="crisscross: 1 reverses the directions of the rows, of the columns."),
-    ] = (0, 0)
-
-    def __post_init__(self) -> None:
-        if (self.file is None) == (self.preset is None):
-            raise ValueError("streets must have exactly one of file and preset, or be a list")
-        own = [key for key in ("along", "against", "wait") if getattr(self, key) != DEFAULTS[key]]
-        if self.file is not None and (own or self.phase != (0, 0)):
-            key = own[0] if own else "phase"
-            raise ValueError(f"streets has {key}, which belongs to preset: crisscross")
-
-
-DEFAULTS: Final = {"along": 0.5, "against": 1.0, "wait": 1.0}
-
-
-class Street(ConfigSection, frozen=True, kw_only=True):
-    """Weights of a cell, a row, a column, a path or an area; later streets overwrite earlier ones."""
-
-    at: Annotated[NamedCell | None, Meta(description="A cell.")] = None
-    row: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The y of a row.")] = None
-    columns: Annotated[Range, Meta(description="The first and last column of a row.")] = None
-    column: Annotated[Annotated[int, Meta(ge=0)] | None, Meta(description="The x of a column.")] = (
-        None
-    )
-    rows: Annotated[Range, Meta(description="The first and last row of a column.")] = None
-    path: Annotated[
-        Annotated[tuple[NamedCell, ...], Meta(min_length=2)] | None,
-        Meta(description="Corners of a path."),
-    ] = None
-    area: Annotated[Rectangle | None, Meta(description="Two opposite corners of a rectangle.")] = (
-        None
-    )
-    east: Annotated[Weight, Meta(description="Weight of moves to the east, or closed.")] = None
-    south: Annotated[Weight, Meta(description="Weight of moves to the south, or closed.")] = None
-    west: Annotated[Weight, Meta(description="Weight of moves to the west, or closed.")] = None
-    north: Annotated[Weight, Meta(description="Weight of moves to the north, or closed.")] = None
-    there: Annotated[Weight, Meta(description="Weight of moves along the path, or closed.")] = None
-    back: Annotated[Weight, Meta(description="The same, back along the path.")] = None
-    wait: Wait = None
-
-    def __post_init__(self) -> None:
-        places = [key for key in PLACES if getattr(self, key) is not None]
-        if len(places) != 1:
-            raise ValueError("a street must have exactly one of at, row, column, path and area")
-        if self.columns is not None and self.row is None:
-            raise ValueError("columns limits a row; this street has none")
-        if self.rows is not None and self.column is None:
-            raise ValueError("rows limits a column; this street has none")
-        if (self.there is not None or self.back is not None) and self.path is None:
-            raise ValueError("there and back are directions of a path; this street has none")
-        if self.path is not None and any(getattr(self, way) is not None for way in DIRECTIONS):
-            raise ValueError("the directions of a path are there and back")
-        if all(getattr(self, way) is None for way in (*DIRECTIONS, "there", "back", "wait")):
-            raise ValueError("this street has no weight: set a direction, there, back or wait")
-
-
-PLACES: Final = ("at", "row", "column", "path", "area")
-
-Streets = Annotated[
-    StreetPlan | tuple[Street, ...],
-    Meta(description="Weights of moves, which guide robots, and closed moves."),
-]
 
 
 def hundredths(weight: float) -> int:
@@ -190,7 +60,7 @@ class StreetWeights:
         """Set the weight of a move, or close it; False if the floor has no such move."""
         if not self.is_closed and not self.exits[cell] >> direction & 1:
             return False
-        self.closed[cell, direction] = weight == CLOSED
+        self.closed[cell, direction] = weight == CLOSED_MOVE
         if isinstance(weight, str):
             self.closed_by[cell, direction] = keys
         else:
@@ -318,208 +188,3 @@ def enter_path(
                 raise InputError(
                     f"{name} goes {DIRECTIONS[way]} from [{x}, {y}], where no robot can move so"
                 )
-
-
-# Files of streets: they become a list in the scenario, so that recordings need no further file.
-
-
-def with_streets_of_file(
-    document: Document, streets: Streets | None, floor_plan: FloorPlan
-) -> tuple[Document, Streets | None, ReadFile | None]:
-    """The streets of a scenario, with those of its file as a list. Raises InputError."""
-    if not isinstance(streets, StreetPlan) or streets.file is None:
-        return document, streets, None
-    path = named_file(document, STREETS, "streets", streets.file)
-    text = read_text(path)
-    try:
-        listed, lines = streets_of_text(text, floor_plan, streets.scale)
-    except InputError as error:
-        raise error.at(str(path), error.line) from None
-    data = msgspec.to_builtins(listed)
-    entries = [{key: value for key, value in entry.items() if value is not None} for entry in data]
-    document = with_rows(document, STREETS, str(path), lines, streets=entries)
-    return document, listed, ReadFile(str(path.resolve()), content_hash(path))
-
-
-def streets_of_text(
-    text: str, floor_plan: FloorPlan, scale: float | Literal["mean"] = 1.0
-) -> tuple[tuple[Street, ...], list[int]]:
-    """The streets of a file, one for each cell, and their lines. Raises InputError with a line."""
-    rows = rows_of(text)
-    line, header = next(rows, (1, []))
-    if tuple(header) == GGO_COLUMNS:
-        entries = list(guidance_graph_cells(rows, floor_plan, line))
-    else:
-        entries = list(own_cells(rows, header, floor_plan, line))
-    if scale != 1.0:
-        entries = scaled(entries, floor_plan, scale)
-    return tuple(street for _, street in entries), [line for line, _ in entries]
-
-
-def rows_of(text: str) -> Iterator[tuple[int, list[str]]]:
-    """The rows of a file with commas, semicolons or tabs, without empty ones, and their lines."""
-    lines = text.removeprefix("\ufeff").splitlines()
-    first = next((line for line in lines if line.strip()), "")
-    separator = max(",;\t", key=first.count)
-    for number, line in enumerate(lines, 1):
-        if line.strip(f" {separator}"):
-            yield number, [part.strip() for part in next(csv.reader([line], delimiter=separator))]
-
-
-def own_cells(
-    rows: Iterator[tuple[int, list[str]]], header: list[str], floor_plan: FloorPlan, line: int
-) -> Iterator[tuple[int, Street]]:
-    """The streets of a file with the columns x, y and directions."""
-    names = [name.lower() for name in header]
-    for name in names:
-        if name not in COLUMNS:
-            raise InputError(
-                f"unknown column {quoted(name)}{nearest(name, COLUMNS)}; a file of streets has the "
-                f"columns {', '.join(COLUMNS)}",
-                line=line,
-            )
-    if "x" not in names or "y" not in names or len(set(names)) != len(names) or len(names) < 3:
-        raise InputError(
-            f"a file of streets needs the columns x, y and some of {', '.join(COLUMNS[2:])}, each once",
-            line=line,
-        )
-    seen: dict[tuple[int, int], int] = {}
-    for number, values in rows:
-        if len(values) > len(names):
-            raise InputError(f"{len(values)} values for {len(names)} columns", line=number)
-        given = dict(zip(names, values, strict=False))
-        x, y = (coordinate(given.get(name, ""), name, number) for name in ("x", "y"))
-        if (x, y) in seen:
-            raise InputError(
-                f"cell [{x}, {y}] appears twice, first in line {seen[x, y]}", line=number
-            )
-        seen[x, y] = number
-        check_cell(floor_plan, x, y, number)
-        exits = int(floor_plan.exits.flat[floor_plan.cell(x, y)])
-        weights: dict[str, Any] = {}
-        for name in COLUMNS[2:]:
-            if given.get(name):
-                weights[name] = weight_of(given[name], name, (x, y), number)
-                if name != "wait" and not exits >> DIRECTIONS.index(name) & 1:
-                    raise InputError(
-                        f"cell [{x}, {y}] has a weight to the {name}, where no robot can move",
-                        line=number,
-                    )
-        if weights:
-            yield number, Street(at=(x, y), **weights)
-
-
-def coordinate(text: str, name: str, line: int) -> int:
-    if not re.fullmatch("[0-9]{1,6}", text):
-        raise InputError(f"{name} is {quoted(text)}, not a whole number from 0", line=line)
-    return int(text)
-
-
-def check_cell(floor_plan: FloorPlan, x: int, y: int, line: int) -> None:
-    """Robots drive on the cell. Raises InputError."""
-    if not floor_plan.holds(x, y):
-        raise InputError(f"cell [{x}, {y}] is off the floor {floor_plan.extent}", line=line)
-    kind = floor_plan.kind_of(floor_plan.cell(x, y))
-    if not kind.drivable:
-        raise InputError(f"cell [{x}, {y}] is a {kind.name}, on which no robot drives", line=line)
-
-
-def weight_of(text: str, name: str, cell: tuple[int, int], line: int) -> float | str:
-    """The weight in a field of a cell. Raises InputError."""
-    if text.lower() == CLOSED and name != "wait":
-        return CLOSED
-    least = 0.0 if name == "wait" else LEAST_WEIGHT
-    try:
-        weight = float(text)
-    except ValueError:
-        weight = math.nan
-    if not least <= weight <= MOST_WEIGHT:
-        allowed = "0 to 10,000" if name == "wait" else "0.01 to 10,000 or closed"
-        x, y = cell
-        raise InputError(
-            f"cell [{x}, {y}] has {name} {quoted(text)}; a weight is {allowed}", line=line
-        )
-    return weight
-
-
-def guidance_graph_cells(
-    rows: Iterator[tuple[int, list[str]]], floor_plan: FloorPlan, line: int
-) -> Iterator[tuple[int, Street]]:
-    """The streets of a guidance graph (GGO): all cells in reading order, x: the row, y: the column."""
-    expected = 0
-    for line, values in rows:
-        if len(values) != len(GGO_COLUMNS):
-            raise InputError(
-                f"{len(values)} values for {len(GGO_COLUMNS)} columns of a guidance graph",
-                line=line,
-            )
-        y, x = coordinate(values[2], "x", line), coordinate(values[3], "y", line)
-        at = divmod(expected, floor_plan.width)
-        if (y, x) != at or not floor_plan.holds(x, y):
-            hint = ""
-            if (x, y) == at:
-                hint = "; in a guidance graph x is the row and y the column"
-            raise InputError(
-                f"the guidance graph has the cell of row {y}, column {x}, where the floor of "
-                f"{floor_plan.width} x {floor_plan.height} cells has row {at[0]}, column {at[1]}{hint}",
-                line=line,
-            )
-        expected += 1
-        cell = floor_plan.cell(x, y)
-        is_wall = not floor_plan.drivable.flat[cell]
-        if (values[1] in tuple(GGO_WALLS)) != is_wall:
-            kind = floor_plan.kind_of(cell).name
-            raise InputError(
-                f"cell [{x}, {y}] is of type {quoted(values[1])} in the guidance graph, and a {kind} on "
-                "this floor",
-                line=line,
-            )
-        if not is_wall:
-            yield line, graph_cell(values, floor_plan, (x, y), line)
-    if expected != floor_plan.width * floor_plan.height:
-        raise InputError(
-            f"the guidance graph has {expected} cells, this floor of {floor_plan.width} x "
-            f"{floor_plan.height} cells {floor_plan.width * floor_plan.height}",
-            line=line,
-        )
-
-
-def graph_cell(
-    values: Sequence[str], floor_plan: FloorPlan, at: tuple[int, int], line: int
-) -> Street:
-    """The street of a cell of a guidance graph; inf: closed, if the floor has the edge."""
-    exits = int(floor_plan.exits.flat[floor_plan.cell(*at)])
-    weights: dict[str, Any] = {"wait": weight_of(values[8], "wait", at, line)}
-    for column, direction in enumerate(GGO_DIRECTIONS, 4):
-        name, text = DIRECTIONS[direction], values[column]
-        is_edge = bool(exits >> direction & 1)
-        if text.lower() == "inf":
-            if is_edge:
-                weights[name] = CLOSED
-        elif not is_edge:
-            raise InputError(
-                f"cell [{at[0]}, {at[1]}] has a weight to the {name}, where no robot can move",
-                line=line,
-            )
-        else:
-            weights[name] = weight_of(text, name, at, line)
-    return Street(at=at, **weights)
-
-
-def scaled(
-    entries: list[tuple[int, Street]], floor_plan: FloorPlan, scale: float | str
-) -> list[tuple[int, Street]]:
-    """The streets of all cells, with scaled weights."""
-    weights = streets_on(floor_plan, tuple(street for _, street in entries))
-    weights.scale(scale)
-    lines = {street.at: line for line, street in entries}
-    found = []
-    for cell in np.flatnonzero(floor_plan.drivable).tolist():
-        at = floor_plan.xy(cell)
-        ways: dict[str, Any] = {"wait": weights.waits[cell] / UNIT}
-        for direction, way in enumerate(DIRECTIONS):
-            if weights.exits[cell] >> direction & 1:
-                weight = float(weights.moves[cell, direction]) / UNIT
-                ways[way] = CLOSED if weights.closed[cell, direction] else weight
-        found.append((lines.get(at, 1), Street(at=at, **ways)))
-    return found

@@ -14,7 +14,7 @@ from automaton.errors import InputError
 from automaton.recording.frames import resolved_of
 from automaton.recording.recording_reader import read_recording
 from automaton.runs.simulation import Simulation
-from automaton.scenario.streets import GGO_COLUMNS
+from automaton.scenario.street_files import GGO_COLUMNS
 from automaton.verification.verification import verify
 from automaton.world.resolve import branched, resolve
 from automaton.world.scenario_warnings import scenario_warnings

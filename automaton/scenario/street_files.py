@@ -1,0 +1,254 @@
+"""Files of streets: a table of cells, or a guidance graph of GGO, told by its header.
+
+    x,y,east,south,west,north,wait      id,type,x,y,weight_to_RIGHT,weight_to_UP,...
+    12,0,0.5,,1,,                       0,.,0,0,0.53,inf,inf,1.2,1
+    12,1,closed,,0.5,,2                 1,@,0,1,inf,inf,inf,inf,inf
+
+They become a list in the scenario, so that recordings need no further file. A guidance graph has a line
+for each cell in reading order; its x is the row and its y the column; inf: no edge. Zhang et al., IJCAI
+2024.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import re
+from collections.abc import Iterator, Sequence
+from typing import Any, Final, Literal
+
+import msgspec
+import numpy as np
+
+from automaton.errors import InputError, nearest
+from automaton.floor.floor_plan import DIRECTIONS, FloorPlan
+from automaton.scenario.changing_floor import (
+    CLOSED_MOVE,
+    LEAST_WEIGHT,
+    MOST_WEIGHT,
+    Street,
+    StreetPlan,
+    Streets,
+)
+from automaton.scenario.document import Document
+from automaton.scenario.streets import STREETS, UNIT, streets_on
+from automaton.scenario.table_reader import ReadFile, named_file, with_rows
+from automaton.scenario.text_files import content_hash, quoted, read_text
+
+STREET_COLUMNS: Final = ("x", "y", *DIRECTIONS, "wait")
+GGO_COLUMNS: Final = (
+    "id",
+    "type",
+    "x",
+    "y",
+    "weight_to_RIGHT",
+    "weight_to_UP",
+    "weight_to_LEFT",
+    "weight_to_DOWN",
+    "weight_for_WAIT",
+)
+GGO_DIRECTIONS: Final = (0, 3, 2, 1)  # right, up, left, down as directions
+GGO_WALLS: Final = "@T"
+
+
+def with_streets_of_file(
+    document: Document, streets: Streets | None, floor_plan: FloorPlan
+) -> tuple[Document, Streets | None, ReadFile | None]:
+    """The streets of a scenario, with those of its file as a list. Raises InputError."""
+    if not isinstance(streets, StreetPlan) or streets.file is None:
+        return document, streets, None
+    path = named_file(document, STREETS, "streets", streets.file)
+    text = read_text(path)
+    try:
+        listed, lines = streets_of_text(text, floor_plan, streets.scale)
+    except InputError as error:
+        raise error.at(str(path), error.line) from None
+    data = msgspec.to_builtins(listed)
+    entries = [{key: value for key, value in entry.items() if value is not None} for entry in data]
+    document = with_rows(document, STREETS, str(path), lines, streets=entries)
+    return document, listed, ReadFile(str(path.resolve()), content_hash(path))
+
+
+def streets_of_text(
+    text: str, floor_plan: FloorPlan, scale: float | Literal["mean"] = 1.0
+) -> tuple[tuple[Street, ...], list[int]]:
+    """The streets of a file, one for each cell, and their lines. Raises InputError with a line."""
+    rows = rows_of(text)
+    line, header = next(rows, (1, []))
+    if tuple(header) == GGO_COLUMNS:
+        entries = list(guidance_graph_cells(rows, floor_plan, line))
+    else:
+        entries = list(own_cells(rows, header, floor_plan, line))
+    if scale != 1.0:
+        entries = scaled(entries, floor_plan, scale)
+    return tuple(street for _, street in entries), [line for line, _ in entries]
+
+
+def rows_of(text: str) -> Iterator[tuple[int, list[str]]]:
+    """The rows of a file with commas, semicolons or tabs, without empty ones, and their lines."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    first = next((line for line in lines if line.strip()), "")
+    separator = max(",;\t", key=first.count)
+    for number, line in enumerate(lines, 1):
+        if line.strip(f" {separator}"):
+            yield number, [part.strip() for part in next(csv.reader([line], delimiter=separator))]
+
+
+def own_cells(
+    rows: Iterator[tuple[int, list[str]]], header: list[str], floor_plan: FloorPlan, line: int
+) -> Iterator[tuple[int, Street]]:
+    """The streets of a file with the columns x, y and directions."""
+    names = [name.lower() for name in header]
+    for name in names:
+        if name not in STREET_COLUMNS:
+            raise InputError(
+                f"unknown column {quoted(name)}{nearest(name, STREET_COLUMNS)}; a file of streets has "
+                f"the columns {', '.join(STREET_COLUMNS)}",
+                line=line,
+            )
+    if "x" not in names or "y" not in names or len(set(names)) != len(names) or len(names) < 3:
+        raise InputError(
+            "a file of streets needs the columns x, y and some of "
+            f"{', '.join(STREET_COLUMNS[2:])}, each once",
+            line=line,
+        )
+    seen: dict[tuple[int, int], int] = {}
+    for number, values in rows:
+        if len(values) > len(names):
+            raise InputError(f"{len(values)} values for {len(names)} columns", line=number)
+        given = dict(zip(names, values, strict=False))
+        x, y = (coordinate(given.get(name, ""), name, number) for name in ("x", "y"))
+        if (x, y) in seen:
+            raise InputError(
+                f"cell [{x}, {y}] appears twice, first in line {seen[x, y]}", line=number
+            )
+        seen[x, y] = number
+        check_cell(floor_plan, x, y, number)
+        exits = int(floor_plan.exits.flat[floor_plan.cell(x, y)])
+        weights: dict[str, Any] = {}
+        for name in STREET_COLUMNS[2:]:
+            if given.get(name):
+                weights[name] = weight_of(given[name], name, (x, y), number)
+                if name != "wait" and not exits >> DIRECTIONS.index(name) & 1:
+                    raise InputError(
+                        f"cell [{x}, {y}] has a weight to the {name}, where no robot can move",
+                        line=number,
+                    )
+        if weights:
+            yield number, Street(at=(x, y), **weights)
+
+
+def coordinate(text: str, name: str, line: int) -> int:
+    if not re.fullmatch("[0-9]{1,6}", text):
+        raise InputError(f"{name} is {quoted(text)}, not a whole number from 0", line=line)
+    return int(text)
+
+
+def check_cell(floor_plan: FloorPlan, x: int, y: int, line: int) -> None:
+    """Robots drive on the cell. Raises InputError."""
+    if not floor_plan.holds(x, y):
+        raise InputError(f"cell [{x}, {y}] is off the floor {floor_plan.extent}", line=line)
+    kind = floor_plan.kind_of(floor_plan.cell(x, y))
+    if not kind.drivable:
+        raise InputError(f"cell [{x}, {y}] is a {kind.name}, on which no robot drives", line=line)
+
+
+def weight_of(text: str, name: str, cell: tuple[int, int], line: int) -> float | str:
+    """The weight in a field of a cell. Raises InputError."""
+    if text.lower() == CLOSED_MOVE and name != "wait":
+        return CLOSED_MOVE
+    least = 0.0 if name == "wait" else LEAST_WEIGHT
+    try:
+        weight = float(text)
+    except ValueError:
+        weight = math.nan
+    if not least <= weight <= MOST_WEIGHT:
+        allowed = "0 to 10,000" if name == "wait" else "0.01 to 10,000 or closed"
+        x, y = cell
+        raise InputError(
+            f"cell [{x}, {y}] has {name} {quoted(text)}; a weight is {allowed}", line=line
+        )
+    return weight
+
+
+def guidance_graph_cells(
+    rows: Iterator[tuple[int, list[str]]], floor_plan: FloorPlan, line: int
+) -> Iterator[tuple[int, Street]]:
+    """The streets of a guidance graph (GGO): all cells in reading order, x: the row, y: the column."""
+    expected = 0
+    for line, values in rows:
+        if len(values) != len(GGO_COLUMNS):
+            raise InputError(
+                f"{len(values)} values for {len(GGO_COLUMNS)} columns of a guidance graph",
+                line=line,
+            )
+        y, x = coordinate(values[2], "x", line), coordinate(values[3], "y", line)
+        at = divmod(expected, floor_plan.width)
+        if (y, x) != at or not floor_plan.holds(x, y):
+            hint = ""
+            if (x, y) == at:
+                hint = "; in a guidance graph x is the row and y the column"
+            raise InputError(
+                f"the guidance graph has the cell of row {y}, column {x}, where the floor of "
+                f"{floor_plan.width} x {floor_plan.height} cells has row {at[0]}, column {at[1]}{hint}",
+                line=line,
+            )
+        expected += 1
+        cell = floor_plan.cell(x, y)
+        is_wall = not floor_plan.drivable.flat[cell]
+        if (values[1] in tuple(GGO_WALLS)) != is_wall:
+            kind = floor_plan.kind_of(cell).name
+            raise InputError(
+                f"cell [{x}, {y}] is of type {quoted(values[1])} in the guidance graph, and a {kind} on "
+                "this floor",
+                line=line,
+            )
+        if not is_wall:
+            yield line, graph_cell(values, floor_plan, (x, y), line)
+    if expected != floor_plan.width * floor_plan.height:
+        raise InputError(
+            f"the guidance graph has {expected} cells, this floor of {floor_plan.width} x "
+            f"{floor_plan.height} cells {floor_plan.width * floor_plan.height}",
+            line=line,
+        )
+
+
+def graph_cell(
+    values: Sequence[str], floor_plan: FloorPlan, at: tuple[int, int], line: int
+) -> Street:
+    """The street of a cell of a guidance graph; inf: closed, if the floor has the edge."""
+    exits = int(floor_plan.exits.flat[floor_plan.cell(*at)])
+    weights: dict[str, Any] = {"wait": weight_of(values[8], "wait", at, line)}
+    for column, direction in enumerate(GGO_DIRECTIONS, 4):
+        name, text = DIRECTIONS[direction], values[column]
+        is_edge = bool(exits >> direction & 1)
+        if text.lower() == "inf":
+            if is_edge:
+                weights[name] = CLOSED_MOVE
+        elif not is_edge:
+            raise InputError(
+                f"cell [{at[0]}, {at[1]}] has a weight to the {name}, where no robot can move",
+                line=line,
+            )
+        else:
+            weights[name] = weight_of(text, name, at, line)
+    return Street(at=at, **weights)
+
+
+def scaled(
+    entries: list[tuple[int, Street]], floor_plan: FloorPlan, scale: float | str
+) -> list[tuple[int, Street]]:
+    """The streets of all cells, with scaled weights."""
+    weights = streets_on(floor_plan, tuple(street for _, street in entries))
+    weights.scale(scale)
+    lines = {street.at: line for line, street in entries}
+    found = []
+    for cell in np.flatnonzero(floor_plan.drivable).tolist():
+        at = floor_plan.xy(cell)
+        ways: dict[str, Any] = {"wait": weights.waits[cell] / UNIT}
+        for direction, way in enumerate(DIRECTIONS):
+            if weights.exits[cell] >> direction & 1:
+                weight = float(weights.moves[cell, direction]) / UNIT
+                ways[way] = CLOSED_MOVE if weights.closed[cell, direction] else weight
+        found.append((lines.get(at, 1), Street(at=at, **ways)))
+    return found

@@ -213,7 +213,7 @@ def _type_at(expected: Any, inner: Keys) -> Any:
                 fields = {field.encode_name: field.type for field in option.fields}
                 following = fields.get(str(key), following)
             elif isinstance(option, inspect.VarTupleType | inspect.ListType):
-                following = option.item_type
+                following = option.item_type if isinstance(key, int) else following
             elif isinstance(option, inspect.DictType):
                 following = option.value_type
             elif isinstance(option, inspect.TupleType) and isinstance(key, int):

@@ -28,9 +28,13 @@ from automaton.exchange.imported_floor import (
     ImportedFloor,
     ImportOptions,
     ImportReport,
+    NamedTable,
     check_size,
+    check_values,
+    tasks_text,
 )
-from automaton.exchange.problem_files import CELLS_PER_ROBOT, MAX_TASKS
+from automaton.exchange.problem import GridMap
+from automaton.exchange.problem_files import random_problem
 from automaton.scenario.streets import COLUMNS, LEAST_WEIGHT, MOST_WEIGHT, UNIT, hundredths
 from automaton.scenario.text_files import quoted, read_text
 from automaton.strategy.lookup import IMPORTED, STEERED, default_for
@@ -40,7 +44,6 @@ STATION_MARK: Final = "w"
 SYMBOL_OF: Final = {".": FREE, "e": FREE, STATION_MARK: "t", "@": WALL, "T": WALL}
 EDGES: Final = (("east", 0, 1), ("north", -1, 0), ("west", 0, -1), ("south", 1, 0))  # row, column
 DEFAULT_TICKS: Final = 1000
-OPEN_PER_2_ROBOTS: Final = 3
 
 Weights = NDArray[np.float64]
 
@@ -62,38 +65,38 @@ def read_guidance_graph(path: Path, options: ImportOptions) -> ImportedFloor:
     _check_layout(graph, file)
     symbols = np.array([[SYMBOL_OF[mark] for mark in row] for row in graph.layout])
     free = symbols != WALL
-    cells = int(free.sum())
-    robots = options.robots or max(1, cells // CELLS_PER_ROBOT)
-    if cells < 2:
-        raise InputError(f"the floor has {count(cells, 'free cell')}; at least 2 are needed", file)
-    if robots > cells:
-        raise InputError(f"--robots {robots}, but the floor has {cells:,} free cells", file)
+    if not free.any():
+        raise InputError("the layout has no free cell", file)
+    problem = random_problem(path.stem[:200], GridMap(file, free), options.robots)
     ticks = options.ticks or DEFAULT_TICKS
     streets, facts = streets_of(graph, free, file)
     picture = "".join("".join(row) + "\n" for row in symbols.tolist())
-    size = f"{count(robots, 'robot')} on {graph.n_col} x {graph.n_row} cells"
+    starts = [[cell % graph.n_col, cell // graph.n_col] for cell in problem.starts.tolist()]
+    size = f"{count(problem.robots, 'robot')} on {graph.n_col} x {graph.n_row} cells"
     sections = {
-        "name": path.stem[:200],
+        "name": problem.name,
         "summary": f"{size}, imported.",
-        "fleet": {"robots": robots, "kinematics": "omni", "start": "random"},
+        "fleet": {"robots": problem.robots, "kinematics": "omni", "start": starts},
         "durations": {"move": 1},
-        "orders": {
-            "generator": "tours",
-            "count": min(robots * ticks, MAX_TASKS),  # a robot delivers at most one in a tick
-            "arrivals": {"closed_loop": {"in_system": robots * OPEN_PER_2_ROBOTS // 2 or 1}},
-        },
+        "orders": {"repeat": True, "assign": "round-robin"},
         "strategy": {
             "allocation": default_for("allocation", IMPORTED),
             "routing": ROUTING,
             "right_of_way": default_for("right_of_way", STEERED),
         },
-        "stop": {"when": "delivered", "max_duration": ticks},
+        "stop": {"when": "never", "max_duration": ticks},
         "seed": 1,
     }
+    check_values(sections, file)
     known: dict[str, str | int | float] = {"columns": graph.n_col, "rows": graph.n_row}
-    known |= {"floor": cells, "stations": int((symbols == SYMBOL_OF[STATION_MARK]).sum())}
-    report = ImportReport(FILE_KINDS[GUIDANCE], known | {"robots": robots} | facts, picture=picture)
-    return ImportedFloor(picture, {}, sections, report, streets=streets)
+    known |= {"floor": int(free.sum()), "stations": int((symbols == SYMBOL_OF[STATION_MARK]).sum())}
+    report = ImportReport(
+        FILE_KINDS[GUIDANCE], known | {"robots": problem.robots} | facts, picture=picture
+    )
+    tables = [NamedTable("orders", "tasks", ".tasks", tasks_text(problem))]
+    if streets:
+        tables.append(NamedTable("streets", "file", "-streets.csv", streets))
+    return ImportedFloor(picture, {}, sections, report, tables=tuple(tables))
 
 
 def _decoded(path: Path) -> GuidanceGraph:

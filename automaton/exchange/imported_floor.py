@@ -357,6 +357,15 @@ class ImportOptions:
     unknown: str = "wall"  # meaning of unknown area: wall or free
 
 
+class NamedTable(NamedTuple):
+    """A file beside the scenario, which a key of a section names."""
+
+    section: str
+    key: str
+    ending: str  # of its name, after the stem
+    text: str
+
+
 @dataclass(frozen=True)
 class ImportedFloor:
     """A floor that was read; `sections`: the scenario without the layout."""
@@ -367,22 +376,23 @@ class ImportedFloor:
     report: ImportReport
     locations: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # name: (x, y)
     comments: tuple[str, ...] = field(default=())  # comments at the top of the scenario
-    streets: str = ""  # file of weights
+    tables: tuple[NamedTable, ...] = ()
 
     def files(self, stem: str, floor: str | None = None) -> dict[str, str]:
         """Return the texts of the files, STEM.yaml last; `floor`: the file for the picture."""
         out, named = {}, {name: list(cell) for name, cell in self.locations.items()}
         lines = [f"# {text}" for text in self.comments]
-        for key, value in self.sections.items():
+        sections = dict(self.sections)
+        for section, key, ending, text in self.tables:
+            out[f"{stem}{ending}"] = text
+            sections[section] = {key: f"{stem}{ending}", **sections.get(section, {})}
+        for key, value in sections.items():
             lines += section_lines(key, value)
         if len(named) > MAX_INLINE:
             out[f"{stem}-locations.csv"] = locations_text(named)
             lines.append(f"locations: {flow(f'{stem}-locations.csv')}")
         elif named:
             lines += ["locations:", *(f"  {flow(key)}: {cell}" for key, cell in named.items())]
-        if self.streets:
-            out[f"{stem}-streets.csv"] = self.streets
-            lines.append(f"streets: {flow({'file': f'{stem}-streets.csv'})}")
         lines.append("layout:")
         if self.legend:
             lines.append("  legend:")

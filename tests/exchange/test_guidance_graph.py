@@ -50,6 +50,7 @@ def test_weights_come_east_north_west_south_after_those_of_waiting(tmp_path: Pat
     scenario = yaml.safe_load(out.read_text())
     assert scenario["layout"]["picture"] == "t.#\n#..\n"
     assert scenario["streets"] == {"file": "floor-streets.csv"}
+    assert scenario["orders"] == {"tasks": "floor.tasks", "repeat": True, "assign": "round-robin"}
     floor = resolve(str(out)).floor_plan
     cell = floor.cell(1, 0)
     assert floor.move_weights[cell].tolist() == [100, 457, 300, 100]
@@ -73,7 +74,7 @@ def test_a_graph_without_weights_of_waiting_or_without_any(tmp_path: Path) -> No
         ({"layout": ["we@", "Tx."]}, "cell [1, 1] is 'x'; known are . e w @ T"),
         ({"layout": ["we@"]}, "n_row is 2, but layout has 1 rows"),
         ({"layout": ["we@", "T."]}, "n_col is 3, but row 1 has 2 cells"),
-        ({"layout": ["@@@", "@.@"]}, "the floor has 1 free cell; at least 2 are needed"),
+        ({"layout": ["@@@", "@@@"]}, "the layout has no free cell"),
         ({"layout": ["@@@", "@.."], "n_row": None}, "is not a guidance graph: Expected `int`"),
     ],
 )
@@ -94,7 +95,7 @@ def test_more_robots_than_cells_are_refused(
     (tmp_path / "g.json").write_text(json.dumps(GRAPH))
     command = ["import", str(tmp_path / "g.json"), "--out", str(tmp_path / "a.yaml")]
     assert main([*command, "--robots", "5"]) == 2
-    assert "--robots 5, but the floor has 4 free cells" in capsys.readouterr().err
+    assert "--robots 5, but the largest part of the map has 4 free cells" in capsys.readouterr().err
 
 
 @settings(max_examples=15, deadline=None)

@@ -186,5 +186,5 @@ def streets_text(moves: Weights, waits: Weights, at: list[tuple[int, int]]) -> s
 
 def _field(weight: float) -> str:
     """A weight, rounded as streets are; nothing for 1."""
-    whole = hundredths(weight)
-    return "" if whole == UNIT else f"{whole / UNIT:.10g}"
+    units = hundredths(weight)
+    return "" if units == UNIT else f"{units / UNIT:.10g}"

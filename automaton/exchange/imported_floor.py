@@ -117,7 +117,7 @@ def read_bytes(path: Path, most: int = MAX_FLOOR_FILE_BYTES, cut: bool = False) 
 
 
 def _top_keys(path: Path, head: bytes) -> set[str]:
-    """Return the keys of a JSON object; if it is broken, those that tell its kind."""
+    """Return the keys of a JSON object; if it is broken, those of a kind of file."""
     content = head if len(head) < HEAD_BYTES else read_bytes(path)
     try:
         data: dict[str, Any] = msgspec.json.decode(content, type=dict[str, msgspec.Raw])

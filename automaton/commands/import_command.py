@@ -1,8 +1,8 @@
 """Import a layout or benchmark from another tool: write a scenario with its floor, robots and tasks.
 
-FILE is a layout (VDMA LIF, openTCS, a ROS map), a MovingAI map or scenario, a problem of the League of
-Robot Runners, or a folder with map.txt, agents_K.csv and tasks_one.csv. The kind is detected from the
-content.
+FILE is a layout (VDMA LIF, openTCS, a ROS map), a guidance graph (GGO), a MovingAI map or scenario, a
+problem of the League of Robot Runners, or a folder with map.txt, agents_K.csv and tasks_one.csv. The
+kind is detected from the content.
 
 Exit code 0: done; 1: an edge would be too inaccurate, nothing is written; 2: bad input.
 """

@@ -9,9 +9,11 @@ from typing import Final, NamedTuple
 
 from automaton.errors import InputError
 from automaton.exchange.graphs.import_graph import import_lif, import_opentcs
+from automaton.exchange.guidance_graph import read_guidance_graph
 from automaton.exchange.image_floor import read_image_floor
 from automaton.exchange.imported_floor import (
     FILE_KINDS,
+    GUIDANCE,
     LIF,
     OPENTCS,
     ROS,
@@ -33,6 +35,7 @@ FLOOR_READERS: Final[dict[str, FloorReader]] = {
     LIF: FloorReader(import_lif, OF_GRAPHS | {"layout", "type"}),
     OPENTCS: FloorReader(import_opentcs, OF_GRAPHS),
     ROS: FloorReader(read_image_floor, frozenset(("cell", "tick", "speed", "robot", "unknown"))),
+    GUIDANCE: FloorReader(read_guidance_graph, frozenset()),
 }
 
 

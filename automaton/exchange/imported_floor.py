@@ -39,6 +39,7 @@ LEAGUE: Final = "league"
 LIF: Final = "lif"
 OPENTCS: Final = "opentcs"
 ROS: Final = "ros"
+GUIDANCE: Final = "guidance"
 
 FILE_KINDS: Final = {  # kind: its name
     LIF: "VDMA LIF",
@@ -47,6 +48,7 @@ FILE_KINDS: Final = {  # kind: its name
     MAP: "MovingAI map",
     SCEN: "MovingAI scenario",
     LEAGUE: "problem of the League of Robot Runners",
+    GUIDANCE: "guidance graph (GGO)",
 }
 BEGINNINGS: Final = (  # kind, and a pattern of its first lines
     (MAP, re.compile(rb"\s*type\s+\w+\s")),
@@ -63,6 +65,7 @@ KIND_OF_SUFFIX: Final = {
     **{".yaml": ROS, ".yml": ROS},
 }
 LIF_KEYS: Final = frozenset(("layouts", "origins", "metaInformation"))
+GUIDANCE_KEYS: Final = frozenset(("layout", "n_row", "n_col"))
 BYTE_ORDER_MARK: Final = b"\xef\xbb\xbf"
 
 MAX_PICTURE: Final = (200, 120)  # largest floor that a terminal shows, in columns and rows
@@ -88,7 +91,8 @@ def kind_of(path: Path) -> str:
         if beginning.match(head):
             return kind
     if head.lstrip().startswith(b"{"):
-        return LIF if LIF_KEYS & _top_keys(path, head) else LEAGUE
+        keys = _top_keys(path, head)
+        return LIF if LIF_KEYS & keys else GUIDANCE if GUIDANCE_KEYS & keys else LEAGUE
     kind = KIND_OF_SUFFIX.get(path.suffix.lower(), "")
     if not kind:
         known = ", ".join(FILE_KINDS.values())
@@ -113,12 +117,12 @@ def read_bytes(path: Path, most: int = MAX_FLOOR_FILE_BYTES, cut: bool = False) 
 
 
 def _top_keys(path: Path, head: bytes) -> set[str]:
-    """Return the keys of a JSON object; if it is broken, the keys of LIF at its beginning."""
+    """Return the keys of a JSON object; if it is broken, those of a kind of file."""
     content = head if len(head) < HEAD_BYTES else read_bytes(path)
     try:
         data: dict[str, Any] = msgspec.json.decode(content, type=dict[str, msgspec.Raw])
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError):
-        return {key for key in LIF_KEYS if f'"{key}"'.encode() in head}
+        return {key for key in LIF_KEYS | GUIDANCE_KEYS if f'"{key}"'.encode() in head}
     return set(data)
 
 
@@ -355,6 +359,15 @@ class ImportOptions:
     unknown: str = "wall"  # meaning of unknown area: wall or free
 
 
+class NamedTable(NamedTuple):
+    """A file beside the scenario, which a key of a section names."""
+
+    section: str
+    key: str
+    ending: str  # of its name, after the stem
+    text: str
+
+
 @dataclass(frozen=True)
 class ImportedFloor:
     """A floor that was read; `sections`: the scenario without the layout."""
@@ -365,12 +378,17 @@ class ImportedFloor:
     report: ImportReport
     locations: Mapping[str, tuple[int, int]] = field(default_factory=dict)  # name: (x, y)
     comments: tuple[str, ...] = field(default=())  # comments at the top of the scenario
+    tables: tuple[NamedTable, ...] = ()
 
     def files(self, stem: str, floor: str | None = None) -> dict[str, str]:
         """Return the texts of the files, STEM.yaml last; `floor`: the file for the picture."""
         out, named = {}, {name: list(cell) for name, cell in self.locations.items()}
         lines = [f"# {text}" for text in self.comments]
-        for key, value in self.sections.items():
+        sections = dict(self.sections)
+        for section, key, ending, text in self.tables:
+            out[f"{stem}{ending}"] = text
+            sections[section] = {key: f"{stem}{ending}", **sections.get(section, {})}
+        for key, value in sections.items():
             lines += section_lines(key, value)
         if len(named) > MAX_INLINE:
             out[f"{stem}-locations.csv"] = locations_text(named)

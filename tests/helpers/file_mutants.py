@@ -168,6 +168,8 @@ def exchange_cases() -> Iterator[Case]:
         command = tuple(source if word == "SOURCE" else word for word in first) + options
         return Case(f"import {source}", files, tuple(files), (command, *rest), 2.0)
 
+    graph = {"layout": ["w.e", ".@."], "n_row": 2, "n_col": 3, "weights": [0.5, 2.0] * 4}
+    yield case("graph.json", {"graph.json": json.dumps(graph).encode()})
     for name in ("site-1.lif", "site-2.lif", "site-opentcs.xml"):
         yield case(name, {name: (LAYOUTS / name).read_bytes()})
     league = {name: text.encode() for name, text in LEAGUE.items()}

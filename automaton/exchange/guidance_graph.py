@@ -1,0 +1,192 @@
+"""Import a guidance graph (GGO): its floor, and the weights of its edges as streets.
+
+    {"layout": ["w.e@", ...], "n_row": 33, "n_col": 36, "weights": [1.0, 0.5, ...]}
+
+'.' is floor, '@' and 'T' wall, 'w' a station, 'e' floor beside a shelf. `weights` has the weights of
+waiting of all free cells in reading order (optional), then the weights of the edges of each free cell:
+east, north, west, south, without those into walls. Zhang et al., IJCAI 2024.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from pathlib import Path
+from typing import Any, Final
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from automaton.errors import InputError
+from automaton.exchange.imported_floor import (
+    FILE_KINDS,
+    FREE,
+    GUIDANCE,
+    ROUTING,
+    WALL,
+    ImportedFloor,
+    ImportOptions,
+    ImportReport,
+    NamedTable,
+    check_size,
+    check_values,
+    tasks_text,
+)
+from automaton.exchange.problem import GridMap
+from automaton.exchange.problem_files import random_problem
+from automaton.scenario.changing_floor import LEAST_WEIGHT, MOST_WEIGHT
+from automaton.scenario.street_files import STREET_COLUMNS
+from automaton.scenario.streets import UNIT, hundredths
+from automaton.scenario.text_files import quoted, read_text
+from automaton.strategy.lookup import IMPORTED, STEERED, default_for
+from automaton.units import count
+
+STATION_MARK: Final = "w"
+SYMBOL_OF: Final = {".": FREE, "e": FREE, STATION_MARK: "t", "@": WALL, "T": WALL}
+EDGES: Final = (("east", 0, 1), ("north", -1, 0), ("west", 0, -1), ("south", 1, 0))  # row, column
+DEFAULT_TICKS: Final = 1000
+
+Weights = NDArray[np.float64]
+
+
+class GuidanceGraph(msgspec.Struct, frozen=True):
+    """The keys of a file that are read."""
+
+    layout: list[str]
+    n_row: int
+    n_col: int
+    weights: list[float] = []
+
+
+def read_guidance_graph(path: Path, options: ImportOptions) -> ImportedFloor:
+    """Read a guidance graph as a floor with streets. Raises InputError."""
+    file = str(path)
+    graph = _decoded(path)
+    check_size(graph.n_col, graph.n_row, file, "use a smaller floor")
+    _check_layout(graph, file)
+    symbols = np.array([[SYMBOL_OF[mark] for mark in row] for row in graph.layout])
+    free = symbols != WALL
+    if not free.any():
+        raise InputError("the layout has no free cell", file)
+    problem = random_problem(path.stem[:200], GridMap(file, free), options.robots)
+    ticks = options.ticks or DEFAULT_TICKS
+    streets, facts = streets_of(graph, free, file)
+    picture = "".join("".join(row) + "\n" for row in symbols.tolist())
+    starts = [[cell % graph.n_col, cell // graph.n_col] for cell in problem.starts.tolist()]
+    size = f"{count(problem.robots, 'robot')} on {graph.n_col} x {graph.n_row} cells"
+    sections = {
+        "name": problem.name,
+        "summary": f"{size}, imported.",
+        "fleet": {"robots": problem.robots, "kinematics": "omni", "start": starts},
+        "durations": {"move": 1},
+        "orders": {"repeat": True, "assign": "round-robin"},
+        "strategy": {
+            "allocation": default_for("allocation", IMPORTED),
+            "routing": ROUTING,
+            "right_of_way": default_for("right_of_way", STEERED),
+        },
+        "stop": {"when": "never", "max_duration": ticks},
+        "seed": 1,
+    }
+    check_values(sections, file)
+    known: dict[str, str | int | float] = {"columns": graph.n_col, "rows": graph.n_row}
+    known |= {"floor": int(free.sum()), "stations": int((symbols == SYMBOL_OF[STATION_MARK]).sum())}
+    report = ImportReport(
+        FILE_KINDS[GUIDANCE], known | {"robots": problem.robots} | facts, picture=picture
+    )
+    tables = [NamedTable("orders", "tasks", ".tasks", tasks_text(problem))]
+    if streets:
+        tables.append(NamedTable("streets", "file", "-streets.csv", streets))
+    return ImportedFloor(picture, {}, sections, report, tables=tuple(tables))
+
+
+def _decoded(path: Path) -> GuidanceGraph:
+    """The file. Raises InputError."""
+    try:
+        return msgspec.json.decode(read_text(path), type=GuidanceGraph)
+    except (msgspec.MsgspecError, RecursionError) as error:
+        raise InputError(f"is not a guidance graph: {error}", str(path)) from None
+
+
+def _check_layout(graph: GuidanceGraph, file: str) -> None:
+    """Raises InputError for a layout of another size, or with unknown marks."""
+    if len(graph.layout) != graph.n_row or min(graph.n_row, graph.n_col) < 1:
+        raise InputError(f"n_row is {graph.n_row}, but layout has {len(graph.layout)} rows", file)
+    for y, row in enumerate(graph.layout):
+        if len(row) != graph.n_col:
+            raise InputError(f"n_col is {graph.n_col}, but row {y} has {len(row)} cells", file)
+        unknown = next((x for x, mark in enumerate(row) if mark not in SYMBOL_OF), None)
+        if unknown is not None:
+            raise InputError(
+                f"cell [{unknown}, {y}] is {quoted(row[unknown])}; known are {' '.join(SYMBOL_OF)}",
+                file,
+            )
+
+
+def streets_of(
+    graph: GuidanceGraph, free: NDArray[np.bool_], file: str
+) -> tuple[str, dict[str, float]]:
+    """The streets as CSV ("": all weights are 1), and facts on them. Raises InputError."""
+    inner = np.pad(free, 1)
+    height, width = free.shape
+    edges = np.stack(  # (free cells, 4) in the order of the file
+        [
+            inner[1 + row : 1 + row + height, 1 + column : 1 + column + width][free]
+            for _, row, column in EDGES
+        ],
+        axis=1,
+    )
+    cells, listed = len(edges), int(edges.sum())
+    if len(graph.weights) not in (0, listed, cells + listed):
+        raise InputError(
+            f"weights has {len(graph.weights):,} values; this layout needs {listed:,} for its edges, or "
+            f"{cells + listed:,} with those of waiting",
+            file,
+        )
+    moves, waits = np.ones((cells, len(EDGES))), np.ones(cells)
+    if graph.weights:
+        moves[edges] = graph.weights[-listed:] if listed else []
+        if len(graph.weights) > listed:
+            waits[:] = graph.weights[:cells]
+    at = [(int(x), int(y)) for y, x in np.argwhere(free)]
+    _check_weights(moves, LEAST_WEIGHT, at, file)
+    _check_weights(waits, 0.0, at, file)
+    text = streets_text(moves, waits, at)
+    if not text:
+        return "", {}
+    mean = float(moves[edges].mean()) if listed else 1.0
+    return text, {"weighted_cells": text.count("\n") - 1, "mean_weight": round(mean, 4)}
+
+
+def _check_weights(weights: Weights, least: float, at: list[tuple[int, int]], file: str) -> None:
+    """Raises InputError for the first weight that is out of range."""
+    wrong = np.argwhere(~((weights >= least) & (weights <= MOST_WEIGHT)))
+    if len(wrong):
+        place = tuple(wrong[0].tolist())
+        x, y = at[place[0]]
+        name = EDGES[place[1]][0] if len(place) > 1 else "wait"
+        raise InputError(
+            f"cell [{x}, {y}] has {name} {weights[place]:g}; a weight is {least:g} to "
+            f"{MOST_WEIGHT:,}",
+            file,
+        )
+
+
+def streets_text(moves: Weights, waits: Weights, at: list[tuple[int, int]]) -> str:
+    """A file of streets with a line for each cell that has weights other than 1; "" for none."""
+    names = [name for name, _, _ in EDGES]
+    rows: list[tuple[Any, ...]] = []
+    for cell, of_moves, wait in zip(at, moves.tolist(), waits.tolist(), strict=True):
+        fields = {**dict(zip(names, map(_field, of_moves), strict=True)), "wait": _field(wait)}
+        if any(fields.values()):
+            rows.append((*cell, *(fields[name] for name in STREET_COLUMNS[2:])))
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows([STREET_COLUMNS, *rows] if rows else [])
+    return out.getvalue()
+
+
+def _field(weight: float) -> str:
+    """A weight, rounded as streets are; nothing for 1."""
+    units = hundredths(weight)
+    return "" if units == UNIT else f"{units / UNIT:.10g}"

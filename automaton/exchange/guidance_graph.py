@@ -9,10 +9,8 @@ east, north, west, south, without those into walls. Zhang et al., IJCAI 2024.
 
 from __future__ import annotations
 
-import csv
-import io
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 import msgspec
 import numpy as np
@@ -35,9 +33,7 @@ from automaton.exchange.imported_floor import (
 )
 from automaton.exchange.problem import GridMap
 from automaton.exchange.problem_files import random_problem
-from automaton.scenario.changing_floor import LEAST_WEIGHT, MOST_WEIGHT
-from automaton.scenario.street_files import STREET_COLUMNS
-from automaton.scenario.streets import UNIT, hundredths
+from automaton.scenario.street_files import street_table
 from automaton.scenario.text_files import quoted, read_text
 from automaton.strategy.lookup import IMPORTED, STEERED, default_for
 from automaton.units import count
@@ -150,43 +146,8 @@ def streets_of(
         if len(graph.weights) > listed:
             waits[:] = graph.weights[:cells]
     at = [(int(x), int(y)) for y, x in np.argwhere(free)]
-    _check_weights(moves, LEAST_WEIGHT, at, file)
-    _check_weights(waits, 0.0, at, file)
-    text = streets_text(moves, waits, at)
+    text = street_table([name for name, _, _ in EDGES], moves, waits, at, file)
     if not text:
         return "", {}
     mean = float(moves[edges].mean()) if listed else 1.0
     return text, {"weighted_cells": text.count("\n") - 1, "mean_weight": round(mean, 4)}
-
-
-def _check_weights(weights: Weights, least: float, at: list[tuple[int, int]], file: str) -> None:
-    """Raises InputError for the first weight that is out of range."""
-    wrong = np.argwhere(~((weights >= least) & (weights <= MOST_WEIGHT)))
-    if len(wrong):
-        place = tuple(wrong[0].tolist())
-        x, y = at[place[0]]
-        name = EDGES[place[1]][0] if len(place) > 1 else "wait"
-        raise InputError(
-            f"cell [{x}, {y}] has {name} {weights[place]:g}; a weight is {least:g} to "
-            f"{MOST_WEIGHT:,}",
-            file,
-        )
-
-
-def streets_text(moves: Weights, waits: Weights, at: list[tuple[int, int]]) -> str:
-    """A file of streets with a line for each cell that has weights other than 1; "" for none."""
-    names = [name for name, _, _ in EDGES]
-    rows: list[tuple[Any, ...]] = []
-    for cell, of_moves, wait in zip(at, moves.tolist(), waits.tolist(), strict=True):
-        fields = {**dict(zip(names, map(_field, of_moves), strict=True)), "wait": _field(wait)}
-        if any(fields.values()):
-            rows.append((*cell, *(fields[name] for name in STREET_COLUMNS[2:])))
-    out = io.StringIO()
-    csv.writer(out, lineterminator="\n").writerows([STREET_COLUMNS, *rows] if rows else [])
-    return out.getvalue()
-
-
-def _field(weight: float) -> str:
-    """A weight, rounded as streets are; nothing for 1."""
-    units = hundredths(weight)
-    return "" if units == UNIT else f"{units / UNIT:.10g}"

@@ -47,10 +47,9 @@ from automaton.recording.contents import (
 from automaton.runs.provenance import file_hashes, loaded_sources, recorded_files, versions
 from automaton.scenario.order_lines import plain_data
 from automaton.scenario.schema import LAYER_NAMES, Scenario
-from automaton.scenario.streets import streets_on
 from automaton.strategy import lookup
 from automaton.strategy.lookup import AsRecorded
-from automaton.world.floor_parts import with_speed_limits
+from automaton.world.floor_parts import with_limits_and_streets
 from automaton.world.resolved import Resolved, StrategyChoice, in_fine_ticks
 
 RECORDING_FORMAT: Final = 7
@@ -527,10 +526,9 @@ def resolved_of(header: Content, with_strategies: bool = True) -> Resolved:
     recorded = [header["strategies"].get(key) for key in keys]
     own = tuple(one and choice_of("allocation", one) for one in recorded)
     drawn = floor_plan_of(header["floor"])
-    limited = with_speed_limits(drawn, scenario.floor.speed_limits)
     resolved = Resolved(
         scenario=scenario,
-        floor_plan=streets_on(limited, scenario.streets, is_closed=True).floor(),
+        floor_plan=with_limits_and_streets(scenario, drawn, is_closed=True),
         strategies={layer: choice_of(layer, header["strategies"][layer]) for layer in LAYER_NAMES},
         own_allocations=own if any(own) else (),
         start=start if isinstance(start, str) else tuple(start),  # type: ignore[arg-type]

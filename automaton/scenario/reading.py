@@ -27,8 +27,7 @@ from automaton.scenario.order_files import (
 )
 from automaton.scenario.order_lines import Day, plain_data
 from automaton.scenario.schema import Scenario, Units
-from automaton.scenario.street_files import with_streets_of_file
-from automaton.scenario.streets import StreetWeights, streets_on
+from automaton.scenario.street_files import ReadStreets, read_streets
 from automaton.scenario.table_fields import is_pattern
 from automaton.scenario.table_files import (
     names_of_cells,
@@ -118,13 +117,13 @@ class Reading:
 
     def with_streets_on_floor(
         self, scenario: Scenario, floor: Floor, is_closed: bool = False
-    ) -> tuple[Scenario, StreetWeights]:
+    ) -> tuple[Scenario, ReadStreets]:
         """The scenario with its file of streets, and the weights of all streets."""
-        plan, streets = floor.floor_plan, scenario.streets
-        self.document, listed, self.street_file = with_streets_of_file(self.document, streets, plan)
-        if listed is not streets:
-            scenario = structs.replace(scenario, streets=listed)
-        return scenario, streets_on(plan, listed, is_closed)
+        streets = read_streets(self.document, scenario.streets, floor.floor_plan, is_closed)
+        self.document, self.street_file = streets.document, streets.file
+        if streets.listed is not scenario.streets:
+            scenario = structs.replace(scenario, streets=streets.listed)
+        return scenario, streets
 
     def with_files_on_floor(self, scenario: Scenario, floor: Floor) -> Scenario:
         """The scenario with its files of tasks and lines, read for a floor."""

@@ -12,13 +12,15 @@ for each cell in reading order; its x is the row and its y the column; inf: no e
 from __future__ import annotations
 
 import csv
+import io
 import math
 import re
 from collections.abc import Iterator, Sequence
-from typing import Any, Final, Literal
+from typing import Any, Final, Literal, NamedTuple
 
 import msgspec
 import numpy as np
+from numpy.typing import NDArray
 
 from automaton.errors import InputError, nearest
 from automaton.floor.floor_plan import DIRECTIONS, FloorPlan
@@ -31,7 +33,7 @@ from automaton.scenario.changing_floor import (
     Streets,
 )
 from automaton.scenario.document import Document
-from automaton.scenario.streets import STREETS, UNIT, streets_on
+from automaton.scenario.streets import STREETS, UNIT, StreetWeights, hundredths, streets_on
 from automaton.scenario.table_reader import ReadFile, named_file, with_rows
 from automaton.scenario.text_files import content_hash, quoted, read_text
 
@@ -51,12 +53,21 @@ GGO_DIRECTIONS: Final = (0, 3, 2, 1)  # right, up, left, down as directions
 GGO_WALLS: Final = "@T"
 
 
-def with_streets_of_file(
-    document: Document, streets: Streets | None, floor_plan: FloorPlan
-) -> tuple[Document, Streets | None, ReadFile | None]:
-    """The streets of a scenario, with those of its file as a list. Raises InputError."""
+class ReadStreets(NamedTuple):
+    """The streets of a scenario on its floor."""
+
+    document: Document  # with the lines of the file
+    listed: Streets | None  # with those of the file as a list
+    weights: StreetWeights
+    file: ReadFile | None
+
+
+def read_streets(
+    document: Document, streets: Streets | None, floor_plan: FloorPlan, is_closed: bool = False
+) -> ReadStreets:
+    """Read the file of streets, if there is one, and the weights of all streets. Raises InputError."""
     if not isinstance(streets, StreetPlan) or streets.file is None:
-        return document, streets, None
+        return ReadStreets(document, streets, streets_on(floor_plan, streets, is_closed), None)
     path = named_file(document, STREETS, "streets", streets.file)
     text = read_text(path)
     try:
@@ -66,7 +77,8 @@ def with_streets_of_file(
     data = msgspec.to_builtins(listed)
     entries = [{key: value for key, value in entry.items() if value is not None} for entry in data]
     document = with_rows(document, STREETS, str(path), lines, streets=entries)
-    return document, listed, ReadFile(str(path.resolve()), content_hash(path))
+    file = ReadFile(str(path.resolve()), content_hash(path))
+    return ReadStreets(document, listed, streets_on(floor_plan, listed, is_closed), file)
 
 
 def streets_of_text(
@@ -252,3 +264,52 @@ def scaled(
                 ways[way] = CLOSED_MOVE if weights.closed[cell, direction] else weight
         found.append((lines.get(at, 1), Street(at=at, **ways)))
     return found
+
+
+def street_table(
+    names: Sequence[str],
+    moves: NDArray[np.float64],
+    waits: NDArray[np.float64],
+    at: Sequence[tuple[int, int]],
+    file: str,
+) -> str:
+    """A file of streets with a line for each cell that has weights other than 1; "" for none.
+
+    `names`: the directions of the columns of `moves`; `at`: the cells; `file`: the origin of the weights.
+    Raises InputError for a weight that is out of range.
+    """
+    _check_range(moves, LEAST_WEIGHT, names, at, file)
+    _check_range(waits[:, None], 0.0, ["wait"], at, file)
+    rows: list[tuple[Any, ...]] = []
+    for cell, of_moves, wait in zip(at, moves.tolist(), waits.tolist(), strict=True):
+        fields = {**dict(zip(names, map(_field, of_moves), strict=True)), "wait": _field(wait)}
+        if any(fields.values()):
+            rows.append((*cell, *(fields[name] for name in STREET_COLUMNS[2:])))
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows([STREET_COLUMNS, *rows] if rows else [])
+    return out.getvalue()
+
+
+def _check_range(
+    weights: NDArray[np.float64],
+    least: float,
+    names: Sequence[str],
+    at: Sequence[tuple[int, int]],
+    file: str,
+) -> None:
+    """Raise InputError for the first weight that is out of range."""
+    wrong = np.argwhere(~((weights >= least) & (weights <= MOST_WEIGHT)))
+    if len(wrong):
+        cell, column = wrong[0].tolist()
+        x, y = at[cell]
+        raise InputError(
+            f"cell [{x}, {y}] has {names[column]} {weights[cell, column]:g}; a weight is {least:g} to "
+            f"{MOST_WEIGHT:,}",
+            file,
+        )
+
+
+def _field(weight: float) -> str:
+    """A weight, rounded as streets are; nothing for 1."""
+    units = hundredths(weight)
+    return "" if units == UNIT else f"{units / UNIT:.10g}"

@@ -50,14 +50,13 @@ from automaton.runs.provenance import changed_sources, file_hashes, loaded_sourc
 from automaton.runs.simulation import Simulation
 from automaton.scenario.floor_section import floor_of, is_shipped
 from automaton.scenario.schema import Scenario
-from automaton.scenario.streets import streets_on
 from automaton.scenario.text_files import content_hash
 from automaton.strategy.lookup import files_of
 from automaton.verification.validator import ACTS, Report, validate_stored
 from automaton.world.floor_parts import (
+    with_limits_and_streets,
     with_open_places,
     with_shared_chargers,
-    with_speed_limits,
 )
 from automaton.world.resolve import Resolved, branched
 
@@ -294,9 +293,7 @@ def drawn_otherwise(resolved: Resolved) -> bool:
     except InputError:  # more places than the floor has
         return True
     drawn = with_shared_chargers(opened)
-    limits = resolved.scenario.floor.speed_limits
-    limited = with_speed_limits(drawn, limits)
-    return streets_on(limited, resolved.scenario.streets).floor() != resolved.floor_plan
+    return with_limits_and_streets(resolved.scenario, drawn) != resolved.floor_plan
 
 
 def _has_files(recorded: Content, resolved: Resolved) -> bool:

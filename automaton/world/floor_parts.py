@@ -29,7 +29,7 @@ from automaton.scenario.changing_floor import (
 )
 from automaton.scenario.durations import Handling
 from automaton.scenario.schema import Scenario
-from automaton.scenario.streets import StreetWeights
+from automaton.scenario.streets import StreetWeights, streets_on
 from automaton.scenario.validation import dotted
 from automaton.units import count
 
@@ -161,6 +161,17 @@ def with_speed_limits(floor_plan: FloorPlan, limits: tuple[SpeedLimit, ...]) -> 
 
 
 # Streets: moves that are closed must leave a way between all places that robots need.
+
+
+def with_limits_and_streets(
+    scenario: Scenario, floor_plan: FloorPlan, is_closed: bool = False
+) -> FloorPlan:
+    """The floor with the speed limits and the streets of a scenario whose files were read.
+
+    `is_closed`: it is without its closed moves already, as that of a recording.
+    """
+    limited = with_speed_limits(floor_plan, scenario.floor.speed_limits)
+    return streets_on(limited, scenario.streets, is_closed).floor()
 
 
 def with_streets(scenario: Scenario, streets: StreetWeights) -> FloorPlan:

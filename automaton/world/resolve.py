@@ -77,7 +77,7 @@ def _resolved(reading: Reading, settings: tuple[str | Override, ...]) -> Resolve
     floor = floor._replace(floor_plan=with_speed_limits(floor.floor_plan, limits))
     if scenario.streets is not None:
         scenario, streets = reading.with_streets_on_floor(scenario, floor)
-        floor = floor._replace(floor_plan=with_streets(scenario, streets))
+        floor = floor._replace(floor_plan=with_streets(scenario, streets.weights))
     scenario = reading.with_files_on_floor(scenario, floor)
 
     fleet = feasible_fleet(scenario, floor, pods_are_of_file=reading.pod_file is not None)
@@ -318,7 +318,8 @@ def with_other_weights(
     Closed moves cannot change during a run. Raises InvalidValueError.
     """
     floor = Floor(resolved.floor_plan)
-    scenario, weights = reading.with_streets_on_floor(scenario, floor, is_closed=True)
+    scenario, streets = reading.with_streets_on_floor(scenario, floor, is_closed=True)
+    weights = streets.weights
     before = streets_on(resolved.floor_plan, resolved.scenario.streets, is_closed=True)
     if (weights.closed != before.closed).any():
         text = "streets may change weights during a run, but not which moves are closed"

@@ -162,7 +162,7 @@ class Workspace(Struct):
     )
     steps: Array = field("(R,) uint8", "a route of which only the existence matters")
     tables: DistanceTables
-    streets: DistanceTables  # by the weights of streets, in 1/100 tick; empty: there are none
+    streets: DistanceTables  # by the weights of streets, in 1/100 tick; empty without streets
 
 
 def is_narrow_for(headings: int, turn: int) -> bool:

@@ -148,8 +148,12 @@ class Grid(Struct, role=CONSTANT):
         "weights of moves when ways are chosen, in 1/100: [4 c + d]; X = 0: all are 1",
         role=CONSTANT,
     )
-    least_weight: int = field("int64", "of moves; 100 where all weights are 1")
-    wait_weight: Array = field("(W,) int32", "of a tick of waiting, by cell", role=CONSTANT)
+    least_weight: int = field(
+        "int64", "the least weight of a move, in 1/100; 100 where all weights are 1"
+    )
+    wait_weight: Array = field(
+        "(W,) int32", "weight of a tick of waiting in a cell, in 1/100", role=CONSTANT
+    )
     min_move_ticks: Array = field(
         "(M,) uint16",
         "least ticks of a move from cell c in direction d: [4 c + d]; M = 0: no limits",

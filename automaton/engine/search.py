@@ -130,7 +130,7 @@ def distance(view, workspace, robot_type, cell, heading, target):
 
 @kernel
 def shortest_distance(view, workspace, robot_type, cell, heading, target):
-    """As `distance`, of the way with the fewest ticks, whatever the weights of streets."""
+    """Ticks of the shortest way from a pose to a cell, whatever the weights of streets."""
     table = passing_table(view, workspace, robot_type, target)
     return cost_in(workspace.tables, table, cell, heading)
 
@@ -146,7 +146,7 @@ def guiding_tables(workspace):
 
 @kernel
 def guiding_table_of(view, workspace, robot_type, goal_cell):
-    """As `table_of`, with the costs by which ways are chosen, for `cost_in` and `guiding_tables`."""
+    """The table of the costs by which ways are chosen, for `cost_in` and `guiding_tables`."""
     return row_to(guiding_tables(workspace), robot_type, goal_cell, view.clock.tick, True)
 
 

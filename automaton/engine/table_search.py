@@ -244,7 +244,7 @@ def bucket_of(bits):
 
 @kernel
 def divide_bucket(tables, now):
-    """Divide the first bucket that has entries; returns their least cost, NIL if there are none."""
+    """Divide the first bucket that has entries; returns their least cost, NIL without any."""
     bucket, following, entry = tables.bucket, tables.following, tables.entry
     number = 1
     while number < BUCKETS and bucket[number] == NIL:

@@ -97,6 +97,14 @@ def read_guidance_graph(path: Path, options: ImportOptions) -> ImportedFloor:
     return ImportedFloor(picture, {}, sections, report, tables=tuple(tables))
 
 
+def streets_text(path: Path) -> str:
+    """The weights of a guidance graph as a file of streets; "" if all are 1. Raises InputError."""
+    graph, file = _decoded(path), str(path)
+    _check_layout(graph, file)
+    free = np.array([[SYMBOL_OF[mark] != WALL for mark in row] for row in graph.layout])
+    return streets_of(graph, free, file)[0]
+
+
 def _decoded(path: Path) -> GuidanceGraph:
     """The file. Raises InputError."""
     try:

@@ -239,7 +239,7 @@ class FloorPlan:
     numbered: tuple[int, ...] = ()  # flat cells of stations 1, 2, ...; (): in reading order
     # (cells, 4) ticks that a move out of a cell takes at least, by direction; (0, 4): there are no limits
     min_move_ticks: MoveTicks = field(default_factory=lambda: np.zeros((0, 4), np.uint16))
-    # (cells, 4) and (cells,) weights of moves and of waiting, in 1/100; (0, 4) and (0,): there are none
+    # (cells, 4) and (cells,) weights of moves and of waiting, in 1/100; (0, 4) and (0,): all are 1
     move_weights: Weights = field(default_factory=lambda: np.zeros((0, 4), np.int32))
     wait_weights: Weights = field(default_factory=lambda: np.zeros(0, np.int32))
 

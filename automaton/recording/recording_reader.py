@@ -61,8 +61,7 @@ from automaton.recording.frames import (
 )
 from automaton.scenario.floor_section import Floor, generator_type, is_shipped
 from automaton.scenario.order_lines import carries_pods, plain_data
-from automaton.scenario.orders import MAX_DRAWN_LINES, LineDemand
-from automaton.scenario.quantities import MAX_STOPS
+from automaton.scenario.orders import MAX_DRAWN_LINES, MAX_STOPS, LineDemand
 from automaton.scenario.schema import LAYER_NAMES, Scenario
 from automaton.scenario.validation import validated
 from automaton.strategy import lookup

@@ -382,8 +382,10 @@ class Street(ConfigSection, frozen=True, kw_only=True):
     west: Annotated[Weight, Meta(description="Weight of moves to the west, or closed.")] = None
     north: Annotated[Weight, Meta(description="Weight of moves to the north, or closed.")] = None
     there: Annotated[Weight, Meta(description="Weight of moves along the path, or closed.")] = None
-    back: Annotated[Weight, Meta(description="The same, back along the path.")] = None
-    wait: Wait = None
+    back: Annotated[Weight, Meta(description="Weight of moves back along the path, or closed.")] = (
+        None
+    )
+    wait: Annotated[Wait, Meta(description="Weight of a tick of waiting in the cells.")] = None
 
     def __post_init__(self) -> None:
         places = [key for key in STREET_PLACES if getattr(self, key) is not None]

@@ -11,7 +11,6 @@ from automaton.floor.floor_plan import DESTINATION, DOCK, RACK, SHELF, STATION
 from automaton.scenario.arrivals import Arrivals, MeanTime
 from automaton.scenario.quantities import (
     GAP,
-    MAX_STOPS,
     TIME,
     ConfigSection,
     Due,
@@ -30,6 +29,7 @@ from automaton.scenario.quantities import (
     due_tick,
     quantity,
 )
+from automaton.scenario.quantities import MAX_STOPS as MAX_STOPS
 from automaton.scenario.table_fields import (
     COORDINATE,
     FILE_OPTIONS,

@@ -1,4 +1,4 @@
-"""Files of streets: a table of cells, or a guidance graph of GGO, told by its header.
+"""Files of streets: a table of cells, or a guidance graph of GGO, by its header.
 
     x,y,east,south,west,north,wait      id,type,x,y,weight_to_RIGHT,weight_to_UP,...
     12,0,0.5,,1,,                       0,.,0,0,0.53,inf,inf,1.2,1
@@ -124,23 +124,23 @@ def own_cells(
             f"{', '.join(STREET_COLUMNS[2:])}, each once",
             line=line,
         )
-    seen: dict[tuple[int, int], int] = {}
+    line_of: dict[tuple[int, int], int] = {}
     for number, values in rows:
         if len(values) > len(names):
             raise InputError(f"{len(values)} values for {len(names)} columns", line=number)
-        given = dict(zip(names, values, strict=False))
-        x, y = (coordinate(given.get(name, ""), name, number) for name in ("x", "y"))
-        if (x, y) in seen:
+        texts = dict(zip(names, values, strict=False))
+        x, y = (coordinate(texts.get(name, ""), name, number) for name in ("x", "y"))
+        if (x, y) in line_of:
             raise InputError(
-                f"cell [{x}, {y}] appears twice, first in line {seen[x, y]}", line=number
+                f"cell [{x}, {y}] appears twice, first in line {line_of[x, y]}", line=number
             )
-        seen[x, y] = number
+        line_of[x, y] = number
         check_cell(floor_plan, x, y, number)
         exits = int(floor_plan.exits.flat[floor_plan.cell(x, y)])
         weights: dict[str, Any] = {}
         for name in STREET_COLUMNS[2:]:
-            if given.get(name):
-                weights[name] = weight_of(given[name], name, (x, y), number)
+            if texts.get(name):
+                weights[name] = weight_of(texts[name], name, (x, y), number)
                 if name != "wait" and not exits >> DIRECTIONS.index(name) & 1:
                     raise InputError(
                         f"cell [{x}, {y}] has a weight to the {name}, where no robot can move",
@@ -254,7 +254,7 @@ def scaled(
     weights = streets_on(floor_plan, tuple(street for _, street in entries))
     weights.scale(scale)
     lines = {street.at: line for line, street in entries}
-    found = []
+    streets = []
     for cell in np.flatnonzero(floor_plan.drivable).tolist():
         at = floor_plan.xy(cell)
         ways: dict[str, Any] = {"wait": weights.waits[cell] / UNIT}
@@ -262,8 +262,8 @@ def scaled(
             if weights.exits[cell] >> direction & 1:
                 weight = float(weights.moves[cell, direction]) / UNIT
                 ways[way] = CLOSED_MOVE if weights.closed[cell, direction] else weight
-        found.append((lines.get(at, 1), Street(at=at, **ways)))
-    return found
+        streets.append((lines.get(at, 1), Street(at=at, **ways)))
+    return streets
 
 
 def street_table(

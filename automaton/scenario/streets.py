@@ -36,8 +36,8 @@ Weights = NDArray[np.int32]
 
 def hundredths(weight: float) -> int:
     """A weight in 1 / UNIT, half up, at least one unless it is 0."""
-    whole = math.floor(weight * UNIT + 0.5)
-    return max(whole, 1) if weight > 0 else whole
+    rounded = math.floor(weight * UNIT + 0.5)
+    return max(rounded, 1) if weight > 0 else rounded
 
 
 class StreetWeights:
@@ -86,7 +86,7 @@ class StreetWeights:
         return exits
 
     def floor(self) -> FloorPlan:
-        """The floor with these weights, and without closed exits; weights that all are 1 are none."""
+        """The floor with these weights, and without closed exits; no arrays if all weights are 1."""
         shut = (self.closed << np.arange(4)).sum(axis=1).astype(np.uint8)
         floor_plan = self.floor_plan
         if shut.any():

@@ -21,10 +21,10 @@ from automaton.engine.state import NEVER, NIL, ORDER_UNRELEASED, ORDER_WAITING, 
 from automaton.floor.floor_plan import DESTINATION, DOCK, RACK, STATION
 from automaton.scenario.orders import (
     DRAWN_GENERATORS,
+    MAX_STOPS,
     OrderLine,
 )
 from automaton.scenario.orders import Orders as OrdersGiven
-from automaton.scenario.quantities import MAX_STOPS
 from automaton.scenario.schema import Scenario
 from automaton.world.capabilities import FleetOnFloor, Service, served_with_load, service_for
 from automaton.world.draws import geometric, integers, uniform_draws

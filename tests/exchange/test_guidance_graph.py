@@ -15,7 +15,8 @@ from automaton.commands import main
 from automaton.exchange.guidance_graph import GuidanceGraph, streets_of
 from automaton.floor.drawn_floors import draw_floor
 from automaton.floor.floor_plan import EAST, NORTH, SOUTH, WEST
-from automaton.scenario.streets import streets_of_text, streets_on
+from automaton.scenario.street_files import streets_of_text
+from automaton.scenario.streets import streets_on
 from automaton.world.resolve import resolve
 
 GRAPH = {

@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from automaton.engine.state import Array, Grid
 
 NO_STRATEGY: Final = "none"
-WEIGHS_WAITS: Final = ("pibt", "epibt")
 WEIGHT_OF_1: Final = 100  # in the arrays of a floor
 FAR_FROM_1: Final = 4  # factor of a mean weight from 1 that is likely a mistake
 MOST_STATIONS: Final = 100  # stations between which all ways are measured
@@ -112,7 +111,8 @@ def street_warnings(resolved: Resolved) -> list[str]:
     if not len(floor_plan.move_weights):
         return []
     row, routing = choices["right_of_way"], choices["routing"]
-    steers = row.name in WEIGHS_WAITS
+    # A plug-in that steers may not read weights.
+    steers = is_built_in("right_of_way", row.name) and declares("right_of_way", row.name, STEERS)
     warnings = []
     if not steers and not is_built_in("routing", routing.name):
         warnings.append(

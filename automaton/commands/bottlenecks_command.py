@@ -23,7 +23,7 @@ from automaton.commands.arguments import (
     settings_of,
     whole,
 )
-from automaton.commands.sweep_command import duration, forecast_of
+from automaton.commands.sweep_command import duration, forecast_of, require_results
 from automaton.commands.what_if_command import (
     MAX_PAIRS,
     SweptRuns,
@@ -164,6 +164,7 @@ def run(args: argparse.Namespace) -> int:
     """Screen, confirm, rank, print."""
     output = output_of(args, "--report")
     settings = settings_of(args)
+    require_results()
     resolved = resolve(args.scenario, settings, args.seed)
     base = resolved.unrefined
     print_warnings(base)

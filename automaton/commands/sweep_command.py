@@ -61,6 +61,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     add_output_arguments(parser, "--report")
 
 
+def require_results() -> None:
+    """Raise InputError before any computation if results folders cannot be written."""
+    from automaton.studies.sweeps.result_store import arrow
+
+    arrow()
+
+
 def run(args: argparse.Namespace) -> int:
     """Sweep and report."""
     if args.out is None and not args.dry_run:
@@ -70,6 +77,8 @@ def run(args: argparse.Namespace) -> int:
     if args.dry_run and args.scheduler is not None:
         raise InputError("--dry-run estimates for local processes; leave --scheduler out")
     output = output_of(args, "--report")
+    if args.out is not None:
+        require_results()
     from automaton.studies.sweeps.sweep_plan import make_sweep_plan
     from automaton.studies.sweeps.sweep_session import sweep_into
 

@@ -26,7 +26,7 @@ from automaton.commands.arguments import (
     settings_of,
     whole,
 )
-from automaton.commands.sweep_command import progress
+from automaton.commands.sweep_command import progress, require_results
 from automaton.documents.report_document import ReportDocument, Text
 from automaton.scenario.document import Override, parse_setting
 from automaton.units import count
@@ -86,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
     """Run all pairs, compare, print."""
     output = output_of(args, "--report")
     settings = settings_of(args)
+    require_results()
     from automaton.studies.reports.build_report import read_report
     from automaton.studies.sweeps.named_changes import what_if_study
     from automaton.studies.sweeps.sweep_plan import make_sweep_plan

@@ -312,10 +312,12 @@ def test_steady_states_keep_a_series_of_deliveries(tmp_path: Path) -> None:
     assert row["finished"] and row["throughput_per_robot"] is not None  # measured after the warm-up
 
 
-def test_a_sweep_without_pyarrow_says_what_to_install(tmp_path: Path) -> None:
+@pytest.mark.parametrize("command", ["sweep", "what-if", "bottlenecks"])
+def test_without_pyarrow_a_sentence_comes_before_any_scenario_is_read(command: str) -> None:
+    files = ["no-such-file.yaml"] * (2 if command == "what-if" else 1)
     code = (
         "import sys; sys.modules['pyarrow'] = None; from automaton.commands import main; "
-        f"sys.exit(main(['sweep', {str(small_study(tmp_path))!r}, '--out', {str(tmp_path / 'o')!r}]))"
+        f"sys.exit(main([{command!r}, *{files!r}, '--out', 'o']))"
     )
     done = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, env=environment()

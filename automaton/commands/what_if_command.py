@@ -89,7 +89,7 @@ def run(args: argparse.Namespace) -> int:
     require_results()
     from automaton.studies.reports.build_report import read_report
     from automaton.studies.sweeps.named_changes import what_if_study
-    from automaton.studies.sweeps.sweep_plan import make_sweep_plan
+    from automaton.studies.sweeps.sweep_plan import make_sweep_plan, with_same_right_of_way
     from automaton.world.resolve import resolve
 
     base = resolve(args.scenario, settings, args.seed).unrefined
@@ -98,7 +98,7 @@ def run(args: argparse.Namespace) -> int:
     keys |= {"replications": args.pairs}
     keys |= {"analysis": {"metrics": args.metrics}} if args.metrics else {}
     study = what_if_study(args.changes, keys, asked_metrics(args))
-    plan = make_sweep_plan(study)
+    plan = with_same_right_of_way(study, make_sweep_plan(study), base, note)
     warn_of_changes(plan, base)
     with folder_of(args.out) as folder:
         swept = swept_into(args, folder, plan, args.recompute)

@@ -14,12 +14,26 @@ from automaton.commands import main
 from automaton.commands.sweep_command import Listener
 from automaton.studies.sweeps import pools
 from automaton.studies.sweeps.result_store import Store
+from automaton.studies.sweeps.sweep_plan import make_sweep_plan
 
 pytest.importorskip("pyarrow")
 
 CHANGES = """- {name: one robot fewer, set: {fleet.robots: 2}}
 - {name: slower turns, set: {durations.turn: 40, durations.pick: 15}}
 - {name: earlier retreat, set: {strategy.right_of_way: {name: retreat, max_retries: 2}}}
+"""
+TWO_WAYS = """name: ring
+layout:
+  picture: |
+    ......
+    .##.#.
+    ......
+    .#.##.
+    ......
+fleet: {robots: 3, start: random, kinematics: differential}
+durations: {turn: 2}
+orders: {generator: tours, count: 500}
+stop: {when: never, max_duration: 200}
 """
 
 
@@ -160,6 +174,29 @@ def test_a_warning_of_a_change_names_it(capsys: pytest.CaptureFixture[str], here
     assert main(["what-if", "crossing", "changes.yaml", "--pairs", "2", "--metric=makespan"]) == 0
     noted = capsys.readouterr().err
     assert "automaton: slower: warning: durations.turn 1.3 s: 2.6 ticks -> 3" in noted
+
+
+CLOSING = "{floor.closed: [{cells: [[1, 0]], from: 50, for: 20}]}"
+
+
+@pytest.mark.parametrize(
+    ("settings", "rule", "said"),
+    [
+        (CLOSING, "epibt", "closing: right of way epibt as in the scenario; its default is pibt"),
+        (CLOSING[:-1] + ", strategy.right_of_way: pibt}", "pibt", ""),
+    ],
+)
+def test_a_change_replaces_the_default_right_of_way_only_if_it_must(
+    settings: str, rule: str, said: str, capsys: pytest.CaptureFixture[str], here: Path
+) -> None:
+    (here / "ring.yaml").write_text(TWO_WAYS)
+    (here / "changes.yaml").write_text(f"- {{name: closing, set: {settings}}}\n")
+    options = ("--pairs", "2", "--metric", "throughput", "--out", "kept")
+    assert main(["what-if", "ring.yaml", "changes.yaml", *options]) == 0
+    noted = [line for line in capsys.readouterr().err.splitlines() if "right of way" in line]
+    assert [line.startswith(f"automaton: {said}") for line in noted] == [True] * bool(said)
+    changed = make_sweep_plan(here / "kept" / "study.yaml").scenarios[1].scenario
+    assert changed.strategy.right_of_way == rule
 
 
 def test_a_metric_that_no_run_has_is_refused_before_anything_runs(

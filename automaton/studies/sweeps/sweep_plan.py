@@ -13,7 +13,7 @@ import json
 import math
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final, NamedTuple
@@ -163,6 +163,31 @@ def resolve_changes(
             raise InputError(without_effect(change.name, str(scenario)), *change.place)
         scenarios.append(changed)
     return scenarios
+
+
+def with_same_right_of_way(
+    study: Document, plan: SweepPlan, base: Resolved, note: Callable[[str], None]
+) -> SweepPlan:
+    """The plan of changes of a scenario, in which a change replaces its right of way only if it must.
+
+    A closed aisle or a gate may give a scenario another default: runs would then differ in two things.
+    `note`: is called with a sentence about each such change.
+    """
+    rule, points = base.scenario.strategy.right_of_way, list(study.data["points"])
+    for number, (point, resolved) in enumerate(zip(points, plan.scenarios, strict=True)):
+        other = resolved.unrefined.scenario.strategy.right_of_way
+        settings = point.get("set") or {}
+        if other == rule or any(key.startswith("strategy") for key in settings):
+            continue
+        points[number] = {**point, "set": {**settings, "strategy.right_of_way": rule}}
+        try:
+            plan = make_sweep_plan(replace(study, data={**study.data, "points": points}))
+        except InputError as error:
+            points[number], why = point, f"right of way {other} instead of {rule}, which is refused"
+            note(f"{point['name']}: warning: {why}: {error.message}")
+        else:
+            note(f"{point['name']}: right of way {rule} as in the scenario; its default is {other}")
+    return plan
 
 
 def _document(study: str | Path | Study | Document) -> Document:

@@ -181,8 +181,7 @@ class StreetWaits(Layer):
     key, label, position, action = "W", "Streets", 45, "layer_streets"
     meaning = "streets: the cheaper direction; again: weights of waiting"
     words = "weights of waiting"
-    absent = "all weights of waiting are 1 here"
-    empty = absent
+    absent = "no streets here, or none with weights of waiting"
 
     def is_there(self, scene: Scene) -> bool:
         return bool(wait_levels(scene.floor.floor_plan).any())

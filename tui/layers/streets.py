@@ -126,10 +126,14 @@ class Streets(Layer):
     key, label, position, action = "W", "Streets", 44, "layer_streets"
     meaning = "streets: the cheaper direction; again: weights of waiting"
     absent = "this floor has no streets: every move costs as much as the one back"
-    heat = False
+    heat, arrows = False, True  # `numbers` are for the inspector
 
     def is_there(self, scene: Scene) -> bool:
         return bool(arrows_of(scene.floor.floor_plan).pull.any())
+
+    def numbers(self, simulation: Simulation, selected: int) -> NDArray[np.int32]:
+        """(C, 4) moves out of each cell so far."""
+        return simulation.observation.flow.copy()
 
     def signs(
         self, scene: Scene, cells: CellRectangle, across: int, down: int, glyphs: GlyphSet
@@ -143,7 +147,7 @@ class Streets(Layer):
         entries = [
             (
                 tuple(step_code(step, ways).tolist()),
-                f"back costs {between(FACTORS, step)} times as much",
+                f"back costs {between(FACTORS, step)} times",
             )
             for step in range(len(FACTORS))
         ]

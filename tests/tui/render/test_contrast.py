@@ -92,7 +92,7 @@ def scene_with(layer: str) -> Scene:
     else:
         floor_plan, zoning = drawn(PICTURE), None
     if layer.startswith("street"):
-        rows = [Street(row=y, west=factor) for y, factor in enumerate((1.25, 2, 3, 5, 9))]
+        rows = [Street(row=y, west=2 * y, wait=y) for y in (1, 3, 4, 5)]
         floor_plan = streets_on(floor_plan, (*rows, Street(column=0, north="closed"))).floor()
     cells = np.flatnonzero(floor_plan.drivable.reshape(-1))
     robots = [

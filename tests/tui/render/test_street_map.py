@@ -161,7 +161,7 @@ def test_the_legend_and_the_line_under_the_map_name_what_is_there() -> None:
         said = [
             entry.meaning for entry in legend(scene, camera_at(drawn(RING), "1x1").zoom, UNICODE)
         ]
-        assert said[0] == "back costs 1.25 to 2 times as much"
+        assert said[0] == "back costs 1.25 to 2 times"
         assert ("the move back is closed" in said) == closed
         assert ("closed" in scale_line(scene, UNICODE)) == closed
 
